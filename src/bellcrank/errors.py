@@ -1,0 +1,31 @@
+"""One exception base for everything bellcrank refuses, and the helper that suggests a near name."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class BellcrankError(Exception):
+    """Base of all errors of bellcrank: the text names what is wrong, where, and what to do."""
+
+
+class InputError(BellcrankError):
+    """A file, a key or an argument is not what was expected."""
+
+
+class UnreachableError(BellcrankError):
+    """A path leaves what the robot can reach, or passes a posture where it cannot be followed."""
+
+
+class CompileError(BellcrankError):
+    """An expression graph could not be turned into machine code."""
+
+
+def among(kind: str, name: str, known: Iterable[str]) -> str:
+    """One phrase for an unknown name: what there is, and the nearest of it."""
+    names = list(known)
+    near = difflib.get_close_matches(name, names, n=1)
+    hint = f"; did you mean '{near[0]}'?" if near else ""
+    shown = ", ".join(names[:20]) + (f", … ({len(names)} in all)" if len(names) > 20 else "")
+    return f"there is no {kind} '{name}'{hint} (there are: {shown or 'none'})"

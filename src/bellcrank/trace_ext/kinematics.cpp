@@ -1,0 +1,39 @@
+// Frame placements and velocities, kinetic and potential energy.
+#include "symbolic.hpp"
+
+#include "pinocchio/algorithm/energy.hpp"
+#include "pinocchio/algorithm/kinematics.hpp"
+
+namespace bellcrank {
+
+::casadi::Function Tree::energy() const {
+  const Symbolic& s = *symbolic_;
+  Data data(s.model);
+  pinocchio::forwardKinematics(s.model, data, s.q_full, s.v_full);
+  SX kinetic = pinocchio::computeKineticEnergy(s.model, data);
+  const SX potential = pinocchio::computePotentialEnergy(s.model, data);
+  return ::casadi::Function("energy", {s.q, s.v, s.p}, {vertcat(kinetic, potential)}, {"q", "v", "p"}, {"energy"});
+}
+
+::casadi::Function Tree::frames(const std::vector<int>& which) const {
+  const Symbolic& s = *symbolic_;
+  Data data(s.model);
+  pinocchio::forwardKinematics(s.model, data, s.q_full, s.v_full);
+  std::vector<SX> rows;
+  for (const int f : which) {
+    const auto joint = s.description.frames.at(f).parent_joint;
+    const auto& in_joint = s.frame_placements.at(f);
+    const Model::SE3 placement = data.oMi[joint] * in_joint;
+    const auto velocity = in_joint.actInv(data.v[joint]);  // in the frame's own axes
+    for (int i = 0; i < 3; ++i) rows.push_back(placement.translation()[i]);
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) rows.push_back(placement.rotation()(i, j));
+    const Model::SE3::Vector3 linear = placement.rotation() * velocity.linear();
+    const Model::SE3::Vector3 angular = placement.rotation() * velocity.angular();
+    for (int i = 0; i < 3; ++i) rows.push_back(linear[i]);
+    for (int i = 0; i < 3; ++i) rows.push_back(angular[i]);
+  }
+  return ::casadi::Function("frames", {s.q, s.v, s.p}, {vertcat(rows)}, {"q", "v", "p"}, {"frames"});
+}
+
+}  // namespace bellcrank
