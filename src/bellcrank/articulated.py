@@ -16,11 +16,11 @@ ABSOLUTE = 1e-14  # of the robot's mass (times its squared size for a turning jo
 def articulated_inertias(urdf: Urdf) -> dict[str, tuple[float, float]]:
     """Per independent moving joint its articulated inertia about its axis, and what counts as zero beside it.
 
-    The articulated inertia is D = Sᵀ I_A S of Featherstone's articulated-body algorithm (Rigid Body Dynamics Algorithms,
-    2008, section 7.3), kg m² (kg for sliding joints), here the pivots of eliminating the mass matrix from the tips to
-    the base. Given is the one of the largest magnitude over some seeded random postures: where that vanishes, forward
-    dynamics is undefined. For a planar or floating joint it is the least of its coordinates.
-    Raises InputError where Pinocchio does not accept the robot.
+    The articulated inertia is D = Sᵀ I_A S of Featherstone's articulated-body algorithm (Rigid Body Dynamics
+    Algorithms, 2008, section 7.3), kg m² (kg for sliding joints), here the pivots of eliminating the mass
+    matrix from the tips to the base. Given is the one of the largest magnitude over some seeded random
+    postures: where that vanishes, forward dynamics is undefined. For a planar or floating joint it is the
+    least of its coordinates. Raises InputError where Pinocchio does not accept the robot.
     """
     import numpy as np
     import pinocchio as pin
@@ -28,7 +28,9 @@ def articulated_inertias(urdf: Urdf) -> dict[str, tuple[float, float]]:
     try:
         model = pin.buildModelFromXML(urdf.pinocchio_xml())
     except Exception as error:
-        raise InputError(f"{urdf.source}: Pinocchio does not accept the robot ({error})") from None
+        raise InputError(
+            f"{urdf.source}: Pinocchio does not accept the robot ({' '.join(str(error).split())})"
+        ) from None
     if model.nv == 0:
         return {}
     data = model.createData()
@@ -90,7 +92,7 @@ def _followed(urdf: Urdf, names: list[str], step: Any) -> Any:
 
 
 def _pivots(matrix: Any) -> Any:
-    """The pivots (n,) of eliminating a symmetric matrix from its last row to its first; rows that vanish are left out."""
+    """The pivots (n,) of eliminating a symmetric matrix from its last row to its first; zeros are skipped."""
     import numpy as np
 
     remaining = matrix.copy()

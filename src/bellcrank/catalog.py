@@ -51,8 +51,9 @@ def find_urdf(name_or_path: str | Path) -> Path:
     try:
         if path.is_file():
             return path
+        folder = bool(given) and path.is_dir()
     except OSError:
-        pass  # a name too long for a path is no path
+        folder = False  # a name too long for a path is no path
     if isinstance(name_or_path, str):
         shipped = _shipped()
         if given in shipped:
@@ -64,12 +65,13 @@ def find_urdf(name_or_path: str | Path) -> Path:
         known = names()
         if given in known:
             return known[given]
-        if path.suffix != ".urdf" and Path(given).name == given:
+        if path.suffix != ".urdf" and Path(given).name == given and not folder:
             raise InputError(among("robot", given, known))
-    if path.is_dir():
+    if folder:
         raise InputError(f"{given}: is a folder; name the URDF file in it")
     raise InputError(
-        f"{given}: there is no such file; give the path of a URDF file or the name of a robot, such as planar_2r"
+        f"{given}: there is no such file; give the path of a URDF file or the name of a robot, such as "
+        f"planar_2r"
     )
 
 
@@ -90,7 +92,7 @@ def _example_folders() -> list[Path]:
 
 @lru_cache(maxsize=1)
 def _examples() -> dict[str, Path]:
-    """Names of example-robot-data: short names, file stems, and the package's name where it holds one robot."""
+    """Names in example-robot-data: short ones, file stems, and a package's name where it has one robot."""
     found: dict[str, Path] = {}
     for root in _example_folders():
         paths = sorted([*root.glob("*/urdf/*.urdf"), *root.glob("*/robots/*.urdf")])

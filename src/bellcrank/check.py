@@ -16,8 +16,10 @@ Severity = Literal["error", "warning", "note"]
 ORDER: tuple[Severity, ...] = ("error", "warning", "note")
 
 ROUND_OFF = 1e-6  # share of the largest principal moment that printed digits may be off
+POINT = 1e-12  # m²: a body whose radius of gyration is below 1 µm is a point; its inertia is round-off
 ALMOST = 2e-3  # rad: 1.57 and 3.14 are this near a right angle, and nothing deliberate is
 CLEANED = 1e-11  # rad: what load_robot makes exact
+SHOWN = 5  # names or files of one kind that are written out
 UNIT = 1e-6  # an axis this near length 1 is a unit vector
 FRICTION_SHARE = 0.2  # of the effort limit
 LIKE_DEGREES = 25.0  # rad: a joint limit beyond this, four turns, was meant in degrees
@@ -35,8 +37,8 @@ class Finding:
 def check_urdf(path: str | Path) -> list[Finding]:
     """All findings about a URDF file, errors first; empty where there is nothing to say.
 
-    An error makes dynamics wrong or impossible, a warning probably is not meant, a note tells what is easily missed.
-    A file that cannot be read at all gives one finding; nothing is raised.
+    An error makes dynamics wrong or impossible, a warning probably is not meant, a note tells what is easily
+    missed. A file that cannot be read at all gives one finding; nothing is raised.
     """
     source = Path(path)
     try:
@@ -47,14 +49,16 @@ def check_urdf(path: str | Path) -> list[Finding]:
     findings = [Finding("error", "file", _without(source, str(problem))) for problem in reading.problems]
     for link in reading.links.values():
         findings.extend(_link_findings(link))
-        findings.extend(_mesh_findings(link, source))
     for joint in reading.joints.values():
         findings.extend(_joint_findings(joint))
+    findings.extend(_mesh_findings(reading.links, source))
+    findings.extend(_massless_findings(reading.links, reading.joints))
     if reading.links:
         findings.extend(_element_findings(parse_xml(text, source), reading.joints))
     if reading.urdf is not None:
-        findings.extend(_weightless_shapes(reading.urdf))
-        findings.extend(_articulated_findings(reading.urdf, any(found.severity == "error" for found in findings)))
+        findings.extend(
+            _articulated_findings(reading.urdf, any(found.severity == "error" for found in findings))
+        )
         findings.extend(_second_findings(reading.urdf))
     return sorted(findings, key=lambda found: ORDER.index(found.severity))
 
@@ -64,7 +68,9 @@ def format_findings(findings: list[Finding]) -> str:
     lines = [f"  {found.severity:<8} {found.where}: {found.message}" for found in findings]
     counts = [sum(found.severity == severity for found in findings) for severity in ORDER]
     summary = ", ".join(
-        f"{count} {severity}{'' if count == 1 else 's'}" for count, severity in zip(counts, ORDER, strict=True) if count
+        f"{count} {severity}{'' if count == 1 else 's'}"
+        for count, severity in zip(counts, ORDER, strict=True)
+        if count
     )
     return "\n".join([*lines, f"  {summary or 'nothing found'}"])
 
@@ -74,7 +80,7 @@ def _without(source: Path, message: str) -> str:
 
 
 def principal_moments(inertia: tuple[float, float, float, float, float, float]) -> tuple[float, float, float]:
-    """The principal moments, smallest first (kg m²), of an inertia given as (ixx, ixy, ixz, iyy, iyz, izz)."""
+    """The principal moments (kg m²), smallest first, of an inertia (ixx, ixy, ixz, iyy, iyz, izz)."""
     import numpy as np
 
     ixx, ixy, ixz, iyy, iyz, izz = inertia
@@ -89,27 +95,30 @@ def _link_findings(link: Link) -> Iterator[Finding]:
         return
     low, middle, high = principal_moments(inertial.inertia)
     size = max(abs(low), abs(high))
+    off = ROUND_OFF * size + POINT * inertial.mass
     moments = f"principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg m²"
-    if low < -ROUND_OFF * size:
-        yield Finding("error", where, f"the inertia is not positive ({moments}); no body has it: check its signs")
-    elif low + middle < high * (1.0 - ROUND_OFF):
-        excess = high / (low + middle) if low + middle > 0.0 else math.inf
-        rounding = excess <= 1.001
+    if low < -off:
+        yield Finding(
+            "error", where, f"the inertia is not positive ({moments}); no body has it: check its signs"
+        )
+    elif low + middle < high - off:
+        rounding = high <= 1.001 * (low + middle)
         yield Finding(
             "warning" if rounding else "error",
             where,
-            f"the inertia breaks the triangle inequality ({moments}: the largest is {excess:.6g} times the sum of the "
-            "others); " + ("by little, so it may be rounding: give more digits" if rounding else "no body has it"),
+            f"the inertia breaks the triangle inequality ({moments}: the largest exceeds the sum of the "
+            f"others by "
+            f"{high - low - middle:.3g}); "
+            + ("by so little that it may be rounding: give more digits" if rounding else "no body has it"),
         )
     if inertial.mass == 0.0 and size > 0.0:
         yield Finding("warning", where, f"has no mass but an inertia ({moments}); give both or neither")
-    elif inertial.mass == 0.0:
-        yield Finding("note", where, "has an <inertial> of mass 0, which is the same as none")
-    elif size > 0.0 and _gyration(inertial) > 5.0:
+    elif inertial.mass > 0.0 and _gyration(inertial) > 5.0:
         yield Finding(
             "warning",
             where,
-            f"{inertial.mass:g} kg with an inertia of {high:.4g} kg m² is as if it were spread {_gyration(inertial):.3g} m "
+            f"{inertial.mass:g} kg with an inertia of {high:.4g} kg m² is as if it were spread "
+            f"{_gyration(inertial):.3g} m "
             "around; is the inertia in kg m² and about the centre of gravity?",
         )
 
@@ -124,11 +133,15 @@ def _joint_findings(joint: Joint) -> Iterator[Finding]:
     unit, turning = ("m", "m/s") if joint.type == "prismatic" else ("rad", "rad/s")
     if moving and abs(joint.axis_length - 1.0) > UNIT:
         yield Finding(
-            "warning", where, f"the axis has length {joint.axis_length:.7g}, not 1; its direction alone is used"
+            "warning",
+            where,
+            f"the axis has length {joint.axis_length:.7g}, not 1; its direction alone is used",
         )
     if joint.type == "planar" and joint.axis != (0.0, 0.0, 1.0):
         yield Finding(
-            "warning", where, "a planar joint moves in the x-y plane of its own frame here; another axis is not used"
+            "error",
+            where,
+            f"the axis of a planar joint is {list(joint.axis)}; only 0 0 1 can be used: turn its origin",
         )
     for name, angle in zip(("roll", "pitch", "yaw"), joint.rpy, strict=True):
         off = angle - round(angle / (math.pi / 2)) * (math.pi / 2)
@@ -146,15 +159,20 @@ def _joint_findings(joint: Joint) -> Iterator[Finding]:
         yield Finding(
             "note",
             where,
-            f"follows joint '{mimic.joint}': position = {mimic.multiplier:g} × its position {mimic.offset:+g} {unit}; "
+            f"follows joint '{mimic.joint}': position = {mimic.multiplier:g} × its position "
+            f"{mimic.offset:+g} {unit}; "
             "it is no joint of its own here, and its share of the torque goes to the joint it follows",
         )
         if mimic.multiplier == 0.0:
-            yield Finding("warning", where, "follows with multiplier 0, so it never moves; make it a fixed joint")
+            yield Finding(
+                "warning", where, "follows with multiplier 0, so it never moves; make it a fixed joint"
+            )
 
 
 def _limit_findings(joint: Joint, where: str, unit: str, turning: str) -> Iterator[Finding]:
-    wanted = ("effort", "velocity") if joint.type == "continuous" else ("lower", "upper", "effort", "velocity")
+    wanted = (
+        ("effort", "velocity") if joint.type == "continuous" else ("lower", "upper", "effort", "velocity")
+    )
     missing = [key for key in wanted if getattr(joint, key) is None]
     if missing:
         yield Finding(
@@ -162,12 +180,18 @@ def _limit_findings(joint: Joint, where: str, unit: str, turning: str) -> Iterat
         )
     for key in ("effort", "velocity"):
         if getattr(joint, key) == 0.0:
-            yield Finding("warning", where, f"the {key} limit is 0, which any motion exceeds; give it, or leave it out")
+            yield Finding(
+                "warning", where, f"the {key} limit is 0, which any motion exceeds; give it, or leave it out"
+            )
     if joint.lower is not None and joint.lower == joint.upper:
-        yield Finding("warning", where, f"lower and upper limit are both {joint.lower:g} {unit}: it cannot move")
+        yield Finding(
+            "warning", where, f"lower and upper limit are both {joint.lower:g} {unit}: it cannot move"
+        )
     if joint.type == "revolute" and max(abs(joint.lower or 0.0), abs(joint.upper or 0.0)) > LIKE_DEGREES:
         yield Finding(
-            "warning", where, f"the limits {joint.lower} and {joint.upper} rad look like degrees; rad was expected"
+            "warning",
+            where,
+            f"the limits {joint.lower} and {joint.upper} rad look like degrees; rad was expected",
         )
     if joint.effort:
         viscous = (joint.damping or 0.0) * (joint.velocity or 0.0)
@@ -183,14 +207,30 @@ def _limit_findings(joint: Joint, where: str, unit: str, turning: str) -> Iterat
             )
 
 
-def _mesh_findings(link: Link, source: Path) -> Iterator[Finding]:
-    for mesh in dict.fromkeys(link.meshes):
-        if not mesh_exists(mesh, source):
-            yield Finding("warning", f"link '{link.name}'", f"the mesh {mesh} was not found; dynamics do not need it")
+def _mesh_findings(links: dict[str, Link], source: Path) -> Iterator[Finding]:
+    users: dict[str, list[str]] = {}
+    for link in links.values():
+        for mesh in dict.fromkeys(link.meshes):
+            users.setdefault(mesh, []).append(link.name)
+    missing = [mesh for mesh in users if not mesh_exists(mesh, source)]
+    for mesh in missing[:SHOWN]:
+        yield Finding(
+            "warning", _these("link", users[mesh]), f"the mesh {mesh} was not found; dynamics do not need it"
+        )
+    if len(missing) > SHOWN:
+        yield Finding("warning", "meshes", f"{len(missing) - SHOWN} more of {len(users)} were not found")
+
+
+def _these(kind: str, names: list[str]) -> str:
+    """Names in a row, the first few of them: link 'a', or links 'a', 'b' and 3 more."""
+    if len(names) == 1:
+        return f"{kind} '{names[0]}'"
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return f"{kind}s " + ", ".join(f"'{name}'" for name in names[:SHOWN]) + more
 
 
 def mesh_exists(mesh: str, source: Path) -> bool:
-    """Whether a mesh file of a URDF exists: package://… and model://… below any folder above the URDF, others beside it."""
+    """Whether a mesh of a URDF exists: package://… and model://… below a folder above it, or beside it."""
     folder = source.resolve().parent
     kind, separator, rest = mesh.partition("://")
     try:
@@ -200,6 +240,7 @@ def mesh_exists(mesh: str, source: Path) -> bool:
             return (folder / rest).is_file()
         if kind not in ("package", "model"):
             return False
+        rest = rest.lstrip("/")
         package, _, inside = rest.partition("/")
         return any(
             (above / rest).is_file() or (above.name == package and (above / inside).is_file())
@@ -220,14 +261,20 @@ def _element_findings(robot: Element, joints: dict[str, Joint]) -> Iterator[Find
         for driven in element.find_all("joint"):
             if driven.attributes.get("name", "") not in joints:
                 unknown = driven.attributes.get("name", "")
-                yield Finding("warning", f"transmission '{name}'", f"drives a joint '{unknown}' that is not there")
+                yield Finding(
+                    "warning", f"transmission '{name}'", f"drives a joint '{unknown}' that is not there"
+                )
 
 
-def _weightless_shapes(urdf: Urdf) -> Iterator[Finding]:
-    moving = {joint.child for joint in urdf.joints.values() if joint.type != "fixed"}
-    for link in urdf.links.values():
-        if link.name in moving and link.meshes and (link.inertial is None or link.inertial.mass == 0.0):
-            yield Finding("note", f"link '{link.name}'", "has a shape and moves, but has no mass of its own")
+def _massless_findings(links: dict[str, Link], joints: dict[str, Joint]) -> Iterator[Finding]:
+    moving = {joint.child for joint in joints.values() if joint.type != "fixed"}
+    massless = [link for link in links.values() if link.inertial is None or link.inertial.mass == 0.0]
+    zero = [link.name for link in massless if link.inertial is not None]
+    shapes = [link.name for link in massless if link.name in moving and link.meshes]
+    if zero:
+        yield Finding("note", _these("link", zero), "an <inertial> of mass 0 is the same as none")
+    if shapes:
+        yield Finding("note", _these("link", shapes), "with a mesh and moved by a joint, but without mass")
 
 
 def _articulated_findings(urdf: Urdf, already_wrong: bool) -> Iterator[Finding]:
@@ -244,12 +291,15 @@ def _articulated_findings(urdf: Urdf, already_wrong: bool) -> Iterator[Finding]:
             yield Finding(
                 "error",
                 f"joint '{name}'",
-                f"the {what} that it moves about its axis vanishes ({least:.2g}): its acceleration is undefined; "
+                f"the {what} that it moves about its axis vanishes ({least:.2g}): its acceleration is "
+                f"undefined; "
                 "give a link beyond it a mass (off the axis) or an inertia",
             )
         elif least < 0.0 and not already_wrong:
             yield Finding(
-                "error", f"joint '{name}'", f"the {what} that it moves about its axis is negative ({least:.3g})"
+                "error",
+                f"joint '{name}'",
+                f"the {what} that it moves about its axis is negative ({least:.3g})",
             )
 
 

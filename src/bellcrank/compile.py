@@ -47,8 +47,8 @@ class Compiled:
         self.name = name
         self.input_sizes, self.output_sizes = tuple(input_sizes), tuple(output_sizes)
         self._graph, self._hints, self._remember = graph, hints, remember
-        self._loaded: dict[str, machine.Loaded] = {}
-        self._calls: dict[str, Any] = {}
+        self._loaded: dict[tuple[str, machine.Target], machine.Loaded] = {}
+        self._calls: dict[tuple[str, machine.Target], Any] = {}
 
     @property
     def graph(self) -> Graph:
@@ -64,9 +64,10 @@ class Compiled:
 
     def address(self, kind: str) -> int:
         """The address of the machine code; its signature is in codegen.py."""
-        if kind not in self._loaded:
-            self._loaded[kind] = self._load(kind)
-        return self._loaded[kind].address
+        key = (kind, machine.target())
+        if key not in self._loaded:
+            self._loaded[key] = self._load(kind)
+        return self._loaded[key].address
 
     def _load(self, kind: str) -> machine.Loaded:
         chosen = machine.target()
@@ -89,10 +90,21 @@ class Compiled:
         return machine.Loaded(f"{self.name}.{next(_serial)}", code, chosen)
 
     def _function(self, kind: str) -> Any:
-        if kind not in self._calls:
+        key = (kind, machine.target())
+        if key not in self._calls:
             arguments = [_POINTERS, _POINTERS] + ([_POINTERS, ctypes.c_int64] if kind == "batch" else [])
-            self._calls[kind] = ctypes.CFUNCTYPE(ctypes.c_int32, *arguments)(self.address(kind))
-        return self._calls[kind]
+            self._calls[key] = ctypes.CFUNCTYPE(ctypes.c_int32, *arguments)(self.address(kind))
+        return self._calls[key]
+
+    def prepared(self, arrays: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], int]:
+        """A call of the batch code on these very arrays (C-contiguous, at least as many rows as lanes), bare."""
+        call = self._function("batch")
+        ins = (ctypes.c_void_p * len(arrays))(*[v.ctypes.data for v in arrays])
+        outs = (ctypes.c_void_p * len(outputs))(*[o.ctypes.data for o in outputs])
+        strides = (ctypes.c_int64 * len(arrays))(*[0 if v.ndim == 1 else v.shape[1] for v in arrays])
+        rows = outputs[0].shape[0]
+        held = (arrays, outputs)
+        return lambda: int(call(ins, outs, strides, rows)) if held else 0
 
     def __call__(self, *arrays: Any) -> Any:
         if len(arrays) != len(self.input_sizes):
@@ -126,10 +138,7 @@ class Compiled:
             values = [v if v.ndim == 1 else np.vstack([v, np.repeat(v[-1:], lanes - rows, 0)]) for v in values]
             return [o[:rows].copy() for o in self._many(values, lanes)]
         outputs = [np.empty((rows, size)) for size in self.output_sizes]
-        ins = (ctypes.c_void_p * len(values))(*[v.ctypes.data for v in values])
-        outs = (ctypes.c_void_p * len(outputs))(*[o.ctypes.data for o in outputs])
-        strides = (ctypes.c_int64 * len(values))(*[0 if v.ndim == 1 else v.shape[1] for v in values])
-        self._check(self._function("batch")(ins, outs, strides, rows))
+        self._check(self.prepared(values, outputs)())
         return outputs
 
     def _check(self, status: int) -> None:

@@ -1,8 +1,9 @@
 """What the numbers of a posture mean, joint by joint: names, units, and rates q̇, q̈ from v, a and back.
 
-A one-degree-of-freedom joint has one number (rad or m) and its rate is its velocity. A planar joint has x, y (m),
-cos θ, sin θ; a floating one x, y, z (m, in the parent's frame) and a quaternion x y z w; their velocities are
-written in the moving frame (linear first), so that ẋ = R v and, for the quaternion, q̇ = ½ q ⊗ ω.
+A one-degree-of-freedom joint has one number (rad or m) and its rate is its velocity. A planar joint has x, y
+(m), cos θ, sin θ; a floating one x, y, z (m, in the parent's frame) and a quaternion x y z w; their
+velocities are written in the moving frame (linear first), so that ẋ = R v and, for the quaternion, q̇ = ½ q ⊗
+ω.
 """
 
 from __future__ import annotations
@@ -19,17 +20,28 @@ class JointLike(Protocol):
     """A joint's name, kind and place in the position (q, nq) and velocity (v, nv) vectors."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Name."""
+
     @property
-    def kind(self) -> str: ...
+    def kind(self) -> str:
+        """ "revolute", "prismatic", "planar" or "floating"."""
+
     @property
-    def q(self) -> int: ...
+    def q(self) -> int:
+        """First index in the position."""
+
     @property
-    def nq(self) -> int: ...
+    def nq(self) -> int:
+        """Number of position coordinates."""
+
     @property
-    def v(self) -> int: ...
+    def v(self) -> int:
+        """First index in the velocity."""
+
     @property
-    def nv(self) -> int: ...
+    def nv(self) -> int:
+        """Number of velocity coordinates."""
 
 
 def sizes(joints: Sequence[JointLike]) -> tuple[int, int]:
@@ -62,7 +74,9 @@ def velocity_labels(joints: Sequence[JointLike], order: int = 1) -> list[tuple[s
 
 
 def rates(joints: Sequence[JointLike], q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-    """First and second time derivatives (n, nq) of the position coordinates, from velocity and acceleration (n, nv)."""
+    """First and second time derivatives (n, nq) of the position coordinates, from velocity and acceleration
+    (n, nv).
+    """
     qd, qdd = np.zeros_like(q), np.zeros_like(q)
     for joint in joints:
         i, k = joint.q, joint.v
@@ -89,7 +103,9 @@ def rates(joints: Sequence[JointLike], q: Array, v: Array, a: Array) -> tuple[Ar
 
 
 def from_rates(joints: Sequence[JointLike], q: Array, qd: Array, qdd: Array) -> tuple[Array, Array, Array]:
-    """Inverse of `rates`: (position, velocity, acceleration); rotation numbers of any length come back normalised."""
+    """Inverse of `rates`: (position, velocity, acceleration); rotation numbers of any length come back
+    normalised.
+    """
     nv = sizes(joints)[1]
     q, v, a = q.copy(), np.zeros((len(q), nv)), np.zeros((len(q), nv))
     for joint in joints:
@@ -127,7 +143,9 @@ def from_rates(joints: Sequence[JointLike], q: Array, qd: Array, qdd: Array) -> 
 
 
 def continuous(joints: Sequence[JointLike], q: Array) -> Array:
-    """Signs (n, nq) that make every quaternion continue the one before it (q and −q are the same rotation)."""
+    """Signs (n, nq) that make every quaternion continue the one before it (q and −q are the same
+    rotation).
+    """
     signs = np.ones_like(q)
     for joint in joints:
         if joint.kind == "floating":
@@ -142,7 +160,7 @@ def _pure(vector: Array) -> Array:
 
 
 def _conjugate(quaternion: Array) -> Array:
-    return quaternion * np.array([-1.0, -1.0, -1.0, 1.0])
+    return np.asarray(quaternion * np.array([-1.0, -1.0, -1.0, 1.0]))
 
 
 def _multiply(left: Array, right: Array) -> Array:
@@ -157,4 +175,4 @@ def _turn(quaternion: Array, vector: Array) -> Array:
     """R(quaternion) vector, row by row, for unit quaternions."""
     u, w = quaternion[:, :3], quaternion[:, 3:]
     cross = 2.0 * np.cross(u, vector)
-    return vector + w * cross + np.cross(u, cross)
+    return np.asarray(vector + w * cross + np.cross(u, cross))

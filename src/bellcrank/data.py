@@ -1,4 +1,4 @@
-"""Where the files that ship with bellcrank lie: robot descriptions in ``urdf``, cards and scenes in ``robots``."""
+"""Where the files that ship with bellcrank lie: robots in ``urdf``, their cards in ``robots``."""
 
 from __future__ import annotations
 
@@ -21,5 +21,6 @@ def folder(name: str) -> Path:
         if candidate.is_dir():
             return candidate
     raise InputError(
-        f"this installation of bellcrank lacks its folder '{name}' (looked beside {package}); install it again"
+        f"this installation of bellcrank lacks its folder '{name}' (looked beside {package}); install it "
+        f"again"
     )

@@ -70,7 +70,7 @@ def graph_of(serialized: bytes) -> Graph:
             key = ("input", first, second)
             node = Node("input", place=(first, second))
         else:
-            args = (register[first],) if op in unary else (register[first], register[second])
+            args = (register[first],) if op in unary or second < 0 else (register[first], register[second])
             key = (op, *args)
             node = Node(op, args)
         if key not in known:

@@ -46,7 +46,7 @@ def holding_torques(robot: Robot, starts: int = STARTS, seed: int = 0, mass_tole
     joints = tuple(joint for joint in robot.joints if joint.nv == 1)
     count = len(joints)
     lower, upper, notes = _ranges(robot, joints)
-    leaders = {joint.mimic.joint for joint in robot.urdf.joints.values() if joint.mimic is not None}
+    leaders = {leader for _, leader, _, _ in robot.mimics()}
     generator = np.random.default_rng(seed)
     # One row for each (joint to maximise, sign, start): `target` and `sign` say which.
     target = np.repeat(np.arange(count), 2 * starts)

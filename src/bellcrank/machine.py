@@ -42,13 +42,16 @@ _LEVELS = {
 }
 
 
-@cache
-def target(name: str = "") -> Target:
-    """The target by name: "native", "avx512", "avx2" or "baseline"; BELLCRANK_TARGET where none is given.
+def target() -> Target:
+    """The target that BELLCRANK_TARGET names: "native" (also when unset), "avx512", "avx2" or "baseline".
 
     Raises InputError for an unknown name, or for one that this processor cannot run.
     """
-    name = name or os.environ.get("BELLCRANK_TARGET", "") or "native"
+    return _target(os.environ.get("BELLCRANK_TARGET", "") or "native")
+
+
+@cache
+def _target(name: str) -> Target:
     if name != "native" and name not in _LEVELS:
         raise InputError("BELLCRANK_TARGET: " + among("target", name, ["native", *_LEVELS]))
     llvm = _llvm()

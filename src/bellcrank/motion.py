@@ -1,6 +1,7 @@
 """A motion: positions, velocities and accelerations of a robot's joints over time, exact at its samples.
 
-Motions are made by `circle`, `line`, `waypoints`, `dwell` and `read_motion`, and put one after the other by `join`.
+Motions are made by `circle`, `line`, `waypoints`, `dwell` and `read_motion`, and put one after the other by
+`join`.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 
 from .coordinates import Array, JointLike, continuous, from_rates, rates, sizes, velocity_labels
 from .errors import InputError
+from .hermite import quintic
 
 if TYPE_CHECKING:
     from .robot import Robot
@@ -27,10 +29,11 @@ AT_REST = 1e-6  # of the motion's largest speed: slower than this counts as rest
 class Motion:
     """Joint motion over time: rows of (time, position, velocity, acceleration), finite, in order of time.
 
-    Shapes: time (n,) in s; position (n, nq) in rad or m; velocity (n, nv) in rad/s or m/s; acceleration (n, nv) in
-    rad/s² or m/s²; n >= 2. A time that stands twice marks a jump of acceleration: the two rows are its limits from
-    before and from after, with the same position. `joints` says which column belongs to which joint. `notes` are
-    warnings from whoever made the motion. The arrays are read-only. Raises InputError where the data are not a motion.
+    Shapes: time (n,) in s; position (n, nq) in rad or m; velocity (n, nv) in rad/s or m/s; acceleration (n,
+    nv) in rad/s² or m/s²; n >= 2. A time that stands twice marks a jump of acceleration: the two rows are its
+    limits from before and from after, with the same position. `joints` says which column belongs to which
+    joint. `notes` are warnings from whoever made the motion. The arrays are read-only. Raises InputError
+    where the data are not a motion.
     """
 
     joints: Sequence[JointLike]
@@ -69,31 +72,37 @@ class Motion:
         if np.any(step < 0.0):
             k = int(np.argmax(step < 0.0))
             raise InputError(
-                f"{self._title}: time runs backwards, from {self.time[k]:g} s to {self.time[k + 1]:g} s (rows {k}, {k + 1})"
+                f"{self._title}: time runs backwards, from {self.time[k]:g} s to {self.time[k + 1]:g} s "
+                f"(rows {k}, {k + 1})"
             )
         if np.any((step[1:] == 0.0) & (step[:-1] == 0.0)):
             k = int(np.argmax((step[1:] == 0.0) & (step[:-1] == 0.0)))
             raise InputError(f"{self._title}: time {self.time[k]:g} s stands more than twice")
         if step[0] == 0.0 or step[-1] == 0.0:
-            raise InputError(f"{self._title}: the first or the last time stands twice; nothing lies beyond it")
+            raise InputError(
+                f"{self._title}: the first or the last time stands twice; nothing lies beyond it"
+            )
         twin = np.flatnonzero(step == 0.0)
         gap = np.abs(self._smooth_position[twin + 1] - self._smooth_position[twin])
         if np.any(gap > POSITION_GAP):
             row, column = np.unravel_index(int(np.argmax(gap)), gap.shape)
             raise InputError(
-                f"{self._title}: joint '{self._joint_at(int(column)).name}' jumps by {gap.max():.3g} (rad or m) "
-                f"at {self.time[twin[row]]:g} s; a position must be continuous"
+                f"{self._title}: joint '{self._joint_at(int(column)).name}' jumps by {gap.max():.3g} (rad or "
+                f"m) at {self.time[twin[row]]:g} s; a position must be continuous"
             )
 
     def _check_rotations(self) -> None:
         for joint in self.joints:
             if joint.kind in ("planar", "floating"):
-                numbers = self.position[:, joint.q + (2 if joint.kind == "planar" else 3) : joint.q + joint.nq]
+                numbers = self.position[
+                    :, joint.q + (2 if joint.kind == "planar" else 3) : joint.q + joint.nq
+                ]
                 length = np.linalg.norm(numbers, axis=1)
                 if np.any(np.abs(length - 1.0) > 1e-6):
                     k = int(np.argmax(np.abs(length - 1.0)))
                     raise InputError(
-                        f"{self._title}: the rotation of joint '{joint.name}' has length {length[k]:g} in row {k}, expected 1"
+                        f"{self._title}: the rotation of joint '{joint.name}' has length {length[k]:g} in "
+                        f"row {k}, expected 1"
                     )
 
     @property
@@ -119,12 +128,12 @@ class Motion:
     @property
     def nq(self) -> int:
         """Number of position coordinates."""
-        return self.position.shape[1]
+        return int(self.position.shape[1])
 
     @property
     def nv(self) -> int:
         """Number of velocity coordinates."""
-        return self.velocity.shape[1]
+        return int(self.velocity.shape[1])
 
     @property
     def duration(self) -> float:
@@ -149,8 +158,9 @@ class Motion:
                 column = int(np.argmax(speed))
                 name, unit = velocity_labels(self.joints)[column]
                 found.append(
-                    f"{self._title} {what} moving: {name} {self.velocity[row, column]:.4g} {unit} "
-                    f"at {self.time[row]:g} s; the effort of {'starting' if row == 0 else 'stopping'} is not counted"
+                    f"{self._title} {what} moving: {name} {self.velocity[row, column]:.4g} {unit} at "
+                    f"{self.time[row]:g} s; the effort of {'starting' if row == 0 else 'stopping'} is not "
+                    "counted"
                 )
         for piece in self.pieces[1:]:
             jump = np.abs(self.velocity[piece.start] - self.velocity[piece.start - 1])
@@ -158,8 +168,8 @@ class Motion:
                 column = int(np.argmax(jump))
                 name, unit = velocity_labels(self.joints)[column]
                 found.append(
-                    f"{self._title} jumps in velocity at {self.time[piece.start]:g} s: {name} by {jump[column]:.4g} {unit}; "
-                    "the effort of the jump is not counted"
+                    f"{self._title} jumps in velocity at {self.time[piece.start]:g} s: {name} by "
+                    f"{jump[column]:.4g} {unit}; the effort of the jump is not counted"
                 )
         return tuple(found)
 
@@ -174,19 +184,22 @@ class Motion:
     def at(self, t: Any, side: Literal["after", "before"] = "after") -> tuple[Array, Array, Array]:
         """Position, velocity and acceleration at time t (scalar: (nq,), (nv,), (nv,); or (m,): (m, nq), …).
 
-        Exact at the samples; between two of them the quintic Hermite polynomial through both (position, velocity and
-        acceleration match at either end; error of the acceleration of order step⁴). At a jump of acceleration `side`
-        picks the limit. Raises InputError for a time outside the motion.
+        Exact at the samples; between two of them the quintic Hermite polynomial through both (position,
+        velocity and acceleration match at either end; error of the acceleration of order step⁴). At a jump of
+        acceleration `side` picks the limit. Raises InputError for a time outside the motion.
         """
         times = np.atleast_1d(np.asarray(t, dtype=np.float64))
         if times.ndim != 1:
-            raise InputError(f"{self._title}: times must be a number or one-dimensional, got shape {times.shape}")
+            raise InputError(
+                f"{self._title}: times must be a number or one-dimensional, got shape {times.shape}"
+            )
         first, last = float(self.time[0]), float(self.time[-1])
         slack = 1e-12 * max(abs(first), abs(last))
         outside = ~((times >= first - slack) & (times <= last + slack))
         if np.any(outside):
             raise InputError(
-                f"{self._title}: time {times[np.argmax(outside)]:g} s lies outside it ({first:g} s to {last:g} s)"
+                f"{self._title}: time {times[np.argmax(outside)]:g} s lies outside it ({first:g} s to "
+                f"{last:g} s)"
             )
         times = np.clip(times, first, last)
         if side == "after":
@@ -194,7 +207,8 @@ class Motion:
         else:
             k = np.searchsorted(self.time, times, side="left") - 1
         k = np.clip(k, 0, len(self.time) - 2)
-        q, v, a = self._between(k, times)
+        moved = quintic(self.time, self._smooth_position, *self._rates, times, k)
+        q, v, a = from_rates(self.joints, *moved)
         for row in (k, k + 1):
             exact = times == self.time[row]
             q[exact], v[exact], a[exact] = (
@@ -206,39 +220,34 @@ class Motion:
             return q[0], v[0], a[0]
         return q, v, a
 
-    def _between(self, k: Any, times: Array) -> tuple[Array, Array, Array]:
-        h = (self.time[k + 1] - self.time[k])[:, None]
-        s = (times - self.time[k])[:, None] / h
-        qd, qdd = self._rates
-        p0, v0, a0 = self._smooth_position[k], h * qd[k], h * h * qdd[k]
-        v1, a1 = h * qd[k + 1], h * h * qdd[k + 1]
-        d = self._smooth_position[k + 1] - p0
-        c3 = 10.0 * d - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1
-        c4 = -15.0 * d + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1
-        c5 = 6.0 * d - 3.0 * v0 - 3.0 * v1 - 0.5 * a0 + 0.5 * a1
-        p = p0 + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
-        pd = v0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))
-        pdd = a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))
-        return from_rates(self.joints, p, pd / h, pdd / (h * h))
-
 
 def dwell(
-    robot: Robot, position: Mapping[str, float] | Array | Sequence[float], duration: float, name: str = "dwell"
+    robot: Robot,
+    position: Mapping[str, float] | Array | Sequence[float],
+    duration: float,
+    name: str = "dwell",
 ) -> Motion:
-    """Rest at a posture (dict of joint positions, or (nq,), in rad or m) for `duration` s; raises InputError."""
-    if not (np.isfinite(duration) and duration > 0.0):
-        raise InputError(f"motion '{name}': the duration of a dwell must be positive, got {duration:g} s")
+    """Rest at a posture (dict of joint positions, or (nq,), in rad or m) for `duration` s; raises
+    InputError.
+    """
+    number = isinstance(duration, int | float | np.number) and not isinstance(duration, bool)
+    if not (number and np.isfinite(duration) and duration > 0.0):
+        raise InputError(
+            f"motion '{name}': the duration of a dwell must be a positive number of s, got {duration!r}"
+        )
     q = np.asarray(robot.posture(position), dtype=np.float64)
     rest = np.zeros((2, robot.nv))
     time = np.array([0.0, float(duration)])
-    return Motion(robot.joints, time, np.stack([q, q]), rest, rest, name, limit_notes(robot, name, time, q[None]))
+    return Motion(
+        robot.joints, time, np.stack([q, q]), rest, rest, name, limit_notes(robot, name, time, q[None])
+    )
 
 
 def join(*motions: Motion, name: str | None = None) -> Motion:
     """One motion after the other, in the time of the first; each must start where the one before it ended.
 
-    Where the acceleration jumps, the time stands twice. Raises InputError for different robots or a gap in position
-    of more than 1e-6 rad or m.
+    Where the acceleration jumps, the time stands twice. Raises InputError for different robots or a gap in
+    position of more than 1e-6 rad or m.
     """
     if not motions:
         raise InputError("join needs at least one motion, got none")
@@ -255,8 +264,9 @@ def join(*motions: Motion, name: str | None = None) -> Motion:
             column = int(np.argmax(gap))
             joint = before._joint_at(column)
             raise InputError(
-                f"motions '{before.name}' and '{after.name}' cannot be joined: the first ends with joint '{joint.name}' "
-                f"at {before.position[-1, column]:.9g}, the second starts at {after.position[0, column]:.9g} (rad or m)"
+                f"motions '{before.name}' and '{after.name}' cannot be joined: the first ends with joint "
+                f"'{joint.name}' at {before.position[-1, column]:.9g}, the second starts at "
+                f"{after.position[0, column]:.9g} (rad or m)"
             )
         ends = (before.position[-1], before.velocity[-1], before.acceleration[-1])
         starts = (after.position[0], after.velocity[0], after.acceleration[0])
@@ -264,13 +274,11 @@ def join(*motions: Motion, name: str | None = None) -> Motion:
         skip = 1 if same else 0
         start = rows[-1][0][-1]
         time = start + (after.time - after.time[0])
-        rows.append(
-            (time[skip:], after.position[skip:], after.velocity[skip:], after.acceleration[skip:])
-        )
-    columns = [np.concatenate(part) for part in zip(*rows, strict=True)]
+        rows.append((time[skip:], after.position[skip:], after.velocity[skip:], after.acceleration[skip:]))
+    time, position, velocity, acceleration = (np.concatenate(part) for part in zip(*rows, strict=True))
     notes = tuple(dict.fromkeys(note for motion in motions for note in motion.notes))
     title = " + ".join(motion.name for motion in motions) if name is None else name
-    return Motion(first.joints, *columns, title, notes)
+    return Motion(first.joints, time, position, velocity, acceleration, title, notes)
 
 
 def _layout(motion: Motion) -> list[tuple[str, str, int, int]]:
@@ -279,7 +287,7 @@ def _layout(motion: Motion) -> list[tuple[str, str, int, int]]:
 
 def _facing(before: Motion, after: Motion) -> Array:
     pair = np.stack([before.position[-1], after.position[0]])
-    return continuous(before.joints, pair)[1]
+    return np.asarray(continuous(before.joints, pair)[1])
 
 
 def limit_notes(robot: Robot, name: str, time: Array, position: Array) -> tuple[str, ...]:
@@ -294,7 +302,7 @@ def limit_notes(robot: Robot, name: str, time: Array, position: Array) -> tuple[
         if excess[row] > 1e-9:
             unit = "m" if joint.kind == "prismatic" else "rad"
             notes.append(
-                f"motion '{name}' leaves the range of joint '{joint.name}' ({lower:.6g} to {upper:.6g} {unit}): "
-                f"it reaches {column[row]:.6g} {unit} at {time[row]:g} s"
+                f"motion '{name}' leaves the range of joint '{joint.name}' ({lower:.6g} to {upper:.6g} "
+                f"{unit}): it reaches {column[row]:.6g} {unit} at {time[row]:g} s"
             )
     return tuple(notes)

@@ -1,6 +1,6 @@
 """Motions in CSV files: one row a time, a header that names each column and its unit.
 
-    time [s],shoulder position [rad],shoulder velocity [rad/s],shoulder acceleration [rad/s^2],…
+time [s],shoulder position [rad],shoulder velocity [rad/s],shoulder acceleration [rad/s^2],…
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import csv
 import io
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -55,7 +56,8 @@ class _Columns:
 
 
 def write_motion(motion: Motion, path: str | Path) -> Path:
-    """Write a motion as CSV (s, rad or m, and per s and s²), every number with the digits that give it back exactly.
+    """Write a motion as CSV (s, rad or m, and per s and s²), every number with the digits that give it back
+    exactly.
 
     The file is replaced in one step, or not at all. Raises InputError where the folder cannot be written.
     """
@@ -79,10 +81,10 @@ def write_motion(motion: Motion, path: str | Path) -> Path:
 def read_motion(robot: Robot, path: str | Path, name: str | None = None) -> Motion:
     """Read a motion from a CSV file with one column a coordinate, in any order, units in the header.
 
-    Positions of every joint are needed. Velocities and accelerations may be left out (all of one kind): missing
-    velocities come from the quintic spline through the positions, missing accelerations from the one through the
-    velocities (not-a-knot, so nothing is assumed of the ends). A time that stands twice marks a jump of acceleration.
-    Raises InputError, in one sentence with file and line, for whatever does not fit.
+    Positions of every joint are needed. Velocities and accelerations may be left out (all of one kind):
+    missing velocities come from the quintic spline through the positions, missing accelerations from the one
+    through the velocities (not-a-knot, so nothing is assumed of the ends). A time that stands twice marks a
+    jump of acceleration. Raises InputError, in one sentence with file and line, for whatever does not fit.
     """
     file = Path(path)
     joints = tuple(robot.joints)
@@ -92,8 +94,9 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None) -> Moti
     for label, _ in [("time", "s"), *columns.position]:
         if label not in values:
             raise InputError(
-                f"{file}: column '{label} [{columns.units[label]}]' is missing; the robot '{robot.name}' needs "
-                f"'time [s]' and a position of each of its joints ({', '.join(joint.name for joint in joints)})"
+                f"{file}: column '{label} [{columns.units[label]}]' is missing; the robot '{robot.name}' "
+                "needs 'time [s]' and a position of each of its joints "
+                f"({', '.join(joint.name for joint in joints)})"
             )
     time = values["time"]
     _check_time(file, time)
@@ -102,14 +105,21 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None) -> Moti
     velocity = _complete(file, values, columns.velocity, "velocity")
     acceleration = _complete(file, values, columns.acceleration, "acceleration")
     if acceleration is not None and velocity is None:
-        raise InputError(f"{file}: there are acceleration columns but no velocity columns; give both or leave both out")
+        raise InputError(
+            f"{file}: there are acceleration columns but no velocity columns; give both or leave both out"
+        )
     title = file.stem if name is None else name
     notes: tuple[str, ...] = ()
-    if velocity is None:
-        velocity, acceleration = _from_positions(joints, time, position)
-    else:
-        if acceleration is None:
+    given = velocity is not None
+    try:
+        if velocity is None:
+            velocity, acceleration = _from_positions(joints, time, position)
+        elif acceleration is None:
             acceleration = _piecewise_derivative(time, velocity)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from None
+    assert acceleration is not None
+    if given:
         notes = _disagreement(joints, title, time, position, velocity, acceleration)
     notes += limit_notes(robot, title, time, position)
     try:
@@ -128,13 +138,15 @@ def _table(file: Path) -> tuple[list[str], Array]:
         raise InputError(f"{file}: cannot read the motion: {why}") from None
     try:
         lines = [
-            (number, row) for number, row in enumerate(csv.reader(io.StringIO(text)), 1) if any(c.strip() for c in row)
+            (number, row)
+            for number, row in enumerate(csv.reader(io.StringIO(text)), 1)
+            if any(c.strip() for c in row)
         ]
     except csv.Error as error:
         raise InputError(f"{file}: not a CSV file: {error}") from None
     if not lines:
         raise InputError(f"{file}: the file is empty; expected a header 'time [s],…' and rows of numbers")
-    header = [cell.strip() for cell in lines[0][1]]
+    header = [" ".join(cell.split()) for cell in lines[0][1]]
     if len(header) == 1 and ";" in header[0]:
         raise InputError(f"{file}: the columns are separated by ';', expected ',' (and '.' in the numbers)")
     if len(lines) < 3:
@@ -150,7 +162,8 @@ def _table(file: Path) -> tuple[list[str], Array]:
                 value = np.nan
             if not np.isfinite(value):
                 raise InputError(
-                    f"{file}: line {number}, column '{header[column]}': '{cell.strip()[:40]}' is not a finite number"
+                    f"{file}: line {number}, column '{header[column]}': {cell.strip()[:40]!r} is not a "
+                    "finite number"
                 )
             table[k, column] = value
     return header, table
@@ -167,7 +180,9 @@ def _converted(file: Path, header: list[str], table: Array, units: dict[str, str
         if match is None:
             raise InputError(f"{file}: column '{label}' has no unit; write '{label} [{units[label]}]'")
         if match["unit"].strip() not in known:
-            raise InputError(f"{file}: column '{label}' is in '{match['unit']}', expected {' or '.join(known)}")
+            raise InputError(
+                f"{file}: column '{label}' is in '{match['unit']}', expected {' or '.join(known)}"
+            )
         if label in values:
             raise InputError(f"{file}: column '{label}' stands twice")
         values[label] = table[:, column] * known[match["unit"].strip()]
@@ -192,7 +207,8 @@ def _normalised(file: Path, joints: tuple[JointLike, ...], position: Array) -> A
         if np.any(np.abs(length - 1.0) > 1e-3):
             k = int(np.argmax(np.abs(length - 1.0)))
             raise InputError(
-                f"{file}: the rotation of joint '{joint.name}' has length {length[k]:g} in row {k + 1}, expected 1"
+                f"{file}: the rotation of joint '{joint.name}' has length {length[k]:g} in row {k + 1}, "
+                "expected 1"
             )
         off = np.abs(length - 1.0) > 1e-15
         position[off, block] /= length[off, None]
@@ -214,7 +230,7 @@ def _complete(file: Path, values: dict[str, Array], labels: list[tuple[str, str]
 
 def _pieces(time: Array) -> list[slice]:
     edges = [0, *(np.flatnonzero(np.diff(time) == 0.0) + 1).tolist(), len(time)]
-    return [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [slice(a, b) for a, b in pairwise(edges)]
 
 
 def _from_positions(joints: tuple[JointLike, ...], time: Array, position: Array) -> tuple[Array, Array]:
@@ -222,7 +238,10 @@ def _from_positions(joints: tuple[JointLike, ...], time: Array, position: Array)
     for piece in _pieces(time):
         knots = time[piece]
         if len(knots) < 2:
-            knots, rows = np.array([0.0, 1.0]), np.repeat(position[piece], 2, axis=0)  # refused by Motion later
+            knots, rows = (
+                np.array([0.0, 1.0]),
+                np.repeat(position[piece], 2, axis=0),
+            )  # refused by Motion later
             parts.append([part[:1] for part in interpolate(joints, knots, rows, knots, rest=False)])
         else:
             parts.append(list(interpolate(joints, knots, position[piece], knots, rest=False)))
@@ -232,16 +251,25 @@ def _from_positions(joints: tuple[JointLike, ...], time: Array, position: Array)
 def _piecewise_derivative(time: Array, values: Array) -> Array:
     return np.concatenate(
         [
-            derivative(time[piece], values[piece]) if piece.stop - piece.start > 1 else np.zeros_like(values[piece])
+            derivative(time[piece], values[piece])
+            if piece.stop - piece.start > 1
+            else np.zeros_like(values[piece])
             for piece in _pieces(time)
         ]
     )
 
 
 def _disagreement(
-    joints: tuple[JointLike, ...], name: str, time: Array, position: Array, velocity: Array, acceleration: Array
+    joints: tuple[JointLike, ...],
+    name: str,
+    time: Array,
+    position: Array,
+    velocity: Array,
+    acceleration: Array,
 ) -> tuple[str, ...]:
-    """A sentence where the velocity columns do not integrate to the positions (Hermite rule of order 4 a step)."""
+    """A sentence where the velocity columns do not integrate to the positions (Hermite rule of order 4 a
+    step).
+    """
     smooth = position * continuous(joints, position)
     qd, qdd = rates(joints, smooth, velocity, acceleration)
     h = np.diff(time)[:, None]
@@ -255,6 +283,6 @@ def _disagreement(
     joint = next(joint for joint in joints if joint.q <= column < joint.q + joint.nq)
     return (
         f"motion '{name}': the velocity of joint '{joint.name}' does not agree with its position: between "
-        f"{time[row]:g} s and {time[row + 1]:g} s the position changes by {smooth[row + 1, column] - smooth[row, column]:.4g}, "
-        f"the velocity says {change[row, column]:.4g}",
+        f"{time[row]:g} s and {time[row + 1]:g} s the position changes by "
+        f"{smooth[row + 1, column] - smooth[row, column]:.4g}, the velocity says {change[row, column]:.4g}",
     )

@@ -1,11 +1,12 @@
 """How a path is run through in time: distance s(t) with its speed and acceleration, under limits.
 
-Four shapes. `constant` runs at one speed and jumps at both ends. `trapezoid` speeds up, cruises and slows down at one
-acceleration. `quintic` is s = S (10 u³ − 15 u⁴ + 6 u⁵), u = t/T. `s_curve` is the trapezoid with ramps of acceleration
-(seven pieces of constant jerk; L. Biagiotti, C. Melchiorri, Trajectory Planning for Automatic Machines and Robots, 3.4).
-With limits and no duration the shape is the fastest within them; with a duration it is stretched to it in time, which
-lowers speed, acceleration and jerk alike. What no limit settles: speeding up, cruising and slowing down last a third
-each, and an s_curve's ramps of acceleration a quarter of speeding up.
+Four shapes. `constant` runs at one speed and jumps at both ends. `trapezoid` speeds up, cruises and slows
+down at one acceleration. `quintic` is s = S (10 u³ − 15 u⁴ + 6 u⁵), u = t/T. `s_curve` is the trapezoid with
+ramps of acceleration (seven pieces of constant jerk; L. Biagiotti, C. Melchiorri, Trajectory Planning for
+Automatic Machines and Robots, 3.4). With limits and no duration the shape is the fastest within them; with a
+duration it is stretched to it in time, which lowers speed, acceleration and jerk alike. What no limit
+settles: speeding up, cruising and slowing down last a third each, and an s_curve's ramps of acceleration a
+quarter of speeding up.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ KINDS = ("constant", "trapezoid", "quintic", "s_curve")
 class Profile:
     """Distance along a path over time: a polynomial a piece, from s(0) = 0 to s(duration) = distance.
 
-    `breaks` (k + 1,) in s; `coefficients` (k, 6): s − s(break) = Σ c_i (t − break)^i; `distance` in m (or rad).
+    `breaks` (k + 1,) in s; `coefficients` (k, 6): s − s(break) = Σ c_i (t − break)^i; `distance` in m (or
+    rad).
     """
 
     kind: str
@@ -55,7 +57,8 @@ class Profile:
     def rows(self, samples: int) -> tuple[Array, Array, Array, Array]:
         """Time, distance, speed and acceleration of at least `samples` rows, evenly spaced within each piece.
 
-        Every break is a row; where the acceleration jumps it is two rows of one time, the limits from either side.
+        Every break is a row; where the acceleration jumps it is two rows of one time, the limits from either
+        side.
         """
         count = len(self.coefficients)
         times, pieces = [], []
@@ -65,8 +68,7 @@ class Profile:
             steps = samples - 1 if count == 1 else max(2, int(np.ceil(share - 1e-9)))
             even = begin + (end - begin) * (np.arange(steps + 1) / steps)
             even[-1] = end
-            jumps = k > 0 and self._jump(k)
-            times.append(even if k == 0 or jumps else even[1:])
+            times.append(even if k == 0 or self.kind == "trapezoid" else even[1:])
             pieces.append(np.full(len(times[-1]), k))
         time, piece = np.concatenate(times), np.concatenate(pieces)
         s, speed, acceleration = self._piece(piece, time)
@@ -78,32 +80,27 @@ class Profile:
             acceleration[0] = acceleration[-1] = 0.0
         return time, s, speed, acceleration
 
-    def _jump(self, k: int) -> bool:
-        edge = self.breaks[k : k + 1]
-        before = self._piece(np.array([k - 1]), edge)[2][0]
-        after = self._piece(np.array([k]), edge)[2][0]
-        return bool(abs(after - before) > 1e-9 * np.max(np.abs(2.0 * self.coefficients[:, 2]), initial=1e-300))
-
     def peaks(self) -> tuple[float, float, float]:
         """Largest speed, acceleration and jerk (infinite where the acceleration jumps, the ends included)."""
-        speeds, accelerations, jerks = [], [], []
+        speeds: list[float] = []
+        accelerations: list[float] = []
+        jerks: list[float] = []
         for k, c in enumerate(self.coefficients):
             span = float(self.breaks[k + 1] - self.breaks[k])
             first = np.polynomial.Polynomial(c).deriv()
             second = first.deriv()
             third = second.deriv()
             for values, polynomial in ((speeds, first), (accelerations, second), (jerks, third)):
-                turning = polynomial.deriv().trim(1e-300).roots()
-                inside = [0.0, span] + [r.real for r in turning if abs(r.imag) < 1e-9 and 0 < r.real < span]
-                values.append(max(abs(float(polynomial(x))) for x in inside))
-        rest = all(abs(x) <= 1e-9 * max(accelerations) for x in (self._edge(0), self._edge(-1)))
-        steady = not any(self._jump(k) for k in range(1, len(self.coefficients)))
-        moving = self.kind == "constant"
-        return max(speeds), inf if moving else max(accelerations), max(jerks) if rest and steady and not moving else inf
-
-    def _edge(self, k: int) -> float:
-        t = self.breaks[[0]] if k == 0 else self.breaks[[-1]]
-        return float(self._piece(np.array([k % len(self.coefficients)]), t)[2][0])
+                turning = np.atleast_1d(polynomial.deriv().trim(1e-300).roots()).astype(complex)
+                inside = turning.real[np.abs(turning.imag) < 1e-9]
+                places = np.array([0.0, span, *inside[(inside > 0.0) & (inside < span)]])
+                values.append(float(np.max(np.abs(polynomial(places)))))
+        sudden = self.kind in ("constant", "trapezoid")
+        return (
+            max(speeds),
+            inf if self.kind == "constant" else max(accelerations),
+            inf if sudden else max(jerks),
+        )
 
 
 def profile(
@@ -114,16 +111,21 @@ def profile(
     acceleration: float | None = None,
     jerk: float | None = None,
 ) -> Profile:
-    """The profile of this kind over `distance` m, in `duration` s or within limits (m/s, m/s², m/s³) along the path.
+    """The profile of this kind over `distance` m, in `duration` s or within limits (m/s, m/s², m/s³) along
+    the path.
 
-    Raises InputError for an unknown kind, for limits that the kind cannot keep (acceleration for `constant`, jerk for
-    `trapezoid`), for neither a duration nor a limit, and for a duration shorter than the limits allow.
+    Raises InputError for an unknown kind, for limits that the kind cannot keep (acceleration for `constant`,
+    jerk for `trapezoid`), for neither a duration nor a limit, and for a duration shorter than the limits
+    allow.
     """
     if kind not in KINDS:
         raise InputError(among("profile", str(kind), KINDS))
     given = {"duration": duration, "speed": speed, "acceleration": acceleration, "jerk": jerk}
     for key, value in {"distance": distance, **given}.items():
-        if value is not None and not (isfinite(value) and value > 0.0):
+        if value is None:
+            continue
+        number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+        if not (number and isfinite(value) and value > 0.0):
             raise InputError(f"profile '{kind}': {key} must be a positive number, got {value!r}")
     kept = {"constant": 1, "trapezoid": 2}.get(kind, 3)
     for key in ("speed", "acceleration", "jerk")[kept:]:
@@ -146,8 +148,8 @@ def profile(
     if duration < fastest.duration * (1.0 - 1e-12):
         words = ", ".join(f"{key} {value:g}" for key, value in limits.items())
         raise InputError(
-            f"profile '{kind}': a duration of {duration:g} s is too short for a distance of {distance:g} within {words}; "
-            f"the least duration is {fastest.duration:.6g} s"
+            f"profile '{kind}': a duration of {duration:g} s is too short for a distance of {distance:g} "
+            f"within {words}; the least duration is {fastest.duration:.6g} s"
         )
     return _stretched(fastest, duration)
 
@@ -155,7 +157,9 @@ def profile(
 def _fastest(kind: str, distance: float, limits: dict[str, float]) -> Profile:
     v, a, j = (limits.get(key, inf) for key in ("speed", "acceleration", "jerk"))
     if kind == "constant":
-        return Profile(kind, distance, np.array([0.0, distance / v]), np.array([[0.0, v, 0.0, 0.0, 0.0, 0.0]]))
+        return Profile(
+            kind, distance, np.array([0.0, distance / v]), np.array([[0.0, v, 0.0, 0.0, 0.0, 0.0]])
+        )
     if kind == "quintic":
         least = max(1.875 * distance / v, sqrt(10.0 / sqrt(3.0) * distance / a), cbrt(60.0 * distance / j))
         powers = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]) * distance
@@ -175,7 +179,9 @@ def _fastest(kind: str, distance: float, limits: dict[str, float]) -> Profile:
 
 
 def _seven_pieces(distance: float, v: float, a: float, j: float) -> tuple[float, float, float]:
-    """Times of a ramp of acceleration, of constant acceleration and of cruising, for the fastest under all limits."""
+    """Times of a ramp of acceleration, of constant acceleration and of cruising, for the fastest under all
+    limits.
+    """
     ramp = min(a / j, sqrt(v / j))
     flat = v / (j * ramp) - ramp if isfinite(v) else inf
     if isfinite(flat) and v * (2.0 * ramp + flat) <= distance:

@@ -18,6 +18,7 @@ from bellcrank.compile import Compiled, compiled
 from bellcrank.errors import InputError, among
 from bellcrank.payload import Payload
 from bellcrank.tree import FrameTable, Tree
+from bellcrank.xml_tree import read_text
 
 if TYPE_CHECKING:
     import casadi
@@ -115,14 +116,24 @@ class Robot:
 
     @cached_property
     def model(self) -> Any:
-        """The cleaned pinocchio.Model, with payloads, gravity and rotor inertia (as armature) in it."""
+        """The cleaned pinocchio.Model, with payloads, gravity and rotor inertia (as armature) in it.
+
+        Mimicking joints are Pinocchio's mimic joints; where a leader comes after its follower, which Pinocchio's
+        reader does not take, every joint is one of its own and nq, nv are larger than the robot's.
+        """
         from bellcrank.tree import pinocchio_model
 
-        model, _ = pinocchio_model(
-            self.urdf, self.floating_base, self.payloads, self._frames, self._clean, bool(self._tree.mimics)
-        )
+        def build(mimic: bool) -> Any:
+            return pinocchio_model(self.urdf, self.floating_base, self.payloads, self._frames, self._clean, mimic)[0]
+
+        try:
+            model = build(bool(self._tree.mimics))
+        except InputError:
+            model = build(False)
         model.gravity.linear = np.array(self.gravity)
-        model.armature = np.array(self.rotor_inertia)
+        for j in self.joints:
+            if j.nv == 1 and self.rotor_inertia[j.v]:
+                model.armature[model.idx_vs[model.getJointId(j.name)]] = self.rotor_inertia[j.v]
         return model
 
     @property
@@ -204,7 +215,16 @@ class Robot:
         q (nq,), v, tau (nv,), or batches (n, …); returns (nv,) or (n, nv), rad/s² or m/s². Source:
         articulated-body algorithm, Featherstone (2008), ch. 7, by Pinocchio.
         """
-        return self._forward(*self._states(q, v, tau))  # type: ignore[no-any-return]
+        states = self._states(q, v, tau)
+        acceleration: Array = self._forward(*states)
+        if not np.isfinite(acceleration).all():
+            bad = np.argwhere(~np.isfinite(np.atleast_2d(acceleration)))[0]
+            joint = next(j.name for j in reversed(self.joints) if j.v <= bad[1])
+            raise InputError(
+                f"{self.name}: the forward dynamics of sample {bad[0]} has no finite answer at joint '{joint}': nothing "
+                "there has inertia about the joint's axis; give the links beyond it mass (`bellcrank check` names them)"
+            )
+        return acceleration
 
     def mass_matrix(self, q: Any) -> Array:
         """The mass matrix M(q), rotor inertia included: (nv, nv), or (n, nv, nv) for a batch."""
@@ -277,13 +297,17 @@ class Robot:
         serialized = self._traced().frames([self._frame_index(n) for n in names])
         return casadi.Function.deserialize(serialized.decode("latin-1"))
 
+    def dynamics(self, algorithm: str) -> Compiled:
+        """The machine code of "inverse_dynamics" or "forward_dynamics", for callers that drive it themselves."""
+        return self._inverse if algorithm == "inverse_dynamics" else self._forward
+
     @cached_property
     def _inverse(self) -> Compiled:
-        return self.compiled("inverse_dynamics", lambda: self._with_friction("inverse_dynamics"))
+        return self.compiled("inverse_dynamics", lambda: self.trace_dynamics("inverse_dynamics"))
 
     @cached_property
     def _forward(self) -> Compiled:
-        return self.compiled("forward_dynamics", lambda: self._with_friction("forward_dynamics"))
+        return self.compiled("forward_dynamics", lambda: self.trace_dynamics("forward_dynamics"))
 
     @cached_property
     def _scaled(self) -> Compiled:
@@ -323,9 +347,11 @@ class Robot:
         serialized = getattr(self._traced(settings, len(targets)), algorithm)()
         return casadi.Function.deserialize(serialized.decode("latin-1"))
 
-    def _with_friction(self, algorithm: str) -> Any:
-        serialized = getattr(self._traced(), algorithm)()
+    def trace_dynamics(self, algorithm: str) -> casadi.Function:
+        """"inverse_dynamics" (q, v, a) or "forward_dynamics" (q, v, tau) with the robot's friction, as expressions."""
         import casadi
+
+        serialized = getattr(self._traced(), algorithm)()
 
         f = casadi.Function.deserialize(serialized.decode("latin-1"))
         q, v, third = (casadi.SX.sym(n, f.size1_in(k)) for k, n in enumerate(("q", "v", "third")))
@@ -449,10 +475,7 @@ def load_robot(
     source = find_urdf(path)
     loads = tuple(payloads)
     table = dict(frames or {})
-    try:
-        text = source.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise InputError(f"cannot read {source}: {error.strerror}") from error
+    text = read_text(source)
     key = "robot-" + disk.digest(
         text, repr(floating_base), repr([asdict(p) for p in loads]), repr(sorted(table.items())), repr(clean), _version()
     )
@@ -470,7 +493,7 @@ def _version() -> str:
     import importlib.metadata
 
     here = Path(__file__).parent
-    sources = [here / n for n in ("tree.py", "urdf.py", "robot.py")]
+    sources = [here / n for n in ("tree.py", "urdf.py", "urdf_elements.py", "xml_tree.py", "robot.py")]
     return importlib.metadata.version("libpinocchio") + disk.digest(*[p.read_bytes() for p in sources if p.exists()])
 
 

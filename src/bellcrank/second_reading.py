@@ -14,8 +14,9 @@ TOLERANCE = 1e-9  # of a rotation or translation entry; everything else is compa
 def differences_from_yourdfpy(urdf: Urdf) -> list[str]:
     """Where yourdfpy reads other values than this Urdf has: one phrase each, empty where both agree.
 
-    Compared are masses, centres of gravity, inertias, joint types, parents, placements, axes, limits, friction and
-    mimics (yourdfpy reads no transmissions). yourdfpy may not read the file at all, which is a difference too.
+    Compared are masses, centres of gravity, inertias, joint types, parents, placements, axes, limits,
+    friction and mimics (yourdfpy reads no transmissions). yourdfpy may not read the file at all, which is a
+    difference too.
     """
     import numpy as np
     import yourdfpy
@@ -32,7 +33,7 @@ def differences_from_yourdfpy(urdf: Urdf) -> list[str]:
             load_collision_meshes=False,
         ).robot
     except Exception as error:
-        return [f"yourdfpy does not read the file ({type(error).__name__}: {error})"]
+        return [f"yourdfpy does not read the file ({type(error).__name__}: {' '.join(str(error).split())})"]
     finally:
         log.setLevel(level)
     differences: list[str] = []

@@ -1,6 +1,7 @@
 """Size a robot's motors over one or several motions: at the joint, at the motor shaft and at the supply.
 
-Torque is inverse dynamics, τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction (Ghosal, lecture 18; robot.inverse_dynamics). It is
+Torque at a joint is inverse dynamics, τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction (Ghosal, lecture 18; robot.inverse_dynamics).
+Where a joint has a drive, that is the torque at the gear's output: the rotor's inertia counts at the shaft. It is
 linear in the masses, so a mass tolerance changes it by at most tolerance · Σ|share of each link|, and that bound is
 reached: peaks are exact worst cases, RMS and energies are upper bounds. Reactions and inertias stay nominal.
 """
@@ -43,9 +44,15 @@ class _Loads:
     def columns(self) -> list[int]:
         return [joint.v for joint in self.joints]
 
+    @property
+    def rotor(self) -> Array:
+        """Rotor inertia (k,) in the robot's mass matrix that belongs to the shaft side of a drive."""
+        return np.array([self.robot.rotor_inertia[joint.v] if joint.name in self.drives else 0.0
+                         for joint in self.joints])
+
     def torque(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-        """Lowest and highest torque (n, k) within the mass tolerance."""
-        nominal = np.asarray(self.robot.inverse_dynamics(q, v, a))[:, self.columns]
+        """Lowest and highest torque (n, k) within the mass tolerance, a drive's rotor left out."""
+        nominal = np.asarray(self.robot.inverse_dynamics(q, v, a))[:, self.columns] - self.rotor * a[:, self.columns]
         if self.tolerance == 0.0:
             return nominal, nominal
         spread = self.tolerance * np.abs(self.robot.link_torques(q, v, a)).sum(axis=1)[:, self.columns]
@@ -61,9 +68,8 @@ class _Loads:
         for k, joint in enumerate(self.joints):
             if (drive := self.drives.get(joint.name)) is None:
                 continue
-            rotor = self.robot.rotor_inertia[joint.v] * rate[:, k]
             turns = drive.ratio * speed[:, k]
-            ends = [drive.shaft_torque(end[:, k] - rotor, speed[:, k], rate[:, k]) for end in (low, high)]
+            ends = [drive.shaft_torque(end[:, k], speed[:, k], rate[:, k]) for end in (low, high)]
             shaft[:, k] = np.maximum(np.abs(ends[0]), np.abs(ends[1]))
             curve[:, k] = drive.curve_use(drive.safety_factor * shaft[:, k], turns)
             electric = [drive.electrical_power(end * turns) for end in ends]
@@ -92,9 +98,9 @@ class _Loads:
         return {"peak_bearing_force": force, "peak_tilting_moment": moment}
 
     def inertia(self, q: Array, v: Array, a: Array) -> dict[str, Array]:
-        """M_ii (n, k), rotor inertia included."""
+        """M_ii (n, k), a drive's rotor left out."""
         diagonal = np.diagonal(self.robot.mass_matrix(q), axis1=-2, axis2=-1)
-        return {"largest_inertia": np.asarray(diagonal[:, self.columns])}
+        return {"largest_inertia": np.asarray(diagonal[:, self.columns] - self.rotor)}
 
 
 def size(robot: Robot, motions: Motion | Sequence[Motion], drives: Mapping[str, Drive] | None = None,
@@ -207,8 +213,7 @@ def _joint_line(loads: _Loads, k: int, worst: dict[str, Peak], cycles: tuple[Cyc
     shaft_peak, curve = worst.pop("shaft_torque"), worst.pop("curve_use")
     drive = loads.drives.get(joint.name)
     shaft = None if drive is None else _shaft(
-        drive, shaft_peak, curve, worst["peak_speed"], cycles,
-        worst["largest_inertia"].value - float(robot.rotor_inertia[joint.v]))
+        drive, shaft_peak, curve, worst["peak_speed"], cycles, worst["largest_inertia"].value)
     return JointSizing(
         joint.name, joint.kind, worst, cycles, rubbing / abs(peak.value) if peak.value else 0.0, float(holding),
         tuple(map(float, holding_position)), _given(robot.effort_limit[joint.v]), _given(robot.velocity_limit[joint.v]),

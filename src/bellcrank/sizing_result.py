@@ -75,8 +75,8 @@ class JointSizing:
     """What one joint's motor must deliver, over all motions.
 
     `peaks` holds max_torque, min_torque (signed), peak_torque (the larger magnitude), peak_speed,
-    peak_motoring_power, peak_regenerating_power (both positive), largest_inertia (M_ii with rotor inertia, kg m² or
-    kg), peak_bearing_force (N) and peak_tilting_moment (N m), each a Peak and each also an attribute.
+    peak_motoring_power, peak_regenerating_power (both positive), largest_inertia (M_ii, without a drive's rotor, kg m²
+    or kg), peak_bearing_force (N) and peak_tilting_moment (N m), each a Peak and each also an attribute.
     """
 
     name: str
@@ -139,7 +139,7 @@ class JointSizing:
 
     @property
     def largest_inertia(self) -> float:
-        """Largest M_ii along the motions, kg m² (kg on a prismatic joint), rotor inertia included."""
+        """Largest M_ii along the motions, kg m² (kg on a prismatic joint), without a drive's rotor."""
         return self.peaks["largest_inertia"].value
 
     @property

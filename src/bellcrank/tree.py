@@ -40,15 +40,19 @@ class Cleaning:
 
     def rotation(self, r: Any) -> Any:
         """The rotation with its near-misses of -1, 0, 1 made exact, orthonormal again."""
-        whole = np.round(r)
-        near = (np.abs(r - whole) <= NEAR) & (r != whole)
-        if not near.any():
+        out = np.where(np.abs(r) <= NEAR, 0.0, r)
+        for i, k in zip(*np.nonzero(np.abs(out) >= 1.0 - NEAR), strict=True):
+            # 1 - 7e-12 beside 3.7e-6 is no residue but a rotation: only an entry alone in row and column is one
+            if np.count_nonzero(out[i]) == 1 and np.count_nonzero(out[:, k]) == 1:
+                out[i, k] = np.sign(out[i, k])
+        if np.array_equal(out, r):
             return r
-        out = np.where(near, whole, r)
-        exact = np.abs(out - np.round(out)) == 0.0
-        u, _, vt = np.linalg.svd(out)
-        out = np.where(exact, np.round(out), u @ vt)
-        self.entries += int(near.sum())
+        if np.abs(out @ out.T - np.eye(3)).max() > 0.0:
+            u, _, vt = np.linalg.svd(out)
+            polar = u @ vt
+            alone = np.abs(out) * (np.abs(polar - out) < 1e-15)
+            out = np.where((np.abs(polar) < 1e-15) | (alone == 1.0), out, polar)
+        self.entries += int(np.count_nonzero(out != r))
         self.largest = max(self.largest, float(np.abs(out - r).max()))
         return out
 
@@ -93,6 +97,7 @@ def pinocchio_model(
     except (RuntimeError, ValueError) as error:
         raise InputError(f"{urdf.source}: Pinocchio refuses it: {error}") from error
     model.name = urdf.name
+    _give_links_their_inertia(model, urdf)
     for name, (link, xyz, rpy) in frames.items():
         if name in [f.name for f in model.frames]:
             raise InputError(f"frame '{name}' is in {urdf.source} already; choose another name")
@@ -107,7 +112,7 @@ def pinocchio_model(
         at = model.frames[parent]
         xx, xy, yy, xz, yz, zz = load.inertia
         matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        inertia = pin.Inertia(load.mass, np.array(load.cg, dtype=float), matrix)
+        inertia = _body(load.mass, np.array(load.cg, dtype=float), matrix)
         frame = pin.Frame(f"payload {k + 1}", at.parentJoint, parent, at.placement, pin.FrameType.BODY, inertia)
         model.addFrame(frame, True)
     cleaning = Cleaning()
@@ -123,6 +128,30 @@ def pinocchio_model(
             values[np.abs(values) > _UNLIMITED] = -math.inf
             setattr(model, name, values)
     return model, cleaning
+
+
+def _give_links_their_inertia(model: Any, urdf: Urdf) -> None:
+    """Keep each link's own inertia with its frame: Pinocchio's reader keeps only the sum over a joint's links."""
+    import pinocchio as pin
+
+    for frame in model.frames:
+        frame.inertia = pin.Inertia.Zero()
+        link = urdf.links.get(frame.name) if frame.type == pin.FrameType.BODY else None
+        if link is not None and link.inertial is not None:
+            i = link.inertial
+            turn = pin.rpy.rpyToMatrix(*i.rpy)
+            xx, xy, xz, yy, yz, zz = i.inertia
+            about_cg = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            frame.inertia = _body(i.mass, np.array(i.xyz), turn @ about_cg @ turn.T)
+
+
+def _body(mass: float, lever: Any, about_cg: Any) -> Any:
+    """A pinocchio.Inertia; its own constructor refuses what real URDFs hold (check_urdf is there to say so)."""
+    import pinocchio as pin
+
+    inertia = pin.Inertia.Zero()
+    inertia.mass, inertia.lever, inertia.inertia = float(mass), lever, about_cg
+    return inertia
 
 
 def frame_index(model: Any, name: str, kind: str) -> int:
@@ -143,21 +172,18 @@ def _clean(model: Any, cleaning: Cleaning) -> None:
 
     def inertia(i: Any) -> Any:
         spread = float(np.trace(i.inertia))
-        return pin.Inertia(i.mass, cleaning.numbers(i.lever, 1.0), cleaning.numbers(i.inertia, spread))
+        return _body(i.mass, cleaning.numbers(i.lever, 1.0), cleaning.numbers(i.inertia, spread))
 
     for j in range(1, model.njoints):
         model.jointPlacements[j] = placed(model.jointPlacements[j])
     bodies = [pin.Inertia.Zero() for _ in range(model.njoints)]
-    heavy = [0] * model.njoints
     for frame in model.frames:
         frame.placement = placed(frame.placement)
         frame.inertia = inertia(frame.inertia)
         if frame.inertia.mass > 0.0 or np.any(frame.inertia.inertia):
             bodies[frame.parentJoint] += frame.placement.act(frame.inertia)
-            heavy[frame.parentJoint] += 1
     for j in range(1, model.njoints):
-        if heavy[j]:
-            model.inertias[j] = inertia(bodies[j])
+        model.inertias[j] = inertia(bodies[j])
 
 
 def _placement(m: Any) -> dict[str, list[float]]:

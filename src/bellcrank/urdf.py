@@ -20,10 +20,10 @@ UNLIMITED = 1e300  # in pinocchio_xml: stands for "no limit", as Pinocchio's rea
 
 @dataclass(frozen=True)
 class Urdf:
-    """A robot description that is a tree: links and joints by name (in the order of the file) and the root link.
+    """A robot description that is a tree: links and joints by name, in the order of the file, and the root.
 
-    An Urdf that exists has one root, every link reached from it once, finite numbers, masses of 0 or more, unit axes,
-    and mimic joints that each follow an independent joint (chains of mimics are resolved).
+    An Urdf that exists has one root, every link reached from it once, finite numbers, masses of 0 or more,
+    unit axes, and mimic joints that each follow an independent joint (chains of mimics are resolved).
     """
 
     name: str
@@ -47,8 +47,9 @@ class Urdf:
     def pinocchio_xml(self) -> str:
         """The kinematic and inertial part as a URDF text for ``pinocchio.buildModelFromXML``.
 
-        Continuous joints become revolute, so that every one-degree-of-freedom joint has one coordinate; a limit that
-        the file does not give is ±UNLIMITED (1e300). Shapes, transmissions and simulator elements are left out.
+        Continuous joints become revolute, so that every one-degree-of-freedom joint has one coordinate; a
+        limit that the file does not give is ±UNLIMITED (1e300). Shapes, transmissions and simulator elements
+        are left out.
         """
         lines = [f"<robot name={quoteattr(self.name)}>"]
         for link in self.links.values():
@@ -60,9 +61,10 @@ class Urdf:
 def read_urdf(path: str | Path) -> Urdf:
     """Read and check a URDF file.
 
-    Raises InputError, one sentence with file, element and line, where the file is missing, empty, truncated or not XML,
-    holds no robot, is no tree (two roots, a loop, a link with two parents, an unknown or repeated name), or gives a
-    value that no robot has (not a number, NaN, negative mass, zero axis, a mimic that follows nothing).
+    Raises InputError, one sentence with file, element and line, where the file is missing, empty, truncated
+    or not XML, holds no robot, is no tree (two roots, a loop, a link with two parents, an unknown or repeated
+    name), or gives a value that no robot has (not a number, NaN, negative mass, zero axis, a mimic that
+    follows nothing).
     """
     source = Path(path)
     return Urdf.from_text(read_text(source), source)
@@ -70,7 +72,7 @@ def read_urdf(path: str | Path) -> Urdf:
 
 @dataclass(frozen=True)
 class Reading:
-    """What could be read from a text: the Urdf, or None with every reason found (at least one) why there is none.
+    """What could be read from a text: the Urdf, or None with every reason found (at least one) why not.
 
     ``links`` and ``joints`` are those that could be read, also where there is no Urdf.
     """
@@ -87,7 +89,8 @@ def reading_of(text: str, source: str | Path) -> Reading:
     problems: list[InputError] = []
 
     def fail(message: str) -> InputError:
-        return InputError(f"{source}: {message}")
+        printable = "".join(c if c.isprintable() else " " for c in message)
+        return InputError(f"{source}: {printable}")
 
     try:
         robot = parse_xml(text, source)
@@ -169,10 +172,16 @@ def _root(links: dict[str, Link], joints: dict[str, Joint], fail: Callable[[str]
         children[joint.parent].append(joint.child)
     roots = [name for name in links if name not in above]
     if not roots:
-        raise fail(f"there is no root link: the joints {_loop(next(iter(links)), above)} form a loop; cut it at one of them")
+        raise fail(
+            f"there is no root link: the joints {_loop(next(iter(links)), above)} form a loop; cut it at "
+            f"one of them"
+        )
     if len(roots) > 1:
         named = ", ".join(f"'{root}'" for root in roots[:5]) + (", …" if len(roots) > 5 else "")
-        raise fail(f"there are {len(roots)} root links ({named}); a robot has one: connect the others to it by joints")
+        raise fail(
+            f"there are {len(roots)} root links ({named}); a robot has one: connect the others to it by "
+            f"joints"
+        )
     reached: set[str] = set()
     waiting = [roots[0]]
     while waiting:
@@ -181,7 +190,9 @@ def _root(links: dict[str, Link], joints: dict[str, Joint], fail: Callable[[str]
         waiting.extend(children[link])
     lost = next((name for name in links if name not in reached), None)
     if lost is not None:
-        raise fail(f"the joints {_loop(lost, above)} form a loop apart from root '{roots[0]}'; cut it at one of them")
+        raise fail(
+            f"the joints {_loop(lost, above)} form a loop apart from root '{roots[0]}'; cut it at one of them"
+        )
     return roots[0]
 
 
@@ -255,7 +266,9 @@ def _joint_xml(joint: Joint) -> str:
         upper = UNLIMITED if joint.upper is None else joint.upper
         effort = UNLIMITED if joint.effort is None else joint.effort
         velocity = UNLIMITED if joint.velocity is None else joint.velocity
-        parts.append(f'<limit lower="{lower!r}" upper="{upper!r}" effort="{effort!r}" velocity="{velocity!r}"/>')
+        parts.append(
+            f'<limit lower="{lower!r}" upper="{upper!r}" effort="{effort!r}" velocity="{velocity!r}"/>'
+        )
         parts.append(f'<dynamics damping="{joint.damping or 0.0!r}" friction="{joint.friction or 0.0!r}"/>')
     if joint.mimic is not None:
         mimic = joint.mimic

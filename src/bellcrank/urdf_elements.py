@@ -52,11 +52,11 @@ class Mimic:
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint of a URDF, at ``xyz`` (m) and ``rpy`` (rad) in its parent link; ``axis`` is a unit vector in its frame.
+    """A joint, at ``xyz`` (m) and ``rpy`` (rad) in its parent link; ``axis`` is a unit vector in its frame.
 
-    Limits are in rad, m, N m, N, rad/s and m/s, None where the file gives none; damping in N m s/rad or N s/m and
-    friction in N m or N, None where not given. ``axis_length`` is the length of the axis as written in the file, and
-    ``reduction`` the mechanicalReduction of the joint's transmission.
+    Limits are in rad, m, N m, N, rad/s and m/s, None where the file gives none; damping in N m s/rad or N s/m
+    and friction in N m or N, None where not given. ``axis_length`` is the length of the axis as written in
+    the file, and ``reduction`` the mechanicalReduction of the joint's transmission.
     """
 
     name: str
@@ -97,7 +97,7 @@ def _inertial(element: Element, where: str, fail: Callable[[str], InputError]) -
     mass_element, inertia_element = element.find("mass"), element.find("inertia")
     if mass_element is None or "value" not in mass_element.attributes:
         raise fail(
-            f"{where} (line {element.line}): <inertial> has no <mass value=\"…\"/>; give the mass in kg, "
+            f'{where} (line {element.line}): <inertial> has no <mass value="…"/>; give the mass in kg, '
             "or leave <inertial> out for a massless link"
         )
     mass = _number(mass_element, "value", f"{where}, <mass>", fail)
@@ -106,7 +106,8 @@ def _inertial(element: Element, where: str, fail: Callable[[str], InputError]) -
     names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     if inertia_element is None:
         raise fail(
-            f"{where} (line {element.line}): <inertial> has no <inertia …/>; give {', '.join(names)} in kg m² "
+            f"{where} (line {element.line}): <inertial> has no <inertia …/>; give {', '.join(names)} in "
+            f"kg m² "
             "about the centre of gravity (all 0 for a point mass)"
         )
     missing = [name for name in names if name not in inertia_element.attributes]
@@ -162,7 +163,11 @@ def reduction_from(element: Element, fail: Callable[[str], InputError]) -> dict[
 def _name(element: Element, fail: Callable[[str], InputError]) -> str:
     name = element.attributes.get("name", "").strip()
     if not name:
-        raise fail(f"the <{element.tag}> in line {element.line} has no name; give it name=\"…\"")
+        raise fail(f'the <{element.tag}> in line {element.line} has no name; give it name="…"')
+    if not name.isprintable():
+        raise fail(
+            f"the <{element.tag}> in line {element.line} has control characters in its name; remove them"
+        )
     return name
 
 
@@ -170,7 +175,7 @@ def _link_named(element: Element, tag: str, where: str, fail: Callable[[str], In
     found = element.find(tag)
     link = found.attributes.get("link", "").strip() if found is not None else ""
     if not link:
-        raise fail(f"{where} (line {element.line}): has no <{tag} link=\"…\"/>; name its {tag} link")
+        raise fail(f'{where} (line {element.line}): has no <{tag} link="…"/>; name its {tag} link')
     return link
 
 
@@ -243,7 +248,8 @@ def _dynamics(
         value = _number(dynamics, key, f"{where}, <dynamics>", fail) if key in dynamics.attributes else None
         if value is not None and value < 0.0:
             raise fail(
-                f"{where}, <dynamics> (line {dynamics.line}): {key} is {value:g}, which would feed energy in; "
+                f"{where}, <dynamics> (line {dynamics.line}): {key} is {value:g}, which would feed energy "
+                f"in; "
                 "expected 0 or more"
             )
         values.append(value)
@@ -256,7 +262,7 @@ def _mimic(element: Element, where: str, fail: Callable[[str], InputError]) -> M
         return None
     leader = mimic.attributes.get("joint", "").strip()
     if not leader:
-        raise fail(f"{where}, <mimic> (line {mimic.line}): does not name the joint to follow; give joint=\"…\"")
+        raise fail(f'{where}, <mimic> (line {mimic.line}): does not name the joint to follow; give joint="…"')
     multiplier = _number(mimic, "multiplier", f"{where}, <mimic>", fail, default=1.0)
     return Mimic(leader, multiplier, _number(mimic, "offset", f"{where}, <mimic>", fail, default=0.0))
 
@@ -265,7 +271,7 @@ def _vector(element: Element, key: str, where: str, fail: Callable[[str], InputE
     words = element.attributes.get(key, "0 0 0").split()
     if len(words) != 3:
         raise fail(
-            f"{where} (line {element.line}): {key}=\"{element.attributes[key]}\" has {len(words)} numbers; "
+            f"{where} (line {element.line}): {key}={element.attributes[key]!r} has {len(words)} numbers; "
             "expected 3, separated by blanks"
         )
     x, y, z = (_parse(word, f"{where}, {key}", element.line, fail) for word in words)
@@ -296,7 +302,9 @@ def _parse(
             "xacro robot.urdf.xacro > robot.urdf"
         )
     if text.lower().lstrip("+-") in ("nan", "inf", "infinity"):
-        raise fail(f"{where} (line {line}): is {text!r}; a finite number was expected (leave a limit out for none)")
+        raise fail(
+            f"{where} (line {line}): is {text!r}; a finite number was expected (leave a limit out for none)"
+        )
     if not NUMBER.fullmatch(text):
         raise fail(f"{where} (line {line}): {text[:40]!r} is not a number; a number in SI units was expected")
     value = float(text)

@@ -80,8 +80,18 @@ def sincos(lanes: Lanes, tag: str, x: str, fused: bool) -> tuple[list[str], str,
     shifted = fma("shifted", x, lanes.number(_TWO_OVER_PI), lanes.number(_ROUND))
     k = put("k", f"fsub {d} {shifted}, {lanes.number(_ROUND)}")
     r = x
-    for j, part in enumerate(_FUSED if fused else _SHORT):
-        r = fma(f"r{j}", k, lanes.number(-part), r)
+    if fused:
+        for j, part in enumerate(_FUSED):
+            r = fma(f"r{j}", k, lanes.number(-part), r)
+    else:  # the products of the first two parts are exact; what the second subtraction rounds off is carried along
+        first = fma("r0", k, lanes.number(-_SHORT[0]), r)
+        second = put("p1", f"fmul {d} {k}, {lanes.number(_SHORT[1])}")
+        high = put("high", f"fsub {d} {first}, {second}")
+        low = put("low0", f"fsub {d} {first}, {high}")
+        low = put("low1", f"fsub {d} {low}, {second}")
+        for j, part in enumerate(_SHORT[2:]):
+            low = fma(f"low{j + 2}", k, lanes.number(-part), low)
+        r = put("r", f"fadd {d} {high}, {low}")
     z = put("z", f"fmul {d} {r}, {r}")
     # Estrin's scheme would be shorter in depth; Horner's has fewer operations, and lanes hide its depth.
     s = lanes.number(_SIN[0])
@@ -94,10 +104,16 @@ def sincos(lanes: Lanes, tag: str, x: str, fused: bool) -> tuple[list[str], str,
         c_ = fma(f"c{j}", c_, z, lanes.number(c))
     half = fma("half", z, lanes.number(-0.5), lanes.number(1.0))
     zz = put("zz", f"fmul {d} {z}, {z}")
-    cosine = fma("cosine", zz, c_, half)
+    if fused:
+        cosine = fma("cosine", zz, c_, half)
+    else:  # the rounding of 1 - z/2 is added back: without fused operations it would cost half an ulp too much
+        lost = put("lost", f"fsub {d} {lanes.number(1.0)}, {half}")
+        lost = fma("lost.z", z, lanes.number(-0.5), lost)
+        tail = fma("tail", zz, c_, lost)
+        cosine = put("cosine", f"fadd {d} {half}, {tail}")
     bits = put("bits", f"bitcast {d} {shifted} to {i}")
-    low = put("low", f"and {i} {bits}, {lanes.whole(1)}")
-    odd = put("odd", f"icmp ne {i} {low}, {'zeroinitializer' if lanes.width > 1 else '0'}")
+    parity = put("parity", f"and {i} {bits}, {lanes.whole(1)}")
+    odd = put("odd", f"icmp ne {i} {parity}, {'zeroinitializer' if lanes.width > 1 else '0'}")
     s0 = put("s.swapped", f"select {b} {odd}, {d} {cosine}, {d} {sine}")
     c0 = put("c.swapped", f"select {b} {odd}, {d} {sine}, {d} {cosine}")
     up = put("up", f"shl {i} {bits}, {lanes.whole(62)}")

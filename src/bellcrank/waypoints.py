@@ -1,8 +1,11 @@
-"""Motions through given postures: a quintic spline, smooth to the fourth derivative (so to the acceleration)."""
+"""Motions through given postures: a quintic spline, smooth to the fourth derivative (so to the
+acceleration).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,28 +27,35 @@ def waypoints(
 ) -> Motion:
     """Motion through `positions` at `times` (s), at rest (velocity and acceleration 0) at both ends.
 
-    The interpolation is the quintic spline with simple knots at the waypoints: four times continuously differentiable,
-    each polynomial of degree 5 (C. de Boor, A Practical Guide to Splines). Each position is (nq,) in rad or m, or a
-    dict of joint positions (joints left out stand at their neutral position). The motion has at least `samples` rows,
-    every waypoint among them. Raises InputError.
+    The interpolation is the quintic spline with simple knots at the waypoints: four times continuously
+    differentiable, each polynomial of degree 5 (C. de Boor, A Practical Guide to Splines). Each position is
+    (nq,) in rad or m, or a dict of joint positions (joints left out stand at their neutral position). The
+    motion has at least `samples` rows, every waypoint among them. Raises InputError.
     """
     title = f"motion '{name}'"
     knots = checked_times(title, times, "waypoint")
     if len(positions) != len(knots):
-        raise InputError(f"{title}: {len(knots)} times but {len(positions)} positions; expected one position a time")
+        raise InputError(
+            f"{title}: {len(knots)} times but {len(positions)} positions; expected one position a time"
+        )
     points = np.stack([np.asarray(robot.posture(point), dtype=np.float64) for point in positions])
     time = spread(knots, checked_samples(title, samples))
-    q, v, a = interpolate(robot.joints, knots, points, time, rest=True)
+    try:
+        q, v, a = interpolate(robot.joints, knots, points, time, rest=True)
+    except InputError as error:
+        raise InputError(f"{title}: {error}") from None
     return Motion(robot.joints, time, q, v, a, name, limit_notes(robot, name, time, q))
 
 
 def interpolate(
     joints: Sequence[JointLike], knots: Array, points: Array, times: Array, rest: bool
 ) -> tuple[Array, Array, Array]:
-    """Position, velocity and acceleration at `times` of the quintic spline through `points` (k, nq) at `knots` (k,).
+    """Position, velocity and acceleration at `times` of the quintic spline through `points` (k, nq) at
+    `knots` (k,).
 
-    With `rest` velocity and acceleration are zero at both ends; without, the ends are not-a-knot (nothing is assumed),
-    and fewer than six points take the polynomial through all of them. Rotation numbers are normalised.
+    With `rest` velocity and acceleration are zero at both ends; without, the ends are not-a-knot (nothing is
+    assumed), and fewer than six points take the polynomial through all of them. Rotation numbers are
+    normalised.
     """
     smooth = points * continuous(joints, points)
     spline = _spline(knots, smooth, rest)
@@ -67,13 +77,18 @@ def derivative(knots: Array, values: Array) -> Array:
 def _spline(knots: Array, values: Array, rest: bool) -> Any:
     from scipy.interpolate import make_interp_spline
 
-    if rest:
-        still = np.zeros(values.shape[1])
-        ends = [(1, still), (2, still)]
-        return make_interp_spline(knots, values, k=5, bc_type=(ends, ends))
-    if len(knots) >= 6:
-        return make_interp_spline(knots, values, k=5)
-    return _Through(knots, values)
+    still = np.zeros(values.shape[1])
+    ends = [(1, still), (2, still)]
+    try:
+        if rest:
+            return make_interp_spline(knots, values, k=5, bc_type=(ends, ends))
+        return make_interp_spline(knots, values, k=5) if len(knots) >= 6 else _Through(knots, values)
+    except (ValueError, np.linalg.LinAlgError):
+        least = float(np.min(np.diff(knots)))
+        raise InputError(
+            f"no smooth curve passes through {len(knots)} points whose times lie as close as {least:.3g} s; "
+            "leave some of them out"
+        ) from None
 
 
 class _Through:
@@ -93,7 +108,7 @@ class _Through:
 def spread(knots: Array, samples: int) -> Array:
     """At least `samples` times, evenly spaced between each two knots and with every knot among them."""
     parts = []
-    for begin, end in zip(knots[:-1], knots[1:], strict=True):
+    for begin, end in pairwise(knots.tolist()):
         steps = max(1, int(np.ceil((samples - 1) * (end - begin) / (knots[-1] - knots[0]) - 1e-9)))
         parts.append(begin + (end - begin) * (np.arange(steps) / steps))
     return np.concatenate([*parts, knots[-1:]])
@@ -112,13 +127,18 @@ def checked_times(title: str, times: Any, what: str) -> Array:
     if np.any(np.diff(knots) <= 0.0):
         k = int(np.argmax(np.diff(knots) <= 0.0))
         raise InputError(
-            f"{title}: time must increase from {what} to {what}, but {knots[k + 1]:g} s follows {knots[k]:g} s"
+            f"{title}: time must increase from {what} to {what}, but {knots[k + 1]:g} s follows {knots[k]:g} "
+            "s"
         )
     return knots
 
 
 def checked_samples(title: str, samples: Any) -> int:
     """A number of samples of at least 2; InputError otherwise."""
-    if isinstance(samples, bool) or not isinstance(samples, int | np.integer) or not 2 <= samples <= 10_000_000:
+    if (
+        isinstance(samples, bool)
+        or not isinstance(samples, int | np.integer)
+        or not 2 <= samples <= 10_000_000
+    ):
         raise InputError(f"{title}: samples must be a whole number from 2 to 10000000, got {samples!r}")
     return int(samples)

@@ -1,4 +1,4 @@
-"""A strict, line-numbered reading of small XML files, by Python's own expat: no repairs, no entities, no network."""
+"""A strict, line-numbered reading of XML by Python's own expat: no repairs, no entities, no network."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from xml.parsers import expat
 
 from bellcrank.errors import InputError
 
+ENDS_TOO_EARLY = (3, 5, 6, 20)  # expat's codes: no element, unclosed token, partial character, unclosed CDATA
 MOST_DEPTH = 200  # nesting beyond this is no robot description
 
 
 @dataclass(slots=True)
 class Element:
-    """One XML element: tag (prefix kept, as in ``xacro:macro``), attributes, children, text and line (from 1)."""
+    """One XML element: tag (with its prefix, as in ``xacro:macro``), attributes, children, text and line."""
 
     tag: str
     attributes: dict[str, str]
@@ -43,7 +44,7 @@ class Element:
 def read_text(path: Path) -> str:
     """The text of an XML file, decoded as its declaration says (UTF-8 without one).
 
-    Raises InputError where the file is missing, unreadable, empty or not text.
+    Raises InputError where the file is missing, unreadable or not text.
     """
     try:
         raw = path.read_bytes()
@@ -54,12 +55,12 @@ def read_text(path: Path) -> str:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{path}: cannot be read ({reason}); check the path and its permissions") from None
-    if not raw.strip():
-        raise InputError(f"{path}: the file is empty; an XML file with a <robot> element was expected")
     if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
         encoding = "utf-16"
     else:
-        declared = re.match(rb"(?:\xef\xbb\xbf)?\s*<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']", raw)
+        declared = re.match(
+            rb"(?:\xef\xbb\xbf)?\s*<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']", raw
+        )
         encoding = declared.group(1).decode("ascii") if declared else "utf-8"
     if encoding.lower().replace("_", "-") in ("utf-8", "utf8"):
         encoding = "utf-8-sig"
@@ -74,9 +75,11 @@ def read_text(path: Path) -> str:
 def parse_xml(text: str, source: Path | str) -> Element:
     """The root element of an XML text.
 
-    Raises InputError, naming the line, where the text is not well-formed XML (truncated, mismatched tags, …),
-    is nested too deeply or declares entities of its own.
+    Raises InputError, naming the line, where the text is empty or not well-formed XML (truncated, mismatched
+    tags, …), is nested too deeply or declares entities of its own.
     """
+    if not text.strip("\ufeff \t\r\n"):
+        raise InputError(f"{source}: the file is empty; an XML file with a <robot> element was expected")
     parser = expat.ParserCreate("utf-8")
     parser.buffer_text = True
     roots: list[Element] = []
@@ -114,14 +117,17 @@ def parse_xml(text: str, source: Path | str) -> Element:
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code)
         where = f"{source}: line {error.lineno}"
-        if not roots:
-            raise InputError(f"{where}: is not XML ({reason}); a <robot> element was expected") from None
-        if open_elements and parser.ErrorCode in (3, 5) and parser.CurrentByteIndex >= len(text.encode()) - 1:
+        at_end = error.code in ENDS_TOO_EARLY
+        if at_end and open_elements:
             last = open_elements[-1]
             raise InputError(
                 f"{where}: the file ends before <{last.tag}> (line {last.line}) is closed ({reason}); "
                 "is it truncated?"
             ) from None
+        if at_end:
+            raise InputError(f"{where}: the file ends too early ({reason}); is it truncated?") from None
+        if not roots:
+            raise InputError(f"{where}: is not XML ({reason}); a <robot> element was expected") from None
         raise InputError(f"{where}: is not well-formed XML ({reason}); mend it there") from None
     except UnicodeError:
         raise InputError(f"{source}: holds characters that are not valid in XML; save it as UTF-8") from None

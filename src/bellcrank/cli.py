@@ -1,0 +1,54 @@
+"""The command `bellcrank`: each subcommand is a module with `add_arguments` and `run`."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+from bellcrank import __version__
+from bellcrank.errors import BellcrankError
+
+_COMMANDS = {
+    "size": "size the motors of a robot over its motions",
+    "verify": "compare compiled dynamics with a textbook's analytic equations",
+    "check": "say what is wrong with a URDF before it bites",
+    "robots": "list the robots and cards that can be named",
+    "bench": "time the compiled dynamics beside Pinocchio and generated C",
+}
+
+
+def _module(name: str) -> str:
+    return f"bellcrank.commands_{name}"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns 0 (done, or all well), 1 (the answer is no) or 2 (bad input)."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    parser = argparse.ArgumentParser(
+        prog="bellcrank",
+        description="Size motors and simulate robots from a URDF.",
+        epilog="exit codes: 0 done, 1 the answer is no, 2 bad input",
+    )
+    parser.add_argument("--version", action="version", version=f"bellcrank {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name, summary in _COMMANDS.items():
+        sub = commands.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
+        if given[:1] == [name]:  # only the chosen command's module is loaded, so that help is quick
+            importlib.import_module(_module(name)).add_arguments(sub)
+    try:
+        parsed = parser.parse_args(given)
+        status: int = importlib.import_module(_module(parsed.command)).run(parsed)
+        sys.stdout.flush()
+        return status
+    except BellcrankError as error:
+        print(f"bellcrank: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("bellcrank: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:  # the reader of a pipe has gone: nobody is left to tell
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0

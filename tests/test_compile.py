@@ -1,0 +1,175 @@
+"""From graph to machine code: every operation, every target, and a cache that never breaks a run."""
+
+import os
+import stat
+import subprocess
+import sys
+
+import casadi
+import numpy as np
+import pytest
+
+import bellcrank as bc
+from bellcrank import cache, machine
+from bellcrank.compile import compiled
+from bellcrank.errors import CompileError, InputError
+
+TARGETS = ["native", "avx2", "baseline"]
+
+
+def every_operation():
+    x = casadi.SX.sym("x", 2)
+    a, b = x[0], x[1]
+    unary = [casadi.exp, casadi.log, casadi.sqrt, casadi.sin, casadi.cos, casadi.tan, casadi.asin, casadi.acos, casadi.atan,
+             casadi.sinh, casadi.cosh, casadi.tanh, casadi.floor, casadi.ceil, casadi.fabs, casadi.sign, casadi.log1p,
+             casadi.expm1]  # fmt: skip
+    binary = [a + b, a - b, a * b, a / b, a**b, a**3.5, casadi.fmin(a, b), casadi.fmax(a, b), casadi.atan2(a, b),
+              casadi.hypot(a, b), casadi.fmod(a, b), casadi.copysign(a, -b), -a, 1 / a, 2 * a, a * a]  # fmt: skip
+    logic = [a < b, a <= b, a == b, a != b, casadi.logic_not(a < b), casadi.logic_and(a < b, a < 0.5),
+             casadi.logic_or(a < b, a < 0.5), casadi.if_else(a < b, a, b)]  # fmt: skip
+    return casadi.Function("all", [x], [casadi.vertcat(*[f(a) for f in unary], *binary, *logic)])
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_every_operation_equals_casadis_own_interpreter(target, monkeypatch):
+    monkeypatch.setenv("BELLCRANK_TARGET", target)
+    function = every_operation()
+    code = compiled("all", ("test",), lambda: function)
+    x = np.random.default_rng(2).uniform(0.05, 0.95, (37, 2))
+    expected = np.array(function(x.T)).T
+    np.testing.assert_allclose(code(x), expected, rtol=2e-15, atol=1e-16)
+    np.testing.assert_allclose(code(x[0]), expected[0], rtol=2e-15, atol=1e-16)
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_every_target_gives_the_same_dynamics(target, monkeypatch):
+    robot = bc.load_robot("panda", friction="none")
+    random = np.random.default_rng(1)
+    q, v, a = (random.normal(size=(50, n)) for n in (robot.nq, robot.nv, robot.nv))
+    expected = robot.inverse_dynamics(q, v, a)
+    monkeypatch.setenv("BELLCRANK_TARGET", target)
+    np.testing.assert_allclose(robot.inverse_dynamics(q, v, a), expected, atol=1e-12)
+
+
+def test_an_unknown_target_is_named(monkeypatch):
+    monkeypatch.setenv("BELLCRANK_TARGET", "avx3")
+    with pytest.raises(InputError, match="BELLCRANK_TARGET: there is no target 'avx3'.*avx2"):
+        machine.target()
+
+
+def test_structural_zeros_of_an_output_are_written():
+    x = casadi.SX.sym("x", 1)
+    sparse = casadi.SX(3, 1)
+    sparse[1] = x * 2
+    code = compiled("sparse", ("test",), lambda: casadi.Function("sparse", [x], [sparse]))
+    assert code(np.array([4.0])).tolist() == [0.0, 8.0, 0.0]
+    assert code(np.full((9, 1), 4.0)).tolist() == [[0.0, 8.0, 0.0]] * 9
+
+
+def test_a_single_sample_is_repeated_over_a_batch():
+    x, y = casadi.SX.sym("x", 2), casadi.SX.sym("y", 3)
+    code = compiled("mixed", ("test",), lambda: casadi.Function("mixed", [x, y], [casadi.sum1(x) * y]))
+    batch = np.arange(30.0).reshape(10, 3)
+    np.testing.assert_array_equal(code(np.array([1.0, 2.0]), batch), 3 * batch)
+
+
+def test_arrays_of_the_wrong_shape_are_refused():
+    x = casadi.SX.sym("x", 2)
+    code = compiled("shape", ("test",), lambda: casadi.Function("shape", [x], [x]))
+    with pytest.raises(InputError, match=r"shape \(3,\), expected \(2,\) or \(n, 2\)"):
+        code(np.zeros(3))
+    with pytest.raises(InputError, match="takes 1 arrays, 2 were given"):
+        code(np.zeros(2), np.zeros(2))
+
+
+def test_an_operation_without_machine_code_is_a_clear_error():
+    x = casadi.SX.sym("x", 1)
+    code = compiled("erf", ("test",), lambda: casadi.Function("erf", [x], [casadi.erf(x)]))
+    with pytest.raises(CompileError, match="cannot be compiled"):
+        code(np.zeros(1))
+
+
+# ---- the cache
+
+
+def torque():
+    robot = bc.load_robot("planar_2r", friction="none")
+    return robot.inverse_dynamics(np.ones((20, 2)), np.ones((20, 2)), np.ones((20, 2)))
+
+
+def test_a_second_process_loads_neither_pinocchio_nor_casadi(fresh_cache):
+    script = (
+        "import sys, numpy, bellcrank\n"
+        "r = bellcrank.load_robot('ur5')\n"
+        "r.inverse_dynamics(numpy.zeros((20, 6)), numpy.zeros((20, 6)), numpy.zeros((20, 6)))\n"
+        "print(sorted({'pinocchio', 'casadi', 'yourdfpy', 'bellcrank._trace'} & set(sys.modules)))\n"
+    )
+    outputs = [
+        subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout for _ in range(2)
+    ]
+    assert "pinocchio" in outputs[0] and outputs[1].strip() == "[]"
+
+
+def test_the_cache_folder_is_the_users_alone(fresh_cache):
+    torque()
+    assert stat.S_IMODE(fresh_cache.stat().st_mode) == 0o700
+    assert any(p.name.startswith("object-") for p in fresh_cache.iterdir())
+
+
+@pytest.mark.parametrize("damage", ["truncate", "flip", "empty", "garbage", "directory"])
+def test_damaged_entries_are_made_anew(fresh_cache, damage):
+    expected = torque()
+    for path in list(fresh_cache.iterdir()):
+        data = bytearray(path.read_bytes())
+        if damage == "truncate":
+            path.write_bytes(data[: len(data) // 2])
+        elif damage == "flip":
+            data[-10] ^= 0xFF
+            path.write_bytes(data)
+        elif damage == "empty":
+            path.write_bytes(b"")
+        elif damage == "garbage":
+            path.write_bytes(os.urandom(3000))
+        else:
+            path.unlink()
+            path.mkdir()
+    np.testing.assert_array_equal(torque(), expected)
+
+
+def test_well_signed_nonsense_is_made_anew(fresh_cache):
+    expected = torque()
+    for path in list(fresh_cache.iterdir()):
+        cache.store(path.name, b"\x7fELF but not really")
+    np.testing.assert_array_equal(torque(), expected)
+    for path in list(fresh_cache.iterdir()):
+        if not path.name.startswith("object-"):
+            cache.store(path.name, b'{"inputs": "many", "outputs": [2], "objects": []}')
+    np.testing.assert_array_equal(torque(), expected)
+
+
+def test_code_for_another_processor_is_not_used(fresh_cache, monkeypatch):
+    ir = "define i32 @evaluate() {\n  ret i32 0\n}\n"
+    keys = set()
+    for name in TARGETS:
+        monkeypatch.setenv("BELLCRANK_TARGET", name)
+        keys.add(machine.object_key(ir, machine.target()))
+    assert len(keys) == len(TARGETS)
+
+
+def test_an_unusable_cache_folder_is_done_without(tmp_path, monkeypatch):
+    file = tmp_path / "file"
+    file.write_text("in the way")
+    for value in (str(file), str(file / "below"), "off"):
+        monkeypatch.setenv("BELLCRANK_CACHE", value)
+        assert cache.folder() is None
+        torque()
+
+
+def test_the_cache_forgets_the_least_recently_used(fresh_cache, monkeypatch):
+    monkeypatch.setattr(cache, "_LIMIT", 1000)
+    for k in range(5):
+        cache.store(f"entry-{k}", bytes(300))
+        os.utime(fresh_cache / f"entry-{k}", (k, k))
+    cache.store("last", bytes(300))
+    left = sorted(p.name for p in fresh_cache.iterdir())
+    assert "last" in left and "entry-0" not in left and len(left) <= 3
