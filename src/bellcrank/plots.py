@@ -106,7 +106,7 @@ def _over_time(robot: Robot, joints: Sequence[RobotJoint], motion: Motion, drive
         _grid(axis)
     axes[-1, 0].set_xlabel("time [s]")
     figure.suptitle(f"{title}: {motion.name}")
-    columns = min(7, max(1, len(joints)))
+    columns = min(6, len(joints))
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=columns, frameon=False,
                   fontsize="small")
     return figure
@@ -118,8 +118,7 @@ def _joint_plane(robot: Robot, joints: Sequence[RobotJoint], motions: Sequence[M
     for axis, joint in zip(axes, joints, strict=False):
         for k, motion in enumerate(motions):
             _, q, v, a = _states(motion)
-            axis.plot(v[:, joint.v], _load(robot, joint, q, v, a, joint.name in drives), color=_colour(k),
-                      linewidth=1.3, label=motion.name)
+            _trace(axis, v[:, joint.v], _load(robot, joint, q, v, a, joint.name in drives), k, motion.name)
         effort, speed = float(robot.effort_limit[joint.v]), float(robot.velocity_limit[joint.v])
         _limit_box(axis, speed, effort)
         linear = joint.kind == "prismatic"
@@ -139,8 +138,7 @@ def _shaft_plane(robot: Robot, joints: Sequence[RobotJoint], motions: Sequence[M
         for k, motion in enumerate(motions):
             _, q, v, a = _states(motion)
             torque = drive.shaft_torque(_load(robot, joint, q, v, a, True), v[:, joint.v], a[:, joint.v])
-            axis.plot(drive.ratio * v[:, joint.v] * rpm, drive.safety_factor * torque, color=_colour(k), linewidth=1.3,
-                      label=motion.name)
+            _trace(axis, drive.ratio * v[:, joint.v] * rpm, drive.safety_factor * torque, k, motion.name)
         speed, torque = np.array([*drive.curve_points, (drive.curve_points[-1][0], 0.0)]).T
         outline = np.concatenate([speed, speed[::-1], -speed, -speed[::-1]]), np.concatenate(
             [torque, -torque[::-1], -torque, torque[::-1]])
@@ -170,6 +168,7 @@ def _finish(figure: Figure, axes: list[Axes], count: int, title: str) -> Figure:
         axis.set_visible(False)
     for axis in axes[:count]:
         _grid(axis)
+        axis.locator_params(axis="x", nbins=7)
         axis.axhline(0.0, color="0.6", linewidth=0.7, zorder=0)
         axis.axvline(0.0, color="0.6", linewidth=0.7, zorder=0)
     entries: dict[str, Any] = {}
@@ -177,9 +176,15 @@ def _finish(figure: Figure, axes: list[Axes], count: int, title: str) -> Figure:
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
     figure.suptitle(title)
-    figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=min(4, len(entries)),
+    figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=min(5, len(entries)),
                   frameon=False, fontsize="small")
     return figure
+
+
+def _trace(axis: Axes, speed: Array, torque: Array, k: int, name: str) -> None:
+    """One motion in a torque-speed plane; its start is marked, so that a joint at rest can be seen too."""
+    axis.plot(speed, torque, color=_colour(k), linewidth=1.3, label=name)
+    axis.plot(speed[:1], torque[:1], color=_colour(k), marker="o", markersize=3.5, linestyle="none")
 
 
 def _limit_box(axis: Axes, speed: float, effort: float) -> None:

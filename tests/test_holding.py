@@ -1,0 +1,95 @@
+"""Holding torques against brute force and against closed forms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from two_link import M1, M2, R1, R2, G, TwoLink
+
+from bellcrank.holding import holding_torques
+from bellcrank.robot import load_robot
+
+SLIDER = """<robot name="slider"><link name="base"/>
+<link name="arm"><inertial><mass value="3"/><origin xyz="0.2 0 0"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="rod"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="turn" type="{kind}"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>{limit}</joint>
+<joint name="slide" type="prismatic"><parent link="arm"/><child link="rod"/><axis xyz="1 0 0"/>{slide}</joint></robot>"""
+
+
+def test_two_link_by_hand() -> None:
+    robot: Any = TwoLink()
+    holding = holding_torques(robot)
+    np.testing.assert_allclose(holding.torque, [G * (M1 * R1 + M2 * (1 + R2)), G * M2 * R2], rtol=1e-12)
+
+
+def test_ranges_are_kept() -> None:
+    robot: Any = TwoLink()
+    robot.lower, robot.upper = np.array([np.radians(60), 0.2]), np.array([np.radians(120), 0.4])
+    holding = holding_torques(robot)
+    grid = np.stack(np.meshgrid(np.linspace(robot.lower[0], robot.upper[0], 201),
+                                np.linspace(0.2, 0.4, 201)), axis=-1).reshape(-1, 2)
+    np.testing.assert_allclose(holding.torque, np.abs(robot.gravity_torque(grid)).max(axis=0), rtol=1e-9)
+    assert np.all((holding.position >= robot.lower - 1e-12) & (holding.position <= robot.upper + 1e-12))
+
+
+@pytest.mark.parametrize("name", ["ur5", "kinova", "panda"])
+def test_no_random_posture_needs_more_and_the_posture_found_needs_as_much(name: str) -> None:
+    robot = load_robot(name, gravity=(2.0, -3.0, -9.0))
+    holding = holding_torques(robot)
+    generator = np.random.default_rng(7)
+    columns = [joint.q for joint in robot.joints]
+    low, high = np.maximum(robot.lower, -np.pi)[columns], np.minimum(robot.upper, np.pi)[columns]
+    postures = low + (high - low) * generator.random((50_000, len(columns)))
+    torque = np.abs(robot.gravity_torque(postures))
+    # Improve the best random posture of each joint by shrinking random steps: an independent search.
+    for k in range(len(columns)):
+        best = postures[torque[:, k].argmax()].copy()
+        for width in np.geomspace(0.5, 1e-5, 40):
+            near = np.clip(best + width * generator.standard_normal((300, len(columns))), low, high)
+            values = np.abs(robot.gravity_torque(near))[:, k]
+            if values.max() > abs(robot.gravity_torque(best)[k]):
+                best = near[values.argmax()]
+        searched = abs(robot.gravity_torque(best)[k])
+        assert searched <= holding.torque[k] * (1 + 1e-12) + 1e-12
+        assert searched == pytest.approx(holding.torque[k], rel=1e-4, abs=1e-6)
+        assert abs(robot.gravity_torque(holding.position[k])[k]) == pytest.approx(holding.torque[k], rel=1e-12, abs=1e-12)
+
+
+def slider(tmp_path: Path, kind: str, slide: str, limit: str = "") -> Any:
+    path = tmp_path / "slider.urdf"
+    path.write_text(SLIDER.format(kind=kind, slide=slide, limit=limit))
+    return load_robot(path)
+
+
+def test_a_sliding_joint_goes_to_its_end(tmp_path: Path) -> None:
+    robot = slider(tmp_path, "continuous", '<limit lower="-0.1" upper="0.8" effort="1" velocity="1"/>')
+    holding = holding_torques(robot)
+    np.testing.assert_allclose(holding.torque, [9.81 * (3 * 0.2 + 2 * 0.8), 9.81 * 2], rtol=1e-12)
+    assert holding.notes == ()
+
+
+def test_a_sliding_joint_without_limits_is_held_at_zero_and_said_so(tmp_path: Path) -> None:
+    holding = holding_torques(slider(tmp_path, "continuous", ""))
+    np.testing.assert_allclose(holding.torque[0], 9.81 * 3 * 0.2, rtol=1e-12)
+    assert "slides without limits" in holding.notes[0]
+
+
+def test_a_joint_that_others_follow(tmp_path: Path) -> None:
+    path = tmp_path / "follow.urdf"
+    body = '<inertial><mass value="1"/><origin xyz="0.5 0 0"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    path.write_text(f"""<robot name="follow"><link name="base"/><link name="a">{body}</link><link name="b">{body}</link>
+<joint name="one" type="continuous"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/></joint>
+<joint name="two" type="continuous"><parent link="a"/><child link="b"/><origin xyz="1 0 0"/><axis xyz="0 1 0"/>
+<mimic joint="one" multiplier="2"/></joint></robot>""")
+    holding = holding_torques(load_robot(path))
+    x = np.linspace(-np.pi, np.pi, 2_000_001)
+    # V = g (0.5 h(x) + h(x) + 0.5 h(3x)), h = −sin; its slope is the torque.
+    assert holding.torque[0] == pytest.approx(np.abs(9.81 * (1.5 * np.cos(x) + 1.5 * np.cos(3 * x))).max(), rel=1e-9)
+
+
+def test_a_mass_tolerance_raises_the_holding_torque() -> None:
+    robot: Any = TwoLink()
+    np.testing.assert_allclose(holding_torques(robot, mass_tolerance=0.1).torque, 1.1 * holding_torques(robot).torque, rtol=1e-12)
