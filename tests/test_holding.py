@@ -29,8 +29,9 @@ def test_ranges_are_kept() -> None:
     robot: Any = TwoLink()
     robot.lower, robot.upper = np.array([np.radians(60), 0.2]), np.array([np.radians(120), 0.4])
     holding = holding_torques(robot)
-    grid = np.stack(np.meshgrid(np.linspace(robot.lower[0], robot.upper[0], 201),
-                                np.linspace(0.2, 0.4, 201)), axis=-1).reshape(-1, 2)
+    grid = np.stack(
+        np.meshgrid(np.linspace(robot.lower[0], robot.upper[0], 201), np.linspace(0.2, 0.4, 201)), axis=-1
+    ).reshape(-1, 2)
     np.testing.assert_allclose(holding.torque, np.abs(robot.gravity_torque(grid)).max(axis=0), rtol=1e-9)
     assert np.all((holding.position >= robot.lower - 1e-12) & (holding.position <= robot.upper + 1e-12))
 
@@ -41,21 +42,26 @@ def test_no_random_posture_needs_more_and_the_posture_found_needs_as_much(name: 
     holding = holding_torques(robot)
     generator = np.random.default_rng(7)
     columns = [joint.q for joint in robot.joints]
-    low, high = np.maximum(robot.lower, -np.pi)[columns], np.minimum(robot.upper, np.pi)[columns]
+    low = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)[columns]
+    high = np.where(np.isfinite(robot.upper), robot.upper, np.pi)[columns]
     postures = low + (high - low) * generator.random((50_000, len(columns)))
     torque = np.abs(robot.gravity_torque(postures))
-    # Improve the best random posture of each joint by shrinking random steps: an independent search.
+    # Improve the best random postures of each joint by shrinking random steps: an independent search.
     for k in range(len(columns)):
-        best = postures[torque[:, k].argmax()].copy()
-        for width in np.geomspace(0.5, 1e-5, 40):
-            near = np.clip(best + width * generator.standard_normal((300, len(columns))), low, high)
-            values = np.abs(robot.gravity_torque(near))[:, k]
-            if values.max() > abs(robot.gravity_torque(best)[k]):
-                best = near[values.argmax()]
-        searched = abs(robot.gravity_torque(best)[k])
+        best = postures[np.argsort(torque[:, k])[-40:]].copy()
+        for width in np.geomspace(1.5, 1e-4, 50):
+            near = np.clip(
+                best[:, None] + width * generator.standard_normal((40, 60, len(columns))), low, high
+            )
+            near = np.concatenate([near, best[:, None]], axis=1)
+            values = np.abs(robot.gravity_torque(near.reshape(-1, len(columns))))[:, k].reshape(40, -1)
+            best = near[np.arange(40), values.argmax(axis=1)]
+        searched = np.abs(robot.gravity_torque(best))[:, k].max()
         assert searched <= holding.torque[k] * (1 + 1e-12) + 1e-12
-        assert searched == pytest.approx(holding.torque[k], rel=1e-4, abs=1e-6)
-        assert abs(robot.gravity_torque(holding.position[k])[k]) == pytest.approx(holding.torque[k], rel=1e-12, abs=1e-12)
+        assert searched == pytest.approx(holding.torque[k], rel=5e-3, abs=1e-3)  # a random search stops short
+        assert abs(robot.gravity_torque(holding.position[k])[k]) == pytest.approx(
+            holding.torque[k], rel=1e-12, abs=1e-12
+        )
 
 
 def slider(tmp_path: Path, kind: str, slide: str, limit: str = "") -> Any:
@@ -87,9 +93,13 @@ def test_a_joint_that_others_follow(tmp_path: Path) -> None:
     holding = holding_torques(load_robot(path))
     x = np.linspace(-np.pi, np.pi, 2_000_001)
     # V = g (0.5 h(x) + h(x) + 0.5 h(3x)), h = −sin; its slope is the torque.
-    assert holding.torque[0] == pytest.approx(np.abs(9.81 * (1.5 * np.cos(x) + 1.5 * np.cos(3 * x))).max(), rel=1e-9)
+    assert holding.torque[0] == pytest.approx(
+        np.abs(9.81 * (1.5 * np.cos(x) + 1.5 * np.cos(3 * x))).max(), rel=1e-9
+    )
 
 
 def test_a_mass_tolerance_raises_the_holding_torque() -> None:
     robot: Any = TwoLink()
-    np.testing.assert_allclose(holding_torques(robot, mass_tolerance=0.1).torque, 1.1 * holding_torques(robot).torque, rtol=1e-12)
+    np.testing.assert_allclose(
+        holding_torques(robot, mass_tolerance=0.1).torque, 1.1 * holding_torques(robot).torque, rtol=1e-12
+    )

@@ -13,8 +13,18 @@ from bellcrank.errors import InputError
 from bellcrank.motion import Motion, dwell, join
 from bellcrank.sizing import size
 
-DRIVE = Drive(ratio=100.0, efficiency=0.8, rotor_inertia=1e-4, gear_inertia=2e-5, rated_torque=3.0, peak_torque=6.0,
-              rated_speed=50.0, max_speed=100.0, safety_factor=1.2, motor_efficiency=0.9)
+DRIVE = Drive(
+    ratio=100.0,
+    efficiency=0.8,
+    rotor_inertia=1e-4,
+    gear_inertia=2e-5,
+    rated_torque=3.0,
+    peak_torque=6.0,
+    rated_speed=50.0,
+    max_speed=100.0,
+    safety_factor=1.2,
+    motor_efficiency=0.9,
+)
 
 
 def lecture_circle(robot: Any, branch: int, samples: int = 1001, name: str = "circle") -> Motion:
@@ -30,8 +40,11 @@ def dense(branch: int, count: int = 400_001) -> Any:
 def test_peaks_are_the_lectures_continuous_extremes(branch: int) -> None:
     robot: Any = TwoLink()
     sizing = size(robot, lecture_circle(robot, branch))
-    found = [value for name in ("shoulder", "elbow")
-             for value in (sizing.joint(name).min_torque, sizing.joint(name).max_torque)]
+    found = [
+        value
+        for name in ("shoulder", "elbow")
+        for value in (sizing.joint(name).min_torque, sizing.joint(name).max_torque)
+    ]
     np.testing.assert_allclose(found, CONTINUOUS[branch], rtol=1e-8)
 
 
@@ -43,7 +56,9 @@ def test_peaks_come_with_the_posture_and_time_they_occur_at() -> None:
         for name in ("max_torque", "min_torque"):
             peak = joint.peaks[name]
             q, v, a = motion.at(peak.time)
-            assert robot.inverse_dynamics(q, v, a)[0, robot.joint_names.index(joint.name)] == pytest.approx(peak.value, rel=1e-9)
+            assert robot.inverse_dynamics(q, v, a)[0, robot.joint_names.index(joint.name)] == pytest.approx(
+                peak.value, rel=1e-9
+            )
             np.testing.assert_allclose(peak.position, q)
 
 
@@ -58,16 +73,22 @@ def test_every_figure_at_the_joint_agrees_with_brute_force(branch: int) -> None:
         power = tau[:, k] * v[:, k]
         mean = lambda x: np.trapezoid(x) / (len(x) - 1)  # noqa: E731
         expected = {
-            "peak_torque": np.abs(tau[:, k]).max(), "rms_torque": np.sqrt(mean(tau[:, k] ** 2)),
-            "peak_speed": np.abs(v[:, k]).max(), "mean_speed": mean(np.abs(v[:, k])),
-            "peak_motoring_power": power.max(), "peak_regenerating_power": -power.min(),
+            "peak_torque": np.abs(tau[:, k]).max(),
+            "rms_torque": np.sqrt(mean(tau[:, k] ** 2)),
+            "peak_speed": np.abs(v[:, k]).max(),
+            "mean_speed": mean(np.abs(v[:, k])),
+            "peak_motoring_power": power.max(),
+            "peak_regenerating_power": -power.min(),
             "peak_power": np.abs(power).max(),
-            "motoring_energy": 10 * mean(np.maximum(power, 0)), "regenerated_energy": 10 * mean(np.maximum(-power, 0)),
+            "motoring_energy": 10 * mean(np.maximum(power, 0)),
+            "regenerated_energy": 10 * mean(np.maximum(-power, 0)),
             "largest_inertia": robot.mass_matrix(q[::40])[:, k, k].max(),
             "peak_bearing_force": np.linalg.norm(wrench[:, k, :3], axis=1).max(),
         }
         for name, value in expected.items():
-            assert getattr(joint, name) == pytest.approx(value, rel=2e-5 if "energy" in name or "mean" in name else 1e-7), name
+            assert getattr(joint, name) == pytest.approx(
+                value, rel=2e-5 if "energy" in name or "mean" in name else 1e-7
+            ), name
         assert joint.peak_tilting_moment == pytest.approx(0.0, abs=1e-12)
         row = np.abs(tau[:, k]).argmax()
         assert joint.friction_share == pytest.approx(abs(0.7 * v[row, k] / tau[row, k]), rel=1e-3)
@@ -89,7 +110,10 @@ def test_shaft_figures_agree_with_brute_force() -> None:
     sizing = size(robot, lecture_circle(robot, 1), {"shoulder": DRIVE})
     q, v, a = dense(1, 100_001)
     load = TwoLink().inverse_dynamics(q, v, a)
-    shaft = np.where(load[:, 0] * v[:, 0] >= 0, load[:, 0] / 80.0, load[:, 0] * 0.8 / 100.0) + 1.2e-4 * 100 * a[:, 0]
+    shaft = (
+        np.where(load[:, 0] * v[:, 0] >= 0, load[:, 0] / 80.0, load[:, 0] * 0.8 / 100.0)
+        + 1.2e-4 * 100 * a[:, 0]
+    )
     found = sizing.joint("shoulder").shaft
     assert found is not None and sizing.joint("elbow").shaft is None
     assert found.peak_torque.value == pytest.approx(np.abs(shaft).max(), rel=1e-8)
@@ -108,12 +132,16 @@ def test_a_mass_tolerance_gives_the_worst_of_all_scaled_masses() -> None:
     robot: Any = TwoLink()
     sizing = size(robot, lecture_circle(robot, -1), mass_tolerance=0.1)
     shares = robot.link_torques(*dense(-1, 20_001))
-    corners = [scale[0] * shares[:, 0] + scale[1] * shares[:, 1]
-               for scale in ((0.9, 0.9), (0.9, 1.1), (1.1, 0.9), (1.1, 1.1))]
+    corners = [
+        scale[0] * shares[:, 0] + scale[1] * shares[:, 1]
+        for scale in ((0.9, 0.9), (0.9, 1.1), (1.1, 0.9), (1.1, 1.1))
+    ]
     for k, joint in enumerate(sizing.joints):
         assert joint.max_torque == pytest.approx(max(tau[:, k].max() for tau in corners), rel=1e-7)
         assert joint.min_torque == pytest.approx(min(tau[:, k].min() for tau in corners), rel=1e-7)
-        assert joint.rms_torque >= max(np.sqrt(np.trapezoid(tau[:, k] ** 2) / 20_000) for tau in corners) * (1 - 1e-6)
+        assert joint.rms_torque >= max(np.sqrt(np.trapezoid(tau[:, k] ** 2) / 20_000) for tau in corners) * (
+            1 - 1e-6
+        )
 
 
 def test_peaks_at_a_jump_of_acceleration_take_the_worse_side() -> None:
@@ -131,14 +159,16 @@ def test_peaks_at_a_jump_of_acceleration_take_the_worse_side() -> None:
     shoulder = sizing.joint("shoulder")
     assert shoulder.max_torque == pytest.approx(max(x[:, 0].max() for x in tau), rel=1e-9)
     assert shoulder.min_torque == pytest.approx(min(x[:, 0].min() for x in tau), rel=1e-9)
-    assert shoulder.rms_torque == pytest.approx(np.sqrt(sum(np.trapezoid(x[:, 0] ** 2, t) for x in tau) / 2), rel=1e-7)
+    assert shoulder.rms_torque == pytest.approx(
+        np.sqrt(sum(np.trapezoid(x[:, 0] ** 2, t) for x in tau) / 2), rel=1e-7
+    )
     assert shoulder.peak_motoring_power == pytest.approx(max(x.max() for x in power), rel=1e-9)
 
 
 def test_coulomb_friction_is_counted_in_full_just_beside_a_reversal() -> None:
     robot: Any = TwoLink(coulomb=5.0)
     time = np.linspace(0.0, 2.0, 21)
-    q = np.stack([0.3 * np.cos(np.pi * time) , 0 * time], axis=1)
+    q = np.stack([0.3 * np.cos(np.pi * time), 0 * time], axis=1)
     v = np.stack([-0.3 * np.pi * np.sin(np.pi * time), 0 * time], axis=1)
     a = np.stack([-0.3 * np.pi**2 * np.cos(np.pi * time), 0 * time], axis=1)
     sizing = size(robot, Motion(robot.joints, time, q, v, a))
@@ -165,7 +195,8 @@ def test_several_motions_give_the_worst_of_each_and_dwells_lower_the_mean() -> N
     assert cycle.joint("elbow").peak_torque == pytest.approx(one.joint("elbow").peak_torque)
     held = robot.gravity_torque(up.position[-1])[0, 1]
     assert cycle.joint("elbow").rms_torque == pytest.approx(
-        np.sqrt((one.joint("elbow").rms_torque ** 2 + held**2) / 2), rel=1e-9)
+        np.sqrt((one.joint("elbow").rms_torque ** 2 + held**2) / 2), rel=1e-9
+    )
 
 
 def test_margins_are_signed_and_absent_without_a_limit() -> None:
@@ -176,7 +207,9 @@ def test_margins_are_signed_and_absent_without_a_limit() -> None:
     sizing = size(robot, lecture_circle(robot, 1))
     shoulder, elbow = sizing.joint("shoulder"), sizing.joint("elbow")
     assert shoulder.effort_margin == pytest.approx(1 - 242.272603138 / 200.0)
-    assert shoulder.velocity_margin is None and elbow.effort_margin is None and shoulder.position_margin is None
+    assert (
+        shoulder.velocity_margin is None and elbow.effort_margin is None and shoulder.position_margin is None
+    )
     assert elbow.velocity_margin is not None and elbow.velocity_margin > 0
     assert elbow.position_margin is not None and elbow.position_margin < 0
     assert not sizing.inside and any("needs 242.3 N m" in text for text in sizing.exceeded)
@@ -193,12 +226,15 @@ def test_warnings_of_motions_are_carried() -> None:
     assert any("moving" in warning for warning in size(robot, lecture_circle(robot, -1)).warnings)
 
 
-@pytest.mark.parametrize(("arguments", "message"), [
-    ({"motions": []}, "there is no motion"),
-    ({"drives": {"sholder": DRIVE}}, "did you mean 'shoulder'"),
-    ({"mass_tolerance": 1.5}, "mass tolerance: expected a share"),
-    ({"mass_tolerance": float("nan")}, "mass tolerance: expected a share"),
-])
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"motions": []}, "there is no motion"),
+        ({"drives": {"sholder": DRIVE}}, "did you mean 'shoulder'"),
+        ({"mass_tolerance": 1.5}, "mass tolerance: expected a share"),
+        ({"mass_tolerance": float("nan")}, "mass tolerance: expected a share"),
+    ],
+)
 def test_bad_arguments_are_named(arguments: dict[str, Any], message: str) -> None:
     robot: Any = TwoLink()
     with pytest.raises(InputError, match=message):

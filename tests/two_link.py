@@ -39,7 +39,9 @@ class TwoLink:
 
     name = "two link"
 
-    def __init__(self, viscous: float = 0.0, coulomb: float = 0.0, rotor: tuple[float, float] = (0.0, 0.0)) -> None:
+    def __init__(
+        self, viscous: float = 0.0, coulomb: float = 0.0, rotor: tuple[float, float] = (0.0, 0.0)
+    ) -> None:
         self.joints = (PlainJoint("shoulder", 0, 0), PlainJoint("elbow", 1, 1))
         self.joint_names = self.all_joint_names = ("shoulder", "elbow")
         self.nq = self.nv = 2
@@ -69,10 +71,16 @@ class TwoLink:
         h = M2 * L1 * R2
         m11 = I2 + M2 * (L1**2 + R2**2) + 2 * h * c2
         m12, m22 = I2 + M2 * R2**2 + h * c2, I2 + M2 * R2**2
-        second = np.stack([
-            m11 * a[:, 0] + m12 * a[:, 1] - h * s2 * (2 * v[:, 0] + v[:, 1]) * v[:, 1]
-            + M2 * G * (L1 * c1 + R2 * c12),
-            m12 * a[:, 0] + m22 * a[:, 1] + h * s2 * v[:, 0] ** 2 + M2 * G * R2 * c12], axis=1)
+        second = np.stack(
+            [
+                m11 * a[:, 0]
+                + m12 * a[:, 1]
+                - h * s2 * (2 * v[:, 0] + v[:, 1]) * v[:, 1]
+                + M2 * G * (L1 * c1 + R2 * c12),
+                m12 * a[:, 0] + m22 * a[:, 1] + h * s2 * v[:, 0] ** 2 + M2 * G * R2 * c12,
+            ],
+            axis=1,
+        )
         return np.stack([first, second], axis=1)
 
     def friction_torque(self, v: Any) -> Any:
@@ -93,8 +101,10 @@ class TwoLink:
         """(n, 2, 2) from unit accelerations."""
         q = np.atleast_2d(q)
         rest = np.zeros_like(q)
-        columns = [(self.link_torques(q, rest, rest + np.eye(2)[k]) - self.link_torques(q, rest, rest)).sum(axis=1)
-                   for k in range(2)]
+        columns = [
+            (self.link_torques(q, rest, rest + np.eye(2)[k]) - self.link_torques(q, rest, rest)).sum(axis=1)
+            for k in range(2)
+        ]
         return np.stack(columns, axis=2) + np.diag(self.rotor_inertia)
 
     def joint_axis(self, name: str) -> Any:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import machine, peers
+from bellcrank.errors import InputError
 from bellcrank.graph import Graph
 from bellcrank.robot import Robot, load_robot
 
@@ -87,7 +88,7 @@ def targets() -> list[str]:
         with _targeting(name):
             try:
                 machine.target()
-            except machine.InputError:
+            except InputError:
                 continue
             usable.append(name)
     return usable or ["native"]

@@ -1,8 +1,9 @@
-"""A robot card: one YAML file that says which URDF, how it is mounted and loaded, how it moves and what drives it.
+"""A robot card: one YAML file that says which URDF, how it is mounted and loaded, how it moves and what
+drives it.
 
-Keys: name, urdf (a path beside the card, or the name of a robot), gravity (m/s²), floating_base, friction ("urdf",
-"none" or {joint: {viscous, coulomb}}), payloads [{mass, frame, cg, inertia}], frames {name: {link, xyz, rpy}},
-motions (see card_motions.py) and drives {joint: {…}} (see drive.py).
+Keys: name, urdf (a path beside the card, or the name of a robot), gravity (m/s²), floating_base, friction
+("urdf", "none" or {joint: {viscous, coulomb}}), payloads [{mass, frame, cg, inertia}], frames {name: {link,
+xyz, rpy}}, motions (see card_motions.py) and drives {joint: {…}} (see drive.py).
 """
 
 from __future__ import annotations
@@ -48,8 +49,14 @@ class Card:
         rotor = {joint: drive.reflected_inertia for joint, drive in self.drives.items()}
         try:
             return load_robot(
-                self.urdf, gravity=self.gravity, floating_base=self.floating_base, friction=self.friction,
-                payloads=(*self.payloads, *extra_payloads), rotor_inertia=rotor, frames=dict(self.frames))
+                self.urdf,
+                gravity=self.gravity,
+                floating_base=self.floating_base,
+                friction=self.friction,
+                payloads=(*self.payloads, *extra_payloads),
+                rotor_inertia=rotor,
+                frames=dict(self.frames),
+            )
         except InputError as error:
             # Without a card of its own the URDF's name is in the message already.
             if self.source == self.urdf or str(error).startswith(str(self.urdf)):
@@ -69,7 +76,8 @@ def names() -> dict[str, Path]:
 
 
 def load_card(path_or_name: str | Path) -> Card:
-    """Read a card from a file or by the name of a shipped one; a URDF (path or name) gives a card without motions.
+    """Read a card from a file or by the name of a shipped one; a URDF (path or name) gives a card without
+    motions.
 
     Raises InputError, one sentence naming file and key.
     """
@@ -103,10 +111,10 @@ def read_card(path: str | Path) -> Card:
     payloads = tuple(_payload(entry) for entry in fields.mappings("payloads"))
     frames = _frames(fields.mapping("frames", {}))
     motions = fields.mapping("motions", {})
-    entries = {key: read_motion_entry(key, motions.mapping(key), path.parent) for key in motions.keys()}
+    entries = {key: read_motion_entry(key, motions.mapping(key), path.parent) for key in motions}
     check_references(entries)
     drives = fields.mapping("drives", {})
-    motors = {joint: drive_from_fields(drives.mapping(joint)) for joint in drives.keys()}
+    motors = {joint: drive_from_fields(drives.mapping(joint)) for joint in drives}
     fields.done()
     return Card(name, path, urdf, gravity, floating, friction, payloads, frames, entries, motors)
 
@@ -137,10 +145,12 @@ def _friction(fields: Fields) -> str | dict[str, tuple[float, float]]:
         return fields.choice("friction", ("urdf", "none"), "urdf")
     table = fields.mapping("friction")
     result = {}
-    for joint in table.keys():
+    for joint in table:
         entry = table.mapping(joint)
-        result[joint] = (entry.number("viscous", "N m s/rad", 0.0, nonnegative=True),
-                         entry.number("coulomb", "N m", 0.0, nonnegative=True))
+        result[joint] = (
+            entry.number("viscous", "N m s/rad", 0.0, nonnegative=True),
+            entry.number("coulomb", "N m", 0.0, nonnegative=True),
+        )
         entry.done()
     return result
 
@@ -150,17 +160,24 @@ def _payload(fields: Fields) -> Payload:
     mass, frame = fields.number("mass", "kg", positive=True), fields.text("frame")
     fields.done()
     try:
-        return Payload(mass, frame, (cg[0], cg[1], cg[2]),
-                       (inertia[0], inertia[1], inertia[2], inertia[3], inertia[4], inertia[5]))
+        return Payload(
+            mass,
+            frame,
+            (cg[0], cg[1], cg[2]),
+            (inertia[0], inertia[1], inertia[2], inertia[3], inertia[4], inertia[5]),
+        )
     except InputError as error:
         raise fields.error("", str(error)) from None
 
 
 def _frames(fields: Fields) -> dict[str, Frame]:
     result = {}
-    for name in fields.keys():
+    for name in fields:
         entry = fields.mapping(name)
-        result[name] = (entry.text("link"), entry.vector("xyz", 3, "m", (0.0,) * 3),
-                        entry.vector("rpy", 3, "rad", (0.0,) * 3))
+        result[name] = (
+            entry.text("link"),
+            entry.vector("xyz", 3, "m", (0.0,) * 3),
+            entry.vector("rpy", 3, "rad", (0.0,) * 3),
+        )
         entry.done()
     return result

@@ -1,16 +1,17 @@
 """The motions of a robot card: read and checked at once, built when asked for.
 
-Kinds and their keys, units as elsewhere (m, rad or "… deg", s):
-circle {frame, center, radius, normal, turns} and line {frame, end, begin}, both with {start, duration, speed,
-acceleration, jerk, profile, orientation, samples}; waypoints {times, positions, samples}; dwell {position, duration};
-csv {file}; join {parts: names of motions, or motions in place}. In a join a part without `start` or `position`
-starts where the part before it ended.
+Kinds and their keys, units as elsewhere (m, rad or "… deg", s): circle {frame, center, radius, normal, turns}
+and line {frame, end, begin}, both with {start, duration, speed, acceleration, jerk, profile, orientation,
+samples}; waypoints {times, positions, samples}; dwell {position, duration}; csv {file}; join {parts: names of
+motions, or motions in place}. In a join a part without `start` or `position` starts where the part before it
+ended.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -36,9 +37,11 @@ class MotionEntry:
     fields: Fields
 
     def build(self, robot: Robot, entries: Mapping[str, MotionEntry], previous: Any = None) -> Motion:
-        """The motion for a robot; `previous` is the posture (nq,) it goes on from. BellcrankError names the place."""
+        """The motion for a robot; `previous` is the posture (nq,) it goes on from. BellcrankError names the
+        place."""
         try:
-            return _BUILD[self.kind](self, robot, entries, previous)
+            motion: Motion = _BUILD[self.kind](self, robot, entries, previous)
+            return motion
         except BellcrankError as error:
             place = str(self.fields.error("", ""))
             if str(error).startswith(self.fields.where):
@@ -119,8 +122,11 @@ def _read_timing(fields: Fields, profile: str) -> dict[str, Any]:
 
 def _read_circle(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
     return _read_timing(fields, "constant") | {
-        "center": fields.vector("center", 3, "m"), "radius": fields.number("radius", "m", positive=True),
-        "normal": fields.vector("normal", 3, "", (0.0, 0.0, 1.0)), "turns": fields.number("turns", "", 1.0)}
+        "center": fields.vector("center", 3, "m"),
+        "radius": fields.number("radius", "m", positive=True),
+        "normal": fields.vector("normal", 3, "", (0.0, 0.0, 1.0)),
+        "turns": fields.number("turns", "", 1.0),
+    }
 
 
 def _read_line(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
@@ -136,11 +142,16 @@ def _read_waypoints(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
     if not isinstance(positions, (list, tuple)):
         raise fields.error("positions", f"expected a list of postures, found {shown(positions)}")
     if len(positions) != len(times):
-        raise fields.error("positions", f"expected one posture for each of the {len(times)} times, found {len(positions)}")
-    if len(times) < 2 or any(b <= a for a, b in zip(times, times[1:], strict=False)):
+        raise fields.error(
+            "positions", f"expected one posture for each of the {len(times)} times, found {len(positions)}"
+        )
+    if len(times) < 2 or any(b <= a for a, b in pairwise(times)):
         raise fields.error("times", "expected at least two times that increase")
-    return {"times": times, "positions": [_posture(fields, "positions", entry) for entry in positions],
-            "samples": fields.integer("samples", 1001, minimum=2)}
+    return {
+        "times": times,
+        "positions": [_posture(fields, "positions", entry) for entry in positions],
+        "samples": fields.integer("samples", 1001, minimum=2),
+    }
 
 
 def _read_dwell(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
@@ -171,7 +182,9 @@ def _read_join(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
     return {"parts": tuple(parts)}
 
 
-def _build_path(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEntry], previous: Any) -> Motion:
+def _build_path(
+    entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEntry], previous: Any
+) -> Motion:
     from . import path
 
     arguments = dict(entry.arguments)
@@ -181,7 +194,9 @@ def _build_path(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEn
     return make(robot, name=entry.name, **arguments)
 
 
-def _build_waypoints(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEntry], previous: Any) -> Motion:
+def _build_waypoints(
+    entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEntry], previous: Any
+) -> Motion:
     from .waypoints import waypoints
 
     arguments = entry.arguments
@@ -189,7 +204,9 @@ def _build_waypoints(entry: MotionEntry, robot: Robot, entries: Mapping[str, Mot
     return waypoints(robot, arguments["times"], positions, samples=arguments["samples"], name=entry.name)
 
 
-def _build_dwell(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEntry], previous: Any) -> Motion:
+def _build_dwell(
+    entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEntry], previous: Any
+) -> Motion:
     from .motion import dwell
 
     position = entry.arguments.get("position", previous)
@@ -204,7 +221,9 @@ def _build_csv(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEnt
     return read_motion(robot, entry.arguments["path"], name=entry.name)
 
 
-def _build_join(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEntry], previous: Any) -> Motion:
+def _build_join(
+    entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEntry], previous: Any
+) -> Motion:
     from .motion import join
 
     motions: list[Motion] = []
@@ -215,8 +234,18 @@ def _build_join(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEn
 
 
 _READ: dict[str, Callable[[Fields, str, Path], dict[str, Any]]] = {
-    "circle": _read_circle, "line": _read_line, "waypoints": _read_waypoints, "dwell": _read_dwell, "csv": _read_csv,
-    "join": _read_join}
+    "circle": _read_circle,
+    "line": _read_line,
+    "waypoints": _read_waypoints,
+    "dwell": _read_dwell,
+    "csv": _read_csv,
+    "join": _read_join,
+}
 _BUILD: dict[str, Callable[[MotionEntry, Any, Mapping[str, MotionEntry], Any], Any]] = {
-    "circle": _build_path, "line": _build_path, "waypoints": _build_waypoints, "dwell": _build_dwell,
-    "csv": _build_csv, "join": _build_join}
+    "circle": _build_path,
+    "line": _build_path,
+    "waypoints": _build_waypoints,
+    "dwell": _build_dwell,
+    "csv": _build_csv,
+    "join": _build_join,
+}

@@ -1,16 +1,12 @@
-"""From an expression graph to LLVM IR: one sample at a time, or a batch in SIMD lanes.
+"""From an expression graph to LLVM IR: the straight-line code of its operations, for any number of lanes.
 
-Both kinds of function are pure and return a status (0). Floating-point expressions may be contracted
-to fused multiply-adds; nothing else is reordered, so infinities, NaN and signs keep their meaning.
+Compiled functions are pure and return a status (0). Floating-point expressions may be contracted to fused
+multiply-adds; nothing else is reordered, so infinities, NaN and signs keep their meaning. Inputs and outputs
+must not overlap. For one sample the function is
 
-    scalar:  i32 evaluate(const double *const *inputs, double *const *outputs)
-    batch:   i32 evaluate(const double *const *inputs, double *const *outputs,
-                          const int64_t *strides, int64_t samples)
+    i32 evaluate(const double *const *inputs, double *const *outputs)
 
-Inputs and outputs must not overlap. In a batch, sample i of input k begins at inputs[k] + i strides[k]
-(0 repeats one sample), outputs are contiguous rows, and there are at least as many samples as lanes: the last
-block overlaps the one before it. Each block is transposed into a buffer with one vector an entry,
-so that the body reads and writes whole vectors.
+and simd.py wraps the same operations for batches.
 """
 
 from __future__ import annotations
@@ -19,7 +15,7 @@ from collections.abc import Iterator
 
 from bellcrank.errors import CompileError
 from bellcrank.graph import Graph
-from bellcrank.vector_math import Lanes, literal, sincos
+from bellcrank.vector_math import Lanes, sincos
 
 _LIBRARY = {  # C library functions, called lane by lane
     "exp": 1, "log": 1, "pow": 2, "constpow": 2, "tan": 1, "asin": 1, "acos": 1, "atan": 1, "atan2": 2, "sinh": 1,
@@ -32,12 +28,13 @@ _INTRINSIC = {"sqrt": "sqrt", "floor": "floor", "ceil": "ceil", "fabs": "fabs", 
 _COMPARE = {"lt": "olt", "le": "ole", "eq": "oeq", "ne": "une"}
 
 
-class _Body:
+class Body:
     """The straight-line code of a graph for one block of lanes, between given loads and stores."""
 
-    def __init__(self, graph: Graph, lanes: Lanes, fused: bool, load: str, store: str) -> None:
+    def __init__(self, graph: Graph, lanes: Lanes, fused: bool, store: str, load: str = "") -> None:
         self.graph, self.lanes, self.fused = graph, lanes, fused
-        self.load, self.store = load, store  # format strings over {k}, {i}, {name}
+        # format strings over {k}, {i}, {name}; without `load` entry i of input k is there already as %in{k}.{i}
+        self.load, self.store = load, store
         self.lines: list[str] = []
         self.library: set[str] = set()
         self.allocas: list[str] = []
@@ -146,7 +143,11 @@ class _Body:
         if op == "const":
             name = lanes.number(node.value)
         elif op == "input":
-            put("  " + self.load.format(k=node.place[0], i=node.place[1], name=name))
+            k, i = node.place
+            if self.load:
+                put("  " + self.load.format(k=k, i=i, name=name))
+            else:
+                name = f"%in{k}.{i}"
         elif op in _ARITHMETIC:
             put(f"  {name} = {_ARITHMETIC[op]} contract {d} {args[0]}, {args[1]}")
         elif op in ("sin", "cos"):
@@ -235,7 +236,7 @@ end:
 }
 """
 
-_METADATA = """
+METADATA = """
 !0 = distinct !{!0}
 !1 = !{!3}
 !2 = !{!"branch_weights", i32 1, i32 100000}
@@ -243,7 +244,8 @@ _METADATA = """
 """
 
 
-def _declarations(library: set[str], lanes: Lanes) -> list[str]:
+def declarations(library: set[str], lanes: Lanes) -> list[str]:
+    """IR declarations of the C library functions and intrinsics that a body may call."""
     lines = []
     for symbol in sorted(library):
         count = _LIBRARY.get(symbol, 1)
@@ -272,164 +274,16 @@ def scalar_ir(graph: Graph, fused: bool) -> str:
         ]
     for k, (size, _) in enumerate(graph.outputs):
         entry += [f"  %out{k}.{i}.p = getelementptr double, ptr %out{k}, i64 {i}" for i in range(size)]
-    body = _Body(
+    body = Body(
         graph, lanes, fused,
-        load="{name} = fadd double %in{k}.{i}, " + literal(-0.0),
         store="store double {name}, ptr %out{k}.{i}.p, !alias.scope !1",
     )  # fmt: skip
     lines = body.write()
     text = ["define i32 @evaluate(ptr noalias %in, ptr noalias %out) {", "entry:"]
     text += body.allocas + entry + ["  br label %body", "body:"] + lines + ["  ret i32 0", "}"]
-    return "\n".join(_declarations(body.library, lanes) + text) + _helpers(body) + _METADATA
+    return "\n".join(declarations(body.library, lanes) + text) + helpers(body) + METADATA
 
 
-def _helpers(body: _Body) -> str:
+def helpers(body: Body) -> str:
+    """The internal functions that the body calls."""
     return _EXACT_SINCOS if "sin" in body.library else ""
-
-
-def _transpose(lanes: Lanes, tag: str, rows: list[str]) -> tuple[list[str], list[str]]:
-    """Eklundh's transposition of a width x width block: log2(width) rounds of two-row shuffles."""
-    width, d = lanes.width, lanes.double
-    lines: list[str] = []
-    rows = list(rows)
-    step = 1
-    while step < width:
-        for i in range(width):
-            if i & step:
-                continue
-            low = [lane if not lane & step else width + lane - step for lane in range(width)]
-            high = [lane + step if not lane & step else width + lane for lane in range(width)]
-            pair = (rows[i], rows[i + step])
-            for half, (row, mask) in enumerate(((i, low), (i + step, high))):
-                name = f"%{tag}.{step}.{row}"
-                picks = ", ".join(f"i32 {m}" for m in mask)
-                lines.append(
-                    f"  {name} = shufflevector {d} {pair[0]}, {d} {pair[1]}, <{width} x i32> <{picks}>"
-                )
-                rows[i + half * step] = name
-        step *= 2
-    return lines, rows
-
-
-def batch_ir(graph: Graph, width: int, fused: bool) -> str:
-    """LLVM IR that evaluates the graph for a batch, `width` samples at a time."""
-    lanes = Lanes(width)
-    d, mask = lanes.double, f"<{width} x i1>"
-    inputs = [k for k, size in enumerate(graph.input_sizes) if size]
-    text: list[str] = []
-    loads: list[str] = []
-    stores: list[str] = []
-    for k in range(len(graph.input_sizes)):
-        text += [
-            f"  %in.at{k} = getelementptr ptr, ptr %in, i64 {k}",
-            f"  %in{k} = load ptr, ptr %in.at{k}",
-            f"  %stride.at{k} = getelementptr i64, ptr %strides, i64 {k}",
-            f"  %stride{k} = load i64, ptr %stride.at{k}",
-        ]
-    for k in range(len(graph.outputs)):
-        text += [f"  %out.at{k} = getelementptr ptr, ptr %out, i64 {k}", f"  %out{k} = load ptr, ptr %out.at{k}"]
-    used = {node.place for node in graph.nodes if node.op == "input"}
-    for k in inputs:
-        size = graph.input_sizes[k]
-        text.append(f"  %soa.in{k} = alloca [{size} x {d}], align 64")
-        rows = []
-        for lane in range(width):
-            loads += [
-                f"  %in{k}.i{lane} = add i64 %at, {lane}",
-                f"  %in{k}.o{lane} = mul i64 %in{k}.i{lane}, %stride{k}",
-                f"  %in{k}.p{lane} = getelementptr double, ptr %in{k}, i64 %in{k}.o{lane}",
-            ]
-        for first in range(0, size, width):
-            count = min(width, size - first)
-            if not any((k, first + c) in used for c in range(count)):
-                continue
-            rows = []
-            bits = ", ".join(f"i1 {'true' if c < count else 'false'}" for c in range(width))
-            for lane in range(width):
-                name = f"%in{k}.c{first}.{lane}"
-                loads.append(f"  {name}.p = getelementptr double, ptr %in{k}.p{lane}, i64 {first}")
-                if count == width:
-                    loads.append(f"  {name} = load {d}, ptr {name}.p, align 8, !noalias !1")
-                else:
-                    loads.append(
-                        f"  {name} = call {d} @llvm.masked.load.{lanes.suffix}.p0(ptr align 8 {name}.p, "
-                        f"{mask} <{bits}>, {d} zeroinitializer)"
-                    )
-                rows.append(name)
-            lines, columns = _transpose(lanes, f"in{k}.c{first}", rows)
-            loads += lines
-            for c in range(count):
-                loads += [
-                    f"  %in{k}.s{first + c} = getelementptr {d}, ptr %soa.in{k}, i64 {first + c}",
-                    f"  store {d} {columns[c]}, ptr %in{k}.s{first + c}, align 64",
-                ]
-    for k, (size, _) in enumerate(graph.outputs):
-        if not size:
-            continue
-        text.append(f"  %soa.out{k} = alloca [{size} x {d}], align 64")
-        loads += [f"  %out{k}.s{i} = getelementptr {d}, ptr %soa.out{k}, i64 {i}" for i in range(size)]
-        for lane in range(width):
-            stores += [
-                f"  %out{k}.i{lane} = add i64 %at, {lane}",
-                f"  %out{k}.o{lane} = mul i64 %out{k}.i{lane}, {size}",
-                f"  %out{k}.p{lane} = getelementptr double, ptr %out{k}, i64 %out{k}.o{lane}",
-            ]
-        for first in range(0, size, width):
-            count = min(width, size - first)
-            columns = []
-            for c in range(width):
-                if c < count:
-                    stores.append(f"  %out{k}.v{first + c} = load {d}, ptr %out{k}.s{first + c}, align 64")
-                    columns.append(f"%out{k}.v{first + c}")
-                else:
-                    columns.append("poison")
-            lines, rows = _transpose(lanes, f"out{k}.c{first}", columns)
-            stores += lines
-            bits = ", ".join(f"i1 {'true' if c < count else 'false'}" for c in range(width))
-            for lane in range(width):
-                name = f"%out{k}.r{first}.{lane}"
-                stores.append(f"  {name} = getelementptr double, ptr %out{k}.p{lane}, i64 {first}")
-                if count == width:
-                    stores.append(f"  store {d} {rows[lane]}, ptr {name}, align 8, !alias.scope !1")
-                else:
-                    stores.append(
-                        f"  call void @llvm.masked.store.{lanes.suffix}.p0({d} {rows[lane]}, ptr align 8 {name}, "
-                        f"{mask} <{bits}>)"
-                    )
-    body = _Body(
-        graph, lanes, fused,
-        load="{name} = load " + d + ", ptr %in{k}.s{i}, align 64",
-        store="store " + d + " {name}, ptr %out{k}.s{i}, align 64",
-    )  # fmt: skip
-    lines = body.write()
-    head = [
-        "define i32 @evaluate(ptr noalias %in, ptr noalias %out, ptr noalias %strides, i64 %n) {",
-        "entry:",
-        *body.allocas,
-        *text,
-        f"  %last = sub i64 %n, {width}",
-        "  br label %loop",
-        "loop:",
-        f"  %wanted = phi i64 [ 0, %entry ], [ %following, %{body.label} ]",
-        "  %past = icmp sgt i64 %wanted, %last",
-        "  %at = select i1 %past, i64 %last, i64 %wanted",
-        "  br label %body",
-        "body:",
-        *loads,
-    ]
-    tail = [
-        *stores,
-        f"  %following = add i64 %wanted, {width}",
-        "  %more = icmp slt i64 %following, %n",
-        "  br i1 %more, label %loop, label %end",
-        "end:",
-        "  ret i32 0",
-        "}",
-    ]
-    declared = [
-        *_declarations(body.library, lanes),
-        f"declare {d} @llvm.masked.load.{lanes.suffix}.p0(ptr, {mask}, {d})",
-        f"declare void @llvm.masked.store.{lanes.suffix}.p0({d}, ptr, {mask})",
-    ]
-    return "\n".join(declared + head + lines + tail) + _helpers(body) + _METADATA
-

@@ -19,14 +19,32 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The robot, its motions and payloads, and where to write."""
-    parser.add_argument("robot", metavar="ROBOT", help="a robot card or URDF: a path, or a name (see bellcrank robots)")
-    parser.add_argument("--motion", action="append", default=[], metavar="FILE|NAME",
-                        help="a motion of the card, or a CSV file; may be repeated (default: all of the card's)")
-    parser.add_argument("--payload", action="append", default=[], metavar="MASS@FRAME",
-                        help="a point mass fixed to a frame, such as 2.5@tool0 (kg) or '500 g@tool0'; may be repeated")
-    parser.add_argument("--mass-tolerance", default="0", metavar="SHARE",
-                        help="size for the worst case with every link's mass and inertia this far off, such as 10%%")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for the files (default: ROBOT_sizing, here)")
+    parser.add_argument(
+        "robot", metavar="ROBOT", help="a robot card or URDF: a path, or a name (see bellcrank robots)"
+    )
+    parser.add_argument(
+        "--motion",
+        action="append",
+        default=[],
+        metavar="FILE|NAME",
+        help="a motion of the card, or a CSV file; may be repeated (default: all of the card's)",
+    )
+    parser.add_argument(
+        "--payload",
+        action="append",
+        default=[],
+        metavar="MASS@FRAME",
+        help="a point mass fixed to a frame, such as 2.5@tool0 (kg) or '500 g@tool0'; may be repeated",
+    )
+    parser.add_argument(
+        "--mass-tolerance",
+        default="0",
+        metavar="SHARE",
+        help="size for the worst case with every link's mass and inertia this far off, such as 10%%",
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder for the files (default: ROBOT_sizing, here)"
+    )
     parser.add_argument("--no-plots", action="store_true", help="write no pictures")
 
 
@@ -34,7 +52,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Size a robot; 0 where all limits are kept, 1 where one is exceeded. BellcrankError for bad input."""
     from .card import load_card
     from .sizing import size
-    from .sizing_report import table, verdict, write_reports
+    from .sizing_report import write_reports
+    from .sizing_table import table, verdict
 
     payloads = [parse_payload(text) for text in arguments.payload]
     tolerance = parse_share(arguments.mass_tolerance)
@@ -56,11 +75,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def chosen_motions(card: Card, robot: Robot, names: list[str]) -> list[Motion]:
-    """The motions named on the command line: of the card, or CSV files; all of the card's where none is named."""
+    """The motions named on the command line: of the card, or CSV files; all of the card's where none is
+    named."""
     if not names:
         if not card.motions:
-            raise InputError(f"{card.source}: there is no motion to size over; name a CSV file with --motion FILE, "
-                             "or write a robot card with motions")
+            raise InputError(
+                f"{card.source}: there is no motion to size over; name a CSV file with --motion FILE, "
+                "or write a robot card with motions"
+            )
         return [card.motion(robot, name) for name in card.motions]
     return [_motion(card, robot, name) for name in names]
 

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from bellcrank import cache as disk
 from bellcrank import machine
-from bellcrank.codegen import batch_ir, scalar_ir
+from bellcrank.codegen import scalar_ir
 from bellcrank.errors import CompileError, InputError
 from bellcrank.graph import Graph, graph_of
+from bellcrank.simd import batch_ir
 
 if TYPE_CHECKING:
     import casadi
@@ -150,7 +151,7 @@ class Compiled:
 def _sources() -> str:
     """A digest of what turns a robot into machine code: any change makes cached recipes stale."""
     here = Path(__file__).parent
-    names = ["codegen.py", "graph.py", "vector_math.py", "compile.py", "trace.py", "robot.py", "tree.py"]
+    names = ["codegen.py", "simd.py", "graph.py", "vector_math.py", "compile.py", "trace.py", "robot.py", "tree.py"]
     paths = [here / n for n in names] + sorted(here.glob("_trace*.so"))
     return disk.digest(*[p.read_bytes() for p in paths if p.exists()])
 

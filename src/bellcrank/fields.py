@@ -1,10 +1,10 @@
-"""Checked reading of YAML mappings: every value is asked for by name, kind and unit, and nothing is left over."""
+"""Checked reading of YAML mappings: every value is asked for by name, kind and unit, and nothing is left
+over."""
 
 from __future__ import annotations
 
 import math
 import re
-import reprlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from .errors import InputError, among
+from .yaml_file import read_yaml, shown
 
 # Unit written in a file -> factor to the SI unit that the reader asked for.
 UNITS: Final[dict[str, dict[str, float]]] = {
@@ -22,8 +23,15 @@ UNITS: Final[dict[str, dict[str, float]]] = {
     "kg": {"kg": 1.0, "g": 0.001},
     "N m": {"N m": 1.0, "Nm": 1.0, "N*m": 1.0, "mN m": 0.001, "mNm": 0.001},
     "N": {"N": 1.0, "kN": 1000.0},
-    "kg m^2": {"kg m^2": 1.0, "kg m²": 1.0, "kg*m^2": 1.0, "kg cm^2": 1e-4, "kg cm²": 1e-4, "g cm^2": 1e-7,
-               "g cm²": 1e-7},
+    "kg m^2": {
+        "kg m^2": 1.0,
+        "kg m²": 1.0,
+        "kg*m^2": 1.0,
+        "kg cm^2": 1e-4,
+        "kg cm²": 1e-4,
+        "g cm^2": 1e-7,
+        "g cm²": 1e-7,
+    },
     "m/s": {"m/s": 1.0, "mm/s": 0.001},
     "m/s^2": {"m/s^2": 1.0, "m/s²": 1.0, "mm/s^2": 0.001},
     "m/s^3": {"m/s^3": 1.0, "m/s³": 1.0, "mm/s^3": 0.001},
@@ -33,12 +41,6 @@ UNITS: Final[dict[str, dict[str, float]]] = {
 }
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*\Z", re.DOTALL)
 _REQUIRED: Final = object()
-
-
-class _Lines(dict[str, Any]):
-    """A mapping read from YAML that remembers the line of each key (from 1)."""
-
-    lines: dict[str, int]
 
 
 def parse_number(value: object, unit: str) -> float:
@@ -55,8 +57,10 @@ def parse_number(value: object, unit: str) -> float:
         written = match.group(2)
         if written and written not in known:
             others = ", ".join(f"'{name}'" for name in known if name)
-            raise ValueError(f"expected {_wanted(unit)}{f' (units known here: {others})' if others else ''}, "
-                             f"found {shown(value)}")
+            raise ValueError(
+                f"expected {_wanted(unit)}{f' (units known here: {others})' if others else ''}, "
+                f"found {shown(value)}"
+            )
         number = float(match.group(1)) * (known[written] if written else 1.0)
     else:
         raise ValueError(f"expected {_wanted(unit)}, found {shown(value)}")
@@ -65,83 +69,13 @@ def parse_number(value: object, unit: str) -> float:
     return number
 
 
-def shown(value: object) -> str:
-    """A value as an error message shows it: short, on one line."""
-    if value is None:
-        return "nothing"
-    if isinstance(value, Mapping):
-        return "a mapping"
-    if isinstance(value, (list, tuple)):
-        return f"a list of {len(value)}"
-    text = " ".join(str(value).split())
-    text = text if len(text) <= 60 else text[:57] + "…"
-    return f"'{text}'" if isinstance(value, str) else reprlib.repr(value) if len(text) > 57 else text
-
-
-def read_yaml(path: str | Path) -> Mapping[str, Any]:
-    """The top mapping of a YAML file; InputError, in one sentence with the line, for anything else."""
-    import yaml
-
-    path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file") from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: expected a text file in UTF-8, found a byte that is not at {error.start}") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
-    try:
-        data = yaml.load(text, Loader=_loader(yaml))  # a SafeLoader
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line = f" (line {mark.line + 1})" if mark else ""
-        raise InputError(f"{path}{line}: not valid YAML: {' '.join(str(error.problem or error).split())}") from None
-    except (yaml.YAMLError, ValueError, OverflowError, TypeError, KeyError, IndexError, AttributeError) as error:
-        raise InputError(f"{path}: not valid YAML: {' '.join(str(error).split())[:200]}") from None
-    except RecursionError:
-        raise InputError(f"{path}: not valid YAML for a card: nested too deeply") from None
-    if data is None:
-        raise InputError(f"{path}: expected a mapping of keys to values, found an empty file")
-    if not isinstance(data, dict):
-        raise InputError(f"{path}: expected a mapping of keys to values, found {shown(data)}")
-    return data
-
-
-def _loader(yaml: Any) -> Any:
-    class Loader(yaml.SafeLoader):  # type: ignore[misc]
-        """SafeLoader that refuses a key written twice and keeps line numbers."""
-
-    def mapping(loader: Any, node: Any) -> Iterator[_Lines]:
-        result = _Lines()
-        result.lines = {}
-        yield result
-        own = [(key, value) for key, value in node.value if key.tag != "tag:yaml.org,2002:merge"]
-        seen: dict[Any, int] = {}
-        for key_node, _ in own:
-            key = loader.construct_object(key_node, deep=True)
-            line = key_node.start_mark.line + 1
-            if not isinstance(key, str):
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"expected a text as key, found {shown(key)}; put it in quotes", key_node.start_mark)
-            if key in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"the key '{key}' stands twice (first on line {seen[key]})", key_node.start_mark)
-            seen[key] = line
-        loader.flatten_mapping(node)
-        for key_node, value_node in node.value:
-            key = loader.construct_object(key_node, deep=True)
-            result[str(key)] = loader.construct_object(value_node, deep=True)
-            result.lines[str(key)] = key_node.start_mark.line + 1
-
-    Loader.add_constructor("tag:yaml.org,2002:map", mapping)
-    Loader.add_constructor("tag:yaml.org,2002:timestamp", yaml.SafeLoader.construct_yaml_str)
-    return Loader
-
-
 def _wanted(unit: str) -> str:
-    return {"": "a number", "rad": "an angle in rad (or \"30 deg\")", "m": "a length in m",
-            "rad or m": "an angle in rad (or \"30 deg\") or a length in m"}.get(unit, f"a number in {unit}")
+    return {
+        "": "a number",
+        "rad": 'an angle in rad (or "30 deg")',
+        "m": "a length in m",
+        "rad or m": 'an angle in rad (or "30 deg") or a length in m',
+    }.get(unit, f"a number in {unit}")
 
 
 class Fields:
@@ -149,7 +83,9 @@ class Fields:
 
     def __init__(self, data: Mapping[str, Any], where: str = "", path: str = "") -> None:
         if not isinstance(data, Mapping):
-            raise InputError(f"{_place(where, path)}: expected a mapping of keys to values, found {shown(data)}")
+            raise InputError(
+                f"{_place(where, path)}: expected a mapping of keys to values, found {shown(data)}"
+            )
         self._data = data
         self.where = where
         self.path = path
@@ -159,6 +95,9 @@ class Fields:
     def from_file(cls, path: str | Path) -> Fields:
         """The top mapping of a YAML file; InputError as `read_yaml`."""
         return cls(read_yaml(path), str(path))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.keys())
 
     def __contains__(self, key: str) -> bool:
         return key in self._data
@@ -184,21 +123,38 @@ class Fields:
             raise self.error("", f"the key '{key}' is missing (there are: {there})")
         return default
 
-    def number(self, key: str, unit: str = "", default: float | object = _REQUIRED, *, positive: bool = False,
-               nonnegative: bool = False, maximum: float = math.inf) -> float:
+    def number(
+        self,
+        key: str,
+        unit: str = "",
+        default: float | object = _REQUIRED,
+        *,
+        positive: bool = False,
+        nonnegative: bool = False,
+        maximum: float = math.inf,
+    ) -> float:
         """A finite number in the SI unit named, or a text with a unit ("30 deg"); InputError otherwise."""
         value = self.raw(key, default)
         return self._number(key, value, unit, positive, nonnegative, maximum)
 
-    def optional_number(self, key: str, unit: str = "", *, positive: bool = False, nonnegative: bool = False,
-                        maximum: float = math.inf) -> float | None:
+    def optional_number(
+        self,
+        key: str,
+        unit: str = "",
+        *,
+        positive: bool = False,
+        nonnegative: bool = False,
+        maximum: float = math.inf,
+    ) -> float | None:
         """As `number`, or None where the key is missing."""
         value = self.raw(key, None)
         if value is None and key not in self._data:
             return None
         return self._number(key, value, unit, positive, nonnegative, maximum)
 
-    def _number(self, key: str, value: object, unit: str, positive: bool, nonnegative: bool, maximum: float) -> float:
+    def _number(
+        self, key: str, value: object, unit: str, positive: bool, nonnegative: bool, maximum: float
+    ) -> float:
         try:
             number = parse_number(value, unit)
         except ValueError as error:
@@ -221,8 +177,13 @@ class Fields:
             raise self.error(key, f"expected a whole number of {minimum} or more, found {shown(value)}")
         return value
 
-    def vector(self, key: str, length: int, unit: str = "", default: Sequence[float] | object = _REQUIRED,
-               ) -> tuple[float, ...]:
+    def vector(
+        self,
+        key: str,
+        length: int,
+        unit: str = "",
+        default: Sequence[float] | object = _REQUIRED,
+    ) -> tuple[float, ...]:
         """A list of `length` numbers in the unit named; InputError otherwise."""
         return self._numbers(key, self.raw(key, default), length, unit)
 
@@ -242,8 +203,10 @@ class Fields:
 
     def _numbers(self, key: str, value: object, length: int, unit: str) -> tuple[float, ...]:
         if not isinstance(value, (list, tuple)) or len(value) != length:
-            raise self.error(key, f"expected a list of {length} numbers{f' in {unit}' if unit else ''}, "
-                                  f"found {shown(value)}")
+            raise self.error(
+                key,
+                f"expected a list of {length} numbers{f' in {unit}' if unit else ''}, found {shown(value)}",
+            )
         return tuple(self._number(key, entry, unit, False, False, math.inf) for entry in value)
 
     def text(self, key: str, default: str | object = _REQUIRED) -> str:
@@ -284,12 +247,14 @@ class Fields:
         path = f"{self.path}.{key}" if self.path else key
         for index, entry in enumerate(value):
             if not isinstance(entry, Mapping):
-                raise self.error(key, f"expected a list of mappings, found {shown(entry)} at place {index + 1}")
+                raise self.error(
+                    key, f"expected a list of mappings, found {shown(entry)} at place {index + 1}"
+                )
         return [Fields(entry, self.where, f"{path}[{index + 1}]") for index, entry in enumerate(value)]
 
     def done(self) -> None:
         """Refuse keys that were not asked for, with the nearest known one (InputError)."""
-        for key in self.keys():
+        for key in self:
             if key not in self._asked:
                 raise self.error(key, among("key", key, self._asked).replace("(there are:", "(known here:"))
 

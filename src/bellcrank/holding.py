@@ -1,8 +1,9 @@
 """The worst static gravity torque of each joint over the ranges of all joints: what a brake must hold.
 
-The potential energy is affine in (cos q_i, sin q_i) of every revolute joint and in every prismatic q_i, so a gravity
-torque along one coordinate is A + B cos q_i + C sin q_i, or A + B q_i, and its largest magnitude over a range is known
-in closed form from three (two) values. Coordinates are maximised in turn, from many seeded starts at once.
+The potential energy is affine in (cos q_i, sin q_i) of every revolute joint and in every prismatic q_i, so a
+gravity torque along one coordinate is A + B cos q_i + C sin q_i, or A + B q_i, and its largest magnitude over
+a range is known in closed form from three (two) values. Coordinates are maximised in turn, from many seeded
+starts at once.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ GRID = 49  # points along a coordinate that others follow (mimic), where no clos
 
 @dataclass(frozen=True)
 class Holding:
-    """For each one-degree-of-freedom joint: the largest static |torque| (k,), N m or N, and its posture (k, nq)."""
+    """For each one-degree-of-freedom joint: the largest static |torque| (k,), N m or N, and its posture (k,
+    nq)."""
 
     joints: tuple[str, ...]
     torque: Array
@@ -36,12 +38,14 @@ class Holding:
     notes: tuple[str, ...]
 
 
-def holding_torques(robot: Robot, starts: int = STARTS, seed: int = 0, mass_tolerance: float = 0.0) -> Holding:
+def holding_torques(
+    robot: Robot, starts: int = STARTS, seed: int = 0, mass_tolerance: float = 0.0
+) -> Holding:
     """The worst static gravity torque of every joint, without friction.
 
-    Revolute joints without limits range over one turn; prismatic ones without limits are held at 0 and `notes` says
-    so; a free base and planar joints keep their neutral posture. With a mass tolerance the sum of the links' shares
-    at the nominal worst posture is added.
+    Revolute joints without limits range over one turn; prismatic ones without limits are held at 0 and
+    `notes` says so; a free base and planar joints keep their neutral posture. With a mass tolerance the sum
+    of the links' shares at the nominal worst posture is added.
     """
     joints = tuple(joint for joint in robot.joints if joint.nv == 1)
     count = len(joints)
@@ -96,12 +100,22 @@ def _ranges(robot: Robot, joints: tuple[RobotJoint, ...]) -> tuple[Array, Array,
         low, high = float(robot.lower[joint.q]), float(robot.upper[joint.q])
         if joint.kind == "prismatic":
             if not (math.isfinite(low) and math.isfinite(high)):
-                notes.append(f"joint '{joint.name}' slides without limits: it is held at 0 for the holding torque")
+                notes.append(
+                    f"joint '{joint.name}' slides without limits: it is held at 0 for the holding torque"
+                )
                 low = high = min(max(0.0, low), high)
         else:
-            low, high = (low, high) if math.isfinite(low) and math.isfinite(high) else (
-                (low, low + 2.0 * math.pi) if math.isfinite(low) else
-                (high - 2.0 * math.pi, high) if math.isfinite(high) else (-math.pi, math.pi))
+            low, high = (
+                (low, high)
+                if math.isfinite(low) and math.isfinite(high)
+                else (
+                    (low, low + 2.0 * math.pi)
+                    if math.isfinite(low)
+                    else (high - 2.0 * math.pi, high)
+                    if math.isfinite(high)
+                    else (-math.pi, math.pi)
+                )
+            )
         lower[k], upper[k] = low, max(low, high)
     return lower, upper, tuple(notes)
 

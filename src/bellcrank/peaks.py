@@ -1,8 +1,8 @@
 """Largest values and integrals of quantities along a motion, refined between its samples.
 
-The time between samples is divided into parts, at the reversals of every joint too, where friction and the losses
-of a gear jump. Integrals are Gauss-Legendre sums over the three inner points of each part; the local maxima of all
-points are brackets that are narrowed until the value no longer changes.
+The time between samples is divided into parts, at the reversals of every joint too, where friction and the
+losses of a gear jump. Integrals are Gauss-Legendre sums over the three inner points of each part; the local
+maxima of all points are brackets that are narrowed until the value no longer changes.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ NARROWINGS = 13  # each divides the bracket by (PROBES − 1) / 2
 
 @dataclass(frozen=True)
 class Grid:
-    """Points along a motion: time (n,), states q (n, nq), v (n, nv), a (n, nv), and weights (n,) in s of the integral."""
+    """Points along a motion: time (n,), states q (n, nq), v (n, nv), a (n, nv), and weights (n,) in s of the
+    integral."""
 
     time: Array
     position: Array
@@ -65,12 +66,14 @@ def grid_along(motion: Motion, probes: Array | None = None) -> Grid:
         time, weight = np.insert(time, at, probes), np.insert(weight, at, 0.0)
         position, velocity, acceleration = (
             np.insert(old, at, new, axis=0)
-            for old, new in zip((position, velocity, acceleration), extra, strict=True))
+            for old, new in zip((position, velocity, acceleration), extra, strict=True)
+        )
     return Grid(time, position, velocity, acceleration, weight)
 
 
 def _parts(motion: Motion) -> tuple[Array, Array]:
-    """Starts and ends (m,), s, of the parts of the grid: samples, divided further, and reversals of any velocity."""
+    """Starts and ends (m,), s, of the parts of the grid: samples, divided further, and reversals of any
+    velocity."""
     starts = np.flatnonzero(np.diff(motion.time) > 0.0)
     length = motion.time[starts + 1] - motion.time[starts]
     count = np.maximum(1, np.ceil(FINEST * length / motion.duration - 1e-9)).astype(int)
@@ -89,7 +92,8 @@ def _parts(motion: Motion) -> tuple[Array, Array]:
 
 
 def reversal_times(motion: Motion, columns: Sequence[int], width: float) -> Array:
-    """Times just before and after the named velocities change sign: 1, 3, … 100 friction widths away in speed."""
+    """Times just before and after the named velocities change sign: 1, 3, … 100 friction widths away in
+    speed."""
     found = []
     for column in columns:
         speed = motion.velocity[:, column]
@@ -104,7 +108,9 @@ def reversal_times(motion: Motion, columns: Sequence[int], width: float) -> Arra
     return np.array(found, dtype=np.float64)
 
 
-def maxima(motion: Motion, grid: Grid, quantities: Quantities) -> tuple[dict[str, Array], dict[str, tuple[Array, Array]]]:
+def maxima(
+    motion: Motion, grid: Grid, quantities: Quantities
+) -> tuple[dict[str, Array], dict[str, tuple[Array, Array]]]:
     """(values on the grid, and for each quantity the (k,) largest values and their (k,) times), refined.
 
     `quantities(q, v, a)` gives arrays (n, k); what is wanted of a quantity is its maximum.
@@ -119,7 +125,8 @@ def maxima(motion: Motion, grid: Grid, quantities: Quantities) -> tuple[dict[str
     for _ in range(NARROWINGS if column.size else 0):
         times = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, PROBES)
         found = np.concatenate(
-            [part for _, part in _ordered(quantities(*motion.at(times.ravel())), names)], axis=1)
+            [part for _, part in _ordered(quantities(*motion.at(times.ravel())), names)], axis=1
+        )
         line = found.reshape(len(column), PROBES, -1)[np.arange(len(column)), :, column]
         here = line.argmax(axis=1)
         each = np.arange(len(column))
@@ -128,7 +135,9 @@ def maxima(motion: Motion, grid: Grid, quantities: Quantities) -> tuple[dict[str
                 top[c], when[c] = value, time
         low, high = times[each, np.maximum(here - 1, 0)], times[each, np.minimum(here + 1, PROBES - 1)]
     edges = np.cumsum([0, *widths])
-    return values, {name: (top[a:b], when[a:b]) for name, a, b in zip(names, edges[:-1], edges[1:], strict=True)}
+    return values, {
+        name: (top[a:b], when[a:b]) for name, a, b in zip(names, edges[:-1], edges[1:], strict=True)
+    }
 
 
 def _ordered(values: Mapping[str, Array], names: list[str]) -> list[tuple[str, Array]]:

@@ -27,12 +27,18 @@ LIMIT = "#b30000"
 CURVE = "#1a1a1a"
 
 
-def write_plots(robot: Robot, motions: Sequence[Motion], folder: str | Path,
-                drives: Mapping[str, Drive] | None = None, title: str | None = None) -> list[Path]:
-    """Write PNGs: over_time_<motion>.png, torque_speed.png and, with drives, motor_torque_speed.png; their paths.
+def write_plots(
+    robot: Robot,
+    motions: Sequence[Motion],
+    folder: str | Path,
+    drives: Mapping[str, Drive] | None = None,
+    title: str | None = None,
+) -> list[Path]:
+    """Write PNGs: over_time_<motion>.png, torque_speed.png and, with drives, motor_torque_speed.png; their
+    paths.
 
-    Angles in rad (m), speeds rad/s (m/s), accelerations rad/s² (m/s²), torques N m (N). InputError where the folder
-    cannot be written.
+    Angles in rad (m), speeds rad/s (m/s), accelerations rad/s² (m/s²), torques N m (N). InputError where the
+    folder cannot be written.
     """
     folder = Path(folder)
     drives, title = dict(drives or {}), title or robot.name
@@ -75,8 +81,12 @@ def _states(motion: Motion) -> tuple[Array, Array, Array, Array]:
     between = np.setdiff1d(np.linspace(motion.time[0], motion.time[-1], POINTS), motion.time)
     at = np.searchsorted(motion.time, between)
     q, v, a = motion.at(between)
-    return (np.insert(motion.time, at, between), np.insert(motion.position, at, q, axis=0),
-            np.insert(motion.velocity, at, v, axis=0), np.insert(motion.acceleration, at, a, axis=0))
+    return (
+        np.insert(motion.time, at, between),
+        np.insert(motion.position, at, q, axis=0),
+        np.insert(motion.velocity, at, v, axis=0),
+        np.insert(motion.acceleration, at, a, axis=0),
+    )
 
 
 def _load(robot: Robot, joint: RobotJoint, q: Array, v: Array, a: Array, driven: bool) -> Array:
@@ -84,36 +94,60 @@ def _load(robot: Robot, joint: RobotJoint, q: Array, v: Array, a: Array, driven:
     return torque - robot.rotor_inertia[joint.v] * a[:, joint.v] if driven else torque
 
 
-def _over_time(robot: Robot, joints: Sequence[RobotJoint], motion: Motion, drives: Mapping[str, Drive],
-               title: str) -> Figure:
+def _over_time(
+    robot: Robot, joints: Sequence[RobotJoint], motion: Motion, drives: Mapping[str, Drive], title: str
+) -> Figure:
     time, q, v, a = _states(motion)
     rotor = np.zeros(robot.nv)
     for joint in joints:
         rotor[joint.v] = robot.rotor_inertia[joint.v] if joint.name in drives else 0.0
     torque = np.asarray(robot.inverse_dynamics(q, v, a)) - rotor * a
-    slides, turns = ({joint.kind == kind for joint in joints} != {False} for kind in ("prismatic", "revolute"))
-    unit = {"rad": "rad | m", "N m": "N m | N"} if slides and turns else {"rad": "m", "N m": "N"} if slides else {
-        "rad": "rad", "N m": "N m"}
+    slides, turns = (
+        {joint.kind == kind for joint in joints} != {False} for kind in ("prismatic", "revolute")
+    )
+    unit = (
+        {"rad": "rad | m", "N m": "N m | N"}
+        if slides and turns
+        else {"rad": "m", "N m": "N"}
+        if slides
+        else {"rad": "rad", "N m": "N m"}
+    )
     figure, axes = _new(1, 4, 9.5, 10.5)
-    rows = (("angle", unit["rad"], q), ("speed", _per(unit["rad"], "s"), v),
-            ("acceleration", _per(unit["rad"], "s²"), a), ("joint torque", unit["N m"], torque))
+    rows = (
+        ("angle", unit["rad"], q),
+        ("speed", _per(unit["rad"], "s"), v),
+        ("acceleration", _per(unit["rad"], "s²"), a),
+        ("joint torque", unit["N m"], torque),
+    )
     for axis, (label, what, values) in zip(axes[:, 0], rows, strict=True):
         for k, joint in enumerate(joints):
             column = joint.q if values is q else joint.v
-            axis.plot(time, values[:, column], color=_colour(k), linestyle=_dash(k), linewidth=1.3, label=joint.name)
+            axis.plot(
+                time, values[:, column], color=_colour(k), linestyle=_dash(k), linewidth=1.3, label=joint.name
+            )
         axis.set_ylabel(f"{label} [{what}]")
         axis.margins(x=0.0)
         _grid(axis)
     axes[-1, 0].set_xlabel("time [s]")
     figure.suptitle(f"{title}: {motion.name}")
     columns = min(6, len(joints))
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=columns, frameon=False,
-                  fontsize="small")
+    figure.legend(
+        *axes[0, 0].get_legend_handles_labels(),
+        loc="outside lower center",
+        ncols=columns,
+        frameon=False,
+        fontsize="small",
+    )
     return figure
 
 
-def _joint_plane(robot: Robot, joints: Sequence[RobotJoint], motions: Sequence[Motion],
-                 drives: Mapping[str, Drive], title: str) -> Figure:
+def _joint_plane(
+    robot: Robot,
+    joints: Sequence[RobotJoint],
+    motions: Sequence[Motion],
+    drives: Mapping[str, Drive],
+    title: str,
+) -> Figure:
     figure, axes = _panels(len(joints))
     for axis, joint in zip(axes, joints, strict=False):
         for k, motion in enumerate(motions):
@@ -125,12 +159,21 @@ def _joint_plane(robot: Robot, joints: Sequence[RobotJoint], motions: Sequence[M
         axis.set_xlabel(f"speed [{'m/s' if linear else 'rad/s'}]")
         axis.set_ylabel(f"{'force [N]' if linear else 'torque [N m]'}")
         missing = [what for what, limit in (("effort", effort), ("speed", speed)) if not math.isfinite(limit)]
-        axis.set_title(joint.name + (f" (no {' and '.join(missing)} limit given)" if missing else ""), fontsize="medium")
-    return _finish(figure, axes, len(joints), f"{title}: torque and speed at the joints, with the URDF's limits")
+        axis.set_title(
+            joint.name + (f" (no {' and '.join(missing)} limit given)" if missing else ""), fontsize="medium"
+        )
+    return _finish(
+        figure, axes, len(joints), f"{title}: torque and speed at the joints, with the URDF's limits"
+    )
 
 
-def _shaft_plane(robot: Robot, joints: Sequence[RobotJoint], motions: Sequence[Motion],
-                 drives: Mapping[str, Drive], title: str) -> Figure:
+def _shaft_plane(
+    robot: Robot,
+    joints: Sequence[RobotJoint],
+    motions: Sequence[Motion],
+    drives: Mapping[str, Drive],
+    title: str,
+) -> Figure:
     figure, axes = _panels(len(joints))
     rpm = 30.0 / math.pi
     for axis, joint in zip(axes, joints, strict=False):
@@ -140,15 +183,33 @@ def _shaft_plane(robot: Robot, joints: Sequence[RobotJoint], motions: Sequence[M
             torque = drive.shaft_torque(_load(robot, joint, q, v, a, True), v[:, joint.v], a[:, joint.v])
             _trace(axis, drive.ratio * v[:, joint.v] * rpm, drive.safety_factor * torque, k, motion.name)
         speed, torque = np.array([*drive.curve_points, (drive.curve_points[-1][0], 0.0)]).T
-        outline = np.concatenate([speed, speed[::-1], -speed, -speed[::-1]]), np.concatenate(
-            [torque, -torque[::-1], -torque, torque[::-1]])
-        axis.plot(outline[0] * rpm, outline[1], color=CURVE, linewidth=1.2, solid_capstyle="projecting",
-                  label="torque-speed curve")
+        outline = (
+            np.concatenate([speed, speed[::-1], -speed, -speed[::-1]]),
+            np.concatenate([torque, -torque[::-1], -torque, torque[::-1]]),
+        )
+        axis.plot(
+            outline[0] * rpm,
+            outline[1],
+            color=CURVE,
+            linewidth=1.2,
+            solid_capstyle="projecting",
+            label="torque-speed curve",
+        )
         for sign in (1.0, -1.0):
-            axis.axhline(sign * drive.rated_torque, color=LIMIT, linestyle=":", linewidth=1.0,
-                         label="rated torque (for the RMS)" if sign > 0 else None)
-            axis.axvline(sign * drive.max_speed * rpm, color=LIMIT, linestyle="--", linewidth=1.0,
-                         label="largest speed" if sign > 0 else None)
+            axis.axhline(
+                sign * drive.rated_torque,
+                color=LIMIT,
+                linestyle=":",
+                linewidth=1.0,
+                label="rated torque (for the RMS)" if sign > 0 else None,
+            )
+            axis.axvline(
+                sign * drive.max_speed * rpm,
+                color=LIMIT,
+                linestyle="--",
+                linewidth=1.0,
+                label="largest speed" if sign > 0 else None,
+            )
         axis.set_xlabel("motor speed [rpm]")
         factor = f" × {drive.safety_factor:g}" if drive.safety_factor != 1.0 else ""
         axis.set_ylabel(f"motor torque{factor} [N m]")
@@ -176,8 +237,14 @@ def _finish(figure: Figure, axes: list[Axes], count: int, title: str) -> Figure:
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
     figure.suptitle(title)
-    figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=min(5, len(entries)),
-                  frameon=False, fontsize="small")
+    figure.legend(
+        list(entries.values()),
+        list(entries),
+        loc="outside lower center",
+        ncols=min(5, len(entries)),
+        frameon=False,
+        fontsize="small",
+    )
     return figure
 
 

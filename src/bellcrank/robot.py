@@ -207,7 +207,13 @@ class Robot:
         q (nq,), v, a (nv,), or batches (n, …); returns (nv,) or (n, nv), N m or N. Source: recursive
         Newton-Euler, Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 5, by Pinocchio.
         """
-        return self._inverse(*self._states(q, v, a))  # type: ignore[no-any-return]
+        states = self._shaped(q, v, a)
+        torque: Array = self._inverse(*states)
+        if not np.isfinite(torque.sum()):  # one pass over the answer is cheaper than one over all that went in
+            self._refuse_infinite(states)
+            if not np.isfinite(torque).all():
+                raise InputError(f"{self.name}: the motion is too fast for numbers: a torque overflows; check its units")
+        return torque
 
     def forward_dynamics(self, q: Any, v: Any, tau: Any) -> Array:
         """Accelerations under torques `tau` (N m or N) and the robot's friction and gravity.
@@ -215,8 +221,10 @@ class Robot:
         q (nq,), v, tau (nv,), or batches (n, …); returns (nv,) or (n, nv), rad/s² or m/s². Source:
         articulated-body algorithm, Featherstone (2008), ch. 7, by Pinocchio.
         """
-        states = self._states(q, v, tau)
+        states = self._shaped(q, v, tau)
         acceleration: Array = self._forward(*states)
+        if not np.isfinite(acceleration.sum()):
+            self._refuse_infinite(states)
         if not np.isfinite(acceleration).all():
             bad = np.argwhere(~np.isfinite(np.atleast_2d(acceleration)))[0]
             joint = next(j.name for j in reversed(self.joints) if j.v <= bad[1])
@@ -389,17 +397,30 @@ class Robot:
 
     # ---- checks
 
-    def _states(self, *arrays: Any) -> tuple[Array, ...]:
+    def _shaped(self, *arrays: Any) -> tuple[Array, ...]:
+        """Position, velocity and a third array of size nv as arrays of doubles of the right shape."""
         out = []
-        for k, (array, size) in enumerate(zip(arrays, (self.nq, self.nv, self.nv), strict=False)):
+        for array, size, what in zip(arrays, (self.nq, self.nv, self.nv), _STATE, strict=False):
             x = np.asarray(array, dtype=np.float64)
-            what = ("position", "velocity", "third argument")[k]
             if x.ndim not in (1, 2) or x.shape[-1] != size:
                 raise InputError(f"{self.name}: {what} has shape {x.shape}, expected ({size},) or (n, {size})")
-            if not np.isfinite(x).all():
-                raise InputError(f"{self.name}: {what} holds a number that is not finite")
             out.append(x)
         return tuple(out)
+
+    def _states(self, *arrays: Any) -> tuple[Array, ...]:
+        states = self._shaped(*arrays)
+        self._refuse_infinite(states)
+        return states
+
+    def _refuse_infinite(self, states: tuple[Array, ...]) -> None:
+        for x, what in zip(states, _STATE, strict=False):
+            bad = np.argwhere(~np.isfinite(np.atleast_2d(x)))
+            if len(bad):
+                row, column = bad[0]
+                raise InputError(
+                    f"{self.name}: {what} holds a number that is not finite (sample {row}, entry {column}); "
+                    "take it out of the motion"
+                )
 
     def _friction_of(self, friction: Friction) -> tuple[Array, Array]:
         viscous, coulomb = np.zeros(self.nv), np.zeros(self.nv)
@@ -435,6 +456,7 @@ class Robot:
 
 
 _NONE: Array = np.zeros(0)
+_STATE = ("position", "velocity", "the third argument")
 
 
 def _frozen(x: Any) -> Array:
@@ -520,8 +542,11 @@ def _read(
     full, cleaning = pinocchio_model(urdf, floating_base, payloads, frames, clean, mimic=False)
     tree = lay_out(full, urdf, cleaning, clean)
     followers = {m[0] for m in tree.mimics}
-    lower, upper, effort, velocity = [], [], [], []
-    friction = {}
+    lower: list[float] = []
+    upper: list[float] = []
+    effort: list[float] = []
+    velocity: list[float] = []
+    friction: dict[str, tuple[float, float]] = {}
     for k, joint in enumerate(tree.joints):
         if k + 1 in followers:
             _add_friction(friction, urdf, joint["name"])

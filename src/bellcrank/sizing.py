@@ -1,15 +1,16 @@
 """Size a robot's motors over one or several motions: at the joint, at the motor shaft and at the supply.
 
-Torque at a joint is inverse dynamics, τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction (Ghosal, lecture 18; robot.inverse_dynamics).
-Where a joint has a drive, that is the torque at the gear's output: the rotor's inertia counts at the shaft. It is
-linear in the masses, so a mass tolerance changes it by at most tolerance · Σ|share of each link|, and that bound is
-reached: peaks are exact worst cases, RMS and energies are upper bounds. Reactions and inertias stay nominal.
+Torque at a joint is inverse dynamics, τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction (Ghosal, lecture 18;
+robot.inverse_dynamics). Where a joint has a drive, that is the torque at the gear's output: the rotor's
+inertia counts at the shaft. It is linear in the masses, so a mass tolerance changes it by at most tolerance ·
+Σ|share of each link|, and that bound is reached: peaks are exact worst cases, RMS and energies are upper
+bounds. Reactions and inertias stay nominal.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from .drive import Drive
 from .errors import InputError, among
 from .holding import holding_torques
+from .loads import Loads
 from .motion import Motion
 from .peaks import Grid, grid_along, maxima, reversal_times
 from .sizing_result import Cycle, JointSizing, Peak, ShaftSizing, Sizing
@@ -28,129 +30,95 @@ if TYPE_CHECKING:
 __all__ = ["JointSizing", "Peak", "ShaftSizing", "Sizing", "size"]
 
 Array = NDArray[np.float64]
-_SIGNED = {"max_torque": 1.0, "min_torque": -1.0}  # quantities are maximised: the smallest torque is kept negated
+_SIGNED = {
+    "max_torque": 1.0,
+    "min_torque": -1.0,
+}  # quantities are maximised: the smallest torque is kept negated
 
 
-@dataclass(frozen=True)
-class _Loads:
-    """The quantities whose maxima are wanted, as functions of the state, for the joints that can have a motor."""
+def size(
+    robot: Robot,
+    motions: Motion | Sequence[Motion],
+    drives: Mapping[str, Drive] | None = None,
+    mass_tolerance: float = 0.0,
+) -> Sizing:
+    """Size every one-degree-of-freedom joint of a robot over one or several motions: the worst of them
+    counts.
 
-    robot: Robot
-    joints: tuple[RobotJoint, ...]
-    drives: Mapping[str, Drive]
-    tolerance: float
-
-    @property
-    def columns(self) -> list[int]:
-        return [joint.v for joint in self.joints]
-
-    @property
-    def rotor(self) -> Array:
-        """Rotor inertia (k,) in the robot's mass matrix that belongs to the shaft side of a drive."""
-        return np.array([self.robot.rotor_inertia[joint.v] if joint.name in self.drives else 0.0
-                         for joint in self.joints])
-
-    def torque(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-        """Lowest and highest torque (n, k) within the mass tolerance, a drive's rotor left out."""
-        nominal = np.asarray(self.robot.inverse_dynamics(q, v, a))[:, self.columns] - self.rotor * a[:, self.columns]
-        if self.tolerance == 0.0:
-            return nominal, nominal
-        spread = self.tolerance * np.abs(self.robot.link_torques(q, v, a)).sum(axis=1)[:, self.columns]
-        return nominal - spread, nominal + spread
-
-    def forces(self, q: Array, v: Array, a: Array) -> dict[str, Array]:
-        """Torques, speeds, powers, shaft torque, curve use and supply power; names that end in _ are no peaks."""
-        low, high = self.torque(q, v, a)
-        speed, rate = v[:, self.columns], a[:, self.columns]
-        most, least = np.maximum(low * speed, high * speed), np.minimum(low * speed, high * speed)
-        supply, back = most.copy(), least.copy()
-        shaft, curve = np.zeros_like(low), np.zeros_like(low)
-        for k, joint in enumerate(self.joints):
-            if (drive := self.drives.get(joint.name)) is None:
-                continue
-            turns = drive.ratio * speed[:, k]
-            ends = [drive.shaft_torque(end[:, k], speed[:, k], rate[:, k]) for end in (low, high)]
-            shaft[:, k] = np.maximum(np.abs(ends[0]), np.abs(ends[1]))
-            curve[:, k] = drive.curve_use(drive.safety_factor * shaft[:, k], turns)
-            electric = [drive.electrical_power(end * turns) for end in ends]
-            supply[:, k], back[:, k] = np.maximum(*electric), np.minimum(*electric)
-        position = q[:, [joint.q for joint in self.joints]]
-        return {
-            "max_torque": high, "min_torque": -low, "peak_speed": np.abs(speed),
-            "peak_motoring_power": np.maximum(most, 0.0), "peak_regenerating_power": np.maximum(-least, 0.0),
-            "shaft_torque": shaft, "curve_use": curve, "upper": position, "lower": -position,
-            "supply": np.maximum(supply.sum(axis=1, keepdims=True), 0.0),
-            "regeneration": np.maximum(-back.sum(axis=1, keepdims=True), 0.0),
-        }
-
-    def reactions(self, q: Array, v: Array, a: Array) -> dict[str, Array]:
-        """Bearing force and tilting moment (n, k) of each joint."""
-        wrench = self.robot.joint_reactions(q, v, a)
-        names = list(self.robot.all_joint_names)
-        force, moment = (np.zeros((len(q), len(self.joints))) for _ in range(2))
-        for k, joint in enumerate(self.joints):
-            axis = np.asarray(self.robot.joint_axis(joint.name))
-            both = wrench[:, names.index(joint.name)]
-            across = 0 if joint.kind == "prismatic" else 3
-            both = both.copy()
-            both[:, across:across + 3] -= np.outer(both[:, across:across + 3] @ axis, axis)
-            force[:, k], moment[:, k] = np.linalg.norm(both[:, :3], axis=1), np.linalg.norm(both[:, 3:], axis=1)
-        return {"peak_bearing_force": force, "peak_tilting_moment": moment}
-
-    def inertia(self, q: Array, v: Array, a: Array) -> dict[str, Array]:
-        """M_ii (n, k), a drive's rotor left out."""
-        diagonal = np.diagonal(self.robot.mass_matrix(q), axis1=-2, axis2=-1)
-        return {"largest_inertia": np.asarray(diagonal[:, self.columns] - self.rotor)}
-
-
-def size(robot: Robot, motions: Motion | Sequence[Motion], drives: Mapping[str, Drive] | None = None,
-         mass_tolerance: float = 0.0) -> Sizing:
-    """Size every one-degree-of-freedom joint of a robot over one or several motions: the worst of them counts.
-
-    `drives` gives motor and gear by joint name; `mass_tolerance` is a share (0.1 for ±10 % on every link's mass and
-    inertia). Each motion counts as a cycle that repeats, for RMS and mean. Raises InputError where a drive names no
-    joint, a motion belongs to another robot, or there is no motion.
+    `drives` gives motor and gear by joint name; `mass_tolerance` is a share (0.1 for ±10 % on every link's
+    mass and inertia). Each motion counts as a cycle that repeats, for RMS and mean. Raises InputError where a
+    drive names no joint, a motion belongs to another robot, or there is no motion.
     """
     motions = _renamed([motions] if isinstance(motions, Motion) else list(motions))
     drives = dict(drives or {})
     joints = tuple(joint for joint in robot.joints if joint.nv == 1)
     _check(robot, joints, motions, drives, mass_tolerance)
-    loads = _Loads(robot, joints, drives, mass_tolerance)
+    loads = Loads(robot, joints, drives, mass_tolerance)
     found: list[dict[str, list[Peak]]] = []
     cycles: list[list[Cycle]] = []
     for motion in motions:
         peaks, parts = _size_one(loads, motion)
         found.append(peaks)
         cycles.append(parts)
-    worst = {name: [max((peaks[name][k] for peaks in found), key=lambda peak: peak.value)
-                    for k in range(len(found[0][name]))] for name in found[0]}
+    worst = {
+        name: [
+            max((peaks[name][k] for peaks in found), key=lambda peak: peak.value)
+            for k in range(len(found[0][name]))
+        ]
+        for name in found[0]
+    }
     holding = holding_torques(robot, mass_tolerance=mass_tolerance)
     lines = tuple(
-        _joint_line(loads, k, {name: peaks[k] for name, peaks in worst.items() if name not in ("supply", "regeneration")},
-                    tuple(parts[k] for parts in cycles), motions, holding.torque[k], holding.position[k])
-        for k, _ in enumerate(joints))
+        _joint_line(
+            loads,
+            k,
+            {name: peaks[k] for name, peaks in worst.items() if name not in ("supply", "regeneration")},
+            tuple(parts[k] for parts in cycles),
+            motions,
+            holding.torque[k],
+            holding.position[k],
+        )
+        for k, _ in enumerate(joints)
+    )
     warnings = [warning for motion in motions for warning in motion.warnings] + list(holding.notes)
     if len(joints) < len(robot.joints):
         others = ", ".join(f"'{joint.name}' ({joint.kind})" for joint in robot.joints if joint.nv != 1)
-        warnings.append(f"joints with several degrees of freedom have no single motor and are not sized: {others}")
-    return Sizing(robot.name, tuple(motion.name for motion in motions), mass_tolerance, lines,
-                  worst["supply"][0], worst["regeneration"][0], tuple(dict.fromkeys(warnings)))
+        warnings.append(
+            f"joints with several degrees of freedom have no single motor and are not sized: {others}"
+        )
+    return Sizing(
+        robot.name,
+        tuple(motion.name for motion in motions),
+        mass_tolerance,
+        lines,
+        worst["supply"][0],
+        worst["regeneration"][0],
+        tuple(dict.fromkeys(warnings)),
+    )
 
 
-def _check(robot: Robot, joints: tuple[RobotJoint, ...], motions: list[Motion], drives: Mapping[str, Drive],
-           tolerance: float) -> None:
+def _check(
+    robot: Robot,
+    joints: tuple[RobotJoint, ...],
+    motions: list[Motion],
+    drives: Mapping[str, Drive],
+    tolerance: float,
+) -> None:
     if not motions:
         raise InputError(f"sizing of {robot.name}: there is no motion; give at least one")
     if not joints:
         raise InputError(f"sizing of {robot.name}: the robot has no joint that a motor could drive")
     if not 0.0 <= tolerance < 1.0:
-        raise InputError(f"mass tolerance: expected a share of at least 0 and below 1 (or a percentage), found {tolerance}")
+        raise InputError(
+            f"mass tolerance: expected a share of at least 0 and below 1 (or a percentage), found {tolerance}"
+        )
     layout = [(joint.name, joint.q, joint.v) for joint in robot.joints]
     for motion in motions:
         if [(joint.name, joint.q, joint.v) for joint in motion.joints] != layout:
             raise InputError(
                 f"motion '{motion.name}' is for the joints {', '.join(joint.name for joint in motion.joints)}, "
-                f"the robot {robot.name} has {', '.join(joint.name for joint in robot.joints)}")
+                f"the robot {robot.name} has {', '.join(joint.name for joint in robot.joints)}"
+            )
     known = [joint.name for joint in joints]
     for name in drives:
         if name not in known:
@@ -166,26 +134,32 @@ def _renamed(motions: list[Motion]) -> list[Motion]:
             number += 1
             name = f"{motion.name} ({number})"
         names.append(name)
-    return [motion if motion.name == name else replace(motion, name=name)
-            for motion, name in zip(motions, names, strict=True)]
+    return [
+        motion if motion.name == name else replace(motion, name=name)
+        for motion, name in zip(motions, names, strict=True)
+    ]
 
 
-def _size_one(loads: _Loads, motion: Motion) -> tuple[dict[str, list[Peak]], list[Cycle]]:
+def _size_one(loads: Loads, motion: Motion) -> tuple[dict[str, list[Peak]], list[Cycle]]:
     robot = loads.robot
     rough = [joint.v for joint in loads.joints if robot.coulomb[joint.v] > 0.0]
-    grid = grid_along(motion, reversal_times(motion, rough, float(np.max(robot.friction_width))) if rough else None)
+    grid = grid_along(
+        motion, reversal_times(motion, rough, float(np.max(robot.friction_width))) if rough else None
+    )
     values, largest = maxima(motion, grid, loads.forces)
     for more in (loads.reactions, loads.inertia):
         largest |= maxima(motion, grid, more)[1]
     peaks = {}
     for name, (top, when) in largest.items():
         postures = motion.at(when)[0]
-        peaks[name] = [Peak(float(value), float(time), motion.name, tuple(map(float, posture)))
-                       for value, time, posture in zip(top, when, postures, strict=True)]
+        peaks[name] = [
+            Peak(float(value), float(time), motion.name, tuple(map(float, posture)))
+            for value, time, posture in zip(top, when, postures, strict=True)
+        ]
     return peaks, _cycles(loads, motion, grid, values)
 
 
-def _cycles(loads: _Loads, motion: Motion, grid: Grid, values: Mapping[str, Array]) -> list[Cycle]:
+def _cycles(loads: Loads, motion: Motion, grid: Grid, values: Mapping[str, Array]) -> list[Cycle]:
     def integral(samples: Array) -> Array:
         return np.asarray(grid.weight @ samples)
 
@@ -194,13 +168,29 @@ def _cycles(loads: _Loads, motion: Motion, grid: Grid, values: Mapping[str, Arra
     shaft = np.sqrt(integral(values["shaft_torque"] ** 2) / motion.duration)
     mean = integral(values["peak_speed"]) / motion.duration
     into, out = integral(values["peak_motoring_power"]), integral(values["peak_regenerating_power"])
-    return [Cycle(motion.name, motion.duration, float(rms[k]), float(mean[k]), float(into[k]), float(out[k]),
-                  float(shaft[k]) if joint.name in loads.drives else None)
-            for k, joint in enumerate(loads.joints)]
+    return [
+        Cycle(
+            motion.name,
+            motion.duration,
+            float(rms[k]),
+            float(mean[k]),
+            float(into[k]),
+            float(out[k]),
+            float(shaft[k]) if joint.name in loads.drives else None,
+        )
+        for k, joint in enumerate(loads.joints)
+    ]
 
 
-def _joint_line(loads: _Loads, k: int, worst: dict[str, Peak], cycles: tuple[Cycle, ...], motions: Sequence[Motion],
-                holding: float, holding_position: Array) -> JointSizing:
+def _joint_line(
+    loads: Loads,
+    k: int,
+    worst: dict[str, Peak],
+    cycles: tuple[Cycle, ...],
+    motions: Sequence[Motion],
+    holding: float,
+    holding_position: Array,
+) -> JointSizing:
     robot, joint = loads.robot, loads.joints[k]
     for name in _SIGNED:
         peak = worst[name]
@@ -212,15 +202,30 @@ def _joint_line(loads: _Loads, k: int, worst: dict[str, Peak], cycles: tuple[Cyc
     reach = (-worst.pop("lower").value, worst.pop("upper").value)
     shaft_peak, curve = worst.pop("shaft_torque"), worst.pop("curve_use")
     drive = loads.drives.get(joint.name)
-    shaft = None if drive is None else _shaft(
-        drive, shaft_peak, curve, worst["peak_speed"], cycles, worst["largest_inertia"].value)
+    shaft = (
+        None
+        if drive is None
+        else _shaft(drive, shaft_peak, curve, worst["peak_speed"], cycles, worst["largest_inertia"].value)
+    )
     return JointSizing(
-        joint.name, joint.kind, worst, cycles, rubbing / abs(peak.value) if peak.value else 0.0, float(holding),
-        tuple(map(float, holding_position)), _given(robot.effort_limit[joint.v]), _given(robot.velocity_limit[joint.v]),
-        reach, (_given(robot.lower[joint.q]), _given(robot.upper[joint.q])), shaft)
+        joint.name,
+        joint.kind,
+        worst,
+        cycles,
+        rubbing / abs(peak.value) if peak.value else 0.0,
+        float(holding),
+        tuple(map(float, holding_position)),
+        _given(robot.effort_limit[joint.v]),
+        _given(robot.velocity_limit[joint.v]),
+        reach,
+        (_given(robot.lower[joint.q]), _given(robot.upper[joint.q])),
+        shaft,
+    )
 
 
-def _shaft(drive: Drive, torque: Peak, curve: Peak, speed: Peak, cycles: tuple[Cycle, ...], load: float) -> ShaftSizing:
+def _shaft(
+    drive: Drive, torque: Peak, curve: Peak, speed: Peak, cycles: tuple[Cycle, ...], load: float
+) -> ShaftSizing:
     rms = max(cycle.rms_shaft_torque or 0.0 for cycle in cycles)
     turns = Peak(drive.ratio * speed.value, speed.time, speed.motion, speed.position)
     margins = {

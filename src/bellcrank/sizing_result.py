@@ -1,7 +1,8 @@
 """What sizing finds: peaks with their time and posture, a line per joint, and margins that are signed.
 
-Margins are shares of the limit: 0.25 means a quarter of it is left, a negative one is exceeded, None that no limit
-is given. Torques are N m on revolute joints and N on prismatic ones, speeds rad/s or m/s, powers W, energies J.
+Margins are shares of the limit: 0.25 means a quarter of it is left, a negative one is exceeded, None that no
+limit is given. Torques are N m on revolute joints and N on prismatic ones, speeds rad/s or m/s, powers W,
+energies J.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ class Peak:
 
 @dataclass(frozen=True)
 class Cycle:
-    """One motion as a cycle that repeats: RMS torque, mean |speed|, energies (J) put in and given back, RMS at the shaft."""
+    """One motion as a cycle that repeats: RMS torque, mean |speed|, energies (J) put in and given back, RMS
+    at the shaft."""
 
     motion: str
     duration: float
@@ -75,8 +77,9 @@ class JointSizing:
     """What one joint's motor must deliver, over all motions.
 
     `peaks` holds max_torque, min_torque (signed), peak_torque (the larger magnitude), peak_speed,
-    peak_motoring_power, peak_regenerating_power (both positive), largest_inertia (M_ii, without a drive's rotor, kg m²
-    or kg), peak_bearing_force (N) and peak_tilting_moment (N m), each a Peak and each also an attribute.
+    peak_motoring_power, peak_regenerating_power (both positive), largest_inertia (M_ii, without a drive's
+    rotor, kg m² or kg), peak_bearing_force (N) and peak_tilting_moment (N m), each a Peak and each also an
+    attribute.
     """
 
     name: str
@@ -195,23 +198,33 @@ class JointSizing:
         """A sentence for each limit that is not kept."""
         found = []
         if self.effort_margin is not None and self.effort_margin < 0.0:
-            found.append(f"joint '{self.name}' needs {self.peak_torque:.4g} {self.torque_unit}, "
-                         f"the URDF's effort limit is {self.effort_limit:.4g} {self.torque_unit}")
+            found.append(
+                f"joint '{self.name}' needs {self.peak_torque:.4g} {self.torque_unit}, "
+                f"the URDF's effort limit is {self.effort_limit:.4g} {self.torque_unit}"
+            )
         if self.velocity_margin is not None and self.velocity_margin < 0.0:
-            found.append(f"joint '{self.name}' reaches {self.peak_speed:.4g} {self.speed_unit}, "
-                         f"the URDF's velocity limit is {self.velocity_limit:.4g} {self.speed_unit}")
+            found.append(
+                f"joint '{self.name}' reaches {self.peak_speed:.4g} {self.speed_unit}, "
+                f"the URDF's velocity limit is {self.velocity_limit:.4g} {self.speed_unit}"
+            )
         if self.position_margin is not None and self.position_margin < -1e-9:
             unit = self.speed_unit[:-2]
-            found.append(f"joint '{self.name}' leaves its position range by {-self.position_margin:.4g} {unit}")
+            found.append(
+                f"joint '{self.name}' leaves its position range by {-self.position_margin:.4g} {unit}"
+            )
         if self.shaft is not None:
-            found += [f"joint '{self.name}': the drive's {name} limit is exceeded by {-margin:.1%}"
-                      for name, margin in self.shaft.margins.items() if margin < 0.0]
+            found += [
+                f"joint '{self.name}': the drive's {name} limit is exceeded by {-margin:.1%}"
+                for name, margin in self.shaft.margins.items()
+                if margin < 0.0
+            ]
         return tuple(found)
 
 
 @dataclass(frozen=True)
 class Sizing:
-    """The sizing of a robot over its motions; `peak_supply_power` and `peak_regeneration` (W) sum all joints at one instant."""
+    """The sizing of a robot over its motions; `peak_supply_power` and `peak_regeneration` (W) sum all joints
+    at one instant."""
 
     robot: str
     motions: tuple[str, ...]
@@ -226,7 +239,9 @@ class Sizing:
         for joint in self.joints:
             if joint.name == name:
                 return joint
-        raise InputError(f"sizing of {self.robot}: {among('joint', name, [joint.name for joint in self.joints])}")
+        raise InputError(
+            f"sizing of {self.robot}: {among('joint', name, [joint.name for joint in self.joints])}"
+        )
 
     @property
     def peak_supply_power(self) -> float:

@@ -35,8 +35,8 @@ class PlanarTwoLink:
     def mass_matrix(self, q: Array) -> Array:
         """M(q), (..., 2, 2)."""
         c2 = np.cos(q[..., 1])
-        m11 = self.i1 + self.i2 + self.m2 * self.l1**2 + self.m1 * self.r1**2 + self.m2 * self.r2**2
-        m11 = m11 + 2 * self.m2 * self.l1 * self.r2 * c2
+        still = self.i1 + self.i2 + self.m2 * self.l1**2 + self.m1 * self.r1**2 + self.m2 * self.r2**2
+        m11 = still + 2 * self.m2 * self.l1 * self.r2 * c2
         m12 = self.i2 + self.m2 * self.r2**2 + self.m2 * self.l1 * self.r2 * c2
         m22 = np.full_like(c2, self.i2 + self.m2 * self.r2**2)
         return np.stack([np.stack([m11, m12], -1), np.stack([m12, m22], -1)], -2)
@@ -52,11 +52,11 @@ class PlanarTwoLink:
 
     def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array:
         """Torques M a + C + G, (..., 2)."""
-        return np.einsum("...ij,...j->...i", self.mass_matrix(q), a) + self.bias(q, v)
+        return np.asarray(np.einsum("...ij,...j->...i", self.mass_matrix(q), a) + self.bias(q, v))
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
         """Accelerations under torques, (..., 2)."""
-        return np.linalg.solve(self.mass_matrix(q), (tau - self.bias(q, v))[..., None])[..., 0]
+        return _solve(self.mass_matrix(q), tau - self.bias(q, v))
 
     def energy(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Kinetic and potential energy (zero at the height of the first joint), (...) each, J."""
@@ -88,7 +88,11 @@ class PlanarTwoLink:
         s1, c1 = self.l1 * np.sin(q[..., 0]), self.l1 * np.cos(q[..., 0])
         s12, c12 = self.l2 * np.sin(angle), self.l2 * np.cos(angle)
         jacobian = np.stack([np.stack([-s1 - s12, -s12], -1), np.stack([c1 + c12, c12], -1)], -2)
-        v = np.linalg.solve(jacobian, dx[..., None])[..., 0]
+        v = _solve(jacobian, dx)
         w1, w12 = v[..., 0], v[..., 0] + v[..., 1]
         jdot_v = np.stack([-c1 * w1 * w1 - c12 * w12 * w12, -s1 * w1 * w1 - s12 * w12 * w12], -1)
-        return q, v, np.linalg.solve(jacobian, (ddx - jdot_v)[..., None])[..., 0]
+        return q, v, _solve(jacobian, ddx - jdot_v)
+
+
+def _solve(matrix: Array, right: Array) -> Array:
+    return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0], dtype=np.float64)

@@ -1,0 +1,173 @@
+"""`bellcrank size`: exit codes, files, reports and pictures."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from two_link import TwoLink, circle_states
+
+from bellcrank.card import load_card
+from bellcrank.cli import main
+from bellcrank.commands_size import parse_payload, parse_share
+from bellcrank.errors import InputError
+from bellcrank.motion import Motion
+from bellcrank.motion_csv import write_motion
+from bellcrank.plots import file_name
+from bellcrank.sizing import size
+from bellcrank.sizing_report import csv_text, json_text
+from bellcrank.sizing_table import table
+
+
+def refuse(constant: str) -> None:
+    raise AssertionError(f"{constant} in JSON")
+
+
+def test_the_main_job_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["size", "planar_2r", "--out", str(tmp_path / "out")]) == 0
+    text = capsys.readouterr().out
+    names = {
+        "sizing.csv",
+        "sizing.json",
+        "over_time_elbow_up.png",
+        "over_time_elbow_down.png",
+        "torque_speed.png",
+        "motor_torque_speed.png",
+    }
+    assert {path.name for path in (tmp_path / "out").iterdir()} == names and all(
+        name in text for name in names
+    )
+    assert "242.3" in text and "N m" in text and "rad/s" in text and "starts moving" in text
+    document = json.loads((tmp_path / "out" / "sizing.json").read_text(), parse_constant=refuse)
+    shoulder = document["joints"][0]
+    assert shoulder["name"] == "shoulder" and shoulder["peaks"]["max_torque"]["value"] == pytest.approx(
+        242.272603138, rel=1e-8
+    )
+    with (tmp_path / "out" / "sizing.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert float(rows[0]["peak torque [torque unit]"]) == shoulder["peaks"]["peak_torque"]["value"]
+    for name in names:
+        if name.endswith(".png"):
+            with Image.open(tmp_path / "out" / name) as image:
+                assert image.format == "PNG" and image.width > 600
+                assert len(image.convert("RGB").getcolors(1 << 20) or ()) > 20  # something is drawn
+
+
+def test_a_limit_that_is_exceeded_is_exit_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert (
+        main(
+            [
+                "size",
+                "planar_2r",
+                "--motion",
+                "elbow_down",
+                "--payload",
+                "30@tip",
+                "--no-plots",
+                "--out",
+                str(tmp_path),
+            ]
+        )
+        == 1
+    )
+    assert "EXCEEDED" in capsys.readouterr().out
+    assert json.loads((tmp_path / "sizing.json").read_text())["inside"] is False
+
+
+def test_a_payload_and_a_tolerance_raise_the_peak(tmp_path: Path) -> None:
+    peaks = []
+    for extra in ([], ["--payload", "2@tip"], ["--payload", "2@tip", "--mass-tolerance", "10%"]):
+        main(["size", "planar_2r", "--motion", "elbow_up", "--no-plots", "--out", str(tmp_path), *extra])
+        peaks.append(
+            json.loads((tmp_path / "sizing.json").read_text())["joints"][0]["peaks"]["peak_torque"]["value"]
+        )
+    assert peaks[0] < peaks[1] and peaks[2] == pytest.approx(1.1 * peaks[1], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["planar_2rr"], "did you mean 'planar_2r'"),
+        (["gone.yaml"], "no such file"),
+        (["gone.urdf"], "no such file"),
+        (["planar_2r", "--motion", "elbow_upp"], "did you mean 'elbow_up'"),
+        (["planar_2r", "--motion", "gone.csv"], "gone.csv"),
+        (["planar_2r", "--payload", "2"], "expected MASS@FRAME"),
+        (["planar_2r", "--payload", "x@tip"], "found 'x'"),
+        (["planar_2r", "--payload=-2@tip"], "must be positive"),
+        (["planar_2r", "--payload", "2@tp"], "did you mean 'tip'"),
+        (["planar_2r", "--mass-tolerance", "ten"], "expected a number"),
+        (["planar_2r", "--mass-tolerance", "150%"], "less than 100%"),
+        (["talos"], "there is no motion to size over"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_leaves_nothing_behind(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    out = tmp_path / "out"
+    assert main(["size", *arguments, "--out", str(out)]) == 2
+    captured = capsys.readouterr()
+    assert message in captured.err and captured.err.count("\n") == 1 and "Traceback" not in captured.err
+    assert not out.exists() and captured.out == ""
+
+
+def test_a_motion_from_a_file(tmp_path: Path) -> None:
+    card = load_card("geared_pendulum")
+    robot = card.robot()
+    write_motion(card.motion(robot, "lift_and_return"), tmp_path / "lift.csv")
+    assert (
+        main(
+            [
+                "size",
+                "geared_pendulum",
+                "--motion",
+                str(tmp_path / "lift.csv"),
+                "--no-plots",
+                "--out",
+                str(tmp_path),
+            ]
+        )
+        == 0
+    )
+    document = json.loads((tmp_path / "sizing.json").read_text())
+    assert document["motions"] == ["lift"] and document["joints"][0]["peaks"]["peak_torque"][
+        "value"
+    ] == pytest.approx(9.81, rel=1e-6)
+
+
+def test_reports_say_when_no_limit_is_given_and_never_hold_nan() -> None:
+    robot: Any = TwoLink()
+    robot.effort_limit, robot.velocity_limit = np.array([0.0, np.inf]), np.array([np.inf, np.inf])
+    phi = np.linspace(0, 2 * np.pi, 101)
+    sizing = size(robot, Motion(robot.joints, phi, *circle_states(phi, 1, 2 * np.pi)))
+    text = table(sizing)
+    assert "no limit given" in text and "limit is 0" in text and "nan" not in text
+    document = json.loads(json_text(sizing), parse_constant=refuse)
+    assert document["joints"][0]["effort"] == {"limit": 0.0, "margin": None} and not document["inside"]
+    assert "nan" not in csv_text(sizing) and "inf" not in csv_text(sizing)
+
+
+@pytest.mark.parametrize(
+    ("text", "mass", "frame"),
+    [("2.5@tool0", 2.5, "tool0"), ("500 g@a@b", 0.5, "a@b"), ("1e0kg@ x ", 1.0, "x")],
+)
+def test_payloads_on_the_command_line(text: str, mass: float, frame: str) -> None:
+    payload = parse_payload(text)
+    assert payload.mass == pytest.approx(mass) and payload.frame == frame
+
+
+def test_shares_on_the_command_line() -> None:
+    assert parse_share("10%") == pytest.approx(0.1) and parse_share("0.05") == 0.05
+    with pytest.raises(InputError):
+        parse_share("-1%")
+
+
+def test_file_names_are_safe() -> None:
+    assert (
+        file_name("../a b/c") == "a_b_c" and file_name("///") == "motion" and len(file_name("x" * 500)) <= 80
+    )
