@@ -12,11 +12,17 @@ from two_link import M1, M2, R1, R2, G, TwoLink
 from bellcrank.holding import holding_torques
 from bellcrank.robot import load_robot
 
+UNIT = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
 SLIDER = """<robot name="slider"><link name="base"/>
-<link name="arm"><inertial><mass value="3"/><origin xyz="0.2 0 0"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<link name="rod"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="arm"><inertial><mass value="3"/><origin xyz="0.2 0 0"/>{unit}</inertial></link>
+<link name="rod"><inertial><mass value="2"/>{unit}</inertial></link>
 <joint name="turn" type="{kind}"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>{limit}</joint>
-<joint name="slide" type="prismatic"><parent link="arm"/><child link="rod"/><axis xyz="1 0 0"/>{slide}</joint></robot>"""
+<joint name="slide" type="prismatic"><parent link="arm"/><child link="rod"/><axis xyz="1 0 0"/>{slide}</joint>
+</robot>"""
+FOLLOWER = """<robot name="follow"><link name="base"/><link name="a">{body}</link><link name="b">{body}</link>
+<joint name="one" type="continuous"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/></joint>
+<joint name="two" type="continuous"><parent link="a"/><child link="b"/><origin xyz="1 0 0"/>
+<axis xyz="0 1 0"/><mimic joint="one" multiplier="2"/></joint></robot>"""
 
 
 def test_two_link_by_hand() -> None:
@@ -66,7 +72,7 @@ def test_no_random_posture_needs_more_and_the_posture_found_needs_as_much(name: 
 
 def slider(tmp_path: Path, kind: str, slide: str, limit: str = "") -> Any:
     path = tmp_path / "slider.urdf"
-    path.write_text(SLIDER.format(kind=kind, slide=slide, limit=limit))
+    path.write_text(SLIDER.format(unit=UNIT, kind=kind, slide=slide, limit=limit))
     return load_robot(path)
 
 
@@ -85,11 +91,8 @@ def test_a_sliding_joint_without_limits_is_held_at_zero_and_said_so(tmp_path: Pa
 
 def test_a_joint_that_others_follow(tmp_path: Path) -> None:
     path = tmp_path / "follow.urdf"
-    body = '<inertial><mass value="1"/><origin xyz="0.5 0 0"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
-    path.write_text(f"""<robot name="follow"><link name="base"/><link name="a">{body}</link><link name="b">{body}</link>
-<joint name="one" type="continuous"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/></joint>
-<joint name="two" type="continuous"><parent link="a"/><child link="b"/><origin xyz="1 0 0"/><axis xyz="0 1 0"/>
-<mimic joint="one" multiplier="2"/></joint></robot>""")
+    body = f'<inertial><mass value="1"/><origin xyz="0.5 0 0"/>{UNIT}</inertial>'
+    path.write_text(FOLLOWER.format(body=body))
     holding = holding_torques(load_robot(path))
     x = np.linspace(-np.pi, np.pi, 2_000_001)
     # V = g (0.5 h(x) + h(x) + 0.5 h(3x)), h = −sin; its slope is the torque.

@@ -9,6 +9,9 @@ from __future__ import annotations
 
 import os
 import platform
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -20,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import machine, peers
-from bellcrank.errors import InputError
+from bellcrank.errors import BellcrankError, InputError
 from bellcrank.graph import Graph
 from bellcrank.robot import Robot, load_robot
 
@@ -150,10 +153,6 @@ def _distance_from_peak(graph: Graph) -> str:
 
 def first_use(name: str) -> dict[str, float]:
     """Seconds to load, trace and compile (batch inverse dynamics) with an empty cache, then again from it."""
-    import subprocess
-    import sys
-    import tempfile
-
     script = (
         "import time, numpy, llvmlite.binding, casadi, pinocchio, yourdfpy, bellcrank.robot, bellcrank._trace\n"
         "t = time.perf_counter()\n"
@@ -165,7 +164,11 @@ def first_use(name: str) -> dict[str, float]:
         environment = {**os.environ, "BELLCRANK_CACHE": folder}
         times = []
         for _ in range(2):
-            done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
+            done = subprocess.run(
+                [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False
+            )
+            if done.returncode:
+                raise BellcrankError(f"timing the first use of {name} failed: {done.stderr.strip().splitlines()[-1:]}")
             times.append(float(done.stdout))
     return {"first": times[0], "cached": times[1]}
 

@@ -43,7 +43,7 @@ class Card:
     drives: Mapping[str, Drive] = field(default_factory=dict)
 
     def robot(self, extra_payloads: Iterable[Payload] = ()) -> Robot:
-        """The robot with its mounting, payloads, frames and the drives' reflected rotor inertias; InputError."""
+        """The robot with its mounting, payloads, frames and the drives' reflected inertias; InputError."""
         from .robot import load_robot
 
         rotor = {joint: drive.reflected_inertia for joint, drive in self.drives.items()}

@@ -118,12 +118,12 @@ class Drive:
 
     @property
     def reflected_inertia(self) -> float:
-        """N² (J_rotor + J_gear): the shaft's inertia as the joint feels it, kg m² (kg on a prismatic joint)."""
+        """N² (J_rotor + J_gear): the shaft's inertia as the joint feels it, kg m² (prismatic: kg)."""
         return self.ratio**2 * self.shaft_inertia
 
     @property
     def curve_points(self) -> tuple[tuple[float, float], ...]:
-        """(speed rad/s, torque N m) corners of the torque-speed curve used, from speed 0 to the last speed."""
+        """(speed rad/s, torque N m) corners of the curve used, from speed 0 to the last speed."""
         if self.curve is not None:
             return self.curve
         corners = [(0.0, self.peak_torque), (self.rated_speed, self.peak_torque)]

@@ -8,6 +8,7 @@ starts at once.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,9 +22,12 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Torque = Callable[[Array], Array]
+Rows = NDArray[np.intp]
 
 STARTS = 24  # postures to start from, for each joint and each sign
 SWEEPS = 60  # at most, over all coordinates
+ROUGH = 6  # sweeps after which only the best KEPT starts of each joint go on
+KEPT = 6
 GRID = 49  # points along a coordinate that others follow (mimic), where no closed form holds
 
 
@@ -52,34 +56,43 @@ def holding_torques(
     lower, upper, notes = _ranges(robot, joints)
     leaders = {leader for _, leader, _, _ in robot.mimics()}
     generator = np.random.default_rng(seed)
+    places = [joint.q for joint in joints]
+    columns = np.array([joint.v for joint in joints])
+
+    def torque(postures: Array, rows: Rows) -> Array:
+        """Signed gravity torque of each row's own joint; postures (r, m, nq) -> (r, m)."""
+        count, m, nq = postures.shape
+        every = np.asarray(robot.gravity_torque(postures.reshape(count * m, nq))).reshape(count, m, -1)
+        return np.asarray(sign[rows, None] * every[np.arange(count), :, columns[target[rows]]])
+
     # One row for each (joint to maximise, sign, start): `target` and `sign` say which.
     target = np.repeat(np.arange(count), 2 * starts)
     sign = np.tile(np.repeat([1.0, -1.0], starts), count)
+    random = lower + (upper - lower) * generator.random((len(target), count))
+    matters = _dependence(robot, places, random[:: max(1, len(target) // 8)])[columns]
     q = np.tile(np.asarray(robot.neutral, dtype=np.float64), (len(target), 1))
-    places = [joint.q for joint in joints]
-    columns = np.array([joint.v for joint in joints])
-    q[:, places] = lower + (upper - lower) * generator.random((len(target), count))
-
-    def torque(postures: Array) -> Array:
-        """Signed gravity torque of each row's own joint; postures (r, m, nq) -> (r, m)."""
-        rows, m, nq = postures.shape
-        every = np.asarray(robot.gravity_torque(postures.reshape(rows * m, nq))).reshape(rows, m, -1)
-        return sign[:, None] * every[np.arange(rows), :, columns[target]]
-
-    value = torque(q[:, None])[:, 0]
-    for _ in range(SWEEPS):
+    q[:, places] = np.where(matters[target], random, np.clip(q[:, places], lower, upper))
+    value = torque(q[:, None], np.arange(len(q)))[:, 0]
+    active = np.ones(len(q), dtype=bool)
+    for sweep in range(SWEEPS):
         before = value.copy()
         for k, joint in enumerate(joints):
-            if lower[k] == upper[k]:
+            rows = np.flatnonzero(active & matters[target, k])
+            if lower[k] == upper[k] or not rows.size:
                 continue
-            trials = _candidates(torque, q, joint, lower[k], upper[k], joint.name in leaders)
-            reached = _at(torque, q, joint.q, trials)
+            at = functools.partial(torque, rows=rows)
+            trials = _candidates(at, q[rows], joint, lower[k], upper[k], joint.name in leaders)
+            reached = _at(at, q[rows], joint.q, trials)
+            each = np.arange(len(rows))
             best = reached.argmax(axis=1)
-            gained = reached[np.arange(len(q)), best]
-            better = gained > value
-            q[better, joint.q] = trials[np.arange(len(q)), best][better]
-            value = np.where(better, gained, value)
-        if np.all(value - before <= 1e-13 * np.maximum(1.0, np.abs(value))):
+            better = reached[each, best] > value[rows]
+            q[rows[better], joint.q] = trials[each, best][better]
+            value[rows[better]] = reached[each, best][better]
+        active &= value - before > 1e-13 * np.maximum(1.0, np.abs(value))
+        if sweep == ROUGH - 1:  # from here on only the best few of each joint go on
+            order = np.argsort(-value.reshape(count, 2 * starts), axis=1)[:, KEPT:]
+            active[(order + 2 * starts * np.arange(count)[:, None]).ravel()] = False
+        if not active.any():
             break
     table = value.reshape(count, 2 * starts)
     best = table.argmax(axis=1)
@@ -92,6 +105,20 @@ def holding_torques(
         shares = np.abs(robot.link_torques(posture, rest, rest)).sum(axis=1)
         result = result + mass_tolerance * shares[np.arange(count), columns]
     return Holding(tuple(joint.name for joint in joints), result, posture, notes)
+
+
+def _dependence(robot: Robot, places: list[int], samples: Array) -> NDArray[np.bool_]:
+    """Whether the gravity torque (nv, k) of each velocity coordinate depends on each joint's position."""
+    q = np.tile(np.asarray(robot.neutral, dtype=np.float64), (len(samples), 1))
+    q[:, places] = samples
+    here = np.asarray(robot.gravity_torque(q))
+    scale = 1e-12 * max(1e-300, float(np.max(np.abs(here))))
+    result = np.zeros((robot.nv, len(places)), dtype=bool)
+    for k, place in enumerate(places):
+        moved = q.copy()
+        moved[:, place] = np.roll(q[:, place], 1)
+        result[:, k] = np.max(np.abs(np.asarray(robot.gravity_torque(moved)) - here), axis=0) > scale
+    return result
 
 
 def _ranges(robot: Robot, joints: tuple[RobotJoint, ...]) -> tuple[Array, Array, tuple[str, ...]]:

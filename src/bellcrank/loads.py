@@ -1,4 +1,4 @@
-"""What acts on a robot's joints, shafts and supply in a state of motion: the quantities that sizing looks at."""
+"""What acts on a robot's joints, shafts and supply in a state of motion: what sizing looks at."""
 
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ class Loads:
 
     @property
     def columns(self) -> list[int]:
+        """Velocity coordinates of the joints."""
         return [joint.v for joint in self.joints]
 
     @property

@@ -242,8 +242,7 @@ class Robot:
 
     def gravity_torque(self, q: Any) -> Array:
         """The torques (nv,) or (n, nv) that hold the robot at rest at q, N m or N."""
-        zero = np.zeros(self.nv)
-        return self.inverse_dynamics(q, zero, zero)
+        return self._gravity(*self._states(q))  # type: ignore[no-any-return]
 
     def friction_torque(self, v: Any) -> Array:
         """Joint friction (nv,) or (n, nv): viscous v + coulomb v / sqrt(v² + width²), N m or N."""
@@ -318,6 +317,10 @@ class Robot:
         return self.compiled("forward_dynamics", lambda: self.trace_dynamics("forward_dynamics"))
 
     @cached_property
+    def _gravity(self) -> Compiled:
+        return self.compiled("gravity_torque", self._trace_gravity)
+
+    @cached_property
     def _scaled(self) -> Compiled:
         return self.compiled("link_torques", self._trace_scaled)
 
@@ -373,6 +376,13 @@ class Robot:
         inverse = algorithm == "inverse_dynamics"
         out = f(q, v, third, p) + friction if inverse else f(q, v, third - friction, p)
         return casadi.Function(algorithm, [q, v, third], [out])
+
+    def _trace_gravity(self) -> casadi.Function:
+        import casadi
+
+        f = casadi.Function.deserialize(self._traced().inverse_dynamics().decode("latin-1"))
+        q, rest = casadi.SX.sym("q", self.nq), casadi.SX(self.nv, 1)
+        return casadi.Function("gravity_torque", [q], [f(q, rest, rest, casadi.SX(0, 1))])
 
     def _trace_scaled(self) -> Any:
         import casadi

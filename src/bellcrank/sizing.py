@@ -116,7 +116,7 @@ def _check(
     for motion in motions:
         if [(joint.name, joint.q, joint.v) for joint in motion.joints] != layout:
             raise InputError(
-                f"motion '{motion.name}' is for the joints {', '.join(joint.name for joint in motion.joints)}, "
+                f"motion '{motion.name}' is for the joints {', '.join(motion.joint_names)}, "
                 f"the robot {robot.name} has {', '.join(joint.name for joint in robot.joints)}"
             )
     known = [joint.name for joint in joints]

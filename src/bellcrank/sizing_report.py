@@ -14,7 +14,7 @@ from .sizing_result import JointSizing, Peak, ShaftSizing, Sizing
 
 
 def write_reports(sizing: Sizing, folder: str | Path) -> list[Path]:
-    """Write sizing.csv and sizing.json into a folder, whole or not at all; returns their paths. InputError."""
+    """Write sizing.csv and sizing.json into a folder, whole or not at all; their paths. InputError."""
     folder = Path(folder)
     files = {folder / "sizing.csv": csv_text(sizing), folder / "sizing.json": json_text(sizing)}
     for path, text in files.items():

@@ -41,7 +41,7 @@ class Cycle:
 
 @dataclass(frozen=True)
 class ShaftSizing:
-    """One joint's drive at the motor shaft: torques N m, speeds rad/s, margins by name ("peak", "rated", …)."""
+    """One joint's drive at the motor shaft: torques N m, speeds rad/s, margins by name."""
 
     drive: Drive
     peak_torque: Peak
@@ -187,7 +187,7 @@ class JointSizing:
 
     @property
     def position_margin(self) -> float | None:
-        """Smallest distance to the URDF's position limits, rad or m, negative outside; None without limits."""
+        """Smallest distance to the URDF's position limits, rad or m, negative outside; None without."""
         lower, upper = self.position_limits
         distances = [] if lower is None else [self.position_range[0] - lower]
         distances += [] if upper is None else [upper - self.position_range[1]]
