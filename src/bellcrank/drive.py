@@ -179,7 +179,7 @@ class Drive:
 def drive_from_fields(fields: Fields) -> Drive:
     """The Drive that a card's mapping describes; InputError naming file and key."""
     curve = tuple((speed, torque) for speed, torque in fields.rows("curve", 2)) if "curve" in fields else None
-    fields.raw("curve", None)
+    fields.known("curve")
     values = {
         name: fields.number(name, unit, positive=True)
         for name, unit in (

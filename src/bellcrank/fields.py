@@ -123,6 +123,10 @@ class Fields:
             raise self.error("", f"the key '{key}' is missing (there are: {there})")
         return default
 
+    def known(self, *keys: str) -> None:
+        """Name keys that may stand here, so that `done` allows and suggests them."""
+        self._asked.update(dict.fromkeys(keys))
+
     def number(
         self,
         key: str,
