@@ -12,11 +12,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from two_link import CONTINUOUS
 
-from bellcrank.card import load_card, names, read_card
+from bellcrank.card.card import load_card, names, read_card
 from bellcrank.errors import BellcrankError, InputError, UnreachableError
-from bellcrank.motion_csv import write_motion
-from bellcrank.payload import Payload
-from bellcrank.sizing import size
+from bellcrank.motion.csv_file import write_motion
+from bellcrank.robot.payload import Payload
+from bellcrank.sizing.size import size
 
 URDF = str(names()["planar_2r"].parent.parent / "urdf" / "planar_2r.urdf")
 CIRCLE = {
@@ -120,9 +120,7 @@ def test_every_kind_of_motion(tmp_path: Path) -> None:
     assert motions["swing"].position[0] == pytest.approx([0, np.pi / 6])
     assert motions["rest"].duration == 2 and motions["all"].duration == pytest.approx(1.5)
     np.testing.assert_allclose(motions["file"].position, motions["swing"].position)
-    np.testing.assert_allclose(
-        robot.frame_pose("tip", motions["line"].position[-1])[0], [1.0, 1.2, 0], atol=1e-9
-    )
+    np.testing.assert_allclose(robot.frame_pose("tip", motions["line"].position[-1])[0], [1.0, 1.2, 0], atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -194,9 +192,7 @@ def test_broken_cards_are_one_sentence(tmp_path: Path, change: dict[str, Any], m
         ({"friction": {"wrist": {"viscous": 1}}}, "wrist"),
     ],
 )
-def test_what_only_the_robot_can_tell_names_the_card_too(
-    tmp_path: Path, change: dict[str, Any], message: str
-) -> None:
+def test_what_only_the_robot_can_tell_names_the_card_too(tmp_path: Path, change: dict[str, Any], message: str) -> None:
     path = card_with(tmp_path, **change)
     with pytest.raises((InputError, UnreachableError), match=message) as caught:
         card = read_card(path)

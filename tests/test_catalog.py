@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from bellcrank.catalog import SHORT_NAMES, find_urdf, names
-from bellcrank.data import folder
 from bellcrank.errors import InputError
-from bellcrank.urdf import read_urdf
+from bellcrank.shipped import folder
+from bellcrank.urdf.catalog import SHORT_NAMES, find_urdf, names
+from bellcrank.urdf.read import read_urdf
 
 
 def test_a_path_a_shipped_name_and_an_example_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -73,7 +73,7 @@ def test_an_unknown_data_folder_is_refused() -> None:
 
 def test_finding_and_reading_a_robot_imports_nothing_heavy() -> None:
     program = (
-        "import sys; from bellcrank.catalog import find_urdf; from bellcrank.urdf import read_urdf;"
+        "import sys; from bellcrank.urdf.catalog import find_urdf; from bellcrank.urdf.read import read_urdf;"
         "read_urdf(find_urdf('ur5')).pinocchio_xml();"
         "print([m for m in ('pinocchio', 'casadi', 'yourdfpy', 'scipy', 'matplotlib', 'trimesh') if m in "
         "sys.modules])"

@@ -11,14 +11,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bellcrank.articulated import _pivots as eliminated
-from bellcrank.articulated import articulated_inertias
-from bellcrank.catalog import find_urdf
-from bellcrank.check import Finding, check_urdf, format_findings, principal_moments
-from bellcrank.commands_check import add_arguments, run
-from bellcrank.data import folder
+from bellcrank.commands.check import add_arguments, run
 from bellcrank.errors import InputError
-from bellcrank.urdf import Urdf, read_urdf
+from bellcrank.shipped import folder
+from bellcrank.urdf.articulated import _pivots as eliminated
+from bellcrank.urdf.articulated import articulated_inertias
+from bellcrank.urdf.catalog import find_urdf
+from bellcrank.urdf.check import Finding, check_urdf, format_findings, principal_moments
+from bellcrank.urdf.read import Urdf, read_urdf
 
 LIMIT = '<limit lower="-1" upper="1" effort="10" velocity="2"/>'
 
@@ -37,13 +37,9 @@ def body(
     )
 
 
-def arm(
-    *bodies: str, inside: str = LIMIT, kind: str = "revolute", axis: str = "0 0 1", origin: str = ""
-) -> str:
+def arm(*bodies: str, inside: str = LIMIT, kind: str = "revolute", axis: str = "0 0 1", origin: str = "") -> str:
     """A chain of moving bodies; `inside`, `kind`, `axis` and `origin` are those of every joint."""
-    links = ['<link name="base"/>'] + [
-        f'<link name="l{k}">{inertial}</link>' for k, inertial in enumerate(bodies)
-    ]
+    links = ['<link name="base"/>'] + [f'<link name="l{k}">{inertial}</link>' for k, inertial in enumerate(bodies)]
     joints = [
         f'<joint name="j{k}" type="{kind}"><parent link="{f"l{k - 1}" if k else "base"}"/><child '
         f'link="l{k}"/>'
@@ -130,8 +126,7 @@ CASES = {
     "mesh": (
         arm(body()).replace(
             '<link name="base"/>',
-            '<link name="base"><visual><geometry><mesh '
-            'filename="package://p/m.stl"/></geometry></visual></link>',
+            '<link name="base"><visual><geometry><mesh filename="package://p/m.stl"/></geometry></visual></link>',
         ),
         "warning",
         "link 'base'",
@@ -146,9 +141,7 @@ CASES = {
         "follows joint 'j0': position = 2 × its position",
     ),
     "mimic that stands": (
-        arm(body(), body()).replace(
-            f"{LIMIT}</joint></robot>", '<mimic joint="j0" multiplier="0"/></joint></robot>'
-        ),
+        arm(body(), body()).replace(f"{LIMIT}</joint></robot>", '<mimic joint="j0" multiplier="0"/></joint></robot>'),
         "warning",
         "joint 'j1'",
         "multiplier 0",
@@ -207,9 +200,7 @@ SOUND = {
     "a point mass off the axis": arm(body(xyz="0.2 0 0", **POINT)),
     "a massless link with something heavy on it": arm("", body(), origin='<origin xyz="1 0 0"/>'),
     "a thin plate, where the triangle is an equality": arm(body(izz=2.0)),
-    "right angles in few digits that are cleaned": arm(
-        body(), origin='<origin rpy="1.57079632679 0 3.14159265359"/>'
-    ),
+    "right angles in few digits that are cleaned": arm(body(), origin='<origin rpy="1.57079632679 0 3.14159265359"/>'),
     "friction of a fifth": arm(body(), inside=LIMIT + '<dynamics friction="1" damping="0.5"/>'),
     "round-off of a point mass": arm(body(xyz="0.2 0 0", ixx=-1e-20, iyy=1e-20, izz=1e-18)),
 }
@@ -270,9 +261,7 @@ def test_the_pivots_are_the_articulated_inertias(name: str) -> None:
         mass_matrix += np.triu(mass_matrix, 1).T
         pivots = eliminated(mass_matrix)
         roots = [
-            j.idx_v
-            for j, parent in zip(list(model.joints)[1:], list(model.parents)[1:], strict=True)
-            if parent == 0
+            j.idx_v for j, parent in zip(list(model.joints)[1:], list(model.parents)[1:], strict=True) if parent == 0
         ]
         pin.computeMinverse(model, data, q)
         np.testing.assert_allclose(pivots[roots], 1.0 / np.diag(data.Minv)[roots], rtol=1e-9)

@@ -1,6 +1,7 @@
 """The command line: bad input is one sentence and exit 2, and leaves nothing half-written."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -36,7 +37,8 @@ CARD = """name: Arm
 urdf: arm.urdf
 motions:
   swing: {kind: waypoints, times: [0, 1, 2], positions: [{elbow: 0.5}, {elbow: 1.0}, {elbow: 0.5}]}
-  ring: {kind: circle, frame: tip, center: [1.2, 0, 0.4], radius: 0.2, duration: 4, normal: [0, 1, 0], start: {elbow: 1.2}}
+  ring: {kind: circle, frame: tip, center: [1.2, 0, 0.4], radius: 0.2, duration: 4, normal: [0, 1, 0],
+         start: {elbow: 1.2}}
 drives:
   elbow: {ratio: 100, efficiency: 0.8, rotor_inertia: 1.0e-5, gear_inertia: 0, rated_torque: 0.5, peak_torque: 1.5,
           rated_speed: 300, max_speed: 400, safety_factor: 1.2}
@@ -63,8 +65,10 @@ BROKEN = [
      '<axis xyz="0 0 0"/>\n    <limit lower="-3" upper="3" effort="80"', "axis"),
     ("axis of two numbers", "arm.urdf", '<axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="40"',
      '<axis xyz="0 1"/><limit lower="-3" upper="3" effort="40"', "axis|xyz"),
-    ("mimic of nobody", "arm.urdf", 'effort="40" velocity="3"/>', 'effort="40" velocity="3"/><mimic joint="wrist"/>', "wrist"),
-    ("mimic of itself", "arm.urdf", 'effort="40" velocity="3"/>', 'effort="40" velocity="3"/><mimic joint="elbow"/>', "elbow"),
+    ("mimic of nobody", "arm.urdf", 'effort="40" velocity="3"/>',
+     'effort="40" velocity="3"/><mimic joint="wrist"/>', "wrist"),
+    ("mimic of itself", "arm.urdf", 'effort="40" velocity="3"/>',
+     'effort="40" velocity="3"/><mimic joint="elbow"/>', "elbow"),
     ("xacro left in", "arm.urdf", '<link name="tip"/>', '<link name="tip"/><xacro:include filename="x"/>', "xacro"),
     ("empty CSV", "motion.csv", CSV, "", "empty"),
     ("CSV without rows", "motion.csv", CSV[CSV.index("\n0,"):], "\n", "row"),
@@ -123,7 +127,7 @@ def test_bad_input_is_one_sentence_exit_2_and_no_file(arm, capsys, file, old, ne
     assert main(size_of(file)) == 2
     out, err = capsys.readouterr()
     assert err.startswith("bellcrank: ") and err.count("\n") == 1 and "Traceback" not in err, err
-    assert __import__("re").search(words, err), err
+    assert re.search(words, err), err
     assert sorted(arm.rglob("*")) == before, out
 
 
@@ -180,7 +184,9 @@ def test_bench_times_and_agrees_with_pinocchio(arm, capsys):
 
 
 def test_help_and_import_load_nothing_heavy():
-    script = "import sys, bellcrank, bellcrank.cli\nprint([m for m in ('numpy', 'pinocchio', 'casadi') if m in sys.modules])"
+    script = (
+        "import sys, bellcrank, bellcrank.cli\nprint([m for m in ('numpy', 'pinocchio', 'casadi') if m in sys.modules])"
+    )
     assert subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank import cache, machine
-from bellcrank.compile import compiled
 from bellcrank.errors import CompileError, InputError
+from bellcrank.machine_code import cache, machine
+from bellcrank.machine_code.compile import compiled
 
 TARGETS = ["native", "avx2", "baseline"]
 
@@ -20,9 +20,9 @@ TARGETS = ["native", "avx2", "baseline"]
 def every_operation():
     x = casadi.SX.sym("x", 2)
     a, b = x[0], x[1]
-    unary = [casadi.exp, casadi.log, casadi.sqrt, casadi.sin, casadi.cos, casadi.tan, casadi.asin, casadi.acos, casadi.atan,
-             casadi.sinh, casadi.cosh, casadi.tanh, casadi.floor, casadi.ceil, casadi.fabs, casadi.sign, casadi.log1p,
-             casadi.expm1]  # fmt: skip
+    unary = [casadi.exp, casadi.log, casadi.sqrt, casadi.sin, casadi.cos, casadi.tan, casadi.asin, casadi.acos,
+             casadi.atan, casadi.sinh, casadi.cosh, casadi.tanh, casadi.floor, casadi.ceil, casadi.fabs,
+             casadi.sign, casadi.log1p, casadi.expm1]  # fmt: skip
     binary = [a + b, a - b, a * b, a / b, a**b, a**3.5, casadi.fmin(a, b), casadi.fmax(a, b), casadi.atan2(a, b),
               casadi.hypot(a, b), casadi.fmod(a, b), casadi.copysign(a, -b), -a, 1 / a, 2 * a, a * a]  # fmt: skip
     logic = [a < b, a <= b, a == b, a != b, casadi.logic_not(a < b), casadi.logic_and(a < b, a < 0.5),
@@ -53,7 +53,7 @@ def test_every_target_gives_the_same_dynamics(target, monkeypatch):
 
 def test_an_unknown_target_is_named(monkeypatch):
     monkeypatch.setenv("BELLCRANK_TARGET", "avx3")
-    with pytest.raises(InputError, match="BELLCRANK_TARGET: there is no target 'avx3'.*avx2"):
+    with pytest.raises(InputError, match=r"BELLCRANK_TARGET: there is no target 'avx3'.*avx2"):
         machine.target()
 
 
@@ -105,7 +105,8 @@ def test_a_second_process_loads_neither_pinocchio_nor_casadi(fresh_cache):
         "print(sorted({'pinocchio', 'casadi', 'yourdfpy', 'bellcrank._trace'} & set(sys.modules)))\n"
     )
     outputs = [
-        subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout for _ in range(2)
+        subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+        for _ in range(2)
     ]
     assert "pinocchio" in outputs[0] and outputs[1].strip() == "[]"
 

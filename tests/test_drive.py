@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bellcrank.drive import Drive, drive_from_fields
+from bellcrank.card.fields import Fields
 from bellcrank.errors import InputError
-from bellcrank.fields import Fields
-from bellcrank.motion import Motion
-from bellcrank.robot import load_robot
-from bellcrank.sizing import size
+from bellcrank.motion.motion import Motion
+from bellcrank.robot.load import load_robot
+from bellcrank.sizing.drive import Drive, drive_from_fields
+from bellcrank.sizing.size import size
 
 GOOD: dict[str, Any] = {
     "ratio": 50.0,
@@ -69,9 +69,7 @@ def test_pendulum_with_a_gear_by_hand() -> None:
 
 @given(st.floats(-100, 100), st.floats(-10, 10), st.floats(0.05, 1.0), st.floats(0.1, 200))
 def test_a_gear_never_makes_power(load: float, speed: float, efficiency: float, ratio: float) -> None:
-    drive = Drive(
-        **{**GOOD, "ratio": ratio, "efficiency": efficiency, "rotor_inertia": 0.0, "gear_inertia": 0.0}
-    )
+    drive = Drive(**{**GOOD, "ratio": ratio, "efficiency": efficiency, "rotor_inertia": 0.0, "gear_inertia": 0.0})
     shaft = one(drive, load, speed, 0.0) * ratio * speed
     assert shaft >= load * speed - 1e-9 * abs(load * speed)
     electric = float(Drive(**{**GOOD, "motor_efficiency": 0.9}).electrical_power(np.array([shaft]))[0])

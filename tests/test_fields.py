@@ -10,8 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from bellcrank.card.fields import Fields, parse_number
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.fields import Fields, parse_number
 
 
 @pytest.mark.parametrize(
@@ -93,9 +93,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
 def test_messages_carry_file_key_and_line(tmp_path: Path) -> None:
     path = tmp_path / "card.yaml"
     path.write_text("outer:\n  length: 3 kg\n")
-    with pytest.raises(
-        InputError, match=r"card.yaml: outer.length \(line 2\): expected a length in m .*found '3 kg'"
-    ):
+    with pytest.raises(InputError, match=r"card.yaml: outer.length \(line 2\): expected a length in m .*found '3 kg'"):
         Fields.from_file(path).mapping("outer").number("length", "m")
 
 
@@ -140,9 +138,7 @@ def test_merge_keys_and_anchors_work(tmp_path: Path) -> None:
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    st.binary(max_size=200) | st.text(alphabet="ab:{}[]&*!?|>-#'\"%@,<.0\n \t", max_size=80).map(str.encode)
-)
+@given(st.binary(max_size=200) | st.text(alphabet="ab:{}[]&*!?|>-#'\"%@,<.0\n \t", max_size=80).map(str.encode))
 def test_no_file_raises_anything_else(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "any.yaml"
     path.write_bytes(content)

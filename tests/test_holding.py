@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from two_link import M1, M2, R1, R2, G, TwoLink
 
-from bellcrank.holding import holding_torques
-from bellcrank.robot import load_robot
+from bellcrank.robot.load import load_robot
+from bellcrank.sizing.holding import holding_torques
 
 UNIT = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
 SLIDER = """<robot name="slider"><link name="base"/>
@@ -56,9 +56,7 @@ def test_no_random_posture_needs_more_and_the_posture_found_needs_as_much(name: 
     for k in range(len(columns)):
         best = postures[np.argsort(torque[:, k])[-40:]].copy()
         for width in np.geomspace(1.5, 1e-4, 50):
-            near = np.clip(
-                best[:, None] + width * generator.standard_normal((40, 60, len(columns))), low, high
-            )
+            near = np.clip(best[:, None] + width * generator.standard_normal((40, 60, len(columns))), low, high)
             near = np.concatenate([near, best[:, None]], axis=1)
             values = np.abs(robot.gravity_torque(near.reshape(-1, len(columns))))[:, k].reshape(40, -1)
             best = near[np.arange(40), values.argmax(axis=1)]
@@ -96,9 +94,7 @@ def test_a_joint_that_others_follow(tmp_path: Path) -> None:
     holding = holding_torques(load_robot(path))
     x = np.linspace(-np.pi, np.pi, 2_000_001)
     # V = g (0.5 h(x) + h(x) + 0.5 h(3x)), h = −sin; its slope is the torque.
-    assert holding.torque[0] == pytest.approx(
-        np.abs(9.81 * (1.5 * np.cos(x) + 1.5 * np.cos(3 * x))).max(), rel=1e-9
-    )
+    assert holding.torque[0] == pytest.approx(np.abs(9.81 * (1.5 * np.cos(x) + 1.5 * np.cos(3 * x))).max(), rel=1e-9)
 
 
 def test_a_mass_tolerance_raises_the_holding_torque() -> None:

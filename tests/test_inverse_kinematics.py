@@ -9,8 +9,8 @@ import pytest
 
 import bellcrank
 from bellcrank.errors import InputError, UnreachableError
-from bellcrank.path import circle, line
-from bellcrank.rotations import angles_to, between, from_rpy
+from bellcrank.motion.path import circle, line
+from bellcrank.motion.rotations import angles_to, between, from_rpy
 
 CENTER, RADIUS, DURATION = (1.2, 1.2, 0.0), 0.2, 10.0
 PANDA_START = {
@@ -134,9 +134,7 @@ def test_rates_are_the_derivatives_of_the_posture(ur5, profile, orientation):
     )
     linear, angular = ur5.frame_velocity("ee_link", motion.position, motion.velocity)
     speed = np.linalg.norm(linear, axis=1)
-    assert np.sum(0.5 * (speed[1:] + speed[:-1]) * np.diff(motion.time)) == pytest.approx(
-        0.2 * np.pi, rel=1e-5
-    )
+    assert np.sum(0.5 * (speed[1:] + speed[:-1]) * np.diff(motion.time)) == pytest.approx(0.2 * np.pi, rel=1e-5)
     if orientation:
         assert np.max(np.abs(angular)) < 1e-12
     for piece in motion.pieces:
@@ -180,9 +178,7 @@ def test_a_tilted_planar_arm_moves_in_its_plane():
     rotation = from_rpy(np.array([0.4, -0.3, 0.2]))
     start = robot.posture({"elbow": -1.0})
     start[3:7] = _quaternion(rotation)
-    motion = circle(
-        robot, "tip", rotation @ CENTER, RADIUS, DURATION, start=start, normal=rotation[:, 2], samples=51
-    )
+    motion = circle(robot, "tip", rotation @ CENTER, RADIUS, DURATION, start=start, normal=rotation[:, 2], samples=51)
     position = robot.frame_pose("tip", motion.position)[0] @ rotation
     assert np.hypot(position[:, 0] - 1.2, position[:, 1] - 1.2) == pytest.approx(RADIUS, abs=1e-13)
     assert np.all(motion.position[:, :7] == start[:7]) and np.all(motion.velocity[:, :6] == 0.0)
@@ -253,9 +249,7 @@ def test_an_orientation_out_of_reach(ur5):
     ],
 )
 def test_refuses_in_one_sentence(arm, arguments, words):
-    given = (
-        dict(frame="tip", center=CENTER, radius=RADIUS, duration=DURATION, start={"elbow": -1.0}) | arguments
-    )
+    given = dict(frame="tip", center=CENTER, radius=RADIUS, duration=DURATION, start={"elbow": -1.0}) | arguments
     with pytest.raises(InputError, match=words) as caught:
         circle(arm, **given)
     assert "\n" not in str(caught.value)

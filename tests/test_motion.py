@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bellcrank
-from bellcrank import coordinates
 from bellcrank.errors import InputError
-from bellcrank.motion import Motion, dwell, join
-from bellcrank.path import circle, waypoints
+from bellcrank.motion import coordinates
+from bellcrank.motion.motion import Motion, dwell, join
+from bellcrank.motion.path import circle, waypoints
 
 
 @pytest.fixture(scope="module")
@@ -47,9 +47,7 @@ def free_states(seed, n=6):
 @given(st.integers(0, 2**32 - 1))
 def test_rates_and_back(seed):
     q, v, a = free_states(seed)
-    for got, want in zip(
-        coordinates.from_rates(FREE, q, *coordinates.rates(FREE, q, v, a)), (q, v, a), strict=True
-    ):
+    for got, want in zip(coordinates.from_rates(FREE, q, *coordinates.rates(FREE, q, v, a)), (q, v, a), strict=True):
         assert got == pytest.approx(want, abs=1e-12)
 
 
@@ -198,9 +196,7 @@ def test_waypoints_are_hit_and_smooth_to_the_acceleration(arm):
         assert np.all(motion.velocity[end] == 0.0) and np.all(motion.acceleration[end] == 0.0)
     assert len(motion.pieces) == 1 and motion.warnings == ()
     h = np.diff(motion.time)[:, None]
-    moved = 0.5 * h * (motion.velocity[1:] + motion.velocity[:-1]) - h * h / 12 * np.diff(
-        motion.acceleration, axis=0
-    )
+    moved = 0.5 * h * (motion.velocity[1:] + motion.velocity[:-1]) - h * h / 12 * np.diff(motion.acceleration, axis=0)
     assert np.sum(moved, axis=0) == pytest.approx(points[-1] - points[0], abs=1e-9)
     assert np.max(np.abs(np.diff(motion.acceleration, axis=0) / h)) < 200.0  # no jump of acceleration
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 import bellcrank
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.motion import dwell
-from bellcrank.motion_csv import read_motion, write_motion
-from bellcrank.path import circle, waypoints
+from bellcrank.motion.csv_file import read_motion, write_motion
+from bellcrank.motion.motion import dwell
+from bellcrank.motion.path import circle, waypoints
 
 
 @pytest.fixture(scope="module")
@@ -38,9 +38,7 @@ POSITIONS = ["time [s]", "shoulder position [rad]", "elbow position [rad]"]
 
 
 def test_there_and_back_exactly(arm, tmp_path):
-    motion = circle(
-        arm, "tip", (1.2, 1.2, 0), 0.2, 10, start={"elbow": -1.0}, profile="trapezoid", samples=101
-    )
+    motion = circle(arm, "tip", (1.2, 1.2, 0), 0.2, 10, start={"elbow": -1.0}, profile="trapezoid", samples=101)
     motion = dwell(arm, motion.position[0], 1.0) + motion
     file = write_motion(motion, tmp_path / "deep" / "motion.csv")
     header = file.read_text(encoding="utf-8").splitlines()[0]
@@ -91,9 +89,7 @@ def test_a_few_rows_take_the_polynomial(arm, tmp_path, rows):
     t = np.linspace(0.0, 1.0, rows)
     data = np.column_stack([t, 1 + 2 * t, t if rows == 2 else t * t])
     motion = read_motion(arm, table(tmp_path / "q.csv", POSITIONS, data))
-    assert motion.velocity[:, 0] == pytest.approx(2.0) and motion.acceleration[:, 0] == pytest.approx(
-        0.0, abs=1e-10
-    )
+    assert motion.velocity[:, 0] == pytest.approx(2.0) and motion.acceleration[:, 0] == pytest.approx(0.0, abs=1e-10)
     if rows > 2:
         assert motion.acceleration[:, 1] == pytest.approx(2.0)
 
@@ -111,9 +107,7 @@ def test_warns_where_velocity_and_position_disagree(arm, tmp_path):
     columns = [*POSITIONS, "shoulder velocity [rad/s]", "elbow velocity [rad/s]"]
     rows = np.column_stack([motion.time, motion.position, motion.velocity * [1.0, 1.1]])
     found = read_motion(arm, table(tmp_path / "m.csv", columns, rows)).warnings
-    assert any(
-        "the velocity of joint 'elbow' does not agree with its position" in warning for warning in found
-    )
+    assert any("the velocity of joint 'elbow' does not agree with its position" in warning for warning in found)
 
 
 def test_spaces_blank_lines_and_byte_order_mark(arm, tmp_path):

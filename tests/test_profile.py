@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from bellcrank.errors import InputError
-from bellcrank.profile import KINDS, profile
+from bellcrank.motion.profile import KINDS, profile
 
 positive = st.floats(1e-3, 1e3)
 maybe = st.none() | positive
@@ -17,9 +17,7 @@ maybe = st.none() | positive
 @st.composite
 def profiles(draw):
     kind = draw(st.sampled_from(KINDS))
-    keys = {"constant": ["speed"], "trapezoid": ["speed", "acceleration"]}.get(
-        kind, ["speed", "acceleration", "jerk"]
-    )
+    keys = {"constant": ["speed"], "trapezoid": ["speed", "acceleration"]}.get(kind, ["speed", "acceleration", "jerk"])
     limits = {key: value for key in keys if (value := draw(maybe)) is not None}
     assume(limits)
     return profile(kind, draw(positive), **limits), limits

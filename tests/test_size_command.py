@@ -12,16 +12,16 @@ import pytest
 from PIL import Image
 from two_link import TwoLink, circle_states
 
-from bellcrank.card import load_card
+from bellcrank.card.card import load_card
 from bellcrank.cli import main
-from bellcrank.commands_size import parse_payload, parse_share
+from bellcrank.commands.size import parse_payload, parse_share
 from bellcrank.errors import InputError
-from bellcrank.motion import Motion
-from bellcrank.motion_csv import write_motion
-from bellcrank.plots import file_name
-from bellcrank.sizing import size
-from bellcrank.sizing_report import csv_text, json_text
-from bellcrank.sizing_table import table
+from bellcrank.motion.csv_file import write_motion
+from bellcrank.motion.motion import Motion
+from bellcrank.sizing.plots import file_name
+from bellcrank.sizing.report import csv_text, json_text
+from bellcrank.sizing.size import size
+from bellcrank.sizing.table import table
 
 
 def refuse(constant: str) -> None:
@@ -39,9 +39,7 @@ def test_the_main_job_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[s
         "torque_speed.png",
         "motor_torque_speed.png",
     }
-    assert {path.name for path in (tmp_path / "out").iterdir()} == names and all(
-        name in text for name in names
-    )
+    assert {path.name for path in (tmp_path / "out").iterdir()} == names and all(name in text for name in names)
     assert "242.3" in text and "N m" in text and "rad/s" in text and "starts moving" in text
     document = json.loads((tmp_path / "out" / "sizing.json").read_text(), parse_constant=refuse)
     shoulder = document["joints"][0]
@@ -83,9 +81,7 @@ def test_a_payload_and_a_tolerance_raise_the_peak(tmp_path: Path) -> None:
     peaks = []
     for extra in ([], ["--payload", "2@tip"], ["--payload", "2@tip", "--mass-tolerance", "10%"]):
         main(["size", "planar_2r", "--motion", "elbow_up", "--no-plots", "--out", str(tmp_path), *extra])
-        peaks.append(
-            json.loads((tmp_path / "sizing.json").read_text())["joints"][0]["peaks"]["peak_torque"]["value"]
-        )
+        peaks.append(json.loads((tmp_path / "sizing.json").read_text())["joints"][0]["peaks"]["peak_torque"]["value"])
     assert peaks[0] < peaks[1] and peaks[2] == pytest.approx(1.1 * peaks[1], rel=1e-3)
 
 
@@ -135,9 +131,9 @@ def test_a_motion_from_a_file(tmp_path: Path) -> None:
         == 0
     )
     document = json.loads((tmp_path / "sizing.json").read_text())
-    assert document["motions"] == ["lift"] and document["joints"][0]["peaks"]["peak_torque"][
-        "value"
-    ] == pytest.approx(9.81, rel=1e-6)
+    assert document["motions"] == ["lift"] and document["joints"][0]["peaks"]["peak_torque"]["value"] == pytest.approx(
+        9.81, rel=1e-6
+    )
 
 
 def test_reports_say_when_no_limit_is_given_and_never_hold_nan() -> None:
@@ -168,6 +164,4 @@ def test_shares_on_the_command_line() -> None:
 
 
 def test_file_names_are_safe() -> None:
-    assert (
-        file_name("../a b/c") == "a_b_c" and file_name("///") == "motion" and len(file_name("x" * 500)) <= 80
-    )
+    assert file_name("../a b/c") == "a_b_c" and file_name("///") == "motion" and len(file_name("x" * 500)) <= 80

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from two_link import CONTINUOUS, TwoLink, circle_states
 
-from bellcrank.drive import Drive
 from bellcrank.errors import InputError
-from bellcrank.motion import Motion, dwell, join
-from bellcrank.sizing import size
+from bellcrank.motion.motion import Motion, dwell, join
+from bellcrank.sizing.drive import Drive
+from bellcrank.sizing.size import size
 
 DRIVE = Drive(
     ratio=100.0,
@@ -110,10 +110,7 @@ def test_shaft_figures_agree_with_brute_force() -> None:
     sizing = size(robot, lecture_circle(robot, 1), {"shoulder": DRIVE})
     q, v, a = dense(1, 100_001)
     load = TwoLink().inverse_dynamics(q, v, a)
-    shaft = (
-        np.where(load[:, 0] * v[:, 0] >= 0, load[:, 0] / 80.0, load[:, 0] * 0.8 / 100.0)
-        + 1.2e-4 * 100 * a[:, 0]
-    )
+    shaft = np.where(load[:, 0] * v[:, 0] >= 0, load[:, 0] / 80.0, load[:, 0] * 0.8 / 100.0) + 1.2e-4 * 100 * a[:, 0]
     found = sizing.joint("shoulder").shaft
     assert found is not None and sizing.joint("elbow").shaft is None
     assert found.peak_torque.value == pytest.approx(np.abs(shaft).max(), rel=1e-8)
@@ -133,15 +130,12 @@ def test_a_mass_tolerance_gives_the_worst_of_all_scaled_masses() -> None:
     sizing = size(robot, lecture_circle(robot, -1), mass_tolerance=0.1)
     shares = robot.link_torques(*dense(-1, 20_001))
     corners = [
-        scale[0] * shares[:, 0] + scale[1] * shares[:, 1]
-        for scale in ((0.9, 0.9), (0.9, 1.1), (1.1, 0.9), (1.1, 1.1))
+        scale[0] * shares[:, 0] + scale[1] * shares[:, 1] for scale in ((0.9, 0.9), (0.9, 1.1), (1.1, 0.9), (1.1, 1.1))
     ]
     for k, joint in enumerate(sizing.joints):
         assert joint.max_torque == pytest.approx(max(tau[:, k].max() for tau in corners), rel=1e-7)
         assert joint.min_torque == pytest.approx(min(tau[:, k].min() for tau in corners), rel=1e-7)
-        assert joint.rms_torque >= max(np.sqrt(np.trapezoid(tau[:, k] ** 2) / 20_000) for tau in corners) * (
-            1 - 1e-6
-        )
+        assert joint.rms_torque >= max(np.sqrt(np.trapezoid(tau[:, k] ** 2) / 20_000) for tau in corners) * (1 - 1e-6)
 
 
 def test_peaks_at_a_jump_of_acceleration_take_the_worse_side() -> None:
@@ -159,9 +153,7 @@ def test_peaks_at_a_jump_of_acceleration_take_the_worse_side() -> None:
     shoulder = sizing.joint("shoulder")
     assert shoulder.max_torque == pytest.approx(max(x[:, 0].max() for x in tau), rel=1e-9)
     assert shoulder.min_torque == pytest.approx(min(x[:, 0].min() for x in tau), rel=1e-9)
-    assert shoulder.rms_torque == pytest.approx(
-        np.sqrt(sum(np.trapezoid(x[:, 0] ** 2, t) for x in tau) / 2), rel=1e-7
-    )
+    assert shoulder.rms_torque == pytest.approx(np.sqrt(sum(np.trapezoid(x[:, 0] ** 2, t) for x in tau) / 2), rel=1e-7)
     assert shoulder.peak_motoring_power == pytest.approx(max(x.max() for x in power), rel=1e-9)
 
 
@@ -207,9 +199,7 @@ def test_margins_are_signed_and_absent_without_a_limit() -> None:
     sizing = size(robot, lecture_circle(robot, 1))
     shoulder, elbow = sizing.joint("shoulder"), sizing.joint("elbow")
     assert shoulder.effort_margin == pytest.approx(1 - 242.272603138 / 200.0)
-    assert (
-        shoulder.velocity_margin is None and elbow.effort_margin is None and shoulder.position_margin is None
-    )
+    assert shoulder.velocity_margin is None and elbow.effort_margin is None and shoulder.position_margin is None
     assert elbow.velocity_margin is not None and elbow.velocity_margin > 0
     assert elbow.position_margin is not None and elbow.position_margin < 0
     assert not sizing.inside and any("needs 242.3 N m" in text for text in sizing.exceeded)

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bellcrank.catalog import names
-from bellcrank.data import folder
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.second_reading import differences_from_yourdfpy
-from bellcrank.urdf import UNLIMITED, Urdf, read_urdf, reading_of
+from bellcrank.shipped import folder
+from bellcrank.urdf.catalog import names
+from bellcrank.urdf.read import UNLIMITED, Urdf, read_urdf, reading_of
+from bellcrank.urdf.second_reading import differences_from_yourdfpy
 
 PLANAR = (folder("urdf") / "planar_2r.urdf").read_text(encoding="utf-8")
 
@@ -25,12 +25,8 @@ BODY = f'<inertial><mass value="1"/>{INERTIA}</inertial>'
 LINKS = f'<link name="a"/><link name="b">{BODY}</link><link name="c">{BODY}</link>'
 
 
-def joint(
-    name: str = "j", inside: str = "", parent: str = "a", child: str = "b", kind: str = "revolute"
-) -> str:
-    return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inside}</joint>'
-    )
+def joint(name: str = "j", inside: str = "", parent: str = "a", child: str = "b", kind: str = "revolute") -> str:
+    return f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inside}</joint>'
 
 
 SECOND = joint("k", parent="b", child="c")
@@ -226,9 +222,7 @@ def test_everything_in_the_file_arrives() -> None:
         ),
         "robot.urdf",
     )  # fmt: skip
-    assert (
-        urdf.root == "a" and list(urdf.links) == ["a", "b", "c", "d"] and list(urdf.joints) == ["j", "k", "m"]
-    )
+    assert urdf.root == "a" and list(urdf.links) == ["a", "b", "c", "d"] and list(urdf.joints) == ["j", "k", "m"]
     inertial = urdf.links["b"].inertial
     assert inertial is not None and urdf.links["a"].inertial is None
     assert (inertial.mass, inertial.xyz, inertial.rpy) == (4.0, (1.0, 2.0, 3.0), (0.1, 0.2, 0.3))
@@ -373,9 +367,7 @@ def test_any_bytes_raise_nothing_but_our_errors(tmp_path: Path, raw: bytes) -> N
         read_urdf(path)
 
 
-@given(
-    st.lists(st.floats(-1e3, 1e3), min_size=3, max_size=3), st.lists(st.floats(-4, 4), min_size=3, max_size=3)
-)
+@given(st.lists(st.floats(-1e3, 1e3), min_size=3, max_size=3), st.lists(st.floats(-4, 4), min_size=3, max_size=3))
 def test_numbers_survive_the_way_to_pinocchio_bit_by_bit(xyz: list[float], rpy: list[float]) -> None:
     origin = f'<origin xyz="{" ".join(map(repr, xyz))}" rpy="{" ".join(map(repr, rpy))}"/>'
     urdf = Urdf.from_text(tree(origin), "robot.urdf")

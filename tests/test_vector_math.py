@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bellcrank.compile import compiled
+from bellcrank.machine_code.compile import compiled
 
 
 @pytest.fixture(params=["native", "avx2", "baseline"])

@@ -8,8 +8,8 @@ import pytest
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.errors import InputError
-from bellcrank.textbook import PlanarTwoLink
-from bellcrank.verify import verify, verify_planar_2r
+from bellcrank.validation.textbook import PlanarTwoLink
+from bellcrank.validation.verify import verify, verify_planar_2r
 
 # A. Ghosal, lecture 18, scene 1, recomputed independently: tau1 min, max, tau2 min, max in N m at phi = 2 pi k / 1000
 TABLE = {-1: (71.86823535828, 168.2846498082, 62.9079893977, 71.60635945914),
@@ -50,7 +50,7 @@ def test_verify_finds_every_quantity_in_agreement():
 
 def test_verify_notices_a_wrong_robot(monkeypatch):
     heavier = dataclasses.replace(PlanarTwoLink(), m2=12.456 * (1 + 1e-9))
-    monkeypatch.setattr("bellcrank.verify.PlanarTwoLink", lambda g: heavier)
+    monkeypatch.setattr("bellcrank.validation.verify.PlanarTwoLink", lambda g: heavier)
     robot = bc.load_robot("planar_2r", gravity=(0, -9.81, 0), friction="none")
     assert not all(d.agrees for d in verify_planar_2r(robot))
 

@@ -8,24 +8,42 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _HOME = {
-    "BellcrankError": "errors", "InputError": "errors", "UnreachableError": "errors", "CompileError": "errors",
-    "Robot": "robot", "load_robot": "robot", "Payload": "payload", "Motion": "motion", "circle": "path", "line": "path",
-    "waypoints": "path", "dwell": "path", "join": "path", "read_motion": "motion_csv", "write_motion": "motion_csv",
-    "Card": "card", "load_card": "card", "Drive": "drive", "Sizing": "sizing", "size": "sizing", "check_urdf": "check",
-}  # fmt: skip
+    "BellcrankError": "errors",
+    "InputError": "errors",
+    "UnreachableError": "errors",
+    "CompileError": "errors",
+    "Robot": "robot.robot",
+    "load_robot": "robot.load",
+    "Payload": "robot.payload",
+    "Motion": "motion.motion",
+    "circle": "motion.path",
+    "line": "motion.path",
+    "waypoints": "motion.path",
+    "dwell": "motion.path",
+    "join": "motion.path",
+    "read_motion": "motion.csv_file",
+    "write_motion": "motion.csv_file",
+    "Card": "card.card",
+    "load_card": "card.card",
+    "Drive": "sizing.drive",
+    "Sizing": "sizing.size",
+    "size": "sizing.size",
+    "check_urdf": "urdf.check",
+}
 __all__ = ["__version__", *_HOME]
 
 if TYPE_CHECKING:
-    from bellcrank.card import Card, load_card
-    from bellcrank.check import check_urdf
-    from bellcrank.drive import Drive
+    from bellcrank.card.card import Card, load_card
     from bellcrank.errors import BellcrankError, CompileError, InputError, UnreachableError
-    from bellcrank.motion import Motion
-    from bellcrank.motion_csv import read_motion, write_motion
-    from bellcrank.path import circle, dwell, join, line, waypoints
-    from bellcrank.payload import Payload
-    from bellcrank.robot import Robot, load_robot
-    from bellcrank.sizing import Sizing, size
+    from bellcrank.motion.csv_file import read_motion, write_motion
+    from bellcrank.motion.motion import Motion
+    from bellcrank.motion.path import circle, dwell, join, line, waypoints
+    from bellcrank.robot.load import load_robot
+    from bellcrank.robot.payload import Payload
+    from bellcrank.robot.robot import Robot
+    from bellcrank.sizing.drive import Drive
+    from bellcrank.sizing.size import Sizing, size
+    from bellcrank.urdf.check import check_urdf
 
 
 def __getattr__(name: str) -> Any:

@@ -21,7 +21,7 @@ _COMMANDS = {
 
 
 def _module(name: str) -> str:
-    return f"bellcrank.commands_{name}"
+    return f"bellcrank.commands.{name}"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

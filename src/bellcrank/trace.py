@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from bellcrank.errors import BellcrankError, InputError, among
 
 if TYPE_CHECKING:
-    from bellcrank.tree import Tree
+    from bellcrank.robot.tree import Tree
 
 ORIGIN = ("x", "y", "z", "roll", "pitch", "yaw")
 INERTIA = ("xx", "xy", "yy", "xz", "yz", "zz")

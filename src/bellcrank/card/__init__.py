@@ -1,0 +1,1 @@
+"""Robot cards: one YAML file with a robot's motions, payloads and drives."""

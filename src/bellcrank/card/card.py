@@ -1,0 +1,184 @@
+"""A robot card: one YAML file that says which URDF, how it is mounted and loaded, how it moves and what
+drives it.
+
+Keys: name, urdf (a path beside the card, or the name of a robot), gravity (m/s²), floating_base, friction
+("urdf", "none" or {joint: {viscous, coulomb}}), payloads [{mass, frame, cg, inertia}], frames {name: {link,
+xyz, rpy}}, motions (see card_motions.py) and drives {joint: {…}} (see drive.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bellcrank import shipped
+from bellcrank.card.fields import Fields
+from bellcrank.card.motions import MotionEntry, check_references, read_motion_entry
+from bellcrank.errors import InputError, among
+from bellcrank.robot.payload import Payload
+from bellcrank.sizing.drive import Drive, drive_from_fields
+from bellcrank.urdf import catalog
+
+if TYPE_CHECKING:
+    from bellcrank.motion.motion import Motion
+    from bellcrank.robot.robot import Robot
+
+Frame = tuple[str, tuple[float, ...], tuple[float, ...]]
+
+
+@dataclass(frozen=True)
+class Card:
+    """What a card says, checked as far as that is possible without the URDF. Made by `load_card`."""
+
+    name: str
+    source: Path
+    urdf: Path
+    gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
+    floating_base: bool = False
+    friction: str | Mapping[str, tuple[float, float]] = "urdf"
+    payloads: tuple[Payload, ...] = ()
+    frames: Mapping[str, Frame] = field(default_factory=dict)
+    motions: Mapping[str, MotionEntry] = field(default_factory=dict)
+    drives: Mapping[str, Drive] = field(default_factory=dict)
+
+    def robot(self, extra_payloads: Iterable[Payload] = ()) -> Robot:
+        """The robot with its mounting, payloads, frames and the drives' reflected inertias; InputError."""
+        from bellcrank.robot.load import load_robot
+
+        rotor = {joint: drive.reflected_inertia for joint, drive in self.drives.items()}
+        try:
+            return load_robot(
+                self.urdf,
+                gravity=self.gravity,
+                floating_base=self.floating_base,
+                friction=self.friction,
+                payloads=(*self.payloads, *extra_payloads),
+                rotor_inertia=rotor,
+                frames=dict(self.frames),
+            )
+        except InputError as error:
+            # Without a card of its own the URDF's name is in the message already.
+            if self.source == self.urdf or str(error).startswith(str(self.urdf)):
+                raise
+            raise InputError(f"{self.source}: {error}") from None
+
+    def motion(self, robot: Robot, name: str) -> Motion:
+        """One of the card's motions for the robot; InputError or UnreachableError naming the place."""
+        if name not in self.motions:
+            raise InputError(f"{self.source}: {among('motion', name, self.motions)}")
+        return self.motions[name].build(robot, self.motions)
+
+
+def names() -> dict[str, Path]:
+    """The shipped cards by name."""
+    return {path.stem: path for path in sorted(shipped.folder("robots").glob("*.yaml"))}
+
+
+def load_card(path_or_name: str | Path) -> Card:
+    """Read a card from a file or by the name of a shipped one; a URDF (path or name) gives a card without
+    motions.
+
+    Raises InputError, one sentence naming file and key.
+    """
+    text = str(path_or_name)
+    path = Path(path_or_name)
+    if "\0" in text or not text.strip():
+        raise InputError(f"robot {text!r}: expected the path of a card or URDF, or the name of a robot")
+    if path.suffix.lower() in (".yaml", ".yml"):
+        return read_card(path)
+    cards = names()
+    if not _is_file(path):
+        if text in cards:
+            return read_card(cards[text])
+        if path.name == text and path.suffix == "":
+            known = {**cards, **catalog.names()}
+            if text not in known:
+                raise InputError(among("robot", text, known))
+    urdf = catalog.find_urdf(path_or_name)
+    return Card(urdf.stem, urdf, urdf)
+
+
+def read_card(path: str | Path) -> Card:
+    """Read a card's YAML file; InputError, one sentence naming file, key and line."""
+    path = Path(path)
+    fields = Fields.from_file(path)
+    name = fields.text("name", path.stem)
+    urdf = _urdf(fields, path)
+    gravity = fields.vector("gravity", 3, "m/s^2", (0.0, 0.0, -9.81))
+    floating = fields.flag("floating_base", False)
+    friction = _friction(fields)
+    payloads = tuple(_payload(entry) for entry in fields.mappings("payloads"))
+    frames = _frames(fields.mapping("frames", {}))
+    motions = fields.mapping("motions", {})
+    entries = {key: read_motion_entry(key, motions.mapping(key), path.parent) for key in motions}
+    check_references(entries)
+    drives = fields.mapping("drives", {})
+    motors = {joint: drive_from_fields(drives.mapping(joint)) for joint in drives}
+    fields.done()
+    return Card(name, path, urdf, gravity, floating, friction, payloads, frames, entries, motors)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _urdf(fields: Fields, path: Path) -> Path:
+    text = fields.text("urdf")
+    beside = path.parent / text
+    if _is_file(beside):
+        return beside.resolve()
+    if Path(text).suffix == ".urdf" or "/" in text:
+        raise fields.error("urdf", f"there is no file {beside}; give a path that starts at the card's folder")
+    try:
+        return catalog.find_urdf(text)
+    except InputError as error:
+        raise fields.error("urdf", str(error)) from None
+
+
+def _friction(fields: Fields) -> str | dict[str, tuple[float, float]]:
+    value = fields.raw("friction", "urdf")
+    if isinstance(value, str):
+        return fields.choice("friction", ("urdf", "none"), "urdf")
+    table = fields.mapping("friction")
+    result = {}
+    for joint in table:
+        entry = table.mapping(joint)
+        result[joint] = (
+            entry.number("viscous", "N m s/rad", 0.0, nonnegative=True),
+            entry.number("coulomb", "N m", 0.0, nonnegative=True),
+        )
+        entry.done()
+    return result
+
+
+def _payload(fields: Fields) -> Payload:
+    cg, inertia = fields.vector("cg", 3, "m", (0.0,) * 3), fields.vector("inertia", 6, "kg m^2", (0.0,) * 6)
+    mass, frame = fields.number("mass", "kg", positive=True), fields.text("frame")
+    fields.done()
+    try:
+        return Payload(
+            mass,
+            frame,
+            (cg[0], cg[1], cg[2]),
+            (inertia[0], inertia[1], inertia[2], inertia[3], inertia[4], inertia[5]),
+        )
+    except InputError as error:
+        raise fields.error("", str(error)) from None
+
+
+def _frames(fields: Fields) -> dict[str, Frame]:
+    result = {}
+    for name in fields:
+        entry = fields.mapping(name)
+        result[name] = (
+            entry.text("link"),
+            entry.vector("xyz", 3, "m", (0.0,) * 3),
+            entry.vector("rpy", 3, "rad", (0.0,) * 3),
+        )
+        entry.done()
+    return result

@@ -1,0 +1,1 @@
+"""The subcommands of `bellcrank`, a module each with `add_arguments` and `run`."""

@@ -1,0 +1,31 @@
+"""The command ``bellcrank check FILE…``."""
+
+from __future__ import annotations
+
+import argparse
+
+from bellcrank.urdf.catalog import find_urdf
+from bellcrank.urdf.check import check_urdf, format_findings
+from bellcrank.urdf.xml_tree import parse_xml, read_text
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Give the parser the arguments of ``bellcrank check``."""
+    parser.add_argument("files", metavar="FILE", nargs="+", help="URDF files, or names of robots such as ur5")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the findings about each file: 0 where there is no error among them, 1 where there is.
+
+    Raises InputError, before anything is printed, where a file does not exist or is not XML.
+    """
+    paths = [find_urdf(name) for name in args.files]
+    for path in paths:
+        parse_xml(read_text(path), path)
+    status = 0
+    for path in paths:
+        findings = check_urdf(path)
+        print(f"{path}:\n{format_findings(findings)}", flush=True)
+        if any(found.severity == "error" for found in findings):
+            status = 1
+    return status

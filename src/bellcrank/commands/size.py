@@ -1,0 +1,116 @@
+"""`bellcrank size`: the table on screen, sizing.csv, sizing.json and plots in a folder."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bellcrank.card.fields import parse_number
+from bellcrank.errors import InputError, among
+from bellcrank.robot.payload import Payload
+
+if TYPE_CHECKING:
+    from bellcrank.card.card import Card
+    from bellcrank.motion.motion import Motion
+    from bellcrank.robot.robot import Robot
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The robot, its motions and payloads, and where to write."""
+    parser.add_argument("robot", metavar="ROBOT", help="a robot card or URDF: a path, or a name (see bellcrank robots)")
+    parser.add_argument(
+        "--motion",
+        action="append",
+        default=[],
+        metavar="FILE|NAME",
+        help="a motion of the card, or a CSV file; may be repeated (default: all of the card's)",
+    )
+    parser.add_argument(
+        "--payload",
+        action="append",
+        default=[],
+        metavar="MASS@FRAME",
+        help="a point mass fixed to a frame, such as 2.5@tool0 (kg) or '500 g@tool0'; may be repeated",
+    )
+    parser.add_argument(
+        "--mass-tolerance",
+        default="0",
+        metavar="SHARE",
+        help="size for the worst case with every link's mass and inertia this far off, such as 10%%",
+    )
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for the files (default: ROBOT_sizing, here)")
+    parser.add_argument("--no-plots", action="store_true", help="write no pictures")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Size a robot; 0 where all limits are kept, 1 where one is exceeded. BellcrankError for bad input."""
+    from bellcrank.card.card import load_card
+    from bellcrank.sizing.report import write_reports
+    from bellcrank.sizing.size import size
+    from bellcrank.sizing.table import table, verdict
+
+    payloads = [parse_payload(text) for text in arguments.payload]
+    tolerance = parse_share(arguments.mass_tolerance)
+    card = load_card(arguments.robot)
+    robot = card.robot(payloads)
+    motions = chosen_motions(card, robot, arguments.motion)
+    sizing = replace(size(robot, motions, card.drives, tolerance), robot=card.name)
+    folder = arguments.out or Path(f"{Path(arguments.robot).stem}_sizing")
+    print(table(sizing))
+    for warning in sizing.warnings:
+        print(f"note: {warning}")
+    files = write_reports(sizing, folder)
+    if not arguments.no_plots:
+        from bellcrank.sizing.plots import write_plots
+
+        files += write_plots(robot, motions, folder, card.drives, title=card.name)
+    print(f"\n{verdict(sizing)}\nwrote {', '.join(path.name for path in files)} in {folder}")
+    return 0 if sizing.inside else 1
+
+
+def chosen_motions(card: Card, robot: Robot, names: list[str]) -> list[Motion]:
+    """The motions named on the command line: of the card, or CSV files; all of the card's where none is
+    named."""
+    if not names:
+        if not card.motions:
+            raise InputError(
+                f"{card.source}: there is no motion to size over; name a CSV file with --motion FILE, "
+                "or write a robot card with motions"
+            )
+        return [card.motion(robot, name) for name in card.motions]
+    return [_motion(card, robot, name) for name in names]
+
+
+def _motion(card: Card, robot: Robot, name: str) -> Motion:
+    from bellcrank.motion.csv_file import read_motion
+
+    if name in card.motions:
+        return card.motion(robot, name)
+    path = Path(name)
+    if path.suffix or "/" in name:
+        return read_motion(robot, path, name=path.stem)
+    raise InputError(f"--motion: {among('motion', name, card.motions)}, nor a file of that name")
+
+
+def parse_payload(text: str) -> Payload:
+    """A Payload from MASS@FRAME, the mass in kg unless a unit is written; InputError otherwise."""
+    mass, at, frame = text.partition("@")
+    if not at or not frame.strip():
+        raise InputError(f"--payload {text!r}: expected MASS@FRAME, such as 2.5@tool0")
+    try:
+        return Payload(parse_number(mass, "kg"), frame.strip())
+    except (ValueError, InputError) as error:
+        raise InputError(f"--payload {text!r}: {error}") from None
+
+
+def parse_share(text: str) -> float:
+    """A share from "0.1" or "10%"; InputError unless it is at least 0 and below 1."""
+    try:
+        share = parse_number(text, "")
+    except ValueError as error:
+        raise InputError(f"--mass-tolerance {text!r}: {error}") from None
+    if not 0.0 <= share < 1.0:
+        raise InputError(f"--mass-tolerance {text!r}: expected at least 0 and less than 100%")
+    return share

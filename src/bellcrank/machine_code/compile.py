@@ -1,0 +1,202 @@
+"""Compiled functions: an expression graph as machine code, one sample or a batch at a call."""
+
+from __future__ import annotations
+
+import ctypes
+import itertools
+import json
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.errors import CompileError, InputError
+from bellcrank.machine_code import cache as disk
+from bellcrank.machine_code import machine
+from bellcrank.machine_code.codegen import scalar_ir
+from bellcrank.machine_code.graph import Graph, graph_of
+from bellcrank.machine_code.simd import batch_ir
+
+if TYPE_CHECKING:
+    import casadi
+
+Array = NDArray[np.float64]
+_serial = itertools.count()
+_POINTERS = ctypes.c_void_p
+
+
+class Compiled:
+    """A function of several vectors as machine code.
+
+    Call it with one array an input, each (m,) or (n, m): single samples and batches may be mixed, a
+    single one is repeated. It returns one array an output, (k,) or (n, k). Machine code for one sample and
+    for batches is made when first needed and kept on disk.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        input_sizes: Sequence[int],
+        output_sizes: Sequence[int],
+        graph: Callable[[], Graph],
+        hints: dict[str, str],
+        remember: Callable[[dict[str, str]], None],
+    ) -> None:
+        self.name = name
+        self.input_sizes, self.output_sizes = tuple(input_sizes), tuple(output_sizes)
+        self._graph, self._hints, self._remember = graph, hints, remember
+        self._loaded: dict[tuple[str, machine.Target], machine.Loaded] = {}
+        self._calls: dict[tuple[str, machine.Target], Any] = {}
+
+    @property
+    def graph(self) -> Graph:
+        """The expression graph (traced anew where only machine code was cached)."""
+        return self._graph()
+
+    def ir(self, kind: str) -> str:
+        """The LLVM IR, `kind` being "scalar" or "batch"."""
+        chosen = machine.target()
+        if kind == "scalar":
+            return scalar_ir(self.graph, chosen.fused)
+        return batch_ir(self.graph, chosen.lanes, chosen.fused)
+
+    def address(self, kind: str) -> int:
+        """The address of the machine code; its signature is in codegen.py."""
+        key = (kind, machine.target())
+        if key not in self._loaded:
+            self._loaded[key] = self._load(kind)
+        return self._loaded[key].address
+
+    def _load(self, kind: str) -> machine.Loaded:
+        chosen = machine.target()
+        hint = f"{kind}:{chosen.name}:{chosen.cpu}:{chosen.features}"
+        code = None
+        key = self._hints.get(hint)
+        if key:
+            code = disk.load(key)
+        if code is not None:
+            try:
+                return machine.Loaded(f"{self.name}.{next(_serial)}", code, chosen)
+            except (RuntimeError, KeyError):
+                code = None  # not an object this LLVM can load: make it anew
+        ir = self.ir(kind)
+        key = machine.object_key(ir, chosen)
+        code = machine.object_code(ir, chosen)
+        disk.store(key, code)
+        self._hints[hint] = key
+        self._remember(self._hints)
+        return machine.Loaded(f"{self.name}.{next(_serial)}", code, chosen)
+
+    def _function(self, kind: str) -> Any:
+        key = (kind, machine.target())
+        if key not in self._calls:
+            arguments = [_POINTERS, _POINTERS] + ([_POINTERS, ctypes.c_int64] if kind == "batch" else [])
+            self._calls[key] = ctypes.CFUNCTYPE(ctypes.c_int32, *arguments)(self.address(kind))
+        return self._calls[key]
+
+    def prepared(self, arrays: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], int]:
+        """A call of the batch code on these very arrays (C-contiguous, at least as many rows as lanes), bare."""
+        call = self._function("batch")
+        ins = (ctypes.c_void_p * len(arrays))(*[v.ctypes.data for v in arrays])
+        outs = (ctypes.c_void_p * len(outputs))(*[o.ctypes.data for o in outputs])
+        strides = (ctypes.c_int64 * len(arrays))(*[0 if v.ndim == 1 else v.shape[1] for v in arrays])
+        rows = outputs[0].shape[0]
+        held = (arrays, outputs)
+        return lambda: int(call(ins, outs, strides, rows)) if held else 0
+
+    def __call__(self, *arrays: Any) -> Any:
+        """Evaluate; InputError where an array has the wrong shape or batches differ in length."""
+        if len(arrays) != len(self.input_sizes):
+            raise InputError(f"{self.name} takes {len(self.input_sizes)} arrays, {len(arrays)} were given")
+        values = [np.ascontiguousarray(a, dtype=np.float64) for a in arrays]
+        rows = None
+        for k, (value, size) in enumerate(zip(values, self.input_sizes, strict=True)):
+            if value.ndim not in (1, 2) or value.shape[-1] != size:
+                raise InputError(
+                    f"{self.name}: argument {k + 1} has shape {value.shape}, expected ({size},) or (n, {size})"
+                )
+            if value.ndim == 2:
+                if rows not in (None, value.shape[0]):
+                    raise InputError(f"{self.name}: batches of different length, {rows} and {value.shape[0]}")
+                rows = value.shape[0]
+        outputs = self._one(values) if rows is None else self._many(values, rows)
+        return outputs[0] if len(outputs) == 1 else tuple(outputs)
+
+    def _one(self, values: list[Array]) -> list[Array]:
+        outputs = [np.empty(size) for size in self.output_sizes]
+        ins = (ctypes.c_void_p * len(values))(*[v.ctypes.data for v in values])
+        outs = (ctypes.c_void_p * len(outputs))(*[o.ctypes.data for o in outputs])
+        self._check(self._function("scalar")(ins, outs))
+        return outputs
+
+    def _many(self, values: list[Array], rows: int) -> list[Array]:
+        lanes = machine.target().lanes
+        if rows == 0:
+            return [np.empty((0, size)) for size in self.output_sizes]
+        if rows < lanes:  # a batch shorter than a vector: repeat its last row, then cut
+            values = [v if v.ndim == 1 else np.vstack([v, np.repeat(v[-1:], lanes - rows, 0)]) for v in values]
+            return [o[:rows].copy() for o in self._many(values, lanes)]
+        outputs = [np.empty((rows, size)) for size in self.output_sizes]
+        self._check(self.prepared(values, outputs)())
+        return outputs
+
+    def _check(self, status: int) -> None:
+        if status:
+            raise CompileError(f"{self.name} ended with status {status}")
+
+
+@cache
+def _sources() -> str:
+    """A digest of what turns a robot into machine code: any change makes cached recipes stale."""
+    here = Path(__file__).parent
+    package = here.parent
+    paths = sorted([*here.glob("*.py"), package / "trace.py", *package.glob("robot/*.py"), *package.glob("_trace*.so")])
+    return disk.digest(*[p.read_bytes() for p in paths])
+
+
+def compiled(name: str, key: Sequence[str], build: Callable[[], casadi.Function]) -> Compiled:
+    """The compiled function that `build` describes, from the cache where `key` is known there.
+
+    `key` must say everything that `build` depends on; `build` is not called while machine code for
+    what is asked of the function lies in the cache.
+    """
+    recipe = "recipe-" + disk.digest(name, *key, _sources())
+    graphs: list[Graph] = []
+
+    def graph() -> Graph:
+        if not graphs:
+            graphs.append(graph_of(_serialized(build())))
+        return graphs[0]
+
+    stored = _read_recipe(recipe)
+    if stored is None:
+        made = graph()
+        stored = {"inputs": list(made.input_sizes), "outputs": [size for size, _ in made.outputs], "objects": {}}
+
+    def remember(hints: dict[str, str]) -> None:
+        disk.store(recipe, json.dumps({**stored, "objects": hints}).encode())
+
+    return Compiled(name, stored["inputs"], stored["outputs"], graph, dict(stored["objects"]), remember)
+
+
+def _serialized(function: Any) -> bytes:
+    if isinstance(function, bytes):
+        return function
+    text: str = function.serialize()
+    return text.encode("latin-1")
+
+
+def _read_recipe(key: str) -> dict[str, Any] | None:
+    data = disk.load(key)
+    if data is None:
+        return None
+    try:
+        stored = json.loads(data)
+        sizes = [*stored["inputs"], *stored["outputs"]]
+        sound = all(isinstance(s, int) and s >= 0 for s in sizes) and isinstance(stored["objects"], dict)
+    except (ValueError, KeyError, TypeError):
+        return None
+    return stored if sound else None

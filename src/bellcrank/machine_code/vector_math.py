@@ -1,0 +1,132 @@
+"""Sine and cosine as LLVM IR, for one lane or for a whole SIMD vector, within 2 ulp for |x| <= 1e5.
+
+The argument is reduced to r = x - k pi/2 with |r| <= pi/4 (Cody & Waite, Software Manual for the
+Elementary Functions, 1980): with a fused multiply-add three 53-bit parts of pi/2 suffice, because
+x - k P1 is then exact; without one, four parts short enough for exact products. The polynomials are
+the double-precision ones of S. L. Moshier's Cephes library (sin.c). Beyond 1e5 (and for infinities
+and NaN) the caller takes the C library's sine and cosine instead, which are exact to the last bit or so.
+"""
+
+from __future__ import annotations
+
+import struct
+
+LIMIT = 1e5
+
+_SIN = (
+    1.58962301576546568060e-10,
+    -2.50507477628578072866e-8,
+    2.75573136213857245213e-6,
+    -1.98412698295895385996e-4,
+    8.33333333332211858878e-3,
+    -1.66666666666666307295e-1,
+)
+_COS = (
+    -1.13585365213876817300e-11,
+    2.08757008419747316778e-9,
+    -2.75573141792967388112e-7,
+    2.48015872888517045348e-5,
+    -1.38888888888730564116e-3,
+    4.16666666666665929218e-2,
+)
+# pi/2 in parts: P1 + P2 + P3 to about 160 bits, and four parts of 33 bits for products without rounding.
+_FUSED = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33)
+_SHORT = (1.57079632673412561417e0, 6.07710050630396597660e-11, 2.02226624871116645580e-21, 8.47842766036889956997e-32)
+_TWO_OVER_PI = 0.6366197723675814
+_ROUND = 6755399441055744.0  # 1.5 * 2^52: adding it leaves the nearest integer in the low bits
+
+
+def literal(value: float) -> str:
+    """A double as LLVM writes it, to the bit."""
+    return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
+
+
+class Lanes:
+    """Type names and constants for a vector of `width` doubles (a plain double where it is 1)."""
+
+    def __init__(self, width: int) -> None:
+        self.width = width
+        vector = width > 1
+        self.double = f"<{width} x double>" if vector else "double"
+        self.integer = f"<{width} x i64>" if vector else "i64"
+        self.bit = f"<{width} x i1>" if vector else "i1"
+        self.suffix = f"v{width}f64" if vector else "f64"
+
+    def number(self, value: float) -> str:
+        """A constant in every lane."""
+        return f"splat (double {literal(value)})" if self.width > 1 else literal(value)
+
+    def whole(self, value: int) -> str:
+        """A 64-bit integer in every lane."""
+        return f"splat (i64 {value})" if self.width > 1 else str(value)
+
+
+def sincos(lanes: Lanes, tag: str, x: str, fused: bool) -> tuple[list[str], str, str, str]:
+    """IR lines for the sine and cosine of `x`, and the names of: sine, cosine, "beyond the limit" bit."""
+    d, i, b = lanes.double, lanes.integer, lanes.bit
+    n = f"%{tag}."
+    lines: list[str] = []
+
+    def put(name: str, text: str) -> str:
+        lines.append(f"  {n}{name} = {text}")
+        return n + name
+
+    def fma(name: str, a: str, y: str, c: str) -> str:
+        if fused:
+            return put(name, f"call {d} @llvm.fma.{lanes.suffix}({d} {a}, {d} {y}, {d} {c})")
+        product = put(name + "p", f"fmul {d} {a}, {y}")
+        return put(name, f"fadd {d} {product}, {c}")
+
+    size = put("abs", f"call {d} @llvm.fabs.{lanes.suffix}({d} {x})")
+    beyond = put("beyond", f"fcmp ugt {d} {size}, {lanes.number(LIMIT)}")
+    shifted = fma("shifted", x, lanes.number(_TWO_OVER_PI), lanes.number(_ROUND))
+    k = put("k", f"fsub {d} {shifted}, {lanes.number(_ROUND)}")
+    r = x
+    if fused:
+        for j, part in enumerate(_FUSED):
+            r = fma(f"r{j}", k, lanes.number(-part), r)
+    else:  # the products of the first two parts are exact; what the second subtraction rounds off is carried along
+        first = fma("r0", k, lanes.number(-_SHORT[0]), r)
+        second = put("p1", f"fmul {d} {k}, {lanes.number(_SHORT[1])}")
+        high = put("high", f"fsub {d} {first}, {second}")
+        low = put("low0", f"fsub {d} {first}, {high}")
+        low = put("low1", f"fsub {d} {low}, {second}")
+        for j, part in enumerate(_SHORT[2:]):
+            low = fma(f"low{j + 2}", k, lanes.number(-part), low)
+        r = put("r", f"fadd {d} {high}, {low}")
+    z = put("z", f"fmul {d} {r}, {r}")
+    # Estrin's scheme would be shorter in depth; Horner's has fewer operations, and lanes hide its depth.
+    s = lanes.number(_SIN[0])
+    for j, c in enumerate(_SIN[1:]):
+        s = fma(f"s{j}", s, z, lanes.number(c))
+    rz = put("rz", f"fmul {d} {r}, {z}")
+    sine = fma("sine", rz, s, r)
+    c_ = lanes.number(_COS[0])
+    for j, c in enumerate(_COS[1:]):
+        c_ = fma(f"c{j}", c_, z, lanes.number(c))
+    half = fma("half", z, lanes.number(-0.5), lanes.number(1.0))
+    zz = put("zz", f"fmul {d} {z}, {z}")
+    if fused:
+        cosine = fma("cosine", zz, c_, half)
+    else:  # the rounding of 1 - z/2 is added back: without fused operations it would cost half an ulp too much
+        lost = put("lost", f"fsub {d} {lanes.number(1.0)}, {half}")
+        lost = fma("lost.z", z, lanes.number(-0.5), lost)
+        tail = fma("tail", zz, c_, lost)
+        cosine = put("cosine", f"fadd {d} {half}, {tail}")
+    bits = put("bits", f"bitcast {d} {shifted} to {i}")
+    parity = put("parity", f"and {i} {bits}, {lanes.whole(1)}")
+    odd = put("odd", f"icmp ne {i} {parity}, {'zeroinitializer' if lanes.width > 1 else '0'}")
+    s0 = put("s.swapped", f"select {b} {odd}, {d} {cosine}, {d} {sine}")
+    c0 = put("c.swapped", f"select {b} {odd}, {d} {sine}, {d} {cosine}")
+    up = put("up", f"shl {i} {bits}, {lanes.whole(62)}")
+    sign = lanes.whole(-(2**63))
+    s_sign = put("s.sign", f"and {i} {up}, {sign}")
+    next_ = put("next", f"add {i} {bits}, {lanes.whole(1)}")
+    next_up = put("next.up", f"shl {i} {next_}, {lanes.whole(62)}")
+    c_sign = put("c.sign", f"and {i} {next_up}, {sign}")
+    out = []
+    for name, value, flip in (("s", s0, s_sign), ("c", c0, c_sign)):
+        raw = put(f"{name}.raw", f"bitcast {d} {value} to {i}")
+        flipped = put(f"{name}.flipped", f"xor {i} {raw}, {flip}")
+        out.append(put(f"{name}.out", f"bitcast {i} {flipped} to {d}"))
+    return lines, out[0], out[1], beyond

@@ -1,0 +1,1 @@
+"""Motions: paths and their time laws, inverse kinematics, interpolation, CSV files."""

@@ -1,0 +1,276 @@
+"""Motions in CSV files: one row a time, a header that names each column and its unit.
+
+time [s],shoulder position [rad],shoulder velocity [rad/s],shoulder acceleration [rad/s^2],…
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bellcrank.errors import InputError, among
+from bellcrank.motion.coordinates import Array, JointLike, continuous, position_labels, rates, velocity_labels
+from bellcrank.motion.motion import POSITION_GAP, Motion, limit_notes
+from bellcrank.motion.waypoints import derivative, interpolate
+
+if TYPE_CHECKING:
+    from bellcrank.robot.robot import Robot
+
+DEGREE = np.pi / 180.0
+# Units that a column may be written in, by the unit that it is kept in.
+UNITS: dict[str, dict[str, float]] = {
+    "s": {"s": 1.0, "ms": 1e-3},
+    "rad": {"rad": 1.0, "deg": DEGREE},
+    "m": {"m": 1.0, "mm": 1e-3},
+    "1": {"1": 1.0},
+    "rad/s": {"rad/s": 1.0, "deg/s": DEGREE, "rpm": 2.0 * np.pi / 60.0},
+    "m/s": {"m/s": 1.0, "mm/s": 1e-3},
+    "rad/s^2": {"rad/s^2": 1.0, "deg/s^2": DEGREE},
+    "m/s^2": {"m/s^2": 1.0, "mm/s^2": 1e-3},
+}
+_HEADER = re.compile(r"^(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]$")
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """Labels (name, unit) of all columns that a robot's motion can have."""
+
+    position: list[tuple[str, str]]
+    velocity: list[tuple[str, str]]
+    acceleration: list[tuple[str, str]]
+
+    @classmethod
+    def of(cls, joints: tuple[JointLike, ...]) -> _Columns:
+        return cls(position_labels(joints), velocity_labels(joints, 1), velocity_labels(joints, 2))
+
+    @property
+    def units(self) -> dict[str, str]:
+        return dict([("time", "s"), *self.position, *self.velocity, *self.acceleration])
+
+
+def write_motion(motion: Motion, path: str | Path) -> Path:
+    """Write a motion as CSV (s, rad or m, and per s and s²), every number with the digits that give it back
+    exactly.
+
+    The file is replaced in one step, or not at all. Raises InputError where the folder cannot be written.
+    """
+    from bellcrank.atomic import write_text
+
+    columns = _Columns.of(tuple(motion.joints))
+    labels = [("time", "s"), *columns.position, *columns.velocity, *columns.acceleration]
+    table = np.column_stack([motion.time, motion.position, motion.velocity, motion.acceleration])
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([f"{name} [{unit}]" for name, unit in labels])
+    writer.writerows([[repr(value) for value in row] for row in table.tolist()])
+    target = Path(path)
+    try:
+        write_text(target, text.getvalue())
+    except OSError as error:
+        raise InputError(f"{target}: cannot write the motion: {error.strerror or error}") from None
+    return target
+
+
+def read_motion(robot: Robot, path: str | Path, name: str | None = None) -> Motion:
+    """Read a motion from a CSV file with one column a coordinate, in any order, units in the header.
+
+    Positions of every joint are needed. Velocities and accelerations may be left out (all of one kind):
+    missing velocities come from the quintic spline through the positions, missing accelerations from the one
+    through the velocities (not-a-knot, so nothing is assumed of the ends). A time that stands twice marks a
+    jump of acceleration. Raises InputError, in one sentence with file and line, for whatever does not fit.
+    """
+    file = Path(path)
+    joints = tuple(robot.joints)
+    columns = _Columns.of(joints)
+    header, table = _table(file)
+    values = _converted(file, header, table, columns.units)
+    for label, _ in [("time", "s"), *columns.position]:
+        if label not in values:
+            raise InputError(
+                f"{file}: column '{label} [{columns.units[label]}]' is missing; the robot '{robot.name}' "
+                "needs 'time [s]' and a position of each of its joints "
+                f"({', '.join(joint.name for joint in joints)})"
+            )
+    time = values["time"]
+    _check_time(file, time)
+    position = np.column_stack([values[label] for label, _ in columns.position])
+    position = _normalised(file, joints, position)
+    velocity = _complete(file, values, columns.velocity, "velocity")
+    acceleration = _complete(file, values, columns.acceleration, "acceleration")
+    if acceleration is not None and velocity is None:
+        raise InputError(f"{file}: there are acceleration columns but no velocity columns; give both or leave both out")
+    title = file.stem if name is None else name
+    notes: tuple[str, ...] = ()
+    given = velocity is not None
+    try:
+        if velocity is None:
+            velocity, acceleration = _from_positions(joints, time, position)
+        elif acceleration is None:
+            acceleration = _piecewise_derivative(time, velocity)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from None
+    assert acceleration is not None
+    if given:
+        notes = _disagreement(joints, title, time, position, velocity, acceleration)
+    notes += limit_notes(robot, title, time, position)
+    try:
+        return Motion(joints, time, position, velocity, acceleration, title, notes)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from None
+
+
+def _table(file: Path) -> tuple[list[str], Array]:
+    try:
+        text = file.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{file}: not a text file in UTF-8, so not a CSV motion") from None
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"{file}: cannot read the motion: {why}") from None
+    try:
+        lines = [
+            (number, row) for number, row in enumerate(csv.reader(io.StringIO(text)), 1) if any(c.strip() for c in row)
+        ]
+    except csv.Error as error:
+        raise InputError(f"{file}: not a CSV file: {error}") from None
+    if not lines:
+        raise InputError(f"{file}: the file is empty; expected a header 'time [s],…' and rows of numbers")
+    header = [" ".join(cell.split()) for cell in lines[0][1]]
+    if len(header) == 1 and ";" in header[0]:
+        raise InputError(f"{file}: the columns are separated by ';', expected ',' (and '.' in the numbers)")
+    if len(lines) < 3:
+        raise InputError(f"{file}: a motion needs at least 2 rows of numbers, got {len(lines) - 1}")
+    table = np.empty((len(lines) - 1, len(header)))
+    for k, (number, row) in enumerate(lines[1:]):
+        if len(row) != len(header):
+            raise InputError(f"{file}: line {number} has {len(row)} columns, the header has {len(header)}")
+        for column, cell in enumerate(row):
+            try:
+                value = float(cell)
+            except ValueError:
+                value = np.nan
+            if not np.isfinite(value):
+                raise InputError(
+                    f"{file}: line {number}, column '{header[column]}': {cell.strip()[:40]!r} is not a finite number"
+                )
+            table[k, column] = value
+    return header, table
+
+
+def _converted(file: Path, header: list[str], table: Array, units: dict[str, str]) -> dict[str, Array]:
+    values: dict[str, Array] = {}
+    for column, text in enumerate(header):
+        match = _HEADER.match(text)
+        label = match["name"] if match else text
+        if label not in units:
+            raise InputError(f"{file}: {among('column', label, units)}")
+        known = UNITS[units[label]]
+        if match is None:
+            raise InputError(f"{file}: column '{label}' has no unit; write '{label} [{units[label]}]'")
+        if match["unit"].strip() not in known:
+            raise InputError(f"{file}: column '{label}' is in '{match['unit']}', expected {' or '.join(known)}")
+        if label in values:
+            raise InputError(f"{file}: column '{label}' stands twice")
+        values[label] = table[:, column] * known[match["unit"].strip()]
+    return values
+
+
+def _check_time(file: Path, time: Array) -> None:
+    step = np.diff(time)
+    if np.any(step < 0.0):
+        k = int(np.argmax(step < 0.0))
+        raise InputError(f"{file}: time must not decrease, but row {k + 2} ({time[k + 1]:g} s) follows {time[k]:g} s")
+
+
+def _normalised(file: Path, joints: tuple[JointLike, ...], position: Array) -> Array:
+    for joint in joints:
+        if joint.nq == 1:
+            continue
+        block = slice(joint.q + (2 if joint.kind == "planar" else 3), joint.q + joint.nq)
+        length = np.linalg.norm(position[:, block], axis=1)
+        if np.any(np.abs(length - 1.0) > 1e-3):
+            k = int(np.argmax(np.abs(length - 1.0)))
+            raise InputError(
+                f"{file}: the rotation of joint '{joint.name}' has length {length[k]:g} in row {k + 1}, expected 1"
+            )
+        off = np.abs(length - 1.0) > 1e-15
+        position[off, block] /= length[off, None]
+    return position
+
+
+def _complete(file: Path, values: dict[str, Array], labels: list[tuple[str, str]], what: str) -> Array | None:
+    there = [label for label, _ in labels if label in values]
+    if not there:
+        return None
+    for label, unit in labels:
+        if label not in values:
+            raise InputError(
+                f"{file}: column '{label} [{unit}]' is missing though '{there[0]}' is there; "
+                f"give the {what} of every joint or of none"
+            )
+    return np.column_stack([values[label] for label, _ in labels])
+
+
+def _pieces(time: Array) -> list[slice]:
+    edges = [0, *(np.flatnonzero(np.diff(time) == 0.0) + 1).tolist(), len(time)]
+    return [slice(a, b) for a, b in pairwise(edges)]
+
+
+def _from_positions(joints: tuple[JointLike, ...], time: Array, position: Array) -> tuple[Array, Array]:
+    parts = []
+    for piece in _pieces(time):
+        knots = time[piece]
+        if len(knots) < 2:
+            knots, rows = (
+                np.array([0.0, 1.0]),
+                np.repeat(position[piece], 2, axis=0),
+            )  # refused by Motion later
+            parts.append([part[:1] for part in interpolate(joints, knots, rows, knots, rest=False)])
+        else:
+            parts.append(list(interpolate(joints, knots, position[piece], knots, rest=False)))
+    return np.concatenate([part[1] for part in parts]), np.concatenate([part[2] for part in parts])
+
+
+def _piecewise_derivative(time: Array, values: Array) -> Array:
+    return np.concatenate(
+        [
+            derivative(time[piece], values[piece]) if piece.stop - piece.start > 1 else np.zeros_like(values[piece])
+            for piece in _pieces(time)
+        ]
+    )
+
+
+def _disagreement(
+    joints: tuple[JointLike, ...],
+    name: str,
+    time: Array,
+    position: Array,
+    velocity: Array,
+    acceleration: Array,
+) -> tuple[str, ...]:
+    """A sentence where the velocity columns do not integrate to the positions (Hermite rule of order 4 a
+    step).
+    """
+    smooth = position * continuous(joints, position)
+    qd, qdd = rates(joints, smooth, velocity, acceleration)
+    h = np.diff(time)[:, None]
+    change = 0.5 * h * (qd[1:] + qd[:-1]) - h * h / 12.0 * (qdd[1:] - qdd[:-1])
+    wrong = np.abs(np.diff(smooth, axis=0) - change)
+    size = np.max(np.abs(h * qd[1:]), axis=0, initial=0.0)
+    excess = wrong - 0.01 * size - POSITION_GAP
+    if excess.size == 0 or np.max(excess) <= 0.0:
+        return ()
+    row, column = np.unravel_index(int(np.argmax(excess)), excess.shape)
+    joint = next(joint for joint in joints if joint.q <= column < joint.q + joint.nq)
+    return (
+        f"motion '{name}': the velocity of joint '{joint.name}' does not agree with its position: between "
+        f"{time[row]:g} s and {time[row + 1]:g} s the position changes by "
+        f"{smooth[row + 1, column] - smooth[row, column]:.4g}, the velocity says {change[row, column]:.4g}",
+    )

@@ -1,0 +1,297 @@
+"""A motion: positions, velocities and accelerations of a robot's joints over time, exact at its samples.
+
+Motions are made by `circle`, `line`, `waypoints`, `dwell` and `read_motion`, and put one after the other by
+`join`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from bellcrank.errors import InputError
+from bellcrank.motion.coordinates import Array, JointLike, continuous, from_rates, rates, sizes, velocity_labels
+from bellcrank.motion.hermite import quintic
+
+if TYPE_CHECKING:
+    from bellcrank.robot.robot import Robot
+
+POSITION_GAP = 1e-6  # rad or m: two rows of one time, or two joined motions, may differ by this much
+AT_REST = 1e-6  # of the motion's largest speed: slower than this counts as rest
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Joint motion over time: rows of (time, position, velocity, acceleration), finite, in order of time.
+
+    Shapes: time (n,) in s; position (n, nq) in rad or m; velocity (n, nv) in rad/s or m/s; acceleration (n,
+    nv) in rad/s² or m/s²; n >= 2. A time that stands twice marks a jump of acceleration: the two rows are its
+    limits from before and from after, with the same position. `joints` says which column belongs to which
+    joint. `notes` are warnings from whoever made the motion. The arrays are read-only. Raises InputError
+    where the data are not a motion.
+    """
+
+    joints: Sequence[JointLike]
+    time: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    name: str = "motion"
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "joints", tuple(self.joints))
+        object.__setattr__(self, "notes", tuple(self.notes))
+        nq, nv = sizes(self.joints)
+        n = np.size(self.time)
+        shapes = {"time": (n,), "position": (n, nq), "velocity": (n, nv), "acceleration": (n, nv)}
+        for key, shape in shapes.items():
+            given = np.asarray(getattr(self, key))
+            if given.shape != shape:
+                raise InputError(f"{self._title}: {key} has shape {given.shape}, expected {shape}")
+            if given.dtype.kind not in "fiu":
+                raise InputError(f"{self._title}: {key} does not hold real numbers ({given.dtype})")
+            array = np.array(given, dtype=np.float64, order="C")
+            array.flags.writeable = False
+            if not np.all(np.isfinite(array)):
+                row = int(np.argmin(np.isfinite(array.reshape(n, -1)).all(axis=1)))
+                raise InputError(f"{self._title}: {key} holds a value that is not finite, in row {row}")
+            object.__setattr__(self, key, array)
+        if n < 2:
+            raise InputError(f"{self._title}: a motion needs at least 2 rows, got {n}")
+        self._check_time()
+        self._check_rotations()
+
+    def _check_time(self) -> None:
+        step = np.diff(self.time)
+        if np.any(step < 0.0):
+            k = int(np.argmax(step < 0.0))
+            raise InputError(
+                f"{self._title}: time runs backwards, from {self.time[k]:g} s to {self.time[k + 1]:g} s "
+                f"(rows {k}, {k + 1})"
+            )
+        if np.any((step[1:] == 0.0) & (step[:-1] == 0.0)):
+            k = int(np.argmax((step[1:] == 0.0) & (step[:-1] == 0.0)))
+            raise InputError(f"{self._title}: time {self.time[k]:g} s stands more than twice")
+        if step[0] == 0.0 or step[-1] == 0.0:
+            raise InputError(f"{self._title}: the first or the last time stands twice; nothing lies beyond it")
+        twin = np.flatnonzero(step == 0.0)
+        gap = np.abs(self._smooth_position[twin + 1] - self._smooth_position[twin])
+        if np.any(gap > POSITION_GAP):
+            row, column = np.unravel_index(int(np.argmax(gap)), gap.shape)
+            raise InputError(
+                f"{self._title}: joint '{self._joint_at(int(column)).name}' jumps by {gap.max():.3g} (rad or "
+                f"m) at {self.time[twin[row]]:g} s; a position must be continuous"
+            )
+
+    def _check_rotations(self) -> None:
+        for joint in self.joints:
+            if joint.kind in ("planar", "floating"):
+                numbers = self.position[:, joint.q + (2 if joint.kind == "planar" else 3) : joint.q + joint.nq]
+                length = np.linalg.norm(numbers, axis=1)
+                if np.any(np.abs(length - 1.0) > 1e-6):
+                    k = int(np.argmax(np.abs(length - 1.0)))
+                    raise InputError(
+                        f"{self._title}: the rotation of joint '{joint.name}' has length {length[k]:g} in "
+                        f"row {k}, expected 1"
+                    )
+
+    @property
+    def _title(self) -> str:
+        return f"motion '{self.name}'"
+
+    def _joint_at(self, column: int, speed: bool = False) -> JointLike:
+        if speed:
+            return next(joint for joint in self.joints if joint.v <= column < joint.v + joint.nv)
+        return next(joint for joint in self.joints if joint.q <= column < joint.q + joint.nq)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __add__(self, other: Motion) -> Motion:
+        return join(self, other)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of their columns."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def nq(self) -> int:
+        """Number of position coordinates."""
+        return int(self.position.shape[1])
+
+    @property
+    def nv(self) -> int:
+        """Number of velocity coordinates."""
+        return int(self.velocity.shape[1])
+
+    @property
+    def duration(self) -> float:
+        """Time from the first row to the last, s."""
+        return float(self.time[-1] - self.time[0])
+
+    @cached_property
+    def pieces(self) -> tuple[slice, ...]:
+        """Row ranges between jumps of acceleration: inside each the motion is smooth."""
+        edges = np.flatnonzero(np.diff(self.time) == 0.0) + 1
+        bounds = [0, *edges.tolist(), len(self.time)]
+        return tuple(slice(a, b) for a, b in pairwise(bounds))
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What a motor would not forgive: no rest at the ends, jumps of velocity, and the maker's notes."""
+        found = list(self.notes)
+        peak = float(np.max(np.abs(self.velocity), initial=0.0))
+        for row, what in ((0, "starts"), (-1, "ends")):
+            speed = np.abs(self.velocity[row])
+            if np.any(speed > AT_REST * peak):
+                column = int(np.argmax(speed))
+                name, unit = velocity_labels(self.joints)[column]
+                found.append(
+                    f"{self._title} {what} moving: {name} {self.velocity[row, column]:.4g} {unit} at "
+                    f"{self.time[row]:g} s; the effort of {'starting' if row == 0 else 'stopping'} is not "
+                    "counted"
+                )
+        for piece in self.pieces[1:]:
+            jump = np.abs(self.velocity[piece.start] - self.velocity[piece.start - 1])
+            if np.any(jump > AT_REST * peak):
+                column = int(np.argmax(jump))
+                name, unit = velocity_labels(self.joints)[column]
+                found.append(
+                    f"{self._title} jumps in velocity at {self.time[piece.start]:g} s: {name} by "
+                    f"{jump[column]:.4g} {unit}; the effort of the jump is not counted"
+                )
+        return tuple(found)
+
+    @cached_property
+    def _smooth_position(self) -> Array:
+        return self.position * continuous(self.joints, self.position)
+
+    @cached_property
+    def _rates(self) -> tuple[Array, Array]:
+        return rates(self.joints, self._smooth_position, self.velocity, self.acceleration)
+
+    def at(self, t: Any, side: Literal["after", "before"] = "after") -> tuple[Array, Array, Array]:
+        """Position, velocity and acceleration at time t (scalar: (nq,), (nv,), (nv,); or (m,): (m, nq), …).
+
+        Exact at the samples; between two of them the quintic Hermite polynomial through both (position,
+        velocity and acceleration match at either end; error of the acceleration of order step⁴). At a jump of
+        acceleration `side` picks the limit. Raises InputError for a time outside the motion.
+        """
+        times = np.atleast_1d(np.asarray(t, dtype=np.float64))
+        if times.ndim != 1:
+            raise InputError(f"{self._title}: times must be a number or one-dimensional, got shape {times.shape}")
+        first, last = float(self.time[0]), float(self.time[-1])
+        slack = 1e-12 * max(abs(first), abs(last))
+        outside = ~((times >= first - slack) & (times <= last + slack))
+        if np.any(outside):
+            raise InputError(
+                f"{self._title}: time {times[np.argmax(outside)]:g} s lies outside it ({first:g} s to {last:g} s)"
+            )
+        times = np.clip(times, first, last)
+        if side == "after":
+            k = np.searchsorted(self.time, times, side="right") - 1
+        else:
+            k = np.searchsorted(self.time, times, side="left") - 1
+        k = np.clip(k, 0, len(self.time) - 2)
+        moved = quintic(self.time, self._smooth_position, *self._rates, times, k)
+        q, v, a = from_rates(self.joints, *moved)
+        for row in (k, k + 1):
+            exact = times == self.time[row]
+            q[exact], v[exact], a[exact] = (
+                self.position[row[exact]],
+                self.velocity[row[exact]],
+                self.acceleration[row[exact]],
+            )
+        if np.ndim(t) == 0:
+            return q[0], v[0], a[0]
+        return q, v, a
+
+
+def dwell(
+    robot: Robot,
+    position: Mapping[str, float] | Array | Sequence[float],
+    duration: float,
+    name: str = "dwell",
+) -> Motion:
+    """Rest at a posture (dict of joint positions, or (nq,), in rad or m) for `duration` s; raises
+    InputError.
+    """
+    number = isinstance(duration, int | float | np.number) and not isinstance(duration, bool)
+    if not (number and np.isfinite(duration) and duration > 0.0):
+        raise InputError(f"motion '{name}': the duration of a dwell must be a positive number of s, got {duration!r}")
+    q = np.asarray(robot.posture(position), dtype=np.float64)
+    rest = np.zeros((2, robot.nv))
+    time = np.array([0.0, float(duration)])
+    return Motion(robot.joints, time, np.stack([q, q]), rest, rest, name, limit_notes(robot, name, time, q[None]))
+
+
+def join(*motions: Motion, name: str | None = None) -> Motion:
+    """One motion after the other, in the time of the first; each must start where the one before it ended.
+
+    Where the acceleration jumps, the time stands twice. Raises InputError for different robots or a gap in
+    position of more than 1e-6 rad or m.
+    """
+    if not motions:
+        raise InputError("join needs at least one motion, got none")
+    first = motions[0]
+    rows: list[tuple[Array, ...]] = [(first.time, first.position, first.velocity, first.acceleration)]
+    for before, after in pairwise(motions):
+        if _layout(before) != _layout(after):
+            raise InputError(
+                f"motions '{before.name}' and '{after.name}' cannot be joined: their joints are "
+                f"{', '.join(before.joint_names)} and {', '.join(after.joint_names)}"
+            )
+        gap = np.abs(after.position[0] * _facing(before, after) - before.position[-1])
+        if np.any(gap > POSITION_GAP):
+            column = int(np.argmax(gap))
+            joint = before._joint_at(column)
+            raise InputError(
+                f"motions '{before.name}' and '{after.name}' cannot be joined: the first ends with joint "
+                f"'{joint.name}' at {before.position[-1, column]:.9g}, the second starts at "
+                f"{after.position[0, column]:.9g} (rad or m)"
+            )
+        ends = (before.position[-1], before.velocity[-1], before.acceleration[-1])
+        starts = (after.position[0], after.velocity[0], after.acceleration[0])
+        same = all(np.array_equal(end, begin) for end, begin in zip(ends, starts, strict=True))
+        skip = 1 if same else 0
+        start = rows[-1][0][-1]
+        time = start + (after.time - after.time[0])
+        rows.append((time[skip:], after.position[skip:], after.velocity[skip:], after.acceleration[skip:]))
+    time, position, velocity, acceleration = (np.concatenate(part) for part in zip(*rows, strict=True))
+    notes = tuple(dict.fromkeys(note for motion in motions for note in motion.notes))
+    title = " + ".join(motion.name for motion in motions) if name is None else name
+    return Motion(first.joints, time, position, velocity, acceleration, title, notes)
+
+
+def _layout(motion: Motion) -> list[tuple[str, str, int, int]]:
+    return [(joint.name, joint.kind, joint.q, joint.v) for joint in motion.joints]
+
+
+def _facing(before: Motion, after: Motion) -> Array:
+    pair = np.stack([before.position[-1], after.position[0]])
+    return np.asarray(continuous(before.joints, pair)[1])
+
+
+def limit_notes(robot: Robot, name: str, time: Array, position: Array) -> tuple[str, ...]:
+    """A sentence for each one-degree-of-freedom joint whose position (n, nq) leaves the URDF's range."""
+    notes = []
+    for joint in robot.joints:
+        if joint.nq != 1:
+            continue
+        column, lower, upper = position[:, joint.q], float(robot.lower[joint.q]), float(robot.upper[joint.q])
+        excess = np.maximum(column - upper, lower - column)
+        row = int(np.argmax(excess))
+        if excess[row] > 1e-9:
+            unit = "m" if joint.kind == "prismatic" else "rad"
+            notes.append(
+                f"motion '{name}' leaves the range of joint '{joint.name}' ({lower:.6g} to {upper:.6g} "
+                f"{unit}): it reaches {column[row]:.6g} {unit} at {time[row]:g} s"
+            )
+    return tuple(notes)

@@ -1,0 +1,196 @@
+"""Motions along paths in space: a frame of the robot drawn along a circle or a straight line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bellcrank.errors import InputError
+from bellcrank.motion.continuation import Curve
+from bellcrank.motion.coordinates import Array, JointLike
+from bellcrank.motion.frame_task import check_plane, frame_task
+from bellcrank.motion.inverse_kinematics import NEAR_SINGULAR, follow
+from bellcrank.motion.motion import Motion, dwell, join, limit_notes
+from bellcrank.motion.profile import Profile
+from bellcrank.motion.profile import profile as make_profile
+from bellcrank.motion.rotations import from_rpy
+from bellcrank.motion.waypoints import checked_samples, waypoints
+
+if TYPE_CHECKING:
+    from bellcrank.robot.robot import Robot
+
+__all__ = ["circle", "dwell", "join", "line", "waypoints"]
+
+Vector = Sequence[float] | Array
+Posture = Mapping[str, float] | Sequence[float] | Array
+Orientation = str | Sequence[float] | Sequence[Sequence[float]] | Array
+
+
+def circle(
+    robot: Robot,
+    frame: str,
+    center: Vector,
+    radius: float,
+    duration: float | None = None,
+    start: Posture | None = None,
+    samples: int = 1001,
+    profile: str = "constant",
+    normal: Vector = (0.0, 0.0, 1.0),
+    turns: float = 1.0,
+    orientation: Orientation | None = None,
+    speed: float | None = None,
+    acceleration: float | None = None,
+    jerk: float | None = None,
+    name: str = "circle",
+) -> Motion:
+    """Draw a frame along a circle (center (3,), radius in m, world frame), from the branch of the `start`
+    posture.
+
+    The circle starts at center + radius e1, e1 the world's x direction made perpendicular to the normal (y
+    where the normal is along x), and runs counter-clockwise about the normal, clockwise for negative `turns`.
+    Time comes from `duration` (s) or the limits `speed`, `acceleration`, `jerk` along the path (m/s, m/s²,
+    m/s³) and the profile (see `bellcrank.motion.profile`); with "constant" the rows lie at equal angles.
+    `orientation`: None (free), "hold" (as in the start posture), rpy (3,) in rad, or a rotation matrix (3,
+    3), frame to world. With joints to spare the posture is the one nearest to `start`. Raises InputError, and
+    UnreachableError naming time, pose and by how much.
+    """
+    title = f"motion '{name}'"
+    middle = _vector(title, "center", center)
+    radius, turns = _number(title, "radius", radius), _number(title, "turns", turns)
+    if radius <= 0.0:
+        raise InputError(f"{title}: radius must be positive, in m, got {radius:g}")
+    if turns == 0.0:
+        raise InputError(f"{title}: turns must not be 0; use dwell to stand still")
+    axis = _vector(title, "normal", normal)
+    if np.linalg.norm(axis) < 1e-12:
+        raise InputError(f"{title}: normal must not be zero")
+    axis = axis / np.linalg.norm(axis)
+    e1 = np.eye(3)[0] - axis[0] * axis
+    if np.linalg.norm(e1) < 1e-6:
+        e1 = np.eye(3)[1] - axis[1] * axis
+    e1 = e1 / np.linalg.norm(e1)
+    e2 = np.cross(axis, e1) * np.sign(turns)
+    timing = make_profile(profile, 2.0 * np.pi * radius * abs(turns), duration, speed, acceleration, jerk)
+
+    def curve(s: Array) -> tuple[Array, Array, Array]:
+        cos, sin = np.cos(s / radius)[:, None], np.sin(s / radius)[:, None]
+        outward = cos * e1 + sin * e2
+        return middle + radius * outward, cos * e2 - sin * e1, -outward / radius
+
+    posture = _posture(robot, start)
+    return _along(robot, frame, curve, timing, posture, orientation, checked_samples(title, samples), name)
+
+
+def line(
+    robot: Robot,
+    frame: str,
+    end: Vector,
+    duration: float | None = None,
+    start: Posture | None = None,
+    samples: int = 1001,
+    profile: str = "quintic",
+    begin: Vector | None = None,
+    orientation: Orientation | None = None,
+    speed: float | None = None,
+    acceleration: float | None = None,
+    jerk: float | None = None,
+    name: str = "line",
+) -> Motion:
+    """Draw a frame along the straight line to `end` (3,) in m, world frame, from where the `start` posture
+    has it.
+
+    With `begin` (3,) the line starts there, and `start` only selects the branch. The other arguments, the
+    posture with joints to spare, and the errors are those of `circle`.
+    """
+    title = f"motion '{name}'"
+    posture = _posture(robot, start)
+    last = _vector(title, "end", end)
+    first = robot.frame_pose(frame, posture)[0] if begin is None else _vector(title, "begin", begin)
+    length = float(np.linalg.norm(last - first))
+    if length < 1e-9:
+        raise InputError(f"{title}: the line begins where it ends; use dwell to stand still")
+    direction = (last - first) / length
+    timing = make_profile(profile, length, duration, speed, acceleration, jerk)
+
+    def curve(s: Array) -> tuple[Array, Array, Array]:
+        return first + s[:, None] * direction, np.tile(direction, (len(s), 1)), np.zeros((len(s), 3))
+
+    return _along(robot, frame, curve, timing, posture, orientation, checked_samples(title, samples), name)
+
+
+def _along(
+    robot: Robot,
+    frame: str,
+    curve: Curve,
+    timing: Profile,
+    start: Array,
+    orientation: Orientation | None,
+    samples: int,
+    name: str,
+) -> Motion:
+    title = f"motion '{name}'"
+    time, s, speed, growth = timing.rows(samples)
+    rotation = _rotation(title, orientation, robot.frame_pose(frame, start)[1])
+    task = frame_task(robot, frame, start, rotation, title)
+    check_plane(task, curve(s)[0], time, title)
+    found = follow(task, curve, s, time, title)
+    velocity, acceleration = np.zeros((len(s), robot.nv)), np.zeros((len(s), robot.nv))
+    single: list[JointLike] = [joint for joint in robot.joints if joint.nq == 1]
+    rows, columns = [joint.q for joint in single], [joint.v for joint in single]
+    first, second = found.first[:, rows], found.second[:, rows]
+    velocity[:, columns] = first * speed[:, None]
+    acceleration[:, columns] = second * (speed * speed)[:, None] + first * growth[:, None]
+    notes = limit_notes(robot, name, time, found.position)
+    worst = int(np.argmin(found.condition))
+    if found.condition[worst] < NEAR_SINGULAR:
+        notes += (
+            f"{title} passes near a singular posture at {time[worst]:.6g} s: the smallest singular value of "
+            f"the Jacobian of frame '{frame}' is {found.condition[worst]:.2g} of the largest; small changes "
+            "of the path change the speeds much",
+        )
+    return Motion(robot.joints, time, found.position, velocity, acceleration, name, notes)
+
+
+def _posture(robot: Robot, start: Posture | None) -> Array:
+    return np.array(robot.posture({} if start is None else start), dtype=np.float64)
+
+
+def _number(title: str, what: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not np.isfinite(value):
+        raise InputError(f"{title}: {what} must be a finite number, got {value!r}")
+    return float(value)
+
+
+def _vector(title: str, what: str, value: Any) -> Array:
+    try:
+        vector = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{title}: {what} must be three numbers, got {value!r}") from None
+    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
+        raise InputError(f"{title}: {what} must be three finite numbers, got {value!r}")
+    return vector
+
+
+def _rotation(title: str, orientation: Orientation | None, held: Array) -> Array | None:
+    """The rotation matrix (3, 3) wanted, frame to world, or None."""
+    if orientation is None:
+        return None
+    if isinstance(orientation, str):
+        if orientation != "hold":
+            raise InputError(f"{title}: orientation must be 'hold', rpy or a rotation matrix, got '{orientation}'")
+        return np.array(held)
+    try:
+        given = np.array(orientation, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{title}: orientation must be numbers (rpy or a matrix) or 'hold'") from None
+    if given.shape == (3,) and np.all(np.isfinite(given)):
+        return from_rpy(given)
+    if given.shape != (3, 3) or not np.all(np.isfinite(given)):
+        raise InputError(f"{title}: orientation must be rpy (3 numbers) or a 3 x 3 matrix, got shape {given.shape}")
+    u, _, vt = np.linalg.svd(given)
+    nearest = np.asarray(u @ vt)
+    if np.max(np.abs(nearest - given)) > 1e-6 or np.linalg.det(nearest) < 0.0:
+        raise InputError(f"{title}: the orientation matrix is not a rotation (orthonormal, determinant 1)")
+    return nearest

@@ -1,0 +1,137 @@
+"""Motions through given postures: a quintic spline, smooth to the fourth derivative (so to the
+acceleration).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bellcrank.errors import InputError
+from bellcrank.motion.coordinates import Array, JointLike, continuous, from_rates
+from bellcrank.motion.motion import Motion, limit_notes
+
+if TYPE_CHECKING:
+    from bellcrank.robot.robot import Robot
+
+
+def waypoints(
+    robot: Robot,
+    times: Sequence[float] | Array,
+    positions: Sequence[Mapping[str, float] | Sequence[float] | Array] | Array,
+    samples: int = 1001,
+    name: str = "waypoints",
+) -> Motion:
+    """Motion through `positions` at `times` (s), at rest (velocity and acceleration 0) at both ends.
+
+    The interpolation is the quintic spline with simple knots at the waypoints: four times continuously
+    differentiable, each polynomial of degree 5 (C. de Boor, A Practical Guide to Splines). Each position is
+    (nq,) in rad or m, or a dict of joint positions (joints left out stand at their neutral position). The
+    motion has at least `samples` rows, every waypoint among them. Raises InputError.
+    """
+    title = f"motion '{name}'"
+    knots = checked_times(title, times, "waypoint")
+    if len(positions) != len(knots):
+        raise InputError(f"{title}: {len(knots)} times but {len(positions)} positions; expected one position a time")
+    points = np.stack([np.asarray(robot.posture(point), dtype=np.float64) for point in positions])
+    time = spread(knots, checked_samples(title, samples))
+    try:
+        q, v, a = interpolate(robot.joints, knots, points, time, rest=True)
+    except InputError as error:
+        raise InputError(f"{title}: {error}") from None
+    return Motion(robot.joints, time, q, v, a, name, limit_notes(robot, name, time, q))
+
+
+def interpolate(
+    joints: Sequence[JointLike], knots: Array, points: Array, times: Array, rest: bool
+) -> tuple[Array, Array, Array]:
+    """Position, velocity and acceleration at `times` of the quintic spline through `points` (k, nq) at
+    `knots` (k,).
+
+    With `rest` velocity and acceleration are zero at both ends; without, the ends are not-a-knot (nothing is
+    assumed), and fewer than six points take the polynomial through all of them. Rotation numbers are
+    normalised.
+    """
+    smooth = points * continuous(joints, points)
+    spline = _spline(knots, smooth, rest)
+    q, v, a = from_rates(joints, spline(times), spline(times, 1), spline(times, 2))
+    place = np.searchsorted(knots, times)
+    hit = knots[np.minimum(place, len(knots) - 1)] == times
+    q[hit] = points[place[hit]]
+    if rest:
+        for row in (times == knots[0], times == knots[-1]):
+            v[row] = a[row] = 0.0
+    return q, v, a
+
+
+def derivative(knots: Array, values: Array) -> Array:
+    """Derivative (k, m) at the knots of the quintic not-a-knot spline through `values` (k, m)."""
+    return np.asarray(_spline(knots, values, rest=False)(knots, 1), dtype=np.float64)
+
+
+def _spline(knots: Array, values: Array, rest: bool) -> Any:
+    from scipy.interpolate import make_interp_spline
+
+    still = np.zeros(values.shape[1])
+    ends = [(1, still), (2, still)]
+    try:
+        if rest:
+            return make_interp_spline(knots, values, k=5, bc_type=(ends, ends))
+        return make_interp_spline(knots, values, k=5) if len(knots) >= 6 else _Through(knots, values)
+    except (ValueError, np.linalg.LinAlgError):
+        least = float(np.min(np.diff(knots)))
+        raise InputError(
+            f"no smooth curve passes through {len(knots)} points whose times lie as close as {least:.3g} s; "
+            "leave some of them out"
+        ) from None
+
+
+class _Through:
+    """The polynomial through all of a few points, differentiable any number of times."""
+
+    def __init__(self, knots: Array, values: Array) -> None:
+        self.origin, self.scale = knots[0], knots[-1] - knots[0]
+        u = (knots - self.origin) / self.scale
+        self.coefficients = np.linalg.solve(np.vander(u, increasing=True), values)
+
+    def __call__(self, times: Array, order: int = 0) -> Array:
+        u = (times - self.origin) / self.scale
+        c = np.polynomial.polynomial.polyder(self.coefficients, order) / self.scale**order
+        return np.asarray(np.polynomial.polynomial.polyval(u, c).T, dtype=np.float64)
+
+
+def spread(knots: Array, samples: int) -> Array:
+    """At least `samples` times, evenly spaced between each two knots and with every knot among them."""
+    parts = []
+    for begin, end in pairwise(knots.tolist()):
+        steps = max(1, int(np.ceil((samples - 1) * (end - begin) / (knots[-1] - knots[0]) - 1e-9)))
+        parts.append(begin + (end - begin) * (np.arange(steps) / steps))
+    return np.concatenate([*parts, knots[-1:]])
+
+
+def checked_times(title: str, times: Any, what: str) -> Array:
+    """Times as an increasing, finite (k,) array, k >= 2; InputError otherwise."""
+    try:
+        knots = np.asarray(times, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{title}: the times must be numbers, in s") from None
+    if knots.ndim != 1 or len(knots) < 2:
+        raise InputError(f"{title}: at least 2 times are needed, got shape {knots.shape}")
+    if not np.all(np.isfinite(knots)):
+        raise InputError(f"{title}: time {int(np.argmin(np.isfinite(knots)))} is not finite")
+    if np.any(np.diff(knots) <= 0.0):
+        k = int(np.argmax(np.diff(knots) <= 0.0))
+        raise InputError(
+            f"{title}: time must increase from {what} to {what}, but {knots[k + 1]:g} s follows {knots[k]:g} s"
+        )
+    return knots
+
+
+def checked_samples(title: str, samples: Any) -> int:
+    """A number of samples of at least 2; InputError otherwise."""
+    if isinstance(samples, bool) or not isinstance(samples, int | np.integer) or not 2 <= samples <= 10_000_000:
+        raise InputError(f"{title}: samples must be a whole number from 2 to 10000000, got {samples!r}")
+    return int(samples)

@@ -1,0 +1,1 @@
+"""A robot: its tree as plain data, what it carries, and its dynamics as machine code."""

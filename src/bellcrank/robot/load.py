@@ -1,0 +1,133 @@
+"""Loading a robot: from a file or a name to checked data, kept on disk so that the next time is quick."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bellcrank.errors import InputError
+from bellcrank.machine_code import cache as disk
+from bellcrank.robot.payload import Payload
+from bellcrank.robot.robot import FRICTION_WIDTH, Friction, Robot
+from bellcrank.robot.tree import FrameTable, Tree
+from bellcrank.urdf.catalog import find_urdf
+from bellcrank.urdf.xml_tree import read_text
+
+if TYPE_CHECKING:
+    from bellcrank.urdf.read import Urdf
+
+
+def load_robot(
+    path: str | Path,
+    gravity: Sequence[float] = (0.0, 0.0, -9.81),
+    floating_base: bool = False,
+    friction: Friction = "urdf",
+    *,
+    payloads: Iterable[Payload] = (),
+    rotor_inertia: Mapping[str, float] | None = None,
+    frames: FrameTable | None = None,
+    clean: bool = True,
+    friction_width: float = FRICTION_WIDTH,
+) -> Robot:
+    """Load a URDF from disk, by the name of a shipped one, or by a name of example-robot-data ("ur5", "talos", …).
+
+    gravity (3,) m/s² in the world, so a wall or ceiling mounting is a direction; friction "urdf" (as the file
+    gives it), "none", or {joint: (viscous N m s/rad, coulomb N m)}, Coulomb friction smoothed over
+    `friction_width` (rad/s, m/s); payloads fixed to frames; rotor_inertia {joint: kg m²} as felt at the joint;
+    frames {name: (link, xyz, rpy)} adds frames to the URDF's own; clean=False keeps residues of rounded
+    rotations. Raises InputError, one sentence, for anything wrong with the file or the arguments.
+    """
+    g = tuple(float(x) for x in gravity)
+    if len(g) != 3 or not np.isfinite(g).all():
+        raise InputError(f"gravity must be three finite numbers (m/s²), it is {gravity!r}")
+    if not (np.isfinite(friction_width) and friction_width > 0.0):
+        raise InputError(f"friction_width must be positive (rad/s or m/s), it is {friction_width!r}")
+    source = find_urdf(path)
+    loads = tuple(payloads)
+    table = dict(frames or {})
+    text = read_text(source)
+    key = "robot-" + disk.digest(
+        text,
+        repr(floating_base),
+        repr([asdict(p) for p in loads]),
+        repr(sorted(table.items())),
+        repr(clean),
+        _version(),
+    )
+    data = _stored(key)
+    if data is None:
+        data = _read(source, text, floating_base, loads, table, clean)
+        disk.store(key, json.dumps(data).encode())
+    return Robot(
+        source, text, data, gravity=g, floating_base=floating_base, friction=friction,
+        friction_width=float(friction_width), payloads=loads, rotor_inertia=rotor_inertia or {}, frames=table,
+        clean=clean,
+    )  # fmt: skip
+
+
+def _version() -> str:
+    package = Path(__file__).parent.parent
+    sources = sorted([*package.glob("robot/*.py"), *package.glob("urdf/*.py")])
+    return importlib.metadata.version("libpinocchio") + disk.digest(*[p.read_bytes() for p in sources])
+
+
+def _stored(key: str) -> dict[str, Any] | None:
+    raw = disk.load(key)
+    if raw is None:
+        return None
+    try:
+        data: dict[str, Any] = json.loads(raw)
+        Tree(**data["tree"])
+    except (ValueError, KeyError, TypeError):
+        return None
+    return data
+
+
+def _read(
+    source: Path, text: str, floating_base: bool, payloads: tuple[Payload, ...], frames: FrameTable, clean: bool
+) -> dict[str, Any]:
+    """Everything of the file that a robot needs, as data that JSON can hold."""
+    from bellcrank.robot.tree import lay_out, pinocchio_model
+    from bellcrank.urdf.read import Urdf
+
+    urdf = Urdf.from_text(text, source)
+    full, cleaning = pinocchio_model(urdf, floating_base, payloads, frames, clean, mimic=False)
+    tree = lay_out(full, urdf, cleaning, clean)
+    followers = {m[0] for m in tree.mimics}
+    lower: list[float] = []
+    upper: list[float] = []
+    effort: list[float] = []
+    velocity: list[float] = []
+    friction: dict[str, tuple[float, float]] = {}
+    for k, joint in enumerate(tree.joints):
+        if k + 1 in followers:
+            _add_friction(friction, urdf, joint["name"])
+            continue
+        iq, iv = full.idx_qs[k + 1], full.idx_vs[k + 1]
+        one = joint["nv"] == 1
+        lower += full.lowerPositionLimit[iq : iq + joint["nq"]].tolist() if one else [-np.inf] * joint["nq"]
+        upper += full.upperPositionLimit[iq : iq + joint["nq"]].tolist() if one else [np.inf] * joint["nq"]
+        effort += full.effortLimit[iv : iv + joint["nv"]].tolist() if one else [np.inf] * joint["nv"]
+        velocity += full.velocityLimit[iv : iv + joint["nv"]].tolist() if one else [np.inf] * joint["nv"]
+        if one:
+            _add_friction(friction, urdf, joint["name"])
+
+    def finite(values: list[float]) -> list[float | None]:
+        return [float(x) if np.isfinite(x) else None for x in values]
+
+    return {
+        "name": urdf.name, "tree": asdict(tree), "lower": finite(lower), "upper": finite(upper),
+        "effort": finite(effort), "velocity": finite(velocity), "friction": friction,
+    }  # fmt: skip
+
+
+def _add_friction(friction: dict[str, tuple[float, float]], urdf: Urdf, name: str) -> None:
+    joint = urdf.joints[name]
+    if joint.damping or joint.friction:
+        friction[name] = (float(joint.damping or 0.0), float(joint.friction or 0.0))

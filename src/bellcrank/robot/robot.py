@@ -1,0 +1,490 @@
+"""A robot: checked data of a URDF, and its dynamics as machine code made when first asked for."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.errors import InputError, among
+from bellcrank.machine_code import cache as disk
+from bellcrank.machine_code.compile import Compiled, compiled
+from bellcrank.robot.payload import Payload
+from bellcrank.robot.tree import FrameTable, Tree
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.urdf.read import Urdf
+
+Array = NDArray[np.float64]
+Friction = str | Mapping[str, tuple[float, float]]
+FRICTION_WIDTH = 1e-3  # rad/s or m/s: Coulomb friction is at 71 % of its value at this speed
+
+
+@dataclass(frozen=True)
+class RobotJoint:
+    """An independent joint: its kind, and where its coordinates lie in position (q) and velocity (v)."""
+
+    name: str
+    kind: str  # "revolute", "prismatic", "planar" or "floating"
+    q: int
+    nq: int
+    v: int
+    nv: int
+
+
+class Robot:
+    """A URDF robot and its dynamics.
+
+    Position is (nq,) or (n, nq), velocity, acceleration and torque (nv,) or (n, nv): rad, m and N m, N,
+    one number a joint; a free base comes first, with position (world, m) and quaternion x y z w, and
+    velocity linear then angular in the base's own frame. Made by `load_robot`.
+    """
+
+    def __init__(
+        self,
+        source: Path,
+        text: str,
+        data: dict[str, Any],
+        *,
+        gravity: tuple[float, ...],
+        floating_base: bool,
+        friction: Friction,
+        friction_width: float,
+        payloads: tuple[Payload, ...],
+        rotor_inertia: Mapping[str, float],
+        frames: FrameTable,
+        clean: bool,
+    ) -> None:
+        self.source, self._text, self._data = source, text, data
+        self.name: str = data["name"]
+        self.gravity = _frozen(gravity)
+        self.floating_base, self.payloads, self._frames, self._clean = floating_base, payloads, frames, clean
+        self._friction = friction if isinstance(friction, str) else dict(friction)
+        self.friction_width = friction_width
+        self._tree = Tree(**data["tree"])
+        followers = {m[0] for m in self._tree.mimics}
+        joints, q, v = [], 0, 0
+        for k, j in enumerate(self._tree.joints):
+            if k + 1 in followers:
+                continue
+            joints.append(RobotJoint(j["name"], j["what"], q, j["nq"], v, j["nv"]))
+            q, v = q + j["nq"], v + j["nv"]
+        self.joints: tuple[RobotJoint, ...] = tuple(joints)
+        self.nq, self.nv = q, v
+        self.joint_names: tuple[str, ...] = tuple(j.name for j in joints if j.nv == 1)
+        self.all_joint_names: tuple[str, ...] = tuple(j["name"] for j in self._tree.joints)
+        self.frame_names: tuple[str, ...] = tuple(f["name"] for f in self._tree.frames[1:])
+        self.lower, self.upper = _frozen(_limits(data["lower"], -1)), _frozen(_limits(data["upper"], 1))
+        self.effort_limit = _frozen(_limits(data["effort"], 1))
+        self.velocity_limit = _frozen(_limits(data["velocity"], 1))
+        viscous, coulomb = self._friction_of(self._friction)
+        self.viscous, self.coulomb = _frozen(viscous), _frozen(coulomb)
+        rotor = np.zeros(self.nv)
+        for name, value in rotor_inertia.items():
+            joint = self._one_degree(name, "rotor_inertia")
+            if not (np.isfinite(value) and value >= 0.0):
+                raise InputError(f"rotor_inertia of joint '{name}' must be a number >= 0 (kg m²), it is {value!r}")
+            rotor[joint.v] = value
+            self._tree.joints[self.all_joint_names.index(name)]["armature"] = [float(value)]
+        self.rotor_inertia = _frozen(rotor)
+        self._key = disk.digest(
+            json.dumps(asdict(self._tree), sort_keys=True), repr(tuple(self.gravity)), repr(viscous.tolist()),
+            repr(coulomb.tolist()), repr(friction_width),
+        )  # fmt: skip
+
+    def __repr__(self) -> str:
+        return f"Robot('{self.name}', {len(self.joints)} joints, nq={self.nq}, nv={self.nv}, {self.source.name})"
+
+    # ---- data
+
+    @cached_property
+    def urdf(self) -> Urdf:
+        """The URDF's own data, limits, friction and transmissions included."""
+        from bellcrank.urdf.read import Urdf
+
+        return Urdf.from_text(self._text, self.source)
+
+    @cached_property
+    def model(self) -> Any:
+        """The cleaned pinocchio.Model, with payloads, gravity and rotor inertia (as armature) in it.
+
+        Mimicking joints are Pinocchio's mimic joints; where a leader comes after its follower, which Pinocchio's
+        reader does not take, every joint is one of its own and nq, nv are larger than the robot's.
+        """
+        from bellcrank.robot.tree import pinocchio_model
+
+        def build(mimic: bool) -> Any:
+            return pinocchio_model(self.urdf, self.floating_base, self.payloads, self._frames, self._clean, mimic)[0]
+
+        try:
+            model = build(bool(self._tree.mimics))
+        except InputError:
+            model = build(False)
+        model.gravity.linear = np.array(self.gravity)
+        for j in self.joints:
+            if j.nv == 1 and self.rotor_inertia[j.v]:
+                model.armature[model.idx_vs[model.getJointId(j.name)]] = self.rotor_inertia[j.v]
+        return model
+
+    @property
+    def cleaning(self) -> tuple[int, float]:
+        """How many numbers cleaning made exact at load, and the largest change."""
+        return self._tree.cleaned_entries, self._tree.cleaned_largest
+
+    @cached_property
+    def neutral(self) -> Array:
+        """The posture (nq,) with every joint at 0 and the base at the origin, upright."""
+        q = np.zeros(self.nq)
+        for j in self.joints:
+            if j.kind == "floating":
+                q[j.q + 6] = 1.0
+            elif j.kind == "planar":
+                q[j.q + 2] = 1.0
+        return _frozen(q)
+
+    def joint(self, name: str) -> RobotJoint:
+        """The independent joint of that name. Raises InputError with what there is."""
+        for j in self.joints:
+            if j.name == name:
+                return j
+        for follower, leader, *_ in self._tree.mimics:
+            if self.all_joint_names[follower - 1] == name:
+                raise InputError(
+                    f"{self.name}: joint '{name}' mimics '{self.all_joint_names[leader - 1]}' and has no coordinate "
+                    "of its own; set that joint instead"
+                )
+        raise InputError(f"{self.name}: " + among("joint", name, [j.name for j in self.joints]))
+
+    def _one_degree(self, name: str, what: str) -> RobotJoint:
+        joint = self.joint(name)
+        if joint.nv != 1:
+            raise InputError(f"{what}: joint '{name}' is {joint.kind}; only revolute and prismatic joints take it")
+        return joint
+
+    def joint_axis(self, name: str) -> Array:
+        """The joint's unit axis (3,) in its own frame."""
+        if name not in self.all_joint_names:
+            raise InputError(f"{self.name}: " + among("joint", name, self.all_joint_names))
+        return np.array(self._tree.joints[self.all_joint_names.index(name)]["axis"])
+
+    def mimics(self) -> tuple[tuple[str, str, float, float], ...]:
+        """(follower, leader, multiplier, offset) of each mimicking joint: q_follower = multiplier q_leader + offset."""
+        names = self.all_joint_names
+        return tuple((names[f - 1], names[g - 1], m, o) for f, g, m, o in self._tree.mimics)
+
+    def posture(self, values: Mapping[str, float] | Sequence[float] | Array | None = None) -> Array:
+        """A position (nq,): the neutral one with these joints set, or the given array, checked."""
+        q = self.neutral.copy()
+        if values is None:
+            return q
+        if isinstance(values, Mapping):
+            for name, value in values.items():
+                q[self._one_degree(name, "posture").q] = float(value)
+        else:
+            given = np.asarray(values, dtype=float)
+            if given.shape != (self.nq,):
+                raise InputError(f"{self.name}: a posture has {self.nq} numbers, the given one {given.shape}")
+            q = given.copy()
+        if not np.all(np.isfinite(q)):
+            raise InputError(f"{self.name}: a posture must be finite numbers, it is {q.tolist()}")
+        return q
+
+    # ---- dynamics
+
+    def inverse_dynamics(self, q: Any, v: Any, a: Any) -> Array:
+        """Joint torques tau = M(q) a + C(q, v) v + g(q) + friction(v), rotor inertia in M.
+
+        q (nq,), v, a (nv,), or batches (n, …); returns (nv,) or (n, nv), N m or N. Source: recursive
+        Newton-Euler, Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 5, by Pinocchio.
+        """
+        states = self._shaped(q, v, a)
+        torque: Array = self._inverse(*states)
+        if not _finite(torque):  # one pass over the answer is cheaper than one over all that went in
+            self._refuse_infinite(states)
+            if not np.isfinite(torque).all():
+                raise InputError(
+                    f"{self.name}: the motion is too fast for numbers: a torque overflows; check its units"
+                )
+        return torque
+
+    def forward_dynamics(self, q: Any, v: Any, tau: Any) -> Array:
+        """Accelerations under torques `tau` (N m or N) and the robot's friction and gravity.
+
+        q (nq,), v, tau (nv,), or batches (n, …); returns (nv,) or (n, nv), rad/s² or m/s². Source:
+        articulated-body algorithm, Featherstone (2008), ch. 7, by Pinocchio.
+        """
+        states = self._shaped(q, v, tau)
+        acceleration: Array = self._forward(*states)
+        if not _finite(acceleration):
+            self._refuse_infinite(states)
+        if not np.isfinite(acceleration).all():
+            bad = np.argwhere(~np.isfinite(np.atleast_2d(acceleration)))[0]
+            joint = next(j.name for j in reversed(self.joints) if j.v <= bad[1])
+            raise InputError(
+                f"{self.name}: the forward dynamics of sample {bad[0]} has no finite answer at joint '{joint}': "
+                "nothing there has inertia about the joint's axis; give the links beyond it mass "
+                "(`bellcrank check` names them)"
+            )
+        return acceleration
+
+    def mass_matrix(self, q: Any) -> Array:
+        """The mass matrix M(q), rotor inertia included: (nv, nv), or (n, nv, nv) for a batch."""
+        (q,) = self._states(q)
+        flat = self._simple("mass_matrix")(q, _NONE)
+        return flat.reshape(*flat.shape[:-1], self.nv, self.nv)  # type: ignore[no-any-return]
+
+    def gravity_torque(self, q: Any) -> Array:
+        """The torques (nv,) or (n, nv) that hold the robot at rest at q, N m or N."""
+        return self._gravity(*self._states(q))  # type: ignore[no-any-return]
+
+    def friction_torque(self, v: Any) -> Array:
+        """Joint friction (nv,) or (n, nv): viscous v + coulomb v / sqrt(v² + width²), N m or N."""
+        v = np.asarray(v, dtype=float)
+        return np.asarray(self.viscous * v + self.coulomb * v / np.sqrt(v * v + self.friction_width**2))
+
+    def energy(self, q: Any, v: Any) -> tuple[Array, Array]:
+        """Kinetic and potential energy, J, of one state or a batch (potential zero at the world's origin)."""
+        q, v = self._states(q, v)
+        both = self._simple("energy")(q, v, _NONE)
+        return both[..., 0], both[..., 1]
+
+    def configuration_rate(self, q: Any, v: Any) -> Array:
+        """dq/dt = E(q) v, shaped as q: R v for a free base's position, half q ⊗ ω for its quaternion."""
+        return self._simple("configuration_rate")(*self._states(q, v))  # type: ignore[no-any-return]
+
+    def joint_reactions(self, q: Any, v: Any, a: Any) -> Array:
+        """The wrench that each joint passes on: (len(all_joint_names), 6), or (n, …, 6) for a batch.
+
+        Force (N) then moment (N m) that the parent link exerts on the child link, in the joint's own
+        (child) frame, about its origin. Rotor inertia and friction act across the joint, not through it.
+        """
+        q, v, a = self._states(q, v, a)
+        flat = self._simple("reactions")(q, v, a, _NONE)
+        return flat.reshape(*flat.shape[:-1], len(self._tree.joints), 6)  # type: ignore[no-any-return]
+
+    def link_torques(self, q: Any, v: Any, a: Any) -> Array:
+        """How much of the torque each moving body's mass and inertia cause: (bodies, nv) or (n, bodies, nv).
+
+        Torque is linear in masses and inertias, so the shares sum to inverse dynamics without friction
+        and rotor inertia. Bodies in the order of `all_joint_names`; payloads count to their body.
+        """
+        q, v, a = self._states(q, v, a)
+        bodies = len(self._tree.joints)
+        shares = [self._scaled(q, v, a, row) for row in np.eye(bodies)]
+        return np.stack(shares, axis=-2)
+
+    def frame_pose(self, name: str, q: Any) -> tuple[Array, Array]:
+        """Position (3,) or (n, 3) in m and rotation (3, 3) or (n, 3, 3) of a frame in the world."""
+        (q,) = self._states(q)
+        rows = self._frame(name)(q, np.zeros(self.nv), _NONE)
+        return rows[..., :3], rows[..., 3:12].reshape(*rows.shape[:-1], 3, 3)
+
+    def frame_velocity(self, name: str, q: Any, v: Any) -> tuple[Array, Array]:
+        """Linear (m/s) and angular (rad/s) velocity of a frame's origin, world axes: (3,) or (n, 3) each."""
+        rows = self._frame(name)(*self._states(q, v), _NONE)
+        return rows[..., 12:15], rows[..., 15:18]
+
+    # ---- machine code
+
+    def compiled(self, key: str, build: Callable[[], casadi.Function]) -> Compiled:
+        """The machine code of a function that `build` makes; `key` says all it depends on besides the robot."""
+        return compiled(key, (self._key,), build)
+
+    def trace_frames(self, names: Iterable[str]) -> casadi.Function:
+        """(q, v, p of length 0) -> per frame position 3, rotation 9 (row major), linear and angular velocity, world."""
+        import casadi
+
+        serialized = self._traced().frames([self._frame_index(n) for n in names])
+        return casadi.Function.deserialize(serialized.decode("latin-1"))
+
+    def dynamics(self, algorithm: str) -> Compiled:
+        """The machine code of "inverse_dynamics" or "forward_dynamics", for callers that drive it themselves."""
+        return self._inverse if algorithm == "inverse_dynamics" else self._forward
+
+    @cached_property
+    def _inverse(self) -> Compiled:
+        return self.compiled("inverse_dynamics", lambda: self.trace_dynamics("inverse_dynamics"))
+
+    @cached_property
+    def _forward(self) -> Compiled:
+        return self.compiled("forward_dynamics", lambda: self.trace_dynamics("forward_dynamics"))
+
+    @cached_property
+    def _gravity(self) -> Compiled:
+        return self.compiled("gravity_torque", self._trace_gravity)
+
+    @cached_property
+    def _scaled(self) -> Compiled:
+        return self.compiled("link_torques", self._trace_scaled)
+
+    def _simple(self, name: str) -> Compiled:
+        known = self.__dict__.setdefault("_compiled", {})
+        if name not in known:
+            known[name] = self.compiled(name, lambda: getattr(self._traced(), name)())
+        return known[name]  # type: ignore[no-any-return]
+
+    def _frame(self, name: str) -> Compiled:
+        index = self._frame_index(name)
+        known = self.__dict__.setdefault("_frame_functions", {})
+        if index not in known:
+            known[index] = self.compiled(f"frame {index}", lambda: self._traced().frames([index]))
+        return known[index]  # type: ignore[no-any-return]
+
+    def _frame_index(self, name: str) -> int:
+        found = [k for k, f in enumerate(self._tree.frames) if f["name"] == name]
+        if not found:
+            raise InputError(f"{self.name}: " + among("frame", name, self.frame_names))
+        return min(found, key=lambda k: bool(self._tree.frames[k]["is_joint"]))
+
+    def _traced(self, settings: Iterable[tuple[int, int, int]] = (), parameters: int = 0) -> Any:
+        from bellcrank.trace import trace_tree
+
+        return trace_tree(self._tree, tuple(float(x) for x in self.gravity), list(settings), parameters)
+
+    def trace_parametric(self, algorithm: str, targets: Sequence[str]) -> casadi.Function:
+        """An algorithm ("inverse_dynamics", …) with the numbers that `targets` name left as its last input, p."""
+        import casadi
+
+        from bellcrank.trace import setting
+
+        settings = [(*setting(self._tree, t), k) for k, t in enumerate(targets)]
+        serialized = getattr(self._traced(settings, len(targets)), algorithm)()
+        return casadi.Function.deserialize(serialized.decode("latin-1"))
+
+    def trace_dynamics(self, algorithm: str) -> casadi.Function:
+        """ "inverse_dynamics" (q, v, a) or "forward_dynamics" (q, v, tau) with the robot's friction, as expressions."""
+        import casadi
+
+        serialized = getattr(self._traced(), algorithm)()
+
+        f = casadi.Function.deserialize(serialized.decode("latin-1"))
+        q, v, third = (casadi.SX.sym(n, f.size1_in(k)) for k, n in enumerate(("q", "v", "third")))
+        friction = casadi.SX.zeros(self.nv, 1)
+        for i in range(self.nv):
+            if self.viscous[i]:
+                friction[i] += self.viscous[i] * v[i]
+            if self.coulomb[i]:
+                friction[i] += self.coulomb[i] * v[i] / casadi.sqrt(v[i] * v[i] + self.friction_width**2)
+        p = casadi.SX(0, 1)
+        inverse = algorithm == "inverse_dynamics"
+        out = f(q, v, third, p) + friction if inverse else f(q, v, third - friction, p)
+        return casadi.Function(algorithm, [q, v, third], [out])
+
+    def _trace_gravity(self) -> casadi.Function:
+        import casadi
+
+        f = casadi.Function.deserialize(self._traced().inverse_dynamics().decode("latin-1"))
+        q, rest = casadi.SX.sym("q", self.nq), casadi.SX(self.nv, 1)
+        return casadi.Function("gravity_torque", [q], [f(q, rest, rest, casadi.SX(0, 1))])
+
+    def _trace_scaled(self) -> Any:
+        import casadi
+
+        bodies = len(self._tree.joints)
+        settings = [(k, 16, f["parent_joint"] - 1) for k, f in enumerate(self._tree.frames) if f["parent_joint"] > 0]
+        bare = Tree(**{**asdict(self._tree), "joints": [{**j, "armature": [0.0] * j["nv"]} for j in self._tree.joints]})
+        from bellcrank.trace import trace_tree
+
+        traced = trace_tree(bare, tuple(float(x) for x in self.gravity), settings, bodies)
+        return casadi.Function.deserialize(traced.inverse_dynamics().decode("latin-1"))
+
+    # ---- variants
+
+    def with_payloads(self, payloads: Iterable[Payload]) -> Robot:
+        """The same robot carrying these payloads too."""
+        rotor = {j.name: float(self.rotor_inertia[j.v]) for j in self.joints if j.nv == 1 and self.rotor_inertia[j.v]}
+        from bellcrank.robot.load import load_robot
+
+        return load_robot(
+            self.source, tuple(self.gravity), self.floating_base, self._friction, payloads=(*self.payloads, *payloads),
+            rotor_inertia=rotor, frames=self._frames, clean=self._clean, friction_width=self.friction_width,
+        )  # fmt: skip
+
+    # ---- checks
+
+    def _shaped(self, *arrays: Any) -> tuple[Array, ...]:
+        """Position, velocity and a third array of size nv as arrays of doubles of the right shape."""
+        out = []
+        for array, size, what in zip(arrays, (self.nq, self.nv, self.nv), _STATE, strict=False):
+            x = np.asarray(array, dtype=np.float64)
+            if x.ndim not in (1, 2) or x.shape[-1] != size:
+                raise InputError(f"{self.name}: {what} has shape {x.shape}, expected ({size},) or (n, {size})")
+            out.append(x)
+        return tuple(out)
+
+    def _states(self, *arrays: Any) -> tuple[Array, ...]:
+        states = self._shaped(*arrays)
+        self._refuse_infinite(states)
+        return states
+
+    def _refuse_infinite(self, states: tuple[Array, ...]) -> None:
+        for x, what in zip(states, _STATE, strict=False):
+            if _finite(x):
+                continue
+            bad = np.argwhere(~np.isfinite(np.atleast_2d(x)))
+            if len(bad):
+                row, column = bad[0]
+                raise InputError(
+                    f"{self.name}: {what} holds a number that is not finite (sample {row}, entry {column}); "
+                    "take it out of the motion"
+                )
+
+    def _friction_of(self, friction: Friction) -> tuple[Array, Array]:
+        viscous, coulomb = np.zeros(self.nv), np.zeros(self.nv)
+        if isinstance(friction, str):
+            if friction not in ("urdf", "none"):
+                raise InputError(
+                    f"friction must be 'urdf', 'none' or {{joint: (viscous, coulomb)}}, it is '{friction}'"
+                )
+            if friction == "none":
+                return viscous, coulomb
+            # friction on a follower acts on its leader, through the ratio of their speeds
+            given = {n: (b, c) for n, (b, c) in self._data["friction"].items()}
+            ratios = {f: (g, m) for f, g, m, _ in self.mimics()}
+            for name, (b, c) in given.items():
+                ratio = 1.0
+                while name in ratios:
+                    name, m = ratios[name]
+                    ratio *= m
+                index = self.joint(name).v
+                viscous[index] += ratio * ratio * b
+                coulomb[index] += abs(ratio) * c
+            return viscous, coulomb
+        for name, pair in friction.items():
+            joint = self._one_degree(name, "friction")
+            try:
+                b, c = (float(x) for x in pair)
+            except (TypeError, ValueError):
+                raise InputError(f"friction of joint '{name}' must be (viscous, coulomb), it is {pair!r}") from None
+            if not (np.isfinite([b, c]).all() and b >= 0.0 and c >= 0.0):
+                raise InputError(f"friction of joint '{name}' must be two numbers >= 0, it is {pair!r}")
+            viscous[joint.v], coulomb[joint.v] = b, c
+        return viscous, coulomb
+
+
+_NONE: Array = np.zeros(0)
+_STATE = ("position", "velocity", "the third argument")
+
+
+def _finite(x: Array) -> bool:
+    """Whether the sum is finite, which only finite numbers have: a quick test that a slow one can follow."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return bool(np.isfinite(x.sum()))
+
+
+def _frozen(x: Any) -> Array:
+    array = np.array(x, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
+
+def _limits(values: list[float | None], sign: int) -> Array:
+    return np.array([sign * np.inf if x is None else x for x in values], dtype=np.float64)

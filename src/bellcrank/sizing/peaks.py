@@ -1,0 +1,159 @@
+"""Largest values and integrals of quantities along a motion, refined between its samples.
+
+The time between samples is divided into parts, at the reversals of every joint too, where friction and the
+losses of a gear jump. Integrals are Gauss-Legendre sums over the three inner points of each part; the local
+maxima of all points are brackets that are narrowed until the value no longer changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.motion.motion import Motion
+
+Array = NDArray[np.float64]
+Quantities = Callable[[Array, Array, Array], Mapping[str, Array]]  # (q, v, a) -> name: (n, k)
+
+FINEST = 300  # parts of a whole motion that the grid has at least
+CANDIDATES = 6  # local maxima that are refined for each quantity
+PROBES = 9  # points that divide a bracket
+_GAUSS = 0.5 * np.sqrt(0.6)
+_NODES = np.array([0.0, 0.5 - _GAUSS, 0.5, 0.5 + _GAUSS, 1.0])
+_WEIGHTS = np.array([0.0, 5.0, 8.0, 5.0, 0.0]) / 18.0
+NARROWINGS = 13  # each divides the bracket by (PROBES − 1) / 2
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Points along a motion: time (n,), states q (n, nq), v (n, nv), a (n, nv), and weights (n,) in s of the
+    integral."""
+
+    time: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    weight: Array
+
+
+def grid_along(motion: Motion, probes: Array | None = None) -> Grid:
+    """The grid of a motion; both limits of every jump of acceleration are in it.
+
+    `probes` are times (s) to be looked at besides, for instance just beside a reversal; they carry no weight.
+    """
+    low, high = _parts(motion)
+    length = high - low
+    time = (low[:, None] + length[:, None] * _NODES).ravel()
+    weight = (length[:, None] * _WEIGHTS).ravel()
+    position, velocity, acceleration = motion.at(time)
+    # A part that starts (ends) at a row of the motion takes that row's limit from after (before) a jump.
+    last = len(_NODES) - 1
+    for place, edge, side in ((0, low, "right"), (last, high, "left")):
+        row = np.searchsorted(motion.time, edge, side="right" if side == "right" else "left")
+        row = np.clip(row - 1 if side == "right" else row, 0, len(motion.time) - 1)
+        at_row = motion.time[row] == edge
+        points = np.arange(len(low))[at_row] * len(_NODES) + place
+        position[points], velocity[points] = motion.position[row[at_row]], motion.velocity[row[at_row]]
+        acceleration[points] = motion.acceleration[row[at_row]]
+    if probes is not None and probes.size:
+        probes = np.unique(probes)
+        probes = probes[~np.isin(probes, time)]
+        at = np.searchsorted(time, probes)
+        extra = motion.at(probes)
+        time, weight = np.insert(time, at, probes), np.insert(weight, at, 0.0)
+        position, velocity, acceleration = (
+            np.insert(old, at, new, axis=0) for old, new in zip((position, velocity, acceleration), extra, strict=True)
+        )
+    return Grid(time, position, velocity, acceleration, weight)
+
+
+def _parts(motion: Motion) -> tuple[Array, Array]:
+    """Starts and ends (m,), s, of the parts of the grid: samples, divided further, and reversals of any
+    velocity."""
+    starts = np.flatnonzero(np.diff(motion.time) > 0.0)
+    length = motion.time[starts + 1] - motion.time[starts]
+    count = np.maximum(1, np.ceil(FINEST * length / motion.duration - 1e-9)).astype(int)
+    place = np.concatenate([np.arange(many) for many in count])
+    step = np.repeat(length / count, count)
+    edges = np.unique(np.concatenate([np.repeat(motion.time[starts], count) + place * step, motion.time]))
+    speed = motion.at(edges)[1]
+    row, column = np.nonzero(speed[:-1] * speed[1:] < 0.0)
+    low, high = edges[row].copy(), edges[row + 1].copy()
+    for _ in range(40 if row.size else 0):  # bisection
+        middle = 0.5 * (low + high)
+        before = motion.at(middle)[1][np.arange(len(row)), column] * speed[row, column] > 0.0
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    edges = np.unique(np.concatenate([edges, low]))
+    return edges[:-1], edges[1:]
+
+
+def reversal_times(motion: Motion, columns: Sequence[int], width: float) -> Array:
+    """Times just before and after the named velocities change sign: 1, 3, … 100 friction widths away in
+    speed."""
+    found = []
+    for column in columns:
+        speed = motion.velocity[:, column]
+        for k in np.flatnonzero((speed[:-1] * speed[1:] < 0.0) & (np.diff(motion.time) > 0.0)):
+            low, high = float(motion.time[k]), float(motion.time[k + 1])
+            rate = (speed[k + 1] - speed[k]) / (high - low)
+            zero = low - speed[k] / rate
+            for factor in (0.3, 1.0, 3.0, 10.0, 30.0, 100.0):
+                offset = factor * width / abs(rate)
+                found += [zero - offset, zero + offset]
+        found = [time for time in found if motion.time[0] < time < motion.time[-1]]
+    return np.array(found, dtype=np.float64)
+
+
+def maxima(
+    motion: Motion, grid: Grid, quantities: Quantities
+) -> tuple[dict[str, Array], dict[str, tuple[Array, Array]]]:
+    """(values on the grid, and for each quantity the (k,) largest values and their (k,) times), refined.
+
+    `quantities(q, v, a)` gives arrays (n, k); what is wanted of a quantity is its maximum.
+    """
+    values = dict(quantities(grid.position, grid.velocity, grid.acceleration))
+    names = list(values)
+    widths = [values[name].shape[1] for name in names]
+    table = np.concatenate([values[name] for name in names], axis=1)
+    best = table.argmax(axis=0)
+    top, when = table[best, np.arange(table.shape[1])], grid.time[best]
+    column, low, high = _brackets(grid.time, table)
+    for _ in range(NARROWINGS if column.size else 0):
+        times = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, PROBES)
+        found = np.concatenate([part for _, part in _ordered(quantities(*motion.at(times.ravel())), names)], axis=1)
+        line = found.reshape(len(column), PROBES, -1)[np.arange(len(column)), :, column]
+        here = line.argmax(axis=1)
+        each = np.arange(len(column))
+        for c, value, time in zip(column, line[each, here], times[each, here], strict=True):
+            if value > top[c]:
+                top[c], when[c] = value, time
+        low, high = times[each, np.maximum(here - 1, 0)], times[each, np.minimum(here + 1, PROBES - 1)]
+    edges = np.cumsum([0, *widths])
+    return values, {name: (top[a:b], when[a:b]) for name, a, b in zip(names, edges[:-1], edges[1:], strict=True)}
+
+
+def _ordered(values: Mapping[str, Array], names: list[str]) -> list[tuple[str, Array]]:
+    return [(name, values[name]) for name in names]
+
+
+def _brackets(time: Array, table: Array) -> tuple[NDArray[np.intp], Array, Array]:
+    """Columns and time brackets of the largest local maxima of each column of a table (n, k)."""
+    padded = np.pad(table, ((1, 1), (0, 0)), mode="edge")
+    local = (table >= padded[:-2]) & (table >= padded[2:])
+    highest, lowest = table.max(axis=0), table.min(axis=0)
+    local &= table >= highest - 0.02 * (highest - lowest)
+    local &= highest - lowest > 1e-14 * np.maximum(np.abs(highest), np.abs(lowest))
+    columns: list[int] = []
+    rows: list[int] = []
+    for k in np.flatnonzero(local.any(axis=0)):
+        candidates = np.flatnonzero(local[:, k])
+        if len(candidates) > CANDIDATES:
+            candidates = candidates[np.argsort(table[candidates, k])[-CANDIDATES:]]
+        columns += [int(k)] * len(candidates)
+        rows += candidates.tolist()
+    row = np.array(rows, dtype=np.intp)
+    last = len(time) - 1
+    return np.array(columns, dtype=np.intp), time[np.maximum(row - 1, 0)], time[np.minimum(row + 1, last)]

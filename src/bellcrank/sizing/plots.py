@@ -1,0 +1,276 @@
+"""Pictures of a sizing: what every joint does over time, and where it works in the torque-speed plane."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank import atomic
+from bellcrank.motion.motion import Motion
+from bellcrank.sizing.drive import Drive
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from bellcrank.robot.robot import Robot, RobotJoint
+
+Array = NDArray[np.float64]
+POINTS = 1001  # a motion with fewer rows is drawn from this many points besides them
+LIMIT = "#b30000"
+CURVE = "#1a1a1a"
+
+
+def write_plots(
+    robot: Robot,
+    motions: Sequence[Motion],
+    folder: str | Path,
+    drives: Mapping[str, Drive] | None = None,
+    title: str | None = None,
+) -> list[Path]:
+    """Write PNGs: over_time_<motion>.png, torque_speed.png and, with drives, motor_torque_speed.png; their
+    paths.
+
+    Angles in rad (m), speeds rad/s (m/s), accelerations rad/s² (m/s²), torques N m (N). InputError where the
+    folder cannot be written.
+    """
+    folder = Path(folder)
+    drives, title = dict(drives or {}), title or robot.name
+    joints = [joint for joint in robot.joints if joint.nv == 1]
+    figures: dict[str, Figure] = {}
+    for motion in motions:
+        name = f"over_time_{file_name(motion.name)}"
+        number = 1
+        while f"{name}.png" in figures:
+            number += 1
+            name = f"over_time_{file_name(motion.name)}_{number}"
+        figures[f"{name}.png"] = _over_time(robot, joints, motion, drives, title)
+    figures["torque_speed.png"] = _joint_plane(robot, joints, motions, drives, title)
+    if driven := [joint for joint in joints if joint.name in drives]:
+        figures["motor_torque_speed.png"] = _shaft_plane(robot, driven, motions, drives, title)
+    for name, figure in figures.items():
+        with atomic.writing(folder / name) as temporary:
+            figure.savefig(temporary, format="png", dpi=110)
+    return [folder / name for name in figures]
+
+
+def file_name(text: str) -> str:
+    """A motion's name as part of a file name: letters, digits, . _ and - only."""
+    return re.sub(r"[^\w.-]+", "_", text).strip("_.")[:80] or "motion"
+
+
+def _new(columns: int, rows: int, width: float, height: float) -> tuple[Figure, Any]:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(rows, columns, squeeze=False)
+
+
+def _states(motion: Motion) -> tuple[Array, Array, Array, Array]:
+    """Times and states of a motion for drawing: its rows, and points between them where they are few."""
+    if len(motion.time) >= POINTS:
+        return motion.time, motion.position, motion.velocity, motion.acceleration
+    between = np.setdiff1d(np.linspace(motion.time[0], motion.time[-1], POINTS), motion.time)
+    at = np.searchsorted(motion.time, between)
+    q, v, a = motion.at(between)
+    return (
+        np.insert(motion.time, at, between),
+        np.insert(motion.position, at, q, axis=0),
+        np.insert(motion.velocity, at, v, axis=0),
+        np.insert(motion.acceleration, at, a, axis=0),
+    )
+
+
+def _load(robot: Robot, joint: RobotJoint, q: Array, v: Array, a: Array, driven: bool) -> Array:
+    torque = np.asarray(robot.inverse_dynamics(q, v, a))[:, joint.v]
+    return torque - robot.rotor_inertia[joint.v] * a[:, joint.v] if driven else torque
+
+
+def _over_time(
+    robot: Robot, joints: Sequence[RobotJoint], motion: Motion, drives: Mapping[str, Drive], title: str
+) -> Figure:
+    time, q, v, a = _states(motion)
+    rotor = np.zeros(robot.nv)
+    for joint in joints:
+        rotor[joint.v] = robot.rotor_inertia[joint.v] if joint.name in drives else 0.0
+    torque = np.asarray(robot.inverse_dynamics(q, v, a)) - rotor * a
+    slides, turns = ({joint.kind == kind for joint in joints} != {False} for kind in ("prismatic", "revolute"))
+    unit = (
+        {"rad": "rad | m", "N m": "N m | N"}
+        if slides and turns
+        else {"rad": "m", "N m": "N"}
+        if slides
+        else {"rad": "rad", "N m": "N m"}
+    )
+    figure, axes = _new(1, 4, 9.5, 10.5)
+    rows = (
+        ("angle", unit["rad"], q),
+        ("speed", _per(unit["rad"], "s"), v),
+        ("acceleration", _per(unit["rad"], "s²"), a),
+        ("joint torque", unit["N m"], torque),
+    )
+    for axis, (label, what, values) in zip(axes[:, 0], rows, strict=True):
+        for k, joint in enumerate(joints):
+            column = joint.q if values is q else joint.v
+            axis.plot(time, values[:, column], color=_colour(k), linestyle=_dash(k), linewidth=1.3, label=joint.name)
+        axis.set_ylabel(f"{label} [{what}]")
+        axis.margins(x=0.0)
+        _grid(axis)
+    axes[-1, 0].set_xlabel("time [s]")
+    figure.suptitle(f"{title}: {motion.name}")
+    columns = min(6, len(joints))
+    figure.legend(
+        *axes[0, 0].get_legend_handles_labels(),
+        loc="outside lower center",
+        ncols=columns,
+        frameon=False,
+        fontsize="small",
+    )
+    return figure
+
+
+def _joint_plane(
+    robot: Robot,
+    joints: Sequence[RobotJoint],
+    motions: Sequence[Motion],
+    drives: Mapping[str, Drive],
+    title: str,
+) -> Figure:
+    figure, axes = _panels(len(joints))
+    for axis, joint in zip(axes, joints, strict=False):
+        for k, motion in enumerate(motions):
+            _, q, v, a = _states(motion)
+            _trace(axis, v[:, joint.v], _load(robot, joint, q, v, a, joint.name in drives), k, motion.name)
+        effort, speed = float(robot.effort_limit[joint.v]), float(robot.velocity_limit[joint.v])
+        _limit_box(axis, speed, effort)
+        linear = joint.kind == "prismatic"
+        axis.set_xlabel(f"speed [{'m/s' if linear else 'rad/s'}]")
+        axis.set_ylabel(f"{'force [N]' if linear else 'torque [N m]'}")
+        missing = [what for what, limit in (("effort", effort), ("speed", speed)) if not math.isfinite(limit)]
+        axis.set_title(
+            joint.name + (f" (no {' and '.join(missing)} limit given)" if missing else ""), fontsize="medium"
+        )
+    return _finish(figure, axes, len(joints), f"{title}: torque and speed at the joints, with the URDF's limits")
+
+
+def _shaft_plane(
+    robot: Robot,
+    joints: Sequence[RobotJoint],
+    motions: Sequence[Motion],
+    drives: Mapping[str, Drive],
+    title: str,
+) -> Figure:
+    figure, axes = _panels(len(joints))
+    rpm = 30.0 / math.pi
+    for axis, joint in zip(axes, joints, strict=False):
+        drive = drives[joint.name]
+        for k, motion in enumerate(motions):
+            _, q, v, a = _states(motion)
+            torque = drive.shaft_torque(_load(robot, joint, q, v, a, True), v[:, joint.v], a[:, joint.v])
+            _trace(axis, drive.ratio * v[:, joint.v] * rpm, drive.safety_factor * torque, k, motion.name)
+        speed, torque = np.array([*drive.curve_points, (drive.curve_points[-1][0], 0.0)]).T
+        outline = (
+            np.concatenate([speed, speed[::-1], -speed, -speed[::-1]]),
+            np.concatenate([torque, -torque[::-1], -torque, torque[::-1]]),
+        )
+        axis.plot(
+            outline[0] * rpm,
+            outline[1],
+            color=CURVE,
+            linewidth=1.2,
+            solid_capstyle="projecting",
+            label="torque-speed curve",
+        )
+        for sign in (1.0, -1.0):
+            axis.axhline(
+                sign * drive.rated_torque,
+                color=LIMIT,
+                linestyle=":",
+                linewidth=1.0,
+                label="rated torque (for the RMS)" if sign > 0 else None,
+            )
+            axis.axvline(
+                sign * drive.max_speed * rpm,
+                color=LIMIT,
+                linestyle="--",
+                linewidth=1.0,
+                label="largest speed" if sign > 0 else None,
+            )
+        axis.set_xlabel("motor speed [rpm]")
+        factor = f" × {drive.safety_factor:g}" if drive.safety_factor != 1.0 else ""
+        axis.set_ylabel(f"motor torque{factor} [N m]")
+        axis.set_title(f"{joint.name} (ratio {drive.ratio:g})", fontsize="medium")
+    return _finish(figure, axes, len(joints), f"{title}: torque and speed at the motor shafts")
+
+
+def _panels(count: int) -> tuple[Figure, list[Axes]]:
+    columns = min(count, 3 if count > 4 else 2)
+    rows = math.ceil(count / columns)
+    figure, axes = _new(columns, rows, 4.6 * columns, 3.7 * rows + 0.9)
+    return figure, list(axes.ravel())
+
+
+def _finish(figure: Figure, axes: list[Axes], count: int, title: str) -> Figure:
+    for axis in axes[count:]:
+        axis.set_visible(False)
+    for axis in axes[:count]:
+        _grid(axis)
+        axis.locator_params(axis="x", nbins=7)
+        axis.axhline(0.0, color="0.6", linewidth=0.7, zorder=0)
+        axis.axvline(0.0, color="0.6", linewidth=0.7, zorder=0)
+    entries: dict[str, Any] = {}
+    for axis in axes[:count]:
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, handle)
+    figure.suptitle(title)
+    figure.legend(
+        list(entries.values()),
+        list(entries),
+        loc="outside lower center",
+        ncols=min(5, len(entries)),
+        frameon=False,
+        fontsize="small",
+    )
+    return figure
+
+
+def _trace(axis: Axes, speed: Array, torque: Array, k: int, name: str) -> None:
+    """One motion in a torque-speed plane; its start is marked, so that a joint at rest can be seen too."""
+    axis.plot(speed, torque, color=_colour(k), linewidth=1.3, label=name)
+    axis.plot(speed[:1], torque[:1], color=_colour(k), marker="o", markersize=3.5, linestyle="none")
+
+
+def _limit_box(axis: Axes, speed: float, effort: float) -> None:
+    label: str | None = "URDF limits"
+    for sign in (1.0, -1.0):
+        if math.isfinite(effort):
+            axis.axhline(sign * effort, color=LIMIT, linestyle="--", linewidth=1.0, label=label)
+            label = None
+        if math.isfinite(speed):
+            axis.axvline(sign * speed, color=LIMIT, linestyle="--", linewidth=1.0, label=label)
+            label = None
+
+
+def _per(unit: str, per: str) -> str:
+    return " | ".join(f"{part}/{per}" for part in unit.split(" | "))
+
+
+def _grid(axis: Axes) -> None:
+    axis.grid(visible=True, color="0.9", linewidth=0.6)
+    axis.spines[["top", "right"]].set_visible(False)
+
+
+def _colour(k: int) -> str:
+    return f"C{k % 10}"
+
+
+def _dash(k: int) -> str:
+    return ("-", "--", ":", "-.")[(k // 10) % 4]

@@ -1,0 +1,156 @@
+"""A sizing for programs: sizing.csv and sizing.json, units always said."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from bellcrank import atomic
+from bellcrank.sizing.result import JointSizing, Peak, ShaftSizing, Sizing
+
+
+def write_reports(sizing: Sizing, folder: str | Path) -> list[Path]:
+    """Write sizing.csv and sizing.json into a folder, whole or not at all; their paths. InputError."""
+    folder = Path(folder)
+    files = {folder / "sizing.csv": csv_text(sizing), folder / "sizing.json": json_text(sizing)}
+    for path, text in files.items():
+        atomic.write_text(path, text)
+    return list(files)
+
+
+def csv_text(sizing: Sizing) -> str:
+    """One line a joint; units in the headers, empty where there is no limit or no drive."""
+    rows = [_csv_row(joint) for joint in sizing.joints]
+    buffer = io.StringIO()
+    writer = csv.DictWriter(buffer, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return buffer.getvalue()
+
+
+def json_text(sizing: Sizing) -> str:
+    """The whole sizing; numbers that are not finite (a margin against a limit of 0) are written as null."""
+    document = {
+        "robot": sizing.robot,
+        "motions": list(sizing.motions),
+        "mass_tolerance": sizing.mass_tolerance,
+        "inside": sizing.inside,
+        "exceeded": list(sizing.exceeded),
+        "warnings": list(sizing.warnings),
+        "units": {
+            "torque": "N m (N on prismatic joints)",
+            "speed": "rad/s (m/s)",
+            "position": "rad (m)",
+            "power": "W",
+            "energy": "J",
+            "inertia": "kg m^2 (kg)",
+            "force": "N",
+            "moment": "N m",
+            "time": "s",
+            "margin": "share of the limit left (position: rad or m)",
+        },
+        "supply": _peak(sizing.supply_peak),
+        "regeneration": _peak(sizing.regeneration_peak),
+        "joints": [_joint_document(joint) for joint in sizing.joints],
+    }
+    return json.dumps(_finite(document), indent=1, allow_nan=False) + "\n"
+
+
+def _csv_row(joint: JointSizing) -> dict[str, Any]:
+    peak, shaft = joint.peaks["peak_torque"], joint.shaft
+    row: dict[str, Any] = {
+        "joint": joint.name,
+        "torque unit": joint.torque_unit,
+        "speed unit": joint.speed_unit,
+        "peak torque [torque unit]": joint.peak_torque,
+        "min torque [torque unit]": joint.min_torque,
+        "max torque [torque unit]": joint.max_torque,
+        "RMS torque [torque unit]": joint.rms_torque,
+        "holding torque [torque unit]": joint.holding_torque,
+        "peak speed [speed unit]": joint.peak_speed,
+        "mean speed [speed unit]": joint.mean_speed,
+        "peak motoring power [W]": joint.peak_motoring_power,
+        "peak regenerating power [W]": joint.peak_regenerating_power,
+        "motoring energy [J]": joint.motoring_energy,
+        "regenerated energy [J]": joint.regenerated_energy,
+        "friction share of peak [1]": joint.friction_share,
+        "largest inertia [kg m^2 or kg]": joint.largest_inertia,
+        "peak bearing force [N]": joint.peak_bearing_force,
+        "peak tilting moment [N m]": joint.peak_tilting_moment,
+        "peak torque at [s]": peak.time,
+        "peak torque in motion": peak.motion,
+        "effort limit [torque unit]": joint.effort_limit,
+        "effort margin [1]": joint.effort_margin,
+        "velocity limit [speed unit]": joint.velocity_limit,
+        "velocity margin [1]": joint.velocity_margin,
+        "position margin [rad or m]": joint.position_margin,
+        "shaft peak torque [N m]": shaft and shaft.peak_torque.value,
+        "shaft RMS torque [N m]": shaft and shaft.rms_torque,
+        "shaft peak speed [rad/s]": shaft and shaft.peak_speed.value,
+        "load to rotor inertia [1]": shaft and shaft.inertia_ratio,
+    }
+    for name in ("peak torque", "rated torque", "speed", "torque-speed curve"):
+        row[f"shaft {name} margin [1]"] = shaft and shaft.margins[name]
+    row["shaft verdict"] = shaft and ("inside" if shaft.inside else "exceeded")
+    return {
+        key: "" if value is None or value != value or value in (math.inf, -math.inf) else value
+        for key, value in row.items()
+    }
+
+
+def _peak(peak: Peak) -> dict[str, Any]:
+    return {"value": peak.value, "time": peak.time, "motion": peak.motion, "position": list(peak.position)}
+
+
+def _joint_document(joint: JointSizing) -> dict[str, Any]:
+    return {
+        "name": joint.name,
+        "kind": joint.kind,
+        "torque_unit": joint.torque_unit,
+        "speed_unit": joint.speed_unit,
+        "peaks": {name: _peak(peak) for name, peak in joint.peaks.items()},
+        "rms_torque": joint.rms_torque,
+        "mean_speed": joint.mean_speed,
+        "motoring_energy": joint.motoring_energy,
+        "regenerated_energy": joint.regenerated_energy,
+        "friction_share": joint.friction_share,
+        "holding": {"torque": joint.holding_torque, "position": list(joint.holding_position)},
+        "effort": {"limit": joint.effort_limit, "margin": joint.effort_margin},
+        "velocity": {"limit": joint.velocity_limit, "margin": joint.velocity_margin},
+        "position": {
+            "range": list(joint.position_range),
+            "limits": list(joint.position_limits),
+            "margin": joint.position_margin,
+        },
+        "cycles": [vars(cycle) for cycle in joint.cycles],
+        "exceeded": list(joint.exceeded),
+        "shaft": None if joint.shaft is None else _shaft_document(joint.shaft),
+    }
+
+
+def _shaft_document(shaft: ShaftSizing) -> dict[str, Any]:
+    drive = {key: value for key, value in vars(shaft.drive).items() if key != "curve"}
+    return {
+        "drive": drive | {"curve": [list(point) for point in shaft.drive.curve_points]},
+        "peak_torque": _peak(shaft.peak_torque),
+        "rms_torque": shaft.rms_torque,
+        "peak_speed": _peak(shaft.peak_speed),
+        "curve_use": _peak(shaft.curve_use),
+        "inertia_ratio": shaft.inertia_ratio,
+        "margins": dict(shaft.margins),
+        "tightest": shaft.tightest,
+        "inside": shaft.inside,
+        "verdict": shaft.verdict,
+    }
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,268 @@
+"""What sizing finds: peaks with their time and posture, a line per joint, and margins that are signed.
+
+Margins are shares of the limit: 0.25 means a quarter of it is left, a negative one is exceeded, None that no
+limit is given. Torques are N m on revolute joints and N on prismatic ones, speeds rad/s or m/s, powers W,
+energies J.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from bellcrank.errors import InputError, among
+from bellcrank.sizing.drive import Drive
+
+
+@dataclass(frozen=True)
+class Peak:
+    """A largest value, the time (s) and motion in which it occurs, and the robot's position (nq,) there."""
+
+    value: float
+    time: float
+    motion: str
+    position: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """One motion as a cycle that repeats: RMS torque, mean |speed|, energies (J) put in and given back, RMS
+    at the shaft."""
+
+    motion: str
+    duration: float
+    rms_torque: float
+    mean_speed: float
+    motoring_energy: float
+    regenerated_energy: float
+    rms_shaft_torque: float | None
+
+
+@dataclass(frozen=True)
+class ShaftSizing:
+    """One joint's drive at the motor shaft: torques N m, speeds rad/s, margins by name."""
+
+    drive: Drive
+    peak_torque: Peak
+    rms_torque: float
+    peak_speed: Peak
+    curve_use: Peak
+    inertia_ratio: float | None
+    margins: Mapping[str, float]
+
+    @property
+    def tightest(self) -> str:
+        """Name of the smallest margin."""
+        return min(self.margins, key=lambda name: self.margins[name])
+
+    @property
+    def tightest_margin(self) -> float:
+        """The smallest margin, a share of its limit; negative where the limit is exceeded."""
+        return self.margins[self.tightest]
+
+    @property
+    def inside(self) -> bool:
+        """Whether every limit of the drive is kept."""
+        return self.tightest_margin >= 0.0
+
+    @property
+    def verdict(self) -> str:
+        """ "inside" or "exceeded", with the tightest margin."""
+        return f"{'inside' if self.inside else 'exceeded'} ({self.tightest} {self.tightest_margin:+.1%})"
+
+
+@dataclass(frozen=True)
+class JointSizing:
+    """What one joint's motor must deliver, over all motions.
+
+    `peaks` holds max_torque, min_torque (signed), peak_torque (the larger magnitude), peak_speed,
+    peak_motoring_power, peak_regenerating_power (both positive), largest_inertia (M_ii, without a drive's
+    rotor, kg m² or kg), peak_bearing_force (N) and peak_tilting_moment (N m), each a Peak and each also an
+    attribute.
+    """
+
+    name: str
+    kind: str
+    peaks: Mapping[str, Peak]
+    cycles: tuple[Cycle, ...]
+    friction_share: float
+    holding_torque: float
+    holding_position: tuple[float, ...]
+    effort_limit: float | None
+    velocity_limit: float | None
+    position_range: tuple[float, float]
+    position_limits: tuple[float | None, float | None]
+    shaft: ShaftSizing | None = None
+
+    @property
+    def torque_unit(self) -> str:
+        """ "N m" or, on a prismatic joint, "N"."""
+        return "N" if self.kind == "prismatic" else "N m"
+
+    @property
+    def speed_unit(self) -> str:
+        """ "rad/s" or, on a prismatic joint, "m/s"."""
+        return "m/s" if self.kind == "prismatic" else "rad/s"
+
+    @property
+    def peak_torque(self) -> float:
+        """Largest magnitude of the torque."""
+        return abs(self.peaks["peak_torque"].value)
+
+    @property
+    def max_torque(self) -> float:
+        """Largest signed torque."""
+        return self.peaks["max_torque"].value
+
+    @property
+    def min_torque(self) -> float:
+        """Smallest signed torque."""
+        return self.peaks["min_torque"].value
+
+    @property
+    def peak_speed(self) -> float:
+        """Largest |speed|."""
+        return self.peaks["peak_speed"].value
+
+    @property
+    def peak_motoring_power(self) -> float:
+        """Largest power into the joint, W (0 where it never takes any)."""
+        return self.peaks["peak_motoring_power"].value
+
+    @property
+    def peak_regenerating_power(self) -> float:
+        """Largest power out of the joint, W (0 where it never gives any)."""
+        return self.peaks["peak_regenerating_power"].value
+
+    @property
+    def peak_power(self) -> float:
+        """The larger of motoring and regenerating power, W."""
+        return max(self.peak_motoring_power, self.peak_regenerating_power)
+
+    @property
+    def largest_inertia(self) -> float:
+        """Largest M_ii along the motions, kg m² (kg on a prismatic joint), without a drive's rotor."""
+        return self.peaks["largest_inertia"].value
+
+    @property
+    def peak_bearing_force(self) -> float:
+        """Largest reaction force, N; on a prismatic joint only what is across the axis."""
+        return self.peaks["peak_bearing_force"].value
+
+    @property
+    def peak_tilting_moment(self) -> float:
+        """Largest reaction moment across the axis, N m; on a prismatic joint the whole moment."""
+        return self.peaks["peak_tilting_moment"].value
+
+    @property
+    def rms_torque(self) -> float:
+        """RMS torque of the motion in which it is largest."""
+        return max(cycle.rms_torque for cycle in self.cycles)
+
+    @property
+    def mean_speed(self) -> float:
+        """Mean |speed| of the motion in which it is largest."""
+        return max(cycle.mean_speed for cycle in self.cycles)
+
+    @property
+    def motoring_energy(self) -> float:
+        """Energy into the joint in one cycle, J, of the motion in which it is largest."""
+        return max(cycle.motoring_energy for cycle in self.cycles)
+
+    @property
+    def regenerated_energy(self) -> float:
+        """Energy out of the joint in one cycle, J, of the motion in which it is largest."""
+        return max(cycle.regenerated_energy for cycle in self.cycles)
+
+    @property
+    def effort_margin(self) -> float | None:
+        """1 − peak torque / URDF effort limit; None where no limit is given."""
+        return _margin(self.peak_torque, self.effort_limit)
+
+    @property
+    def velocity_margin(self) -> float | None:
+        """1 − peak speed / URDF velocity limit; None where no limit is given."""
+        return _margin(self.peak_speed, self.velocity_limit)
+
+    @property
+    def position_margin(self) -> float | None:
+        """Smallest distance to the URDF's position limits, rad or m, negative outside; None without."""
+        lower, upper = self.position_limits
+        distances = [] if lower is None else [self.position_range[0] - lower]
+        distances += [] if upper is None else [upper - self.position_range[1]]
+        return min(distances, default=None)
+
+    @property
+    def exceeded(self) -> tuple[str, ...]:
+        """A sentence for each limit that is not kept."""
+        found = []
+        if self.effort_margin is not None and self.effort_margin < 0.0:
+            found.append(
+                f"joint '{self.name}' needs {self.peak_torque:.4g} {self.torque_unit}, "
+                f"the URDF's effort limit is {self.effort_limit:.4g} {self.torque_unit}"
+            )
+        if self.velocity_margin is not None and self.velocity_margin < 0.0:
+            found.append(
+                f"joint '{self.name}' reaches {self.peak_speed:.4g} {self.speed_unit}, "
+                f"the URDF's velocity limit is {self.velocity_limit:.4g} {self.speed_unit}"
+            )
+        if self.position_margin is not None and self.position_margin < -1e-9:
+            unit = self.speed_unit[:-2]
+            found.append(f"joint '{self.name}' leaves its position range by {-self.position_margin:.4g} {unit}")
+        if self.shaft is not None:
+            found += [
+                f"joint '{self.name}': the drive's {name} limit is exceeded by {-margin:.1%}"
+                for name, margin in self.shaft.margins.items()
+                if margin < 0.0
+            ]
+        return tuple(found)
+
+
+@dataclass(frozen=True)
+class Sizing:
+    """The sizing of a robot over its motions; `peak_supply_power` and `peak_regeneration` (W) sum all joints
+    at one instant."""
+
+    robot: str
+    motions: tuple[str, ...]
+    mass_tolerance: float
+    joints: tuple[JointSizing, ...]
+    supply_peak: Peak
+    regeneration_peak: Peak
+    warnings: tuple[str, ...] = field(default=())
+
+    def joint(self, name: str) -> JointSizing:
+        """The line of one joint; InputError for an unknown name."""
+        for joint in self.joints:
+            if joint.name == name:
+                return joint
+        raise InputError(f"sizing of {self.robot}: {among('joint', name, [joint.name for joint in self.joints])}")
+
+    @property
+    def peak_supply_power(self) -> float:
+        """Largest power that all joints take from the supply at one instant, W."""
+        return self.supply_peak.value
+
+    @property
+    def peak_regeneration(self) -> float:
+        """Largest power that all joints give back at one instant, W."""
+        return self.regeneration_peak.value
+
+    @property
+    def exceeded(self) -> tuple[str, ...]:
+        """A sentence for each limit of any joint that is not kept."""
+        return tuple(text for joint in self.joints for text in joint.exceeded)
+
+    @property
+    def inside(self) -> bool:
+        """Whether every limit that is given is kept."""
+        return not self.exceeded
+
+
+def _margin(used: float, limit: float | None) -> float | None:
+    if limit is None:
+        return None
+    if limit == 0.0:
+        return 0.0 if used == 0.0 else -math.inf
+    return 1.0 - used / limit

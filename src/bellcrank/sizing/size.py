@@ -1,0 +1,235 @@
+"""Size a robot's motors over one or several motions: at the joint, at the motor shaft and at the supply.
+
+Torque at a joint is inverse dynamics, τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction (Ghosal, lecture 18;
+robot.inverse_dynamics). Where a joint has a drive, that is the torque at the gear's output: the rotor's
+inertia counts at the shaft. It is linear in the masses, so a mass tolerance changes it by at most tolerance ·
+Σ|share of each link|, and that bound is reached: peaks are exact worst cases, RMS and energies are upper
+bounds. Reactions and inertias stay nominal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.errors import InputError, among
+from bellcrank.motion.motion import Motion
+from bellcrank.sizing.drive import Drive
+from bellcrank.sizing.holding import holding_torques
+from bellcrank.sizing.loads import Loads
+from bellcrank.sizing.peaks import Grid, grid_along, maxima, reversal_times
+from bellcrank.sizing.result import Cycle, JointSizing, Peak, ShaftSizing, Sizing
+
+if TYPE_CHECKING:
+    from bellcrank.robot.robot import Robot, RobotJoint
+
+__all__ = ["JointSizing", "Peak", "ShaftSizing", "Sizing", "size"]
+
+Array = NDArray[np.float64]
+_SIGNED = {
+    "max_torque": 1.0,
+    "min_torque": -1.0,
+}  # quantities are maximised: the smallest torque is kept negated
+
+
+def size(
+    robot: Robot,
+    motions: Motion | Sequence[Motion],
+    drives: Mapping[str, Drive] | None = None,
+    mass_tolerance: float = 0.0,
+) -> Sizing:
+    """Size every one-degree-of-freedom joint of a robot over one or several motions: the worst of them
+    counts.
+
+    `drives` gives motor and gear by joint name; `mass_tolerance` is a share (0.1 for ±10 % on every link's
+    mass and inertia). Each motion counts as a cycle that repeats, for RMS and mean. Raises InputError where a
+    drive names no joint, a motion belongs to another robot, or there is no motion.
+    """
+    motions = _renamed([motions] if isinstance(motions, Motion) else list(motions))
+    drives = dict(drives or {})
+    joints = tuple(joint for joint in robot.joints if joint.nv == 1)
+    _check(robot, joints, motions, drives, mass_tolerance)
+    loads = Loads(robot, joints, drives, mass_tolerance)
+    found: list[dict[str, list[Peak]]] = []
+    cycles: list[list[Cycle]] = []
+    for motion in motions:
+        peaks, parts = _size_one(loads, motion)
+        found.append(peaks)
+        cycles.append(parts)
+    worst = {
+        name: [
+            max((peaks[name][k] for peaks in found), key=lambda peak: peak.value) for k in range(len(found[0][name]))
+        ]
+        for name in found[0]
+    }
+    holding = holding_torques(robot, mass_tolerance=mass_tolerance)
+    lines = tuple(
+        _joint_line(
+            loads,
+            k,
+            {name: peaks[k] for name, peaks in worst.items() if name not in ("supply", "regeneration")},
+            tuple(parts[k] for parts in cycles),
+            motions,
+            holding.torque[k],
+            holding.position[k],
+        )
+        for k, _ in enumerate(joints)
+    )
+    warnings = [warning for motion in motions for warning in motion.warnings] + list(holding.notes)
+    if len(joints) < len(robot.joints):
+        others = ", ".join(f"'{joint.name}' ({joint.kind})" for joint in robot.joints if joint.nv != 1)
+        warnings.append(f"joints with several degrees of freedom have no single motor and are not sized: {others}")
+    return Sizing(
+        robot.name,
+        tuple(motion.name for motion in motions),
+        mass_tolerance,
+        lines,
+        worst["supply"][0],
+        worst["regeneration"][0],
+        tuple(dict.fromkeys(warnings)),
+    )
+
+
+def _check(
+    robot: Robot,
+    joints: tuple[RobotJoint, ...],
+    motions: list[Motion],
+    drives: Mapping[str, Drive],
+    tolerance: float,
+) -> None:
+    if not motions:
+        raise InputError(f"sizing of {robot.name}: there is no motion; give at least one")
+    if not joints:
+        raise InputError(f"sizing of {robot.name}: the robot has no joint that a motor could drive")
+    if not 0.0 <= tolerance < 1.0:
+        raise InputError(
+            f"mass tolerance: expected a share of at least 0 and below 1 (or a percentage), found {tolerance}"
+        )
+    layout = [(joint.name, joint.q, joint.v) for joint in robot.joints]
+    for motion in motions:
+        if [(joint.name, joint.q, joint.v) for joint in motion.joints] != layout:
+            raise InputError(
+                f"motion '{motion.name}' is for the joints {', '.join(motion.joint_names)}, "
+                f"the robot {robot.name} has {', '.join(joint.name for joint in robot.joints)}"
+            )
+    known = [joint.name for joint in joints]
+    for name in drives:
+        if name not in known:
+            raise InputError(f"drives of {robot.name}: {among('joint', name, known)}")
+
+
+def _renamed(motions: list[Motion]) -> list[Motion]:
+    """The motions with names of their own: the second "circle" becomes "circle (2)"."""
+    names: list[str] = []
+    for motion in motions:
+        name, number = motion.name, 1
+        while name in names:
+            number += 1
+            name = f"{motion.name} ({number})"
+        names.append(name)
+    return [
+        motion if motion.name == name else replace(motion, name=name)
+        for motion, name in zip(motions, names, strict=True)
+    ]
+
+
+def _size_one(loads: Loads, motion: Motion) -> tuple[dict[str, list[Peak]], list[Cycle]]:
+    robot = loads.robot
+    rough = [joint.v for joint in loads.joints if robot.coulomb[joint.v] > 0.0]
+    grid = grid_along(motion, reversal_times(motion, rough, float(np.max(robot.friction_width))) if rough else None)
+    values, largest = maxima(motion, grid, loads.forces)
+    for more in (loads.reactions, loads.inertia):
+        largest |= maxima(motion, grid, more)[1]
+    peaks = {}
+    for name, (top, when) in largest.items():
+        postures = motion.at(when)[0]
+        peaks[name] = [
+            Peak(float(value), float(time), motion.name, tuple(map(float, posture)))
+            for value, time, posture in zip(top, when, postures, strict=True)
+        ]
+    return peaks, _cycles(loads, motion, grid, values)
+
+
+def _cycles(loads: Loads, motion: Motion, grid: Grid, values: Mapping[str, Array]) -> list[Cycle]:
+    def integral(samples: Array) -> Array:
+        return np.asarray(grid.weight @ samples)
+
+    torque = np.maximum(np.abs(values["max_torque"]), np.abs(values["min_torque"]))
+    rms = np.sqrt(integral(torque**2) / motion.duration)
+    shaft = np.sqrt(integral(values["shaft_torque"] ** 2) / motion.duration)
+    mean = integral(values["peak_speed"]) / motion.duration
+    into, out = integral(values["peak_motoring_power"]), integral(values["peak_regenerating_power"])
+    return [
+        Cycle(
+            motion.name,
+            motion.duration,
+            float(rms[k]),
+            float(mean[k]),
+            float(into[k]),
+            float(out[k]),
+            float(shaft[k]) if joint.name in loads.drives else None,
+        )
+        for k, joint in enumerate(loads.joints)
+    ]
+
+
+def _joint_line(
+    loads: Loads,
+    k: int,
+    worst: dict[str, Peak],
+    cycles: tuple[Cycle, ...],
+    motions: Sequence[Motion],
+    holding: float,
+    holding_position: Array,
+) -> JointSizing:
+    robot, joint = loads.robot, loads.joints[k]
+    for name in _SIGNED:
+        peak = worst[name]
+        worst[name] = Peak(_SIGNED[name] * peak.value, peak.time, peak.motion, peak.position)
+    worst["peak_torque"] = max((worst["max_torque"], worst["min_torque"]), key=lambda peak: abs(peak.value))
+    peak = worst["peak_torque"]
+    motion = next(motion for motion in motions if motion.name == peak.motion)
+    rubbing = abs(float(np.asarray(robot.friction_torque(motion.at(peak.time)[1]))[joint.v]))
+    reach = (-worst.pop("lower").value, worst.pop("upper").value)
+    shaft_peak, curve = worst.pop("shaft_torque"), worst.pop("curve_use")
+    drive = loads.drives.get(joint.name)
+    shaft = (
+        None
+        if drive is None
+        else _shaft(drive, shaft_peak, curve, worst["peak_speed"], cycles, worst["largest_inertia"].value)
+    )
+    return JointSizing(
+        joint.name,
+        joint.kind,
+        worst,
+        cycles,
+        rubbing / abs(peak.value) if peak.value else 0.0,
+        float(holding),
+        tuple(map(float, holding_position)),
+        _given(robot.effort_limit[joint.v]),
+        _given(robot.velocity_limit[joint.v]),
+        reach,
+        (_given(robot.lower[joint.q]), _given(robot.upper[joint.q])),
+        shaft,
+    )
+
+
+def _shaft(drive: Drive, torque: Peak, curve: Peak, speed: Peak, cycles: tuple[Cycle, ...], load: float) -> ShaftSizing:
+    rms = max(cycle.rms_shaft_torque or 0.0 for cycle in cycles)
+    turns = Peak(drive.ratio * speed.value, speed.time, speed.motion, speed.position)
+    margins = {
+        "peak torque": 1.0 - drive.safety_factor * torque.value / drive.peak_torque,
+        "rated torque": 1.0 - drive.safety_factor * rms / drive.rated_torque,
+        "speed": 1.0 - turns.value / drive.max_speed,
+        "torque-speed curve": 1.0 - curve.value,
+    }
+    ratio = load / drive.reflected_inertia if drive.reflected_inertia > 0.0 else None
+    return ShaftSizing(drive, torque, rms, turns, curve, ratio, margins)
+
+
+def _given(limit: float) -> float | None:
+    return float(limit) if np.isfinite(limit) else None

@@ -1,0 +1,1 @@
+"""Reading URDF files: finding them by name, checked data, and what may be wrong with them."""

@@ -1,0 +1,1 @@
+"""Results against independent routes: textbook equations, Pinocchio's own, other compilers."""
