@@ -71,7 +71,7 @@ def test_pendulum_with_a_gear_by_hand() -> None:
 def test_a_gear_never_makes_power(load: float, speed: float, efficiency: float, ratio: float) -> None:
     drive = Drive(**{**GOOD, "ratio": ratio, "efficiency": efficiency, "rotor_inertia": 0.0, "gear_inertia": 0.0})
     shaft = one(drive, load, speed, 0.0) * ratio * speed
-    assert shaft >= load * speed - 1e-9 * abs(load * speed)
+    assert shaft >= load * speed - 1e-9 * abs(load * speed) - 1e-300  # half of the least number is zero
     electric = float(Drive(**{**GOOD, "motor_efficiency": 0.9}).electrical_power(np.array([shaft]))[0])
     assert electric >= shaft
 

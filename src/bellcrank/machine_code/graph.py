@@ -83,5 +83,6 @@ def graph_of(serialized: bytes) -> Graph:
 
 
 _UNARY = frozenset(
-    "neg exp log sqrt sq twice sin cos tan asin acos atan not floor ceil fabs sign inv sinh cosh tanh log1p expm1".split()
+    "neg exp log sqrt sq twice sin cos tan asin acos atan sinh cosh tanh log1p expm1 not floor ceil fabs sign "
+    "inv".split()
 )

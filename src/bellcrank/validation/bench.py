@@ -157,9 +157,9 @@ def _distance_from_peak(graph: Graph) -> str:
 def first_use(name: str) -> dict[str, float]:
     """Seconds to load, trace and compile (batch inverse dynamics) with an empty cache, then again from it."""
     script = (
-        "import time, numpy, llvmlite.binding, casadi, pinocchio, yourdfpy, bellcrank.robot.robot, bellcrank._trace\n"
+        "import time, numpy, llvmlite.binding, casadi, pinocchio, bellcrank, bellcrank._trace\n"
         "t = time.perf_counter()\n"
-        f"r = bellcrank.robot.load.load_robot({name!r}, floating_base={name.startswith(FLOATING)!r})\n"
+        f"r = bellcrank.load_robot({name!r}, floating_base={name.startswith(FLOATING)!r})\n"
         "r.inverse_dynamics(numpy.tile(r.neutral, (16, 1)), numpy.zeros((16, r.nv)), numpy.zeros((16, r.nv)))\n"
         "print(time.perf_counter() - t)\n"
     )
