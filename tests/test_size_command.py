@@ -16,9 +16,9 @@ from bellcrank.card.card import load_card
 from bellcrank.cli import main
 from bellcrank.commands.size import parse_payload, parse_share
 from bellcrank.errors import InputError
-from bellcrank.motion.csv_file import write_motion
+from bellcrank.motion.csv_file import read_motion, write_motion
 from bellcrank.motion.motion import Motion
-from bellcrank.sizing.plots import file_name
+from bellcrank.sizing.history import file_name
 from bellcrank.sizing.report import csv_text, json_text
 from bellcrank.sizing.size import size
 from bellcrank.sizing.table import table
@@ -165,3 +165,18 @@ def test_shares_on_the_command_line() -> None:
 
 def test_file_names_are_safe() -> None:
     assert file_name("../a b/c") == "a_b_c" and file_name("///") == "motion" and len(file_name("x" * 500)) <= 80
+
+
+def test_histories_hold_the_torques_and_can_be_read_as_motions(tmp_path: Path) -> None:
+    assert main(["size", "geared_pendulum", "--out", str(tmp_path / "out"), "--no-plots"]) in (0, 1)
+    card = load_card("geared_pendulum")
+    robot = card.robot()
+    for name in card.motions:
+        path = tmp_path / "out" / f"history_{name}.csv"
+        motion = read_motion(robot, path)
+        header, *rows = path.read_text().splitlines()
+        assert header.split(",")[-1] == "shoulder torque [N m]"
+        written = np.array([float(row.split(",")[-1]) for row in rows])
+        # 2 kg at 0.5 m by hand; the drive's rotor is not part of the joint's torque
+        by_hand = 2.0 * 0.5**2 * motion.acceleration[:, 0] + 2.0 * 9.81 * 0.5 * np.sin(motion.position[:, 0])
+        np.testing.assert_allclose(written, by_hand, atol=1e-11)

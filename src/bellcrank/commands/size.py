@@ -47,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Size a robot; 0 where all limits are kept, 1 where one is exceeded. BellcrankError for bad input."""
     from bellcrank.card.card import load_card
+    from bellcrank.sizing.history import write_histories
     from bellcrank.sizing.report import write_reports
     from bellcrank.sizing.size import size
     from bellcrank.sizing.table import table, verdict
@@ -61,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
     print(table(sizing))
     for warning in sizing.warnings:
         print(f"note: {warning}")
-    files = write_reports(sizing, folder)
+    files = write_reports(sizing, folder) + write_histories(robot, motions, folder, card.drives)
     if not arguments.no_plots:
         from bellcrank.sizing.plots import write_plots
 

@@ -34,6 +34,8 @@ UNITS: dict[str, dict[str, float]] = {
     "m/s": {"m/s": 1.0, "mm/s": 1e-3},
     "rad/s^2": {"rad/s^2": 1.0, "deg/s^2": DEGREE},
     "m/s^2": {"m/s^2": 1.0, "mm/s^2": 1e-3},
+    "N m": {"N m": 1.0},
+    "N": {"N": 1.0},
 }
 _HEADER = re.compile(r"^(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]$")
 
@@ -45,19 +47,21 @@ class _Columns:
     position: list[tuple[str, str]]
     velocity: list[tuple[str, str]]
     acceleration: list[tuple[str, str]]
+    torque: list[tuple[str, str]]  # of one-degree-of-freedom joints; results have them, and reading passes them over
 
     @classmethod
     def of(cls, joints: tuple[JointLike, ...]) -> _Columns:
-        return cls(position_labels(joints), velocity_labels(joints, 1), velocity_labels(joints, 2))
+        torques = [(f"{j.name} torque", "N" if j.kind == "prismatic" else "N m") for j in joints if j.nv == 1]
+        return cls(position_labels(joints), velocity_labels(joints, 1), velocity_labels(joints, 2), torques)
 
     @property
     def units(self) -> dict[str, str]:
-        return dict([("time", "s"), *self.position, *self.velocity, *self.acceleration])
+        return dict([("time", "s"), *self.position, *self.velocity, *self.acceleration, *self.torque])
 
 
-def write_motion(motion: Motion, path: str | Path) -> Path:
+def write_motion(motion: Motion, path: str | Path, torque: Array | None = None) -> Path:
     """Write a motion as CSV (s, rad or m, and per s and s²), every number with the digits that give it back
-    exactly.
+    exactly; with `torque` (n, one-degree-of-freedom joints), in N m or N, columns for it too.
 
     The file is replaced in one step, or not at all. Raises InputError where the folder cannot be written.
     """
@@ -65,7 +69,11 @@ def write_motion(motion: Motion, path: str | Path) -> Path:
 
     columns = _Columns.of(tuple(motion.joints))
     labels = [("time", "s"), *columns.position, *columns.velocity, *columns.acceleration]
-    table = np.column_stack([motion.time, motion.position, motion.velocity, motion.acceleration])
+    parts = [motion.time, motion.position, motion.velocity, motion.acceleration]
+    if torque is not None:
+        labels += columns.torque
+        parts.append(torque)
+    table = np.column_stack(parts)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([f"{name} [{unit}]" for name, unit in labels])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from bellcrank import atomic
 from bellcrank.motion.motion import Motion
 from bellcrank.sizing.drive import Drive
+from bellcrank.sizing.history import file_names, joint_torque
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -44,13 +44,8 @@ def write_plots(
     drives, title = dict(drives or {}), title or robot.name
     joints = [joint for joint in robot.joints if joint.nv == 1]
     figures: dict[str, Figure] = {}
-    for motion in motions:
-        name = f"over_time_{file_name(motion.name)}"
-        number = 1
-        while f"{name}.png" in figures:
-            number += 1
-            name = f"over_time_{file_name(motion.name)}_{number}"
-        figures[f"{name}.png"] = _over_time(robot, joints, motion, drives, title)
+    for motion, name in zip(motions, file_names(motions), strict=True):
+        figures[f"over_time_{name}.png"] = _over_time(robot, joints, motion, drives, title)
     figures["torque_speed.png"] = _joint_plane(robot, joints, motions, drives, title)
     if driven := [joint for joint in joints if joint.name in drives]:
         figures["motor_torque_speed.png"] = _shaft_plane(robot, driven, motions, drives, title)
@@ -58,11 +53,6 @@ def write_plots(
         with atomic.writing(folder / name) as temporary:
             figure.savefig(temporary, format="png", dpi=110)
     return [folder / name for name in figures]
-
-
-def file_name(text: str) -> str:
-    """A motion's name as part of a file name: letters, digits, . _ and - only."""
-    return re.sub(r"[^\w.-]+", "_", text).strip("_.")[:80] or "motion"
 
 
 def _new(columns: int, rows: int, width: float, height: float) -> tuple[Figure, Any]:
@@ -87,11 +77,6 @@ def _states(motion: Motion) -> tuple[Array, Array, Array, Array]:
         np.insert(motion.velocity, at, v, axis=0),
         np.insert(motion.acceleration, at, a, axis=0),
     )
-
-
-def _load(robot: Robot, joint: RobotJoint, q: Array, v: Array, a: Array, driven: bool) -> Array:
-    torque = np.asarray(robot.inverse_dynamics(q, v, a))[:, joint.v]
-    return torque - robot.rotor_inertia[joint.v] * a[:, joint.v] if driven else torque
 
 
 def _over_time(
@@ -148,7 +133,7 @@ def _joint_plane(
     for axis, joint in zip(axes, joints, strict=False):
         for k, motion in enumerate(motions):
             _, q, v, a = _states(motion)
-            _trace(axis, v[:, joint.v], _load(robot, joint, q, v, a, joint.name in drives), k, motion.name)
+            _trace(axis, v[:, joint.v], joint_torque(robot, joint, q, v, a, joint.name in drives), k, motion.name)
         effort, speed = float(robot.effort_limit[joint.v]), float(robot.velocity_limit[joint.v])
         _limit_box(axis, speed, effort)
         linear = joint.kind == "prismatic"
@@ -174,7 +159,7 @@ def _shaft_plane(
         drive = drives[joint.name]
         for k, motion in enumerate(motions):
             _, q, v, a = _states(motion)
-            torque = drive.shaft_torque(_load(robot, joint, q, v, a, True), v[:, joint.v], a[:, joint.v])
+            torque = drive.shaft_torque(joint_torque(robot, joint, q, v, a, True), v[:, joint.v], a[:, joint.v])
             _trace(axis, drive.ratio * v[:, joint.v] * rpm, drive.safety_factor * torque, k, motion.name)
         speed, torque = np.array([*drive.curve_points, (drive.curve_points[-1][0], 0.0)]).T
         outline = (
