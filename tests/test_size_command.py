@@ -36,6 +36,8 @@ def test_the_main_job_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[s
         "sizing.json",
         "over_time_elbow_up.png",
         "over_time_elbow_down.png",
+        "history_elbow_up.csv",
+        "history_elbow_down.csv",
         "torque_speed.png",
         "motor_torque_speed.png",
     }
