@@ -350,7 +350,7 @@ def test_a_batch_is_its_samples_whatever_its_length(rows, seed):
 def test_parameters_stay_symbols_and_equal_the_constants_they_replace():
     robot = bc.load_robot("planar_2r", friction="none")
     targets = ["joint.elbow.origin.x", "link.link_2.mass", "link.link_1.inertia.zz", "link.link_2.cg.x"]
-    function = compiled("parametric", ("test",), lambda: robot.trace_parametric("inverse_dynamics", targets))
+    function = compiled("parametric", ("test",), lambda: robot.equations.parametric("inverse_dynamics", targets))
     q, v, a = random_states(robot, 50)
     same = function(q, v, a, np.array([1.0, 12.456, 1.042, 0.583]))
     np.testing.assert_allclose(same, robot.inverse_dynamics(q, v, a), atol=1e-11)
@@ -359,7 +359,7 @@ def test_parameters_stay_symbols_and_equal_the_constants_they_replace():
 
     p = np.array([1.3, 5.0, 2.0, 0.4])
     robot = bc.load_robot("planar_2r", friction="none", gravity=(0, -9.81, 0))
-    function = compiled("parametric", ("y",), lambda: robot.trace_parametric("inverse_dynamics", targets))
+    function = compiled("parametric", ("y",), lambda: robot.equations.parametric("inverse_dynamics", targets))
     arm = PlanarTwoLink(l1=1.3, m2=5.0, i1=2.0, r2=0.4)
     np.testing.assert_allclose(function(q, v, a, p), arm.inverse_dynamics(q, v, a), atol=1e-11)
 
@@ -369,7 +369,7 @@ def test_a_symbolic_turn_of_a_fixed_joint_reaches_what_hangs_on_it():
     function = compiled(
         "tool turn",
         ("test",),
-        lambda: robot.trace_parametric("inverse_dynamics", ["joint.shoulder_lift_joint.origin.roll"]),
+        lambda: robot.equations.parametric("inverse_dynamics", ["joint.shoulder_lift_joint.origin.roll"]),
     )
     q, v, a = random_states(robot, 20)
     index = robot.model.getJointId("shoulder_lift_joint")
@@ -387,4 +387,4 @@ def test_a_symbolic_turn_of_a_fixed_joint_reaches_what_hangs_on_it():
 def test_unknown_parameter_targets_are_refused(target):
     robot = bc.load_robot("planar_2r")
     with pytest.raises(InputError, match=r"nowhere|cannot set"):
-        robot.trace_parametric("inverse_dynamics", [target])
+        robot.equations.parametric("inverse_dynamics", [target])

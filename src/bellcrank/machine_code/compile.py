@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import itertools
 import json
+import threading
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 _serial = itertools.count()
+_making = threading.RLock()  # casadi and LLVM work on one thread at a time; calls of finished code do not wait
 _POINTERS = ctypes.c_void_p
 
 
@@ -66,8 +68,9 @@ class Compiled:
     def address(self, kind: str) -> int:
         """The address of the machine code; its signature is in codegen.py."""
         key = (kind, machine.target())
-        if key not in self._loaded:
-            self._loaded[key] = self._load(kind)
+        with _making:
+            if key not in self._loaded:
+                self._loaded[key] = self._load(kind)
         return self._loaded[key].address
 
     def _load(self, kind: str) -> machine.Loaded:

@@ -13,8 +13,9 @@ import numpy as np
 
 from bellcrank.errors import InputError
 from bellcrank.machine_code import cache as disk
+from bellcrank.robot.friction import Friction
 from bellcrank.robot.payload import Payload
-from bellcrank.robot.robot import FRICTION_WIDTH, Friction, Robot
+from bellcrank.robot.robot import FRICTION_WIDTH, Robot
 from bellcrank.robot.tree import FrameTable, Tree
 from bellcrank.urdf.catalog import find_urdf
 from bellcrank.urdf.xml_tree import read_text

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from bellcrank.errors import InputError, among
 from bellcrank.machine_code import cache as disk
 from bellcrank.machine_code.compile import Compiled, compiled
+from bellcrank.robot.equations import Equations
+from bellcrank.robot.friction import Friction, friction_coefficients
 from bellcrank.robot.payload import Payload
 from bellcrank.robot.tree import FrameTable, Tree
 
@@ -24,7 +26,6 @@ if TYPE_CHECKING:
     from bellcrank.urdf.read import Urdf
 
 Array = NDArray[np.float64]
-Friction = str | Mapping[str, tuple[float, float]]
 FRICTION_WIDTH = 1e-3  # rad/s or m/s: Coulomb friction is at 71 % of its value at this speed
 
 
@@ -70,6 +71,7 @@ class Robot:
         self._friction = friction if isinstance(friction, str) else dict(friction)
         self.friction_width = friction_width
         self._tree = Tree(**data["tree"])
+        self._codes: dict[str, Compiled] = {}
         followers = {m[0] for m in self._tree.mimics}
         joints, q, v = [], 0, 0
         for k, j in enumerate(self._tree.joints):
@@ -85,11 +87,11 @@ class Robot:
         self.lower, self.upper = _frozen(_limits(data["lower"], -1)), _frozen(_limits(data["upper"], 1))
         self.effort_limit = _frozen(_limits(data["effort"], 1))
         self.velocity_limit = _frozen(_limits(data["velocity"], 1))
-        viscous, coulomb = self._friction_of(self._friction)
+        viscous, coulomb = friction_coefficients(self, self._friction, data["friction"])
         self.viscous, self.coulomb = _frozen(viscous), _frozen(coulomb)
         rotor = np.zeros(self.nv)
         for name, value in rotor_inertia.items():
-            joint = self._one_degree(name, "rotor_inertia")
+            joint = self.one_degree_joint(name, "rotor_inertia")
             if not (np.isfinite(value) and value >= 0.0):
                 raise InputError(f"rotor_inertia of joint '{name}' must be a number >= 0 (kg m²), it is {value!r}")
             rotor[joint.v] = value
@@ -163,7 +165,8 @@ class Robot:
                 )
         raise InputError(f"{self.name}: " + among("joint", name, [j.name for j in self.joints]))
 
-    def _one_degree(self, name: str, what: str) -> RobotJoint:
+    def one_degree_joint(self, name: str, what: str) -> RobotJoint:
+        """The revolute or prismatic joint of that name; InputError, with `what` asked, for any other."""
         joint = self.joint(name)
         if joint.nv != 1:
             raise InputError(f"{what}: joint '{name}' is {joint.kind}; only revolute and prismatic joints take it")
@@ -187,7 +190,7 @@ class Robot:
             return q
         if isinstance(values, Mapping):
             for name, value in values.items():
-                q[self._one_degree(name, "posture").q] = float(value)
+                q[self.one_degree_joint(name, "posture").q] = float(value)
         else:
             given = np.asarray(values, dtype=float)
             if given.shape != (self.nq,):
@@ -206,7 +209,7 @@ class Robot:
         Newton-Euler, Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 5, by Pinocchio.
         """
         states = self._shaped(q, v, a)
-        torque: Array = self._inverse(*states)
+        torque: Array = self.dynamics("inverse_dynamics")(*states)
         if not _finite(torque):  # one pass over the answer is cheaper than one over all that went in
             self._refuse_infinite(states)
             if not np.isfinite(torque).all():
@@ -222,7 +225,7 @@ class Robot:
         articulated-body algorithm, Featherstone (2008), ch. 7, by Pinocchio.
         """
         states = self._shaped(q, v, tau)
-        acceleration: Array = self._forward(*states)
+        acceleration: Array = self.dynamics("forward_dynamics")(*states)
         if not _finite(acceleration):
             self._refuse_infinite(states)
         if not np.isfinite(acceleration).all():
@@ -243,7 +246,7 @@ class Robot:
 
     def gravity_torque(self, q: Any) -> Array:
         """The torques (nv,) or (n, nv) that hold the robot at rest at q, N m or N."""
-        return self._gravity(*self._states(q))  # type: ignore[no-any-return]
+        return self._code("gravity_torque", self.equations.gravity_torque)(*self._states(q))  # type: ignore[no-any-return]
 
     def friction_torque(self, v: Any) -> Array:
         """Joint friction (nv,) or (n, nv): viscous v + coulomb v / sqrt(v² + width²), N m or N."""
@@ -277,9 +280,8 @@ class Robot:
         and rotor inertia. Bodies in the order of `all_joint_names`; payloads count to their body.
         """
         q, v, a = self._states(q, v, a)
-        bodies = len(self._tree.joints)
-        shares = [self._scaled(q, v, a, row) for row in np.eye(bodies)]
-        return np.stack(shares, axis=-2)
+        scaled = self._code("link_torques", self.equations.link_torques)
+        return np.stack([scaled(q, v, a, row) for row in np.eye(len(self._tree.joints))], axis=-2)
 
     def frame_pose(self, name: str, q: Any) -> tuple[Array, Array]:
         """Position (3,) or (n, 3) in m and rotation (3, 3) or (n, 3, 3) of a frame in the world."""
@@ -294,107 +296,40 @@ class Robot:
 
     # ---- machine code
 
+    @cached_property
+    def equations(self) -> Equations:
+        """The robot's equations as casadi expressions, before anything is compiled."""
+        return Equations(self._tree, self.gravity, self.viscous, self.coulomb, self.friction_width)
+
+    def dynamics(self, algorithm: str) -> Compiled:
+        """The machine code of "inverse_dynamics" or "forward_dynamics", for callers that drive it themselves."""
+        return self._code(algorithm, lambda: self.equations.dynamics(algorithm))
+
     def compiled(self, key: str, build: Callable[[], casadi.Function]) -> Compiled:
         """The machine code of a function that `build` makes; `key` says all it depends on besides the robot."""
         return compiled(key, (self._key,), build)
 
     def trace_frames(self, names: Iterable[str]) -> casadi.Function:
         """(q, v, p of length 0) -> per frame position 3, rotation 9 (row major), linear and angular velocity, world."""
-        import casadi
+        return self.equations.frames([self._frame_index(n) for n in names])
 
-        serialized = self._traced().frames([self._frame_index(n) for n in names])
-        return casadi.Function.deserialize(serialized.decode("latin-1"))
-
-    def dynamics(self, algorithm: str) -> Compiled:
-        """The machine code of "inverse_dynamics" or "forward_dynamics", for callers that drive it themselves."""
-        return self._inverse if algorithm == "inverse_dynamics" else self._forward
-
-    @cached_property
-    def _inverse(self) -> Compiled:
-        return self.compiled("inverse_dynamics", lambda: self.trace_dynamics("inverse_dynamics"))
-
-    @cached_property
-    def _forward(self) -> Compiled:
-        return self.compiled("forward_dynamics", lambda: self.trace_dynamics("forward_dynamics"))
-
-    @cached_property
-    def _gravity(self) -> Compiled:
-        return self.compiled("gravity_torque", self._trace_gravity)
-
-    @cached_property
-    def _scaled(self) -> Compiled:
-        return self.compiled("link_torques", self._trace_scaled)
+    def _code(self, key: str, build: Callable[[], casadi.Function]) -> Compiled:
+        if key not in self._codes:
+            self._codes[key] = self.compiled(key, build)
+        return self._codes[key]
 
     def _simple(self, name: str) -> Compiled:
-        known = self.__dict__.setdefault("_compiled", {})
-        if name not in known:
-            known[name] = self.compiled(name, lambda: getattr(self._traced(), name)())
-        return known[name]  # type: ignore[no-any-return]
+        return self._code(name, lambda: self.equations.algorithm(name))
 
     def _frame(self, name: str) -> Compiled:
         index = self._frame_index(name)
-        known = self.__dict__.setdefault("_frame_functions", {})
-        if index not in known:
-            known[index] = self.compiled(f"frame {index}", lambda: self._traced().frames([index]))
-        return known[index]  # type: ignore[no-any-return]
+        return self._code(f"frame {index}", lambda: self.equations.frames([index]))
 
     def _frame_index(self, name: str) -> int:
         found = [k for k, f in enumerate(self._tree.frames) if f["name"] == name]
         if not found:
             raise InputError(f"{self.name}: " + among("frame", name, self.frame_names))
         return min(found, key=lambda k: bool(self._tree.frames[k]["is_joint"]))
-
-    def _traced(self, settings: Iterable[tuple[int, int, int]] = (), parameters: int = 0) -> Any:
-        from bellcrank.trace import trace_tree
-
-        return trace_tree(self._tree, tuple(float(x) for x in self.gravity), list(settings), parameters)
-
-    def trace_parametric(self, algorithm: str, targets: Sequence[str]) -> casadi.Function:
-        """An algorithm ("inverse_dynamics", …) with the numbers that `targets` name left as its last input, p."""
-        import casadi
-
-        from bellcrank.trace import setting
-
-        settings = [(*setting(self._tree, t), k) for k, t in enumerate(targets)]
-        serialized = getattr(self._traced(settings, len(targets)), algorithm)()
-        return casadi.Function.deserialize(serialized.decode("latin-1"))
-
-    def trace_dynamics(self, algorithm: str) -> casadi.Function:
-        """ "inverse_dynamics" (q, v, a) or "forward_dynamics" (q, v, tau) with the robot's friction, as expressions."""
-        import casadi
-
-        serialized = getattr(self._traced(), algorithm)()
-
-        f = casadi.Function.deserialize(serialized.decode("latin-1"))
-        q, v, third = (casadi.SX.sym(n, f.size1_in(k)) for k, n in enumerate(("q", "v", "third")))
-        friction = casadi.SX.zeros(self.nv, 1)
-        for i in range(self.nv):
-            if self.viscous[i]:
-                friction[i] += self.viscous[i] * v[i]
-            if self.coulomb[i]:
-                friction[i] += self.coulomb[i] * v[i] / casadi.sqrt(v[i] * v[i] + self.friction_width**2)
-        p = casadi.SX(0, 1)
-        inverse = algorithm == "inverse_dynamics"
-        out = f(q, v, third, p) + friction if inverse else f(q, v, third - friction, p)
-        return casadi.Function(algorithm, [q, v, third], [out])
-
-    def _trace_gravity(self) -> casadi.Function:
-        import casadi
-
-        f = casadi.Function.deserialize(self._traced().inverse_dynamics().decode("latin-1"))
-        q, rest = casadi.SX.sym("q", self.nq), casadi.SX(self.nv, 1)
-        return casadi.Function("gravity_torque", [q], [f(q, rest, rest, casadi.SX(0, 1))])
-
-    def _trace_scaled(self) -> Any:
-        import casadi
-
-        bodies = len(self._tree.joints)
-        settings = [(k, 16, f["parent_joint"] - 1) for k, f in enumerate(self._tree.frames) if f["parent_joint"] > 0]
-        bare = Tree(**{**asdict(self._tree), "joints": [{**j, "armature": [0.0] * j["nv"]} for j in self._tree.joints]})
-        from bellcrank.trace import trace_tree
-
-        traced = trace_tree(bare, tuple(float(x) for x in self.gravity), settings, bodies)
-        return casadi.Function.deserialize(traced.inverse_dynamics().decode("latin-1"))
 
     # ---- variants
 
@@ -436,38 +371,6 @@ class Robot:
                     f"{self.name}: {what} holds a number that is not finite (sample {row}, entry {column}); "
                     "take it out of the motion"
                 )
-
-    def _friction_of(self, friction: Friction) -> tuple[Array, Array]:
-        viscous, coulomb = np.zeros(self.nv), np.zeros(self.nv)
-        if isinstance(friction, str):
-            if friction not in ("urdf", "none"):
-                raise InputError(
-                    f"friction must be 'urdf', 'none' or {{joint: (viscous, coulomb)}}, it is '{friction}'"
-                )
-            if friction == "none":
-                return viscous, coulomb
-            # friction on a follower acts on its leader, through the ratio of their speeds
-            given = {n: (b, c) for n, (b, c) in self._data["friction"].items()}
-            ratios = {f: (g, m) for f, g, m, _ in self.mimics()}
-            for name, (b, c) in given.items():
-                ratio = 1.0
-                while name in ratios:
-                    name, m = ratios[name]
-                    ratio *= m
-                index = self.joint(name).v
-                viscous[index] += ratio * ratio * b
-                coulomb[index] += abs(ratio) * c
-            return viscous, coulomb
-        for name, pair in friction.items():
-            joint = self._one_degree(name, "friction")
-            try:
-                b, c = (float(x) for x in pair)
-            except (TypeError, ValueError):
-                raise InputError(f"friction of joint '{name}' must be (viscous, coulomb), it is {pair!r}") from None
-            if not (np.isfinite([b, c]).all() and b >= 0.0 and c >= 0.0):
-                raise InputError(f"friction of joint '{name}' must be two numbers >= 0, it is {pair!r}")
-            viscous[joint.v], coulomb[joint.v] = b, c
-        return viscous, coulomb
 
 
 _NONE: Array = np.zeros(0)

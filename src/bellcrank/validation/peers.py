@@ -64,7 +64,7 @@ def generated_c(
         return "no C compiler"
     import casadi
 
-    function = robot.trace_dynamics(algorithm)
+    function = robot.equations.dynamics(algorithm)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         generator = casadi.CodeGenerator(f"{algorithm}.c")

@@ -1,0 +1,94 @@
+"""A robot's equations as casadi expressions: Pinocchio's traced algorithms with the robot's friction added.
+
+They can be looked at before anything is compiled. Inputs are q (nq), v (nv), a or tau (nv), and parameters p.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.robot.tree import Tree
+from bellcrank.trace import setting, trace_tree
+
+if TYPE_CHECKING:
+    import casadi
+
+Array = NDArray[np.float64]
+SCALE = 16  # the tracer's number for a factor on a link's mass and inertia (trace_ext/tree.hpp)
+
+
+@dataclass(frozen=True)
+class Equations:
+    """The tree, gravity (3,) in m/s², and viscous and Coulomb friction (nv,), the latter smoothed over width."""
+
+    tree: Tree
+    gravity: Array
+    viscous: Array
+    coulomb: Array
+    width: float
+
+    def algorithm(self, name: str) -> casadi.Function:
+        """One of the tracer's algorithms as it is, without friction, with an empty p where it takes one."""
+        return _function(getattr(self._traced(self.tree), name)())
+
+    def frames(self, indices: Sequence[int]) -> casadi.Function:
+        """(q, v, p) -> per frame position 3, rotation 9 (row major), linear and angular velocity, world axes."""
+        return _function(self._traced(self.tree).frames(list(indices)))
+
+    def dynamics(self, name: str) -> casadi.Function:
+        """ "inverse_dynamics" (q, v, a) -> tau, or "forward_dynamics" (q, v, tau) -> a, with friction."""
+        import casadi
+
+        f = self.algorithm(name)
+        q, v, third = (casadi.SX.sym(n, f.size1_in(k)) for k, n in enumerate(("q", "v", "third")))
+        friction, p = self.friction(v), casadi.SX(0, 1)
+        inverse = name == "inverse_dynamics"
+        out = f(q, v, third, p) + friction if inverse else f(q, v, third - friction, p)
+        return casadi.Function(name, [q, v, third], [out])
+
+    def friction(self, v: casadi.SX) -> casadi.SX:
+        """viscous v + coulomb v / sqrt(v² + width²), structurally zero where a joint has none."""
+        import casadi
+
+        friction = casadi.SX.zeros(v.size1(), 1)
+        for i in range(v.size1()):
+            if self.viscous[i]:
+                friction[i] += self.viscous[i] * v[i]
+            if self.coulomb[i]:
+                friction[i] += self.coulomb[i] * v[i] / casadi.sqrt(v[i] * v[i] + self.width**2)
+        return friction
+
+    def gravity_torque(self) -> casadi.Function:
+        """(q) -> the torques that hold the robot at rest."""
+        import casadi
+
+        f = self.algorithm("inverse_dynamics")
+        q, rest = casadi.SX.sym("q", f.size1_in(0)), casadi.SX(f.size1_in(1), 1)
+        return casadi.Function("gravity_torque", [q], [f(q, rest, rest, casadi.SX(0, 1))])
+
+    def link_torques(self) -> casadi.Function:
+        """(q, v, a, p) -> torques with every moving body's mass and inertia times its own factor in p, no rotors."""
+        joints = [{**joint, "armature": [0.0] * joint["nv"]} for joint in self.tree.joints]
+        bare = Tree(**{**asdict(self.tree), "joints": joints})
+        frames = enumerate(self.tree.frames)
+        settings = [(k, SCALE, f["parent_joint"] - 1) for k, f in frames if f["parent_joint"] > 0]
+        return _function(self._traced(bare, settings, len(joints)).inverse_dynamics())
+
+    def parametric(self, name: str, targets: Sequence[str]) -> casadi.Function:
+        """An algorithm with the numbers that `targets` name (see trace.setting) left as p, without friction."""
+        settings = [(*setting(self.tree, target), k) for k, target in enumerate(targets)]
+        return _function(getattr(self._traced(self.tree, settings, len(targets)), name)())
+
+    def _traced(self, tree: Tree, settings: Iterable[tuple[int, int, int]] = (), parameters: int = 0) -> Any:
+        return trace_tree(tree, tuple(float(x) for x in self.gravity), list(settings), parameters)
+
+
+def _function(serialized: bytes) -> casadi.Function:
+    import casadi
+
+    return casadi.Function.deserialize(serialized.decode("latin-1"))
