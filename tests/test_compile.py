@@ -174,3 +174,20 @@ def test_the_cache_forgets_the_least_recently_used(fresh_cache, monkeypatch):
     cache.store("last", bytes(300))
     left = sorted(p.name for p in fresh_cache.iterdir())
     assert "last" in left and "entry-0" not in left and len(left) <= 3
+
+
+def test_threads_that_call_first_at_once_all_get_the_answer(fresh_cache):
+    script = (
+        "import threading, numpy, bellcrank\n"
+        "robot, q = bellcrank.load_robot('ur5'), numpy.random.default_rng(0).normal(size=(500, 6))\n"
+        "barrier, answers = threading.Barrier(8), []\n"
+        "def work():\n"
+        "    barrier.wait()\n"
+        "    answers.append((robot.inverse_dynamics(q, q, q), robot.inverse_dynamics(q[0], q[0], q[0])))\n"
+        "threads = [threading.Thread(target=work) for _ in range(8)]\n"
+        "[t.start() for t in threads], [t.join() for t in threads]\n"
+        "print(len(answers), all(numpy.array_equal(answers[0][k], a[k]) for a in answers for k in (0, 1)))\n"
+    )
+    for _ in range(2):  # with an empty cache, then with a full one
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stdout) == (0, "8 True\n"), done.stderr

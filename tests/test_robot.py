@@ -167,7 +167,7 @@ def test_link_shares_sum_to_the_frictionless_torque():
     bare = bc.load_robot("ur5", friction="none")
     q, v, a = random_states(robot, 30)
     shares = robot.link_torques(q, v, a)
-    assert shares.shape == (30, 6, 6)
+    assert shares.shape == (30, len(robot.massive_links), 6)
     np.testing.assert_allclose(shares.sum(axis=1), bare.inverse_dynamics(q, v, a), atol=1e-11)
 
 
@@ -388,3 +388,60 @@ def test_unknown_parameter_targets_are_refused(target):
     robot = bc.load_robot("planar_2r")
     with pytest.raises(InputError, match=r"nowhere|cannot set"):
         robot.equations.parametric("inverse_dynamics", [target])
+
+
+JOINT = """<robot name="r"><link name="a"/><link name="b"><inertial><origin xyz="0.1 0.2 0.3"/><mass value="2"/>
+<inertia ixx="0.1" iyy="0.2" izz="0.25" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="%s" type="revolute">
+<parent link="a"/><child link="b"/><origin xyz="0.1 0 0.2" rpy="%s"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" effort="10" velocity="3"/></joint></robot>"""
+
+
+@pytest.mark.parametrize("rpy", ["0 2.0 0", "0 3.14159265358979 0", "0.3 1.5707963267948966 0.7", "1 -2.5 3"])
+@pytest.mark.parametrize("angle", range(3))
+def test_an_angle_set_to_its_own_value_turns_nothing(tmp_path, rpy, angle):
+    path = tmp_path / "one.urdf"
+    path.write_text(JOINT % ("j", rpy))
+    robot = bc.load_robot(path, gravity=(4, 5, -9))
+    target = f"joint.j.origin.{('roll', 'pitch', 'yaw')[angle]}"
+    function = robot.equations.parametric("inverse_dynamics", [target])
+    value = float(rpy.split()[angle])
+    torque = float(function([0.4], [0.3], [0.2], [value]))
+    assert torque == pytest.approx(robot.inverse_dynamics([0.4], [0.3], [0.2])[0], abs=1e-12)
+
+
+def test_a_joint_named_as_the_free_base_is_refused(tmp_path):
+    path = tmp_path / "one.urdf"
+    path.write_text(JOINT % ("root_joint", "0 0 0"))
+    assert bc.load_robot(path).nv == 1
+    with pytest.raises(InputError, match="a joint is named 'root_joint'.*rename it"):
+        bc.load_robot(path, floating_base=True)
+
+
+def test_shares_of_links_fixed_to_each_other_are_apart():
+    robot = bc.load_robot("ur5", payloads=[bc.Payload(2.0, "tool0")])
+    assert "payload 1" in robot.massive_links and "wrist_3_link" in robot.massive_links
+    q, v, a = random_states(robot, 5)
+    at = robot.massive_links.index("payload 1")
+    bare = bc.load_robot("ur5", friction="none")
+    alone = bc.load_robot("ur5", friction="none", payloads=[bc.Payload(2.0, "tool0")])
+    expected = alone.inverse_dynamics(q, v, a) - bare.inverse_dynamics(q, v, a)
+    np.testing.assert_allclose(robot.link_torques(q, v, a)[:, at], expected, atol=1e-11)
+
+
+def test_a_leader_has_the_limits_of_its_followers(tmp_path):
+    text = JOINT % ("lead", "0 0 0")
+    link = '<link name="c"/><joint name="follow" type="revolute"><parent link="b"/><child link="c"/><axis xyz="0 1 0"/>'
+    text = text.replace("</robot>", link + '<limit lower="-0.5" upper="0.6" effort="1" velocity="0.3"/>'
+                        '<mimic joint="lead" multiplier="-3" offset="0.1"/></joint></robot>')  # fmt: skip
+    path = tmp_path / "mimic.urdf"
+    path.write_text(text)
+    robot = bc.load_robot(path)
+    np.testing.assert_allclose([robot.lower[0], robot.upper[0]], [-0.5 / 3, 0.2], rtol=1e-14)
+    assert robot.velocity_limit[0] == pytest.approx(0.1)
+
+
+def test_a_robot_remembers_what_is_wrong_with_its_file(tmp_path):
+    path = tmp_path / "one.urdf"
+    path.write_text((JOINT % ("j", "0 0 0")).replace('izz="0.25"', 'izz="0.5"'))
+    assert any("triangle" in finding or "inertia" in finding for finding in bc.load_robot(path).findings)
+    assert bc.load_robot("ur5").findings == ()

@@ -6,6 +6,7 @@ import argparse
 import importlib
 import os
 import sys
+import traceback
 from collections.abc import Sequence
 
 from bellcrank import __version__
@@ -26,6 +27,9 @@ def _module(name: str) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns 0 (done, or all well), 1 (the answer is no) or 2 (bad input)."""
+    reconfigure = getattr(sys.stdout, "reconfigure", None)
+    if reconfigure is not None:
+        reconfigure(errors="replace")  # a terminal without ² shows ?, and the files have it
     given = list(sys.argv[1:] if arguments is None else arguments)
     parser = argparse.ArgumentParser(
         prog="bellcrank",
@@ -50,5 +54,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("bellcrank: interrupted", file=sys.stderr)
         return 130
     except BrokenPipeError:  # the reader of a pipe has gone: nobody is left to tell
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _forget_output()
         return 0
+    except OSError as error:
+        print(f"bellcrank: {error.strerror or error}{f': {error.filename}' if error.filename else ''}", file=sys.stderr)
+        _forget_output()
+        return 2
+    except Exception:  # 1 means "the answer is no", so a fault of ours needs a number of its own
+        traceback.print_exc()
+        print("bellcrank: this is a fault of bellcrank; please report it with the lines above", file=sys.stderr)
+        return 70
+
+
+def _forget_output() -> None:
+    """Drop what a failed standard output still holds, so that the interpreter does not fail on it again."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

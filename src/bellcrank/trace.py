@@ -86,7 +86,7 @@ def trace_tree(tree: Tree, gravity: tuple[float, ...], settings: list[tuple[int,
     ]  # fmt: skip
     frames = [
         t.Frame(f["parent_frame"], f["parent_joint"], f["moving_joint"], placement(f["placement"]),
-                placement(f["in_parent"]), f["mass"], f["lever"], f["inertia"])
+                placement(f["in_parent"]), f["rpy"], f["mass"], f["lever"], f["inertia"])
         for f in tree.frames
     ]  # fmt: skip
     mimics = [t.Mimic(*m) for m in tree.mimics]

@@ -72,12 +72,11 @@ class Equations:
         return casadi.Function("gravity_torque", [q], [f(q, rest, rest, casadi.SX(0, 1))])
 
     def link_torques(self) -> casadi.Function:
-        """(q, v, a, p) -> torques with every moving body's mass and inertia times its own factor in p, no rotors."""
+        """(q, v, a, p) -> torques with each massive link's mass and inertia times its own factor in p, no rotors."""
         joints = [{**joint, "armature": [0.0] * joint["nv"]} for joint in self.tree.joints]
         bare = Tree(**{**asdict(self.tree), "joints": joints})
-        frames = enumerate(self.tree.frames)
-        settings = [(k, SCALE, f["parent_joint"] - 1) for k, f in frames if f["parent_joint"] > 0]
-        return _function(self._traced(bare, settings, len(joints)).inverse_dynamics())
+        settings = [(frame, SCALE, k) for k, frame in enumerate(self.tree.massive_frames())]
+        return _function(self._traced(bare, settings, len(settings)).inverse_dynamics())
 
     def parametric(self, name: str, targets: Sequence[str]) -> casadi.Function:
         """An algorithm with the numbers that `targets` name (see trace.setting) left as p, without friction."""

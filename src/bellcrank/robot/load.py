@@ -44,7 +44,10 @@ def load_robot(
     frames {name: (link, xyz, rpy)} adds frames to the URDF's own; clean=False keeps residues of rounded
     rotations. Raises InputError, one sentence, for anything wrong with the file or the arguments.
     """
-    g = tuple(float(x) for x in gravity)
+    try:
+        g = tuple(float(x) for x in gravity)
+    except (TypeError, ValueError):
+        g = ()
     if len(g) != 3 or not np.isfinite(g).all():
         raise InputError(f"gravity must be three finite numbers (m/s²), it is {gravity!r}")
     if not (np.isfinite(friction_width) and friction_width > 0.0):
@@ -95,6 +98,7 @@ def _read(
 ) -> dict[str, Any]:
     """Everything of the file that a robot needs, as data that JSON can hold."""
     from bellcrank.robot.tree import lay_out, pinocchio_model
+    from bellcrank.urdf.check import element_findings
     from bellcrank.urdf.read import Urdf
 
     urdf = Urdf.from_text(text, source)
@@ -119,13 +123,38 @@ def _read(
         if one:
             _add_friction(friction, urdf, joint["name"])
 
+    _tighten_by_followers(tree, urdf, lower, upper, velocity)
+
     def finite(values: list[float]) -> list[float | None]:
         return [float(x) if np.isfinite(x) else None for x in values]
 
     return {
         "name": urdf.name, "tree": asdict(tree), "lower": finite(lower), "upper": finite(upper),
         "effort": finite(effort), "velocity": finite(velocity), "friction": friction,
+        "findings": [f"{f.where}: {f.message}" for f in element_findings(urdf) if f.severity == "error"],
     }  # fmt: skip
+
+
+def _tighten_by_followers(
+    tree: Tree, urdf: Urdf, lower: list[float], upper: list[float], velocity: list[float]
+) -> None:
+    """A leader stops where a joint that mimics it does: its range and speed are those that all of them allow."""
+    followers = {m[0] for m in tree.mimics}
+    place, q, v = {}, 0, 0
+    for k, joint in enumerate(tree.joints):
+        if k + 1 not in followers:
+            place[k + 1] = (q, v)
+            q, v = q + joint["nq"], v + joint["nv"]
+    for follower, leader, multiplier, offset in tree.mimics:  # chains are resolved: each leader is independent
+        if multiplier == 0.0 or leader not in place:
+            continue
+        limits = urdf.joints[tree.joints[follower - 1]["name"]]
+        ends = sorted((x - offset) / multiplier for x in (limits.lower, limits.upper) if x is not None)
+        iq, iv = place[leader]
+        if len(ends) == 2 and max(lower[iq], ends[0]) <= min(upper[iq], ends[1]):
+            lower[iq], upper[iq] = max(lower[iq], ends[0]), min(upper[iq], ends[1])
+        if limits.velocity is not None:
+            velocity[iv] = min(velocity[iv], limits.velocity / abs(multiplier))
 
 
 def _add_friction(friction: dict[str, tuple[float, float]], urdf: Urdf, name: str) -> None:

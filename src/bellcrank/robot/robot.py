@@ -67,6 +67,7 @@ class Robot:
         self.source, self._text, self._data = source, text, data
         self.name: str = data["name"]
         self.gravity = _frozen(gravity)
+        self.findings: tuple[str, ...] = tuple(data["findings"])  # errors that `bellcrank check` finds in the elements
         self.floating_base, self.payloads, self._frames, self._clean = floating_base, payloads, frames, clean
         self._friction = friction if isinstance(friction, str) else dict(friction)
         self.friction_width = friction_width
@@ -83,6 +84,7 @@ class Robot:
         self.nq, self.nv = q, v
         self.joint_names: tuple[str, ...] = tuple(j.name for j in joints if j.nv == 1)
         self.all_joint_names: tuple[str, ...] = tuple(j["name"] for j in self._tree.joints)
+        self.massive_links: tuple[str, ...] = tuple(self._tree.frames[k]["name"] for k in self._tree.massive_frames())
         self.frame_names: tuple[str, ...] = tuple(f["name"] for f in self._tree.frames[1:])
         self.lower, self.upper = _frozen(_limits(data["lower"], -1)), _frozen(_limits(data["upper"], 1))
         self.effort_limit = _frozen(_limits(data["effort"], 1))
@@ -274,14 +276,17 @@ class Robot:
         return flat.reshape(*flat.shape[:-1], len(self._tree.joints), 6)  # type: ignore[no-any-return]
 
     def link_torques(self, q: Any, v: Any, a: Any) -> Array:
-        """How much of the torque each moving body's mass and inertia cause: (bodies, nv) or (n, bodies, nv).
+        """How much of the torque each link's mass and inertia cause: (links, nv) or (n, links, nv).
 
         Torque is linear in masses and inertias, so the shares sum to inverse dynamics without friction
-        and rotor inertia. Bodies in the order of `all_joint_names`; payloads count to their body.
+        and rotor inertia. Links and payloads in the order of `massive_links`.
         """
         q, v, a = self._states(q, v, a)
+        if not self.massive_links:
+            rows = {len(x) for x in (q, v, a) if x.ndim == 2}
+            return np.zeros((*rows, 0, self.nv))
         scaled = self._code("link_torques", self.equations.link_torques)
-        return np.stack([scaled(q, v, a, row) for row in np.eye(len(self._tree.joints))], axis=-2)
+        return np.stack([scaled(q, v, a, row) for row in np.eye(len(self.massive_links))], axis=-2)
 
     def frame_pose(self, name: str, q: Any) -> tuple[Array, Array]:
         """Position (3,) or (n, 3) in m and rotation (3, 3) or (n, 3, 3) of a frame in the world."""

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from bellcrank.urdf.read import Urdf
 
 NEAR = 1e-11  # a rotation entry this close to -1, 0 or 1 is taken for it
+FREE_BASE = "root_joint"  # what Pinocchio names the joint of a free base
 _UNLIMITED = 1e299
 _KINDS = {
     "JointModelRX": 0, "JointModelRY": 1, "JointModelRZ": 2, "JointModelRevoluteUnaligned": 3, "JointModelPX": 4,
@@ -76,6 +77,14 @@ class Tree:
     cleaned_entries: int = 0
     cleaned_largest: float = 0.0
 
+    def massive_frames(self) -> list[int]:
+        """The frames of moving links and payloads that have mass or inertia of their own."""
+        return [
+            k
+            for k, f in enumerate(self.frames)
+            if f["parent_joint"] > 0 and (f["mass"] > 0.0 or any(x != 0.0 for x in f["inertia"]))
+        ]
+
 
 def pinocchio_model(
     urdf: Urdf, floating_base: bool, payloads: tuple[Payload, ...], frames: FrameTable, clean: bool, mimic: bool
@@ -89,6 +98,11 @@ def pinocchio_model(
                 f"{urdf.source}: planar joint '{joint.name}' moves in the plane normal to {list(joint.axis)}; only "
                 "0 0 1 can be simulated: turn the joint's origin instead"
             )
+    if floating_base and FREE_BASE in urdf.joints:
+        raise InputError(
+            f"{urdf.source}: a joint is named '{FREE_BASE}', as the joint of a free base is; rename it, or load the robot "
+            "with a fixed base"
+        )
     arguments: list[Any] = [urdf.pinocchio_xml()]
     if floating_base:
         arguments.append(pin.JointModelFreeFlyer())
@@ -241,12 +255,15 @@ def lay_out(model: Any, urdf: Urdf, cleaning: Cleaning, clean: bool) -> Tree:
             relative = before.inverse() * frame.placement
         if clean:
             relative = pin.SE3(again.rotation(relative.rotation), again.numbers(relative.translation, 1.0))
+        written = urdf.joints.get(frame.name) if frame.type != pin.FrameType.BODY else None
+        rpy = written.rpy if written is not None else pin.rpy.matrixToRpy(relative.rotation)
         tree.frames.append(
             {
                 "name": frame.name, "parent_frame": frame.parentFrame if k else -1,
                 "parent_joint": frame.parentJoint, "moving_joint": moving,
                 "is_joint": frame.type == pin.FrameType.JOINT, "is_body": frame.type == pin.FrameType.BODY,
                 "placement": _placement(frame.placement), "in_parent": _placement(relative),
+                "rpy": [float(x) for x in rpy],
                 **_inertia(frame.inertia),
             }
         )  # fmt: skip

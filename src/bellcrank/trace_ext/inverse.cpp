@@ -13,6 +13,13 @@ namespace bellcrank {
                             {"q", "v", "a", "p"}, {"tau"});
 }
 
+SX bias_force(const Symbolic& s) {
+  Data data(s.model);
+  const VectorSX rest = VectorSX::Constant(s.model.nv, SX(0.0));
+  pinocchio::rnea(s.model, data, s.q_full, s.v_full, rest);
+  return s.reduce(data.tau);
+}
+
 ::casadi::Function Tree::reactions() const {
   const Symbolic& s = *symbolic_;
   Data data(s.model);

@@ -84,8 +84,9 @@ NB_MODULE(_trace, m) {
       },
       "kind"_a, "sign"_a, "parent"_a, "axis"_a, "placement"_a, "mass"_a, "lever"_a, "inertia"_a, "armature"_a);
   nb::class_<Frame>(m, "Frame").def(
-      nb::init<int, int, int, Placement, Placement, double, std::array<double, 3>, std::array<double, 6>>(),
-      "parent_frame"_a, "parent_joint"_a, "moving_joint"_a, "placement"_a, "in_parent"_a, "mass"_a, "lever"_a,
+      nb::init<int, int, int, Placement, Placement, std::array<double, 3>, double, std::array<double, 3>,
+               std::array<double, 6>>(),
+      "parent_frame"_a, "parent_joint"_a, "moving_joint"_a, "placement"_a, "in_parent"_a, "rpy"_a, "mass"_a, "lever"_a,
       "inertia"_a);
   nb::class_<Mimic>(m, "Mimic").def(nb::init<int, int, double, double>());
   nb::class_<Setting>(m, "Setting").def(nb::init<int, int, int>());

@@ -28,4 +28,7 @@ struct Symbolic {
   }
 };
 
+SX reduced_mass_matrix(const Symbolic& s);  // of the independent coordinates
+SX bias_force(const Symbolic& s);           // C(q, v) v + g(q) on the independent coordinates
+
 }  // namespace bellcrank

@@ -94,20 +94,15 @@ Bodies symbolic_bodies(const Description& d, const SX& p) {
     Vector3 lever{SX(f.lever[0]), SX(f.lever[1]), SX(f.lever[2])};
     std::array<SX, 6> inertia;
     for (int i = 0; i < 6; ++i) inertia[i] = SX(f.inertia[i]);
-    std::array<SX, 3> rpy;
+    std::array<SX, 3> rpy{SX(f.rpy[0]), SX(f.rpy[1]), SX(f.rpy[2])};
     bool turned = false;
     for (const Setting& s : d.settings) {
       if (s.frame != static_cast<int>(k)) continue;
       const SX value = p(s.parameter);
       if (s.what < 3) in_parent.translation()[s.what] = value;
       else if (s.what < 6) {
-        if (!turned) {  // the angles that are not set keep their values
-          const auto& r = f.in_parent.rotation;
-          rpy = {SX(std::atan2(r[7], r[8])), SX(std::atan2(-r[6], std::hypot(r[0], r[3]))),
-                 SX(std::atan2(r[3], r[0]))};
-          turned = true;
-        }
         rpy[s.what - 3] = value;
+        turned = true;
       } else if (s.what == 6) mass = value;
       else if (s.what < 10) lever[s.what - 7] = value;
       else if (s.what < 16) inertia[s.what - 10] = value;

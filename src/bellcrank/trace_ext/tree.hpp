@@ -35,6 +35,7 @@ struct Frame {
   int moving_joint;        // the joint this frame belongs to, or -1
   Placement placement;     // in the parent joint's frame
   Placement in_parent;     // in the parent frame
+  std::array<double, 3> rpy;  // the same rotation as the file gives it: a parameter may set one angle of the three
   double mass;
   std::array<double, 3> lever;
   std::array<double, 6> inertia;

@@ -61,6 +61,14 @@ def check_urdf(path: str | Path) -> list[Finding]:
     return sorted(findings, key=lambda found: ORDER.index(found.severity))
 
 
+def element_findings(urdf: Urdf) -> list[Finding]:
+    """The findings about single links and joints of a URDF that was read: quick, from its numbers alone."""
+    return [
+        *(finding for link in urdf.links.values() for finding in _link_findings(link)),
+        *(finding for joint in urdf.joints.values() for finding in _joint_findings(joint)),
+    ]
+
+
 def format_findings(findings: list[Finding]) -> str:
     """Findings as text for a terminal, one a line, with a closing line of how many there are."""
     lines = [f"  {found.severity:<8} {found.where}: {found.message}" for found in findings]
