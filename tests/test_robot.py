@@ -413,7 +413,7 @@ def test_a_joint_named_as_the_free_base_is_refused(tmp_path):
     path = tmp_path / "one.urdf"
     path.write_text(JOINT % ("root_joint", "0 0 0"))
     assert bc.load_robot(path).nv == 1
-    with pytest.raises(InputError, match="a joint is named 'root_joint'.*rename it"):
+    with pytest.raises(InputError, match=r"a joint is named 'root_joint'.*rename it"):
         bc.load_robot(path, floating_base=True)
 
 

@@ -100,8 +100,8 @@ def pinocchio_model(
             )
     if floating_base and FREE_BASE in urdf.joints:
         raise InputError(
-            f"{urdf.source}: a joint is named '{FREE_BASE}', as the joint of a free base is; rename it, or load the robot "
-            "with a fixed base"
+            f"{urdf.source}: a joint is named '{FREE_BASE}', as the joint of a free base is; rename it, or load "
+            "the robot with a fixed base"
         )
     arguments: list[Any] = [urdf.pinocchio_xml()]
     if floating_base:
@@ -188,14 +188,16 @@ def _clean(model: Any, cleaning: Cleaning) -> None:
 
     for j in range(1, model.njoints):
         model.jointPlacements[j] = placed(model.jointPlacements[j])
-    bodies = [pin.Inertia.Zero() for _ in range(model.njoints)]
+    bodies: list[Any] = [None] * model.njoints
     for frame in model.frames:
         frame.placement = placed(frame.placement)
         frame.inertia = inertia(frame.inertia)
         if frame.inertia.mass > 0.0 or np.any(frame.inertia.inertia):
-            bodies[frame.parentJoint] += frame.placement.act(frame.inertia)
+            part, before = frame.placement.act(frame.inertia), bodies[frame.parentJoint]
+            # a sum with nothing would round the lever, and equal numbers would no longer fold
+            bodies[frame.parentJoint] = part if before is None else before + part
     for j in range(1, model.njoints):
-        model.inertias[j] = inertia(bodies[j])
+        model.inertias[j] = pin.Inertia.Zero() if bodies[j] is None else inertia(bodies[j])
 
 
 def _placement(m: Any) -> dict[str, list[float]]:
