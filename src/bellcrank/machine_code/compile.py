@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank import _step
 from bellcrank.errors import CompileError, InputError
 from bellcrank.machine_code import cache as disk
 from bellcrank.machine_code import machine
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 _serial = itertools.count()
 _making = threading.RLock()  # casadi and LLVM work on one thread at a time; calls of finished code do not wait
-_POINTERS = ctypes.c_void_p
+_BATCH = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
 
 
 class Compiled:
@@ -50,8 +51,7 @@ class Compiled:
         self.name = name
         self.input_sizes, self.output_sizes = tuple(input_sizes), tuple(output_sizes)
         self._graph, self._hints, self._remember = graph, hints, remember
-        self._loaded: dict[tuple[str, machine.Target], machine.Loaded] = {}
-        self._calls: dict[tuple[str, machine.Target], Any] = {}
+        self._loaded: dict[tuple[str, str], machine.Loaded] = {}
 
     @property
     def graph(self) -> Graph:
@@ -67,10 +67,11 @@ class Compiled:
 
     def address(self, kind: str) -> int:
         """The address of the machine code; its signature is in codegen.py."""
-        key = (kind, machine.target())
-        with _making:
-            if key not in self._loaded:
-                self._loaded[key] = self._load(kind)
+        key = (kind, machine.target_name())
+        if key not in self._loaded:
+            with _making:
+                if key not in self._loaded:
+                    self._loaded[key] = self._load(kind)
         return self._loaded[key].address
 
     def _load(self, kind: str) -> machine.Loaded:
@@ -93,16 +94,9 @@ class Compiled:
         self._remember(self._hints)
         return machine.Loaded(f"{self.name}.{next(_serial)}", code, chosen)
 
-    def _function(self, kind: str) -> Any:
-        key = (kind, machine.target())
-        if key not in self._calls:
-            arguments = [_POINTERS, _POINTERS] + ([_POINTERS, ctypes.c_int64] if kind == "batch" else [])
-            self._calls[key] = ctypes.CFUNCTYPE(ctypes.c_int32, *arguments)(self.address(kind))
-        return self._calls[key]
-
     def prepared(self, arrays: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], int]:
         """A call of the batch code on these very arrays (C-contiguous, at least as many rows as lanes), bare."""
-        call = self._function("batch")
+        call = _BATCH(self.address("batch"))
         ins = (ctypes.c_void_p * len(arrays))(*[v.ctypes.data for v in arrays])
         outs = (ctypes.c_void_p * len(outputs))(*[o.ctypes.data for o in outputs])
         strides = (ctypes.c_int64 * len(arrays))(*[0 if v.ndim == 1 else v.shape[1] for v in arrays])
@@ -112,6 +106,10 @@ class Compiled:
 
     def __call__(self, *arrays: Any) -> Any:
         """Evaluate; InputError where an array has the wrong shape or batches differ in length."""
+        if all(type(a) is np.ndarray and a.ndim == 1 for a in arrays):
+            quick = _step.evaluate(self.address("scalar"), arrays, self.input_sizes, self.output_sizes)
+            if quick is not None:
+                return quick[0] if len(quick) == 1 else quick
         if len(arrays) != len(self.input_sizes):
             raise InputError(f"{self.name} takes {len(self.input_sizes)} arrays, {len(arrays)} were given")
         values = [np.ascontiguousarray(a, dtype=np.float64) for a in arrays]
@@ -125,15 +123,13 @@ class Compiled:
                 if rows not in (None, value.shape[0]):
                     raise InputError(f"{self.name}: batches of different length, {rows} and {value.shape[0]}")
                 rows = value.shape[0]
-        outputs = self._one(values) if rows is None else self._many(values, rows)
-        return outputs[0] if len(outputs) == 1 else tuple(outputs)
-
-    def _one(self, values: list[Array]) -> list[Array]:
-        outputs = [np.empty(size) for size in self.output_sizes]
-        ins = (ctypes.c_void_p * len(values))(*[v.ctypes.data for v in values])
-        outs = (ctypes.c_void_p * len(outputs))(*[o.ctypes.data for o in outputs])
-        self._check(self._function("scalar")(ins, outs))
-        return outputs
+        if rows is not None:
+            outputs = tuple(self._many(values, rows))
+        else:
+            outputs = _step.evaluate(self.address("scalar"), tuple(values), self.input_sizes, self.output_sizes)
+            if outputs is None:
+                raise CompileError(f"{self.name} could not be evaluated at this sample")
+        return outputs[0] if len(outputs) == 1 else outputs
 
     def _many(self, values: list[Array], rows: int) -> list[Array]:
         lanes = machine.target().lanes
@@ -143,12 +139,10 @@ class Compiled:
             values = [v if v.ndim == 1 else np.vstack([v, np.repeat(v[-1:], lanes - rows, 0)]) for v in values]
             return [o[:rows].copy() for o in self._many(values, lanes)]
         outputs = [np.empty((rows, size)) for size in self.output_sizes]
-        self._check(self.prepared(values, outputs)())
-        return outputs
-
-    def _check(self, status: int) -> None:
+        status = self.prepared(values, outputs)()
         if status:
             raise CompileError(f"{self.name} ended with status {status}")
+        return outputs
 
 
 @cache

@@ -47,7 +47,12 @@ def target() -> Target:
 
     Raises InputError for an unknown name, or for one that this processor cannot run.
     """
-    return _target(os.environ.get("BELLCRANK_TARGET", "") or "native")
+    return _target(target_name())
+
+
+def target_name() -> str:
+    """The value of BELLCRANK_TARGET, "native" where it is not set."""
+    return os.environ.get("BELLCRANK_TARGET") or "native"
 
 
 @cache

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -384,6 +385,8 @@ _STATE = ("position", "velocity", "the third argument")
 
 def _finite(x: Array) -> bool:
     """Whether the sum is finite, which only finite numbers have: a quick test that a slow one can follow."""
+    if x.ndim == 1:
+        return math.isfinite(sum(x.tolist()))
     with np.errstate(invalid="ignore", over="ignore"):
         return bool(np.isfinite(x.sum()))
 
