@@ -143,6 +143,10 @@ def test_every_kind_of_motion(tmp_path: Path) -> None:
             {"payloads": [{"mass": 1, "frame": "tip", "inertia": [1, 0, 0, 0, 0, 0]}]},
             "no body has the inertia",
         ),
+        (
+            {"drives": {"elbow": {"ratio": 3, "rated_torqe": 1}}},
+            "'rated_torque' is missing; did you mean .* by 'rated_torqe'",
+        ),
         ({"drives": {"elbow": {"ratio": 3}}}, "drives.elbow.*'rated_torque' is missing"),
         ({"motions": {"m": {"kind": "spiral"}}}, "no kind 'spiral'"),
         ({"motions": {"m": {}}}, "'kind' is missing"),

@@ -102,3 +102,64 @@ def test_a_mass_tolerance_raises_the_holding_torque() -> None:
     np.testing.assert_allclose(
         holding_torques(robot, mass_tolerance=0.1).torque, 1.1 * holding_torques(robot).torque, rtol=1e-12
     )
+
+
+ARM_AND_COUNTERWEIGHT = """<robot name="arm"><link name="base"/><link name="arm"><inertial><mass value="1"/>
+<origin xyz="1 0 0"/>{unit}</inertial></link><link name="counter"><inertial><mass value="1.9"/>
+<origin xyz="{at}"/>{unit}</inertial></link>
+<joint name="one" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+<limit lower="-3.2" upper="3.2" effort="1" velocity="1"/></joint>
+<joint name="two" type="{kind}"><parent link="arm"/><child link="counter"/>{origin}<axis xyz="{axis}"/>
+<limit lower="-{range}" upper="{range}" effort="1" velocity="1"/></joint></robot>"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "axis", "origin", "at", "reach"),
+    [
+        ("revolute", "0 1 0", '<origin xyz="-0.5 0 0.3"/>', "0 0 0", 0.5),  # its angle does not matter
+        ("revolute", "0 1 0", '<origin xyz="-0.2 0 0.1"/>', "-0.4 0 0.3", 0.6),
+        ("revolute", "1 0 0", '<origin xyz="-0.3 0 0"/>', "-0.1 0.2 0.5", 2.0),
+        ("prismatic", "1 0 0", '<origin xyz="-0.5 0 0.3"/>', "0 0 0", 0.2),
+    ],
+)
+def test_the_worst_of_all_masses_and_postures_is_found(
+    tmp_path: Path, kind: str, axis: str, origin: str, at: str, reach: float
+) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM_AND_COUNTERWEIGHT.format(unit=UNIT, kind=kind, axis=axis, origin=origin, at=at, range=reach))
+    robot = load_robot(path)
+    holding = holding_torques(robot, mass_tolerance=0.3)
+    both = np.stack(np.meshgrid(np.linspace(-3.2, 3.2, 1281), np.linspace(-reach, reach, 161)), axis=-1).reshape(-1, 2)
+    rest = np.zeros_like(both)
+    shares = robot.link_torques(both, rest, rest)
+    corners = [np.abs(a * shares[:, 0] + b * shares[:, 1]).max(axis=0) for a in (0.7, 1.3) for b in (0.7, 1.3)]
+    brute = np.max(corners, axis=0)
+    assert np.all(holding.torque >= brute * (1 - 1e-12) - 1e-12)
+    np.testing.assert_allclose(holding.torque, brute, rtol=2e-5, atol=1e-9)
+    for k, posture in enumerate(holding.position):  # and the posture told needs as much, with some masses
+        needs = robot.link_torques(posture, rest[0], rest[0])[:, k]
+        assert abs(needs.sum()) + 0.3 * np.abs(needs).sum() == pytest.approx(holding.torque[k], rel=1e-12, abs=1e-12)
+    if at == "0 0 0" and kind == "revolute":
+        assert holding.torque[0] == pytest.approx(8.966, abs=5e-4)  # 7.297 at the nominal masses' worst posture
+
+
+def test_more_tolerance_never_lowers_the_holding_torque_and_scaling_all_masses_is_within_it() -> None:
+    robot = load_robot("ur5")
+    nominal, wide, wider = (holding_torques(robot, mass_tolerance=tol).torque for tol in (0.0, 0.1, 0.3))
+    assert np.all(wide >= 1.1 * nominal - 1e-9) and np.all(wider >= 1.3 * nominal - 1e-9)
+    assert np.all(wider >= wide - 1e-9)
+    generator = np.random.default_rng(3)
+    postures = generator.uniform(-np.pi, np.pi, (20_000, robot.nq))
+    shares = robot.link_torques(postures, np.zeros_like(postures), np.zeros_like(postures))
+    needed = np.abs(shares.sum(axis=1)) + 0.3 * np.abs(shares).sum(axis=1)
+    assert np.all(needed.max(axis=0) <= wider * (1 + 1e-12) + 1e-12)
+
+
+def test_a_mass_tolerance_with_a_joint_that_others_follow(tmp_path: Path) -> None:
+    path = tmp_path / "follow.urdf"
+    path.write_text(FOLLOWER.format(body=f'<inertial><mass value="1"/><origin xyz="0.5 0 0"/>{UNIT}</inertial>'))
+    robot = load_robot(path)
+    x = np.linspace(-np.pi, np.pi, 400_001)[:, None]
+    shares = robot.link_torques(x, 0 * x, 0 * x)[:, :, 0]
+    brute = (np.abs(shares.sum(axis=1)) + 0.2 * np.abs(shares).sum(axis=1)).max()
+    assert holding_torques(robot, mass_tolerance=0.2).torque[0] == pytest.approx(brute, rel=1e-9)

@@ -263,3 +263,15 @@ def test_position_must_not_jump(arm):
     zero = np.zeros((4, 2))
     with pytest.raises(InputError, match=r"joint 'elbow' jumps by 0\.1"):
         Motion(arm.joints, [0, 1, 1, 2], [[0, 0], [0, 0], [0, 0.1], [0, 0.1]], zero, zero)
+
+
+@pytest.mark.parametrize(
+    ("angle", "suspected"), [(45.0, True), (8.95, True), (2.0, False), (-8.95, True), (8.85, False), (-4.0, False)]
+)
+def test_a_posture_far_out_may_have_been_meant_in_degrees(arm, angle, suspected):
+    high = 2.9  # 8.95 rad is more than 6 rad beyond, though less than two turns
+    assert (arm.lower[1], arm.upper[1]) == (-high, high)
+    notes = dwell(arm, {"elbow": angle}, 1.0).warnings
+    found = [note for note in notes if "were degrees meant? write '45 deg'" in note]
+    assert len(found) == suspected and all(f"'elbow' reaches {angle:g} rad" in note for note in found)
+    assert any("leaves the range" in note for note in notes) == (abs(angle) > high)

@@ -81,7 +81,7 @@ def test_missing_rates_come_from_splines(arm, tmp_path):
     half = read_motion(arm, table(tmp_path / "qv.csv", speeds, np.column_stack([data, motion.velocity])))
     assert np.array_equal(half.velocity, motion.velocity)
     assert half.acceleration == pytest.approx(motion.acceleration, abs=1e-9)
-    assert half.notes == () and "starts moving" in half.warnings[0]
+    assert len(half.notes) == 1 and "starts moving" in half.warnings[1]
 
 
 @pytest.mark.parametrize("rows", [2, 3, 5, 6])
@@ -191,3 +191,29 @@ def test_a_mutilated_file_never_ends_in_anything_else(arm, tmp_path, data):
         return
     for array in (motion.time, motion.position, motion.velocity, motion.acceleration):
         assert np.all(np.isfinite(array))
+
+
+def test_derived_accelerations_are_pointed_out(arm, tmp_path):
+    time = np.linspace(0.0, 1.0, 21)
+    s = time**3 * (10 - 15 * time + 6 * time**2)
+    ds = 30 * time**2 * (1 - time) ** 2
+    full = read_motion(arm, table(tmp_path / "p.csv", POSITIONS, np.column_stack([time, s, s])))
+    assert (
+        full.notes[0] == "motion 'p': accelerations come from differentiating the positions; noise in them is amplified"
+    )
+    rates = [*POSITIONS, "shoulder velocity [rad/s]", "elbow velocity [rad/s]"]
+    half = read_motion(arm, table(tmp_path / "v.csv", rates, np.column_stack([time, s, s, ds, ds])))
+    assert any("differentiating the velocities" in note for note in half.notes)
+
+
+def test_degrees_in_a_column_of_radians_are_suspected(arm, tmp_path):
+    time = np.linspace(0.0, 1.0, 21)
+    s = 45.0 * time**3 * (10 - 15 * time + 6 * time**2)
+    wrong = read_motion(arm, table(tmp_path / "m.csv", POSITIONS, np.column_stack([time, s, 0 * s])))
+    found = [note for note in wrong.notes if "degrees" in note]
+    assert found == [
+        "motion 'm': joint 'shoulder' reaches 45 rad (2578°); were degrees meant? give the column the unit [deg]"
+    ]
+    columns = [POSITIONS[0], "shoulder position [deg]", POSITIONS[2]]
+    right = read_motion(arm, table(tmp_path / "m.csv", columns, np.column_stack([time, s, 0 * s])))
+    assert not any("degrees" in note for note in right.notes)

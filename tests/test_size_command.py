@@ -12,14 +12,15 @@ import pytest
 from PIL import Image
 from two_link import TwoLink, circle_states
 
-from bellcrank.card.card import load_card
+from bellcrank.card.card import Card, load_card
 from bellcrank.cli import main
 from bellcrank.commands.size import parse_payload, parse_share
 from bellcrank.errors import InputError
 from bellcrank.motion.csv_file import read_motion, write_motion
 from bellcrank.motion.motion import Motion
 from bellcrank.sizing.history import file_name
-from bellcrank.sizing.report import csv_text, json_text
+from bellcrank.sizing.plots import draw
+from bellcrank.sizing.report import csv_text, earlier_files, json_text
 from bellcrank.sizing.size import size
 from bellcrank.sizing.table import table
 
@@ -92,6 +93,7 @@ def test_a_payload_and_a_tolerance_raise_the_peak(tmp_path: Path) -> None:
     [
         (["planar_2rr"], "did you mean 'planar_2r'"),
         (["gone.yaml"], "no such file"),
+        (["lift.csv"], "a motion goes to --motion: bellcrank size ROBOT --motion lift.csv"),
         (["gone.urdf"], "no such file"),
         (["planar_2r", "--motion", "elbow_upp"], "did you mean 'elbow_up'"),
         (["planar_2r", "--motion", "gone.csv"], "gone.csv"),
@@ -182,3 +184,74 @@ def test_histories_hold_the_torques_and_can_be_read_as_motions(tmp_path: Path) -
         # 2 kg at 0.5 m by hand; the drive's rotor is not part of the joint's torque
         by_hand = 2.0 * 0.5**2 * motion.acceleration[:, 0] + 2.0 * 9.81 * 0.5 * np.sin(motion.position[:, 0])
         np.testing.assert_allclose(written, by_hand, atol=1e-11)
+
+
+def test_files_of_an_earlier_sizing_do_not_stay_beside_those_of_a_new_one(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert main(["size", "planar_2r", "--out", str(out)]) == 0
+    first = {path.name for path in out.iterdir()}
+    assert set(json.loads((out / "sizing.json").read_text())["files"]) == first
+    (out / "history_mine.csv").write_text("mine")
+    (out / "torque_speed.txt").write_text("mine")
+    assert main(["size", "planar_2r", "--motion", "elbow_up", "--out", str(out)]) == 0
+    now = {path.name for path in out.iterdir()}
+    gone = {"over_time_elbow_down.png", "history_elbow_down.csv"}
+    assert now == (first - gone) | {"history_mine.csv", "torque_speed.txt"}
+    assert set(json.loads((out / "sizing.json").read_text())["files"]) == first - gone
+
+
+def test_only_files_of_a_sizing_in_the_folder_itself_are_ever_removed(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    (out / "history_folder.csv").mkdir(parents=True)
+    outside = [tmp_path / "history_a.csv", tmp_path / "torque_speed.png"]
+    inside = [out / "notes.txt", out / "arm.urdf", out / ".hidden"]
+    for path in [*outside, *inside]:
+        path.write_text("mine")
+    listed = ["../history_a.csv", str(outside[1]), "..", "", ".", 3, None, "history_folder.csv", "history_/../x.csv"]
+    (out / "sizing.json").write_text(json.dumps({"files": listed + [path.name for path in inside]}))
+    assert earlier_files(out) == ["history_folder.csv"]
+    assert main(["size", "planar_2r", "--no-plots", "--out", str(out)]) == 0
+    assert all(path.read_text() == "mine" for path in [*outside, *inside]) and (out / "history_folder.csv").is_dir()
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{", '{"files": 3}', '{"files": {"a": 1}}', "\x00"])
+def test_a_sizing_json_that_lists_nothing_is_passed_over(tmp_path: Path, text: str) -> None:
+    (tmp_path / "sizing.json").write_text(text)
+    assert earlier_files(tmp_path) == [] and earlier_files(tmp_path / "none") == []
+
+
+def test_pictures_with_a_mass_tolerance_are_said_to_be_nominal_and_hold_all_their_text(tmp_path: Path) -> None:
+    card = load_card("geared_pendulum")
+    robot = card.robot()
+    motions = [card.motion(robot, name) for name in card.motions]
+    seen = []
+    for tolerance in (0.0, 0.1):
+        figures = draw(robot, motions, card.drives, card.name, tolerance)
+        assert set(figures) == {"over_time_lift_and_return.png", "torque_speed.png", "motor_torque_speed.png"}
+        for figure in figures.values():
+            figure.canvas.draw()
+            renderer = figure.canvas.get_renderer()
+            texts = [figure._suptitle, *figure.legends, *[axis.title for axis in figure.axes]]
+            for text in texts:
+                box = text.get_window_extent(renderer)
+                assert box.x0 >= 0 and box.x1 <= figure.bbox.x1 and box.y0 >= 0 and box.y1 <= figure.bbox.y1
+        seen.append([figure._suptitle.get_text() for figure in figures.values()])
+        labels = [text.get_text() for text in figures["torque_speed.png"].legends[0].get_texts()]
+        assert "start" in labels
+    assert all("nominal masses" not in text for text in seen[0]) and all("nominal masses" in text for text in seen[1])
+
+
+def test_findings_of_the_robot_are_printed_as_notes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    original = Card.robot
+
+    def with_finding(card: Card, payloads: Any = ()) -> Any:
+        robot = original(card, payloads)
+        robot.findings = ("link 'tip' is heavier than lead",)
+        return robot
+
+    monkeypatch.setattr(Card, "robot", with_finding)
+    assert main(["size", "planar_2r", "--no-plots", "--motion", "elbow_up", "--out", str(tmp_path)]) == 0
+    assert "note: link 'tip' is heavier than lead\n" in capsys.readouterr().out
+    assert "link 'tip' is heavier than lead" in json.loads((tmp_path / "sizing.json").read_text())["warnings"]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,8 +12,11 @@ from two_link import CONTINUOUS, TwoLink, circle_states
 
 from bellcrank.errors import InputError
 from bellcrank.motion.motion import Motion, dwell, join
+from bellcrank.robot.payload import Payload
 from bellcrank.sizing.drive import Drive
+from bellcrank.sizing.report import json_text
 from bellcrank.sizing.size import size
+from bellcrank.sizing.table import table, verdict
 
 DRIVE = Drive(
     ratio=100.0,
@@ -221,6 +226,14 @@ def test_warnings_of_motions_are_carried() -> None:
     [
         ({"motions": []}, "there is no motion"),
         ({"drives": {"sholder": DRIVE}}, "did you mean 'shoulder'"),
+        ({"mass_tolerance": "10%"}, "mass tolerance: expected a share .* found '10%'"),
+        ({"mass_tolerance": None}, "mass tolerance: expected a share"),
+        ({"mass_tolerance": True}, "mass tolerance: expected a share"),
+        ({"motions": "elbow_up"}, "motions: expected a Motion or a list of them, found 'elbow_up'"),
+        ({"motions": 3}, "motions: expected a Motion"),
+        ({"motions": ["elbow_up"]}, "found 'elbow_up' in the list"),
+        ({"drives": [DRIVE]}, "drives: expected a mapping .* found a list"),
+        ({"drives": {"shoulder": {"ratio": 100}}}, "drives: expected a mapping .* found a dict under 'shoulder'"),
         ({"mass_tolerance": 1.5}, "mass tolerance: expected a share"),
         ({"mass_tolerance": float("nan")}, "mass tolerance: expected a share"),
     ],
@@ -229,3 +242,58 @@ def test_bad_arguments_are_named(arguments: dict[str, Any], message: str) -> Non
     robot: Any = TwoLink()
     with pytest.raises(InputError, match=message):
         size(robot, **({"motions": lecture_circle(robot, -1, 11)} | arguments))
+
+
+def test_a_rotor_inertia_given_twice_with_two_values_is_refused() -> None:
+    robot: Any = TwoLink(rotor=(0.5, 0.0))
+    with pytest.raises(InputError, match=r"'shoulder' is given twice.*0\.5 kg m².*1\.2 kg m².*without rotor_inertia"):
+        size(robot, lecture_circle(robot, -1, 11), drives={"shoulder": DRIVE})
+    same = TwoLink(rotor=(DRIVE.reflected_inertia, 0.7))  # equal, and without a drive at the elbow
+    none = TwoLink()
+    peaks = [
+        size(one, lecture_circle(one, -1, 101), drives={"shoulder": DRIVE}).joint("shoulder").shaft
+        for one in (same, none)
+        if isinstance(one, TwoLink)
+    ]
+    assert peaks[0] and peaks[1] and peaks[0].peak_torque.value == pytest.approx(peaks[1].peak_torque.value, rel=1e-12)
+
+
+def test_a_sizing_says_what_was_sized() -> None:
+    robot: Any = TwoLink()
+    robot.payloads, robot.findings = (Payload(2.5, "tip"),), ("link 'tip' weighs 100 kg",)
+    sizing = size(robot, lecture_circle(robot, -1, 101), drives={"elbow": DRIVE}, mass_tolerance=0.125)
+    assert sizing.gravity == (0.0, -9.81, 0.0) and sizing.payloads == ((2.5, "tip"),)
+    assert sizing.undriven == ("shoulder",) and "link 'tip' weighs 100 kg" in sizing.warnings
+    text = table(sizing)
+    for piece in (
+        "gravity (0, -9.81, 0) m/s²",
+        "payload 2.5 kg @ tip",
+        "±12.5 %: each link as a whole",
+        "without a drive: shoulder",
+    ):
+        assert piece in text.split("\n")[1]
+    document = json.loads(json_text(sizing))
+    assert document["gravity"] == [0.0, -9.81, 0.0] and document["payloads"] == [{"mass": 2.5, "frame": "tip"}]
+    assert document["mass_tolerance_percent"] == 12.5 and document["joints_without_drive"] == ["shoulder"]
+    assert sizing.warnings[0] in document["warnings"]
+
+
+def test_the_verdict_names_joints_without_a_drive_where_others_have_one() -> None:
+    robot: Any = TwoLink()
+    motion = lecture_circle(robot, -1, 101)
+    strong = replace(DRIVE, rated_torque=300.0, peak_torque=600.0)
+    text = {
+        count: verdict(size(robot, motion, drives=dict.fromkeys(("elbow", "shoulder")[:count], strong)))
+        for count in range(3)
+    }
+    assert all("All inside" in each for each in text.values())
+    assert text[1].endswith("Joints without a drive, compared with the URDF's limits only: shoulder.")
+    assert "without a drive" not in text[0] + text[2]
+
+
+def test_speeds_that_look_like_rpm_are_pointed_out() -> None:
+    robot: Any = TwoLink()
+    fast = replace(DRIVE, rated_speed=1000.0, max_speed=3000.0)
+    found = [text for text in size(robot, lecture_circle(robot, -1, 11), {"elbow": fast}).warnings if "rpm" in text]
+    assert found == ["drive of joint 'elbow': max_speed 3000 rad/s is 28648 rpm: was rpm meant? write '3000 rpm'"]
+    assert DRIVE.doubts == ()

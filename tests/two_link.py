@@ -49,6 +49,8 @@ class TwoLink:
         self.viscous, self.coulomb = np.full(2, viscous), np.full(2, coulomb)
         self.friction_width = 1e-3
         self.rotor_inertia = np.array(rotor)
+        self.findings: tuple[str, ...] = ()
+        self.gravity, self.payloads = np.array([0.0, -G, 0.0]), ()
 
     def mimics(self) -> tuple[Any, ...]:
         """No joint follows another."""

@@ -3,6 +3,7 @@ over."""
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -117,7 +118,9 @@ class Fields:
             return self._data[key]
         if default is _REQUIRED:
             there = ", ".join(self.keys()) or "nothing"
-            raise self.error("", f"the key '{key}' is missing (there are: {there})")
+            near = difflib.get_close_matches(key, [name for name in self.keys() if name not in self._asked], n=1)
+            hint = f"; did you mean '{key}' by '{near[0]}'?" if near else ""
+            raise self.error(near[0] if near else "", f"the key '{key}' is missing{hint} (there are: {there})")
         return default
 
     def known(self, *keys: str) -> None:

@@ -38,7 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--mass-tolerance",
         default="0",
         metavar="SHARE",
-        help="size for the worst case with every link's mass and inertia this far off, such as 10%%",
+        help="size for the worst case with each link as a whole, mass and inertia by one factor, up to this far "
+        "off, such as 10%%",
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for the files (default: ROBOT_sizing, here)")
     parser.add_argument("--no-plots", action="store_true", help="write no pictures")
@@ -48,10 +49,15 @@ def run(arguments: argparse.Namespace) -> int:
     """Size a robot; 0 where all limits are kept, 1 where one is exceeded. BellcrankError for bad input."""
     from bellcrank.card.card import load_card
     from bellcrank.sizing.history import write_histories
-    from bellcrank.sizing.report import write_reports
+    from bellcrank.sizing.report import earlier_files, remove_stale, write_reports
     from bellcrank.sizing.size import size
     from bellcrank.sizing.table import table, verdict
 
+    if Path(arguments.robot).suffix.lower() == ".csv":
+        raise InputError(
+            f"{arguments.robot}: expected a robot card or URDF, found a CSV file; a motion goes to --motion: "
+            f"bellcrank size ROBOT --motion {arguments.robot}"
+        )
     payloads = [parse_payload(text) for text in arguments.payload]
     tolerance = parse_share(arguments.mass_tolerance)
     card = load_card(arguments.robot)
@@ -62,11 +68,14 @@ def run(arguments: argparse.Namespace) -> int:
     print(table(sizing))
     for warning in sizing.warnings:
         print(f"note: {warning}")
-    files = write_reports(sizing, folder) + write_histories(robot, motions, folder, card.drives)
+    earlier = earlier_files(folder)
+    files = write_histories(robot, motions, folder, card.drives)
     if not arguments.no_plots:
         from bellcrank.sizing.plots import write_plots
 
-        files += write_plots(robot, motions, folder, card.drives, title=card.name)
+        files += write_plots(robot, motions, folder, card.drives, title=card.name, mass_tolerance=tolerance)
+    files = write_reports(sizing, folder, files) + files
+    remove_stale(folder, earlier, files)
     print(f"\n{verdict(sizing)}\nwrote {', '.join(path.name for path in files)} in {folder}")
     return 0 if sizing.inside else 1
 

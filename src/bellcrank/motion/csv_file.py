@@ -117,6 +117,7 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None) -> Moti
     title = file.stem if name is None else name
     notes: tuple[str, ...] = ()
     given = velocity is not None
+    derived = "positions" if velocity is None else "velocities" if acceleration is None else ""
     try:
         if velocity is None:
             velocity, acceleration = _from_positions(joints, time, position)
@@ -127,7 +128,11 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None) -> Moti
     assert acceleration is not None
     if given:
         notes = _disagreement(joints, title, time, position, velocity, acceleration)
-    notes += limit_notes(robot, title, time, position)
+    if derived:
+        notes += (
+            f"motion '{title}': accelerations come from differentiating the {derived}; noise in them is amplified",
+        )
+    notes += limit_notes(robot, title, time, position, "give the column the unit [deg]")
     try:
         return Motion(joints, time, position, velocity, acceleration, title, notes)
     except InputError as error:

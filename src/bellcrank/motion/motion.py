@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
 POSITION_GAP = 1e-6  # rad or m: two rows of one time, or two joined motions, may differ by this much
+MOST_TURNED = 4.0 * np.pi  # rad: a joint that turns further than this from 0 may be in degrees
+FAR_OUT = 6.0  # rad: and so may one that leaves its range by more than this
 AT_REST = 1e-6  # of the motion's largest speed: slower than this counts as rest
 
 
@@ -279,8 +281,12 @@ def _facing(before: Motion, after: Motion) -> Array:
     return np.asarray(continuous(before.joints, pair)[1])
 
 
-def limit_notes(robot: Robot, name: str, time: Array, position: Array) -> tuple[str, ...]:
-    """A sentence for each one-degree-of-freedom joint whose position (n, nq) leaves the URDF's range."""
+def limit_notes(
+    robot: Robot, name: str, time: Array, position: Array, remedy: str = "write '45 deg'"
+) -> tuple[str, ...]:
+    """A sentence for each one-degree-of-freedom joint whose position (n, nq) leaves the URDF's range, and one where
+    it is so far out, or so many turns, that degrees may have been meant; `remedy` says how to write them.
+    """
     notes = []
     for joint in robot.joints:
         if joint.nq != 1:
@@ -293,5 +299,12 @@ def limit_notes(robot: Robot, name: str, time: Array, position: Array) -> tuple[
             notes.append(
                 f"motion '{name}' leaves the range of joint '{joint.name}' ({lower:.6g} to {upper:.6g} "
                 f"{unit}): it reaches {column[row]:.6g} {unit} at {time[row]:g} s"
+            )
+        far = int(np.argmax(np.abs(column)))
+        if joint.kind == "revolute" and (abs(column[far]) > MOST_TURNED or excess[row] > FAR_OUT):
+            worst = row if excess[row] > FAR_OUT else far
+            notes.append(
+                f"motion '{name}': joint '{joint.name}' reaches {column[worst]:.6g} rad "
+                f"({np.degrees(column[worst]):.0f}°); were degrees meant? {remedy}"
             )
     return tuple(notes)

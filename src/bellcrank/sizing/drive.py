@@ -20,6 +20,7 @@ from bellcrank.card.fields import Fields
 from bellcrank.errors import InputError
 
 Array = NDArray[np.float64]
+FASTEST = 1500.0  # rad/s: few motors turn faster, and many have a number above it as their rpm
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,15 @@ class Drive:
     def reflected_inertia(self) -> float:
         """N² (J_rotor + J_gear): the shaft's inertia as the joint feels it, kg m² (prismatic: kg)."""
         return self.ratio**2 * self.shaft_inertia
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """A sentence for each speed above 1500 rad/s, where rpm may have been meant."""
+        return tuple(
+            f"{name} {value:g} rad/s is {value * 30.0 / math.pi:.0f} rpm: was rpm meant? write '{value:g} rpm'"
+            for name, value in (("rated_speed", self.rated_speed), ("max_speed", self.max_speed))
+            if value > FASTEST
+        )
 
     @property
     def curve_points(self) -> tuple[tuple[float, float], ...]:

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.sizing.holding_tolerance import worst_of_masses
+
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint
 
@@ -46,8 +48,9 @@ def holding_torques(robot: Robot, starts: int = STARTS, seed: int = 0, mass_tole
     """The worst static gravity torque of every joint, without friction.
 
     Revolute joints without limits range over one turn; prismatic ones without limits are held at 0 and
-    `notes` says so; a free base and planar joints keep their neutral posture. With a mass tolerance the sum
-    of the links' shares at the nominal worst posture is added.
+    `notes` says so; a free base and planar joints keep their neutral posture. With a mass tolerance each link
+    or payload as a whole, mass and inertia, is scaled by a factor of its own within 1 ± tolerance, and the worst
+    of all factors and postures is found: the largest |τ| + tolerance · Σ|share of a link|.
     """
     joints = tuple(joint for joint in robot.joints if joint.nv == 1)
     count = len(joints)
@@ -99,9 +102,9 @@ def holding_torques(robot: Robot, starts: int = STARTS, seed: int = 0, mass_tole
     result = np.maximum(table[np.arange(count), best], 0.0)
     posture = q.reshape(count, 2 * starts, -1)[np.arange(count), best]
     if mass_tolerance > 0.0:
-        rest = np.zeros((count, robot.nv))
-        shares = np.abs(robot.link_torques(posture, rest, rest)).sum(axis=1)
-        result = result + mass_tolerance * shares[np.arange(count), columns]
+        best_few = np.argsort(-table, axis=1)[:, :2]
+        starts_of = q.reshape(count, 2 * starts, -1)[np.arange(count)[:, None], best_few]
+        result, posture = worst_of_masses(robot, joints, leaders, (lower, upper), starts_of, mass_tolerance, generator)
     return Holding(tuple(joint.name for joint in joints), result, posture, notes)
 
 

@@ -40,7 +40,8 @@ class Loads:
         )
 
     def torque(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-        """Lowest and highest torque (n, k) within the mass tolerance, a drive's rotor left out."""
+        """Lowest and highest torque (n, k) within the mass tolerance (each link or payload as a whole,
+        mass and inertia scaled by one factor within 1 ± tolerance), a drive's rotor left out."""
         nominal = np.asarray(self.robot.inverse_dynamics(q, v, a))[:, self.columns] - self.rotor * a[:, self.columns]
         if self.tolerance == 0.0:
             return nominal, nominal

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 POINTS = 1001  # a motion with fewer rows is drawn from this many points besides them
+LEAST_WIDTH = 8.5  # inches: title and legend need it where there is one panel only
 LIMIT = "#b30000"
 CURVE = "#1a1a1a"
 
@@ -33,26 +35,40 @@ def write_plots(
     folder: str | Path,
     drives: Mapping[str, Drive] | None = None,
     title: str | None = None,
+    mass_tolerance: float = 0.0,
 ) -> list[Path]:
     """Write PNGs: over_time_<motion>.png, torque_speed.png and, with drives, motor_torque_speed.png; their
     paths.
 
-    Angles in rad (m), speeds rad/s (m/s), accelerations rad/s² (m/s²), torques N m (N). InputError where the
-    folder cannot be written.
+    Angles in rad (m), speeds rad/s (m/s), accelerations rad/s² (m/s²), torques N m (N). All are for the
+    nominal masses, and with a mass tolerance the titles say so. InputError where the folder cannot be written.
     """
     folder = Path(folder)
-    drives, title = dict(drives or {}), title or robot.name
-    joints = [joint for joint in robot.joints if joint.nv == 1]
-    figures: dict[str, Figure] = {}
-    for motion, name in zip(motions, file_names(motions), strict=True):
-        figures[f"over_time_{name}.png"] = _over_time(robot, joints, motion, drives, title)
-    figures["torque_speed.png"] = _joint_plane(robot, joints, motions, drives, title)
-    if driven := [joint for joint in joints if joint.name in drives]:
-        figures["motor_torque_speed.png"] = _shaft_plane(robot, driven, motions, drives, title)
+    figures = draw(robot, motions, drives, title, mass_tolerance)
     for name, figure in figures.items():
         with atomic.writing(folder / name) as temporary:
             figure.savefig(temporary, format="png", dpi=110)
     return [folder / name for name in figures]
+
+
+def draw(
+    robot: Robot,
+    motions: Sequence[Motion],
+    drives: Mapping[str, Drive] | None = None,
+    title: str | None = None,
+    mass_tolerance: float = 0.0,
+) -> dict[str, Figure]:
+    """The figures that `write_plots` writes, by file name."""
+    drives, title = dict(drives or {}), title or robot.name
+    note = " (nominal masses)" if mass_tolerance else ""
+    joints = [joint for joint in robot.joints if joint.nv == 1]
+    figures: dict[str, Figure] = {}
+    for motion, name in zip(motions, file_names(motions), strict=True):
+        figures[f"over_time_{name}.png"] = _over_time(robot, joints, motion, drives, title, note)
+    figures["torque_speed.png"] = _joint_plane(robot, joints, motions, drives, title, note)
+    if driven := [joint for joint in joints if joint.name in drives]:
+        figures["motor_torque_speed.png"] = _shaft_plane(robot, driven, motions, drives, title, note)
+    return figures
 
 
 def _new(columns: int, rows: int, width: float, height: float) -> tuple[Figure, Any]:
@@ -80,7 +96,7 @@ def _states(motion: Motion) -> tuple[Array, Array, Array, Array]:
 
 
 def _over_time(
-    robot: Robot, joints: Sequence[RobotJoint], motion: Motion, drives: Mapping[str, Drive], title: str
+    robot: Robot, joints: Sequence[RobotJoint], motion: Motion, drives: Mapping[str, Drive], title: str, note: str
 ) -> Figure:
     time, q, v, a = _states(motion)
     rotor = np.zeros(robot.nv)
@@ -110,8 +126,8 @@ def _over_time(
         axis.margins(x=0.0)
         _grid(axis)
     axes[-1, 0].set_xlabel("time [s]")
-    figure.suptitle(f"{title}: {motion.name}")
-    columns = min(6, len(joints))
+    figure.suptitle(textwrap.fill(f"{title}: {motion.name}{note}", 90))
+    columns = _columns([joint.name for joint in joints], figure)
     figure.legend(
         *axes[0, 0].get_legend_handles_labels(),
         loc="outside lower center",
@@ -128,6 +144,7 @@ def _joint_plane(
     motions: Sequence[Motion],
     drives: Mapping[str, Drive],
     title: str,
+    note: str,
 ) -> Figure:
     figure, axes = _panels(len(joints))
     for axis, joint in zip(axes, joints, strict=False):
@@ -143,7 +160,7 @@ def _joint_plane(
         axis.set_title(
             joint.name + (f" (no {' and '.join(missing)} limit given)" if missing else ""), fontsize="medium"
         )
-    return _finish(figure, axes, len(joints), f"{title}: torque and speed at the joints, with the URDF's limits")
+    return _finish(figure, axes, len(joints), f"{title}: torque and speed at the joints, with the URDF's limits{note}")
 
 
 def _shaft_plane(
@@ -152,6 +169,7 @@ def _shaft_plane(
     motions: Sequence[Motion],
     drives: Mapping[str, Drive],
     title: str,
+    note: str,
 ) -> Figure:
     figure, axes = _panels(len(joints))
     rpm = 30.0 / math.pi
@@ -193,17 +211,19 @@ def _shaft_plane(
         factor = f" × {drive.safety_factor:g}" if drive.safety_factor != 1.0 else ""
         axis.set_ylabel(f"motor torque{factor} [N m]")
         axis.set_title(f"{joint.name} (ratio {drive.ratio:g})", fontsize="medium")
-    return _finish(figure, axes, len(joints), f"{title}: torque and speed at the motor shafts")
+    return _finish(figure, axes, len(joints), f"{title}: torque and speed at the motor shafts{note}")
 
 
 def _panels(count: int) -> tuple[Figure, list[Axes]]:
     columns = min(count, 3 if count > 4 else 2)
     rows = math.ceil(count / columns)
-    figure, axes = _new(columns, rows, 4.6 * columns, 3.7 * rows + 0.9)
+    figure, axes = _new(columns, rows, max(LEAST_WIDTH, 4.6 * columns), 3.7 * rows + 0.9)
     return figure, list(axes.ravel())
 
 
 def _finish(figure: Figure, axes: list[Axes], count: int, title: str) -> Figure:
+    from matplotlib.lines import Line2D
+
     for axis in axes[count:]:
         axis.set_visible(False)
     for axis in axes[:count]:
@@ -215,16 +235,23 @@ def _finish(figure: Figure, axes: list[Axes], count: int, title: str) -> Figure:
     for axis in axes[:count]:
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
-    figure.suptitle(title)
+    entries["start"] = Line2D([], [], color="0.35", marker="o", markersize=3.5, linestyle="none")
+    figure.suptitle(textwrap.fill(title, 90))
     figure.legend(
         list(entries.values()),
         list(entries),
         loc="outside lower center",
-        ncols=min(5, len(entries)),
+        ncols=_columns(list(entries), figure),
         frameon=False,
         fontsize="small",
     )
     return figure
+
+
+def _columns(labels: list[str], figure: Figure) -> int:
+    """As many legend columns as the figure is wide enough for, about 0.085 inches a character and its key."""
+    width = 0.085 * max(map(len, labels)) + 0.65
+    return max(1, min(6, len(labels), int(figure.get_figwidth() / width)))
 
 
 def _trace(axis: Axes, speed: Array, torque: Array, k: int, name: str) -> None:

@@ -2,24 +2,61 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import json
 import math
+import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from bellcrank import atomic
 from bellcrank.sizing.result import JointSizing, Peak, ShaftSizing, Sizing
 
+REPORTS = ("sizing.csv", "sizing.json")
+_OURS = re.compile(r"(?:history_[^/\\\0]+\.csv|over_time_[^/\\\0]+\.png|(?:motor_)?torque_speed\.png|sizing\.csv)\Z")
 
-def write_reports(sizing: Sizing, folder: str | Path) -> list[Path]:
-    """Write sizing.csv and sizing.json into a folder, whole or not at all; their paths. InputError."""
+
+def write_reports(sizing: Sizing, folder: str | Path, others: Iterable[Path] = ()) -> list[Path]:
+    """Write sizing.csv and sizing.json into a folder, whole or not at all; their paths. InputError.
+
+    `others` are files of the same sizing in the folder, named in sizing.json beside these two under "files".
+    """
     folder = Path(folder)
-    files = {folder / "sizing.csv": csv_text(sizing), folder / "sizing.json": json_text(sizing)}
+    names = [*REPORTS, *(path.name for path in others)]
+    files = {folder / "sizing.csv": csv_text(sizing), folder / "sizing.json": json_text(sizing, names)}
     for path, text in files.items():
         atomic.write_text(path, text)
     return list(files)
+
+
+def earlier_files(folder: str | Path) -> list[str]:
+    """Names that the sizing.json of a folder lists as written with it; none where there is no such file.
+
+    Only plain names of the kinds that a sizing writes count, so that no other file can be meant.
+    """
+    try:
+        document = json.loads((Path(folder) / "sizing.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return []
+    listed = document.get("files") if isinstance(document, dict) else None
+    return [name for name in listed if isinstance(name, str) and _OURS.match(name)] if isinstance(listed, list) else []
+
+
+def remove_stale(folder: str | Path, earlier: Iterable[str], written: Iterable[Path]) -> list[str]:
+    """Remove the files of an earlier sizing that were not written again; the names of those removed."""
+    kept = {path.name.casefold() for path in written}
+    removed = []
+    for name in earlier:
+        path = Path(folder) / name
+        if name.casefold() in kept or path.is_symlink() or not path.is_file():
+            continue
+        with contextlib.suppress(OSError):
+            path.unlink()
+            removed.append(name)
+    return removed
 
 
 def csv_text(sizing: Sizing) -> str:
@@ -32,16 +69,23 @@ def csv_text(sizing: Sizing) -> str:
     return buffer.getvalue()
 
 
-def json_text(sizing: Sizing) -> str:
+def json_text(sizing: Sizing, files: Iterable[str] = REPORTS) -> str:
     """The whole sizing; numbers that are not finite (a margin against a limit of 0) are written as null."""
     document = {
         "robot": sizing.robot,
         "motions": list(sizing.motions),
+        "gravity": list(sizing.gravity),
+        "payloads": [{"mass": mass, "frame": frame} for mass, frame in sizing.payloads],
         "mass_tolerance": sizing.mass_tolerance,
+        "mass_tolerance_percent": float(f"{100.0 * sizing.mass_tolerance:.10g}"),
+        "joints_without_drive": list(sizing.undriven),
+        "files": list(files),
         "inside": sizing.inside,
         "exceeded": list(sizing.exceeded),
         "warnings": list(sizing.warnings),
         "units": {
+            "gravity": "m/s^2, in the world",
+            "mass": "kg",
             "torque": "N m (N on prismatic joints)",
             "speed": "rad/s (m/s)",
             "position": "rad (m)",

@@ -222,7 +222,10 @@ class JointSizing:
 @dataclass(frozen=True)
 class Sizing:
     """The sizing of a robot over its motions; `peak_supply_power` and `peak_regeneration` (W) sum all joints
-    at one instant."""
+    at one instant.
+
+    `gravity` (m/s², in the world) and `payloads`, each (mass in kg, frame), are those sized with.
+    """
 
     robot: str
     motions: tuple[str, ...]
@@ -231,6 +234,8 @@ class Sizing:
     supply_peak: Peak
     regeneration_peak: Peak
     warnings: tuple[str, ...] = field(default=())
+    gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
+    payloads: tuple[tuple[float, str], ...] = ()
 
     def joint(self, name: str) -> JointSizing:
         """The line of one joint; InputError for an unknown name."""
@@ -238,6 +243,11 @@ class Sizing:
             if joint.name == name:
                 return joint
         raise InputError(f"sizing of {self.robot}: {among('joint', name, [joint.name for joint in self.joints])}")
+
+    @property
+    def undriven(self) -> tuple[str, ...]:
+        """Names of the joints without a drive: no motor was compared with what they need."""
+        return tuple(joint.name for joint in self.joints if joint.shaft is None)
 
     @property
     def peak_supply_power(self) -> float:

@@ -2,14 +2,16 @@
 
 Torque at a joint is inverse dynamics, τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction (Ghosal, lecture 18;
 robot.inverse_dynamics). Where a joint has a drive, that is the torque at the gear's output: the rotor's
-inertia counts at the shaft. It is linear in the masses, so a mass tolerance changes it by at most tolerance ·
-Σ|share of each link|, and that bound is reached: peaks are exact worst cases, RMS and energies are upper
-bounds. Reactions and inertias stay nominal.
+inertia counts at the shaft. A mass tolerance scales each massive link and payload as a whole, mass and inertia
+together, by one factor of its own within 1 ± tolerance. Torque is linear in these factors, so it changes by at
+most tolerance · Σ|share of each link|, and that bound is reached: peaks are exact worst cases, RMS and energies
+are upper bounds. Reactions and inertias stay nominal.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -45,14 +47,16 @@ def size(
     """Size every one-degree-of-freedom joint of a robot over one or several motions: the worst of them
     counts.
 
-    `drives` gives motor and gear by joint name; `mass_tolerance` is a share (0.1 for ±10 % on every link's
-    mass and inertia). Each motion counts as a cycle that repeats, for RMS and mean. Raises InputError where a
-    drive names no joint, a motion belongs to another robot, or there is no motion.
+    `drives` gives motor and gear by joint name; `mass_tolerance` is a share: with 0.1 each link as
+    a whole, its mass and inertia together, is scaled by one factor within 1 ± 0.1. Each motion counts as a cycle
+    that repeats, for RMS and mean. Raises InputError where a drive names no joint or gives its rotor another
+    inertia than the robot has, a motion belongs to another robot, there is no motion, or a type is wrong.
     """
-    motions = _renamed([motions] if isinstance(motions, Motion) else list(motions))
-    drives = dict(drives or {})
+    mass_tolerance = _tolerance(mass_tolerance)
+    motions = _renamed(_motions(motions))
+    drives = _drives(drives)
     joints = tuple(joint for joint in robot.joints if joint.nv == 1)
-    _check(robot, joints, motions, drives, mass_tolerance)
+    _check(robot, joints, motions, drives)
     loads = Loads(robot, joints, drives, mass_tolerance)
     found: list[dict[str, list[Peak]]] = []
     cycles: list[list[Cycle]] = []
@@ -79,7 +83,10 @@ def size(
         )
         for k, _ in enumerate(joints)
     )
-    warnings = [warning for motion in motions for warning in motion.warnings] + list(holding.notes)
+    warnings = list(robot.findings)
+    warnings += [warning for motion in motions for warning in motion.warnings]
+    warnings += [f"drive of joint '{name}': {doubt}" for name, drive in drives.items() for doubt in drive.doubts]
+    warnings += holding.notes
     if len(joints) < len(robot.joints):
         others = ", ".join(f"'{joint.name}' ({joint.kind})" for joint in robot.joints if joint.nv != 1)
         warnings.append(f"joints with several degrees of freedom have no single motor and are not sized: {others}")
@@ -91,6 +98,8 @@ def size(
         worst["supply"][0],
         worst["regeneration"][0],
         tuple(dict.fromkeys(warnings)),
+        tuple(map(float, robot.gravity)),
+        tuple((float(payload.mass), payload.frame) for payload in robot.payloads),
     )
 
 
@@ -99,16 +108,11 @@ def _check(
     joints: tuple[RobotJoint, ...],
     motions: list[Motion],
     drives: Mapping[str, Drive],
-    tolerance: float,
 ) -> None:
     if not motions:
         raise InputError(f"sizing of {robot.name}: there is no motion; give at least one")
     if not joints:
         raise InputError(f"sizing of {robot.name}: the robot has no joint that a motor could drive")
-    if not 0.0 <= tolerance < 1.0:
-        raise InputError(
-            f"mass tolerance: expected a share of at least 0 and below 1 (or a percentage), found {tolerance}"
-        )
     layout = [(joint.name, joint.q, joint.v) for joint in robot.joints]
     for motion in motions:
         if [(joint.name, joint.q, joint.v) for joint in motion.joints] != layout:
@@ -120,6 +124,53 @@ def _check(
     for name in drives:
         if name not in known:
             raise InputError(f"drives of {robot.name}: {among('joint', name, known)}")
+    for joint in joints:
+        drive, given = drives.get(joint.name), float(robot.rotor_inertia[joint.v])
+        if drive is None or given == 0.0 or math.isclose(given, drive.reflected_inertia, rel_tol=1e-9):
+            continue
+        unit = "kg" if joint.kind == "prismatic" else "kg m²"
+        raise InputError(
+            f"sizing of {robot.name}: the rotor inertia of joint '{joint.name}' is given twice, with two values: the "
+            f"robot's rotor_inertia is {given:.6g} {unit}, its drive's reflected inertia ratio² · (rotor_inertia + "
+            f"gear_inertia) is {drive.reflected_inertia:.6g} {unit}; load the robot without rotor_inertia for this "
+            "joint, or with the drive's reflected_inertia"
+        )
+
+
+def _tolerance(value: object) -> float:
+    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+    if not number or not 0.0 <= float(value) < 1.0:  # type: ignore[arg-type]
+        raise InputError(f"mass tolerance: expected a share of at least 0 and below 1, such as 0.1, found {value!r}")
+    return float(value)  # type: ignore[arg-type]
+
+
+def _motions(given: object) -> list[Motion]:
+    if isinstance(given, Motion):
+        return [given]
+    if isinstance(given, (str, bytes, Mapping)) or not isinstance(given, Iterable):
+        raise InputError(f"motions: expected a Motion or a list of them, found {_kind(given)}")
+    motions = list(given)
+    for motion in motions:
+        if not isinstance(motion, Motion):
+            raise InputError(f"motions: expected a Motion or a list of them, found {_kind(motion)} in the list")
+    return motions
+
+
+def _drives(given: object) -> dict[str, Drive]:
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):
+        raise InputError(f"drives: expected a mapping of joint names to Drives, found {_kind(given)}")
+    for name, drive in given.items():
+        if not isinstance(name, str) or not isinstance(drive, Drive):
+            raise InputError(
+                f"drives: expected a mapping of joint names to Drives, found {_kind(drive)} under {name!r}"
+            )
+    return dict(given)
+
+
+def _kind(value: object) -> str:
+    return f"{value!r}"[:60] if isinstance(value, (str, int, float)) else f"a {type(value).__name__}"
 
 
 def _renamed(motions: list[Motion]) -> list[Motion]:

@@ -28,7 +28,7 @@ def table(sizing: Sizing) -> str:
     if sizing.mass_tolerance:
         parts.append(
             "Peaks are the worst case within the mass tolerance; RMS, energies and supply power are upper "
-            "bounds; reactions and inertias are nominal."
+            "bounds; reactions and inertias, histories and pictures are for the nominal masses."
         )
     return "\n".join(parts)
 
@@ -41,12 +41,26 @@ def verdict(sizing: Sizing) -> str:
     if not margins:
         return "Nothing to compare with: neither the URDF nor a drive gives a limit."
     smallest, where = min(margins)
-    return f"All inside: the tightest margin is {smallest:.1%}, {where}."
+    without = ""
+    if 0 < len(sizing.undriven) < len(sizing.joints):
+        without = f" Joints without a drive, compared with the URDF's limits only: {', '.join(sizing.undriven)}."
+    return f"All inside: the tightest margin is {smallest:.1%}, {where}.{without}"
 
 
 def _heading(sizing: Sizing) -> str:
-    tolerance = f", mass tolerance ±{sizing.mass_tolerance:.3g}" if sizing.mass_tolerance else ""
-    return f"{sizing.robot}, {len(sizing.motions)} motion(s): {', '.join(sizing.motions)}{tolerance}\n"
+    """The robot and its motions, and what it was sized with."""
+    with_ = [f"gravity ({', '.join(f'{x:g}' for x in sizing.gravity)}) m/s²"]
+    if sizing.payloads:
+        with_.append("payload " + ", ".join(f"{mass:g} kg @ {frame}" for mass, frame in sizing.payloads))
+    else:
+        with_.append("no payload")
+    if sizing.mass_tolerance:
+        with_.append(f"mass tolerance ±{100.0 * sizing.mass_tolerance:.10g} %: each link as a whole")
+    if len(sizing.undriven) == len(sizing.joints):
+        with_.append("no drives")
+    elif sizing.undriven:
+        with_.append(f"without a drive: {', '.join(sizing.undriven)}")
+    return f"{sizing.robot}, {len(sizing.motions)} motion(s): {', '.join(sizing.motions)}\n{'; '.join(with_)}\n"
 
 
 def _joint_rows(sizing: Sizing) -> tuple[list[str], list[list[str]]]:
