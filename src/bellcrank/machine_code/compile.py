@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank import _step
+from bellcrank._step import evaluate
 from bellcrank.errors import CompileError, InputError
 from bellcrank.machine_code import cache as disk
 from bellcrank.machine_code import machine
@@ -107,7 +107,7 @@ class Compiled:
     def __call__(self, *arrays: Any) -> Any:
         """Evaluate; InputError where an array has the wrong shape or batches differ in length."""
         if all(type(a) is np.ndarray and a.ndim == 1 for a in arrays):
-            quick = _step.evaluate(self.address("scalar"), arrays, self.input_sizes, self.output_sizes)
+            quick = evaluate(self.address("scalar"), arrays, self.input_sizes, self.output_sizes)
             if quick is not None:
                 return quick[0] if len(quick) == 1 else quick
         if len(arrays) != len(self.input_sizes):
@@ -126,7 +126,7 @@ class Compiled:
         if rows is not None:
             outputs = tuple(self._many(values, rows))
         else:
-            outputs = _step.evaluate(self.address("scalar"), tuple(values), self.input_sizes, self.output_sizes)
+            outputs = evaluate(self.address("scalar"), tuple(values), self.input_sizes, self.output_sizes)
             if outputs is None:
                 raise CompileError(f"{self.name} could not be evaluated at this sample")
         return outputs[0] if len(outputs) == 1 else outputs
