@@ -124,12 +124,12 @@ class Compiled:
                     raise InputError(f"{self.name}: batches of different length, {rows} and {value.shape[0]}")
                 rows = value.shape[0]
         if rows is not None:
-            outputs = tuple(self._many(values, rows))
-        else:
-            outputs = evaluate(self.address("scalar"), tuple(values), self.input_sizes, self.output_sizes)
-            if outputs is None:
-                raise CompileError(f"{self.name} could not be evaluated at this sample")
-        return outputs[0] if len(outputs) == 1 else outputs
+            many = self._many(values, rows)
+            return many[0] if len(many) == 1 else tuple(many)
+        one = evaluate(self.address("scalar"), tuple(values), self.input_sizes, self.output_sizes)
+        if one is None:
+            raise CompileError(f"{self.name} could not be evaluated at this sample")
+        return one[0] if len(one) == 1 else one
 
     def _many(self, values: list[Array], rows: int) -> list[Array]:
         lanes = machine.target().lanes
