@@ -3,7 +3,7 @@ drives it.
 
 Keys: name, urdf (a path beside the card, or the name of a robot), gravity (m/s²), floating_base, friction
 ("urdf", "none" or {joint: {viscous, coulomb}}), payloads [{mass, frame, cg, inertia}], frames {name: {link,
-xyz, rpy}}, motions (see card_motions.py) and drives {joint: {…}} (see drive.py).
+xyz, rpy}}, motions (see motions.py) and drives {joint: {…}} (see drive.py).
 """
 
 from __future__ import annotations
