@@ -198,3 +198,26 @@ def test_ctrl_c_stops_cleanly_and_leaves_no_half_written_file(arm):
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130 and "interrupted" in err and "Traceback" not in err
     assert not Path("figures").exists()
+
+
+def test_a_fault_of_ours_is_not_the_answer_no(monkeypatch, capsys):
+    def fail(name):
+        raise ZeroDivisionError("ours")
+
+    monkeypatch.setattr("bellcrank.commands.verify.verify", fail)
+    assert main(["verify", "planar_2r"]) == 70
+    assert "fault of bellcrank" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("coding", "target", "status"), [("utf-8", "/dev/full", 2), ("ascii", os.devnull, 0)])
+def test_a_full_disk_or_a_plain_terminal_under_the_table(arm, coding, target, status):
+    with open(target, "w") as output:  # noqa: PTH123  a device
+        done = subprocess.run(
+            [sys.executable, "-m", "bellcrank", "size", "arm.yaml", "--no-plots"],
+            stdout=output,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONIOENCODING": coding},
+            check=False,
+        )
+    assert done.returncode == status and "Traceback" not in done.stderr, done.stderr

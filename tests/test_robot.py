@@ -169,6 +169,9 @@ def test_link_shares_sum_to_the_frictionless_torque():
     shares = robot.link_torques(q, v, a)
     assert shares.shape == (30, len(robot.massive_links), 6)
     np.testing.assert_allclose(shares.sum(axis=1), bare.inverse_dynamics(q, v, a), atol=1e-11)
+    rest = np.zeros_like(v)
+    np.testing.assert_allclose(robot.link_gravity_torques(q), robot.link_torques(q, rest, rest), atol=1e-12)
+    np.testing.assert_allclose(robot.link_torques(q[3], v[3], a[3]), shares[3], atol=1e-12)
 
 
 def test_reaction_about_the_axis_is_the_joint_torque():

@@ -92,6 +92,11 @@ class TwoLink:
         """(n, 2) torques, N m."""
         return self.link_torques(q, v, a).sum(axis=1) + self.rotor_inertia * a + self.friction_torque(v)
 
+    def link_gravity_torques(self, q: Any) -> Any:
+        """(n, 2, 2) shares at rest."""
+        rest = np.zeros_like(np.atleast_2d(q))
+        return self.link_torques(q, rest, rest)
+
     def gravity_torque(self, q: Any) -> Any:
         """(n, 2) at rest."""
         rest = np.zeros_like(np.atleast_2d(q))

@@ -72,6 +72,23 @@ class Equations:
         return casadi.Function("gravity_torque", [q], [f(q, rest, rest, casadi.SX(0, 1))])
 
     def link_torques(self) -> casadi.Function:
+        """(q, v, a) -> each massive link's share of the torque, link by link (links x nv), without rotors."""
+        import casadi
+
+        f = self._scaled()
+        q, v, a, p = (casadi.SX.sym(n, f.size1_in(k)) for k, n in enumerate("qvap"))
+        return casadi.Function("link_torques", [q, v, a], [_shares(f, q, v, a, p)])
+
+    def link_gravity_torques(self) -> casadi.Function:
+        """(q) -> the same at rest."""
+        import casadi
+
+        f = self._scaled()
+        q, p = casadi.SX.sym("q", f.size1_in(0)), casadi.SX.sym("p", f.size1_in(3))
+        rest = casadi.SX(f.size1_in(1), 1)
+        return casadi.Function("link_gravity_torques", [q], [_shares(f, q, rest, rest, p)])
+
+    def _scaled(self) -> casadi.Function:
         """(q, v, a, p) -> torques with each massive link's mass and inertia times its own factor in p, no rotors."""
         joints = [{**joint, "armature": [0.0] * joint["nv"]} for joint in self.tree.joints]
         bare = Tree(**{**asdict(self.tree), "joints": joints})
@@ -85,6 +102,14 @@ class Equations:
 
     def _traced(self, tree: Tree, settings: Iterable[tuple[int, int, int]] = (), parameters: int = 0) -> Any:
         return trace_tree(tree, tuple(float(x) for x in self.gravity), list(settings), parameters)
+
+
+def _shares(f: casadi.Function, q: casadi.SX, v: casadi.SX, a: casadi.SX, p: casadi.SX) -> casadi.SX:
+    """d torque / d factor, dense and link by link: torque is linear in the factors, so any point will do; here 1."""
+    import casadi
+
+    at = casadi.Function("at", [q, v, a, p], [casadi.jacobian(f(q, v, a, p), p)])
+    return casadi.vec(casadi.densify(at(q, v, a, casadi.DM.ones(p.size1()))))
 
 
 def _function(serialized: bytes) -> casadi.Function:

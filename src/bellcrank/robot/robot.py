@@ -286,8 +286,16 @@ class Robot:
         if not self.massive_links:
             rows = {len(x) for x in (q, v, a) if x.ndim == 2}
             return np.zeros((*rows, 0, self.nv))
-        scaled = self._code("link_torques", self.equations.link_torques)
-        return np.stack([scaled(q, v, a, row) for row in np.eye(len(self.massive_links))], axis=-2)
+        flat = self._code("link_torques", self.equations.link_torques)(q, v, a)
+        return flat.reshape(*flat.shape[:-1], len(self.massive_links), self.nv)  # type: ignore[no-any-return]
+
+    def link_gravity_torques(self, q: Any) -> Array:
+        """Each link's share of the gravity torque: (links, nv) or (n, links, nv), as `link_torques` at rest."""
+        (q,) = self._states(q)
+        if not self.massive_links:
+            return np.zeros((*q.shape[:-1], 0, self.nv))
+        flat = self._code("link_gravity_torques", self.equations.link_gravity_torques)(q)
+        return flat.reshape(*flat.shape[:-1], len(self.massive_links), self.nv)  # type: ignore[no-any-return]
 
     def frame_pose(self, name: str, q: Any) -> tuple[Array, Array]:
         """Position (3,) or (n, 3) in m and rotation (3, 3) or (n, 3, 3) of a frame in the world."""

@@ -61,8 +61,7 @@ def worst_of_masses(
         parts = []
         for k in range(0, len(rows), BATCH):
             some = slice(k, k + BATCH)
-            rest = np.zeros((len(rows[some]), robot.nv))
-            every = np.asarray(robot.link_torques(postures[some], rest, rest))
+            every = np.asarray(robot.link_gravity_torques(postures[some]))
             parts.append(every[np.arange(len(every)), :, target[rows[some]]])
         return sign[rows, None] * np.concatenate(parts)
 
@@ -112,12 +111,11 @@ def worst_of_masses(
 
 def _dependence(robot: Robot, places: list[int], postures: Array) -> NDArray[np.bool_]:
     """Whether any link's share of the torque of each velocity coordinate depends on each joint's position, (nv, k)."""
-    rest = np.zeros((len(postures), robot.nv))
-    here = np.asarray(robot.link_torques(postures, rest, rest))
+    here = np.asarray(robot.link_gravity_torques(postures))
     scale = 1e-13 * max(1e-300, float(np.max(np.abs(here), initial=0.0)))
     columns = []
     for place in places:
-        there = robot.link_torques(_moved(postures, place, np.roll(postures[:, place], 1)), rest, rest)
+        there = robot.link_gravity_torques(_moved(postures, place, np.roll(postures[:, place], 1)))
         columns.append(np.max(np.abs(np.asarray(there) - here), axis=(0, 1), initial=0.0) > scale)
     return np.stack(columns, axis=1)
 
