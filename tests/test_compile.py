@@ -191,3 +191,10 @@ def test_threads_that_call_first_at_once_all_get_the_answer(fresh_cache):
     for _ in range(2):  # with an empty cache, then with a full one
         done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
         assert (done.returncode, done.stdout) == (0, "8 True\n"), done.stderr
+
+
+def test_code_of_the_same_name_can_be_loaded_again():
+    ir = "define i32 @evaluate(i32 %x) {\n  %y = add i32 %x, 1\n  ret i32 %y\n}\n"
+    code = machine.object_code(ir, machine.target())
+    loaded = [machine.Loaded("same", code, machine.target()) for _ in range(3)]
+    assert len({library.address for library in loaded}) == 3

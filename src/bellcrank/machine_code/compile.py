@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import itertools
 import json
 import threading
 from collections.abc import Callable, Sequence
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
     import casadi
 
 Array = NDArray[np.float64]
-_serial = itertools.count()
 _making = threading.RLock()  # casadi and LLVM work on one thread at a time; calls of finished code do not wait
 _BATCH = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
 
@@ -83,7 +81,7 @@ class Compiled:
             code = disk.load(key)
         if code is not None:
             try:
-                return machine.Loaded(f"{self.name}.{next(_serial)}", code, chosen)
+                return machine.Loaded(self.name, code, chosen)
             except (RuntimeError, KeyError):
                 code = None  # not an object this LLVM can load: make it anew
         ir = self.ir(kind)
@@ -92,7 +90,7 @@ class Compiled:
         disk.store(key, code)
         self._hints[hint] = key
         self._remember(self._hints)
-        return machine.Loaded(f"{self.name}.{next(_serial)}", code, chosen)
+        return machine.Loaded(self.name, code, chosen)
 
     def prepared(self, arrays: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], int]:
         """A call of the batch code on these very arrays (C-contiguous, at least as many rows as lanes), bare."""

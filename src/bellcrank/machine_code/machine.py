@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import threading
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from bellcrank.errors import CompileError, InputError, among
 from bellcrank.machine_code import cache as disk
 
 ABI = 1  # of the compiled functions (codegen.py); a change makes every cached object stale
+_serial = itertools.count()
 _lock = threading.RLock()  # LLVM's state here is one context and one JIT
 
 
@@ -113,5 +115,6 @@ class Loaded:
         llvm = _llvm()
         with _lock:
             builder = llvm.JITLibraryBuilder().add_object_img(code).add_current_process()
-            self._library = builder.export_symbol("evaluate").link(_jit(chosen), name)
+            unique = f"{name}.{next(_serial)}"  # LLVM refuses a name that it has had before
+            self._library = builder.export_symbol("evaluate").link(_jit(chosen), unique)
             self.address: int = self._library["evaluate"]

@@ -121,7 +121,7 @@ def peak_kernel(repeats: int) -> tuple[Callable[[], Any], int]:
         "  %more = icmp ult i64 %next, %n", "  br i1 %more, label %loop, label %end", "end:", *sums,
         f"  store {d} {total}, ptr %out, align 8", "  ret i32 0", "}",
     ])  # fmt: skip
-    loaded = machine.Loaded(f"peak.{chosen.name}.{repeats}.{id(ir)}", machine.object_code(ir, chosen), chosen)
+    loaded = machine.Loaded("peak", machine.object_code(ir, chosen), chosen)
     call = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_int64)(loaded.address)
     out = np.empty(16)
     held = (loaded, out)
