@@ -198,3 +198,21 @@ def test_code_of_the_same_name_can_be_loaded_again():
     code = machine.object_code(ir, machine.target())
     loaded = [machine.Loaded("same", code, machine.target()) for _ in range(3)]
     assert len({library.address for library in loaded}) == 3
+
+
+def test_a_changed_source_anywhere_in_the_package_makes_recipes_stale(tmp_path, monkeypatch):
+    """Expressions are built in several modules; code cached from an older version of any must not be used."""
+    import shutil
+
+    from bellcrank.machine_code import compile as module
+
+    original = module.Path(module.__file__).parent.parent
+    copy = tmp_path / "bellcrank"
+    shutil.copytree(original, copy, ignore=shutil.ignore_patterns("*.so", "__pycache__"))
+    monkeypatch.setattr(module, "__file__", str(copy / "machine_code" / "compile.py"))
+    digests = [module._sources.__wrapped__()]
+    for changed in ("motion/frame_task.py", "robot/equations.py", "machine_code/simd.py"):
+        with (copy / changed).open("a") as file:
+            file.write("# changed\n")
+        digests.append(module._sources.__wrapped__())
+    assert len(set(digests)) == 4

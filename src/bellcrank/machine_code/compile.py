@@ -145,10 +145,9 @@ class Compiled:
 
 @cache
 def _sources() -> str:
-    """A digest of what turns a robot into machine code: any change makes cached recipes stale."""
-    here = Path(__file__).parent
-    package = here.parent
-    paths = sorted([*here.glob("*.py"), package / "trace.py", *package.glob("robot/*.py"), *package.glob("_trace*.so")])
+    """A digest of the package: whatever builds an expression or compiles it, a change makes cached recipes stale."""
+    package = Path(__file__).parent.parent
+    paths = sorted([*package.rglob("*.py"), *package.glob("_trace*.so")])
     return disk.digest(*[p.read_bytes() for p in paths])
 
 
