@@ -28,6 +28,12 @@ _HOME = {
     "Drive": "sizing.drive",
     "Sizing": "sizing.size",
     "size": "sizing.size",
+    "Scene": "scene.scene",
+    "load_scene": "scene.scene",
+    "simulate": "simulation.simulate",
+    "Trajectory": "simulation.trajectory",
+    "load_run": "simulation.run_file",
+    "plot": "simulation.run_plot:plot_run",
     "check_urdf": "urdf.check",
 }
 __all__ = ["__version__", *_HOME]
@@ -41,6 +47,11 @@ if TYPE_CHECKING:
     from bellcrank.robot.load import load_robot
     from bellcrank.robot.payload import Payload
     from bellcrank.robot.robot import Robot
+    from bellcrank.scene.scene import Scene, load_scene
+    from bellcrank.simulation.run_file import load_run
+    from bellcrank.simulation.run_plot import plot_run as plot
+    from bellcrank.simulation.simulate import simulate
+    from bellcrank.simulation.trajectory import Trajectory
     from bellcrank.sizing.drive import Drive
     from bellcrank.sizing.size import Sizing, size
     from bellcrank.urdf.check import check_urdf
@@ -48,7 +59,8 @@ if TYPE_CHECKING:
 
 def __getattr__(name: str) -> Any:
     if name in _HOME:
-        return getattr(importlib.import_module(f"bellcrank.{_HOME[name]}"), name)
+        module, _, attribute = _HOME[name].partition(":")
+        return getattr(importlib.import_module(f"bellcrank.{module}"), attribute or name)
     raise AttributeError(f"module 'bellcrank' has no attribute '{name}'")
 
 

@@ -1,5 +1,6 @@
-"""Calls compiled functions (step_ext/module.cpp)."""
+"""Calls compiled functions (step_ext/module.cpp) and steps them through time (step_ext/integrate.cpp)."""
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,3 +9,83 @@ from numpy.typing import NDArray
 def evaluate(
     address: int, inputs: tuple[Any, ...], input_sizes: tuple[int, ...], output_sizes: tuple[int, ...]
 ) -> tuple[NDArray[np.float64], ...] | None: ...
+
+class StepResult:
+    """What a run found.
+
+    `status`: 0 finished, 1 event, 2 step too small, 3 not finite, 4 evaluations spent, 5 interrupted.
+    `time` (k,) and `state` (k, n) are the requested outputs that were reached, `steps` the ends of the
+    accepted steps with the start before them, `event_*` the events in the order of time. Times in s.
+    """
+
+    @property
+    def time(self) -> NDArray[np.float64]: ...
+    @property
+    def state(self) -> NDArray[np.float64]: ...
+    @property
+    def end_time(self) -> float: ...
+    @property
+    def end_state(self) -> NDArray[np.float64]: ...
+    @property
+    def status(self) -> int: ...
+    @property
+    def accepted(self) -> int: ...
+    @property
+    def rejected(self) -> int: ...
+    @property
+    def evaluations(self) -> int: ...
+    @property
+    def jacobians(self) -> int: ...
+    @property
+    def factorisations(self) -> int: ...
+    @property
+    def seconds(self) -> float: ...
+    @property
+    def steps(self) -> NDArray[np.float64]: ...
+    @property
+    def event_index(self) -> NDArray[np.int32]: ...
+    @property
+    def event_time(self) -> NDArray[np.float64]: ...
+    @property
+    def event_state(self) -> NDArray[np.float64]: ...
+
+def methods() -> dict[str, int]:
+    """The methods and their orders."""
+
+def tableau(method: str) -> dict[str, Any]:
+    """Order and coefficients a, b, c of a method; for Radau the transformation and the eigenvalues of inverse a too."""
+
+def integrate(
+    rhs: int,
+    method: str,
+    t0: float,
+    t1: float,
+    x0: NDArray[np.float64],
+    p: NDArray[np.float64],
+    *,
+    norm_size: int,
+    rtol: float,
+    atol: float,
+    step: float = 0.0,
+    first_step: float = 0.0,
+    max_step: float = ...,
+    times: NDArray[np.float64],
+    every_step: bool,
+    unit: Sequence[tuple[int, int]],
+    signals: Sequence[tuple[NDArray[np.float64], NDArray[np.float64], int, bool]],
+    stops: NDArray[np.float64],
+    events: int,
+    terminal: Sequence[bool],
+    direction: Sequence[int],
+    jacobian: int,
+    tangent: int,
+    lanes: int,
+    max_evaluations: int,
+    progress: Callable[[float], object] | None,
+) -> StepResult:
+    """Step x' = rhs(t, x, u, p) from t0 to t1 (s); ValueError where arguments do not fit together.
+
+    `step` > 0 fixes the step size; otherwise the error of the first `norm_size` entries is kept below
+    atol + rtol |x|, as SciPy's solve_ivp does. `unit`: (start, length) parts of x that stay unit vectors.
+    `signals`: (breaks (m + 1,), coefficients (m, powers, width), derivatives, kinked) pieces of u.
+    """

@@ -14,6 +14,7 @@ from bellcrank.errors import BellcrankError
 
 _COMMANDS = {
     "size": "size the motors of a robot over its motions",
+    "simulate": "integrate a scene's motion, and certify it",
     "verify": "compare compiled dynamics with a textbook's analytic equations",
     "check": "say what is wrong with a URDF before it bites",
     "robots": "list the robots and cards that can be named",

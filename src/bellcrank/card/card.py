@@ -3,7 +3,8 @@ drives it.
 
 Keys: name, urdf (a path beside the card, or the name of a robot), gravity (m/s²), floating_base, friction
 ("urdf", "none" or {joint: {viscous, coulomb}}), payloads [{mass, frame, cg, inertia}], frames {name: {link,
-xyz, rpy}}, motions (see motions.py) and drives {joint: {…}} (see drive.py).
+xyz, rpy}}, motions (see motions.py) and drives {joint: {…}} (see drive.py). A scene's keys (see scene/scene.py) may
+stand in the same file; sizing passes over them.
 """
 
 from __future__ import annotations
@@ -24,6 +25,11 @@ from bellcrank.urdf import catalog
 if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import Robot
+
+CARD_KEYS = (
+    "name", "urdf", "gravity", "floating_base", "friction", "payloads", "frames", "motions", "drives",
+)  # fmt: skip
+SCENE_KEYS = ("forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate")
 
 Frame = tuple[str, tuple[float, ...], tuple[float, ...]]
 
@@ -82,28 +88,41 @@ def load_card(path_or_name: str | Path) -> Card:
 
     Raises InputError, one sentence naming file and key.
     """
+    source, urdf = find_card(path_or_name)
+    return Card(source.stem, source, source) if urdf else read_card(source)
+
+
+def find_card(path_or_name: str | Path) -> tuple[Path, bool]:
+    """The file that a path or a name stands for, and whether it is a URDF rather than a card. Raises InputError."""
     text = str(path_or_name)
     path = Path(path_or_name)
     if "\0" in text or not text.strip():
         raise InputError(f"robot {text!r}: expected the path of a card or URDF, or the name of a robot")
     if path.suffix.lower() in (".yaml", ".yml"):
-        return read_card(path)
+        return path, False
     cards = names()
     if not _is_file(path):
         if text in cards:
-            return read_card(cards[text])
+            return cards[text], False
         if path.name == text and path.suffix == "":
             known = {**cards, **catalog.names()}
             if text not in known:
                 raise InputError(among("robot", text, known))
-    urdf = catalog.find_urdf(path_or_name)
-    return Card(urdf.stem, urdf, urdf)
+    return catalog.find_urdf(path_or_name), True
 
 
 def read_card(path: str | Path) -> Card:
     """Read a card's YAML file; InputError, one sentence naming file, key and line."""
     path = Path(path)
     fields = Fields.from_file(path)
+    card = card_from_fields(fields, path)
+    fields.known(*SCENE_KEYS)
+    fields.done()
+    return card
+
+
+def card_from_fields(fields: Fields, path: Path) -> Card:
+    """The card among the keys of a file; keys that are not a card's are left for the caller to ask for or refuse."""
     name = fields.text("name", path.stem)
     urdf = _urdf(fields, path)
     gravity = fields.vector("gravity", 3, "m/s^2", (0.0, 0.0, -9.81))
@@ -116,7 +135,6 @@ def read_card(path: str | Path) -> Card:
     check_references(entries)
     drives = fields.mapping("drives", {})
     motors = {joint: drive_from_fields(drives.mapping(joint)) for joint in drives}
-    fields.done()
     return Card(name, path, urdf, gravity, floating, friction, payloads, frames, entries, motors)
 
 

@@ -38,8 +38,17 @@ UNITS: Final[dict[str, dict[str, float]]] = {
     "m/s^3": {"m/s^3": 1.0, "m/s³": 1.0, "mm/s^3": 0.001},
     "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180.0, "°/s": math.pi / 180.0, "rpm": math.pi / 30.0},
     "rad/s^2": {"rad/s^2": 1.0, "rad/s²": 1.0, "deg/s^2": math.pi / 180.0},
+    "N/m": {"N/m": 1.0, "N/mm": 1000.0, "kN/m": 1000.0},
+    "N m/rad": {"N m/rad": 1.0, "Nm/rad": 1.0, "N m/deg": 180.0 / math.pi},
+    "N s/m": {"N s/m": 1.0, "Ns/m": 1.0},
+    "N m s/rad": {"N m s/rad": 1.0, "Nms/rad": 1.0},
+    "1/s": {"1/s": 1.0},
+    "1/s^2": {"1/s^2": 1.0, "1/s²": 1.0},
     "rad or m": {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0, "m": 1.0, "cm": 0.01, "mm": 0.001},
 }
+# What joints of both kinds share is written in either unit.
+for _turning, _sliding in (("N m", "N"), ("N m/rad", "N/m"), ("N m s/rad", "N s/m")):
+    UNITS[f"{_turning} or {_sliding}"] = UNITS[_turning] | UNITS[_sliding]
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*\Z", re.DOTALL)
 _REQUIRED: Final = object()
 
@@ -105,11 +114,15 @@ class Fields:
         return [str(key) for key in self._data]
 
     def error(self, key: str, message: str) -> InputError:
-        """An InputError that names the file, the key and, where known, the line."""
+        """An InputError that names the file, the key and, where known, the line or the override that set it."""
         path = f"{self.path}.{key}" if self.path and key else self.path or key
         lines: dict[str, int] = getattr(self._data, "lines", {})
         line = f" (line {lines[key]})" if key in lines else ""
-        return InputError(f"{_place(self.where, path)}{line}: {message}")
+        overrides: dict[str, str] = getattr(self._data, "overrides", {})
+        text = f"{_place(self.where, path)}{line}: {message}"
+        if key in overrides:
+            text = f"override '{overrides[key]}': {_place(self.where, path)}: {message}"
+        return InputError(" ".join(text.splitlines()))
 
     def raw(self, key: str, default: Any = _REQUIRED) -> Any:
         """The value as the file has it; InputError where it is missing and no default is given."""

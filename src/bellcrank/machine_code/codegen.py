@@ -11,10 +11,11 @@ and simd.py wraps the same operations for batches.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from dataclasses import dataclass
 
 from bellcrank.errors import CompileError
 from bellcrank.machine_code.graph import Graph
+from bellcrank.machine_code.schedule import Schedule, Wave, schedule
 from bellcrank.machine_code.vector_math import Lanes, sincos
 
 _LIBRARY = {  # C library functions, called lane by lane
@@ -29,144 +30,162 @@ _COMPARE = {"lt": "olt", "le": "ole", "eq": "oeq", "ne": "une"}
 
 
 class Body:
-    """The straight-line code of a graph for one block of lanes, between given loads and stores."""
+    """The straight-line code of one function for one block of lanes, between given loads and stores."""
 
-    def __init__(self, graph: Graph, lanes: Lanes, fused: bool, store: str, load: str = "") -> None:
-        self.graph, self.lanes, self.fused = graph, lanes, fused
-        # format strings over {k}, {i}, {name}; without `load` entry i of input k is there already as %in{k}.{i}
-        self.load, self.store = load, store
+    def __init__(
+        self, graph: Graph, plan: Schedule, lanes: Lanes, fused: bool, load: str, store: str, packed: int
+    ) -> None:
+        self.graph, self.plan, self.lanes, self.fused = graph, plan, lanes, fused
+        self.load, self.store = load, store  # format strings over {k}, {i}, {name}
+        self.packed = packed  # how many angles of one sample may share a vector
         self.lines: list[str] = []
         self.library: set[str] = set()
         self.allocas: list[str] = []
-        self.label = "body"  # the basic block being written, for phi nodes
+        self.label = "body"  # the basic block being written
         self.names: dict[int, str] = {}
-        self.sines: dict[int, tuple[str, str]] = {}  # node of the angle -> sine, cosine
 
-    def write(self) -> list[str]:
-        """The lines of the body: sines in waves first, then the rest in the graph's order, stores last."""
-        waves = self._waves()
-        for angles in waves:
-            for index in self._ancestors(angles):
-                self._emit(index)
-            self._trig_wave(angles)
-        wanted = [node for _, entries in self.graph.outputs for node in entries.values()]
-        for index in self._ancestors(wanted):
-            self._emit(index)
-        for k, (size, entries) in enumerate(self.graph.outputs):
-            for i in range(size):
-                value = self.names[entries[i]] if i in entries else self.lanes.number(0.0)
-                self.lines.append("  " + self.store.format(k=k, i=i, name=value))
-        return self.lines
-
-    def _waves(self) -> list[list[int]]:
-        """The angles whose sine or cosine is taken, grouped by how many sines deep they lie."""
-        nodes = self.graph.nodes
-        depth = [0] * len(nodes)
-        waves: list[dict[int, None]] = []
-        for index, node in enumerate(nodes):
-            below = max((depth[a] for a in node.args), default=0)
-            if node.op in ("sin", "cos"):
-                if len(waves) <= below:
-                    waves.append({})
-                waves[below][node.args[0]] = None
-                below += 1
-            depth[index] = below
-        return [list(wave) for wave in waves]
-
-    def _ancestors(self, roots: list[int]) -> Iterator[int]:
-        """The nodes that the roots need and that are not written yet, in the graph's order."""
-        nodes = self.graph.nodes
-        needed: set[int] = set()
-        stack = [r for r in roots if r not in self.names]
-        while stack:
-            index = stack.pop()
-            if index in needed or index in self.names:
-                continue
-            needed.add(index)
-            stack.extend(nodes[index].args)
-        return iter(sorted(needed))
-
-    def _trig_wave(self, angles: list[int]) -> None:
-        """Sines and cosines of several angles; where one is too large, all by the C library."""
-        lanes, d, tag = self.lanes, self.lanes.double, f"w{len(self.sines)}"
-        fast: list[tuple[int, str, str]] = []
-        beyond = ""
-        for index in angles:
-            lines, sine, cosine, flag = sincos(lanes, f"t{index}", self.names[index], self.fused)
-            self.lines += lines
-            fast.append((index, sine, cosine))
-            if beyond:
-                self.lines.append(f"  %{tag}.any{index} = or {lanes.bit} {beyond}, {flag}")
-                beyond = f"%{tag}.any{index}"
+    def write(self, part: int) -> None:
+        """The code of a part; the first one also stores the outputs that are zeros, constants or inputs."""
+        for step in self.plan.parts[part]:
+            if isinstance(step, Wave):
+                self._wave(step.angles)
             else:
-                beyond = flag
-        if lanes.width > 1:
-            self.lines += [
-                f"  %{tag}.mask = bitcast {lanes.bit} {beyond} to i{lanes.width}",
-                f"  %{tag}.slow = icmp ne i{lanes.width} %{tag}.mask, 0",
-            ]
-        else:
-            self.lines.append(f"  %{tag}.slow = or i1 {beyond}, false")
-        n = len(angles)
-        self.allocas.append(f"  %{tag}.buffer = alloca [{3 * n} x {d}], align 64")
+                self._emit(step)
+                self._hand_on(step)
+        for k, (size, entries) in enumerate(self.graph.outputs if part == 0 else ()):
+            for i in range(size):
+                if i not in entries:
+                    self._put(self.store.format(k=k, i=i, name=self.lanes.number(0.0)))
+                elif not self.graph.nodes[entries[i]].args:
+                    self._put(self.store.format(k=k, i=i, name=self._value(entries[i])))
+
+    def _put(self, line: str) -> None:
+        self.lines.append("  " + line)
+
+    def _value(self, index: int) -> str:
+        """The name of a node's value in this function, read from memory where another function has computed it."""
+        name = self.names.get(index)
+        if name is None:
+            node = self.graph.nodes[index]
+            name = f"%v{index}"
+            if node.op == "const":
+                name = self.lanes.number(node.value)
+            elif node.op == "input":
+                self._put(self.load.format(k=node.place[0], i=node.place[1], name=name))
+            else:
+                self._put(f"{name} = load {self.lanes.double}, ptr {self._slot(index)}")
+            self.names[index] = name
+        return name
+
+    def _slot(self, index: int) -> str:
+        self._put(f"%v{index}.at = getelementptr {self.lanes.double}, ptr %passed, i64 {self.plan.slots[index]}")
+        return f"%v{index}.at"
+
+    def _hand_on(self, index: int) -> None:
+        """Store a value where it is an output, and where a later function reads it."""
+        for k, i in self.plan.places.get(index, ()):
+            self._put(self.store.format(k=k, i=i, name=self.names[index]))
+        if index in self.plan.slots:
+            self._put(f"store {self.lanes.double} {self.names[index]}, ptr {self._slot(index)}")
+
+    def _groups(self, angles: tuple[int, ...]) -> list[tuple[Lanes, tuple[int, ...]]]:
+        """The angles of a wave by the vectors in which they are done: one each in a batch, packed for one sample."""
+        if self.lanes.width > 1:
+            return [(self.lanes, (a,)) for a in angles]
+        groups = []
+        while angles:
+            width = self.packed
+            while width >= 2 * len(angles):
+                width //= 2
+            groups.append((Lanes(width), angles[:width]))
+            angles = angles[width:]
+        return groups
+
+    def _pack(self, lanes: Lanes, tag: str, angles: tuple[int, ...]) -> str:
+        """The values of angles side by side, zeros after them."""
+        values = [self._value(a) for a in angles]
+        if lanes.width == self.lanes.width:
+            return values[0]
+        whole = "zeroinitializer"
+        for j, value in enumerate(values):
+            self._put(f"%{tag}.{j} = insertelement {lanes.double} {whole}, double {value}, i64 {j}")
+            whole = f"%{tag}.{j}"
+        return whole
+
+    def _wave(self, angles: tuple[int, ...]) -> None:
+        """Sines and cosines of several angles; where one is too large, all by the C library."""
+        tag = f"w{angles[0]}"
+        groups = self._groups(angles)
+        count = sum(lanes.width for lanes, _ in groups)
+        region = -(-count // 8) * 8  # the buffer holds angles, sines and cosines, in regions of whole vectors
+        self.allocas.append(f"  %{tag} = alloca [{3 * region} x double], align 64")
+        packs: list[tuple[int, Lanes, str]] = []
+        beyond: dict[int, str] = {}  # by width
+        at = 0
+        for lanes, members in groups:
+            x = self._pack(lanes, f"{tag}.x{at}", members)
+            lines, sine, cosine, flag = sincos(lanes, f"{tag}.t{at}", x, self.fused)
+            self.lines += lines
+            for offset, value in ((region, sine), (2 * region, cosine)):
+                self._buffer(f"{tag}", at + offset)
+                self._put(f"store {lanes.double} {value}, ptr %{tag}.p{at + offset}")
+            if lanes.width in beyond:
+                self._put(f"%{tag}.any{at} = or {lanes.bit} {beyond[lanes.width]}, {flag}")
+                flag = f"%{tag}.any{at}"
+            beyond[lanes.width] = flag
+            packs.append((at, lanes, x))
+            at += lanes.width
+        slow = "false"
+        for w, flag in beyond.items():
+            self._put(f"%{tag}.mask{w} = bitcast {Lanes(w).bit} {flag} to i{w}")
+            self._put(f"%{tag}.lane{w} = icmp ne i{w} %{tag}.mask{w}, 0")
+            self._put(f"%{tag}.slow{w} = or i1 %{tag}.lane{w}, {slow}")
+            slow = f"%{tag}.slow{w}"
         self.library.update(("sin", "cos"))
-        before = self.label
-        self.lines.append(f"  br i1 %{tag}.slow, label %{tag}.exact, label %{tag}.done, !prof !2")
+        self._put(f"br i1 {slow}, label %{tag}.exact, label %{tag}.done, !prof !2")
         self.lines.append(f"{tag}.exact:")
-        for j, index in enumerate(angles):
-            self.lines += [
-                f"  %{tag}.a{j} = getelementptr {d}, ptr %{tag}.buffer, i64 {j}",
-                f"  store {d} {self.names[index]}, ptr %{tag}.a{j}",
-            ]
-        self.lines.append(f"  call void @exact_sincos(ptr %{tag}.buffer, i64 {n * lanes.width})")
-        for j in range(n):
-            for kind, base in (("s", n), ("c", 2 * n)):
-                self.lines += [
-                    f"  %{tag}.{kind}p{j} = getelementptr {d}, ptr %{tag}.buffer, i64 {base + j}",
-                    f"  %{tag}.{kind}x{j} = load {d}, ptr %{tag}.{kind}p{j}",
-                ]
-        self.lines += [f"  br label %{tag}.done", f"{tag}.done:"]
-        for j, (index, sine, cosine) in enumerate(fast):
-            for kind, value in (("s", sine), ("c", cosine)):
-                self.lines.append(
-                    f"  %{tag}.{kind}{j} = phi {d} [ {value}, %{before} ], [ %{tag}.{kind}x{j}, %{tag}.exact ]"
-                )
-            self.sines[index] = (f"%{tag}.s{j}", f"%{tag}.c{j}")
+        for at, lanes, x in packs:
+            self._buffer(tag, at)
+            self._put(f"store {lanes.double} {x}, ptr %{tag}.p{at}")
+        self._put(f"call void @exact_sincos(ptr %{tag}, i64 {count}, i64 {region})")
+        self._put(f"br label %{tag}.done")
         self.label = f"{tag}.done"
+        self.lines.append(f"{self.label}:")
+        for j, angle in enumerate(angles):
+            for kind, node in enumerate(self.plan.sines[angle]):
+                if node >= 0:
+                    self._put(f"%v{node}.p = getelementptr {self.lanes.double}, ptr %{tag}, i64 {j}")
+                    self._put(f"%v{node}.s = getelementptr double, ptr %v{node}.p, i64 {(kind + 1) * region}")
+                    self._put(f"%v{node} = load {self.lanes.double}, ptr %v{node}.s")
+                    self.names[node] = f"%v{node}"
+                    self._hand_on(node)
+
+    def _buffer(self, tag: str, at: int) -> None:
+        self._put(f"%{tag}.p{at} = getelementptr double, ptr %{tag}, i64 {at}")
 
     def _emit(self, index: int) -> None:
         node = self.graph.nodes[index]
         lanes, d = self.lanes, self.lanes.double
         name = f"%v{index}"
-        args = [self.names[a] for a in node.args]
+        args = [self._value(a) for a in node.args]
         op = node.op
-        put = self.lines.append
-        if op == "const":
-            name = lanes.number(node.value)
-        elif op == "input":
-            k, i = node.place
-            if self.load:
-                put("  " + self.load.format(k=k, i=i, name=name))
-            else:
-                name = f"%in{k}.{i}"
-        elif op in _ARITHMETIC:
-            put(f"  {name} = {_ARITHMETIC[op]} contract {d} {args[0]}, {args[1]}")
-        elif op in ("sin", "cos"):
-            name = self.sines[node.args[0]][op == "cos"]
+        put = self._put
+        if op in _ARITHMETIC:
+            put(f"{name} = {_ARITHMETIC[op]} contract {d} {args[0]}, {args[1]}")
         elif op == "neg":
-            put(f"  {name} = fneg {d} {args[0]}")
+            put(f"{name} = fneg {d} {args[0]}")
         elif op == "sq":
-            put(f"  {name} = fmul contract {d} {args[0]}, {args[0]}")
+            put(f"{name} = fmul contract {d} {args[0]}, {args[0]}")
         elif op == "twice":
-            put(f"  {name} = fadd contract {d} {args[0]}, {args[0]}")
+            put(f"{name} = fadd contract {d} {args[0]}, {args[0]}")
         elif op == "inv":
-            put(f"  {name} = fdiv {d} {lanes.number(1.0)}, {args[0]}")
+            put(f"{name} = fdiv {d} {lanes.number(1.0)}, {args[0]}")
         elif op in _INTRINSIC:
             listed = ", ".join(f"{d} {a}" for a in args)
-            put(f"  {name} = call {d} @llvm.{_INTRINSIC[op]}.{lanes.suffix}({listed})")
+            put(f"{name} = call {d} @llvm.{_INTRINSIC[op]}.{lanes.suffix}({listed})")
         elif op in _COMPARE:
-            put(f"  {name}.b = fcmp {_COMPARE[op]} {d} {args[0]}, {args[1]}")
-            put(f"  {name} = uitofp {lanes.bit} {name}.b to {d}")
+            put(f"{name}.b = fcmp {_COMPARE[op]} {d} {args[0]}, {args[1]}")
+            put(f"{name} = uitofp {lanes.bit} {name}.b to {d}")
         elif op in ("not", "and", "or", "if_else_zero", "sign"):
             self._logical(name, op, args)
         elif op in _LIBRARY:
@@ -214,13 +233,13 @@ class Body:
 
 
 _EXACT_SINCOS = """
-define internal void @exact_sincos(ptr %buffer, i64 %n) noinline cold {
+define internal void @exact_sincos(ptr %buffer, i64 %n, i64 %region) noinline cold {
 entry:
   br label %loop
 loop:
   %i = phi i64 [ 0, %entry ], [ %next, %loop ]
-  %js = add i64 %i, %n
-  %jc = add i64 %js, %n
+  %js = add i64 %i, %region
+  %jc = add i64 %js, %region
   %px = getelementptr double, ptr %buffer, i64 %i
   %ps = getelementptr double, ptr %buffer, i64 %js
   %pc = getelementptr double, ptr %buffer, i64 %jc
@@ -251,40 +270,65 @@ def declarations(library: set[str], lanes: Lanes) -> list[str]:
     for symbol in sorted(library):
         count = _LIBRARY.get(symbol, 1)
         lines.append(f"declare double @{symbol}({', '.join(['double'] * count)})")
-    for name, count in (("fma", 3), ("sqrt", 1), ("floor", 1), ("ceil", 1), ("fabs", 1), ("minnum", 2), ("maxnum", 2),
-                        ("copysign", 2)):  # fmt: skip
-        lines.append(f"declare {lanes.double} @llvm.{name}.{lanes.suffix}({', '.join([lanes.double] * count)})")
+    for width in sorted({1, 2, 4, 8} if lanes.width == 1 else {lanes.width}):
+        used = Lanes(width)
+        for name, count in (("fma", 3), ("sqrt", 1), ("floor", 1), ("ceil", 1), ("fabs", 1), ("minnum", 2),
+                            ("maxnum", 2), ("copysign", 2)):  # fmt: skip
+            lines.append(f"declare {used.double} @llvm.{name}.{used.suffix}({', '.join([used.double] * count)})")
     return lines
 
 
-def scalar_ir(graph: Graph, fused: bool) -> str:
-    """LLVM IR that evaluates the graph for one sample."""
+@dataclass(frozen=True)
+class Code:
+    """The operations of a graph in LLVM IR: `lines` of `evaluate`, its allocas, and what stands before it."""
+
+    lines: list[str]
+    allocas: list[str]
+    label: str  # the basic block in which `lines` end; they begin in "body"
+    before: list[str]
+
+
+def operations(
+    graph: Graph, lanes: Lanes, fused: bool, load: str, store: str, pointers: list[str], packed: int = 1
+) -> Code:
+    """The operations of a graph; `load` and `store` are formats over {k}, {i}, {name} that may use `pointers`."""
+    plan = schedule(graph)
+    bodies = []
+    library: set[str] = set()
+    for k in range(len(plan.parts)):
+        body = Body(graph, plan, lanes, fused, load, store, packed)
+        body.write(k)
+        library |= body.library
+        bodies.append(body)
+    before = declarations(library, lanes)
+    if "sin" in library:
+        before.append(_EXACT_SINCOS)
+    if len(bodies) == 1:
+        return Code(bodies[0].lines, bodies[0].allocas, bodies[0].label, before)
+    listed = ", ".join(f"ptr noalias %{p}" for p in [*pointers, "passed"])
+    for k, body in enumerate(bodies):
+        head = f"define internal void @part{k}({listed}) noinline alignstack(64) {{"
+        before += [head, "body:", *body.allocas, *body.lines, "  ret void", "}"]
+    given = listed.replace(" noalias", "")
+    calls = [f"  call void @part{k}({given})" for k in range(len(bodies))]
+    return Code(calls, [f"  %passed = alloca [{plan.memory} x {lanes.double}], align 64"], "body", before)
+
+
+def scalar_ir(graph: Graph, width: int, fused: bool) -> str:
+    """LLVM IR that evaluates the graph for one sample; `width` lanes may be used where operations are alike."""
     lanes = Lanes(1)
+    pointers = [f"in{k}" for k in range(len(graph.input_sizes))] + [f"out{k}" for k in range(len(graph.outputs))]
     entry: list[str] = []
-    for kind, count in (("in", len(graph.input_sizes)), ("out", len(graph.outputs))):
-        for k in range(count):
-            entry += [
-                f"  %{kind}.at{k} = getelementptr ptr, ptr %{kind}, i64 {k}",
-                f"  %{kind}{k} = load ptr, ptr %{kind}.at{k}",
-            ]
-    used = sorted({node.place for node in graph.nodes if node.op == "input"})
-    for k, i in used:
-        entry += [
-            f"  %in{k}.{i}.p = getelementptr double, ptr %in{k}, i64 {i}",
-            f"  %in{k}.{i} = load double, ptr %in{k}.{i}.p, !noalias !1",
-        ]
-    for k, (size, _) in enumerate(graph.outputs):
-        entry += [f"  %out{k}.{i}.p = getelementptr double, ptr %out{k}, i64 {i}" for i in range(size)]
-    body = Body(
+    for pointer in pointers:
+        kind, k = pointer.rstrip("0123456789"), pointer.lstrip("inout")
+        entry += [f"  %{kind}.at{k} = getelementptr ptr, ptr %{kind}, i64 {k}", f"  %{pointer} = load ptr, ptr %{kind}.at{k}"]
+    code = operations(
         graph, lanes, fused,
-        store="store double {name}, ptr %out{k}.{i}.p, !alias.scope !1",
+        "{name}.p = getelementptr double, ptr %in{k}, i64 {i}\n  {name} = load double, ptr {name}.p, !noalias !1",
+        "%out{k}.{i}.p = getelementptr double, ptr %out{k}, i64 {i}\n"
+        "  store double {name}, ptr %out{k}.{i}.p, !alias.scope !1",
+        pointers, width,
     )  # fmt: skip
-    lines = body.write()
-    text = ["define i32 @evaluate(ptr noalias %in, ptr noalias %out) {", "entry:"]
-    text += body.allocas + entry + ["  br label %body", "body:"] + lines + ["  ret i32 0", "}"]
-    return "\n".join(declarations(body.library, lanes) + text) + helpers(body) + METADATA
-
-
-def helpers(body: Body) -> str:
-    """The internal functions that the body calls."""
-    return _EXACT_SINCOS if "sin" in body.library else ""
+    text = ["define i32 @evaluate(ptr noalias %in, ptr noalias %out) {", "entry:", *code.allocas, *entry]
+    text += ["  br label %body", "body:", *code.lines, "  ret i32 0", "}"]
+    return "\n".join(code.before + text) + METADATA

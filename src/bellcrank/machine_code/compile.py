@@ -60,7 +60,7 @@ class Compiled:
         """The LLVM IR, `kind` being "scalar" or "batch"."""
         chosen = machine.target()
         if kind == "scalar":
-            return scalar_ir(self.graph, chosen.fused)
+            return scalar_ir(self.graph, chosen.lanes, chosen.fused)
         return batch_ir(self.graph, chosen.lanes, chosen.fused)
 
     def address(self, kind: str) -> int:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 from bellcrank.trace import extension
 
@@ -14,8 +16,7 @@ def _names() -> dict[int, str]:
     return names
 
 
-@dataclass(frozen=True)
-class Node:
+class Node(NamedTuple):
     """One operation: its name, the nodes it reads, and for constants and inputs its value or place."""
 
     op: str
@@ -43,43 +44,67 @@ class Graph:
         return sum(node.op not in ("input", "const", "sin", "cos") for node in self.nodes)
 
 
+class _Builder:
+    """Nodes as they are added; what has been added before, whichever way round it is written, is found again."""
+
+    def __init__(self) -> None:
+        self.nodes: list[Node] = []
+        self._known: dict[tuple[object, ...], int] = {}
+
+    def add(self, op: str, args: tuple[int, ...] = (), value: float = 0.0, place: tuple[int, int] = (0, 0)) -> int:
+        if op in ("add", "mul") and args[0] > args[1]:
+            args = (args[1], args[0])
+        key = (op, args, value.hex() if op == "const" else place)
+        index = self._known.setdefault(key, len(self.nodes))
+        if index == len(self.nodes):
+            self.nodes.append(Node(op, args, value, place))
+        return index
+
+
 def graph_of(serialized: bytes) -> Graph:
-    """Read a serialised casadi SX function; repeated constants and inputs become one node."""
+    """Read a serialised casadi SX function; repeated constants, inputs and operations become one node.
+
+    Several divisions by the same number become one reciprocal and products, which may differ from the quotients
+    by one unit in the last place (and overflow where the divisor is subnormal); a single division stays one.
+    """
     codes, results, firsts, seconds, values, input_sizes, outs = extension().instructions(serialized)
     names = _names()
-    unary = _UNARY
-    nodes: list[Node] = []
+    builder = _Builder()
     register: dict[int, int] = {}
-    known: dict[tuple[object, ...], int] = {}
     stored: list[dict[int, int]] = [{} for _ in outs]
     columns = zip(codes.tolist(), results.tolist(), firsts.tolist(), seconds.tolist(), values.tolist(), strict=True)
     for code, result, first, second, value in columns:
-        op = names.get(code, f"casadi operation {code}")
+        op = names.get(code) or f"casadi operation {code}"
         if op == "output":
             stored[result][int(outs[result][1][int(value)])] = register[first]
-            continue
-        if op == "assign":
+        elif op == "assign":
             register[result] = register[first]
-            continue
-        if op == "const":
-            key: tuple[object, ...] = ("const", value.hex())
-            node = Node("const", value=value)
+        elif op == "const":
+            register[result] = builder.add(op, value=value)
         elif op == "input":
-            key = ("input", first, second)
-            node = Node("input", place=(first, second))
+            register[result] = builder.add(op, place=(first, second))
+        elif op in _UNARY or second < 0:
+            register[result] = builder.add(op, (register[first],))
         else:
-            args = (register[first],) if op in unary or second < 0 else (register[first], register[second])
-            key = (op, *args)
-            node = Node(op, args)
-        if key not in known:
-            known[key] = len(nodes)
-            nodes.append(node)
-        register[result] = known[key]
-    return Graph(
-        tuple(nodes),
-        tuple(int(n) for n in input_sizes),
-        tuple((int(size), entries) for (size, _), entries in zip(outs, stored, strict=True)),
-    )
+            register[result] = builder.add(op, (register[first], register[second]))
+    sizes = tuple(int(n) for n in input_sizes)
+    outputs = tuple((int(size), entries) for (size, _), entries in zip(outs, stored, strict=True))
+    return _with_shared_reciprocals(Graph(tuple(builder.nodes), sizes, outputs))
+
+
+def _with_shared_reciprocals(graph: Graph) -> Graph:
+    divisors = Counter(node.args[1] for node in graph.nodes if node.op == "div")
+    divisors += Counter(node.args[0] for node in graph.nodes if node.op == "inv")
+    builder = _Builder()
+    new: list[int] = []  # index by old index
+    for node in graph.nodes:
+        args = tuple(new[a] for a in node.args)
+        if node.op == "div" and divisors[node.args[1]] > 1:
+            new.append(builder.add("mul", (args[0], builder.add("inv", args[1:]))))
+        else:
+            new.append(builder.add(node.op, args, node.value, node.place))
+    outputs = tuple((size, {i: new[n] for i, n in entries.items()}) for size, entries in graph.outputs)
+    return Graph(tuple(builder.nodes), graph.input_sizes, outputs)
 
 
 _UNARY = frozenset(

@@ -9,7 +9,7 @@ into a buffer with one vector an entry, so that the body reads and writes whole 
 
 from __future__ import annotations
 
-from bellcrank.machine_code.codegen import METADATA, Body, declarations, helpers
+from bellcrank.machine_code.codegen import METADATA, operations
 from bellcrank.machine_code.graph import Graph
 from bellcrank.machine_code.vector_math import Lanes
 
@@ -119,6 +119,7 @@ def batch_ir(graph: Graph, width: int, fused: bool) -> str:
     entry: list[str] = []
     loads: list[str] = []
     stores: list[str] = []
+    pointers: list[str] = []
     for k, size in enumerate(graph.input_sizes):
         if k in used:
             entry += [
@@ -128,6 +129,7 @@ def batch_ir(graph: Graph, width: int, fused: bool) -> str:
                 f"  %stride{k} = load i64, ptr %stride.at{k}",
                 f"  %soa.in{k} = alloca [{size} x {d}], align 64",
             ]
+            pointers.append(f"soa.in{k}")
             loads += _gather(lanes, k, size, used[k])
     for k, (size, _) in enumerate(graph.outputs):
         if size:
@@ -137,22 +139,24 @@ def batch_ir(graph: Graph, width: int, fused: bool) -> str:
                 f"  %soa.out{k} = alloca [{size} x {d}], align 64",
             ]
             entry += [f"  %out{k}.s{i} = getelementptr {d}, ptr %soa.out{k}, i64 {i}" for i in range(size)]
+            pointers.append(f"soa.out{k}")
             stores += _scatter(lanes, k, size)
-    body = Body(
+    code = operations(
         graph, lanes, fused,
-        store="store " + d + " {name}, ptr %out{k}.s{i}, align 64",
-        load="{name} = load " + d + ", ptr %in{k}.s{i}, align 64",
+        "{name}.p = getelementptr " + d + ", ptr %soa.in{k}, i64 {i}\n  {name} = load " + d + ", ptr {name}.p",
+        "%out{k}.{i}.p = getelementptr " + d + ", ptr %soa.out{k}, i64 {i}\n"
+        "  store " + d + " {name}, ptr %out{k}.{i}.p",
+        pointers,
     )  # fmt: skip
-    lines = body.write()
     head = [
         "define i32 @evaluate(ptr noalias %in, ptr noalias %out, ptr noalias %strides, i64 %n) {",
         "entry:",
-        *body.allocas,
+        *code.allocas,
         *entry,
         f"  %last = sub i64 %n, {width}",
         "  br label %loop",
         "loop:",
-        f"  %wanted = phi i64 [ 0, %entry ], [ %following, %{body.label} ]",
+        f"  %wanted = phi i64 [ 0, %entry ], [ %following, %{code.label} ]",
         "  %past = icmp sgt i64 %wanted, %last",
         "  %at = select i1 %past, i64 %last, i64 %wanted",
         "  br label %body",
@@ -169,8 +173,7 @@ def batch_ir(graph: Graph, width: int, fused: bool) -> str:
         "}",
     ]
     declared = [
-        *declarations(body.library, lanes),
         f"declare {d} @llvm.masked.load.{lanes.suffix}.p0(ptr, {mask}, {d})",
         f"declare void @llvm.masked.store.{lanes.suffix}.p0({d}, ptr, {mask})",
     ]
-    return "\n".join(declared + head + lines + tail) + helpers(body) + METADATA
+    return "\n".join(code.before + declared + head + code.lines + tail) + METADATA

@@ -95,17 +95,18 @@ def sincos(lanes: Lanes, tag: str, x: str, fused: bool) -> tuple[list[str], str,
             low = fma(f"low{j + 2}", k, lanes.number(-part), low)
         r = put("r", f"fadd {d} {high}, {low}")
     z = put("z", f"fmul {d} {r}, {r}")
-    # Estrin's scheme would be shorter in depth; Horner's has fewer operations, and lanes hide its depth.
-    s = lanes.number(_SIN[0])
-    for j, c in enumerate(_SIN[1:]):
-        s = fma(f"s{j}", s, z, lanes.number(c))
+    zz = put("zz", f"fmul {d} {z}, {z}")
+
+    def polynomial(name: str, c: tuple[float, ...]) -> str:
+        """Estrin's scheme: as many operations as Horner's, for z² is there anyway, and a chain half as long."""
+        pairs = [fma(f"{name}{j}", lanes.number(c[j]), z, lanes.number(c[j + 1])) for j in (0, 2, 4)]
+        return fma(f"{name}8", fma(f"{name}7", pairs[0], zz, pairs[1]), zz, pairs[2])
+
+    s = polynomial("s", _SIN)
     rz = put("rz", f"fmul {d} {r}, {z}")
     sine = fma("sine", rz, s, r)
-    c_ = lanes.number(_COS[0])
-    for j, c in enumerate(_COS[1:]):
-        c_ = fma(f"c{j}", c_, z, lanes.number(c))
+    c_ = polynomial("c", _COS)
     half = fma("half", z, lanes.number(-0.5), lanes.number(1.0))
-    zz = put("zz", f"fmul {d} {z}, {z}")
     if fused:
         cosine = fma("cosine", zz, c_, half)
     else:  # the rounding of 1 - z/2 is added back: without fused operations it would cost half an ulp too much

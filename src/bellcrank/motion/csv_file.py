@@ -37,6 +37,7 @@ UNITS: dict[str, dict[str, float]] = {
     "N m": {"N m": 1.0},
     "N": {"N": 1.0},
 }
+ENERGIES = "kinetic energy [J]"
 _HEADER = re.compile(r"^(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]$")
 
 
@@ -179,6 +180,8 @@ def _table(file: Path) -> tuple[list[str], Array]:
 
 def _converted(file: Path, header: list[str], table: Array, units: dict[str, str]) -> dict[str, Array]:
     values: dict[str, Array] = {}
+    if ENERGIES in header:  # a run's file: its energies and outputs stand last, and are no motion
+        header = header[: header.index(ENERGIES)]
     for column, text in enumerate(header):
         match = _HEADER.match(text)
         label = match["name"] if match else text

@@ -144,6 +144,11 @@ class Robot:
         """How many numbers cleaning made exact at load, and the largest change."""
         return self._tree.cleaned_entries, self._tree.cleaned_largest
 
+    @property
+    def key(self) -> str:
+        """A digest of everything that the robot's equations depend on."""
+        return self._key
+
     @cached_property
     def neutral(self) -> Array:
         """The posture (nq,) with every joint at 0 and the base at the origin, upright."""

@@ -7,6 +7,8 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
+#include "integrate.hpp"
+
 namespace nb = nanobind;
 
 namespace {
@@ -47,4 +49,5 @@ nb::object evaluate(std::uintptr_t address, nb::tuple inputs, nb::tuple input_si
 
 NB_MODULE(_step, m) {
   m.def("evaluate", &evaluate);
+  bellcrank::bind_integrate(m);
 }

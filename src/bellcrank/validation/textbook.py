@@ -58,6 +58,21 @@ class PlanarTwoLink:
         """Accelerations under torques, (..., 2)."""
         return _solve(self.mass_matrix(q), tau - self.bias(q, v))
 
+    def derivative(self, x: NDArray[Any]) -> NDArray[Any]:
+        """Rates (..., 4) of the state x = (q, v), (..., 4), without torques, in x's own precision (Cramer's rule)."""
+        q2, v1, v2 = x[..., 1], x[..., 2], x[..., 3]
+        c2, c1, c12 = np.cos(q2), np.cos(x[..., 0]), np.cos(x[..., 0] + q2)
+        m22 = self.i2 + self.m2 * self.r2**2
+        coupling = self.m2 * self.l1 * self.r2
+        m12 = m22 + coupling * c2
+        m11 = self.i1 + self.m1 * self.r1**2 + self.m2 * self.l1**2 + m12 + coupling * c2
+        h = coupling * np.sin(q2)
+        outer = self.m2 * self.g * self.r2 * c12
+        f1 = h * (2 * v1 + v2) * v2 - outer - (self.m2 * self.l1 + self.m1 * self.r1) * self.g * c1
+        f2 = -h * v1 * v1 - outer
+        determinant = m11 * m22 - m12 * m12
+        return np.stack([v1, v2, (m22 * f1 - m12 * f2) / determinant, (m11 * f2 - m12 * f1) / determinant], -1)
+
     def energy(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Kinetic and potential energy (zero at the height of the first joint), (...) each, J."""
         kinetic = 0.5 * np.einsum("...i,...ij,...j->...", v, self.mass_matrix(q), v)
@@ -92,6 +107,43 @@ class PlanarTwoLink:
         w1, w12 = v[..., 0], v[..., 0] + v[..., 1]
         jdot_v = np.stack([-c1 * w1 * w1 - c12 * w12 * w12, -s1 * w1 * w1 - s12 * w12 * w12], -1)
         return q, v, _solve(jacobian, ddx - jdot_v)
+
+
+@dataclass(frozen=True)
+class SpringPendulum:
+    """A point mass on a massless spring that turns in a vertical plane about a fixed point.
+
+    q = (θ, r): angle from hanging in rad, then length in m; v their rates. Mass in kg, stiffness in N/m, free length
+    in m, g in m/s². m r̈ = m r θ̇² + m g cos θ - k (r - l); m r θ̈ = -2 m ṙ θ̇ - m g sin θ.
+    """
+
+    mass: float = 2.0
+    stiffness: float = 15.0
+    free_length: float = 5.0
+    g: float = 9.81
+
+    def forward_dynamics(self, q: NDArray[Any], v: NDArray[Any]) -> NDArray[Any]:
+        """Accelerations (θ̈, r̈), (..., 2), in rad/s² and m/s²."""
+        angle, r, rate, speed = q[..., 0], q[..., 1], v[..., 0], v[..., 1]
+        turning = -(2 * speed * rate + self.g * np.sin(angle)) / r
+        spring = self.stiffness / self.mass * (r - self.free_length)
+        return np.stack([turning, r * rate * rate + self.g * np.cos(angle) - spring], -1)
+
+    def derivative(self, x: NDArray[Any]) -> NDArray[Any]:
+        """Rates (..., 4) of the state x = (q, v), (..., 4), in x's own precision."""
+        return np.concatenate([x[..., 2:], self.forward_dynamics(x[..., :2], x[..., 2:])], -1)
+
+    def energy(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Kinetic energy, and potential energy of gravity (zero at the fixed point) and spring, (...) each, J."""
+        r = q[..., 1]
+        kinetic = 0.5 * self.mass * (v[..., 1] ** 2 + (r * v[..., 0]) ** 2)
+        potential = 0.5 * self.stiffness * (r - self.free_length) ** 2 - self.mass * self.g * r * np.cos(q[..., 0])
+        return np.asarray(kinetic), np.asarray(potential)
+
+    def accelerations(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
+        """Coriolis 2 ṙ θ̇, centrifugal r θ̇² and tangential r θ̈ acceleration, (...) each, m/s²."""
+        r, rate, speed = q[..., 1], v[..., 0], v[..., 1]
+        return 2 * speed * rate, r * rate * rate, r * self.forward_dynamics(q, v)[..., 0]
 
 
 def _solve(matrix: Array, right: Array) -> Array:

@@ -1,0 +1,143 @@
+"""`bellcrank simulate`: the summary on screen; run.npz, run.csv and pictures in a folder."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bellcrank.card.fields import parse_number
+from bellcrank.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from bellcrank.simulation.trajectory import Trajectory
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The scene, what to change in it, and where to write."""
+    parser.add_argument(
+        "scene", metavar="SCENE", help="a scene or robot card: a path, or a name (see bellcrank robots)"
+    )
+    parser.add_argument("--duration", metavar="S", help="how long to simulate, s")
+    parser.add_argument("--solver", metavar="NAME", help="DOP853, RK45, Radau (stiff) or RK4 (fixed step)")
+    parser.add_argument("--rtol", metavar="X", help="relative tolerance of every position and velocity")
+    parser.add_argument("--atol", metavar="X", help="absolute tolerance (rad, m, rad/s, m/s)")
+    parser.add_argument("--step", metavar="S", help="a fixed step, s, instead of tolerances")
+    parser.add_argument("--samples", metavar="N", help="rows of the result, equally spaced in time")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", dest="changes",
+        help="change the scene, such as initial.shoulder='10 deg'; may be repeated",
+    )  # fmt: skip
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for the files (default: SCENE_run, here)")
+    parser.add_argument("--no-plots", action="store_true", help="write no pictures")
+    parser.add_argument(
+        "--frame", action="append", default=[], metavar="NAME", help="draw the path of this frame too; may be repeated"
+    )
+    parser.add_argument(
+        "--error-estimate", action="store_true", help="simulate again with tolerances ten times smaller, and compare"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Simulate a scene; 0 where it came to its end, 1 where it did not, 130 where it was interrupted; what was computed
+    is written in any case. BellcrankError for bad input.
+    """
+    from bellcrank.scene.overrides import parse_assignment
+    from bellcrank.scene.scene import load_scene
+    from bellcrank.simulation.simulate import simulate
+    from bellcrank.simulation.status import Status
+
+    numbers: dict[str, Any] = {key: _number(arguments, key, unit) for key, unit in _NUMBERS.items()}
+    samples = _whole(arguments.samples)
+    changes = dict(parse_assignment(text) for text in arguments.changes)
+    folder = arguments.out or Path(f"{Path(arguments.scene).stem}_run")
+    _check_folder(folder)
+    scene = load_scene(arguments.scene)
+    if changes:
+        scene = scene.with_overrides(changes)
+    _check_frames(scene.robot, arguments.frame)
+    duration = scene.settings.duration if numbers["duration"] is None else numbers["duration"]
+    with _bar(duration) as progress:
+        result = simulate(scene, solver=arguments.solver, samples=samples, progress=progress, **numbers)
+        progress(float(result.time[-1]))
+    print(result.summary())
+    for note in scene.notes:
+        print(f"  note: {note}")
+    files = _write(result, folder, [] if arguments.no_plots else arguments.frame, not arguments.no_plots)
+    if arguments.error_estimate and result.success:
+        print(f"  positions are off by about {result.error_estimate():.1e} (rad or m), by a second run")
+    print(f"\nwrote {', '.join(path.name for path in files)} in {folder}")
+    return 0 if result.success else 130 if result.status is Status.INTERRUPTED else 1
+
+
+def _write(result: Trajectory, folder: Path, frames: list[str], plots: bool) -> list[Path]:
+    from bellcrank.sizing.history import file_name
+
+    files = [result.save(folder / "run.npz"), result.to_csv(folder / "run.csv")]
+    if plots:
+        from bellcrank.simulation.run_plot import plot_run
+
+        files.append(folder / "run.png")
+        plot_run(result, files[-1])
+        for frame in frames:
+            files.append(folder / f"path_{file_name(frame)}.png")
+            plot_run(result, files[-1], frame=frame)
+    return files
+
+
+_NUMBERS = {"duration": "s", "rtol": "", "atol": "", "step": "s"}
+
+
+def _number(arguments: argparse.Namespace, key: str, unit: str) -> float | None:
+    text = getattr(arguments, key)
+    if text is None:
+        return None
+    try:
+        return parse_number(text, unit)
+    except ValueError as error:
+        raise InputError(f"--{key} {text!r}: {error}") from None
+
+
+def _whole(text: str | None) -> int | None:
+    if text is None:
+        return None
+    try:
+        return int(text)
+    except ValueError:
+        raise InputError(f"--samples {text!r}: expected a whole number") from None
+
+
+def _check_folder(folder: Path) -> None:
+    """Refuse a folder that cannot be written before anything long is begun."""
+    place = next(place for place in (folder, *folder.parents) if place.exists())
+    if not place.is_dir():
+        raise InputError(f"--out {folder}: {place} is a file, expected a folder")
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise InputError(f"--out {folder}: {place} cannot be written; choose a folder you may write to")
+
+
+def _check_frames(robot: Any, frames: list[str]) -> None:
+    from bellcrank.errors import among
+
+    for frame in frames:
+        if frame not in robot.frame_names:
+            raise InputError(f"--frame: {among('frame', frame, robot.frame_names)}")
+
+
+@contextmanager
+def _bar(duration: float) -> Iterator[Callable[[float], None]]:
+    """A progress bar over the simulated time, which shows itself after a second; yields what to call with the time."""
+    from tqdm import tqdm
+
+    layout = "{l_bar}{bar}| {n:.5g}/{total:g} s simulated [{elapsed}<{remaining}]"
+    with tqdm(total=duration, desc="simulate", delay=1.0, disable=None, bar_format=layout) as bar:
+
+        def progress(time: float) -> None:
+            bar.update(min(time, duration) - bar.n)
+
+        yield progress

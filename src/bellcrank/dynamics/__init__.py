@@ -1,0 +1,1 @@
+"""Equations of motion: a scene's expressions assembled, and compiled when first asked for."""

@@ -1,0 +1,113 @@
+"""A scene's equations of motion as casadi expressions, to look at before anything is compiled.
+
+The state x is q (nq), v (nv) and, where some force's power comes from no potential, the work W of actuators, dampers
+and friction. With τ the sum of the joint forces of the scene,
+
+    q̇ = E(q) v,    v̇ = M(q)⁻¹ (τ − bias(q, v)) by the articulated-body algorithm,    Ẇ = power.
+
+Source: Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 7, by Pinocchio.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from bellcrank.scene.symbols import Symbols
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """Expressions over time t, position q, velocity v, signals u and parameters p (SI units, N m and N for forces).
+
+    `actuator` and `passive` (nv) are the joint forces of motors (torques, control) and of everything else (springs,
+    dampers, friction, wrenches); `power` (W) is what enters `work`; `outputs` are column vectors by name.
+    """
+
+    t: casadi.SX
+    q: casadi.SX
+    v: casadi.SX
+    u: casadi.SX
+    p: casadi.SX
+    rate: casadi.SX
+    acceleration: casadi.SX
+    actuator: casadi.SX
+    passive: casadi.SX
+    power: casadi.SX
+    kinetic: casadi.SX
+    potential: casadi.SX
+    residual: casadi.SX
+    bias: casadi.SX
+    outputs: dict[str, casadi.SX]
+    events: casadi.SX
+    work: casadi.SX
+    symbols: Symbols
+
+    @property
+    def has_work(self) -> bool:
+        """Whether any power comes from no potential, so that the state carries the work."""
+        return not self.power.is_zero()
+
+    @property
+    def state(self) -> casadi.SX:
+        """The state x as symbols."""
+        import casadi
+
+        return casadi.vertcat(self.q, self.v, self.work) if self.has_work else casadi.vertcat(self.q, self.v)
+
+    @property
+    def state_rate(self) -> casadi.SX:
+        """dx/dt."""
+        import casadi
+
+        both = casadi.vertcat(self.rate, self.acceleration)
+        return casadi.vertcat(both, self.power) if self.has_work else both
+
+    def frame(self, name: str) -> casadi.SX:
+        """A frame's position 3, rotation 9 (row major), linear and angular velocity 3 each, world axes."""
+        import casadi
+
+        f = self.symbols.frame(name)
+        return casadi.vertcat(f.position, casadi.vec(f.rotation.T), f.linear, f.angular)
+
+
+def assemble(scene: Scene) -> Assembly:
+    """The equations of motion of a scene. Raises InputError where a force cannot act on this robot."""
+    import casadi
+
+    robot = scene.robot
+    s = Symbols(robot, scene.parameters, scene.frames)
+    actuator, passive = casadi.SX.zeros(robot.nv, 1), casadi.SX.zeros(robot.nv, 1)
+    potential, power = casadi.SX(0), casadi.SX(0)
+    for item in (*scene.forces, *scene.control):
+        applied = item.apply(s)
+        if applied.actuator:
+            actuator += applied.force
+        else:
+            passive += applied.force
+        potential += applied.potential
+        power += applied.power
+    friction = robot.equations.friction(s.v)
+    passive -= friction
+    power -= casadi.dot(friction, s.v)
+    torque = actuator + passive
+    acceleration = s.algorithm("forward_dynamics")(s.q, s.v, torque, s.tracer_parameters)
+    s.acceleration = acceleration
+    energy = s.algorithm("energy")(s.q, s.v, s.tracer_parameters)
+    # the other route to the same accelerations: recursive Newton-Euler gives back the torque
+    newton_euler = s.algorithm("inverse_dynamics")
+    residual = newton_euler(s.q, s.v, acceleration, s.tracer_parameters) - torque
+    bias = newton_euler(s.q, s.v, casadi.SX(robot.nv, 1), s.tracer_parameters)
+    s.joint_torque = torque
+    s.kinetic, s.potential = energy[0], energy[1] + potential
+    outputs = {name: output.apply(s) for name, output in scene.outputs.items()}
+    events = casadi.vertcat(*[event.apply(s) for event in scene.events])
+    return Assembly(
+        s.t, s.q, s.v, s.u, s.p, s.algorithm("configuration_rate")(s.q, s.v), acceleration, actuator, passive, power,
+        energy[0], energy[1] + potential, residual, bias, outputs, casadi.SX(events), casadi.SX.sym("W"), s,
+    )  # fmt: skip

@@ -1,0 +1,162 @@
+"""A scene's equations of motion as machine code: the functions that the stepper and the results call.
+
+Systems are shared between scenes that differ only in numbers (start, parameters, tolerances), and nothing is traced
+while the machine code lies in the cache.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.dynamics.assembly import Assembly, assemble
+from bellcrank.machine_code import cache as disk
+from bellcrank.machine_code.compile import Compiled
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.scene.scene import Scene
+
+Array = NDArray[np.float64]
+# The Jacobian as one expression has about 0.6 n times the operations of the right-hand side; beyond this it is cheaper
+# to compile, and as quick to run, as directional derivatives in SIMD lanes.
+LARGEST_JACOBIAN = 3_000
+_systems: dict[str, System] = {}
+
+
+class System:
+    """Compiled functions of (t, x, u, p): time (1), state x = q, v and maybe W (n), signals (nu), parameters (np).
+
+    SI units throughout. `has_work` says whether x ends with the work W (J).
+    """
+
+    def __init__(self, scene: Scene, key: str) -> None:
+        self._scene, self._key = scene, key
+        self.nq, self.nv = scene.robot.nq, scene.robot.nv
+        stored = disk.load("system-" + key)
+        self._facts: dict[str, Any] = json.loads(stored) if stored else self._find_facts()
+        self.has_work: bool = self._facts["has_work"]
+        self.size = self.nq + self.nv + self.has_work
+
+    def _find_facts(self) -> dict[str, Any]:
+        a = self.assembly
+        rhs = self._state_function("rhs", [a.state_rate])
+        facts = {
+            "has_work": a.has_work,
+            "operations": rhs.n_instructions(),
+            "outputs": {name: expression.numel() for name, expression in a.outputs.items()},
+        }
+        disk.store("system-" + self._key, json.dumps(facts).encode())
+        return facts
+
+    @cached_property
+    def assembly(self) -> Assembly:
+        """The equations as expressions; traced when first asked for."""
+        return assemble(self._scene)
+
+    @cached_property
+    def rhs(self) -> Compiled:
+        """(t, x, u, p) -> dx/dt."""
+        return self._compiled("rhs", lambda: self._state_function("rhs", [self.assembly.state_rate]))
+
+    @cached_property
+    def observation(self) -> Compiled:
+        """(t, x, u, p) -> v̇, (T, V), actuator and passive joint forces, and each named output."""
+
+        def build() -> casadi.Function:
+            import casadi
+
+            a = self.assembly
+            energy = casadi.vertcat(a.kinetic, a.potential)
+            return self._state_function(
+                "observation", [a.acceleration, energy, a.actuator, a.passive, *a.outputs.values()]
+            )
+
+        return self._compiled("observation", build)
+
+    @cached_property
+    def residual(self) -> Compiled:
+        """(t, x, u, p) -> inverse dynamics of the computed acceleration less the joint forces, and the bias force
+        (gravity, Coriolis, centrifugal); (nv) each, N m or N.
+        """
+
+        def build() -> casadi.Function:
+            return self._state_function("residual", [self.assembly.residual, self.assembly.bias])
+
+        return self._compiled("residual", build)
+
+    @cached_property
+    def events(self) -> Compiled:
+        """(t, x, u, p) -> the event functions, whose zeros are the events."""
+        return self._compiled("events", lambda: self._state_function("events", [self.assembly.events]))
+
+    @property
+    def whole_jacobian(self) -> bool:
+        """Whether the Jacobian is one expression; otherwise it is made of directional derivatives."""
+        return bool(0.6 * self.size * self._facts["operations"] <= LARGEST_JACOBIAN)
+
+    @cached_property
+    def jacobian(self) -> Compiled:
+        """(t, x, u, p) -> d(dx/dt)/dx, column after column."""
+
+        def build() -> casadi.Function:
+            import casadi
+
+            a = self.assembly
+            x = a.state
+            return casadi.Function("jacobian", [a.t, x, a.u, a.p], [_dense(casadi.jacobian(self._rate_of(x), x))])
+
+        return self._compiled("jacobian", build)
+
+    @cached_property
+    def tangent(self) -> Compiled:
+        """(t, x, u, p, dx) -> the directional derivative of dx/dt along dx."""
+
+        def build() -> casadi.Function:
+            import casadi
+
+            a = self.assembly
+            x, dx = a.state, casadi.SX.sym("dx", self.size)
+            along = casadi.jtimes(self._rate_of(x), x, dx)
+            return casadi.Function("tangent", [a.t, x, a.u, a.p, dx], [casadi.densify(along)])
+
+        return self._compiled("tangent", build)
+
+    def frame(self, name: str) -> Compiled:
+        """(t, x, u, p) -> a frame's position 3, rotation 9 (row major), linear and angular velocity, world axes."""
+
+        def build() -> casadi.Function:
+            return self._state_function("frame", [self.assembly.frame(name)])
+
+        return self._compiled(f"frame {name}", build)
+
+    def _rate_of(self, x: casadi.SX) -> casadi.SX:
+        return self.assembly.state_rate
+
+    def _state_function(self, name: str, outputs: list[casadi.SX]) -> casadi.Function:
+        import casadi
+
+        a = self.assembly
+        return casadi.Function(name, [a.t, a.state, a.u, a.p], [casadi.densify(o) for o in outputs])
+
+    def _compiled(self, what: str, build: Any) -> Compiled:
+        return self._scene.robot.compiled(f"{what} {self._key}", build)
+
+
+def system_of(scene: Scene) -> System:
+    """The system of a scene, made at most once in a process for scenes with the same equations."""
+    key = disk.digest(scene.robot.key, scene.physics_key())
+    if key not in _systems:
+        _systems[key] = System(scene, key)
+    return _systems[key]
+
+
+def _dense(matrix: casadi.SX) -> casadi.SX:
+    import casadi
+
+    return casadi.vec(casadi.densify(matrix))

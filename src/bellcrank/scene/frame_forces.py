@@ -1,0 +1,162 @@
+"""Forces between and on frames: a spring with a damper, and a wrench. The generalised force is Jᵀ F."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Self
+
+from bellcrank.card.fields import Fields
+from bellcrank.robot.robot import Robot
+from bellcrank.scene.part import Applied, Part, read_frame
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.scene.symbols import Symbols
+
+WORLD = "world"
+SHORTEST = 1e-9  # m: a spring's length is sqrt(d² + SHORTEST²), which has a slope where its ends meet
+
+
+@dataclass(frozen=True)
+class Spring(Part):
+    """A spring with a damper between two frames' origins, or a frame and a point of the world.
+
+    With d the way from a to b, its length l = sqrt(d·d) (kept from 0 by 1 nm, so that it has a slope where its ends
+    meet) and l̇: tension = stiffness (l − free_length) + damping l̇, V = ½ stiffness (l − free_length)². stiffness N/m,
+    damping N s/m and free_length m (0 where left out). `frame_b: world` takes the `point` [x, y, z], m. The generalised
+    force is Jᵀ F, J being the derivative of the velocities of the ends by v.
+    """
+
+    frame_a: str
+    frame_b: str
+    stiffness: float
+    damping: float
+    free_length: float
+    point: tuple[float, ...]
+    kind: ClassVar[str] = "spring"
+
+    @classmethod
+    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
+        """From its mapping; InputError naming file and key."""
+        a = read_frame(read, robot, "frame_a")
+        fixed = read.text("frame_b") == WORLD
+        b = WORLD if fixed else read_frame(read, robot, "frame_b")
+        read.known("point")
+        if not fixed and "point" in read:
+            raise read.error("point", "a point is for 'frame_b: world'; a frame's own origin is used otherwise")
+        if a == b:
+            raise read.error("frame_b", f"a spring needs two ends, both are at the frame '{a}'")
+        return cls(
+            name, read, a, b,
+            read.number("stiffness", "N/m"),
+            read.number("damping", "N s/m", 0.0, nonnegative=True),
+            read.number("free_length", "m", 0.0, nonnegative=True),
+            read.vector("point", 3, "m", (0.0, 0.0, 0.0)),
+        )  # fmt: skip
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Every number can be set."""
+        units = {"stiffness": "N/m", "damping": "N s/m", "free_length": "m"}
+        return units | ({f"point.{c}": "m" for c in "xyz"} if self.frame_b == WORLD else {})
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Its ends."""
+        return (self.frame_a,) if self.frame_b == WORLD else (self.frame_a, self.frame_b)
+
+    def apply(self, symbols: Symbols) -> Applied:
+        """Its expressions."""
+        import casadi
+
+        way, rate, length, slope, pull = self._geometry(symbols)
+        force = casadi.jtimes(rate, symbols.v, -pull * way, True)
+        stretch = length - self.value(symbols, "free_length")
+        potential = 0.5 * self.value(symbols, "stiffness") * stretch * stretch
+        return Applied(force, potential, -self.value(symbols, "damping") * slope * slope, False)
+
+    def labels(self, robot: Robot) -> tuple[str, ...]:
+        """The tension."""
+        return ("[N]",)
+
+    def measure(self, symbols: Symbols) -> casadi.SX:
+        """The tension, N: positive where it pulls its ends together."""
+        _, _, length, _, pull = self._geometry(symbols)
+        return pull * length
+
+    def _geometry(self, symbols: Symbols) -> tuple[casadi.SX, ...]:
+        """d, ḋ, l, l̇ and tension / l."""
+        import casadi
+
+        a = symbols.frame(self.frame_a)
+        if self.frame_b == WORLD:
+            way, rate = self.vector(symbols, "point") - a.position, -a.linear
+        else:
+            b = symbols.frame(self.frame_b)
+            way, rate = b.position - a.position, b.linear - a.linear
+        length = casadi.sqrt(casadi.dot(way, way) + SHORTEST**2)
+        slope = casadi.dot(way, rate) / length
+        stiffness, damping, free = (self.value(symbols, k) for k in ("stiffness", "damping", "free_length"))
+        pull = stiffness * (1.0 - free / length) + damping * slope / length
+        return way, rate, length, slope, pull
+
+
+@dataclass(frozen=True)
+class Wrench(Part):
+    """A force (N) at a frame's origin and a torque (N m), constant in the axes of the world or of the frame.
+
+    Its power counts as work.
+    """
+
+    frame: str
+    force: tuple[float, ...]
+    torque: tuple[float, ...]
+    expressed_in: str
+    kind: ClassVar[str] = "wrench"
+
+    @classmethod
+    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
+        """From its mapping; InputError naming file and key."""
+        nothing = (0.0, 0.0, 0.0)
+        frame, axes = read_frame(read, robot), read.choice("expressed_in", (WORLD, "frame"), WORLD)
+        if "force" not in read and "torque" not in read:
+            read.known("force", "torque")
+            raise read.error("", "the key 'force' or 'torque' is missing: a wrench needs one of them")
+        return cls(
+            name, read, frame, read.vector("force", 3, "N", nothing), read.vector("torque", 3, "N m", nothing), axes
+        )
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Every component can be set."""
+        return {f"force.{c}": "N" for c in "xyz"} | {f"torque.{c}": "N m" for c in "xyz"}
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The frame it acts on."""
+        return (self.frame,)
+
+    def apply(self, symbols: Symbols) -> Applied:
+        """Its expressions."""
+        import casadi
+
+        at = symbols.frame(self.frame)
+        wrench = self.measure(symbols)
+        velocity = casadi.vertcat(at.linear, at.angular)
+        force = casadi.jtimes(velocity, symbols.v, wrench, True)
+        return Applied(force, symbols.zero, casadi.dot(wrench, velocity), False)
+
+    def labels(self, robot: Robot) -> tuple[str, ...]:
+        """Force and torque, world axes."""
+        return (*(f"{c} [N]" for c in "xyz"), *(f"r{c} [N m]" for c in "xyz"))
+
+    def measure(self, symbols: Symbols) -> casadi.SX:
+        """Force (3) N and torque (3) N m in the world's axes."""
+        import casadi
+
+        force, torque = self.vector(symbols, "force"), self.vector(symbols, "torque")
+        if self.expressed_in == WORLD:
+            return casadi.vertcat(force, torque)
+        turn = symbols.frame(self.frame).rotation
+        return casadi.vertcat(turn @ force, turn @ torque)

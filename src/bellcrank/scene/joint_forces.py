@@ -1,0 +1,188 @@
+"""Forces at one joint: spring, damper, friction, and a motor's torque."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Final, Self
+
+from bellcrank.card.fields import Fields
+from bellcrank.robot.robot import FRICTION_WIDTH, Robot, RobotJoint
+from bellcrank.scene.part import Applied, Part, joint_unit, number, read_joint
+from bellcrank.scene.signal_source import SignalSource
+from bellcrank.scene.torque_table import INTERPOLATIONS, read_torque_table
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.scene.symbols import Symbols
+
+REQUIRED: Final = None  # in NUMBERS: there is no default
+Numbers = Mapping[str, tuple[str, float | None, bool]]
+
+
+@dataclass(frozen=True)
+class JointForce(Part):
+    """A force along one joint's coordinate θ (rad or m).
+
+    NUMBERS: field -> quantity, default, whether it may be negative.
+    """
+
+    joint: RobotJoint
+    NUMBERS: ClassVar[Numbers] = {}
+
+    @classmethod
+    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
+        """From its mapping; InputError naming file and key."""
+        joint = read_joint(read, robot)
+        values = {
+            key: number(read, key, joint_unit(joint, quantity), default, nonnegative=not signed)
+            for key, (quantity, default, signed) in cls.NUMBERS.items()
+        }
+        return cls(name, read, joint, **values)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Every number can be set."""
+        return {key: joint_unit(self.joint, quantity) for key, (quantity, *_) in self.NUMBERS.items()}
+
+    def labels(self, robot: Robot) -> tuple[str, ...]:
+        """The generalised force at the joint."""
+        return (f"[{joint_unit(self.joint, 'torque')}]",)
+
+    def measure(self, symbols: Symbols) -> casadi.SX:
+        """The generalised force at the joint, N m or N."""
+        return self.apply(symbols).force[self.joint.v]
+
+
+@dataclass(frozen=True)
+class JointSpring(JointForce):
+    """τ = preload − stiffness (θ − rest) − damping θ̇, with V = ½ stiffness (θ − rest)² − preload θ.
+
+    stiffness N m/rad or N/m; rest rad or m, preload N m or N and damping N m s/rad or N s/m are 0 where left out.
+    """
+
+    stiffness: float
+    rest: float
+    preload: float
+    damping: float
+    kind: ClassVar[str] = "joint_spring"
+    NUMBERS: ClassVar[Numbers] = {
+        "stiffness": ("stiffness", REQUIRED, True),
+        "rest": ("position", 0.0, True),
+        "preload": ("torque", 0.0, True),
+        "damping": ("damping", 0.0, False),
+    }
+
+    def apply(self, symbols: Symbols) -> Applied:
+        """Its expressions."""
+        angle, rate, index = symbols.joint(self.joint)
+        stiffness, rest, preload, damping = (self.value(symbols, name) for name in self.NUMBERS)
+        stretch = angle - rest
+        torque = preload - stiffness * stretch - damping * rate
+        potential = 0.5 * stiffness * stretch * stretch - preload * angle
+        return Applied(symbols.joint_force(index, torque), potential, -damping * rate * rate, False)
+
+
+@dataclass(frozen=True)
+class Damper(JointForce):
+    """τ = −coefficient θ̇; coefficient N m s/rad or N s/m."""
+
+    coefficient: float
+    kind: ClassVar[str] = "damper"
+    NUMBERS: ClassVar[Numbers] = {"coefficient": ("damping", REQUIRED, False)}
+
+    def apply(self, symbols: Symbols) -> Applied:
+        """Its expressions."""
+        _, rate, index = symbols.joint(self.joint)
+        torque = -self.value(symbols, "coefficient") * rate
+        return Applied(symbols.joint_force(index, torque), symbols.zero, torque * rate, False)
+
+
+@dataclass(frozen=True)
+class Friction(JointForce):
+    """τ = −viscous θ̇ − coulomb θ̇ / sqrt(θ̇² + width²): Coulomb friction smoothed over `width` (rad/s or m/s).
+
+    It comes on top of the friction that the card's key `friction` gives the robot.
+    """
+
+    viscous: float
+    coulomb: float
+    width: float
+    kind: ClassVar[str] = "friction"
+    NUMBERS: ClassVar[Numbers] = {
+        "viscous": ("damping", 0.0, False),
+        "coulomb": ("torque", 0.0, False),
+        "width": ("velocity", FRICTION_WIDTH, False),
+    }
+
+    @classmethod
+    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
+        """From its mapping; InputError naming file and key."""
+        force = super().read(name, read, robot)
+        if force.width == 0.0:
+            raise read.error("width", "expected more than 0, found 0; Coulomb friction needs a width to be smooth over")
+        return force
+
+    def apply(self, symbols: Symbols) -> Applied:
+        """Its expressions."""
+        import casadi
+
+        _, rate, index = symbols.joint(self.joint)
+        viscous, coulomb, width = (self.value(symbols, name) for name in self.NUMBERS)
+        torque = -viscous * rate
+        if not (isinstance(coulomb, float) and coulomb == 0.0):
+            torque -= coulomb * rate / casadi.sqrt(rate * rate + width * width)
+        return Applied(symbols.joint_force(index, torque), symbols.zero, torque * rate, False)
+
+
+@dataclass(frozen=True)
+class Torque(JointForce):
+    """A motor's torque: a constant `value` (N m or N), or a table over time in a CSV `file` beside the scene.
+
+    The table has the columns "time [s]" and "JOINT torque [N m]" (or the one that `column` names) and is read
+    `linear` (the default), `cubic` (a not-a-knot spline) or `hold` (each value until the next). Before its first and
+    after its last time the first and last value are held.
+    """
+
+    constant: float
+    table: SignalSource | None
+    kind: ClassVar[str] = "torque"
+
+    @classmethod
+    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
+        """From its mapping; InputError naming file and key."""
+        joint = read_joint(read, robot)
+        unit = joint_unit(joint, "torque")
+        read.known("value", "file", "interpolation", "column")
+        if ("value" in read) == ("file" in read):
+            found = "both" if "file" in read else "neither"
+            raise read.error("value", f"expected a 'value' in {unit} or a 'file' with a table over time, found {found}")
+        if "value" in read:
+            for key in ("interpolation", "column"):
+                if key in read:
+                    raise read.error(key, f"a constant value has no {key}; it belongs to a 'file'")
+            return cls(name, read, joint, read.number("value", unit), None)
+        interpolation = read.choice("interpolation", INTERPOLATIONS, "linear")
+        column = read.text("column", f"{joint.name} torque")
+        return cls(name, read, joint, 0.0, read_torque_table(read, read.text("file"), column, unit, interpolation))
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The constant value can be set."""
+        return {"value": joint_unit(self.joint, "torque")} if self.table is None else {}
+
+    def number(self, name: str) -> float:
+        """The constant value."""
+        return self.constant
+
+    @property
+    def source(self) -> SignalSource | None:
+        """The table."""
+        return self.table
+
+    def apply(self, symbols: Symbols) -> Applied:
+        """Its expressions."""
+        _, rate, index = symbols.joint(self.joint)
+        torque = self.value(symbols, "value") if self.table is None else symbols.signal(self.table)[0]
+        return Applied(symbols.joint_force(index, torque), symbols.zero, torque * rate, True)

@@ -1,0 +1,264 @@
+"""The named outputs of a scene: what else is wanted of a run than positions and their rates.
+
+outputs: {NAME: …} with one of {frame, what: position | velocity | rotation | angular_velocity} (world axes), {joint,
+what: position | velocity | acceleration | torque}, {energy: kinetic | potential | total}, {momentum: linear | angular}
+(of a robot with a free base; angular about the world's origin), {force: NAME} (a force or controller: the generalised
+force at its joints, a spring's tension, a wrench in world axes) and {expression, unit} (expression.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from bellcrank.card.fields import Fields
+from bellcrank.errors import among
+from bellcrank.robot.robot import Robot, RobotJoint
+from bellcrank.scene.events import read_expression
+from bellcrank.scene.expression import Expression
+from bellcrank.scene.part import Part, joint_unit, read_frame, read_joint
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.scene.symbols import Symbols
+
+FRAME_LABELS: Final = {
+    "position": tuple(f"{c} [m]" for c in "xyz"),
+    "velocity": tuple(f"{c} [m/s]" for c in "xyz"),
+    "rotation": tuple(f"r{i}{j} [1]" for i in (1, 2, 3) for j in (1, 2, 3)),
+    "angular_velocity": tuple(f"{c} [rad/s]" for c in "xyz"),
+}
+JOINT_WHAT: Final = ("position", "velocity", "acceleration", "torque")
+ENERGIES: Final = ("kinetic", "potential", "total")
+MOMENTA: Final = {
+    "linear": tuple(f"{c} [kg m/s]" for c in "xyz"),
+    "angular": tuple(f"{c} [kg m^2/s]" for c in "xyz"),
+}
+
+
+class Quantity:
+    """What an output shows: its columns' titles after the output's name, the frames it uses, its expression."""
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The frames it uses."""
+        return ()
+
+    def suffixes(self) -> tuple[str, ...]:
+        """What follows the output's name in the titles of its columns."""
+        raise NotImplementedError
+
+    def apply(self, symbols: Symbols) -> casadi.SX:
+        """Its column."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class FrameOutput(Quantity):
+    """A frame's position, velocity, rotation (row by row) or angular velocity, world axes."""
+
+    frame: str
+    what: str
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The frame."""
+        return (self.frame,)
+
+    def suffixes(self) -> tuple[str, ...]:
+        """What follows the output's name in a column's title."""
+        return FRAME_LABELS[self.what]
+
+    def apply(self, symbols: Symbols) -> casadi.SX:
+        """The column."""
+        import casadi
+
+        f = symbols.frame(self.frame)
+        return {
+            "position": f.position, "velocity": f.linear, "rotation": casadi.vec(f.rotation.T),
+            "angular_velocity": f.angular,
+        }[self.what]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class JointOutput(Quantity):
+    """A joint's position, velocity, acceleration, or torque: the sum of the scene's forces at it, not gravity."""
+
+    joint: RobotJoint
+    what: str
+
+    def suffixes(self) -> tuple[str, ...]:
+        """The unit."""
+        return (f"[{joint_unit(self.joint, self.what)}]",)
+
+    def apply(self, symbols: Symbols) -> casadi.SX:
+        """One number."""
+        position, velocity, index = symbols.joint(self.joint)
+        if self.what in ("position", "velocity"):
+            return position if self.what == "position" else velocity
+        return (symbols.acceleration if self.what == "acceleration" else symbols.joint_torque)[index]
+
+
+@dataclass(frozen=True)
+class EnergyOutput(Quantity):
+    """Kinetic energy, potential energy of gravity and springs, or both, J."""
+
+    energy: str
+
+    def suffixes(self) -> tuple[str, ...]:
+        """The unit."""
+        return ("[J]",)
+
+    def apply(self, symbols: Symbols) -> casadi.SX:
+        """One number."""
+        total = symbols.kinetic + symbols.potential
+        return {"kinetic": symbols.kinetic, "potential": symbols.potential, "total": total}[self.energy]
+
+
+@dataclass(frozen=True)
+class MomentumOutput(Quantity):
+    """The momentum of the whole robot in the world: linear, kg m/s, or angular about the world's origin, kg m²/s.
+
+    ∂T/∂(base velocity) is the momentum in the base's axes, about the base's origin; it is turned and moved from there.
+    """
+
+    momentum: str
+
+    def suffixes(self) -> tuple[str, ...]:
+        """One a component."""
+        return MOMENTA[self.momentum]
+
+    def apply(self, symbols: Symbols) -> casadi.SX:
+        """The column."""
+        import casadi
+
+        conjugate = casadi.gradient(symbols.kinetic, symbols.v)[:6]
+        position, turn = symbols.q[:3], _rotation(symbols.q[3:7])
+        linear = turn @ conjugate[:3]
+        if self.momentum == "linear":
+            return linear
+        return turn @ conjugate[3:] + casadi.cross(position, linear)
+
+
+@dataclass(frozen=True)
+class ForceOutput(Quantity):
+    """A force or controller as an instrument would show it."""
+
+    part: Part
+    labels: tuple[str, ...]
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Those of the force."""
+        return self.part.frames
+
+    def suffixes(self) -> tuple[str, ...]:
+        """As the force says."""
+        return self.labels
+
+    def apply(self, symbols: Symbols) -> casadi.SX:
+        """As the force says."""
+        return self.part.measure(symbols)
+
+
+@dataclass(frozen=True)
+class ExpressionOutput(Quantity):
+    """A formula with its unit."""
+
+    expression: Expression
+    unit: str
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Those in the formula."""
+        return self.expression.frames
+
+    def suffixes(self) -> tuple[str, ...]:
+        """The unit."""
+        return (f"[{self.unit}]",)
+
+    def apply(self, symbols: Symbols) -> casadi.SX:
+        """One number."""
+        return self.expression.apply(symbols)
+
+
+@dataclass(frozen=True)
+class Output:
+    """A named quantity of a run, one column or several."""
+
+    name: str
+    quantity: Quantity
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The titles of its columns, such as "coriolis [m/s^2]"."""
+        return tuple(f"{self.name} {suffix}" for suffix in self.quantity.suffixes())
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The frames it uses."""
+        return self.quantity.frames
+
+    def apply(self, symbols: Symbols) -> casadi.SX:
+        """Its column (len(labels)) over the symbols of a scene whose acceleration and energies are known."""
+        return self.quantity.apply(symbols)
+
+
+def read_outputs(read: Fields, robot: Robot, parameters: Mapping[str, Any], parts: Sequence[Part]) -> dict[str, Output]:
+    """The mapping `outputs` of a scene; InputError naming file and key."""
+
+    def frame(entry: Fields) -> Quantity:
+        return FrameOutput(read_frame(entry, robot), entry.choice("what", tuple(FRAME_LABELS), "position"))
+
+    def joint(entry: Fields) -> Quantity:
+        return JointOutput(read_joint(entry, robot), entry.choice("what", JOINT_WHAT, "position"))
+
+    def energy(entry: Fields) -> Quantity:
+        return EnergyOutput(entry.choice("energy", ENERGIES))
+
+    def momentum(entry: Fields) -> Quantity:
+        if not robot.floating_base:
+            raise entry.error("momentum", "the momentum of a robot with a fixed base is not its own; set floating_base")
+        return MomentumOutput(entry.choice("momentum", tuple(MOMENTA)))
+
+    def force(entry: Fields) -> Quantity:
+        name = entry.text("force")
+        found = [part for part in parts if part.name == name]
+        if not found:
+            raise entry.error("force", among("force or controller", name, [part.name for part in parts]))
+        if len(found) > 1:
+            raise entry.error("force", f"a force and a controller are both named '{name}'; give one another name")
+        return ForceOutput(found[0], found[0].labels(robot))
+
+    def expression(entry: Fields) -> Quantity:
+        return ExpressionOutput(read_expression(entry, robot, parameters), entry.text("unit", "1"))
+
+    kinds: dict[str, Callable[[Fields], Quantity]] = {
+        "frame": frame, "joint": joint, "energy": energy, "momentum": momentum, "force": force,
+        "expression": expression,
+    }  # fmt: skip
+    table = read.mapping("outputs", {})
+    outputs = {}
+    for name in table:
+        entry = table.mapping(name)
+        there = [kind for kind in kinds if kind in entry]
+        if len(there) != 1:
+            found = " and ".join(there) or ", ".join(entry.keys()) or "nothing"
+            raise table.error(name, f"expected one of the keys {', '.join(kinds)}, found {found}")
+        outputs[name] = Output(name, kinds[there[0]](entry))
+        entry.done()
+    return outputs
+
+
+def _rotation(quaternion: casadi.SX) -> casadi.SX:
+    """The rotation matrix of a unit quaternion x y z w."""
+    import casadi
+
+    x, y, z, w = (quaternion[k] for k in range(4))
+    return casadi.vertcat(
+        casadi.horzcat(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        casadi.horzcat(2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        casadi.horzcat(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )

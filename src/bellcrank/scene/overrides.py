@@ -1,0 +1,156 @@
+"""Changes to a scene by dotted path, such as {"initial.crank": "1.5 deg"}, made before the scene is read and checked.
+
+A path follows the scene's keys; entries of a list are addressed by their name, else by their number from 1; a key may
+itself hold dots (joint names do), and the longest that fits is taken. "parameters.NAME", and NAME alone, mean that
+parameter's value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from bellcrank.card.card import CARD_KEYS, SCENE_KEYS
+from bellcrank.card.yaml_file import Lines, shown
+from bellcrank.errors import InputError, among
+from bellcrank.scene.part import entry_names
+
+DEEPEST = 100
+
+
+class Marked(Lines):
+    """A mapping that remembers the line of each key, and which override set it."""
+
+    overrides: dict[str, str]
+
+    @classmethod
+    def like(cls, other: Mapping[str, Any]) -> Marked:
+        """An empty one with the lines and overrides of another."""
+        copy = cls()
+        copy.lines = dict(getattr(other, "lines", {}))
+        copy.overrides = dict(getattr(other, "overrides", {}))
+        return copy
+
+
+def parse_assignment(text: str) -> tuple[str, Any]:
+    """The path and value of "path=value", the value read as YAML: a number, a text, [1, 2, 3]. Raises InputError."""
+    import yaml
+
+    path, equals, value = text.partition("=")
+    if not equals or not path.strip():
+        raise InputError(f"'{text}': expected PATH=VALUE, such as initial.crank=1.5deg or simulate.rtol=1e-6")
+    try:
+        return path.strip(), yaml.safe_load(value)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        problem = " ".join(str(getattr(error, "problem", None) or error).split())[:100]
+        raise InputError(f"override '{path.strip()}': {shown(value)} is not a YAML value: {problem}") from None
+
+
+def apply_overrides(data: Mapping[str, Any], overrides: Mapping[str, Any]) -> Marked:
+    """A copy of a scene's mapping with the overrides in it, each key that they set marked with its override.
+
+    Raises InputError where a path leads nowhere.
+    """
+    changed: Marked = marked(data)
+    for path, value in overrides.items():
+        if not isinstance(path, str) or not path.strip():
+            raise InputError(f"override {shown(path)}: expected a path of keys with dots, such as simulate.rtol")
+        try:
+            _set(changed, path.strip(), marked(value, path.strip()))
+        except InputError as error:
+            raise InputError(" ".join(f"override '{path}': {error}".splitlines())) from None
+    return changed
+
+
+def marked(value: Any, override: str | None = None, depth: int = 0) -> Any:
+    """A copy of YAML data that keeps the lines of keys, numpy values made plain; with `override` every key of it says
+    so. Raises InputError for what YAML could not hold.
+    """
+    if depth > DEEPEST:
+        raise InputError("the value is nested too deeply")
+    if isinstance(value, Mapping):
+        copy = Marked.like(value)
+        for key, entry in value.items():
+            if not isinstance(key, str):
+                raise InputError(f"expected a text as key, found {shown(key)}; put it in quotes")
+            copy[key] = marked(entry, override, depth + 1)
+            if override:
+                copy.overrides[key] = override
+        return copy
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, (list, tuple)):
+        return [marked(entry, override, depth + 1) for entry in value]
+    if value is None or isinstance(value, (str, bool, int, float)):
+        return value
+    return str(value)
+
+
+def plain(value: Any) -> Any:
+    """The same data in dicts and lists only."""
+    if isinstance(value, dict):
+        return {key: plain(entry) for key, entry in value.items()}
+    return [plain(entry) for entry in value] if isinstance(value, list) else value
+
+
+def _set(data: Marked, path: str, value: Any) -> None:
+    at: Any = data
+    holder, at_key = data, ""  # a change inside a list is a change of the mapping's key that holds the list
+    keys = _with_parameter(data, path, value)
+    while True:
+        if isinstance(at, Marked):
+            used = _longest(at, keys)
+            if used == 0 and at is data and len(keys) > 1:  # a key of the top that the file does not have
+                at[keys[0]], used = Marked.like({}), 1
+            holder, at_key = at, ".".join(keys[:used] or keys)
+            keys = keys[used:] if used else []
+            if not keys:
+                at[at_key] = value
+                break
+            at = at[at_key]
+        elif isinstance(at, list):
+            k, used = _entry(at, keys)
+            keys = keys[used:]
+            if not keys:
+                at[k] = value
+                break
+            at = at[k]
+        else:
+            raise InputError(f"'{at_key}' is {shown(at)}, so there is nothing in it to set at '{'.'.join(keys)}'")
+    holder.overrides[at_key] = path
+
+
+def _with_parameter(data: Mapping[str, Any], path: str, value: Any) -> list[str]:
+    """The keys of a path; those of a parameter's value where the path names a parameter."""
+    known = (*CARD_KEYS, *SCENE_KEYS)
+    parameters = data.get("parameters")
+    names = list(parameters) if isinstance(parameters, Mapping) else []
+    name = path.removeprefix("parameters.")
+    if path not in known and name in names and not isinstance(value, Mapping):
+        return ["parameters", name, "value"]
+    keys = path.split(".")
+    if keys[0] not in known:
+        raise InputError(among("key or parameter", keys[0], [*known, *names]))
+    return keys
+
+
+def _longest(at: Mapping[str, Any], keys: list[str]) -> int:
+    """How many of the keys, joined by dots, make the longest key that is there; 0 where none does."""
+    return next((n for n in range(len(keys), 0, -1) if ".".join(keys[:n]) in at), 0)
+
+
+def _entry(at: list[Any], keys: list[str]) -> tuple[int, int]:
+    """The index of the entry that the keys begin with, and how many of them name it."""
+    mappings = [entry for entry in at if isinstance(entry, Mapping)]
+    names = entry_names(mappings) if len(mappings) == len(at) else []
+    for used in range(len(keys), 0, -1):
+        if ".".join(keys[:used]) in names:
+            return names.index(".".join(keys[:used])), used
+    number = keys[0]
+    if number.isascii() and number.isdigit() and 1 <= int(number[:9]) <= len(at):
+        return int(number) - 1, 1
+    raise InputError(among("entry", number, [*names, *map(str, range(1, len(at) + 1))]))

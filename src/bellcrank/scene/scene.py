@@ -1,0 +1,196 @@
+"""A scene: a robot card with forces, control, a start, parameters, events, outputs and solver settings.
+
+One YAML file serves sizing and simulation: to the keys of a card (card.py) it adds forces (forces.py), control
+(control.py), initial and base (initial.py), parameters (parameters.py), events (events.py), outputs (outputs.py) and
+simulate (settings.py), all optional.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from functools import cache, cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.card.card import SCENE_KEYS, Card, card_from_fields, find_card
+from bellcrank.card.fields import Fields
+from bellcrank.card.yaml_file import read_yaml
+from bellcrank.dynamics.signals import Signal, values_at
+from bellcrank.robot.robot import Robot, RobotJoint
+from bellcrank.scene.control import Controller, read_control
+from bellcrank.scene.events import EventRule, read_events
+from bellcrank.scene.forces import read_forces
+from bellcrank.scene.initial import Initial, read_initial, start_notes
+from bellcrank.scene.outputs import Output, read_outputs
+from bellcrank.scene.overrides import apply_overrides, marked, plain
+from bellcrank.scene.parameters import Parameter, read_parameters
+from bellcrank.scene.part import Part
+from bellcrank.scene.settings import Settings, read_settings
+from bellcrank.scene.signal_source import SignalSource
+
+if TYPE_CHECKING:
+    from bellcrank.dynamics.system import System
+    from bellcrank.motion.motion import Motion
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What a scene file says, checked against the robot. Made by `load_scene`."""
+
+    card: Card
+    robot: Robot
+    forces: tuple[Part, ...]
+    control: tuple[Controller, ...]
+    initial: Initial
+    parameters: Mapping[str, Parameter]
+    events: tuple[EventRule, ...]
+    outputs: Mapping[str, Output]
+    settings: Settings
+    motion_of: Callable[[str], Motion] = field(repr=False)
+    marked_data: Mapping[str, Any] = field(repr=False)  # with the lines and overrides of its keys
+
+    @property
+    def name(self) -> str:
+        """What the scene calls itself."""
+        return self.card.name
+
+    @property
+    def source(self) -> Path:
+        """The scene's file, or the URDF."""
+        return self.card.source
+
+    @cached_property
+    def data(self) -> dict[str, Any]:
+        """The scene's YAML mapping, overrides in it."""
+        data: dict[str, Any] = plain(self.marked_data)
+        return data
+
+    def motion(self, name: str) -> Motion:
+        """One of the card's motions, made once; InputError or UnreachableError naming the place."""
+        return self.motion_of(name)
+
+    def with_overrides(self, overrides: Mapping[str, Any]) -> Scene:
+        """The scene with changes by dotted path (overrides.py), checked anew; InputError names the override."""
+        data = apply_overrides(self.marked_data, overrides)
+
+        def own(mapping: Mapping[str, Any]) -> dict[str, Any]:
+            return {key: plain(value) for key, value in mapping.items() if key not in SCENE_KEYS}
+
+        return _read(data, self.source, self if own(data) == own(self.marked_data) else None)
+
+    @cached_property
+    def start(self) -> tuple[Array, Array]:
+        """Position (nq,) and velocity (nv,) at time 0, a free base's velocity in its own frame."""
+        name = self.initial.motion
+        return self.initial.state(self.robot, None if name is None else self.motion(name))
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What is odd about the scene without being wrong: joints that start outside their range."""
+        return start_notes(self.robot, self.start[0])
+
+    @property
+    def parameter_values(self) -> Array:
+        """The values of the parameters (np,), in SI units."""
+        return np.array([parameter.value for parameter in self.parameters.values()], dtype=np.float64)
+
+    # ---- signals
+
+    @property
+    def signal_sources(self) -> tuple[SignalSource, ...]:
+        """Where the entries of u come from, in their order."""
+        found = [part.source for part in (*self.forces, *self.control)]
+        return tuple(dict.fromkeys(source for source in found if source is not None))
+
+    @cached_property
+    def signals(self) -> tuple[Signal, ...]:
+        """The signals u(t); InputError or UnreachableError where a motion cannot be made."""
+        return tuple(source.signal for source in self.signal_sources)
+
+    @cached_property
+    def stops(self) -> Array:
+        """Times (k,) s at which signals jump, besides the breaks of kinked ones: no step should cross them."""
+        return np.unique(np.concatenate([np.zeros(0), *[source.stops for source in self.signal_sources]]))
+
+    def signals_at(self, times: Array) -> Array:
+        """All signals (n, nu) at times (n,) s."""
+        return values_at(self.signals, np.asarray(times, dtype=np.float64))
+
+    # ---- equations
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The frames that forces, events and outputs use."""
+        groups = [p.frames for p in (*self.forces, *self.control)]
+        groups += [e.frames for e in self.events] + [o.frames for o in self.outputs.values()]
+        return tuple(dict.fromkeys(name for group in groups for name in group))
+
+    @cached_property
+    def system(self) -> System:
+        """The equations of motion as machine code, shared with scenes that differ only in numbers of the start."""
+        from bellcrank.dynamics.system import system_of
+
+        return system_of(self)
+
+    def physics_key(self) -> str:
+        """All that the equations depend on besides the robot, as a text: not the start, nor the values of parameters,
+        nor solver settings, nor what motions and tables hold.
+        """
+        places = {source: k for k, source in enumerate(self.signal_sources)}
+        targets = [[name, parameter.sets] for name, parameter in self.parameters.items()]
+        parts = [self.forces, self.control, targets, self.events, list(self.outputs.values())]
+        return json.dumps(_content(parts, places))
+
+
+def load_scene(path_or_name: str | Path, overrides: Mapping[str, Any] | None = None) -> Scene:
+    """Read a scene from a file, or by the name of a shipped one; a URDF (path or name) is a scene without forces.
+
+    `overrides` changes it by dotted path: {"initial.crank": "1.5 deg", "simulate.rtol": 1e-6} (overrides.py). Raises
+    InputError, one sentence naming file and key, for whatever is not as it should be.
+    """
+    source, urdf = find_card(path_or_name)
+    data = {"name": source.stem, "urdf": str(source.resolve())} if urdf else read_yaml(source)
+    return _read(apply_overrides(data, overrides) if overrides else marked(data), source)
+
+
+def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> Scene:
+    """The scene of a mapping; card and robot are those of `like`, whose mapping has the same card."""
+    read = Fields(data, str(source))
+    card = card_from_fields(read, source)
+    robot, motion_of = (card.robot(), None) if like is None else (like.robot, like.motion_of)
+    card = card if like is None else like.card
+    if motion_of is None:
+        motion_of = cache(lambda name: card.motion(robot, name))
+    forces = read_forces(read, robot)
+    control = read_control(read, robot, card.motions, motion_of)
+    initial = read_initial(read, robot, card.motions)
+    parts: tuple[Part, ...] = (*forces, *control)
+    parameters = read_parameters(read, robot, parts)
+    events = read_events(read, robot, parameters)
+    outputs = read_outputs(read, robot, parameters, parts)
+    settings = read_settings(read.mapping("simulate", {}))
+    read.done()
+    return Scene(card, robot, forces, control, initial, parameters, events, outputs, settings, motion_of, data)
+
+
+def _content(value: Any, places: Mapping[SignalSource, int]) -> Any:
+    """Data that JSON can hold of what forces, events and outputs say."""
+    if isinstance(value, SignalSource):
+        return ["signal", places[value], value.width, value.derivatives]
+    if isinstance(value, RobotJoint):
+        return value.name
+    if is_dataclass(value):
+        pairs = {f.name: _content(getattr(value, f.name), places) for f in fields(value) if f.compare}
+        return [type(value).__name__, pairs]
+    if isinstance(value, Mapping):
+        return {str(key): _content(entry, places) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_content(entry, places) for entry in value]
+    return value

@@ -1,0 +1,84 @@
+"""How a scene is integrated: the key `simulate`. Names and meanings are those of scipy.integrate.solve_ivp."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any
+
+from bellcrank.card.fields import Fields
+from bellcrank.errors import InputError, among
+
+SOLVERS = ("RK45", "RK4", "DOP853", "Radau")
+FINEST_RTOL = 1e-13  # below this the error estimate is rounding noise
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Solver settings, checked.
+
+    duration s; solver RK45, DOP853, Radau (stiff) or RK4; rtol (relative) and atol (rad, m, rad/s, m/s) bound the error
+    of a step; `step` s fixes the step and is what RK4 needs; `first_step` and `max_step` s, None for automatic and
+    none; `samples` equally spaced output times; `max_evaluations` of the right-hand side end a run. Raises InputError.
+    """
+
+    duration: float = 10.0
+    solver: str = "DOP853"
+    rtol: float = 1e-9
+    atol: float = 1e-9
+    step: float | None = None
+    first_step: float | None = None
+    max_step: float | None = None
+    samples: int = 1001
+    max_evaluations: int = 10**8
+
+    def __post_init__(self) -> None:
+        if self.solver not in SOLVERS:
+            raise InputError(f"solver: {among('solver', str(self.solver), SOLVERS)}")
+        for name in ("duration", "rtol", "atol", "step", "first_step", "max_step"):
+            value = getattr(self, name)
+            if value is None and name in ("step", "first_step", "max_step"):
+                continue
+            number = _number(value)
+            if not (math.isfinite(number) and number > 0.0):
+                raise InputError(f"{name}: expected a finite number of more than 0, found {value!r}")
+            object.__setattr__(self, name, number)
+        if self.rtol < FINEST_RTOL:
+            raise InputError(
+                f"rtol: expected {FINEST_RTOL:g} or more, found {self.rtol:g}; doubles carry no smaller relative error"
+            )
+        for name, least in (("samples", 2), ("max_evaluations", 1)):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < least:
+                raise InputError(f"{name}: expected a whole number of {least} or more, found {value!r}")
+        if self.solver == "RK4" and self.step is None:
+            raise InputError("step: the solver RK4 has a fixed step and needs it, such as step: 1 ms")
+
+
+def read_settings(read: Fields) -> Settings:
+    """The settings of the mapping `simulate`; InputError naming file and key."""
+    units = {"duration": "s", "rtol": "", "atol": "", "step": "s", "first_step": "s", "max_step": "s"}
+    values: dict[str, Any] = {}
+    for field in fields(Settings):
+        name = field.name
+        if name not in read:
+            read.known(name)
+        elif name == "solver":
+            values[name] = read.choice(name, SOLVERS)
+        elif name in units:
+            values[name] = read.number(name, units[name], positive=True)
+        else:
+            values[name] = read.integer(name, minimum=1)
+    read.done()
+    try:
+        return Settings(**values)
+    except InputError as error:
+        key, _, text = str(error).partition(": ")
+        raise read.error(key, text) from None
+
+
+def _number(value: Any) -> float:
+    try:
+        return math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        return math.nan

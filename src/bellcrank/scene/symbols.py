@@ -1,0 +1,172 @@
+"""The symbols that forces, controllers, outputs and events write their expressions in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bellcrank.errors import InputError, among
+from bellcrank.trace import trace_tree
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.robot.robot import Robot, RobotJoint
+    from bellcrank.scene.parameters import Parameter
+    from bellcrank.scene.signal_source import SignalSource
+
+_FRAME = 18  # numbers a frame: position 3, rotation 9, linear and angular velocity 3 each
+
+
+class JointSymbols(NamedTuple):
+    """A one-degree-of-freedom joint: position (rad or m), velocity, and its row in v."""
+
+    position: casadi.SX
+    velocity: casadi.SX
+    row: int
+
+
+class FrameSymbols(NamedTuple):
+    """A frame in the world: position (3) m, rotation (3, 3), linear (3) m/s of its origin, angular (3) rad/s."""
+
+    position: casadi.SX
+    rotation: casadi.SX
+    linear: casadi.SX
+    angular: casadi.SX
+
+
+class Symbols:
+    """Time t, position q (nq), velocity v (nv), signals u and parameters p, and what follows from them by kinematics.
+
+    Whatever the parameters set is a symbol in every traced algorithm. `frames` may name the frames that will be asked
+    for, so that they are traced together. `acceleration` (nv), `joint_torque` (nv), `kinetic` and `potential` (J) are
+    set by whoever assembles the equations, before outputs and events are written.
+    """
+
+    acceleration: casadi.SX
+    joint_torque: casadi.SX
+    kinetic: casadi.SX
+    potential: casadi.SX
+
+    def __init__(self, robot: Robot, parameters: Mapping[str, Parameter] | None = None, frames: Iterable[str] = ()):
+        import casadi
+
+        self.robot = robot
+        self.parameters = dict(parameters or {})
+        self.t, self.q, self.v = (casadi.SX.sym(n, k) for n, k in (("t", 1), ("q", robot.nq), ("v", robot.nv)))
+        self.p = casadi.SX.sym("p", len(self.parameters))
+        self._places = {name: k for k, name in enumerate(self.parameters)}
+        self._setters = {target: k for k, (_, p) in enumerate(self.parameters.items()) for target in p.sets}
+        self._settings = [(*place, k) for k, p in enumerate(self.parameters.values()) for place in p.places]
+        self._groups: dict[SignalSource, casadi.SX] = {}
+        self._frames: dict[str, FrameSymbols] = {}
+        self._gathered = list(dict.fromkeys(frames))
+
+    # ---- inputs
+
+    @property
+    def u(self) -> casadi.SX:
+        """All signals asked for so far (nu), in the order in which they were first asked for."""
+        import casadi
+
+        return casadi.vertcat(casadi.SX(0, 1), *self._groups.values())
+
+    def signal(self, source: SignalSource) -> casadi.SX:
+        """A signal's entries of u, (width, derivatives + 1): values, then derivatives, column by column."""
+        import casadi
+
+        if source not in self._groups:
+            self._groups[source] = casadi.SX.sym(f"u{len(self._groups)}", source.size)
+        return casadi.reshape(self._groups[source], source.width, source.derivatives + 1)
+
+    def parameter(self, name: str) -> casadi.SX:
+        """The symbol of a parameter."""
+        return self.p[self._places[name]]
+
+    def value(self, owner_kind: str, owner_name: str, field: str, number: float) -> casadi.SX | float:
+        """The symbol of the parameter that sets "force.NAME.FIELD" (or "control.…"), else the number."""
+        k = self._setters.get(f"{owner_kind}.{owner_name}.{field}")
+        return number if k is None else self.p[k]
+
+    @property
+    def zero(self) -> casadi.SX:
+        """The scalar 0: no potential, or no power."""
+        import casadi
+
+        return casadi.SX(0)
+
+    # ---- kinematics
+
+    def joint(self, joint: str | RobotJoint) -> JointSymbols:
+        """A joint with one degree of freedom. Raises InputError for any other."""
+        j = self.robot.one_degree_joint(joint, "scene") if isinstance(joint, str) else joint
+        return JointSymbols(self.q[j.q], self.v[j.v], j.v)
+
+    def frame(self, name: str) -> FrameSymbols:
+        """A frame's placement and velocity in the world. Raises InputError with what there is."""
+        import casadi
+
+        if name not in self._frames:
+            wanted = [n for n in dict.fromkeys([*self._gathered, name]) if n not in self._frames]
+            indices = [frame_index(self.robot, n) for n in wanted]
+            rows = _function(self._tree.frames(indices))(self.q, self.v, self.tracer_parameters)
+            for k, each in enumerate(wanted):
+                x = rows[_FRAME * k : _FRAME * (k + 1)]
+                self._frames[each] = FrameSymbols(x[:3], casadi.reshape(x[3:12], 3, 3).T, x[12:15], x[15:18])
+        return self._frames[name]
+
+    # ---- dynamics
+
+    @property
+    def tracer_parameters(self) -> casadi.SX:
+        """What the traced algorithms take as p: all parameters where one of them sets the tree, else nothing."""
+        import casadi
+
+        return self.p if self._settings else casadi.SX(0, 1)
+
+    def algorithm(self, name: str) -> casadi.Function:
+        """A traced algorithm with its last argument p: "forward_dynamics" (q, v, tau, p), "energy" (q, v, p), …"""
+        return _function(getattr(self._tree, name)())
+
+    def inverse_dynamics(self, q: casadi.SX, v: casadi.SX, a: casadi.SX, scale: casadi.SX | float = 1.0) -> casadi.SX:
+        """Joint forces (nv) without friction, of a robot whose links have `scale` times their mass and inertia.
+
+        Rotors, reflected to the joints, keep their inertia.
+        """
+        import casadi
+
+        torque = self.algorithm("inverse_dynamics")(q, v, a, self.tracer_parameters)
+        if isinstance(scale, float) and scale == 1.0:
+            return torque
+        rotor = casadi.SX(casadi.sparsify(casadi.DM(self.robot.rotor_inertia))) * a
+        return scale * (torque - rotor) + rotor
+
+    def joint_force(self, index: int, value: casadi.SX | float) -> casadi.SX:
+        """A generalised force (nv) with one entry."""
+        import casadi
+
+        force = casadi.SX.zeros(self.robot.nv, 1)
+        force[index] = value
+        return force
+
+    @cached_property
+    def _tree(self) -> Any:
+        gravity = (float(self.robot.gravity[0]), float(self.robot.gravity[1]), float(self.robot.gravity[2]))
+        count = len(self.parameters) if self._settings else 0
+        return trace_tree(self.robot.equations.tree, gravity, self._settings, count)
+
+
+def frame_index(robot: Robot, name: str) -> int:
+    """The tracer's number of a frame, links before joints of the same name. Raises InputError with what there is."""
+    frames = robot.equations.tree.frames
+    found = [k for k, frame in enumerate(frames) if frame["name"] == name]
+    if not found:
+        raise InputError(f"{robot.name}: {among('frame', name, robot.frame_names)}")
+    return min(found, key=lambda k: bool(frames[k]["is_joint"]))
+
+
+def _function(serialized: bytes) -> casadi.Function:
+    import casadi
+
+    return casadi.Function.deserialize(serialized.decode("latin-1"))

@@ -1,0 +1,114 @@
+"""Torques over time in CSV files: a column "time [s]", and one "JOINT torque [N m]" (or [N]) for each joint."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.card.fields import UNITS, Fields
+from bellcrank.dynamics.signals import Signal
+from bellcrank.errors import InputError, among
+from bellcrank.scene.signal_source import SignalSource
+
+Array = NDArray[np.float64]
+INTERPOLATIONS = ("linear", "cubic", "hold")
+_HEADER = re.compile(r"^(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]$")
+
+
+def read_torque_table(read: Fields, file: str, column: str, unit: str, interpolation: str) -> SignalSource:
+    """The table of a torque force, read and checked at once; InputError naming the scene's key and the CSV's line."""
+    path = Path(read.where).parent / file
+    try:
+        time, torque = read_table(path, column, unit)
+    except InputError as error:
+        raise read.error("file", str(error)) from None
+    name = f"table {path}: {column}, {interpolation}"
+    return SignalSource(name, 1, 0, lambda: table_signal(time, torque, interpolation))
+
+
+def read_table(path: Path, column: str, unit: str) -> tuple[Array, Array]:
+    """Times (n,) s, increasing, and the values (n,) of a column in `unit`, n >= 2; other columns are passed over.
+
+    Raises InputError, one sentence with file and line.
+    """
+    header, rows = _rows(path)
+    labels = [match["name"] if (match := _HEADER.match(text)) else text for text in header]
+    for label in ("time", column):
+        if label not in labels:
+            raise InputError(f"{path}: {among('column', label, labels)}")
+        if labels.count(label) > 1:
+            raise InputError(f"{path}: column '{label}' stands twice")
+    columns = []
+    for label, wanted in (("time", "s"), (column, unit)):
+        place = labels.index(label)
+        match, known = _HEADER.match(header[place]), UNITS[wanted]
+        if match is None:
+            raise InputError(f"{path}: column '{label}' has no unit; write '{label} [{wanted}]'")
+        if match["unit"].strip() not in known:
+            raise InputError(f"{path}: column '{label}' is in '{match['unit']}', expected {' or '.join(known)}")
+        columns.append(_column(path, header[place], rows, place) * known[match["unit"].strip()])
+    time, torque = columns
+    if np.any(np.diff(time) <= 0.0):
+        k = int(np.argmax(np.diff(time) <= 0.0))
+        raise InputError(
+            f"{path}: time must increase, but {time[k + 1]:g} s (line {rows[k + 1][0]}) follows {time[k]:g} s"
+        )
+    return time, torque
+
+
+def table_signal(time: Array, torque: Array, interpolation: str) -> tuple[Signal, Array]:
+    """Values (n,) at times (n,) as piecewise polynomials (straight lines, a cubic spline, or steps), and the times at
+    which they are not smooth besides the breaks of a kinked one.
+    """
+    if interpolation == "cubic":
+        from scipy.interpolate import CubicSpline
+
+        spline = CubicSpline(time, torque)
+        return Signal(time, np.ascontiguousarray(spline.c[::-1].T)[:, :, None], 0, False), time[[0, -1]]
+    if interpolation == "hold":  # the last value needs a piece of its own, beyond which it is held
+        return Signal(np.append(time, time[-1] + 1.0), torque[:, None, None], 0, True), np.zeros(0)
+    slope = np.diff(torque) / np.diff(time)
+    return Signal(time, np.stack([torque[:-1], slope], axis=1)[:, :, None], 0, True), np.zeros(0)
+
+
+def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not a text file in UTF-8, so not a table of torques") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    try:
+        lines = [(k, row) for k, row in enumerate(csv.reader(io.StringIO(text)), 1) if any(c.strip() for c in row)]
+    except csv.Error as error:
+        raise InputError(f"{path}: not a CSV file: {error}") from None
+    if len(lines) < 3:
+        raise InputError(
+            f"{path}: expected a header 'time [s],JOINT torque [N m]' and at least 2 rows of numbers, "
+            f"found {max(len(lines) - 1, 0)} rows"
+        )
+    header = [" ".join(cell.split()) for cell in lines[0][1]]
+    for number, row in lines[1:]:
+        if len(row) != len(header):
+            raise InputError(f"{path}: line {number} has {len(row)} columns, the header has {len(header)}")
+    return header, lines[1:]
+
+
+def _column(path: Path, title: str, rows: list[tuple[int, list[str]]], place: int) -> Array:
+    values = np.empty(len(rows))
+    for k, (number, row) in enumerate(rows):
+        try:
+            values[k] = float(row[place])
+        except ValueError:
+            values[k] = math.nan
+        if not math.isfinite(values[k]):
+            raise InputError(
+                f"{path}: line {number}, column '{title}': {row[place].strip()[:40]!r} is not a finite number"
+            )
+    return values

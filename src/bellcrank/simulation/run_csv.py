@@ -1,0 +1,57 @@
+"""A run as CSV: one row a time, a header that names each column and its unit, as in motion/csv_file.py."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bellcrank.atomic import write_text
+from bellcrank.motion.coordinates import position_labels, velocity_labels
+
+if TYPE_CHECKING:
+    from bellcrank.simulation.trajectory import Array, Trajectory
+
+
+def write_run_csv(run: Trajectory, path: str | Path) -> Path:
+    """Write time, positions, velocities, accelerations, torques, energies, work and outputs; returns the path.
+
+    Units stand in the header (s, rad, m, N m, N, J, …); every number has the digits that give it back exactly. The
+    file is replaced in one step, or not at all. Raises InputError where the folder cannot be written.
+    """
+    labels, table = columns(run)
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow([f"{name} [{unit}]" for name, unit in labels])
+    text.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
+    target = Path(path)
+    write_text(target, text.getvalue())
+    return target
+
+
+def columns(run: Trajectory) -> tuple[list[tuple[str, str]], Array]:
+    """(name, unit) of every column of a run, and the table (n, columns)."""
+    joints = run.robot.joints
+    driven = [joint for joint in joints if joint.nv == 1]
+    labels = [("time", "s"), *position_labels(joints), *velocity_labels(joints, 1), *velocity_labels(joints, 2)]
+    labels += [(f"{joint.name} torque", torque_unit(joint.kind)) for joint in driven]
+    labels += [("kinetic energy", "J"), ("potential energy", "J"), ("work", "J")]
+    parts = [run.time, run.position, run.velocity, run.acceleration, run.torque[:, [joint.v for joint in driven]]]
+    parts += [run.kinetic_energy, run.potential_energy, run.work]
+    for name, values in run.outputs.items():
+        labels += output_labels(run, name)
+        parts.append(values)
+    return labels, np.column_stack(parts)
+
+
+def output_labels(run: Trajectory, name: str) -> list[tuple[str, str]]:
+    """(name, unit) of each column of a named output."""
+    parts = [label.removesuffix("]").rpartition(" [") for label in run.scene.outputs[name].labels]
+    return [(title, unit) for title, _, unit in parts]
+
+
+def torque_unit(kind: str) -> str:
+    """The unit of a joint's torque, or force."""
+    return "N" if kind == "prismatic" else "N m"

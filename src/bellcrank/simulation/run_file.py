@@ -1,0 +1,230 @@
+"""Runs on disk: one .npz that holds the numbers to the bit and everything that gave rise to them.
+
+Beside the arrays lies a JSON text that holds the scene, the URDF and the files that the scene names, so that a run can
+be loaded, and judged anew, where the originals are gone. Plain numpy format: no pickled objects, no code.
+"""
+
+from __future__ import annotations
+
+import atexit
+import importlib.metadata
+import json
+import platform
+import shutil
+import struct
+import tempfile
+import zipfile
+import zlib
+from dataclasses import asdict
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank import __version__
+from bellcrank.atomic import writing
+from bellcrank.dynamics.signals import Signal
+from bellcrank.errors import InputError
+from bellcrank.machine_code import machine
+from bellcrank.scene.scene import Scene, load_scene
+from bellcrank.scene.settings import Settings
+from bellcrank.simulation.status import Status
+from bellcrank.simulation.trajectory import Event, Statistics, Trajectory
+
+Array = NDArray[np.float64]
+FORMAT = "bellcrank run"
+VERSION = 1
+_DAMAGE = (
+    OSError, ValueError, TypeError, KeyError, AttributeError, EOFError, RuntimeError, OverflowError, MemoryError,
+    zipfile.BadZipFile, zlib.error, struct.error,
+)  # fmt: skip  # what numpy, zipfile and json raise on files that are not what they say
+
+
+def save_run(run: Trajectory, path: str | Path) -> Path:
+    """Write a run as .npz (the suffix is added where it is missing), whole or not at all; returns the path.
+
+    In it: time (s), state, parameters, steps, events and signals as float64, bit for bit, and a JSON text with scene,
+    URDF, status, settings, statistics, versions and machine. Raises InputError where the folder cannot be written.
+    """
+    target = Path(path)
+    if target.suffix != ".npz":
+        target = target.with_name(target.name + ".npz")
+    scene, files = _scene_files(run.scene)
+    about = {
+        "format": FORMAT,
+        "version": VERSION,
+        "scene": scene,
+        "files": files,
+        "status": str(run.status),
+        "settings": asdict(run.settings),
+        "statistics": asdict(run.statistics),
+        "events": [{"name": event.name, "stopped": event.stopped} for event in run.events],
+        "signals": [{k: v for k, v in vars(s).items() if not isinstance(v, np.ndarray)} for s in run.signals],
+        "versions": {"bellcrank": __version__} | {p: _version(p) for p in ("pin", "casadi", "llvmlite", "numpy")},
+        "machine": {"target": asdict(machine.target()), "python": platform.python_version(), "on": platform.platform()},
+    }
+    nq, nv = run.robot.nq, run.robot.nv
+    arrays: dict[str, Any] = {
+        "time": run.time,
+        "state": run.state,
+        "parameters": run.parameters,
+        "steps": run.steps,
+        "event_time": np.array([event.time for event in run.events], dtype=np.float64),
+        "event_position": np.array([event.position for event in run.events]).reshape(-1, nq),
+        "event_velocity": np.array([event.velocity for event in run.events]).reshape(-1, nv),
+    }
+    for k, signal in enumerate(run.signals):
+        arrays |= {f"signal_{k}_{name}": v for name, v in vars(signal).items() if isinstance(v, np.ndarray)}
+    text = np.frombuffer(json.dumps(about, ensure_ascii=False).encode(), dtype=np.uint8)
+    with writing(target) as temporary, temporary.open("wb") as file:
+        np.savez(file, about=text, **arrays)
+    return target
+
+
+def load_run(path: str | Path) -> Trajectory:
+    """Read a run that `Trajectory.save` wrote: the same numbers to the bit, on a scene made anew from the file alone.
+
+    Raises InputError, one sentence, for a file that is missing, damaged, foreign or of a later version.
+    """
+    file = Path(path)
+    about, arrays = _contents(file)
+    try:
+        scene = load_scene(_unpacked(json.dumps(about["files"], sort_keys=True)) / _plain(about["scene"]))
+        settings = Settings(**about["settings"])
+        statistics = Statistics(**about["statistics"])
+        status = Status(about["status"])
+        nq, nv = scene.robot.nq, scene.robot.nv
+        rows, size = len(arrays["time"]), nq + nv + scene.system.has_work
+        count = len(about["events"])
+        shapes = {
+            "time": (rows,),
+            "state": (rows, size),
+            "parameters": np.shape(scene.parameter_values),
+            "steps": (len(arrays["steps"]),),
+            "event_time": (count,),
+            "event_position": (count, nq),
+            "event_velocity": (count, nv),
+        }
+        for name, shape in shapes.items():
+            if arrays[name].shape != shape or rows == 0:
+                raise ValueError(f"'{name}' has the shape {arrays[name].shape}, expected {shape}")
+        events = tuple(
+            Event(str(e["name"]), float(t), q, v, bool(e["stopped"]))
+            for e, t, q, v in zip(
+                about["events"], arrays["event_time"], arrays["event_position"], arrays["event_velocity"], strict=True
+            )
+        )
+        signals = tuple(Signal(**facts, **_parts(arrays, f"signal_{k}_")) for k, facts in enumerate(about["signals"]))
+    except InputError as error:
+        raise InputError(f"{file}: the scene in it cannot be rebuilt: {error}") from None
+    except _DAMAGE as error:
+        raise _damaged(file, error) from None
+    return Trajectory(
+        scene, settings, arrays["time"], arrays["state"], arrays["parameters"], signals, status, events, statistics,
+        arrays["steps"],
+    )  # fmt: skip
+
+
+def _contents(file: Path) -> tuple[dict[str, Any], dict[str, Array]]:
+    """The JSON text and the float64 arrays of a run's file; InputError for any other file."""
+    try:
+        with zipfile.ZipFile(file) as archive:
+            if archive.testzip() is not None:  # the checksums of all of it, before anything is believed
+                raise ValueError("its checksums do not match")
+            if "about.npy" not in archive.namelist():
+                raise InputError(f"{file}: not a run: expected an .npz that Trajectory.save wrote")
+        with np.load(file, allow_pickle=False) as stored:
+            about = json.loads(stored["about"].tobytes())
+            arrays = {name: stored[name] for name in stored.files if name != "about"}
+    except FileNotFoundError:
+        raise InputError(f"{file}: there is no such file") from None
+    except IsADirectoryError:
+        raise InputError(f"{file}: expected a run (.npz), found a folder") from None
+    except PermissionError as error:
+        raise InputError(f"{file}: cannot be read: {error.strerror}") from None
+    except _DAMAGE as error:
+        raise _damaged(file, error) from None
+    if not isinstance(about, dict) or about.get("format") != FORMAT:
+        raise InputError(f"{file}: not a run: expected an .npz that Trajectory.save wrote")
+    if about.get("version") != VERSION:
+        raise InputError(
+            f"{file}: the run has format version {about.get('version')}, this bellcrank {__version__} reads {VERSION}; "
+            "load it with the bellcrank that wrote it, or a later one"
+        )
+    for name, array in arrays.items():
+        if array.dtype != np.float64:
+            raise _damaged(file, ValueError(f"'{name}' holds {array.dtype}, expected float64"))
+    return about, arrays
+
+
+def _parts(arrays: dict[str, Array], prefix: str) -> dict[str, Any]:
+    return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
+
+
+def _damaged(file: Path, error: BaseException) -> InputError:
+    why = " ".join(str(error).split())[:150]
+    return InputError(f"{file}: not a run, or damaged{f' ({why})' if why else ''}; save or copy it again")
+
+
+# ---- the scene, and the files that it names
+
+
+def _scene_files(scene: Scene) -> tuple[str, dict[str, str]]:
+    """The name of the scene's file, and the texts by name of all that it takes to load it from one folder."""
+    import yaml
+
+    folder = scene.source.parent
+    files: dict[str, str] = {}
+
+    def gathered(value: Any, key: str = "") -> Any:
+        if isinstance(value, dict):
+            return {k: gathered(v, k) for k, v in value.items()}
+        if isinstance(value, list):
+            return [gathered(v) for v in value]
+        if key == "file" and isinstance(value, str) and (folder / value).is_file():
+            return _add(files, folder / value, (folder / value).read_text(encoding="utf-8"))
+        return value
+
+    data = gathered(scene.data)
+    data |= {"name": scene.name, "urdf": _add(files, scene.robot.source, scene.robot.urdf.text)}
+    text = yaml.safe_dump(data, allow_unicode=True, sort_keys=False)
+    return _add(files, scene.source.with_suffix(".yaml"), text), files
+
+
+def _add(files: dict[str, str], path: Path, text: str) -> str:
+    name, number = path.name, 1
+    while name in files and files[name] != text:
+        number += 1
+        name = f"{path.stem}_{number}{path.suffix}"
+    files[name] = text
+    return name
+
+
+@cache
+def _unpacked(files: str) -> Path:
+    """A folder with these files (JSON {name: text}) in it, kept until the process ends. Raises InputError."""
+    texts = {_plain(name): str(text) for name, text in json.loads(files).items()}
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="bellcrank-run-"))
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        for name, text in texts.items():
+            (folder / name).write_bytes(text.encode())
+    except OSError as error:
+        raise InputError(f"cannot be unpacked into {tempfile.gettempdir()}: {error.strerror or error}") from None
+    return folder
+
+
+def _plain(name: Any) -> str:
+    """A file's name; ValueError for one that leads out of its folder."""
+    if not isinstance(name, str) or Path(name).name != name or name in ("", ".."):
+        raise ValueError(f"it names the file {name!r}")
+    return name
+
+
+def _version(package: str) -> str:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"

@@ -1,0 +1,158 @@
+"""`simulate`: from a scene to a run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank._step import integrate
+from bellcrank.errors import InputError
+from bellcrank.machine_code import machine
+from bellcrank.scene.scene import Scene, load_scene
+from bellcrank.scene.settings import Settings
+from bellcrank.simulation.status import Status
+from bellcrank.simulation.trajectory import Event, Statistics, Trajectory
+
+Array = NDArray[np.float64]
+
+
+def simulate(
+    scene: Scene | str | Path,
+    duration: float | None = None,
+    solver: str | None = None,
+    rtol: float | None = None,
+    atol: float | None = None,
+    step: float | None = None,
+    times: Any = None,
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    samples: int | None = None,
+    first_step: float | None = None,
+    max_step: float | None = None,
+    max_evaluations: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Trajectory:
+    """Simulate a scene (or the file or name of one) over `duration` seconds; what is not given, the scene says.
+
+    solver: "DOP853", "RK45", "Radau" (stiff) or "RK4"; rtol and atol as in scipy.integrate.solve_ivp, on every position
+    and velocity (rad, m, rad/s, m/s); a fixed `step` (s) turns the step-size control off. Results are given at `times`
+    (m,) in s, at `samples` equal times, or with times="steps" at the solver's own steps. `overrides` changes the scene,
+    as in {"initial.shoulder": "10 deg"}. `progress` is called with the time reached about every 0.1 s.
+
+    Returns a Trajectory, whose `status` says why it ended: what was computed is never lost. Raises InputError for
+    arguments that are wrong, and for a start at which the accelerations are not finite.
+    """
+    if not isinstance(scene, Scene):
+        scene = load_scene(scene)
+    if overrides:
+        scene = scene.with_overrides(overrides)
+    given = {
+        "duration": duration, "solver": solver, "rtol": rtol, "atol": atol, "step": step, "samples": samples,
+        "first_step": first_step, "max_step": max_step, "max_evaluations": max_evaluations,
+    }  # fmt: skip
+    changes: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
+    steps_wanted = isinstance(times, str)
+    if steps_wanted and times != "steps":
+        raise InputError(f"times must be an array of seconds or \"steps\", it is '{times}'")
+    wanted = None if times is None or steps_wanted else _checked_times(times)
+    if wanted is not None and duration is None:
+        changes["duration"] = float(wanted[-1]) or scene.settings.duration
+    settings = replace(scene.settings, **changes) if changes else scene.settings
+    if wanted is None:
+        wanted = np.linspace(0.0, settings.duration, settings.samples)
+    elif wanted[-1] > settings.duration:
+        raise InputError(f"times reach {wanted[-1]:g} s, beyond the duration of {settings.duration:g} s")
+    return _integrate(scene, settings, wanted, steps_wanted, progress)
+
+
+def _integrate(
+    scene: Scene, settings: Settings, times: Array, every_step: bool, progress: Callable[[float], None] | None
+) -> Trajectory:
+    system, signals, p = scene.system, scene.signals, scene.parameter_values
+    x0 = np.zeros(system.size)
+    q0, v0 = scene.start
+    x0[: system.nq], x0[system.nq : system.nq + system.nv] = q0, v0
+    implicit = settings.solver == "Radau"
+    result = integrate(
+        system.rhs.address("scalar"),
+        settings.solver,
+        0.0,
+        settings.duration,
+        x0,
+        p,
+        norm_size=system.nq + system.nv,
+        rtol=settings.rtol,
+        atol=settings.atol,
+        step=settings.step or 0.0,
+        first_step=settings.first_step or 0.0,
+        max_step=settings.max_step or math.inf,
+        times=times,
+        every_step=every_step,
+        unit=unit_parts(scene),
+        signals=[(s.breaks, s.coefficients, s.derivatives, s.kinked) for s in signals],
+        stops=_NONE,
+        events=system.events.address("scalar") if scene.events else 0,
+        terminal=[event.stop for event in scene.events],
+        direction=[event.direction for event in scene.events],
+        jacobian=system.jacobian.address("scalar") if implicit and system.whole_jacobian else 0,
+        tangent=system.tangent.address("batch") if implicit and not system.whole_jacobian else 0,
+        lanes=machine.target().lanes if implicit else 1,
+        max_evaluations=settings.max_evaluations,
+        progress=progress,
+    )
+    status = tuple(Status)[result.status]
+    if status is Status.NON_FINITE and result.accepted == 0:
+        _refuse_start(scene, p, x0)
+    time, state = result.time, result.state
+    if not len(time) or time[-1] < result.end_time:
+        time, state = np.append(time, result.end_time), np.vstack([state, result.end_state[None]])
+    names = [event.name for event in scene.events]
+    events = tuple(
+        Event(names[k], float(t), x[: system.nq], x[system.nq : system.nq + system.nv], scene.events[k].stop)
+        for k, t, x in zip(result.event_index, result.event_time, result.event_state, strict=True)
+    )
+    statistics = Statistics(
+        result.accepted, result.rejected, result.evaluations, result.jacobians, result.factorisations, result.seconds
+    )
+    return Trajectory(scene, settings, time, state, p, signals, status, events, statistics, result.steps)
+
+
+def unit_parts(scene: Scene) -> list[tuple[int, int]]:
+    """Where in the state a quaternion, or the cosine and sine of a planar joint, lies: (first, length) of each."""
+    places = {"floating": (3, 4), "planar": (2, 2)}
+    return [(j.q + places[j.kind][0], places[j.kind][1]) for j in scene.robot.joints if j.kind in places]
+
+
+def _checked_times(times: Any) -> Array:
+    try:
+        array = np.array(times, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"times must be an array of seconds, it is {times!r}") from None
+    if array.ndim != 1 or not len(array) or not np.isfinite(array).all():
+        raise InputError(f"times must be a list of at least one finite number (s), its shape is {array.shape}")
+    if array[0] < 0.0 or np.any(np.diff(array) <= 0.0):
+        raise InputError("times must start at 0 s or later and increase")
+    return array
+
+
+def _refuse_start(scene: Scene, p: Array, x0: Array) -> None:
+    """Name the joint whose acceleration is not finite at the start, with what to do (InputError)."""
+    system = scene.system
+    u = scene.signals_at(np.zeros(1))[0]
+    rate = system.rhs(np.zeros(1), x0, u, p)[system.nq : system.nq + system.nv]
+    bad = np.flatnonzero(~np.isfinite(rate))
+    where = next((j.name for j in reversed(scene.robot.joints) if len(bad) and j.v <= bad[0]), "")
+    at = f" at joint '{where}'" if where else ""
+    raise InputError(
+        f"{scene.source}: the accelerations at the start are not finite{at}: either nothing beyond a joint has inertia "
+        "about its axis (give those links mass), or a force has no value there (a spring of length 0, say)"
+    )
+
+
+_NONE: Array = np.zeros(0)

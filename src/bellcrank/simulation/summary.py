@@ -1,0 +1,126 @@
+"""A run in a few lines: why it ended, what it cost, its certificate and its last state; as text and as HTML."""
+
+from __future__ import annotations
+
+import math
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bellcrank.motion.coordinates import position_labels, velocity_labels
+
+if TYPE_CHECKING:
+    from bellcrank.simulation.trajectory import Trajectory
+
+EVENTS = 5  # events listed one by one
+JOINTS = 24  # joints listed
+MANY_TURNS = 1e6  # rad: beyond it, and where it is no number, degrees say nothing
+_HEAD = ("at the end", "position", "", "velocity")
+
+
+def summary_text(run: Trajectory) -> str:
+    """The run as lines of text: verdict, solver, cost, events, certificate, and the joints at the end (SI units)."""
+    rows = _facts(run)
+    width = max(len(name) for name, _ in rows)
+    lines = [run.message, *(f"  {name:{width}}  {value}" for name, value in rows), ""]
+    table = [_HEAD, *_end(run)]
+    widths = [max(len(row[k]) for row in table) for k in range(len(_HEAD))]
+    for first, *others in table:
+        cells = (f"{text:>{room}}" for text, room in zip(others, widths[1:], strict=True))
+        lines.append("  ".join(["", f"{first:{widths[0]}}", *cells]).rstrip())
+    return "\n".join(lines + [f"  {text}" for text in _hidden(run)])
+
+
+def summary_html(run: Trajectory) -> str:
+    """The same as a table for notebooks; names are escaped."""
+    left = 'style="text-align:left"'
+    facts = "".join(
+        f"<tr><th {left}>{escape(name)}</th><td {left} colspan={len(_HEAD) - 1}>{escape(value)}</td></tr>"
+        for name, value in _facts(run)
+    )
+    head = "".join(f"<th>{text}</th>" for text in _HEAD)
+    end = "".join(
+        f"<tr><td {left}>{escape(first)}</td>{''.join(f'<td>{escape(text)}</td>' for text in others)}</tr>"
+        for first, *others in _end(run)
+    )
+    hidden = "".join(f"<tr><td {left} colspan={len(_HEAD)}>{escape(text)}</td></tr>" for text in _hidden(run))
+    return f"<table><caption {left}>{escape(run.message)}</caption>{facts}<tr>{head}</tr>{end}{hidden}</table>"
+
+
+def _facts(run: Trajectory) -> list[tuple[str, str]]:
+    settings, cost = run.settings, run.statistics
+    how = f"step {settings.step:g} s" if settings.step else f"rtol {settings.rtol:g}, atol {settings.atol:g}"
+    effort = f"{_count(cost.steps, 'step')} and {cost.rejected} rejected, {_count(cost.evaluations, 'evaluation')}"
+    if cost.jacobians:
+        effort += f", {_count(cost.jacobians, 'Jacobian')}, {_count(cost.factorisations, 'factorisation')}"
+    t, v, w = float(run.kinetic_energy[-1]), float(run.potential_energy[-1]), float(run.work[-1])
+    work = f", work {w:.6g} J" if run.scene.system.has_work else ""
+    with np.errstate(all="ignore"):  # a run may end where numbers overflow
+        certificate = [
+            ("energy drift", f"{run.energy_drift():.1e} of the largest energy"),
+            ("equation residual", f"{run.equation_residual():.1e} of the largest joint force"),
+        ]
+    rows = [
+        ("solver", f"{settings.solver}, {how}"),
+        ("cost", f"{effort}, {_seconds(cost.kernel_time)} of stepping"),
+        *((("events" if k == 0 else ""), text) for k, text in enumerate(_events(run))),
+        ("energy at the end", f"kinetic {t:.6g} J, potential {v:.6g} J{work}"),
+        *certificate,
+    ]
+    if any(joint.kind in ("floating", "planar") for joint in run.robot.joints):
+        rows.append(("constraint residual", f"{run.constraint_residual():.1e} (unit length of rotations)"))
+    return rows
+
+
+def _events(run: Trajectory) -> list[str]:
+    lines = [
+        f"{event.name} at {event.time:.9g} s{', which ended the run' if event.stopped else ''}"
+        for event in run.events[:EVENTS]
+    ]
+    if len(run.events) > EVENTS:
+        last = run.events[-1]
+        lines.append(f"… {len(run.events)} in all, the last is {last.name} at {last.time:.9g} s")
+    return lines
+
+
+def _end(run: Trajectory) -> list[tuple[str, ...]]:
+    """(coordinate, value, in degrees, velocity) at the end; positions and velocities of a joint with several
+    coordinates are not of one kind, and have lines of their own.
+    """
+    rows: list[tuple[str, ...]] = []
+    for joint in run.robot.joints[:JOINTS]:
+        q = list(zip(position_labels([joint]), run.position[-1, joint.q : joint.q + joint.nq].tolist(), strict=True))
+        v = list(zip(velocity_labels([joint]), run.velocity[-1, joint.v : joint.v + joint.nv].tolist(), strict=True))
+        if joint.nv == 1:
+            rows.append((joint.name, _value(q[0]), _degrees(q[0]), _value(v[0])))
+            continue
+        rows += [(entry[0][0], _value(entry), "", "") for entry in q]
+        rows += [(entry[0][0], "", "", _value(entry)) for entry in v]
+    return rows
+
+
+def _hidden(run: Trajectory) -> list[str]:
+    count = len(run.robot.joints) - JOINTS
+    return [f"… and {_count(count, 'more joint')}"] if count > 0 else []
+
+
+def _value(entry: tuple[tuple[str, str], float]) -> str:
+    (_, unit), x = entry
+    return f"{x:.6g}" + ("" if unit == "1" else f" {unit}")
+
+
+def _degrees(entry: tuple[tuple[str, str], float]) -> str:
+    (_, unit), x = entry
+    return f"{math.degrees(x):.2f}°" if unit == "rad" and abs(x) < MANY_TURNS else ""
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _seconds(seconds: float) -> str:
+    for factor, unit in ((1e6, "µs"), (1e3, "ms")):
+        if seconds * factor < 1000.0:
+            return f"{seconds * factor:.3g} {unit}"
+    return f"{seconds:.3g} s"

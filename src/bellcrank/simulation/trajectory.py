@@ -1,0 +1,320 @@
+"""A run: what a simulation gives back, with the means to judge it.
+
+Nothing here is copied from the solver's own bookkeeping where the equations can say it: accelerations, energies,
+forces and residuals are computed anew from the states, when first asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank._step import methods
+from bellcrank.dynamics.signals import Signal, values_at
+from bellcrank.errors import InputError, among
+from bellcrank.simulation.status import Status
+
+if TYPE_CHECKING:
+    from bellcrank.robot.robot import Robot
+    from bellcrank.scene.scene import Scene
+    from bellcrank.scene.settings import Settings
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """An event of a scene: time (s), position (nq,) and velocity (nv,) there; `stopped`: it ended the run."""
+
+    name: str
+    time: float
+    position: Array
+    velocity: Array
+    stopped: bool
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """What the solver did: accepted and rejected steps, evaluations of the right-hand side and of its Jacobian, LU
+    factorisations, and the time in the stepping alone (s).
+    """
+
+    steps: int
+    rejected: int
+    evaluations: int
+    jacobians: int
+    factorisations: int
+    kernel_time: float
+
+
+@dataclass(frozen=True, eq=False)
+class JointHistory:
+    """One joint over time: position, velocity, acceleration and torque, (n,) each for a joint with one degree of
+    freedom (rad or m, …, N m or N). `actuator_torque` is the motors' and controllers' part of the torque; the rest
+    comes from springs, dampers, friction and wrenches.
+    """
+
+    position: Array
+    velocity: Array
+    acceleration: Array
+    torque: Array
+    actuator_torque: Array
+
+
+@dataclass(frozen=True, eq=False)
+class FrameHistory:
+    """One frame over time, world axes: position (n, 3) m, rotation (n, 3, 3), velocity (n, 3) m/s of its origin, and
+    angular velocity (n, 3) rad/s.
+    """
+
+    position: Array
+    rotation: Array
+    velocity: Array
+    angular_velocity: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A run of a scene: rows of time (n,) s and state, and everything that follows from them.
+
+    Position (n, nq), velocity and acceleration (n, nv): rad or m and their rates, one number a joint; a free base
+    first, with position (world), quaternion x y z w, and velocity in its own frame. Energies and work in J. Made by
+    `simulate` and `load_run`.
+    """
+
+    scene: Scene
+    settings: Settings
+    time: Array
+    state: Array
+    parameters: Array
+    signals: tuple[Signal, ...]
+    status: Status
+    events: tuple[Event, ...]
+    statistics: Statistics
+    steps: Array
+
+    def __repr__(self) -> str:
+        return f"Trajectory('{self.scene.name}', {self.status} at {self.time[-1]:g} s, {len(self.time)} rows)"
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    # ---- states
+
+    @property
+    def robot(self) -> Robot:
+        """The robot of the scene."""
+        return self.scene.robot
+
+    @property
+    def success(self) -> bool:
+        """Whether the run came to the end that was asked for."""
+        return self.status.success
+
+    @property
+    def message(self) -> str:
+        """One sentence: why the run ended, when, and what to do about it."""
+        what = self.status.advice
+        if self.status is Status.EVENT:
+            what = f"event '{self.events[-1].name}' ended the run"
+        return f"{self.scene.name}: {self.status} at {self.time[-1]:.9g} s: {what}"
+
+    @property
+    def position(self) -> Array:
+        """Position (n, nq)."""
+        return self.state[:, : self.robot.nq]
+
+    @property
+    def velocity(self) -> Array:
+        """Velocity (n, nv)."""
+        return self.state[:, self.robot.nq : self.robot.nq + self.robot.nv]
+
+    @property
+    def work(self) -> Array:
+        """Work (n,) J that actuators, dampers and friction have put in since the start; the solver's quadrature."""
+        return self.state[:, -1] if self.scene.system.has_work else np.zeros(len(self.time))
+
+    @cached_property
+    def inputs(self) -> Array:
+        """Signals u (n, nu): tabulated torques and the motions that controllers follow."""
+        return values_at(self.signals, self.time)
+
+    @property
+    def _arguments(self) -> tuple[Array, ...]:
+        return self.time[:, None], self.state, self.inputs, self.parameters
+
+    # ---- what follows from the states
+
+    @cached_property
+    def _observed(self) -> tuple[Array, ...]:
+        return tuple(self.scene.system.observation(*self._arguments))
+
+    @property
+    def acceleration(self) -> Array:
+        """Acceleration (n, nv)."""
+        return self._observed[0]
+
+    @property
+    def kinetic_energy(self) -> Array:
+        """Kinetic energy (n,) J."""
+        return self._observed[1][:, 0]
+
+    @property
+    def potential_energy(self) -> Array:
+        """Potential energy (n,) J of gravity and springs."""
+        return self._observed[1][:, 1]
+
+    @property
+    def total_energy(self) -> Array:
+        """Kinetic and potential energy (n,) J."""
+        return self.kinetic_energy + self.potential_energy
+
+    @property
+    def actuator_torque(self) -> Array:
+        """Torques of motors and controllers (n, nv), N m or N."""
+        return self._observed[2]
+
+    @property
+    def torque(self) -> Array:
+        """All joint forces of the scene (n, nv): actuators, springs, dampers, friction, wrenches; not gravity."""
+        return self._observed[2] + self._observed[3]
+
+    @property
+    def multipliers(self) -> Array:
+        """Lagrange multipliers (n, constraints); a tree has none."""
+        return np.zeros((len(self.time), 0))
+
+    @property
+    def outputs(self) -> Mapping[str, Array]:
+        """The scene's named outputs, (n,) or (n, k) each."""
+        return dict(zip(self.scene.outputs, (self._output(k) for k in range(len(self.scene.outputs))), strict=True))
+
+    def _output(self, k: int) -> Array:
+        rows = self._observed[4 + k]
+        return rows[:, 0] if rows.shape[1] == 1 else rows
+
+    def output(self, name: str) -> Array:
+        """A named output of the scene, (n,) or (n, k). Raises InputError with what there is."""
+        if name not in self.scene.outputs:
+            raise InputError(f"{self.scene.name}: {among('output', name, self.scene.outputs)}")
+        return self._output(list(self.scene.outputs).index(name))
+
+    def joint(self, name: str) -> JointHistory:
+        """What one joint did. Raises InputError with what there is."""
+        j = self.robot.joint(name)
+        q, v = slice(j.q, j.q + j.nq), slice(j.v, j.v + j.nv)
+
+        def column(rows: Array, where: slice) -> Array:
+            part = rows[:, where]
+            return part[:, 0] if part.shape[1] == 1 else part
+
+        return JointHistory(
+            column(self.position, q), column(self.velocity, v), column(self.acceleration, v),
+            column(self.torque, v), column(self.actuator_torque, v),
+        )  # fmt: skip
+
+    def frame(self, name: str) -> FrameHistory:
+        """What a frame did, in the world. Raises InputError with what there is."""
+        if name not in self.robot.frame_names:
+            raise InputError(f"{self.scene.name}: {among('frame', name, self.robot.frame_names)}")
+        rows = self.scene.system.frame(name)(*self._arguments)
+        return FrameHistory(rows[:, :3], rows[:, 3:12].reshape(-1, 3, 3), rows[:, 12:15], rows[:, 15:18])
+
+    # ---- the certificate
+
+    def energy_drift(self) -> float:
+        """How far energy is from its balance: max |T + V − T₀ − V₀ − W| / max (T + |V − V₀| + |W|).
+
+        Energies are computed anew from the states; W is the solver's quadrature of the power of actuators, dampers and
+        friction. 0 for a run that never had energy.
+        """
+        t, v, w = self.kinetic_energy, self.potential_energy, self.work
+        with np.errstate(all="ignore"):  # a run that blew up has energies beyond all numbers
+            return _share(np.abs((t - t[0]) + (v - v[0]) - w).max(), (t + np.abs(v - v[0]) + np.abs(w)).max())
+
+    def equation_residual(self) -> float:
+        """How far the accelerations miss the equations of motion: the largest |inverse dynamics − joint forces|, as a
+        share of the largest joint force of the run, applied or of bias (gravity, Coriolis and centrifugal).
+
+        Forward dynamics (the articulated-body algorithm) made the accelerations; recursive Newton-Euler checks them.
+        """
+        residual, bias = self.scene.system.residual(*self._arguments)
+        return _share(np.abs(residual).max(), max(np.abs(self.torque).max(), np.abs(bias).max()))
+
+    def constraint_residual(self) -> float:
+        """The largest violation of what the state must keep: here the unit length of quaternions."""
+        from bellcrank.simulation.simulate import unit_parts
+
+        parts = [self.state[:, first : first + length] for first, length in unit_parts(self.scene)]
+        return max((float(np.abs(np.linalg.norm(x, axis=1) - 1.0).max()) for x in parts), default=0.0)
+
+    def velocity_residual(self) -> float:
+        """The largest violation of a velocity constraint; a tree has none."""
+        return 0.0
+
+    def error_estimate(self) -> float:
+        """How far the positions may be off (rad or m): the largest difference from a run with a tenth of the tolerances,
+        or half the fixed step, on the same times (there 2ᵖ/(2ᵖ − 1) of it, p the method's order, as Richardson showed).
+        Costs that second run; infinite where there is nothing to compare.
+        """
+        from bellcrank.simulation.simulate import simulate
+
+        s, later = self.settings, self.time > 0.0
+        if not later.any():
+            return float("inf")
+        finer: dict[str, Any] = {"step": s.step / 2} if s.step else {}
+        if not s.step:
+            finer = {"rtol": max(s.rtol / 10, 1e-13), "atol": s.atol / 10}
+        again = simulate(
+            self.scene, duration=float(self.time[-1]), solver=s.solver, times=self.time[later], first_step=s.first_step,
+            max_step=s.max_step, max_evaluations=20 * s.max_evaluations, **finer,
+        )  # fmt: skip
+        mine = self.position[later]
+        if len(again) < len(mine):
+            return float("inf")
+        left = 0.5 ** methods()[s.solver] if s.step else 0.0  # the share of the error that the second run has too
+        return float(np.abs(again.position[: len(mine)] - mine).max(initial=0.0)) / (1.0 - left)
+
+    # ---- out of the house
+
+    def save(self, path: str | Path) -> Path:
+        """Write the run as .npz, with the scene and the robot in it, for `load_run`."""
+        from bellcrank.simulation.run_file import save_run
+
+        return save_run(self, path)
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write times, states, accelerations, torques, energies and outputs as CSV, units in the header."""
+        from bellcrank.simulation.run_csv import write_run_csv
+
+        return write_run_csv(self, path)
+
+    def plot(self, path: str | Path | None = None, frame: str | None = None) -> Any:
+        """Draw the run, or a frame's path: a matplotlib Figure, written to `path` (PNG) where one is given."""
+        from bellcrank.simulation.run_plot import plot_run
+
+        return plot_run(self, path, frame)
+
+    def summary(self) -> str:
+        """The run in a few lines: why it ended, what it cost, and its certificate."""
+        from bellcrank.simulation.summary import summary_text
+
+        return summary_text(self)
+
+    def _repr_html_(self) -> str:
+        from bellcrank.simulation.summary import summary_html
+
+        return summary_html(self)
+
+
+def _share(gap: float, scale: float) -> float:
+    """gap / scale: 0 where both are 0, infinite where it is no number."""
+    if gap == 0.0:
+        return 0.0
+    return float(gap / scale) if np.isfinite(gap) and np.isfinite(scale) and scale > 0.0 else float("inf")

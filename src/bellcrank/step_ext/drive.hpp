@@ -1,0 +1,108 @@
+// A whole run: the stretches between stops, the steps in them, outputs and events of each step.
+#pragma once
+
+#include "events.hpp"
+
+namespace bellcrank {
+namespace BELLCRANK_ISA {
+
+template <class Stepper>
+class Run {
+ public:
+  Run(const Problem& problem, Record& record, Counts& counts)
+      : p_(problem), record_(record), counts_(counts), rhs_(problem), stepper_(rhs_), events_(rhs_, stepper_),
+        between_(problem.n + 16) {}
+
+  Status operator()() {
+    const Status status = p_.step > 0 ? stretches<true>() : stretches<false>();
+    if (status != Status::event) record_.end(stepper_.t, stepper_.state());
+    stepper_.add_counts(counts_);
+    counts_.evaluations = rhs_.evaluations;
+    return status;
+  }
+
+ private:
+  const Problem& p_;
+  Record& record_;
+  Counts& counts_;
+  Rhs rhs_;
+  Stepper stepper_;
+  Events<Stepper> events_;
+  Buffer between_;  // an interpolated state, padded
+  std::size_t next_output_ = 0;
+  std::int64_t until_look_ = 1;
+
+  template <bool Fixed>
+  Status stretches() {
+    output_start();
+    for (int i = 0; i <= p_.stop_count && stepper_.t < p_.t1; ++i) {
+      const double bound = i < p_.stop_count ? p_.stops[i] : p_.t1;
+      rhs_.pin(stepper_.t, bound);
+      rhs_.latest = i < p_.stop_count ? std::nextafter(bound, p_.t0) : INFINITY;
+      if (!stepper_.begin()) return Status::non_finite;
+      if (i == 0) {
+        if (!events_.begin(stepper_.t, stepper_.state())) return Status::non_finite;
+        if (!Fixed) stepper_.choose_step(bound);
+      }
+      while (stepper_.t < bound) {
+        const std::int64_t rejected = stepper_.rejected;
+        const Outcome outcome = Fixed ? stepper_.fixed(grid(bound)) : stepper_.advance(bound);
+        if (outcome != Outcome::accepted) return status_of(outcome);
+        ++counts_.accepted;
+        if (p_.event_count) {
+          const Found found = events_.search(record_);
+          if (found == Found::failed) return Status::non_finite;
+          if (found == Found::terminal) return end_at_event();
+        }
+        record_.step(stepper_.t);
+        output_step(stepper_.t);
+        until_look_ -= 1 + stepper_.rejected - rejected;
+        if (until_look_ <= 0 && record_.look(stepper_.t, &until_look_)) return Status::interrupted;
+      }
+    }
+    return Status::finished;
+  }
+
+  // End of the next step of fixed size: a point of the grid, or the bound where that comes first or lies on it.
+  double grid(double bound) const {
+    const double index = std::floor((stepper_.t - p_.t0) / p_.step + 1e-6) + 1;
+    const double end = p_.t0 + index * p_.step;
+    return end > bound - 1e-6 * p_.step ? bound : end;
+  }
+
+  Status end_at_event() {
+    const double end = events_.end_time();
+    record_.step(end);
+    if (!p_.every_step) output_step(end);
+    record_.end(end, events_.end_state());
+    return Status::event;
+  }
+
+  void output_start() {
+    if (p_.every_step) return record_.output(stepper_.t, stepper_.state());
+    while (next_output_ < p_.time_count && p_.times[next_output_] <= stepper_.t)
+      record_.output(p_.times[next_output_++], stepper_.state());
+  }
+
+  // Requested times up to `end`, the step's own state at its ends (to the rounding of the time).
+  void output_step(double end) {
+    if (p_.every_step) return record_.output(end, stepper_.state());
+    const double ulp = 4 * spacing(stepper_.t);
+    while (next_output_ < p_.time_count && p_.times[next_output_] <= end) {
+      const double time = p_.times[next_output_++];
+      const double* x = between_;
+      if (stepper_.t - time <= ulp) x = stepper_.state();
+      else if (time - stepper_.t_old <= ulp) x = stepper_.old_state();
+      else state_at((time - stepper_.t_old) / (stepper_.t - stepper_.t_old));
+      record_.output(time, x);
+    }
+  }
+
+  void state_at(double s) {
+    if (stepper_.prepare()) stepper_.interpolate(s, between_);
+    else stepper_.sketch(s, between_);
+  }
+};
+
+}  // namespace BELLCRANK_ISA
+}  // namespace bellcrank

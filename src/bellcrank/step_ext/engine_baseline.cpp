@@ -1,0 +1,3 @@
+// The engine for any x86-64.
+#define BELLCRANK_ISA baseline
+#include "engine.hpp"

@@ -1,0 +1,386 @@
+// Explicit Runge-Kutta methods. The state lies in blocks of four lanes, padded with zeros; `Blocks` fixes their number
+// at compile time (0: any number), and the sums over stages are unrolled from the table without its zeros.
+#pragma once
+
+#ifdef __AVX2__
+#include <immintrin.h>
+#endif
+
+#include "control.hpp"
+#include "tableaus.hpp"
+
+namespace bellcrank {
+namespace BELLCRANK_ISA {
+
+typedef double Lanes __attribute__((vector_size(32)));
+
+#define BELLCRANK_INLINE inline __attribute__((always_inline))
+
+BELLCRANK_INLINE Lanes& at(double* p) { return *reinterpret_cast<Lanes*>(p); }
+BELLCRANK_INLINE const Lanes& at(const double* p) { return *reinterpret_cast<const Lanes*>(p); }
+BELLCRANK_INLINE Lanes magnitude(Lanes v) { return v < 0 ? -v : v; }
+BELLCRANK_INLINE double total(Lanes v) { return (v[0] + v[2]) + (v[1] + v[3]); }
+
+// Loads lanes that were just stored one by one: a vector load would wait until the stores have left the store buffer.
+BELLCRANK_INLINE Lanes fresh(const double* p) {
+#ifdef __AVX2__
+  __m128d low = _mm_load_sd(p), high = _mm_load_sd(p + 2);
+  asm("" : "+x"(low), "+x"(high));  // or the compiler merges the loads again
+  return static_cast<Lanes>(_mm256_set_m128d(_mm_loadh_pd(high, p + 3), _mm_loadh_pd(low, p + 1)));
+#else
+  return at(p);
+#endif
+}
+
+// sum over j <= J of table(j) k_j, the latest stage last
+template <class Table, int J, bool Fresh, bool Latest = true>
+BELLCRANK_INLINE Lanes weighted(const double* k, std::size_t stride) {
+  constexpr double weight = Table::at(J);
+  if constexpr (weight == 0) {
+    return weighted<Table, J - 1, Fresh, false>(k, stride);
+  } else {
+    Lanes value;
+    if constexpr (Fresh && Latest) value = fresh(k + J * stride);
+    else value = at(k + J * stride);
+    if constexpr (Table::first(J)) return weight * value;
+    else return weighted<Table, J - 1, Fresh, false>(k, stride) + weight * value;
+  }
+}
+
+template <class Numbers>
+struct Weights {
+  static constexpr double at(int j) { return Numbers::at(j); }
+  static constexpr bool first(int j) {
+    for (int i = 0; i < j; ++i)
+      if (Numbers::at(i) != 0) return false;
+    return true;
+  }
+};
+template <class Method, int S>
+struct RowOf {
+  static constexpr double at(int j) { return Method::a[S][j]; }
+};
+template <class Method>
+struct ErrorOf {
+  static constexpr double at(int j) { return Method::e[j]; }
+};
+template <class Method>
+struct Error5Of {
+  static constexpr double at(int j) { return Method::e5[j]; }
+};
+template <class Method>
+struct Error3Of {
+  static constexpr double at(int j) { return Method::e3[j]; }
+};
+template <class Method, int Power>
+struct DenseOf {
+  static constexpr double at(int j) {
+    if constexpr (Method::fsal) return Method::dense[j][Power];
+    else return Method::dense[Power][j];
+  }
+};
+
+// The stages of one step, and the pointers of their kernel calls.
+template <class Method>
+struct Stages {
+  Buffer k, x;
+  Inputs in;
+  double* out[Method::rows];
+  Stages(std::size_t lanes, const Rhs& rhs) : k(lanes * Method::rows), x(lanes), in(x, rhs) {
+    for (int s = 0; s < Method::rows; ++s) out[s] = k + s * lanes;
+  }
+};
+
+template <class Method, int Blocks>
+class Explicit {
+ public:
+  explicit Explicit(Rhs& rhs)
+      : rhs_(rhs), p_(rhs.problem), blocks_((p_.n + 3) / 4), main_(lanes(), rhs), redo_(lanes(), rhs), x_(lanes()),
+        old_(lanes()), tolerance_(lanes()), dense_(lanes() * 7) {
+    for (int i = 0; i < static_cast<int>(lanes()); ++i) tolerance_[i] = i < p_.norm_size ? p_.atol : INFINITY;
+    std::memcpy(x_, p_.x0, p_.n * sizeof(double));
+    rhs_.normalise(x_);
+    t = t_old = p_.t0;
+  }
+
+  double t, t_old;
+  std::int64_t rejected = 0;
+  void add_counts(Counts& counts) const { counts.rejected = rejected; }
+  const double* state() const { return x_; }
+  const double* old_state() const { return old_; }
+
+  // First stage at the present time, from the side after it.
+  bool begin() {
+    ++rhs_.evaluations;
+    std::memcpy(main_.x, x_, lanes() * sizeof(double));
+    return rhs_(main_.in, t, main_.out + last) == 0 && finite(main_.k + last * lanes());
+  }
+
+  void choose_step(double bound) {
+    next_ = p_.first_step > 0 ? p_.first_step
+                              : first_step(rhs_, t, x_, main_.k + last * lanes(), bound, Method::estimator);
+  }
+
+  // One accepted step that does not cross `bound`.
+  Outcome advance(double bound) {
+    begin_step();
+    const double least = 10 * spacing(t_old);
+    double h = larger(smaller(next_, p_.max_step), least);
+    bool again = false, bad = false;
+    for (;; ++rejected, again = true) {
+      if (h < least) return give_up(bad ? Outcome::non_finite : Outcome::too_small);
+      if (rhs_.spent()) return give_up(Outcome::spent);
+      const double proposed = h;
+      double end = t_old + h;
+      if (end > bound) end = bound;
+      h = end - t_old;
+      const bool sound = step(main_, h, x_);
+      const double error = sound ? error_square(h) : NAN;
+      if (error < 1 && finish(end)) {
+        double factor = error == 0 ? largest_factor : smaller(largest_factor, safety * shrink(error));
+        if (again) factor = smaller(1, factor);
+        next_ = h * factor;
+        if (end == bound && !again) next_ = larger(next_, proposed);  // a stop says nothing of the step
+        return Outcome::accepted;
+      }
+      bad = !(error < INFINITY) || error < 1;
+      h *= bad ? least_factor : larger(least_factor, safety * shrink(error));
+    }
+  }
+
+  // One step of fixed size.
+  Outcome fixed(double end) {
+    begin_step();
+    if (rhs_.spent()) return give_up(Outcome::spent);
+    if (!step(main_, end - t_old, x_) || !finite(x_) || !finish(end)) return give_up(Outcome::non_finite);
+    return Outcome::accepted;
+  }
+
+  // x at t_old + s (t - t_old) by what the step already knows: the dense output, or a cubic through both ends.
+  void sketch(double s, double* x) {
+    if (dense_ready_ || Method::fsal) interpolate(s, x);
+    else cubic(s, x);
+  }
+
+  // Whether the dense output is there; it may cost evaluations.
+  bool prepare() {
+    if (Method::fsal || dense_ready_) return true;
+    if constexpr (Method::extra == 3) prepare_three();
+    else if constexpr (Method::extra == 1) prepare_one();
+    return dense_ready_;
+  }
+
+  void interpolate(double s, double* x) {
+    const double h = t - t_old;
+    const std::size_t w = lanes();
+    for (int b = 0; b < blocks(); ++b) {
+      const Lanes y = at(old_ + 4 * b);
+      Lanes sum;
+      if constexpr (Method::fsal) {
+        sum = dense_term<3>(b) * s;
+        sum = (sum + dense_term<2>(b)) * s;
+        sum = (sum + dense_term<1>(b)) * s;
+        sum = (sum + dense_term<0>(b)) * (s * h);
+      } else if constexpr (Method::extra == 3) {
+        const double r = 1 - s;
+        const double* f = dense_ + 4 * b;
+        sum = at(f + 6 * w) * s;
+        sum = (sum + at(f + 5 * w)) * r;
+        sum = (sum + at(f + 4 * w)) * s;
+        sum = (sum + at(f + 3 * w)) * r;
+        sum = (sum + at(f + 2 * w)) * s;
+        sum = (sum + at(f + w)) * r;
+        sum = (sum + at(f)) * s;
+      } else {
+        sum = hermite(s, b) + at(dense_ + 4 * b) * (s * s * (1 - s) * (1 - s));
+      }
+      at(x + 4 * b) = y + sum;
+    }
+    rhs_.normalise(x);
+  }
+
+  // The step once more with another size: the state at t_old + h is then a step's end. False: not finite.
+  bool redo(double h, double* x) {
+    std::memcpy(redo_.k, main_.k, lanes() * sizeof(double));
+    const bool sound = step<true>(redo_, h, x);
+    rhs_.normalise(x);
+    return sound && finite(x);
+  }
+
+ private:
+  static constexpr int last = Method::stages;  // row of the first stage of the next step
+
+  Rhs& rhs_;
+  const Problem& p_;
+  int blocks_;
+  Stages<Method> main_, redo_;
+  Buffer x_, old_, tolerance_, dense_;
+  double next_ = 0;
+  bool dense_ready_ = false;
+
+  int blocks() const { return Blocks ? Blocks : blocks_; }
+  std::size_t lanes() const { return 4 * static_cast<std::size_t>(blocks()); }
+
+  void begin_step() {
+    t_old = t;
+    dense_ready_ = false;
+    const double* f = main_.k + last * lanes();
+    for (int b = 0; b < blocks(); ++b) {
+      at(old_ + 4 * b) = at(x_ + 4 * b);
+      at(main_.k + 4 * b) = Blocks ? fresh(f + 4 * b) : at(f + 4 * b);
+    }
+  }
+
+  Outcome give_up(Outcome outcome) {
+    std::memcpy(x_, old_, lanes() * sizeof(double));
+    return outcome;
+  }
+
+  template <int S>
+  BELLCRANK_INLINE std::int32_t stage(Stages<Method>& stages, double h) {
+    sum<S>(stages, h, stages.x);
+    return rhs_(stages.in, t_old + Method::c[S] * h, stages.out + S);
+  }
+
+  template <int S>
+  BELLCRANK_INLINE void sum(Stages<Method>& stages, double h, double* x) {
+    const std::size_t w = lanes();
+    const double* k = stages.k;
+    const double* y = old_;
+    for (int b = 0; b < blocks(); ++b)
+      at(x + 4 * b) =
+          at(y + 4 * b) + h * weighted<Weights<RowOf<Method, S>>, S - 1, (Blocks > 0)>(k + 4 * b, w);
+  }
+
+  template <int... S>
+  BELLCRANK_INLINE std::int32_t all_stages(Stages<Method>& stages, double h, std::integer_sequence<int, S...>) {
+    std::int32_t status = 0;
+    ((status |= stage<S + 1>(stages, h)), ...);
+    return status;
+  }
+
+  // All stages after the first and the new state; for a first-same-as-last method its slope too, which the error needs.
+  template <bool Redo = false>
+  bool step(Stages<Method>& stages, double h, double* x) {
+    std::int32_t status = all_stages(stages, h, std::make_integer_sequence<int, Method::stages - 1>{});
+    rhs_.evaluations += Method::stages - 1;
+    sum<last>(stages, h, x);
+    if constexpr (Method::fsal && !Redo) {
+      rhs_.normalise(x);
+      status |= slope(t_old + h);
+    }
+    return status == 0;
+  }
+
+  std::int32_t slope(double time) {
+    for (int b = 0; b < blocks(); ++b) at(main_.x + 4 * b) = at(x_ + 4 * b);
+    ++rhs_.evaluations;
+    return rhs_(main_.in, time, main_.out + last);
+  }
+
+  // After the error test: unit parts, the slope at the end. False where that is not finite.
+  bool finish(double end) {
+    if constexpr (!Method::fsal) {
+      rhs_.normalise(x_);
+      if (slope(end) != 0 || !finite(main_.k + last * lanes())) return false;
+    }
+    t = end;
+    return true;
+  }
+
+  bool finite(const double* x) const {
+    Lanes sum = at(x) * 0.0;
+    for (int b = 1; b < blocks(); ++b) sum += at(x + 4 * b) * 0.0;
+    return total(sum) == 0;
+  }
+
+  // error^(-1 / order of the estimate + 1), from the square of the error
+  static double shrink(double square) { return std::pow(square, -0.5 / (Method::estimator + 1)); }
+
+  // Square of the error norm: entries outside it have an infinite tolerance.
+  double error_square(double h) const {
+    const std::size_t w = lanes();
+    const double* k = main_.k;
+    Lanes fifth = {}, third = {};
+    for (int b = 0; b < blocks(); ++b) {
+      const Lanes y = magnitude(at(old_ + 4 * b)), z = magnitude(at(x_ + 4 * b));
+      const Lanes scale = 1.0 / (at(tolerance_ + 4 * b) + p_.rtol * (y > z ? y : z));
+      if constexpr (Method::fsal) {
+        const Lanes e = scale * weighted<Weights<ErrorOf<Method>>, last, (Blocks > 0)>(k + 4 * b, w);
+        fifth += e * e;
+      } else if constexpr (Method::extra == 3) {
+        const Lanes e = scale * weighted<Weights<Error5Of<Method>>, last - 1, (Blocks > 0)>(k + 4 * b, w);
+        const Lanes g = scale * weighted<Weights<Error3Of<Method>>, last - 1, (Blocks > 0)>(k + 4 * b, w);
+        fifth += e * e;
+        third += g * g;
+      }
+    }
+    const double e = h * h * total(fifth) / p_.norm_size;
+    if constexpr (Method::fsal) return e;
+    const double both = total(fifth) + 0.01 * total(third);
+    return both == 0 ? 0 : e * (total(fifth) / both);
+  }
+
+  template <int Power>
+  BELLCRANK_INLINE Lanes dense_term(int b) const {
+    return weighted<Weights<DenseOf<Method, Power>>, Method::rows - 1, false>(main_.k + 4 * b, lanes());
+  }
+
+  // Cubic through values and slopes at both ends, less the value at the start.
+  Lanes hermite(double s, int b) const {
+    const double h = t - t_old;
+    const Lanes f = h * at(main_.k + 4 * b), g = h * at(main_.k + last * lanes() + 4 * b);
+    const Lanes d = at(x_ + 4 * b) - at(old_ + 4 * b);
+    return s * (d + (1 - s) * ((1 - s) * (f - d) - s * (g - d)));
+  }
+
+  void cubic(double s, double* x) const {
+    for (int b = 0; b < blocks(); ++b) at(x + 4 * b) = at(old_ + 4 * b) + hermite(s, b);
+    rhs_.normalise(x);
+  }
+
+  // Order 4 for the classical method: the cubic's slope is corrected at the abscissa where s^2 (1 - s)^2 is steepest
+  // by one more evaluation there (bootstrapping: Hairer, Norsett, Wanner, Solving ODEs I, sec. II.6).
+  void prepare_one() {
+    const double h = t - t_old, s = 0.2113248654051871177454256;
+    cubic(s, redo_.x);
+    ++rhs_.evaluations;
+    double* slope = redo_.out[1];
+    dense_ready_ = rhs_(redo_.in, t_old + s * h, &slope) == 0;
+    for (int b = 0; b < blocks(); ++b) {
+      const Lanes f = h * at(main_.k + 4 * b), g = h * at(main_.k + last * lanes() + 4 * b);
+      const Lanes d = at(x_ + 4 * b) - at(old_ + 4 * b);
+      const Lanes cubic_slope = d + (1 - 2 * s) * ((1 - s) * (f - d) - s * (g - d)) - s * (1 - s) * ((f - d) + (g - d));
+      at(dense_ + 4 * b) = 5.196152422706631880582339 * (h * at(slope + 4 * b) - cubic_slope);
+    }
+  }
+
+  void prepare_three() {
+    if constexpr (Method::extra == 3) {
+      const double h = t - t_old;
+      const std::size_t w = lanes();
+      std::int32_t status = stage<13>(main_, h);
+      status |= stage<14>(main_, h);
+      status |= stage<15>(main_, h);
+      rhs_.evaluations += 3;
+      dense_ready_ = status == 0;
+      for (int b = 0; b < blocks(); ++b) {
+        const Lanes f = h * at(main_.k + 4 * b), g = h * at(main_.k + last * w + 4 * b);
+        const Lanes d = at(x_ + 4 * b) - at(old_ + 4 * b);
+        double* terms = dense_ + 4 * b;
+        at(terms) = d;
+        at(terms + w) = f - d;
+        at(terms + 2 * w) = 2 * d - (g + f);
+        at(terms + 3 * w) = h * dense_term<0>(b);
+        at(terms + 4 * w) = h * dense_term<1>(b);
+        at(terms + 5 * w) = h * dense_term<2>(b);
+        at(terms + 6 * w) = h * dense_term<3>(b);
+      }
+      if (dense_ready_)
+        for (int i = 0; i < 4 && dense_ready_; ++i) dense_ready_ = finite(dense_ + (3 + i) * w);
+    }
+  }
+};
+
+}  // namespace BELLCRANK_ISA
+}  // namespace bellcrank

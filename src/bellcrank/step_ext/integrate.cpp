@@ -1,0 +1,244 @@
+// integrate(): checks and gathers the arguments, runs the engine for this machine without the GIL, wraps the result.
+#include "integrate.hpp"
+
+#include <cmath>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include "interrupt.hpp"
+#include "problem.hpp"
+#include "tableaus.hpp"
+
+namespace nb = nanobind;
+
+namespace bellcrank {
+namespace {
+
+using Vector = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Cube = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using SignalArguments = std::tuple<Vector, Cube, int, bool>;
+
+void require(bool holds, const char* text) {
+  if (!holds) throw std::invalid_argument(text);
+}
+
+class Result final : public Record {
+ public:
+  Result(int n, nb::object progress) : n(n), watch(std::move(progress)) {}
+
+  void step(double t) override { steps.push_back(t); }
+  void output(double t, const double* x) override {
+    time.push_back(t);
+    state.insert(state.end(), x, x + n);
+  }
+  void event(int index, double t, const double* x) override {
+    event_index.push_back(index);
+    event_time.push_back(t);
+    event_state.insert(event_state.end(), x, x + n);
+  }
+  void end(double t, const double* x) override {
+    end_time = t;
+    end_state.assign(x, x + n);
+  }
+  bool look(double t, std::int64_t* attempts) override { return watch.look(t, attempts); }
+
+  int n;
+  std::vector<double> time, state, end_state, steps, event_time, event_state;
+  std::vector<int> event_index;
+  double end_time = 0, seconds = 0;
+  Status status = Status::finished;
+  Counts counts;
+  Watch watch;
+};
+
+template <class T>
+nb::object view(nb::handle owner, std::vector<T>& values, int columns = 0) {
+  if (columns) return nb::cast(nb::ndarray<nb::numpy, T, nb::ndim<2>>(
+      values.data(), {values.size() / columns, static_cast<std::size_t>(columns)}, owner));
+  return nb::cast(nb::ndarray<nb::numpy, T, nb::ndim<1>>(values.data(), {values.size()}, owner));
+}
+
+// Stops and breaks of kinked signals inside the run, sorted; those closer than rounding are one.
+std::vector<double> all_stops(double t0, double t1, const Vector& stops, const std::vector<Signal>& signals) {
+  std::vector<double> found(stops.data(), stops.data() + stops.shape(0));
+  for (const Signal& s : signals)
+    if (s.kinked) found.insert(found.end(), s.breaks, s.breaks + s.pieces + 1);
+  std::sort(found.begin(), found.end());
+  std::vector<double> kept;
+  const double least = 1e-14 * std::max(std::fabs(t0), std::fabs(t1));
+  for (double t : found)
+    if (t > t0 + least && t < t1 - least && (kept.empty() || t > kept.back() + least)) kept.push_back(t);
+  return kept;
+}
+
+bool has_avx2() {
+#ifdef BELLCRANK_AVX2
+  static const bool answer = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+  return answer;
+#else
+  return false;
+#endif
+}
+
+nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, double t1, Vector x0, Vector p,
+                     int norm_size, double rtol, double atol, double step, double first_step, double max_step,
+                     Vector times, bool every_step, const std::vector<std::tuple<int, int>>& unit,
+                     const std::vector<SignalArguments>& signals, Vector stops, std::uintptr_t events,
+                     const std::vector<bool>& terminal, const std::vector<int>& direction, std::uintptr_t jacobian,
+                     std::uintptr_t tangent, int lanes, std::int64_t max_evaluations, nb::object progress) {
+  const int n = static_cast<int>(x0.shape(0));
+  require(rhs != 0, "integrate: no right-hand side");
+  require(method == "RK4" || method == "RK45" || method == "DOP853" || method == "Radau", "integrate: unknown method");
+  require(std::isfinite(t0) && std::isfinite(t1) && t1 >= t0, "integrate: t1 must be finite and not before t0");
+  require(n > 0 && norm_size > 0 && norm_size <= n, "integrate: norm_size must be between 1 and the number of states");
+  require(step > 0 || method != "RK4", "integrate: RK4 needs a step");
+  require(step > 0 || (rtol >= 0 && atol >= 0 && rtol + atol > 0), "integrate: rtol and atol must not be negative or both zero");
+  require(max_step > 0 && first_step >= 0 && step >= 0, "integrate: steps must be positive");
+  require(method != "Radau" || jacobian != 0 || tangent != 0, "integrate: Radau needs a Jacobian or a tangent");
+  require(terminal.size() == direction.size() && (events != 0 || terminal.empty()),
+          "integrate: one terminal flag and one direction an event");
+  std::vector<Unit> units;
+  for (auto [start, length] : unit) {
+    require(start >= 0 && length > 0 && start + length <= n, "integrate: unit part outside the state");
+    units.push_back({start, length});
+  }
+  std::vector<Signal> groups;
+  int entries = 0;
+  for (const auto& [breaks, coefficients, derivatives, kinked] : signals) {
+    require(coefficients.shape(0) > 0 && breaks.shape(0) == coefficients.shape(0) + 1 && coefficients.shape(1) > 0,
+            "integrate: a signal has one break more than pieces, and at least one piece");
+    require(derivatives >= 0 && derivatives <= 2, "integrate: signals give up to two derivatives");
+    groups.push_back({breaks.data(), coefficients.data(), static_cast<int>(coefficients.shape(0)),
+                      static_cast<int>(coefficients.shape(1)), static_cast<int>(coefficients.shape(2)), derivatives,
+                      kinked});
+    entries += groups.back().width * (derivatives + 1);
+  }
+  for (std::size_t i = 0; i < times.shape(0); ++i)
+    require(times.data()[i] >= (i ? times.data()[i - 1] : t0), "integrate: output times must ascend from t0 on");
+  const std::vector<double> bounds = all_stops(t0, t1, stops, groups);
+  const auto flags = std::make_unique<bool[]>(terminal.size() + 1);
+  std::copy(terminal.begin(), terminal.end(), flags.get());
+
+  Problem problem{};
+  problem.rhs = reinterpret_cast<Kernel>(rhs);
+  problem.jacobian = reinterpret_cast<Kernel>(jacobian);
+  problem.events = reinterpret_cast<Kernel>(events);
+  problem.tangent = reinterpret_cast<BatchKernel>(tangent);
+  problem.n = n, problem.norm_size = norm_size, problem.lanes = std::max(1, lanes);
+  problem.t0 = t0, problem.t1 = t1;
+  problem.x0 = x0.data(), problem.p = p.data();
+  problem.rtol = rtol, problem.atol = atol, problem.step = step, problem.first_step = first_step;
+  problem.max_step = max_step;
+  problem.times = times.data(), problem.time_count = times.shape(0), problem.every_step = every_step;
+  problem.units = units.data(), problem.unit_count = static_cast<int>(units.size());
+  problem.signals = groups.data(), problem.signal_count = static_cast<int>(groups.size());
+  problem.signal_entries = entries;
+  problem.stops = bounds.data(), problem.stop_count = static_cast<int>(bounds.size());
+  problem.terminal = flags.get(), problem.direction = direction.data();
+  problem.event_count = static_cast<int>(terminal.size());
+  problem.max_evaluations = max_evaluations;
+
+  auto made = std::make_unique<Result>(n, std::move(progress));
+  Result& result = *made;
+  result.steps.reserve(1024);
+  result.steps.push_back(t0);
+  if (!every_step) {
+    result.time.reserve(times.shape(0));
+    result.state.reserve(times.shape(0) * n);
+  }
+  const auto begun = std::chrono::steady_clock::now();
+  {
+    nb::gil_scoped_release released;
+#ifdef BELLCRANK_AVX2
+    const auto run = has_avx2() ? avx2::run : baseline::run;
+#else
+    const auto run = baseline::run;
+#endif
+    result.status = run(method.c_str(), problem, result, result.counts);
+  }
+  result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+  result.watch.raise();
+  return nb::cast(made.release(), nb::rv_policy::take_ownership);
+}
+
+template <std::size_t Rows, std::size_t Columns>
+nb::list matrix(const double (&a)[Rows][Columns], std::size_t rows, std::size_t columns) {
+  nb::list list;
+  for (std::size_t i = 0; i < rows; ++i) {
+    nb::list row;
+    for (std::size_t j = 0; j < columns; ++j) row.append(a[i][j]);
+    list.append(row);
+  }
+  return list;
+}
+
+// The order, A, b and c of a method: the row of A after the stages holds the weights b.
+template <class Method>
+nb::dict table() {
+  constexpr std::size_t stages = Method::stages;
+  nb::dict dict;
+  nb::list c;
+  for (std::size_t i = 0; i < stages; ++i) c.append(Method::c[i]);
+  dict["order"] = static_cast<int>(Method::order);
+  dict["a"] = matrix(Method::a, stages, stages);
+  dict["b"] = nb::list(matrix(Method::a, stages + 1, stages)[stages]);
+  dict["c"] = c;
+  return dict;
+}
+
+nb::dict tableau(const std::string& name) {
+  if (name == Rk4::name) return table<Rk4>();
+  if (name == DormandPrince::name) return table<DormandPrince>();
+  if (name == Dop853::name) return table<Dop853>();
+  require(name == RadauIIA::name, "tableau: unknown method");
+  nb::dict dict = table<RadauIIA>();
+  dict["transformation"] = matrix(RadauIIA::T, 3, 3);
+  dict["inverse_transformation"] = matrix(RadauIIA::inverse_T, 3, 3);
+  dict["eigenvalues"] = nb::make_tuple(RadauIIA::mu, RadauIIA::mu_real, RadauIIA::mu_imaginary);
+  return dict;
+}
+
+nb::dict methods() {
+  nb::dict dict;
+  for (const char* name : {Rk4::name, DormandPrince::name, Dop853::name, RadauIIA::name})
+    dict[name] = tableau(name)["order"];
+  return dict;
+}
+
+}  // namespace
+
+void bind_integrate(nb::module_& m) {
+  nb::class_<Result>(m, "StepResult")
+      .def_prop_ro("time", [](nb::handle h) { return view(h, nb::cast<Result&>(h).time); })
+      .def_prop_ro("state", [](nb::handle h) { auto& r = nb::cast<Result&>(h); return view(h, r.state, r.n); })
+      .def_ro("end_time", &Result::end_time)
+      .def_prop_ro("end_state", [](nb::handle h) { return view(h, nb::cast<Result&>(h).end_state); })
+      .def_prop_ro("status", [](const Result& r) { return static_cast<int>(r.status); })
+      .def_prop_ro("accepted", [](const Result& r) { return r.counts.accepted; })
+      .def_prop_ro("rejected", [](const Result& r) { return r.counts.rejected; })
+      .def_prop_ro("evaluations", [](const Result& r) { return r.counts.evaluations; })
+      .def_prop_ro("jacobians", [](const Result& r) { return r.counts.jacobians; })
+      .def_prop_ro("factorisations", [](const Result& r) { return r.counts.factorisations; })
+      .def_ro("seconds", &Result::seconds)
+      .def_prop_ro("steps", [](nb::handle h) { return view(h, nb::cast<Result&>(h).steps); })
+      .def_prop_ro("event_index", [](nb::handle h) { return view(h, nb::cast<Result&>(h).event_index); })
+      .def_prop_ro("event_time", [](nb::handle h) { return view(h, nb::cast<Result&>(h).event_time); })
+      .def_prop_ro("event_state",
+                   [](nb::handle h) { auto& r = nb::cast<Result&>(h); return view(h, r.event_state, r.n); });
+  using namespace nb::literals;
+  m.def("methods", &methods);
+  m.def("tableau", &tableau, "method"_a);
+  m.def("integrate", &integrate, "rhs"_a, "method"_a, "t0"_a, "t1"_a, "x0"_a, "p"_a, nb::kw_only(), "norm_size"_a,
+        "rtol"_a, "atol"_a, "step"_a = 0.0, "first_step"_a = 0.0, "max_step"_a = HUGE_VAL, "times"_a, "every_step"_a,
+        "unit"_a, "signals"_a, "stops"_a, "events"_a, "terminal"_a, "direction"_a, "jacobian"_a, "tangent"_a,
+        "lanes"_a, "max_evaluations"_a, "progress"_a.none());
+}
+
+}  // namespace bellcrank

@@ -1,0 +1,139 @@
+// The right-hand side as the steppers see it: signals filled in, evaluations counted, unit parts kept unit.
+#pragma once
+
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+
+#include "problem.hpp"
+
+namespace bellcrank {
+namespace BELLCRANK_ISA {
+
+// Zeroed memory, aligned for vectors and padded to whole ones.
+template <class T>
+class Array {
+ public:
+  explicit Array(std::size_t size) {
+    const std::size_t bytes = (size * sizeof(T) / 64 + 1) * 64;
+    data_ = static_cast<T*>(std::aligned_alloc(64, bytes));
+    if (!data_) throw std::bad_alloc();
+    std::memset(data_, 0, bytes);
+  }
+  ~Array() { std::free(data_); }
+  Array(const Array&) = delete;
+  Array& operator=(const Array&) = delete;
+  operator T*() { return data_; }
+  operator const T*() const { return data_; }
+
+ private:
+  T* data_;
+};
+using Buffer = Array<double>;
+
+inline double larger(double a, double b) { return a > b ? a : b; }
+inline double smaller(double a, double b) { return a < b ? a : b; }
+inline double spacing(double t) { return std::nextafter(std::fabs(t), INFINITY) - std::fabs(t); }
+
+class Rhs {
+ public:
+  explicit Rhs(const Problem& problem)
+      : problem(problem), u_(problem.signal_entries), piece_(problem.signal_count) {}
+
+  const Problem& problem;
+  std::int64_t evaluations = 0;
+  double latest = INFINITY;  // stages at a stop see the side before it
+
+  const double* u() const { return u_; }
+  bool spent() const { return evaluations >= problem.max_evaluations; }
+
+  // Fixes the interval of kinked signals for the steps between two stops.
+  void pin(double from, double to) {
+    for (int g = 0; g < problem.signal_count; ++g)
+      if (problem.signals[g].kinked) piece_[g] = piece(problem.signals[g], 0.5 * (from + to), 0);
+  }
+
+  // u at time t, for kernels called elsewhere.
+  void signals(double t) {
+    double* u = u_;
+    for (int g = 0; g < problem.signal_count; ++g) {
+      const Signal& s = problem.signals[g];
+      if (!s.kinked) piece_[g] = piece(s, t, piece_[g]);
+      u = polynomial(s, piece_[g], t, u);
+    }
+  }
+
+  // One evaluation; the caller's pointers are {&time, x, u(), p}, and evaluations are counted by the step.
+  template <class In>
+  std::int32_t operator()(In& in, double t, double* const* out) {
+    in.time = smaller(t, latest);
+    if (problem.signal_count) signals(in.time);
+    return problem.rhs(in.pointers, out);
+  }
+
+  // Parts that should be unit vectors are made so, unless they are to the last digit.
+  void normalise(double* x) const {
+    for (int i = 0; i < problem.unit_count; ++i) {
+      double* part = x + problem.units[i].start;
+      double square = 0;
+      for (int j = 0; j < problem.units[i].length; ++j) square += part[j] * part[j];
+      if (std::fabs(square - 1) <= 4.5e-16 || !(square > 0)) continue;
+      const double scale = 1 / std::sqrt(square);
+      for (int j = 0; j < problem.units[i].length; ++j) part[j] *= scale;
+    }
+  }
+
+ private:
+  Buffer u_;
+  Array<int> piece_;  // piece: -1 before the breaks, `pieces` after them
+
+  static int piece(const Signal& s, double t, int guess) {
+    if (t < s.breaks[0]) return -1;
+    if (t >= s.breaks[s.pieces]) return t > s.breaks[s.pieces] ? s.pieces : s.pieces - 1;
+    if (guess >= 0 && guess < s.pieces && s.breaks[guess] <= t) {
+      if (t < s.breaks[guess + 1]) return guess;
+      if (guess + 2 <= s.pieces && t < s.breaks[guess + 2]) return guess + 1;
+    }
+    int low = 0, high = s.pieces;
+    while (high - low > 1) {
+      const int middle = (low + high) / 2;
+      (t < s.breaks[middle] ? high : low) = middle;
+    }
+    return low;
+  }
+
+  static double* polynomial(const Signal& s, int piece, double t, double* u) {
+    const bool held = piece < 0 || piece >= s.pieces;
+    if (held) {
+      t = piece < 0 ? s.breaks[0] : s.breaks[s.pieces];
+      piece = piece < 0 ? 0 : s.pieces - 1;
+    }
+    const double d = t - s.breaks[piece];
+    const double* c = s.coefficients + static_cast<std::size_t>(piece) * s.powers * s.width;
+    const int w = s.width;
+    for (int j = 0; j < w; ++j) {
+      double value = 0, slope = 0, curve = 0;  // curve: half the second derivative
+      for (int i = s.powers - 1; i >= 0; --i) {
+        curve = curve * d + slope;
+        slope = slope * d + value;
+        value = value * d + c[i * w + j];
+      }
+      u[j] = value;
+      if (s.derivatives > 0) u[w + j] = held ? 0 : slope;
+      if (s.derivatives > 1) u[2 * w + j] = held ? 0 : 2 * curve;
+    }
+    return u + static_cast<std::ptrdiff_t>(w) * (s.derivatives + 1);
+  }
+};
+
+// The pointers of a kernel call, prepared once.
+struct Inputs {
+  double time = 0;
+  const double* pointers[5];
+  Inputs(const double* x, const Rhs& rhs) : pointers{&time, x, rhs.u(), rhs.problem.p, nullptr} {}
+  Inputs(const Inputs&) = delete;
+};
+
+}  // namespace BELLCRANK_ISA
+}  // namespace bellcrank

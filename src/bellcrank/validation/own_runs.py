@@ -1,0 +1,86 @@
+"""bellcrank's own runs of a scene, each beside the hand-written C with the same method and setting."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from functools import partial
+from typing import Any
+
+from bellcrank.errors import BellcrankError
+from bellcrank.validation.hand_c import METHODS, NOTE, HandWritten
+from bellcrank.validation.problem import Outcome, Problem, Run
+from bellcrank.validation.work_precision import HAND, OWN
+
+TOLERANCES = {
+    False: (1e-4, 1e-6, 1e-8, 1e-10, 1e-12),
+    True: (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13),
+}  # the default sweep, and the full one
+SUBSTEPS = {False: (5, 10, 20, 50, 100, 200), True: (2, 5, 10, 20, 40, 80, 120, 200)}  # of RK4, between two outputs
+OWN_NOTE = "kernel: steady clock around the stepping; whole: simulate() of a scene that is loaded"
+
+
+def groups(problem: Problem, hand: HandWritten | None, full: bool) -> list[list[Run]]:
+    """bellcrank's runs, each in a pair with C (where there is any) that is timed in turns with it."""
+    scene = _scene(problem)
+    made = []
+    for method in ("RK45", "DOP853", "Radau"):
+        for tolerance in TOLERANCES[full]:
+            made.append(_pair(problem, scene, hand, method, f"{tolerance:g}", {"tolerance": tolerance}))
+    for count in SUBSTEPS[full]:
+        step = problem.times[1] / count
+        made.append(_pair(problem, scene, hand, "RK4", f"h {step:.3g}", {"step": step}))
+    return made
+
+
+def _pair(
+    problem: Problem, scene: Any, hand: HandWritten | None, method: str, setting: str, given: dict[str, float]
+) -> list[Run]:
+    pair = [Run(OWN, method, setting, OWN_NOTE, partial(_simulate, problem, scene, method, **given))]
+    if hand is not None and method in METHODS:
+        pair.append(Run(HAND, method, setting, NOTE, partial(hand.run, method, **given)))
+    return pair
+
+
+def _scene(problem: Problem) -> Any:
+    from bellcrank.scene.scene import load_scene
+
+    scene = load_scene(problem.name, problem.overrides)
+    order = tuple(joint.name for joint in scene.robot.joints)
+    if order != problem.joints:
+        raise BellcrankError(f"{problem.name}: the scene's joints are {order}, the analytic equations {problem.joints}")
+    return scene
+
+
+def _simulate(problem: Problem, scene: Any, method: str, tolerance: float = 1e-6, step: float | None = None) -> Outcome:
+    from bellcrank.simulation.simulate import simulate
+
+    begun = time.perf_counter()
+    run = simulate(
+        scene, solver=method, rtol=tolerance, atol=tolerance, step=step, times=problem.times, duration=problem.duration
+    )
+    whole = time.perf_counter() - begun
+    made = run.statistics
+    return Outcome(made.kernel_time, run.position, None, made.evaluations, made.steps, made.rejected, whole)
+
+
+def first_run(problem: Problem) -> dict[str, float]:
+    """Seconds from a scene's name to its first run, in a new process, with an empty cache and then from the cache."""
+    script = (
+        "import time\nbegun = time.perf_counter()\nimport bellcrank\n"
+        f"scene = bellcrank.load_scene({problem.name!r}, {problem.overrides!r})\n"
+        "bellcrank.simulate(scene, solver='DOP853', rtol=1e-8, atol=1e-8)\n"
+        "print(time.perf_counter() - begun)\n"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        environment, seconds = {**os.environ, "BELLCRANK_CACHE": folder}, []
+        for _ in range(2):
+            command = [sys.executable, "-c", script]
+            done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+            if done.returncode:
+                raise BellcrankError(f"the first run of {problem.name} failed: {done.stderr.strip().splitlines()[-1:]}")
+            seconds.append(float(done.stdout))
+    return {"cold": seconds[0], "cached": seconds[1]}

@@ -1,0 +1,67 @@
+"""The work-precision diagram of a scene: error to the right falling, time upward, both logarithmic."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bellcrank import atomic
+from bellcrank.validation.problem import problem
+from bellcrank.validation.work_precision import HAND, OWN, Row, pareto
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's colours, told apart by every kind of sight
+METHOD = {"RK4": "#E69F00", "RK45": "#0072B2", "DOP853": "#009E73", "Radau": "#CC79A7"}
+PEER = {
+    "SciPy + pin.aba": ("#56B4E9", "s"), "Pinocchio in Python": ("#8C6D31", "P"), "MuJoCo": ("#D55E00", "^"),
+    "Drake": ("#555555", "D"), "Exudyn": ("#000000", "o"),
+}  # fmt: skip
+
+
+def write(path: Path, rows: list[Row], machine: str) -> None:
+    """Write the PNG. Raises InputError where the folder cannot be written."""
+    with atomic.writing(path) as temporary:
+        draw(rows, machine).savefig(temporary, format="png", dpi=130)
+
+
+def draw(rows: list[Row], machine: str) -> Figure:
+    """One scene's rows: bellcrank bold, C dashed, method by method; of other tools all runs and their Pareto front."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    chosen = problem(rows[0].scene)
+    figure = Figure(figsize=(10.0, 6.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    axis = figure.subplots()
+    reached = [r for r in rows if r.reached and r.error < 1.0]
+    for tool, (colour, marker) in PEER.items():
+        mine = [r for r in reached if r.tool == tool]
+        if mine:
+            axis.loglog(*_points(mine), color=colour, marker=marker, markersize=3, linestyle="none", alpha=0.3)
+            axis.loglog(*_points(pareto(mine)), color=colour, marker=marker, markersize=4.5, linewidth=1.0, label=tool)
+    for tool, style in ((HAND, {"linestyle": "--", "linewidth": 1.4}), (OWN, {"linewidth": 2.6, "alpha": 0.85})):
+        for method, colour in METHOD.items():
+            mine = sorted((r for r in reached if r.tool == tool and r.method == method), key=lambda r: -r.error)
+            if mine:
+                axis.loglog(*_points(mine), color=colour, label=f"{tool}, {method}", **style)
+    whole = [replace(r, seconds=r.whole) for r in reached if r.whole is not None]
+    axis.loglog(
+        *_points(pareto(whole)), color="#000000", linestyle=":", linewidth=1.2, label=f"{OWN}, all of simulate()"
+    )
+    axis.invert_xaxis()
+    axis.set_xlabel(f"largest position error [{chosen.unit}]; more exact to the right")
+    axis.set_ylabel("time on the tool's own clock [s]; faster below")
+    axis.set_title(
+        f"{chosen.title[0].upper()}{chosen.title[1:]}\n{machine}, one thread, best of many", fontsize="medium"
+    )
+    axis.grid(visible=True, which="major", color="0.9", linewidth=0.6)
+    axis.spines[["top", "right"]].set_visible(False)
+    figure.legend(loc="outside right upper", frameon=False, fontsize="small")
+    return figure
+
+
+def _points(rows: list[Row]) -> tuple[list[Any], list[Any]]:
+    return [r.error for r in rows], [r.seconds for r in rows]

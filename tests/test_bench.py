@@ -1,0 +1,276 @@
+"""The bench of scenes: references, the hand-written C, Pareto fronts, ratios, failures, and the command."""
+
+import importlib.util
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from bellcrank.cli import main
+from bellcrank.errors import BellcrankError
+from bellcrank.validation import own_runs, scene_bench
+from bellcrank.validation.hand_c import HandWritten
+from bellcrank.validation.problem import PROBLEMS, Outcome, Run
+from bellcrank.validation.reference import reference
+from bellcrank.validation.rivals import scipy_pinocchio, substeps
+from bellcrank.validation.work_precision import HAND, OWN, Row, failures, measure, pareto, ratios, time_at
+
+SCENES = list(PROBLEMS)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_reference_ends_where_the_published_values_say(scene):
+    exact = reference(scene)
+    np.testing.assert_allclose(exact.state[-1].astype(float), exact.problem.known, atol=6e-8)
+    assert exact.step_error < 1e-14
+    assert exact.scipy_error < 1e-11
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_reference_keeps_the_energy(scene):
+    exact = reference(scene)
+    kinetic, potential = exact.problem.equations.energy(*np.split(exact.state.astype(float), 2, axis=1))
+    total = kinetic + potential
+    assert np.abs(total - total[0]).max() < 1e-12 * np.abs(total).max()
+
+
+def test_reference_between_outputs_agrees_with_scipys_dense_output():
+    exact = reference("spring_pendulum")
+    time = np.array([0.031, 3.3333, 19.97])
+    motion = solve_ivp(
+        lambda _, x: exact.problem.equations.derivative(x), (0.0, 20.0), exact.problem.start,
+        method="DOP853", rtol=1e-13, atol=1e-14, dense_output=True,
+    )  # fmt: skip
+    np.testing.assert_allclose(exact.at(time).astype(float), motion.sol(time)[:2].T, atol=1e-10)
+    assert exact.error(motion.sol(time)[:2].T, time) < 1e-10
+
+
+def test_error_of_missing_or_undefined_outputs_is_infinite():
+    exact = reference("spring_pendulum")
+    good = exact.state[:, :2].astype(float)
+    assert exact.error(good) < 1e-14
+    assert exact.error(good[:50]) == math.inf
+    assert exact.error(np.where(np.arange(101)[:, None] == 7, np.nan, good)) == math.inf
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("method", ["RK45", "DOP853"])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
+def test_c_by_hand_takes_scipys_steps(scene, method, tolerance):
+    chosen = PROBLEMS[scene]
+    made = HandWritten(chosen).run(method, tolerance)
+    rates = chosen.equations.derivative
+    theirs = solve_ivp(
+        lambda _, x: rates(x),
+        (0.0, chosen.duration),
+        chosen.start,
+        method,
+        chosen.times,
+        rtol=tolerance,
+        atol=tolerance,
+    )
+    assert made.evaluations == pytest.approx(theirs.nfev, rel=0.2)
+    assert reference(scene).error(made.position) == pytest.approx(reference(scene).error(theirs.y[:2].T), rel=0.5)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_c_by_hand_rk4_converges_with_order_four_between_its_steps_too(scene):
+    hand, interval = HandWritten(PROBLEMS[scene]), PROBLEMS[scene].times[1]
+    coarse, fine = (reference(scene).error(hand.run("RK4", step=interval / n).position) for n in (20.3, 40.6))
+    assert math.log2(coarse / fine) == pytest.approx(4.0, abs=0.3)
+
+
+def test_c_by_hand_says_when_it_cannot_step():
+    with pytest.raises(BellcrankError, match="status"):
+        HandWritten(PROBLEMS["planar_2r"]).run("DOP853", math.nan)
+
+
+def test_pinocchio_and_the_analytic_equations_give_scipy_the_same_steps():
+    chosen = PROBLEMS["spring_pendulum"]
+    runs = scipy_pinocchio.runs(chosen, {"SciPy": {"DOP853": [1e-6]}, "Pinocchio": {"RK4": [0.02]}})
+    solved, stepped = (run.once() for run in runs)
+    hand = HandWritten(chosen)
+    assert solved.evaluations == pytest.approx(hand.run("DOP853", 1e-6).evaluations, rel=0.02)
+    assert np.abs(stepped.position - hand.run("RK4", step=0.02).position).max() < 1e-11
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_bellcrank_takes_the_steps_of_the_hand_written_c(scene):
+    chosen = PROBLEMS[scene]
+    for pair in own_runs.groups(chosen, HandWritten(chosen), full=False):
+        if len(pair) == 2 and pair[0].setting in ("1e-06", "1e-08"):
+            ours, theirs = measure(pair, reference(scene), repeats=1)
+            assert ours.steps + ours.rejected == pytest.approx(theirs.steps + theirs.rejected, rel=0.2)
+            assert ours.error == pytest.approx(theirs.error, rel=0.5)
+            assert ours.whole > ours.seconds
+
+
+# ---- fronts and ratios
+
+positive = st.floats(1e-12, 1.0)
+many_rows = st.lists(
+    st.builds(lambda s, e: Row("scene", "tool", "method", "", s, e), positive, positive), min_size=1, max_size=20
+)
+
+
+@given(many_rows)
+def test_no_row_beats_one_of_the_pareto_front_and_every_other_row_is_beaten(rows):
+    front = pareto(rows)
+    for kept in front:
+        assert not any(r.seconds < kept.seconds and r.error < kept.error for r in rows)
+    for row in rows:
+        assert any(kept.seconds <= row.seconds and kept.error <= row.error for kept in front)
+
+
+def power_law(tool, factor, order=5.0, method="DOP853", errors=(1e-3, 1e-5, 1e-8, 1e-11)):
+    return [
+        Row("scene", tool, method, f"{e:g}", factor * e ** (-1 / order), e, whole=2 * factor * e ** (-1 / order))
+        for e in errors
+    ]
+
+
+def test_times_between_rows_follow_the_power_law_of_the_method():
+    rows = power_law("tool", 3.0)
+    assert time_at(rows, 1e-6) == pytest.approx(3.0 * 1e-6 ** (-1 / 5))
+    assert time_at(rows, 1e-6, whole=True) == pytest.approx(6.0 * 1e-6 ** (-1 / 5))
+    assert time_at(rows, 1e-11) == pytest.approx(rows[-1].seconds)
+
+
+def test_times_beyond_the_rows_are_the_fastest_or_infinite():
+    rows = power_law("tool", 3.0)
+    assert time_at(rows, 1e-1) == rows[0].seconds
+    assert time_at(rows, 1e-12) == math.inf
+    assert time_at([], 1e-6) == math.inf
+
+
+def test_ratios_name_c_of_the_same_method_and_the_best_peer():
+    rows = power_law(OWN, 1.2) + power_law(HAND, 1.0) + power_law("slow", 60.0) + power_law("quick", 24.0)
+    found = {(r.slower, r.faster): r.value for r in ratios("scene", rows, [1e-6])}
+    assert found == {
+        (f"{OWN} DOP853, kernel", f"{HAND} DOP853"): pytest.approx(1.2),
+        ("quick (best peer)", f"{OWN}, kernel"): pytest.approx(20.0),
+        ("slow", f"{OWN}, kernel"): pytest.approx(50.0),
+        ("quick (best peer)", f"{OWN}, simulate()"): pytest.approx(10.0),
+        ("slow", f"{OWN}, simulate()"): pytest.approx(25.0),
+    }
+
+
+def test_an_error_that_is_not_reached_gives_no_ratio():
+    rows = power_law(OWN, 1.2) + power_law("slow", 60.0, errors=(1e-3, 1e-5))
+    found = [r.value for r in ratios("scene", rows, [1e-10])]
+    assert found == [math.inf, math.inf]
+
+
+def test_runs_that_fail_are_rows_and_are_counted():
+    exact = reference("spring_pendulum")
+    good = exact.state[:, :2].astype(float)
+
+    def raises():
+        raise ValueError("no step\nat all")
+
+    runs = [
+        Run("peer", "good", "", "", lambda: Outcome(1.0, good)),
+        Run("peer", "raises", "", "", raises),
+        Run("peer", "diverges", "", "", lambda: Outcome(1.0, good * np.nan)),
+    ]
+    rows = measure(runs, exact, repeats=2)
+    assert [row.reached for row in rows] == [True, False, False]
+    assert rows[1].failure == "ValueError: no step"
+    assert "diverged" in rows[2].failure
+    assert failures(rows) == {"peer": (2, 3)}
+    assert pareto(rows) == [rows[0]]
+    assert [row.repeats for row in rows[:1]] == [2]
+
+
+# ---- peers
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("tool", list(scene_bench.PEERS))
+def test_peers_integrate_the_same_scene_or_are_named_as_missing(scene, tool, monkeypatch):
+    finest = {
+        "MuJoCo": {"RK4": [0.005]},
+        "Drake": {"adaptive": {"runge_kutta5": [1e-10]}, "fixed": {"runge_kutta5": [0.01]}},
+        "Exudyn": {"RK67": [0.023], "DOPRI5": [1e-9]},
+    }[tool]
+    module = scene_bench.PEERS[tool]
+    if importlib.util.find_spec("pydrake" if tool == "Drake" else module) is None:
+        monkeypatch.setattr(scene_bench, "PEERS", {tool: module})
+        report = scene_bench.bench_scene(scene, peers=True, repeats=1, progress=lambda groups: groups[:1])
+        assert report.missing == [f"{tool}: not installed: pip install 'bellcrank[peers]'"]
+    else:
+        rows = [scene_bench._module(module).runs(PROBLEMS[scene], finest)]
+        rows = [row for run in rows[0] for row in measure([run], reference(scene), repeats=1)]
+        assert [row.failure for row in rows] == [""] * len(rows)
+        assert max(row.error for row in rows) < 1e-6
+
+
+def test_a_missing_peer_is_a_line_of_the_report(monkeypatch):
+    def without(name):
+        if name != "scipy_pinocchio":
+            raise ImportError(name)
+        return scipy_pinocchio
+
+    monkeypatch.setattr(scene_bench, "_module", without)
+    report = scene_bench.bench_scene("spring_pendulum", peers=True, repeats=1, progress=lambda groups: groups[:2])
+    assert len(report.missing) == 3
+    assert "Exudyn: not installed: pip install 'bellcrank[peers]'" in scene_bench.as_text(report)
+
+
+def test_published_settings_are_positive_numbers_of_every_tool():
+    settings = scene_bench.read_yaml(scene_bench.SETTINGS)
+    assert set(settings) == {"SciPy", "Pinocchio", *scene_bench.PEERS}
+
+    def numbers(tree):
+        return [n for value in (tree.values() if isinstance(tree, dict) else tree) for n in (
+            numbers(value) if isinstance(value, (dict, list)) else [value])]  # fmt: skip
+
+    assert all(isinstance(n, float) and 0 < n <= 0.1 for n in numbers(dict(settings)))
+
+
+def test_substeps_divide_the_interval_between_outputs():
+    assert substeps(PROBLEMS["planar_2r"], 0.033) == (3, pytest.approx(0.1 / 3))
+    assert substeps(PROBLEMS["spring_pendulum"], 5.0) == (1, pytest.approx(0.2))
+
+
+# ---- the command
+
+
+def test_bench_writes_rows_ratios_and_a_plot(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(own_runs, "TOLERANCES", {False: (1e-5, 1e-8, 1e-11)})
+    monkeypatch.setattr(own_runs, "SUBSTEPS", {False: (10, 40)})
+    assert main(["bench", "spring_pendulum", "--repeats", "1", "--out", str(tmp_path)]) == 0
+    text = capsys.readouterr().out
+    assert "bellcrank DOP853, kernel   / C by hand DOP853" in text
+    assert "0 of 11 runs failed" in text
+    [scene] = json.loads((tmp_path / "bench.json").read_text())["scenes"]
+    assert {row["tool"] for row in scene["rows"]} >= {OWN, HAND, "SciPy + pin.aba", "Pinocchio in Python"}
+    assert all(row["error"] < 1.0 for row in scene["rows"])
+    assert (tmp_path / "work_precision_spring_pendulum.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["four_baa"], "there is no scene 'four_baa'"),
+        (["planar_2r", "--dynamics", "ur5"], "two benches"),
+        (["planar_2r", "--repeats", "0"], "--repeats"),
+    ],
+)
+def test_bench_refuses_in_one_sentence(arguments, told, capsys):
+    assert main(["bench", *arguments]) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_rows_that_failed_are_null_in_json_and_marked_on_screen():
+    report = scene_bench.bench_scene("spring_pendulum", repeats=1, progress=lambda groups: groups[:2])
+    report.rows[0] = replace(report.rows[0], seconds=math.inf, error=math.inf, failure="it burst")
+    assert "FAILED: it burst" in scene_bench.as_text(report)
+    data = scene_bench.as_data([report], {"versions": {}})["scenes"][0]
+    assert data["rows"][0]["seconds"] is None
+    assert data["failed"][OWN] == {"failed": 1, "of": 2}

@@ -1,0 +1,219 @@
+"""`bellcrank simulate`: what it writes, how it ends, and what it refuses in one sentence."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bellcrank as bc
+from bellcrank.cli import main
+
+ARM = """
+name: Swinging arm
+urdf: planar_2r
+gravity: [0, -9.81, 0]
+frames: {hand: {link: link_2, xyz: [1.1, 0, 0]}}
+initial: {shoulder: 20 deg, elbow: 30 deg}
+forces:
+  - {kind: damper, joint: elbow, coefficient: 0.5}
+simulate: {duration: 1, samples: 51}
+"""
+
+
+@pytest.fixture
+def arm(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.yaml").write_text(ARM)
+    (tmp_path / "taken").write_text("")
+    return tmp_path
+
+
+def test_it_prints_the_summary_and_writes_run_table_and_pictures(arm, capsys):
+    assert main(["simulate", "arm.yaml", "--frame", "hand"]) == 0
+    out, err = capsys.readouterr()
+    run = bc.load_run("arm_run/run.npz")
+    assert out.startswith(run.summary()) and "energy drift" in out and err == ""
+    assert sorted(p.name for p in Path("arm_run").iterdir()) == ["path_hand.png", "run.csv", "run.npz", "run.png"]
+    assert len(Path("arm_run/run.csv").read_text().splitlines()) == 52
+    assert all(p.read_bytes().startswith(b"\x89PNG") for p in Path("arm_run").glob("*.png"))
+
+
+def test_it_has_help_and_stands_in_the_list_of_commands(capsys):
+    for arguments in (["simulate", "--help"], ["--help"]):
+        with pytest.raises(SystemExit) as ended:
+            main(arguments)
+        assert ended.value.code == 0 and "simulate" in capsys.readouterr().out
+
+
+def test_options_change_how_it_is_integrated(arm, capsys):
+    options = ["--duration", "200 ms", "--solver", "RK4", "--step", "1 ms", "--samples", "11", "--no-plots"]
+    assert main(["simulate", "arm.yaml", *options, "--out", "here"]) == 0
+    run = bc.load_run("here/run.npz")
+    assert (run.settings.solver, run.settings.step, len(run), run.time[-1]) == ("RK4", 0.001, 11, 0.2)
+    assert run.statistics.steps == 200 and "step 0.001 s" in capsys.readouterr().out
+    assert not list(Path("here").glob("*.png"))
+
+
+def test_set_changes_the_scene_and_the_file_remembers_it(arm):
+    changes = ["--set", "initial.shoulder=90 deg", "--set", "forces.1.coefficient=2", "--set", "simulate.rtol=1e-7"]
+    assert main(["simulate", "arm.yaml", *changes, "--no-plots"]) == 0
+    run = bc.load_run("arm_run/run.npz")
+    assert run.position[0, 0] == pytest.approx(np.pi / 2, abs=1e-15)
+    assert np.array_equal(run.joint("elbow").torque, -2.0 * run.joint("elbow").velocity)
+    assert run.settings.rtol == 1e-7 and run.scene.data["forces"][0]["coefficient"] == 2
+
+
+def test_options_win_over_set_and_set_over_the_file(arm):
+    given = ["--set", "simulate.duration=0.5", "--duration", "0.25", "--set", "simulate.samples=6"]
+    assert main(["simulate", "arm.yaml", *given, "--no-plots"]) == 0
+    run = bc.load_run("arm_run/run.npz")
+    assert (run.time[-1], len(run)) == (0.25, 6)
+
+
+def test_the_error_estimate_is_of_the_size_of_the_true_error(arm, capsys):
+    assert main(["simulate", "arm.yaml", "--rtol", "1e-6", "--atol", "1e-6", "--error-estimate", "--no-plots"]) == 0
+    told = float(re.search(r"off by about (\S+)", capsys.readouterr().out)[1])
+    rough = bc.load_run("arm_run/run.npz")
+    true = np.abs(rough.position - bc.simulate("arm.yaml", rtol=1e-12, atol=1e-12).position).max()
+    assert 0.3 * true < told < 3.0 * true
+
+
+def test_a_run_that_ends_early_keeps_its_files_and_exits_1_with_advice(arm, capsys):
+    assert main(["simulate", "arm.yaml", "--set", "simulate.max_evaluations=200", "--no-plots"]) == 1
+    out = capsys.readouterr().out
+    assert "evaluations_spent" in out and "max_evaluations" in out and "wrote run.npz" in out
+    run = bc.load_run("arm_run/run.npz")
+    assert not run.success and 0.0 < run.time[-1] < 1.0
+    assert run.energy_drift() < 1e-6
+
+
+def test_an_event_that_stops_the_run_is_a_good_end(arm, capsys):
+    event = "events=[{name: level, when: {joint: shoulder, position: 0}, stop: true}]"
+    assert main(["simulate", "arm.yaml", "--set", event, "--no-plots"]) == 0
+    assert re.search(r"event 'level' ended the run\n.*\n.*\n  events +level at 0\.\d+ s", capsys.readouterr().out)
+
+
+def test_the_folder_is_named_after_the_scene(arm):
+    Path("deep").mkdir()
+    Path("deep/other.yaml").write_text(ARM)
+    assert main(["simulate", "deep/other.yaml", "--no-plots", "--duration", "0.1"]) == 0
+    assert Path("other_run/run.npz").exists()
+
+
+def test_a_second_run_replaces_the_files_of_the_first(arm):
+    assert main(["simulate", "arm.yaml", "--no-plots"]) == 0
+    before = Path("arm_run/run.npz").read_bytes()
+    assert main(["simulate", "arm.yaml", "--no-plots", "--set", "initial.elbow=1"]) == 0
+    assert Path("arm_run/run.npz").read_bytes() != before
+    assert bc.load_run("arm_run/run.npz").position[0, 1] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["no_such_scene"], "no_such_scene"),
+        (["nowhere.yaml"], "nowhere.yaml"),
+        (["taken"], "taken"),
+        (["arm.yaml", "--duration", "long"], "--duration"),
+        (["arm.yaml", "--duration", "3 kg"], "kg"),
+        (["arm.yaml", "--duration=-1"], "duration"),
+        (["arm.yaml", "--duration", "nan"], "duration"),
+        (["arm.yaml", "--solver", "DOP835"], "DOP853"),
+        (["arm.yaml", "--rtol", "0"], "rtol"),
+        (["arm.yaml", "--rtol", "1e-20"], "rtol"),
+        (["arm.yaml", "--atol", "tiny"], "--atol"),
+        (["arm.yaml", "--step", "0"], "step"),
+        (["arm.yaml", "--solver", "RK4"], "step"),
+        (["arm.yaml", "--samples", "1"], "samples"),
+        (["arm.yaml", "--samples", "ten"], "--samples"),
+        (["arm.yaml", "--set", "initial.shoulder"], "PATH=VALUE"),
+        (["arm.yaml", "--set", "initial.shulder=1"], "shulder"),
+        (["arm.yaml", "--set", "gravitation=1"], "gravitation"),
+        (["arm.yaml", "--set", "initial.shoulder=fast"], "shoulder"),
+        (["arm.yaml", "--set", "forces.2.coefficient=1"], "forces"),
+        (["arm.yaml", "--set", "forces.1.coefficient=-1"], "coefficient"),
+        (["arm.yaml", "--frame", "foot"], "foot"),
+        (["arm.yaml", "--out", "taken"], "taken"),
+        (["arm.yaml", "--out", "taken/below"], "taken"),
+    ],
+)
+def test_bad_input_is_one_sentence_exit_2_and_no_file(arm, capsys, arguments, words):
+    before = sorted(arm.rglob("*"))
+    assert main(["simulate", *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert err.startswith("bellcrank: ") and err.count("\n") == 1 and words in err, err
+    assert out == "" and sorted(arm.rglob("*")) == before
+
+
+def test_the_progress_is_reported_in_simulated_time(arm, monkeypatch):
+    from bellcrank.commands import simulate as command
+
+    seen = []
+
+    class Bar:
+        def __init__(self, total, **options):
+            assert options["delay"] == 1.0
+            self.total, self.n = total, 0.0
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            return False
+
+        def update(self, step):
+            self.n += step
+            seen.append(self.n)
+
+    monkeypatch.setattr("tqdm.tqdm", Bar)
+    with command._bar(2.0) as progress:
+        for t in (0.5, 1.5, 2.5):
+            progress(t)
+    assert seen == [0.5, 1.5, 2.0]
+
+
+def test_ctrl_c_keeps_what_was_computed_and_exits_130(arm):
+    assert main(["simulate", "arm.yaml", "--duration", "0.01", "--no-plots", "--out", "compiled"]) == 0
+    command = [sys.executable, "-m", "bellcrank", "simulate", "arm.yaml", "--no-plots", "--duration", "1e6"]
+    command += ["--samples", "2001", "--set", "simulate.max_evaluations=1000000000"]
+    marker = arm / "begun"
+    script = (
+        "import runpy, sys, pathlib\n"
+        "import bellcrank.simulation.simulate as m\n"
+        "whole = m.integrate\n"
+        f"m.integrate = lambda *a, **k: (pathlib.Path({str(marker)!r}).touch(), whole(*a, **k))[1]\n"
+        f"sys.argv = {command[2:]!r}\n"
+        "runpy.run_module('bellcrank', run_name='__main__')\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ}
+    )
+    while not marker.exists():
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.05)
+    time.sleep(1.0)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130 and "Traceback" not in err, err
+    assert "interrupted" in out
+    run = bc.load_run("arm_run/run.npz")
+    assert run.status == "interrupted" and 1.0 < run.time[-1] < 1e6 and len(run) >= 1
+    assert Path("arm_run/run.csv").exists()
+    with np.load("arm_run/run.npz") as stored:
+        assert json.loads(stored["about"].tobytes())["status"] == "interrupted"
+
+
+def test_ctrl_c_before_the_first_step_leaves_no_files(arm, monkeypatch, capsys):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("bellcrank.scene.scene.load_scene", interrupt)
+    assert main(["simulate", "arm.yaml"]) == 130
+    assert "interrupted" in capsys.readouterr().err and not Path("arm_run").exists()
