@@ -15,7 +15,7 @@ from bellcrank.cli import main
 from bellcrank.errors import BellcrankError
 from bellcrank.validation import own_runs, scene_bench
 from bellcrank.validation.hand_c import HandWritten
-from bellcrank.validation.problem import PROBLEMS, Outcome, Run
+from bellcrank.validation.bench_problem import PROBLEMS, Outcome, Run
 from bellcrank.validation.reference import reference
 from bellcrank.validation.rivals import scipy_pinocchio, substeps
 from bellcrank.validation.work_precision import HAND, OWN, Row, failures, measure, pareto, ratios, time_at
@@ -59,8 +59,10 @@ def test_error_of_missing_or_undefined_outputs_is_infinite():
 
 
 @pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("method", ["RK45", "DOP853"])
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
+@pytest.mark.parametrize(
+    ("method", "tolerance"),
+    [("RK45", 1e-3), ("RK45", 1e-6), ("DOP853", 1e-3), ("DOP853", 1e-6), ("DOP853", 1e-9), ("Radau", 1e-6)],
+)
 def test_c_by_hand_takes_scipys_steps(scene, method, tolerance):
     chosen = PROBLEMS[scene]
     made = HandWritten(chosen).run(method, tolerance)
@@ -87,7 +89,7 @@ def test_c_by_hand_rk4_converges_with_order_four_between_its_steps_too(scene):
 
 def test_c_by_hand_says_when_it_cannot_step():
     with pytest.raises(BellcrankError, match="status"):
-        HandWritten(PROBLEMS["planar_2r"]).run("DOP853", math.nan)
+        HandWritten(PROBLEMS["planar_2r_swing"]).run("DOP853", math.nan)
 
 
 def test_pinocchio_and_the_analytic_equations_give_scipy_the_same_steps():
@@ -184,7 +186,7 @@ def test_runs_that_fail_are_rows_and_are_counted():
     assert "diverged" in rows[2].failure
     assert failures(rows) == {"peer": (2, 3)}
     assert pareto(rows) == [rows[0]]
-    assert [row.repeats for row in rows[:1]] == [2]
+    assert rows[0].repeats >= 2
 
 
 # ---- peers
@@ -234,7 +236,7 @@ def test_published_settings_are_positive_numbers_of_every_tool():
 
 
 def test_substeps_divide_the_interval_between_outputs():
-    assert substeps(PROBLEMS["planar_2r"], 0.033) == (3, pytest.approx(0.1 / 3))
+    assert substeps(PROBLEMS["planar_2r_swing"], 0.033) == (3, pytest.approx(0.1 / 3))
     assert substeps(PROBLEMS["spring_pendulum"], 5.0) == (1, pytest.approx(0.2))
 
 
@@ -244,9 +246,11 @@ def test_substeps_divide_the_interval_between_outputs():
 def test_bench_writes_rows_ratios_and_a_plot(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(own_runs, "TOLERANCES", {False: (1e-5, 1e-8, 1e-11)})
     monkeypatch.setattr(own_runs, "SUBSTEPS", {False: (10, 40)})
+    monkeypatch.setattr(scene_bench, "SETTINGS", tmp_path / "few.yaml")
+    (tmp_path / "few.yaml").write_text("SciPy: {DOP853: [1.0e-4, 1.0e-8]}\nPinocchio: {RK4: [0.05]}\n")
     assert main(["bench", "spring_pendulum", "--repeats", "1", "--out", str(tmp_path)]) == 0
     text = capsys.readouterr().out
-    assert "bellcrank DOP853, kernel   / C by hand DOP853" in text
+    assert "bellcrank DOP853, kernel    / C by hand DOP853" in text
     assert "0 of 11 runs failed" in text
     [scene] = json.loads((tmp_path / "bench.json").read_text())["scenes"]
     assert {row["tool"] for row in scene["rows"]} >= {OWN, HAND, "SciPy + pin.aba", "Pinocchio in Python"}
@@ -258,8 +262,8 @@ def test_bench_writes_rows_ratios_and_a_plot(tmp_path, monkeypatch, capsys):
     ("arguments", "told"),
     [
         (["four_baa"], "there is no scene 'four_baa'"),
-        (["planar_2r", "--dynamics", "ur5"], "two benches"),
-        (["planar_2r", "--repeats", "0"], "--repeats"),
+        (["planar_2r_swing", "--dynamics", "ur5"], "benches of their own"),
+        (["planar_2r_swing", "--repeats", "0"], "--repeats"),
     ],
 )
 def test_bench_refuses_in_one_sentence(arguments, told, capsys):

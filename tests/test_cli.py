@@ -146,7 +146,7 @@ def test_bad_input_is_one_sentence_exit_2_and_no_file(arm, capsys, file, old, ne
         (["size", "arm.urdf"], "motion"),
         (["check", "nowhere.urdf"], "nowhere.urdf"),
         (["verify", "ur5"], "ur5"),
-        (["bench", "ur5", "--samples", "3"], "--samples"),
+        (["bench", "--dynamics", "ur5", "--samples", "3"], "--samples"),
     ],
 )
 def test_bad_arguments_are_one_sentence_and_exit_2(arm, capsys, arguments, words):
@@ -163,7 +163,7 @@ def test_unknown_commands_exit_2_with_what_there_is(capsys):
     assert ended.value.code == 2 and "size" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("command", ["size", "check", "verify", "robots", "bench"])
+@pytest.mark.parametrize("command", ["size", "simulate", "check", "verify", "robots", "bench"])
 def test_every_command_has_help(command, capsys):
     with pytest.raises(SystemExit) as ended:
         main([command, "--help"])
@@ -177,7 +177,7 @@ def test_robots_lists_cards_and_urdfs(capsys):
 
 
 def test_bench_times_and_agrees_with_pinocchio(arm, capsys):
-    assert main(["bench", "planar_2r", "--samples", "256", "--out", "figures"]) == 0
+    assert main(["bench", "--dynamics", "planar_2r", "--samples", "256", "--out", "figures"]) == 0
     out = capsys.readouterr().out
     assert "libpinocchio" in out and "from the cache" in out
     assert Path("figures/bench.json").exists()
@@ -191,7 +191,7 @@ def test_help_and_import_load_nothing_heavy():
 
 
 def test_ctrl_c_stops_cleanly_and_leaves_no_half_written_file(arm):
-    command = [sys.executable, "-m", "bellcrank", "bench", "talos", "--out", "figures"]
+    command = [sys.executable, "-m", "bellcrank", "bench", "--dynamics", "talos", "--out", "figures"]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"})
     time.sleep(3.0)
     process.send_signal(signal.SIGINT)

@@ -11,7 +11,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.errors import CompileError, InputError
-from bellcrank.machine_code import cache, machine
+from bellcrank.machine_code import cache, machine, schedule
 from bellcrank.machine_code.compile import compiled
 
 TARGETS = ["native", "avx2", "baseline"]
@@ -87,6 +87,133 @@ def test_an_operation_without_machine_code_is_a_clear_error():
     code = compiled("erf", ("test",), lambda: casadi.Function("erf", [x], [casadi.erf(x)]))
     with pytest.raises(CompileError, match="cannot be compiled"):
         code(np.zeros(1))
+
+
+# ---- orders, cuts and shared reciprocals
+
+
+def cut_into_pieces(monkeypatch, operations):
+    monkeypatch.setattr(schedule, "WHOLE", operations)
+    monkeypatch.setattr(schedule, "PART", operations)
+
+
+def random_graph(seed):
+    """Sums, products, quotients and nested sines of values near and far, all read; the last input may be large."""
+    random = np.random.default_rng(seed)
+    x = casadi.SX.sym("x", 5)
+    values = [*casadi.vertsplit(x[:4]), casadi.sin(x[4]), casadi.cos(3 * x[4]), casadi.SX(0.75)]
+    for _ in range(300):
+        near = values[-int(random.integers(1, min(len(values), random.choice([5, 40, 400])) + 1))]
+        far = values[int(random.integers(len(values)))]
+        kind = random.integers(6)
+        made = (near + far) / 2, (near - far) / 2, near * far / (1 + near * near), near / (2 + far * far)
+        values.append([*made, casadi.sin(near + far), casadi.cos(near)][kind])
+    picked = [values[i] for i in random.integers(0, len(values), 20)]
+    return casadi.Function("random", [x], [casadi.vertcat(*picked, 0, 3.5, x[2]), sum(values)])
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_code_cut_into_pieces_gives_the_same_numbers(target, monkeypatch):
+    monkeypatch.setenv("BELLCRANK_TARGET", target)
+    cut_into_pieces(monkeypatch, 40)
+    for seed in range(4):
+        function = random_graph(seed)
+        code = compiled("random", ("test", str(seed), "cut"), lambda f=function: f)
+        assert "@part5" in code.ir("scalar") and "@part5" in code.ir("batch")
+        x = np.random.default_rng(seed).normal(size=(19, 5))
+        x[3, 4] *= 1e7  # sines by the C library
+        for k, expected in enumerate(function(x.T)):
+            np.testing.assert_allclose(code(x)[k], np.array(expected).T, rtol=1e-11, atol=1e-11)
+            np.testing.assert_allclose(code(x[3])[k], np.array(expected).T[3], rtol=1e-11, atol=1e-11)
+            np.testing.assert_allclose(code(x[0])[k], np.array(expected).T[0], rtol=1e-11, atol=1e-11)
+
+
+def test_pieces_of_code_keep_apart_what_threads_compute(monkeypatch):
+    from concurrent.futures import ThreadPoolExecutor
+
+    cut_into_pieces(monkeypatch, 100)
+    robot = bc.load_robot("ur5", friction="none", gravity=(0.1, 0.2, -9.7))
+    states = np.random.default_rng(0).normal(size=(3, 4000, 6))
+    expected = robot.forward_dynamics(*states)
+    assert "@part9" in robot.dynamics("forward_dynamics").ir("batch")
+    with ThreadPoolExecutor(4) as pool:
+        answers = list(pool.map(lambda k: robot.forward_dynamics(*states[:, k::4]), range(4)))
+    for k, answer in enumerate(answers):
+        np.testing.assert_array_equal(answer, expected[k::4])
+
+
+@pytest.mark.parametrize("length", [10**9, 30])
+def test_every_value_is_computed_before_it_is_read_and_kept_until_its_last_reading(length, monkeypatch):
+    """Runs the plan on paper: a slot must hold the very value that a later piece reads from it."""
+    cut_into_pieces(monkeypatch, length)
+    for seed in range(5):
+        graph = compiled("random", ("test", str(seed)), lambda seed=seed: random_graph(seed)).graph
+        plan = schedule.schedule(graph)
+        assert plan.memory <= len(plan.slots)
+        memory, written = {}, set()
+        for part in plan.parts:
+            own = set()
+            for step in part:
+                for index in schedule.reads(graph, step):
+                    if graph.nodes[index].args and index not in own:
+                        assert memory[plan.slots[index]] == index
+                wave = isinstance(step, schedule.Wave)
+                for index in [i for a in step.angles for i in plan.sines[a] if i >= 0] if wave else [step]:
+                    assert index not in written
+                    own.add(index)
+                    written.add(index)
+                    if index in plan.slots:
+                        memory[plan.slots[index]] = index
+        wanted = {n for _, entries in graph.outputs for n in entries.values() if graph.nodes[n].args}
+        assert wanted <= written
+
+
+def test_reordering_shortens_how_long_values_wait():
+    """Talos' inverse dynamics as casadi orders it keeps hundreds of values at once; a recursion needs far fewer."""
+    graph = bc.load_robot("talos", floating_base=True, friction="none").dynamics("inverse_dynamics").graph
+
+    def most_at_once(steps):
+        last = {a: k for k, step in enumerate(steps) for a in graph.nodes[step].args}
+        ends = np.zeros(len(steps) + 1, int)
+        for k, step in enumerate(steps):
+            if step in last:
+                ends[k] += 1
+                ends[last[step]] -= 1
+        return ends.cumsum().max()
+
+    given = [k for k, node in enumerate(graph.nodes) if node.args and node.op not in ("sin", "cos")]
+    chosen = [s for s in schedule.schedule(graph).parts[0] if isinstance(s, int)]
+    assert sorted(chosen) == given
+    assert most_at_once(chosen) < most_at_once(given) / 2
+
+
+def test_divisions_by_the_same_number_share_one_reciprocal_and_a_single_one_stays_exact():
+    x = casadi.SX.sym("x", 4)
+    function = casadi.Function("shares", [x], [casadi.vertcat(x[0] / x[3], x[1] / x[3], x[0] / x[2])])
+    code = compiled("shares", ("test",), lambda: function)
+    assert [node.op for node in code.graph.nodes].count("div") == 1
+    assert [node.op for node in code.graph.nodes].count("inv") == 1
+    values = np.random.default_rng(4).normal(size=(200, 4))
+    answers = code(values)
+    np.testing.assert_array_equal(answers[:, 2], values[:, 0] / values[:, 2])
+    np.testing.assert_allclose(answers[:, :2], values[:, :2] / values[:, 3:], rtol=4.5e-16)
+
+
+def test_products_and_sums_written_either_way_round_are_one():
+    x = casadi.SX.sym("x", 2)
+    function = casadi.Function("twins", [x], [casadi.vertcat(x[0] * x[1] - x[1] * x[0], x[0] + x[1], x[1] + x[0])])
+    graph = compiled("twins", ("test",), lambda: function).graph
+    assert [node.op for node in graph.nodes].count("mul") <= 1
+    assert [node.op for node in graph.nodes].count("add") == 1
+
+
+def test_the_native_loop_of_single_calls_visits_every_row_and_agrees_with_pinocchio_and_hand_written_c():
+    from bellcrank.validation.calls import forward_dynamics_calls
+
+    rows = forward_dynamics_calls("planar_2r", repeats=1)
+    assert [r.algorithm for r in rows[:2]] == ["forward_dynamics"] * 2
+    assert len(rows) == 4 or "no C compiler" in rows[2].note
+    assert all(r.error < 1e-12 and 0 < r.ns < 1e7 for r in rows if "no C compiler" not in r.note)
 
 
 # ---- the cache

@@ -14,15 +14,35 @@ def blocks(language):
     return re.findall(rf"^```{language}\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
 
 
-def test_the_python_example_runs(capsys):
-    (script,) = blocks("python")
-    exec(compile(script, "README.md", "exec"), {})
+def test_the_sizing_example_runs(capsys):
+    exec(compile(blocks("python")[0], "README.md", "exec"), {})
     assert float(capsys.readouterr().out) == pytest.approx(45, abs=5)
+
+
+def test_the_simulation_example_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    exec(compile(blocks("python")[1], "README.md", "exec"), {})
+    first, second, third = capsys.readouterr().out.splitlines()
+    status, slide = first.split()
+    assert status == "finished"
+    assert float(slide) == pytest.approx(6.70749476, abs=1e-7)  # A. Ghosal's lecture 18, integrated independently
+    assert second
+    drift, error = map(float, third.split())
+    assert drift < 1e-8
+    assert 0 < error < 1e-6
+    assert {path.name for path in tmp_path.iterdir()} == {"pendulum.npz", "pendulum.csv", "pendulum.png"}
+
+
+def test_the_scene_is_simulated(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("scene.yaml").write_text(blocks("yaml")[1])
+    assert main(["simulate", "scene.yaml", "--no-plots"]) == 0
+    assert "event" in capsys.readouterr().out
 
 
 def test_the_card_and_the_motion_are_sized(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    (card,), (motion,) = blocks("yaml"), blocks("csv")
+    card, (motion,) = blocks("yaml")[0], blocks("csv")
     Path("arm.yaml").write_text(card)
     Path("motion.csv").write_text(motion)
     assert main(["size", "arm.yaml", "--no-plots"]) in (0, 1)

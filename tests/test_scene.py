@@ -3,6 +3,8 @@
 import json
 import math
 import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -223,6 +225,17 @@ def test_a_base_velocity_in_the_world_is_turned_into_the_body(crane):
     np.testing.assert_array_equal(body[:6], [1, 0, 0, 0, 0, 0])
 
 
+def test_loading_a_scene_needs_neither_pinocchio_nor_casadi(crane):
+    load_scene(crane / "scene.yaml")  # the robot's data go to the cache
+    script = f"""
+import sys
+from bellcrank.scene.scene import load_scene
+scene = load_scene({str(crane / "scene.yaml")!r}, {{"load": 0.7}})
+scene.start, scene.signals, scene.physics_key(), scene.parameter_values
+print([m for m in ("casadi", "pinocchio", "llvmlite", "matplotlib") if m in sys.modules])"""
+    assert subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
 def test_a_start_outside_the_limits_is_noted_and_not_refused(scene):
     notes = scene.with_overrides({"initial.elbow": "150 deg"}).notes
     assert len(notes) == 1 and "elbow" in notes[0] and "2.61799 rad" in notes[0]
@@ -260,6 +273,8 @@ def test_joint_names_with_dots_are_found(crane):
     (crane / "scene.yaml").write_text("urdf: crane.urdf\ninitial: {arm.elbow: 0.1}\n")
     scene = load_scene(crane / "scene.yaml", {"initial.arm.elbow": 0.2})
     assert scene.start[0][1] == 0.2
+    moving = load_scene(crane / "crane.urdf", {"initial.velocity.arm.elbow": 0.3, "friction.arm.elbow.viscous": 2})
+    assert moving.start[1][1] == 0.3 and moving.robot.viscous[1] == 2.0
     fresh = load_scene(crane / "crane.urdf", {"initial.arm.elbow": 0.3})
     assert fresh.start[0][1] == 0.3
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bellcrank.validation.problem import cartesian, polar
+from bellcrank.validation.bench_problem import cartesian, polar
 from bellcrank.validation.textbook import PlanarTwoLink, SpringPendulum
 
 PENDULUM = SpringPendulum()

@@ -80,3 +80,21 @@ def test_sine_of_a_sine_is_evaluated_in_waves():
     values = np.random.default_rng(5).normal(size=(50, 2))
     expected = np.sin(values[:, 0] + np.cos(3 * values[:, 1])) * np.cos(np.sin(values[:, 0]))
     np.testing.assert_allclose(function(values)[:, 0], expected, rtol=1e-14, atol=1e-15)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 7, 9])
+def test_angles_of_one_sample_that_share_vectors_keep_their_places(target, count):
+    """Sines, then cosines, of sums (computed angles) and of inputs, some by the exact fallback."""
+    x = casadi.SX.sym("x", count)
+    angles = casadi.vertcat(x, 2 * x[0] + 1)
+    function = casadi.Function("many", [x], [casadi.sin(angles), casadi.cos(angles[::-1])])
+    code = compiled("many", ("test", str(count)), lambda: function)
+    random = np.random.default_rng(count)
+    for big in (None, 0, count - 1):
+        values = random.uniform(-5, 5, count)
+        if big is not None:
+            values[big] = 3e7 + random.uniform()
+        every = np.append(values, 2 * values[0] + 1)
+        sine, cosine = code(values)
+        np.testing.assert_allclose(sine, np.sin(every), rtol=4.5e-16, atol=0)
+        np.testing.assert_allclose(cosine, np.cos(every[::-1]), rtol=4.5e-16, atol=0)

@@ -8,12 +8,17 @@ import pytest
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.errors import InputError
-from bellcrank.validation.textbook import PlanarTwoLink
-from bellcrank.validation.verify import verify, verify_planar_2r
+from bellcrank.validation.textbook import PlanarTwoLink, SpringPendulum
+from bellcrank.validation.verify import VERIFIABLE, verify, verify_planar_2r
 
 # A. Ghosal, lecture 18, scene 1, recomputed independently: tau1 min, max, tau2 min, max in N m at phi = 2 pi k / 1000
 TABLE = {-1: (71.86823535828, 168.2846498082, 62.9079893977, 71.60635945914),
          1: (210.4184480206, 242.2724868525, 0.8249586697778, 33.25421705658)}  # fmt: skip
+QUANTITIES = {
+    "planar_2r": {"inverse dynamics", "forward dynamics", "mass matrix", "kinetic energy", "potential energy"},
+    "planar_2r_swing": {"accelerations", "kinetic energy", "potential energy", "tip", "energy", "positions"},
+    "spring_pendulum": {"accelerations", "kinetic energy", "coriolis", "centrifugal", "tangential", "velocities"},
+}
 
 
 @pytest.mark.parametrize("elbow", [-1, 1])
@@ -42,25 +47,47 @@ def test_the_textbook_equations_conserve_energy_by_themselves():
     assert sum(arm.energy(state[:2], state[2:])) == pytest.approx(before, abs=1e-7)
 
 
-def test_verify_finds_every_quantity_in_agreement():
-    found = verify("planar_2r")
-    assert {d.quantity for d in found} >= {"inverse dynamics", "forward dynamics", "mass matrix", "kinetic energy"}
-    assert all(d.agrees for d in found) and max(d.relative for d in found) < 1e-12
+@pytest.mark.parametrize("name", VERIFIABLE)
+def test_verify_finds_every_quantity_in_agreement(name):
+    found = verify(name)
+    assert {d.quantity for d in found} >= QUANTITIES[name]
+    assert all(d.agrees for d in found) and max(d.relative for d in found) < 1e-10
+    assert max(d.samples for d in found if d.states == "random") == 1000
 
 
 def test_verify_notices_a_wrong_robot(monkeypatch):
     heavier = dataclasses.replace(PlanarTwoLink(), m2=12.456 * (1 + 1e-9))
-    monkeypatch.setattr("bellcrank.validation.verify.PlanarTwoLink", lambda g: heavier)
+    monkeypatch.setattr("bellcrank.validation.verify.PlanarTwoLink", lambda **_: heavier)
     robot = bc.load_robot("planar_2r", gravity=(0, -9.81, 0), friction="none")
     assert not all(d.agrees for d in verify_planar_2r(robot))
+    wrong = {d.states for d in verify("planar_2r_swing") if not d.agrees}
+    assert {"random", "run", "its end"} <= wrong
 
 
-def test_verify_command_prints_the_differences(capsys):
-    assert main(["verify", "planar_2r"]) == 0
-    assert "mass matrix" in capsys.readouterr().out
+def test_verify_notices_a_wrong_spring_at_states_and_along_the_run(monkeypatch):
+    stiffer = dataclasses.replace(SpringPendulum(), stiffness=15.0 * (1 + 1e-7))
+    monkeypatch.setattr("bellcrank.validation.verify.SpringPendulum", lambda: stiffer)
+    wrong = {(d.quantity, d.states) for d in verify("spring_pendulum") if not d.agrees}
+    assert {("accelerations", "random"), ("potential energy", "random"), ("positions", "its end")} <= wrong
+    assert not any(quantity in ("kinetic energy", "coriolis", "centrifugal") for quantity, _ in wrong)
 
 
-def test_verify_refuses_a_robot_without_analytic_equations(capsys):
+def test_verify_command_prints_the_differences_of_the_scenes_named_or_of_all(capsys):
+    assert main(["verify", "spring_pendulum"]) == 0
+    out = capsys.readouterr().out
+    assert "coriolis" in out and "DIFFERS" not in out and "planar" not in out
+    assert main(["verify"]) == 0
+    out = capsys.readouterr().out
+    assert all(f"{name}: compiled Pinocchio" in out for name in VERIFIABLE) and "mass matrix" in out
+
+
+def test_verify_command_answers_no_where_a_quantity_differs(monkeypatch, capsys):
+    monkeypatch.setattr("bellcrank.validation.verify.PlanarTwoLink", lambda **_: PlanarTwoLink(g=9.8))
+    assert main(["verify", "planar_2r", "spring_pendulum"]) == 1
+    assert "DIFFERS" in capsys.readouterr().out
+
+
+def test_verify_refuses_what_it_has_no_analytic_equations_for(capsys):
     assert main(["verify", "panda"]) == 2
     assert "no scene 'panda'" in capsys.readouterr().err
     with pytest.raises(InputError, match="planar 2R arm"):

@@ -30,6 +30,7 @@ _HOME = {
     "size": "sizing.size",
     "Scene": "scene.scene",
     "load_scene": "scene.scene",
+    "Settings": "scene.settings",
     "simulate": "simulation.simulate",
     "Trajectory": "simulation.trajectory",
     "load_run": "simulation.run_file",
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     from bellcrank.robot.payload import Payload
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene, load_scene
+    from bellcrank.scene.settings import Settings
     from bellcrank.simulation.run_file import load_run
     from bellcrank.simulation.run_plot import plot_run as plot
     from bellcrank.simulation.simulate import simulate

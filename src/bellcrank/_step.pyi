@@ -82,10 +82,12 @@ def integrate(
     lanes: int,
     max_evaluations: int,
     progress: Callable[[float], object] | None,
+    staged: bool = False,
 ) -> StepResult:
     """Step x' = rhs(t, x, u, p) from t0 to t1 (s); ValueError where arguments do not fit together.
 
     `step` > 0 fixes the step size; otherwise the error of the first `norm_size` entries is kept below
     atol + rtol |x|, as SciPy's solve_ivp does. `unit`: (start, length) parts of x that stay unit vectors.
+    A `staged` right-hand side takes (t, x, u, p, k, s) and is that at x + s k (up to 16 states, not for Radau).
     `signals`: (breaks (m + 1,), coefficients (m, powers, width), derivatives, kinked) pieces of u.
     """

@@ -15,10 +15,10 @@ from bellcrank.errors import BellcrankError
 _COMMANDS = {
     "size": "size the motors of a robot over its motions",
     "simulate": "integrate a scene's motion, and certify it",
-    "verify": "compare compiled dynamics with a textbook's analytic equations",
+    "verify": "compare compiled equations with a textbook's",
     "check": "say what is wrong with a URDF before it bites",
     "robots": "list the robots and cards that can be named",
-    "bench": "time the compiled dynamics beside Pinocchio and generated C",
+    "bench": "measure time against error beside hand-written C and other tools",
 }
 
 

@@ -9,10 +9,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bellcrank import atomic
 from bellcrank.errors import InputError
+
+if TYPE_CHECKING:
+    from bellcrank.validation.bench import Row
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,18 +28,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--dynamics", nargs="*", metavar="ROBOT",
         help="instead of scenes: batches of inverse and forward dynamics of robots (default: ur5 panda talos)",
     )  # fmt: skip
-    parser.add_argument("--repeats", type=int, default=30, help="runs of a setting, the best counts (default 30)")
+    parser.add_argument("--hard", action="store_true", help="instead of scenes: the hard cases, each with its figure")
+    parser.add_argument(
+        "--repeats", type=int, default=30, help="runs of a setting at least, the best counts (default 30)"
+    )
     parser.add_argument("--samples", type=int, default=100_000, help="samples a batch of --dynamics (default 100000)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write bench.json, and a plot a scene, there")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Time scenes, or with --dynamics the compiled dynamics; print the tables and write the files."""
-    if arguments.dynamics is None:
-        return _scenes(arguments)
-    if arguments.scenes:
-        raise InputError("bench: scenes and --dynamics are two benches; name robots after --dynamics")
-    return _dynamics(arguments)
+    """Time scenes, or run the hard cases, or time the dynamics; print the tables and write the files. 1 where a hard case
+    misses its bar.
+    """
+    if arguments.scenes and (arguments.hard or arguments.dynamics is not None):
+        raise InputError("bench: scenes, --hard and --dynamics are benches of their own; name robots after --dynamics")
+    if arguments.hard:
+        return _hard_cases(arguments)
+    return _scenes(arguments) if arguments.dynamics is None else _dynamics(arguments)
 
 
 def _scenes(arguments: argparse.Namespace) -> int:
@@ -44,7 +52,7 @@ def _scenes(arguments: argparse.Namespace) -> int:
 
     from bellcrank.validation import work_precision_plot
     from bellcrank.validation.bench import machine_facts
-    from bellcrank.validation.problem import PROBLEMS, Run, problem
+    from bellcrank.validation.bench_problem import PROBLEMS, Run, problem
     from bellcrank.validation.scene_bench import as_data, as_text, bench_scene
 
     if arguments.repeats < 1:
@@ -53,7 +61,7 @@ def _scenes(arguments: argparse.Namespace) -> int:
     for name in names:
         problem(name)
     facts = machine_facts()
-    print(f"{facts['cpu']}, one thread, best of up to {arguments.repeats} runs")
+    print(f"{facts['cpu']}, one thread, best of {arguments.repeats} runs or more (or of what fits into 1 s)")
     reports = []
     for name in names:
         progress: Callable[[list[list[Run]]], Iterable[list[Run]]] = partial(tqdm, desc=name, unit="run", disable=None)
@@ -70,10 +78,43 @@ def _scenes(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _hard_cases(arguments: argparse.Namespace) -> int:
+    from tqdm import tqdm
+
+    from bellcrank.validation.bench import machine_facts
+    from bellcrank.validation.problems import hard_cases
+
+    with tqdm(desc="hard cases", unit="case", disable=None) as bar:
+
+        def progress(name: str) -> None:
+            bar.set_postfix_str(name)
+            bar.update()
+
+        rows = hard_cases(progress)
+    for before, row in zip([None, *rows], rows, strict=False):
+        if before is None or before.problem != row.problem:
+            print(f"{row.problem}: {row.title} ({row.seconds:.2f} s)")
+        f = row.figure
+        bound = "" if math.isinf(f.bar) else f"   {'at least' if f.at_least else 'at most'} {f.bar:.3g}"
+        print(f"  {f.name:58} {f.value:12.4g} {f.unit:9}{bound}{'' if f.good else '   MISSED'}")
+    if arguments.out:
+        path = arguments.out / "hard_cases.json"
+        table = [{"problem": r.problem, "seconds": r.seconds, **_finite(asdict(r.figure))} for r in rows]
+        atomic.write_text(path, json.dumps({"machine": machine_facts(), "rows": table}, indent=1) + "\n")
+        print(f"wrote {path}")
+    return 0 if all(row.figure.good for row in rows) else 1
+
+
+def _finite(row: dict[str, Any]) -> dict[str, Any]:
+    """JSON knows no infinities: what is not finite becomes null."""
+    return {key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in row.items()}
+
+
 def _dynamics(arguments: argparse.Namespace) -> int:
     from tqdm import tqdm
 
-    from bellcrank.validation.bench import ROBOTS, Row, bench_robot, first_use, machine_facts
+    from bellcrank.validation import calls
+    from bellcrank.validation.bench import ROBOTS, bench_robot, first_use, machine_facts
 
     if arguments.samples < 64:
         raise InputError(f"--samples must be at least 64, it is {arguments.samples}")
@@ -82,23 +123,34 @@ def _dynamics(arguments: argparse.Namespace) -> int:
     rows: list[Row] = []
     for name, algorithm in tqdm(jobs, desc="bench", unit="table", disable=None):
         rows += bench_robot(name, algorithm, arguments.samples)
+    single: list[Row] = []
+    for name in tqdm(arguments.dynamics or calls.ROBOTS, desc="single calls", unit="robot", disable=None):
+        single += calls.forward_dynamics_calls(name)
     starts = {name: first_use(name) for name in tqdm(names, desc="first use", unit="robot", disable=None)}
     facts = machine_facts()
-    print(f"{facts['cpu']}, one thread, batch of {arguments.samples}, best of several; errors relative to Pinocchio")
-    base = {(r.robot, r.algorithm): r.ns for r in rows if r.way.startswith("libpinocchio")}
-    for r in rows:
-        ratio = base[r.robot, r.algorithm] / r.ns
-        times = f"{ratio:6.1f} x" if math.isfinite(ratio) else "       -"
-        figures = f"{r.ns:9.1f} ns  {times}  error {r.error:.1e}" if math.isfinite(r.ns) else "        -"
-        print(f"  {r.robot:12} {r.algorithm:17} {r.way:31} {figures}  {r.note}")
+    print(f"{facts['cpu']}, one thread, best of several; errors relative to Pinocchio")
+    for title, table in ((f"batches of {arguments.samples}", rows), ("single calls, one after another", single)):
+        print(f"{title}, ns a sample")
+        _print_ratios(table)
     for name, seconds in starts.items():
         print(f"  {name:12} load, trace, compile {seconds['first']:.3f} s, from the cache {seconds['cached']:.3f} s")
     if arguments.out:
         path = arguments.out / "bench.json"
-        table: list[dict[str, Any]] = [
-            {k: (v if not isinstance(v, float) or math.isfinite(v) else None) for k, v in asdict(r).items()}
-            for r in rows
-        ]
-        atomic.write_text(path, json.dumps({"machine": facts, "rows": table, "first_use": starts}, indent=1) + "\n")
+        data = {"machine": facts, "rows": _plain(rows), "single_calls": _plain(single), "first_use": starts}
+        atomic.write_text(path, json.dumps(data, indent=1) + "\n")
         print(f"wrote {path}")
     return 0
+
+
+def _print_ratios(rows: list[Row]) -> None:
+    """A line a way, with how many times as fast as the first way of its algorithm it is."""
+    base: dict[tuple[str, str], float] = {}
+    for r in rows:
+        ratio = base.setdefault((r.robot, r.algorithm), r.ns) / r.ns
+        times = f"{ratio:6.2f} x" if math.isfinite(ratio) else "       -"
+        figures = f"{r.ns:9.1f} ns  {times}  error {r.error:.1e}" if math.isfinite(r.ns) else "        -"
+        print(f"  {r.robot:12} {r.algorithm:17} {r.way:31} {figures}  {r.note}")
+
+
+def _plain(rows: list[Row]) -> list[dict[str, Any]]:
+    return [_finite(asdict(row)) for row in rows]

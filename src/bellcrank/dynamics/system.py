@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 # The Jacobian as one expression has about 0.6 n times the operations of the right-hand side; beyond this it is cheaper
 # to compile, and as quick to run, as directional derivatives in SIMD lanes.
 LARGEST_JACOBIAN = 3_000
+LARGEST_STAGED = 16  # states: up to here the way through memory is a good part of an evaluation
 _systems: dict[str, System] = {}
 
 
@@ -63,6 +64,19 @@ class System:
     def rhs(self) -> Compiled:
         """(t, x, u, p) -> dx/dt."""
         return self._compiled("rhs", lambda: self._state_function("rhs", [self.assembly.state_rate]))
+
+    @cached_property
+    def stage(self) -> Compiled:
+        """(t, x, u, p, k, s) -> dx/dt at x + s k: a stage of a step that takes its newest slope as it comes."""
+
+        def build() -> casadi.Function:
+            import casadi
+
+            a, f = self.assembly, self._state_function("f", [self.assembly.state_rate])
+            x, k, s = casadi.SX.sym("x", self.size), casadi.SX.sym("k", self.size), casadi.SX.sym("s")
+            return casadi.Function("stage", [a.t, x, a.u, a.p, k, s], [f(a.t, x + s * k, a.u, a.p)])
+
+        return self._compiled("stage", build)
 
     @cached_property
     def observation(self) -> Compiled:

@@ -2,11 +2,8 @@
 
 Compiled functions are pure and return a status (0). Floating-point expressions may be contracted to fused
 multiply-adds; nothing else is reordered, so infinities, NaN and signs keep their meaning. Inputs and outputs
-must not overlap. For one sample the function is
-
-    i32 evaluate(const double *const *inputs, double *const *outputs)
-
-and simd.py wraps the same operations for batches.
+must not overlap. Scratch memory is on the caller's stack, up to some hundred kB for the largest graphs. scalar.py
+makes the function for one sample of it, simd.py the one for batches.
 """
 
 from __future__ import annotations
@@ -16,13 +13,12 @@ from dataclasses import dataclass
 from bellcrank.errors import CompileError
 from bellcrank.machine_code.graph import Graph
 from bellcrank.machine_code.schedule import Schedule, Wave, schedule
-from bellcrank.machine_code.vector_math import Lanes, sincos
+from bellcrank.machine_code.vector_math import EXACT_SINCOS, Lanes, sincos
 
 _LIBRARY = {  # C library functions, called lane by lane
     "exp": 1, "log": 1, "pow": 2, "constpow": 2, "tan": 1, "asin": 1, "acos": 1, "atan": 1, "atan2": 2, "sinh": 1,
     "cosh": 1, "tanh": 1, "log1p": 1, "expm1": 1, "hypot": 2, "fmod": 2,
 }  # fmt: skip
-_SYMBOL = {"constpow": "pow"}
 _ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 _INTRINSIC = {"sqrt": "sqrt", "floor": "floor", "ceil": "ceil", "fabs": "fabs", "fmin": "minnum", "fmax": "maxnum",
               "copysign": "copysign"}  # fmt: skip
@@ -103,11 +99,18 @@ class Body:
 
     def _pack(self, lanes: Lanes, tag: str, angles: tuple[int, ...]) -> str:
         """The values of angles side by side, zeros after them."""
-        values = [self._value(a) for a in angles]
         if lanes.width == self.lanes.width:
-            return values[0]
+            return self._value(angles[0])
         whole = "zeroinitializer"
-        for j, value in enumerate(values):
+        for j, angle in enumerate(angles):
+            node = self.graph.nodes[angle]
+            if node.op == "input" and angle not in self.names:
+                # A vector load of what the caller has just stored in other pieces would wait until the cache has it;
+                # "volatile" keeps LLVM from making one.
+                self.names[angle] = f"%v{angle}"
+                self._put(self.load.replace(" load ", " load volatile ").format(
+                    k=node.place[0], i=node.place[1], name=f"%v{angle}"))  # fmt: skip
+            value = self._value(angle)
             self._put(f"%{tag}.{j} = insertelement {lanes.double} {whole}, double {value}, i64 {j}")
             whole = f"%{tag}.{j}"
         return whole
@@ -119,21 +122,18 @@ class Body:
         count = sum(lanes.width for lanes, _ in groups)
         region = -(-count // 8) * 8  # the buffer holds angles, sines and cosines, in regions of whole vectors
         self.allocas.append(f"  %{tag} = alloca [{3 * region} x double], align 64")
-        packs: list[tuple[int, Lanes, str]] = []
+        packs: list[tuple[int, Lanes, str, tuple[int, ...], tuple[str, str]]] = []
         beyond: dict[int, str] = {}  # by width
         at = 0
         for lanes, members in groups:
             x = self._pack(lanes, f"{tag}.x{at}", members)
             lines, sine, cosine, flag = sincos(lanes, f"{tag}.t{at}", x, self.fused)
             self.lines += lines
-            for offset, value in ((region, sine), (2 * region, cosine)):
-                self._buffer(f"{tag}", at + offset)
-                self._put(f"store {lanes.double} {value}, ptr %{tag}.p{at + offset}")
             if lanes.width in beyond:
                 self._put(f"%{tag}.any{at} = or {lanes.bit} {beyond[lanes.width]}, {flag}")
                 flag = f"%{tag}.any{at}"
             beyond[lanes.width] = flag
-            packs.append((at, lanes, x))
+            packs.append((at, lanes, x, members, (sine, cosine)))
             at += lanes.width
         slow = "false"
         for w, flag in beyond.items():
@@ -142,26 +142,38 @@ class Body:
             self._put(f"%{tag}.slow{w} = or i1 %{tag}.lane{w}, {slow}")
             slow = f"%{tag}.slow{w}"
         self.library.update(("sin", "cos"))
-        self._put(f"br i1 {slow}, label %{tag}.exact, label %{tag}.done, !prof !2")
+        before, self.label = self.label, f"{tag}.done"
+        self._put(f"br i1 {slow}, label %{tag}.exact, label %{self.label}, !prof !2")
         self.lines.append(f"{tag}.exact:")
-        for at, lanes, x in packs:
-            self._buffer(tag, at)
-            self._put(f"store {lanes.double} {x}, ptr %{tag}.p{at}")
+        for at, lanes, x, _, _ in packs:
+            self._put(f"store {lanes.double} {x}, ptr {self._buffer(tag, at)}")
         self._put(f"call void @exact_sincos(ptr %{tag}, i64 {count}, i64 {region})")
-        self._put(f"br label %{tag}.done")
-        self.label = f"{tag}.done"
+        for at, lanes, *_ in packs:
+            for offset in (at + region, at + 2 * region):
+                self._put(f"%{tag}.e{offset} = load {lanes.double}, ptr {self._buffer(tag, offset)}")
+        self._put(f"br label %{self.label}")
         self.lines.append(f"{self.label}:")
-        for j, angle in enumerate(angles):
-            for kind, node in enumerate(self.plan.sines[angle]):
-                if node >= 0:
-                    self._put(f"%v{node}.p = getelementptr {self.lanes.double}, ptr %{tag}, i64 {j}")
-                    self._put(f"%v{node}.s = getelementptr double, ptr %v{node}.p, i64 {(kind + 1) * region}")
-                    self._put(f"%v{node} = load {self.lanes.double}, ptr %v{node}.s")
-                    self.names[node] = f"%v{node}"
-                    self._hand_on(node)
+        for at, lanes, _, _, fast in packs:
+            for offset, value in zip((at + region, at + 2 * region), fast, strict=True):
+                exact = f"[ %{tag}.e{offset}, %{tag}.exact ]"
+                self._put(f"%{tag}.r{offset} = phi {lanes.double} [ {value}, %{before} ], {exact}")
+        for at, lanes, _, members, _ in packs:
+            for j, angle in enumerate(members):
+                for kind, node in enumerate(self.plan.sines[angle]):
+                    if node >= 0:
+                        self._unpack(lanes, f"%{tag}.r{at + (kind + 1) * region}", j, node)
 
-    def _buffer(self, tag: str, at: int) -> None:
+    def _unpack(self, lanes: Lanes, vector: str, j: int, node: int) -> None:
+        """Name a node's value, which is lane j of a vector or, in a batch, all of it."""
+        if lanes.width > self.lanes.width:
+            self._put(f"%v{node} = extractelement {lanes.double} {vector}, i64 {j}")
+            vector = f"%v{node}"
+        self.names[node] = vector
+        self._hand_on(node)
+
+    def _buffer(self, tag: str, at: int) -> str:
         self._put(f"%{tag}.p{at} = getelementptr double, ptr %{tag}, i64 {at}")
+        return f"%{tag}.p{at}"
 
     def _emit(self, index: int) -> None:
         node = self.graph.nodes[index]
@@ -214,7 +226,7 @@ class Body:
             put(f"  {name} = uitofp {b} {name}.r to {d}")
 
     def _library_call(self, name: str, op: str, args: list[str]) -> None:
-        symbol = _SYMBOL.get(op, op)
+        symbol = "pow" if op == "constpow" else op
         self.library.add(symbol)
         width, d = self.lanes.width, self.lanes.double
         put = self.lines.append
@@ -231,30 +243,6 @@ class Body:
             put(f"  {result} = insertelement {d} {whole}, double {name}.{lane}, i64 {lane}")
             whole = result
 
-
-_EXACT_SINCOS = """
-define internal void @exact_sincos(ptr %buffer, i64 %n, i64 %region) noinline cold {
-entry:
-  br label %loop
-loop:
-  %i = phi i64 [ 0, %entry ], [ %next, %loop ]
-  %js = add i64 %i, %region
-  %jc = add i64 %js, %region
-  %px = getelementptr double, ptr %buffer, i64 %i
-  %ps = getelementptr double, ptr %buffer, i64 %js
-  %pc = getelementptr double, ptr %buffer, i64 %jc
-  %x = load double, ptr %px
-  %s = call double @sin(double %x)
-  %c = call double @cos(double %x)
-  store double %s, ptr %ps
-  store double %c, ptr %pc
-  %next = add i64 %i, 1
-  %more = icmp ult i64 %next, %n
-  br i1 %more, label %loop, label %end
-end:
-  ret void
-}
-"""
 
 METADATA = """
 !0 = distinct !{!0}
@@ -302,7 +290,7 @@ def operations(
         bodies.append(body)
     before = declarations(library, lanes)
     if "sin" in library:
-        before.append(_EXACT_SINCOS)
+        before.append(EXACT_SINCOS)
     if len(bodies) == 1:
         return Code(bodies[0].lines, bodies[0].allocas, bodies[0].label, before)
     listed = ", ".join(f"ptr noalias %{p}" for p in [*pointers, "passed"])
@@ -312,23 +300,3 @@ def operations(
     given = listed.replace(" noalias", "")
     calls = [f"  call void @part{k}({given})" for k in range(len(bodies))]
     return Code(calls, [f"  %passed = alloca [{plan.memory} x {lanes.double}], align 64"], "body", before)
-
-
-def scalar_ir(graph: Graph, width: int, fused: bool) -> str:
-    """LLVM IR that evaluates the graph for one sample; `width` lanes may be used where operations are alike."""
-    lanes = Lanes(1)
-    pointers = [f"in{k}" for k in range(len(graph.input_sizes))] + [f"out{k}" for k in range(len(graph.outputs))]
-    entry: list[str] = []
-    for pointer in pointers:
-        kind, k = pointer.rstrip("0123456789"), pointer.lstrip("inout")
-        entry += [f"  %{kind}.at{k} = getelementptr ptr, ptr %{kind}, i64 {k}", f"  %{pointer} = load ptr, ptr %{kind}.at{k}"]
-    code = operations(
-        graph, lanes, fused,
-        "{name}.p = getelementptr double, ptr %in{k}, i64 {i}\n  {name} = load double, ptr {name}.p, !noalias !1",
-        "%out{k}.{i}.p = getelementptr double, ptr %out{k}, i64 {i}\n"
-        "  store double {name}, ptr %out{k}.{i}.p, !alias.scope !1",
-        pointers, width,
-    )  # fmt: skip
-    text = ["define i32 @evaluate(ptr noalias %in, ptr noalias %out) {", "entry:", *code.allocas, *entry]
-    text += ["  br label %body", "body:", *code.lines, "  ret i32 0", "}"]
-    return "\n".join(code.before + text) + METADATA

@@ -17,8 +17,8 @@ from bellcrank._step import evaluate
 from bellcrank.errors import CompileError, InputError
 from bellcrank.machine_code import cache as disk
 from bellcrank.machine_code import machine
-from bellcrank.machine_code.codegen import scalar_ir
 from bellcrank.machine_code.graph import Graph, graph_of
+from bellcrank.machine_code.scalar import scalar_ir
 from bellcrank.machine_code.simd import batch_ir
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class Compiled:
         return batch_ir(self.graph, chosen.lanes, chosen.fused)
 
     def address(self, kind: str) -> int:
-        """The address of the machine code; its signature is in codegen.py."""
+        """The address of the machine code; its signature is in scalar.py or simd.py."""
         key = (kind, machine.target_name())
         if key not in self._loaded:
             with _making:

@@ -12,7 +12,7 @@ from typing import Any
 from bellcrank.errors import CompileError, InputError, among
 from bellcrank.machine_code import cache as disk
 
-ABI = 1  # of the compiled functions (codegen.py); a change makes every cached object stale
+ABI = 1  # of the compiled functions (scalar.py, simd.py); a change makes every cached object stale
 _serial = itertools.count()
 _lock = threading.RLock()  # LLVM's state here is one context and one JIT
 

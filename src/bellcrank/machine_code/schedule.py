@@ -8,6 +8,7 @@ operations in eight lanes, so that code is cut only where it is long.
 from __future__ import annotations
 
 import heapq
+import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -50,7 +51,7 @@ def schedule(graph: Graph) -> Schedule:
     steps = _steps(graph, sines)
     count = 1 if len(steps) <= WHOLE else -(-len(steps) // PART)
     cuts = [len(steps) * k // count for k in range(count + 1)]
-    parts = tuple(tuple(steps[a:b]) for a, b in zip(cuts, cuts[1:], strict=False))
+    parts = tuple(tuple(steps[a:b]) for a, b in itertools.pairwise(cuts))
     slots, memory = _slots(graph, parts, sines) if count > 1 else ({}, 0)
     places: dict[int, list[tuple[int, int]]] = {}
     for k, (_, entries) in enumerate(graph.outputs):

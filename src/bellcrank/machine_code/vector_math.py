@@ -131,3 +131,29 @@ def sincos(lanes: Lanes, tag: str, x: str, fused: bool) -> tuple[list[str], str,
         flipped = put(f"{name}.flipped", f"xor {i} {raw}, {flip}")
         out.append(put(f"{name}.out", f"bitcast {i} {flipped} to {d}"))
     return lines, out[0], out[1], beyond
+
+
+# The C library's sines and cosines of the first n numbers of a buffer, into its second and third region.
+EXACT_SINCOS = """
+define internal void @exact_sincos(ptr %buffer, i64 %n, i64 %region) noinline cold {
+entry:
+  br label %loop
+loop:
+  %i = phi i64 [ 0, %entry ], [ %next, %loop ]
+  %js = add i64 %i, %region
+  %jc = add i64 %js, %region
+  %px = getelementptr double, ptr %buffer, i64 %i
+  %ps = getelementptr double, ptr %buffer, i64 %js
+  %pc = getelementptr double, ptr %buffer, i64 %jc
+  %x = load double, ptr %px
+  %s = call double @sin(double %x)
+  %c = call double @cos(double %x)
+  store double %s, ptr %ps
+  store double %c, ptr %pc
+  %next = add i64 %i, 1
+  %more = icmp ult i64 %next, %n
+  br i1 %more, label %loop, label %end
+end:
+  ret void
+}
+"""

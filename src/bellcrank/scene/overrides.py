@@ -18,6 +18,7 @@ from bellcrank.errors import InputError, among
 from bellcrank.scene.part import entry_names
 
 DEEPEST = 100
+_TABLES = ("frames", "motions", "drives", "friction", "parameters", "outputs")  # of mappings by name
 
 
 class Marked(Lines):
@@ -103,11 +104,11 @@ def _set(data: Marked, path: str, value: Any) -> None:
     keys = _with_parameter(data, path, value)
     while True:
         if isinstance(at, Marked):
-            used = _longest(at, keys)
-            if used == 0 and at is data and len(keys) > 1:  # a key of the top that the file does not have
-                at[keys[0]], used = Marked.like({}), 1
-            holder, at_key = at, ".".join(keys[:used] or keys)
-            keys = keys[used:] if used else []
+            used = _longest(at, keys) or _new(at_key, keys)
+            holder, at_key = at, ".".join(keys[:used])
+            keys = keys[used:]
+            if keys and at_key not in at:
+                at[at_key] = Marked.like({})
             if not keys:
                 at[at_key] = value
                 break
@@ -141,6 +142,14 @@ def _with_parameter(data: Mapping[str, Any], path: str, value: Any) -> list[str]
 def _longest(at: Mapping[str, Any], keys: list[str]) -> int:
     """How many of the keys, joined by dots, make the longest key that is there; 0 where none does."""
     return next((n for n in range(len(keys), 0, -1) if ".".join(keys[:n]) in at), 0)
+
+
+def _new(inside: str, keys: list[str]) -> int:
+    """How many of the keys, joined by dots, make the key to add to the mapping that stands under the key `inside`."""
+    if inside == "" or (inside == "initial" and keys[0] == "velocity"):
+        return 1
+    table = inside in _TABLES or (inside == "initial" and keys[-1] == "guess")
+    return max(len(keys) - 1, 1) if table else len(keys)
 
 
 def _entry(at: list[Any], keys: list[str]) -> tuple[int, int]:

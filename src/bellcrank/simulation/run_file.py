@@ -30,8 +30,9 @@ from bellcrank.errors import InputError
 from bellcrank.machine_code import machine
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.settings import Settings
+from bellcrank.simulation.record import Event, Statistics
 from bellcrank.simulation.status import Status
-from bellcrank.simulation.trajectory import Event, Statistics, Trajectory
+from bellcrank.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 FORMAT = "bellcrank run"

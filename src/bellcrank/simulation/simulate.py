@@ -12,12 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank._step import integrate
+from bellcrank.dynamics.system import LARGEST_STAGED
 from bellcrank.errors import InputError
 from bellcrank.machine_code import machine
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.settings import Settings
+from bellcrank.simulation.record import Event, Statistics
 from bellcrank.simulation.status import Status
-from bellcrank.simulation.trajectory import Event, Statistics, Trajectory
+from bellcrank.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -79,8 +81,9 @@ def _integrate(
     q0, v0 = scene.start
     x0[: system.nq], x0[system.nq : system.nq + system.nv] = q0, v0
     implicit = settings.solver == "Radau"
+    staged = not implicit and system.size <= LARGEST_STAGED
     result = integrate(
-        system.rhs.address("scalar"),
+        (system.stage if staged else system.rhs).address("scalar"),
         settings.solver,
         0.0,
         settings.duration,
@@ -96,7 +99,7 @@ def _integrate(
         every_step=every_step,
         unit=unit_parts(scene),
         signals=[(s.breaks, s.coefficients, s.derivatives, s.kinked) for s in signals],
-        stops=_NONE,
+        stops=scene.stops,
         events=system.events.address("scalar") if scene.events else 0,
         terminal=[event.stop for event in scene.events],
         direction=[event.direction for event in scene.events],
@@ -105,6 +108,7 @@ def _integrate(
         lanes=machine.target().lanes if implicit else 1,
         max_evaluations=settings.max_evaluations,
         progress=progress,
+        staged=staged,
     )
     status = tuple(Status)[result.status]
     if status is Status.NON_FINITE and result.accepted == 0:
@@ -153,6 +157,3 @@ def _refuse_start(scene: Scene, p: Array, x0: Array) -> None:
         f"{scene.source}: the accelerations at the start are not finite{at}: either nothing beyond a joint has inertia "
         "about its axis (give those links mass), or a force has no value there (a spring of length 0, say)"
     )
-
-
-_NONE: Array = np.zeros(0)

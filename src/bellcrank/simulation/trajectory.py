@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from bellcrank._step import methods
 from bellcrank.dynamics.signals import Signal, values_at
 from bellcrank.errors import InputError, among
+from bellcrank.simulation.record import Event, FrameHistory, JointHistory, Statistics
 from bellcrank.simulation.status import Status
 
 if TYPE_CHECKING:
@@ -26,57 +27,6 @@ if TYPE_CHECKING:
     from bellcrank.scene.settings import Settings
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Event:
-    """An event of a scene: time (s), position (nq,) and velocity (nv,) there; `stopped`: it ended the run."""
-
-    name: str
-    time: float
-    position: Array
-    velocity: Array
-    stopped: bool
-
-
-@dataclass(frozen=True)
-class Statistics:
-    """What the solver did: accepted and rejected steps, evaluations of the right-hand side and of its Jacobian, LU
-    factorisations, and the time in the stepping alone (s).
-    """
-
-    steps: int
-    rejected: int
-    evaluations: int
-    jacobians: int
-    factorisations: int
-    kernel_time: float
-
-
-@dataclass(frozen=True, eq=False)
-class JointHistory:
-    """One joint over time: position, velocity, acceleration and torque, (n,) each for a joint with one degree of
-    freedom (rad or m, …, N m or N). `actuator_torque` is the motors' and controllers' part of the torque; the rest
-    comes from springs, dampers, friction and wrenches.
-    """
-
-    position: Array
-    velocity: Array
-    acceleration: Array
-    torque: Array
-    actuator_torque: Array
-
-
-@dataclass(frozen=True, eq=False)
-class FrameHistory:
-    """One frame over time, world axes: position (n, 3) m, rotation (n, 3, 3), velocity (n, 3) m/s of its origin, and
-    angular velocity (n, 3) rad/s.
-    """
-
-    position: Array
-    rotation: Array
-    velocity: Array
-    angular_velocity: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,9 +209,9 @@ class Trajectory:
         return 0.0
 
     def error_estimate(self) -> float:
-        """How far the positions may be off (rad or m): the largest difference from a run with a tenth of the tolerances,
-        or half the fixed step, on the same times (there 2ᵖ/(2ᵖ − 1) of it, p the method's order, as Richardson showed).
-        Costs that second run; infinite where there is nothing to compare.
+        """How far the positions may be off (rad or m): the largest difference, on the same times, from a run with a
+        tenth of the tolerances; with a fixed step 2ᵖ/(2ᵖ − 1) of that from half the step, p being the method's order
+        (Richardson). Costs that second run; infinite where there is nothing to compare.
         """
         from bellcrank.simulation.simulate import simulate
 

@@ -2,83 +2,12 @@
 // at compile time (0: any number), and the sums over stages are unrolled from the table without its zeros.
 #pragma once
 
-#ifdef __AVX2__
-#include <immintrin.h>
-#endif
-
 #include "control.hpp"
+#include "lanes.hpp"
 #include "tableaus.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
-
-typedef double Lanes __attribute__((vector_size(32)));
-
-#define BELLCRANK_INLINE inline __attribute__((always_inline))
-
-BELLCRANK_INLINE Lanes& at(double* p) { return *reinterpret_cast<Lanes*>(p); }
-BELLCRANK_INLINE const Lanes& at(const double* p) { return *reinterpret_cast<const Lanes*>(p); }
-BELLCRANK_INLINE Lanes magnitude(Lanes v) { return v < 0 ? -v : v; }
-BELLCRANK_INLINE double total(Lanes v) { return (v[0] + v[2]) + (v[1] + v[3]); }
-
-// Loads lanes that were just stored one by one: a vector load would wait until the stores have left the store buffer.
-BELLCRANK_INLINE Lanes fresh(const double* p) {
-#ifdef __AVX2__
-  __m128d low = _mm_load_sd(p), high = _mm_load_sd(p + 2);
-  asm("" : "+x"(low), "+x"(high));  // or the compiler merges the loads again
-  return static_cast<Lanes>(_mm256_set_m128d(_mm_loadh_pd(high, p + 3), _mm_loadh_pd(low, p + 1)));
-#else
-  return at(p);
-#endif
-}
-
-// sum over j <= J of table(j) k_j, the latest stage last
-template <class Table, int J, bool Fresh, bool Latest = true>
-BELLCRANK_INLINE Lanes weighted(const double* k, std::size_t stride) {
-  constexpr double weight = Table::at(J);
-  if constexpr (weight == 0) {
-    return weighted<Table, J - 1, Fresh, false>(k, stride);
-  } else {
-    Lanes value;
-    if constexpr (Fresh && Latest) value = fresh(k + J * stride);
-    else value = at(k + J * stride);
-    if constexpr (Table::first(J)) return weight * value;
-    else return weighted<Table, J - 1, Fresh, false>(k, stride) + weight * value;
-  }
-}
-
-template <class Numbers>
-struct Weights {
-  static constexpr double at(int j) { return Numbers::at(j); }
-  static constexpr bool first(int j) {
-    for (int i = 0; i < j; ++i)
-      if (Numbers::at(i) != 0) return false;
-    return true;
-  }
-};
-template <class Method, int S>
-struct RowOf {
-  static constexpr double at(int j) { return Method::a[S][j]; }
-};
-template <class Method>
-struct ErrorOf {
-  static constexpr double at(int j) { return Method::e[j]; }
-};
-template <class Method>
-struct Error5Of {
-  static constexpr double at(int j) { return Method::e5[j]; }
-};
-template <class Method>
-struct Error3Of {
-  static constexpr double at(int j) { return Method::e3[j]; }
-};
-template <class Method, int Power>
-struct DenseOf {
-  static constexpr double at(int j) {
-    if constexpr (Method::fsal) return Method::dense[j][Power];
-    else return Method::dense[Power][j];
-  }
-};
 
 // The stages of one step, and the pointers of their kernel calls.
 template <class Method>
@@ -113,6 +42,7 @@ class Explicit {
   bool begin() {
     ++rhs_.evaluations;
     std::memcpy(main_.x, x_, lanes() * sizeof(double));
+    main_.in.at(rhs_.rest(), 0);
     return rhs_(main_.in, t, main_.out + last) == 0 && finite(main_.k + last * lanes());
   }
 
@@ -238,7 +168,8 @@ class Explicit {
 
   template <int S>
   BELLCRANK_INLINE std::int32_t stage(Stages<Method>& stages, double h) {
-    sum<S>(stages, h, stages.x);
+    if (Blocks && p_.staged) but_newest<S>(stages, h);
+    else sum<S>(stages, h, stages.x);
     return rhs_(stages.in, t_old + Method::c[S] * h, stages.out + S);
   }
 
@@ -250,6 +181,18 @@ class Explicit {
     for (int b = 0; b < blocks(); ++b)
       at(x + 4 * b) =
           at(y + 4 * b) + h * weighted<Weights<RowOf<Method, S>>, S - 1, (Blocks > 0)>(k + 4 * b, w);
+  }
+
+  // The sum without its newest slope, which the kernel adds.
+  template <int S>
+  BELLCRANK_INLINE void but_newest(Stages<Method>& stages, double h) {
+    const std::size_t w = lanes();
+    for (int b = 0; b < blocks(); ++b) {
+      const Lanes y = at(old_ + 4 * b);
+      if constexpr (Weights<RowOf<Method, S>>::first(S - 1)) at(stages.x + 4 * b) = y;
+      else at(stages.x + 4 * b) = y + h * weighted<Weights<RowOf<Method, S>>, S - 2, false>(stages.k + 4 * b, w);
+    }
+    stages.in.at(stages.k + (S - 1) * w, h * Method::a[S][S - 1]);
   }
 
   template <int... S>
@@ -267,13 +210,19 @@ class Explicit {
     sum<last>(stages, h, x);
     if constexpr (Method::fsal && !Redo) {
       rhs_.normalise(x);
-      status |= slope(t_old + h);
+      status |= slope(t_old + h, h);
     }
     return status == 0;
   }
 
-  std::int32_t slope(double time) {
-    for (int b = 0; b < blocks(); ++b) at(main_.x + 4 * b) = at(x_ + 4 * b);
+  // The slope at the end of a step of size h.
+  std::int32_t slope(double time, double h) {
+    if (Blocks && p_.staged && !p_.unit_count) {
+      but_newest<last>(main_, h);
+    } else {
+      for (int b = 0; b < blocks(); ++b) at(main_.x + 4 * b) = at(x_ + 4 * b);
+      main_.in.at(rhs_.rest(), 0);
+    }
     ++rhs_.evaluations;
     return rhs_(main_.in, time, main_.out + last);
   }
@@ -282,7 +231,7 @@ class Explicit {
   bool finish(double end) {
     if constexpr (!Method::fsal) {
       rhs_.normalise(x_);
-      if (slope(end) != 0 || !finite(main_.k + last * lanes())) return false;
+      if (slope(end, end - t_old) != 0 || !finite(main_.k + last * lanes())) return false;
     }
     t = end;
     return true;
@@ -344,6 +293,7 @@ class Explicit {
   void prepare_one() {
     const double h = t - t_old, s = 0.2113248654051871177454256;
     cubic(s, redo_.x);
+    redo_.in.at(rhs_.rest(), 0);
     ++rhs_.evaluations;
     double* slope = redo_.out[1];
     dense_ready_ = rhs_(redo_.in, t_old + s * h, &slope) == 0;

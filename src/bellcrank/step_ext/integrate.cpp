@@ -1,6 +1,8 @@
 // integrate(): checks and gathers the arguments, runs the engine for this machine without the GIL, wraps the result.
 #include "integrate.hpp"
 
+#include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <memory>
 #include <stdexcept>
@@ -92,14 +94,15 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
                      Vector times, bool every_step, const std::vector<std::tuple<int, int>>& unit,
                      const std::vector<SignalArguments>& signals, Vector stops, std::uintptr_t events,
                      const std::vector<bool>& terminal, const std::vector<int>& direction, std::uintptr_t jacobian,
-                     std::uintptr_t tangent, int lanes, std::int64_t max_evaluations, nb::object progress) {
+                     std::uintptr_t tangent, int lanes, std::int64_t max_evaluations, nb::object progress, bool staged) {
   const int n = static_cast<int>(x0.shape(0));
   require(rhs != 0, "integrate: no right-hand side");
   require(method == "RK4" || method == "RK45" || method == "DOP853" || method == "Radau", "integrate: unknown method");
   require(std::isfinite(t0) && std::isfinite(t1) && t1 >= t0, "integrate: t1 must be finite and not before t0");
   require(n > 0 && norm_size > 0 && norm_size <= n, "integrate: norm_size must be between 1 and the number of states");
   require(step > 0 || method != "RK4", "integrate: RK4 needs a step");
-  require(step > 0 || (rtol >= 0 && atol >= 0 && rtol + atol > 0), "integrate: rtol and atol must not be negative or both zero");
+  require(step > 0 || (rtol >= 0 && atol >= 0 && rtol + atol > 0),
+          "integrate: rtol and atol must not be negative or both zero");
   require(max_step > 0 && first_step >= 0 && step >= 0, "integrate: steps must be positive");
   require(method != "Radau" || jacobian != 0 || tangent != 0, "integrate: Radau needs a Jacobian or a tangent");
   require(terminal.size() == direction.size() && (events != 0 || terminal.empty()),
@@ -128,6 +131,7 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
 
   Problem problem{};
   problem.rhs = reinterpret_cast<Kernel>(rhs);
+  problem.staged = staged;
   problem.jacobian = reinterpret_cast<Kernel>(jacobian);
   problem.events = reinterpret_cast<Kernel>(events);
   problem.tangent = reinterpret_cast<BatchKernel>(tangent);
@@ -238,7 +242,7 @@ void bind_integrate(nb::module_& m) {
   m.def("integrate", &integrate, "rhs"_a, "method"_a, "t0"_a, "t1"_a, "x0"_a, "p"_a, nb::kw_only(), "norm_size"_a,
         "rtol"_a, "atol"_a, "step"_a = 0.0, "first_step"_a = 0.0, "max_step"_a = HUGE_VAL, "times"_a, "every_step"_a,
         "unit"_a, "signals"_a, "stops"_a, "events"_a, "terminal"_a, "direction"_a, "jacobian"_a, "tangent"_a,
-        "lanes"_a, "max_evaluations"_a, "progress"_a.none());
+        "lanes"_a, "max_evaluations"_a, "progress"_a.none(), "staged"_a = false);
 }
 
 }  // namespace bellcrank

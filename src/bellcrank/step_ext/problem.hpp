@@ -26,6 +26,7 @@ struct Unit {
 
 struct Problem {
   Kernel rhs, jacobian, events;
+  bool staged;  // the right-hand side takes k and s too, and evaluates at x + s k
   BatchKernel tangent;
   int n, norm_size, lanes;
   double t0, t1;

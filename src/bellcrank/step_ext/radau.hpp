@@ -13,8 +13,8 @@ namespace BELLCRANK_ISA {
 class Radau {
  public:
   explicit Radau(Rhs& rhs)
-      : rhs_(rhs), p_(rhs.problem), n_(p_.n), rows_(n_ > p_.lanes ? n_ : p_.lanes), x_(n_), old_(n_), f_(n_), stage_(n_),
-        scale_(n_), error_(n_), base_(n_), q_(3 * n_), z_(3 * n_), w_(3 * n_), dw_(3 * n_), slopes_(3 * n_),
+      : rhs_(rhs), p_(rhs.problem), n_(p_.n), rows_(n_ > p_.lanes ? n_ : p_.lanes), x_(n_), old_(n_), f_(n_),
+        stage_(n_), scale_(n_), error_(n_), base_(n_), q_(3 * n_), z_(3 * n_), w_(3 * n_), dw_(3 * n_), slopes_(3 * n_),
         jacobian_(static_cast<std::size_t>(rows_) * n_), seeds_(p_.jacobian ? 0 : static_cast<std::size_t>(rows_) * n_),
         real_(n_), complex_(n_), in_(stage_, rhs) {
     std::memcpy(x_, p_.x0, n_ * sizeof(double));
@@ -83,8 +83,7 @@ class Radau {
         ++rhs_.evaluations;
         error = rhs_(in_, t_old, &out) == 0 ? estimate(h, slopes_) : NAN;
       }
-      const double careful =
-          safety * (2 * most_iterations + 1) / (2 * most_iterations + newton.iterations);  // fewer iterations, larger step
+      const double careful = safety * (2 * most_iterations + 1) / (2 * most_iterations + newton.iterations);
       const double factor = careful * predicted(h, error);
       rhs_.normalise(x_);
       if (error <= 1 && slope(x_, end, slopes_)) {

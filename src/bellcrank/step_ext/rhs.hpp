@@ -39,13 +39,14 @@ inline double spacing(double t) { return std::nextafter(std::fabs(t), INFINITY) 
 class Rhs {
  public:
   explicit Rhs(const Problem& problem)
-      : problem(problem), u_(problem.signal_entries), piece_(problem.signal_count) {}
+      : problem(problem), u_(problem.signal_entries), rest_(problem.n), piece_(problem.signal_count) {}
 
   const Problem& problem;
   std::int64_t evaluations = 0;
   double latest = INFINITY;  // stages at a stop see the side before it
 
   const double* u() const { return u_; }
+  const double* rest() const { return rest_; }  // n zeros
   bool spent() const { return evaluations >= problem.max_evaluations; }
 
   // Fixes the interval of kinked signals for the steps between two stops.
@@ -85,7 +86,7 @@ class Rhs {
   }
 
  private:
-  Buffer u_;
+  Buffer u_, rest_;
   Array<int> piece_;  // piece: -1 before the breaks, `pieces` after them
 
   static int piece(const Signal& s, double t, int guess) {
@@ -127,12 +128,18 @@ class Rhs {
   }
 };
 
-// The pointers of a kernel call, prepared once.
+// The pointers of a kernel call, prepared once. A staged kernel evaluates at x + scale k, so that the newest slope of a
+// step reaches the next stage without a detour through memory.
 struct Inputs {
-  double time = 0;
-  const double* pointers[5];
-  Inputs(const double* x, const Rhs& rhs) : pointers{&time, x, rhs.u(), rhs.problem.p, nullptr} {}
+  double time = 0, scale = 0;
+  const double* pointers[6];
+  Inputs(const double* x, const Rhs& rhs) : pointers{&time, x, rhs.u(), rhs.problem.p, rhs.rest(), &scale} {}
   Inputs(const Inputs&) = delete;
+
+  void at(const double* k, double s) {
+    pointers[4] = k;
+    scale = s;
+  }
 };
 
 }  // namespace BELLCRANK_ISA

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from bellcrank.errors import BellcrankError
-from bellcrank.validation.problem import OUTPUTS, Outcome, Problem
+from bellcrank.validation.bench_problem import OUTPUTS, Outcome, Problem
 
 FLAGS = ("-O3", "-march=native", "-fno-math-errno")
-METHODS = {"RK4": "rk4", "RK45": "rk45", "DOP853": "dop853"}
+METHODS = {"RK4": "rk4", "RK45": "rk45", "DOP853": "dop853", "Radau": "radau"}
 NOTE = f"C by hand, {' '.join(FLAGS)}; clock around the stepping, in C"
 
 

@@ -50,16 +50,6 @@ def two_link(arm: PlanarTwoLink) -> str:
     )
 
 
-def spring_pendulum(mass: float) -> str:
-    """A point mass (kg) on a slide that turns about z: joints `swing`, 0 where it hangs along -y, and `spring`, m."""
-    return robot(
-        "spring_pendulum",
-        link("base"), link("arm"), link("bob", mass),
-        joint("swing", "continuous", "base", "arm"),
-        joint("spring", "prismatic", "arm", "bob", axis=(0, -1, 0)),
-    )  # fmt: skip
-
-
 def upright_pendulum() -> str:
     """A point mass of 1 kg 1 m above the joint `swing`, which is 0 where it stands."""
     return robot(

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.validation.problem import Array, Problem, problem
+from bellcrank.validation.bench_problem import Array, Problem, problem
 
 DIVISIONS = range(2, 17, 2)  # midpoint steps of the extrapolation's rows
 

@@ -14,7 +14,7 @@ from bellcrank.card.yaml_file import read_yaml
 from bellcrank.errors import BellcrankError
 from bellcrank.validation import own_runs
 from bellcrank.validation.hand_c import HandWritten
-from bellcrank.validation.problem import Run, problem
+from bellcrank.validation.bench_problem import Run, problem
 from bellcrank.validation.reference import Reference, reference
 from bellcrank.validation.work_precision import LEVELS, REPEATS, Ratio, Row, failures, measure, pareto, ratios
 
@@ -100,7 +100,7 @@ def as_text(report: SceneReport) -> str:
     lines.append("  " + ", ".join(f"{t}: {bad} of {n} runs failed" for t, (bad, n) in failures(report.rows).items()))
     for level in LEVELS:
         lines.append(f"  times to reach an error of {level:g} (interpolated on the Pareto fronts), as ratios:")
-        lines += [f"    {r.slower:26} / {r.faster:24} {_ratio_text(r)}" for r in report.ratios if r.error == level]
+        lines += [f"    {r.slower:28}/ {r.faster:24} {_ratio_text(r)}" for r in report.ratios if r.error == level]
     return "\n".join(lines)
 
 

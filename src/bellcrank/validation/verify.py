@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from bellcrank.errors import InputError, among
 from bellcrank.robot.load import load_robot
 from bellcrank.robot.robot import Robot
-from bellcrank.validation.textbook import Array, PlanarTwoLink
+from bellcrank.scene.scene import Scene, load_scene
+from bellcrank.simulation.simulate import simulate
+from bellcrank.validation.textbook import Array, PlanarTwoLink, SpringPendulum
 
 TOLERANCE = 1e-11  # relative to the largest entry: some 100 roundings of the two routes
-VERIFIABLE = ("planar_2r",)
+DRIFT_APART = 1e-9  # of two integrations at rtol = 1e-12 and 1e-13: the motion spreads what their steps leave
 
 
 @dataclass(frozen=True)
@@ -23,11 +27,33 @@ class Difference:
     states: str
     samples: int
     relative: float
+    tolerance: float = TOLERANCE
 
     @property
     def agrees(self) -> bool:
         """Whether the difference is within the tolerance."""
-        return self.relative <= TOLERANCE
+        return self.relative <= self.tolerance
+
+
+@dataclass(frozen=True)
+class Textbook:
+    """Analytic equations of a scene with two coordinates.
+
+    `draw` gives random positions (n, 2) and velocities (n, 2); `outputs` are functions of both for the scene's outputs.
+    """
+
+    equations: PlanarTwoLink | SpringPendulum
+    draw: Callable[[np.random.Generator, int], tuple[Array, Array]]
+    outputs: Mapping[str, Callable[[Array, Array], Array]]
+
+
+def verify(name: str, samples: int = 1000) -> list[Difference]:
+    """Verify a shipped robot or scene by name. Raises InputError where no analytic equations are known for it."""
+    if name not in VERIFIABLE:
+        raise InputError("analytic equations: " + among("scene", name, VERIFIABLE))
+    if name == "planar_2r":
+        return verify_planar_2r(load_robot(name, gravity=(0.0, -9.81, 0.0), friction="none"), samples)
+    return verify_scene(load_scene(name), _SCENES[name](), samples)
 
 
 def verify_planar_2r(robot: Robot, samples: int = 1000, seed: int = 1) -> list[Difference]:
@@ -40,12 +66,8 @@ def verify_planar_2r(robot: Robot, samples: int = 1000, seed: int = 1) -> list[D
         raise InputError(f"{robot.name} has {robot.nv} joints; the analytic equations are those of a planar 2R arm")
     arm = PlanarTwoLink(g=-float(robot.gravity[1]))
     random = np.random.default_rng(seed)
-    q = random.uniform(-np.pi, np.pi, (samples, 2))
-    v, a, tau = (
-        random.normal(0, 3, (samples, 2)),
-        random.normal(0, 10, (samples, 2)),
-        random.normal(0, 100, (samples, 2)),
-    )
+    q, v = _arm_states(random, samples)
+    a, tau = random.normal(0, 10, (samples, 2)), random.normal(0, 100, (samples, 2))
     here = "random"
     found = [
         _difference("inverse dynamics", here, robot.inverse_dynamics(q, v, a), arm.inverse_dynamics(q, v, a)),
@@ -65,13 +87,87 @@ def verify_planar_2r(robot: Robot, samples: int = 1000, seed: int = 1) -> list[D
     return found
 
 
-def verify(name: str) -> list[Difference]:
-    """Verify a shipped robot by name. Raises InputError where no analytic equations are known for it."""
-    if name not in VERIFIABLE:
-        raise InputError("analytic equations: " + among("scene", name, VERIFIABLE))
-    return verify_planar_2r(load_robot(name, gravity=(0.0, -9.81, 0.0), friction="none"))
+def verify_scene(scene: Scene, textbook: Textbook, samples: int = 1000, seed: int = 1) -> list[Difference]:
+    """The compiled equations of motion of a scene against analytic ones.
+
+    Accelerations, energies and outputs at random states and along the scene's own run, then the run itself against
+    SciPy's DOP853 on the analytic equations: every row, and the last.
+    """
+    from scipy.integrate import solve_ivp
+
+    if scene.system.size != 4:
+        raise InputError(f"{scene.name}: the analytic equations have 2 coordinates and 2 velocities and no work")
+    x = np.hstack(textbook.draw(np.random.default_rng(seed), samples))
+    found = _compare(scene, textbook, "random", x)
+    run = simulate(scene, rtol=1e-12, atol=1e-12)
+    found += _compare(scene, textbook, "run", run.state)
+    equations, span = textbook.equations, (0.0, float(run.time[-1]))
+    x = solve_ivp(
+        lambda _, x: equations.derivative(x), span, run.state[0], "DOP853", run.time, rtol=1e-13, atol=1e-14
+    ).y.T
+    for states, rows in (("run, SciPy's DOP853", slice(None)), ("its end", slice(-1, None))):
+        for quantity, columns in (("positions", slice(0, 2)), ("velocities", slice(2, 4))):
+            ours, theirs = run.state[rows, columns], x[rows, columns]
+            found.append(_difference(quantity, states, ours, theirs, DRIFT_APART))
+    return found
 
 
-def _difference(quantity: str, states: str, ours: Array, theirs: Array) -> Difference:
+def _compare(scene: Scene, textbook: Textbook, states: str, x: Array) -> list[Difference]:
+    """Accelerations, energies and outputs at states (n, 4)."""
+    q, v = x[:, :2], x[:, 2:]
+    none = np.zeros((len(x), 0))
+    acceleration, energies, _, _, *outputs = scene.system.observation(
+        np.zeros((len(x), 1)), x, none, np.tile(scene.parameter_values, (len(x), 1))
+    )
+    kinetic, potential = textbook.equations.energy(q, v)
+    found = [
+        _difference("accelerations", states, acceleration, textbook.equations.derivative(x)[:, 2:]),
+        _difference("kinetic energy", states, energies[:, 0], kinetic),
+        _difference("potential energy", states, energies[:, 1], potential),
+    ]
+    for name, rows in zip(scene.outputs, outputs, strict=True):
+        if name in textbook.outputs:
+            theirs = textbook.outputs[name](q, v)
+            found.append(_difference(name, states, rows.reshape(theirs.shape), theirs))
+    return found
+
+
+def _arm_states(random: np.random.Generator, samples: int) -> tuple[Array, Array]:
+    return random.uniform(-np.pi, np.pi, (samples, 2)), random.normal(0, 3, (samples, 2))
+
+
+def _pendulum_states(random: np.random.Generator, samples: int) -> tuple[Array, Array]:
+    q = np.stack([random.uniform(-np.pi, np.pi, samples), random.uniform(1.0, 10.0, samples)], -1)
+    return q, random.normal(0, 3, (samples, 2))
+
+
+def _swing() -> Textbook:
+    arm = PlanarTwoLink()
+
+    def tip(q: Array, v: Array) -> Array:
+        first, both = q[:, 0], q[:, 0] + q[:, 1]
+        x, y = arm.l1 * np.cos(first) + arm.l2 * np.cos(both), arm.l1 * np.sin(first) + arm.l2 * np.sin(both)
+        return np.stack([x, y, np.zeros_like(x)], -1)
+
+    return Textbook(arm, _arm_states, {"tip": tip, "energy": lambda q, v: sum(arm.energy(q, v), np.zeros(len(q)))})
+
+
+def _spring() -> Textbook:
+    pendulum = SpringPendulum()
+
+    def part(k: int) -> Callable[[Array, Array], Array]:
+        return lambda q, v: pendulum.accelerations(q, v)[k]
+
+    outputs = {name: part(k) for k, name in enumerate(("coriolis", "centrifugal", "tangential"))}
+    return Textbook(pendulum, _pendulum_states, outputs)
+
+
+def _difference(quantity: str, states: str, ours: Array, theirs: Any, tolerance: float = TOLERANCE) -> Difference:
+    if ours.shape != theirs.shape:
+        return Difference(quantity, states, len(ours), float("inf"), tolerance)
     gap, scale = np.abs(ours - theirs).max(), np.abs(theirs).max()
-    return Difference(quantity, states, len(ours), float(gap / scale) if np.isfinite(gap) else float("inf"))
+    return Difference(quantity, states, len(ours), float(gap / scale) if np.isfinite(gap) else float("inf"), tolerance)
+
+
+_SCENES: dict[str, Callable[[], Textbook]] = {"planar_2r_swing": _swing, "spring_pendulum": _spring}
+VERIFIABLE = ("planar_2r", *_SCENES)

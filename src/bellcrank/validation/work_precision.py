@@ -6,15 +6,17 @@ sec. II.10): one reference, one output grid for all, a sweep of tolerances or st
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from bellcrank.validation.problem import Outcome, Run
+from bellcrank.validation.bench_problem import Outcome, Run
 from bellcrank.validation.reference import Reference
 
 REPEATS = 30
+SETTLE = 0.2  # s that 30 repeats last at least: runs of microseconds are repeated more often, to outlast a disturbance
 BUDGET = 1.0  # s a run may be repeated for; the first time always counts
 OWN, HAND = "bellcrank", "C by hand"
 LEVELS = (1e-6, 1e-10)  # errors at which times are compared
@@ -48,12 +50,15 @@ class Row:
         return math.isfinite(self.error) and math.isfinite(self.seconds)
 
 
-def measure(runs: Sequence[Run], reference: Reference, repeats: int = REPEATS, budget: float = BUDGET) -> list[Row]:
-    """Rows of runs that belong together, taken in turns, so that the machine's moods hit all alike."""
+def measure(runs: Sequence[Run], reference: Reference, repeats: int = REPEATS) -> list[Row]:
+    """Rows of runs that belong together, taken in turns, so that the machine's moods hit all alike.
+
+    Each is repeated at least `repeats` times, fewer where that takes longer than BUDGET s a run.
+    """
     outcomes: list[list[Outcome]] = [[] for _ in runs]
     failures = [""] * len(runs)
     begun = time.perf_counter()
-    for turn in range(repeats):
+    for turn in itertools.count(1):
         for k, run in enumerate(runs):
             if failures[k]:
                 continue
@@ -61,7 +66,8 @@ def measure(runs: Sequence[Run], reference: Reference, repeats: int = REPEATS, b
                 outcomes[k].append(run.once())
             except Exception as error:  # a peer may raise anything: the row says what, and counts as a failure
                 failures[k] = f"{type(error).__name__}: {error}".splitlines()[0]
-        if turn and time.perf_counter() - begun > budget * len(runs):
+        elapsed = (time.perf_counter() - begun) / len(runs)
+        if elapsed > BUDGET or (turn >= repeats and elapsed > SETTLE * repeats / REPEATS):
             break
     scene = reference.problem.name
     return [_row(scene, *each, reference) for each in zip(runs, outcomes, failures, strict=True)]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank import atomic
-from bellcrank.validation.problem import problem
+from bellcrank.validation.bench_problem import problem
 from bellcrank.validation.work_precision import HAND, OWN, Row, pareto
 
 if TYPE_CHECKING:
@@ -44,13 +44,12 @@ def draw(rows: list[Row], machine: str) -> Figure:
             axis.loglog(*_points(pareto(mine)), color=colour, marker=marker, markersize=4.5, linewidth=1.0, label=tool)
     for tool, style in ((HAND, {"linestyle": "--", "linewidth": 1.4}), (OWN, {"linewidth": 2.6, "alpha": 0.85})):
         for method, colour in METHOD.items():
-            mine = sorted((r for r in reached if r.tool == tool and r.method == method), key=lambda r: -r.error)
+            mine = [r for r in reached if r.tool == tool and r.method == method]
             if mine:
                 axis.loglog(*_points(mine), color=colour, label=f"{tool}, {method}", **style)
-    whole = [replace(r, seconds=r.whole) for r in reached if r.whole is not None]
-    axis.loglog(
-        *_points(pareto(whole)), color="#000000", linestyle=":", linewidth=1.2, label=f"{OWN}, all of simulate()"
-    )
+    whole = [replace(r, seconds=r.whole) for r in reached if r.whole is not None and r.method == "DOP853"]
+    label = f"{OWN}, DOP853, all of simulate()"
+    axis.loglog(*_points(whole), color=METHOD["DOP853"], linestyle=":", linewidth=1.4, label=label)
     axis.invert_xaxis()
     axis.set_xlabel(f"largest position error [{chosen.unit}]; more exact to the right")
     axis.set_ylabel("time on the tool's own clock [s]; faster below")

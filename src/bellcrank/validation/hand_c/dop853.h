@@ -1,11 +1,12 @@
-/* Dormand and Prince's method of order 8 with error estimates of orders 5 and 3 and its continuous extension of order 7 (method and
-   coefficients: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, sec. II.5 and II.6). */
-int dop853(const double *x0, double end, double rtol, double atol, double step, const double *times, long count, double *out,
-           struct statistics *made) {
+/* Dormand and Prince's method of order 8 with error estimates of orders 5 and 3 and a continuous extension of order 7
+   (method and coefficients: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, sec. II.5 and II.6). */
+int dop853(const double *x0, double end, double rtol, double atol, double step, const double *times, long count,
+           double *out, struct statistics *made) {
   const double begun = now();
   long evaluations = 2, accepted = 0, rejected = 0, next = 0;
   int again = 0;
-  double t = 0.0, x[N], y[N], z[N], scale[N], k1[N], k2[N], k3[N], k4[N], k5[N], k6[N], k7[N], k8[N], k9[N], k10[N], k11[N], k12[N], k13[N];
+  double t = 0.0, x[N], y[N], z[N], scale[N];
+  double k1[N], k2[N], k3[N], k4[N], k5[N], k6[N], k7[N], k8[N], k9[N], k10[N], k11[N], k12[N], k13[N];
   EACH x[i] = x0[i];
   rhs(x, k1);
   double h = step > 0.0 ? step : first_step(x, k1, end, 7.0, rtol, atol);

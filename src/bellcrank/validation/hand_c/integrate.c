@@ -1,10 +1,12 @@
-/* One shared library a scene: cc -O3 -march=native -fno-math-errno -DSCENE='"planar_2r.h"' -shared -fPIC integrate.c -lm */
+/* One shared library a scene:
+   cc -O3 -march=native -fno-math-errno -DSCENE='"planar_2r_swing.h"' -shared -fPIC integrate.c -lm */
 #define _GNU_SOURCE
 #include SCENE
 #include "control.h"
 #include "rk4.h"
 #include "rk45.h"
 #include "dop853.h"
+#include "radau.h"
 
 /* Nanoseconds a right-hand side, each call waiting for the one before as in a stepper. */
 double rhs_ns(const double *x0, long calls) {

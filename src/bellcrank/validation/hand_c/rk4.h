@@ -1,6 +1,6 @@
 /* The classical fourth-order method with fixed steps; between steps a cubic through both ends' values and slopes. */
-int rk4(const double *x0, double end, double rtol, double atol, double step, const double *times, long count, double *out,
-        struct statistics *made) {
+int rk4(const double *x0, double end, double rtol, double atol, double step, const double *times, long count,
+        double *out, struct statistics *made) {
   const double begun = now();
   const long steps = (long)ceil(end / step - 1e-9);
   double x[N], y[N], z[N], k1[N], k2[N], k3[N], k4[N], k5[N];
@@ -23,7 +23,8 @@ int rk4(const double *x0, double end, double rtol, double atol, double step, con
       const double s = (times[next] - t) / h;
       EACH_OUTPUT {
         const double rise = z[i] - x[i];
-        out[next * NQ + i] = x[i] + s * (rise + (s - 1.0) * ((1.0 - 2.0 * s) * rise + h * ((s - 1.0) * k1[i] + s * k5[i])));
+        const double bend = (1.0 - 2.0 * s) * rise + h * ((s - 1.0) * k1[i] + s * k5[i]);
+        out[next * NQ + i] = x[i] + s * (rise + (s - 1.0) * bend);
       }
     }
     EACH x[i] = z[i];

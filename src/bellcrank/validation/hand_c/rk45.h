@@ -1,7 +1,7 @@
-/* Dormand and Prince's pair of orders 5 and 4 with its first stage reused, and Shampine's quartic between steps (coefficients:
-   Dormand, Prince, J. Comp. Appl. Math. 6 (1980) 19; Shampine, Math. Comp. 46 (1986) 135). */
-int rk45(const double *x0, double end, double rtol, double atol, double step, const double *times, long count, double *out,
-         struct statistics *made) {
+/* Dormand and Prince's pair of orders 5 and 4 with its last stage reused, and Shampine's quartic between steps
+   (coefficients: Dormand, Prince, J. Comp. Appl. Math. 6 (1980) 19; Shampine, Math. Comp. 46 (1986) 135). */
+int rk45(const double *x0, double end, double rtol, double atol, double step, const double *times, long count,
+         double *out, struct statistics *made) {
   const double begun = now();
   long evaluations = 2, accepted = 0, rejected = 0, next = 0;
   int again = 0;

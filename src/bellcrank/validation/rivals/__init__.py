@@ -5,7 +5,7 @@ Every module raises ImportError where its tool is not installed. What each clock
 
 from __future__ import annotations
 
-from bellcrank.validation.problem import OUTPUTS, Problem
+from bellcrank.validation.bench_problem import OUTPUTS, Problem
 
 
 def substeps(problem: Problem, step: float) -> tuple[int, float]:

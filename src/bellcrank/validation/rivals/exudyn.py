@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from bellcrank.errors import BellcrankError
-from bellcrank.validation.problem import Array, Outcome, Problem, Run, cartesian, polar
+from bellcrank.validation.bench_problem import Array, Outcome, Problem, Run, cartesian, polar
 from bellcrank.validation.textbook import SpringPendulum
 
 ADAPTIVE = ("DOPRI5", "ODE23")

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from bellcrank.validation.problem import Outcome, Problem, Run
+from bellcrank.validation.bench_problem import Outcome, Problem, Run
 from bellcrank.validation.rivals import substeps
 from bellcrank.validation.textbook import SpringPendulum
 

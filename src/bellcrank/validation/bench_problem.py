@@ -34,7 +34,6 @@ class Problem:
     duration: float
     unit: str
     known: tuple[float, float, float, float]
-    overrides: dict[str, Any] = field(default_factory=dict)
 
     @property
     def times(self) -> Array:
@@ -44,10 +43,9 @@ class Problem:
 
 # A. Ghosal, Dynamics and Control of Mechanical Systems, NPTEL 2022, lecture 18; end values by an 8th-order integrator.
 PROBLEMS = {
-    "planar_2r": Problem(
-        "planar_2r", "planar 2R arm, free swing of 10 s", PlanarTwoLink(), ("shoulder", "elbow"),
+    "planar_2r_swing": Problem(
+        "planar_2r_swing", "planar 2R arm, free swing of 10 s", PlanarTwoLink(), ("shoulder", "elbow"),
         (-pi / 2, pi / 4, 0.0, 0.0), 10.0, "rad", (-1.6288964, 0.4774930, -1.4299024, 2.5688865),
-        {"drives": {}},  # the lecture's arm has no motors, and so no rotor inertia
     ),
     "spring_pendulum": Problem(
         "spring_pendulum", "spring pendulum, 20 s", SpringPendulum(), ("swing", "slide"),
