@@ -14,8 +14,8 @@ from scipy.integrate import solve_ivp
 from bellcrank.cli import main
 from bellcrank.errors import BellcrankError
 from bellcrank.validation import own_runs, scene_bench
-from bellcrank.validation.hand_c import HandWritten
 from bellcrank.validation.bench_problem import PROBLEMS, Outcome, Run
+from bellcrank.validation.hand_c import HandWritten
 from bellcrank.validation.reference import reference
 from bellcrank.validation.rivals import scipy_pinocchio, substeps
 from bellcrank.validation.work_precision import HAND, OWN, Row, failures, measure, pareto, ratios, time_at

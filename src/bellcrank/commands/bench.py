@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Time scenes, or run the hard cases, or time the dynamics; print the tables and write the files. 1 where a hard case
+    """Time scenes, or run the hard cases, or time the dynamics; print tables and write files. 1 where a hard case
     misses its bar.
     """
     if arguments.scenes and (arguments.hard or arguments.dynamics is not None):

@@ -84,7 +84,7 @@ def sincos(lanes: Lanes, tag: str, x: str, fused: bool) -> tuple[list[str], str,
     r = x
     if fused:
         for j, part in enumerate(_FUSED):
-            r = fma(f"r{j}", k, lanes.number(-part), r)
+            early, r = r, fma(f"r{j}", k, lanes.number(-part), r)
     else:  # the products of the first two parts are exact; what the second subtraction rounds off is carried along
         first = fma("r0", k, lanes.number(-_SHORT[0]), r)
         second = put("p1", f"fmul {d} {k}, {lanes.number(_SHORT[1])}")
@@ -93,8 +93,9 @@ def sincos(lanes: Lanes, tag: str, x: str, fused: bool) -> tuple[list[str], str,
         low = put("low1", f"fsub {d} {low}, {second}")
         for j, part in enumerate(_SHORT[2:]):
             low = fma(f"low{j + 2}", k, lanes.number(-part), low)
-        r = put("r", f"fadd {d} {high}, {low}")
-    z = put("z", f"fmul {d} {r}, {r}")
+        early = r = put("r", f"fadd {d} {high}, {low}")
+    # r before its last correction, of 1e-28 at most, is good enough for the polynomials, and there sooner
+    z = put("z", f"fmul {d} {early}, {early}")
     zz = put("zz", f"fmul {d} {z}, {z}")
 
     def polynomial(name: str, c: tuple[float, ...]) -> str:
@@ -103,7 +104,7 @@ def sincos(lanes: Lanes, tag: str, x: str, fused: bool) -> tuple[list[str], str,
         return fma(f"{name}8", fma(f"{name}7", pairs[0], zz, pairs[1]), zz, pairs[2])
 
     s = polynomial("s", _SIN)
-    rz = put("rz", f"fmul {d} {r}, {z}")
+    rz = put("rz", f"fmul {d} {early}, {z}")
     sine = fma("sine", rz, s, r)
     c_ = polynomial("c", _COS)
     half = fma("half", z, lanes.number(-0.5), lanes.number(1.0))

@@ -11,8 +11,8 @@ from functools import partial
 from typing import Any
 
 from bellcrank.errors import BellcrankError
-from bellcrank.validation.hand_c import METHODS, NOTE, HandWritten
 from bellcrank.validation.bench_problem import Outcome, Problem, Run
+from bellcrank.validation.hand_c import METHODS, NOTE, HandWritten
 from bellcrank.validation.work_precision import HAND, OWN
 
 TOLERANCES = {

@@ -13,8 +13,8 @@ from typing import Any
 from bellcrank.card.yaml_file import read_yaml
 from bellcrank.errors import BellcrankError
 from bellcrank.validation import own_runs
-from bellcrank.validation.hand_c import HandWritten
 from bellcrank.validation.bench_problem import Run, problem
+from bellcrank.validation.hand_c import HandWritten
 from bellcrank.validation.reference import Reference, reference
 from bellcrank.validation.work_precision import LEVELS, REPEATS, Ratio, Row, failures, measure, pareto, ratios
 
