@@ -337,9 +337,9 @@ def test_a_changed_source_anywhere_in_the_package_makes_recipes_stale(tmp_path, 
     copy = tmp_path / "bellcrank"
     shutil.copytree(original, copy, ignore=shutil.ignore_patterns("*.so", "__pycache__"))
     monkeypatch.setattr(module, "__file__", str(copy / "machine_code" / "compile.py"))
-    digests = [module._sources.__wrapped__()]
+    digests = [module.sources.__wrapped__()]
     for changed in ("motion/frame_task.py", "robot/equations.py", "machine_code/simd.py"):
         with (copy / changed).open("a") as file:
             file.write("# changed\n")
-        digests.append(module._sources.__wrapped__())
+        digests.append(module.sources.__wrapped__())
     assert len(set(digests)) == 4

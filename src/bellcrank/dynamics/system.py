@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bellcrank.dynamics.assembly import Assembly, assemble
 from bellcrank.machine_code import cache as disk
-from bellcrank.machine_code.compile import Compiled
+from bellcrank.machine_code.compile import Compiled, sources
 
 if TYPE_CHECKING:
     import casadi
@@ -164,7 +164,7 @@ class System:
 
 def system_of(scene: Scene) -> System:
     """The system of a scene, made at most once in a process for scenes with the same equations."""
-    key = disk.digest(scene.robot.key, scene.physics_key())
+    key = disk.digest(scene.robot.key, scene.physics_key(), sources())
     if key not in _systems:
         _systems[key] = System(scene, key)
     return _systems[key]

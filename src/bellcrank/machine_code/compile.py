@@ -144,7 +144,7 @@ class Compiled:
 
 
 @cache
-def _sources() -> str:
+def sources() -> str:
     """A digest of the package: whatever builds an expression or compiles it, a change makes cached recipes stale."""
     package = Path(__file__).parent.parent
     paths = sorted([*package.rglob("*.py"), *package.glob("_trace*.so")])
@@ -157,7 +157,7 @@ def compiled(name: str, key: Sequence[str], build: Callable[[], casadi.Function]
     `key` must say everything that `build` depends on; `build` is not called while machine code for
     what is asked of the function lies in the cache.
     """
-    recipe = "recipe-" + disk.digest(name, *key, _sources())
+    recipe = "recipe-" + disk.digest(name, *key, sources())
     graphs: list[Graph] = []
 
     def graph() -> Graph:

@@ -43,9 +43,11 @@ def simulate(
     """Simulate a scene (or the file or name of one) over `duration` seconds; what is not given, the scene says.
 
     solver: "DOP853", "RK45", "Radau" (stiff) or "RK4"; rtol and atol as in scipy.integrate.solve_ivp, on every position
-    and velocity (rad, m, rad/s, m/s); a fixed `step` (s) turns the step-size control off. Results are given at `times`
-    (m,) in s, at `samples` equal times, or with times="steps" at the solver's own steps. `overrides` changes the scene,
-    as in {"initial.shoulder": "10 deg"}. `progress` is called with the time reached about every 0.1 s.
+    and velocity (rad, m, rad/s, m/s). A fixed `step` (s) turns the step-size control off; tolerances given here, or a
+    solver that has them, undo a fixed step of the scene. Results are given at `times` (m,) in s, at `samples` equal
+    times, or with times="steps" at the solver's own steps; a run that ends early has its last state as a row more.
+    `overrides` changes the scene, as in {"initial.shoulder": "10 deg"}. `progress` is called with the time reached
+    about every 0.1 s.
 
     Returns a Trajectory, whose `status` says why it ended: what was computed is never lost. Raises InputError for
     arguments that are wrong, and for a start at which the accelerations are not finite.
@@ -65,11 +67,16 @@ def simulate(
     wanted = None if times is None or steps_wanted else _checked_times(times)
     if wanted is not None and duration is None:
         changes["duration"] = float(wanted[-1]) or scene.settings.duration
+    adaptive = changes.get("solver", scene.settings.solver) != "RK4"
+    if adaptive and scene.settings.step and step is None and not {"solver", "rtol", "atol"}.isdisjoint(changes):
+        changes["step"] = None  # whoever asks for tolerances wants them kept
     settings = replace(scene.settings, **changes) if changes else scene.settings
     if wanted is None:
         wanted = np.linspace(0.0, settings.duration, settings.samples)
-    elif wanted[-1] > settings.duration:
-        raise InputError(f"times reach {wanted[-1]:g} s, beyond the duration of {settings.duration:g} s")
+    elif wanted[-1] > settings.duration * (1.0 + 1e-15):
+        raise InputError(f"times reach {wanted[-1]:.17g} s, beyond the duration of {settings.duration:.17g} s")
+    else:
+        wanted = np.minimum(wanted, settings.duration)
     return _integrate(scene, settings, wanted, steps_wanted, progress)
 
 
@@ -112,9 +119,9 @@ def _integrate(
     )
     status = tuple(Status)[result.status]
     if status is Status.NON_FINITE and result.accepted == 0:
-        _refuse_start(scene, p, x0)
+        _refuse_infinite_start(scene, p, x0)
     time, state = result.time, result.state
-    if not len(time) or time[-1] < result.end_time:
+    if not len(time) or (status is not Status.FINISHED and time[-1] < result.end_time):
         time, state = np.append(time, result.end_time), np.vstack([state, result.end_state[None]])
     names = [event.name for event in scene.events]
     events = tuple(
@@ -145,15 +152,15 @@ def _checked_times(times: Any) -> Array:
     return array
 
 
-def _refuse_start(scene: Scene, p: Array, x0: Array) -> None:
+def _refuse_infinite_start(scene: Scene, p: Array, x0: Array) -> None:
     """Name the joint whose acceleration is not finite at the start, with what to do (InputError)."""
     system = scene.system
     u = scene.signals_at(np.zeros(1))[0]
     rate = system.rhs(np.zeros(1), x0, u, p)[system.nq : system.nq + system.nv]
     bad = np.flatnonzero(~np.isfinite(rate))
-    where = next((j.name for j in reversed(scene.robot.joints) if len(bad) and j.v <= bad[0]), "")
-    at = f" at joint '{where}'" if where else ""
-    raise InputError(
-        f"{scene.source}: the accelerations at the start are not finite{at}: either nothing beyond a joint has inertia "
-        "about its axis (give those links mass), or a force has no value there (a spring of length 0, say)"
-    )
+    if len(bad):
+        where = next(j.name for j in reversed(scene.robot.joints) if j.v <= bad[0])
+        raise InputError(
+            f"{scene.source}: the accelerations at the start are not finite at joint '{where}': either nothing beyond "
+            "it has inertia about its axis (give those links mass), or a force or parameter has no value there"
+        )

@@ -72,7 +72,7 @@ class Trajectory:
         """One sentence: why the run ended, when, and what to do about it."""
         what = self.status.advice
         if self.status is Status.EVENT:
-            what = f"event '{self.events[-1].name}' ended the run"
+            what = f"event '{next(e.name for e in self.events if e.stopped)}' ended the run"
         return f"{self.scene.name}: {self.status} at {self.time[-1]:.9g} s: {what}"
 
     @property
@@ -182,9 +182,9 @@ class Trajectory:
         """How far energy is from its balance: max |T + V − T₀ − V₀ − W| / max (T + |V − V₀| + |W|).
 
         Energies are computed anew from the states; W is the solver's quadrature of the power of actuators, dampers and
-        friction. 0 for a run that never had energy.
+        friction. All are counted from the first row. 0 for a run that never had energy.
         """
-        t, v, w = self.kinetic_energy, self.potential_energy, self.work
+        t, v, w = self.kinetic_energy, self.potential_energy, self.work - self.work[0]
         with np.errstate(all="ignore"):  # a run that blew up has energies beyond all numbers
             return _share(np.abs((t - t[0]) + (v - v[0]) - w).max(), (t + np.abs(v - v[0]) + np.abs(w)).max())
 
@@ -210,20 +210,20 @@ class Trajectory:
 
     def error_estimate(self) -> float:
         """How far the positions may be off (rad or m): the largest difference, on the same times, from a run with a
-        tenth of the tolerances; with a fixed step 2ᵖ/(2ᵖ − 1) of that from half the step, p being the method's order
-        (Richardson). Costs that second run; infinite where there is nothing to compare.
+        tenth of the tolerances, or ten times them where rtol < 1e-12 can be no finer; with a fixed step 2ᵖ/(2ᵖ − 1) of
+        that from half the step, p being the method's order (Richardson). Costs that second run; infinite where there is
+        nothing to compare.
         """
         from bellcrank.simulation.simulate import simulate
 
         s, later = self.settings, self.time > 0.0
         if not later.any():
             return float("inf")
-        finer: dict[str, Any] = {"step": s.step / 2} if s.step else {}
-        if not s.step:
-            finer = {"rtol": max(s.rtol / 10, 1e-13), "atol": s.atol / 10}
+        factor = 0.1 if s.rtol >= 1e-12 else 10.0
+        other: dict[str, Any] = {"step": s.step / 2} if s.step else {"rtol": s.rtol * factor, "atol": s.atol * factor}
         again = simulate(
             self.scene, duration=float(self.time[-1]), solver=s.solver, times=self.time[later], first_step=s.first_step,
-            max_step=s.max_step, max_evaluations=20 * s.max_evaluations, **finer,
+            max_step=s.max_step, max_evaluations=min(20 * s.max_evaluations, 2**62), **other,
         )  # fmt: skip
         mine = self.position[later]
         if len(again) < len(mine):
