@@ -182,7 +182,7 @@ def test_the_progress_is_reported_in_simulated_time(arm, monkeypatch):
 def test_ctrl_c_keeps_what_was_computed_and_exits_130(arm):
     assert main(["simulate", "arm.yaml", "--duration", "0.01", "--no-plots", "--out", "compiled"]) == 0
     command = [sys.executable, "-m", "bellcrank", "simulate", "arm.yaml", "--no-plots", "--duration", "1e6"]
-    command += ["--samples", "2001", "--set", "simulate.max_evaluations=1000000000"]
+    command += ["--samples", "2001", "--set", "simulate.max_step=1e-4"]
     marker = arm / "begun"
     script = (
         "import runpy, sys, pathlib\n"
