@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 import yaml
-from crane import FILES, SCENE
+from crane import FILES, SCENE, TABLE
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -178,7 +178,7 @@ def test_a_scene_says_what_the_file_says(scene):
         "tension [N]",
     )
     assert scene.settings == Settings(2.0, "DOP853", 1e-8, 1e-8, samples=201)
-    assert scene.frames == ("hook", "tip") and len(scene.signals) == 2 and scene.notes == ()
+    assert scene.frames == ("hook", "tip") and len(scene.signals) == 2
     assert json.loads(json.dumps(scene.data))["initial"]["slide"] == "100 mm"
 
 
@@ -236,9 +236,160 @@ print([m for m in ("casadi", "pinocchio", "llvmlite", "matplotlib") if m in sys.
     assert subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
+# ---- what parameters may be is what the file may say
+
+# (target, value that is refused, words, value that is not)
+BOUNDS = [
+    ("control.hold.limit", -5, "more than 0 N m", 1e-3),
+    ("control.hold.limit", 0, "more than 0 N m", 5),
+    ("control.hold.kp.elbow", -1, "0 N m/rad or more", 0),
+    ("control.hold.kd", -1, "0 N m s/rad or more", 0),
+    ("control.weight.mass_error", -1, "more than -1", -0.99),
+    ("control.weight.mass_error", -3, "more than -1", 3),
+    ("force.joint_spring.damping", -1, "0 N s/m or more", 0),
+    ("force.cable.free_length", -0.1, "0 m or more", 0),
+    ("force.cable.damping", -0.1, "0 N s/m or more", 0),
+    ("force.damper.coefficient", -3, "0 N m s/rad or more", 0),
+    ("force.friction.viscous", -1, "0 N m s/rad or more", 0),
+    ("force.friction.coulomb", -1, "0 N m or more", 0),
+    ("force.friction.width", 0, "more than 0 rad/s", 1e-3),
+    ("link.rod.mass", -1, "0 kg or more", 0),
+    ("link.rod.scale", -1, "0 or more", 0),
+    ("link.rod.inertia.xx", -1e-9, "0 kg m^2 or more", 0.01),
+    ("force.cable.stiffness", None, "", -40),
+    ("force.joint_spring.preload", None, "", -40),
+    ("joint.elbow.origin.x", None, "", -1),
+    ("link.upper.inertia.xy", None, "", -0.01),
+]
+
+
+@pytest.mark.parametrize(("target", "refused", "words", "taken"), BOUNDS)
+def test_a_parameter_keeps_the_bounds_of_what_it_sets(crane, target, refused, words, taken):
+    text = SCENE.replace("limit: effort", "limit: 30").replace("  load: {value: 500 g, sets: [link.rod.mass]}\n", "")
+    text = text.replace("  pull: {value: 40, sets: [force.cable.stiffness]}\n", "")
+    text = text.replace(
+        "  reach: {value: 1000 mm, sets: [joint.elbow.origin.x]}\n", f"  x: {{value: {taken}, sets: [{target}]}}\n"
+    )
+    (crane / "scene.yaml").write_text(text)
+    scene = load_scene(crane / "scene.yaml")
+    assert scene.parameter_values[0] == taken
+    if refused is not None:
+        message = sentence(lambda: scene.with_overrides({"x": refused}))
+        assert message.startswith("override 'x'") and f"expected {words} for '{target}', found {refused}" in message
+        (crane / "scene.yaml").write_text(text.replace(f"value: {taken}", f"value: {refused}"))
+        assert words in sentence(lambda: load_scene(crane / "scene.yaml"))
+
+
+def test_a_parameter_of_two_targets_keeps_the_bounds_of_both(scene):
+    sets = ["link.rod.inertia.xy", "link.rod.inertia.xx"]
+    for order in (sets, sets[::-1]):
+        broken = {"parameters": {"i": {"value": -1e-3, "sets": order}}}
+        assert "'link.rod.inertia.xx'" in sentence(lambda broken=broken: scene.with_overrides(broken))
+
+
+def test_parameters_cannot_make_an_inertia_indefinite(scene):
+    def with_inertia(**values):
+        entries = {k: {"value": v, "sets": [f"link.upper.inertia.{k}"]} for k, v in values.items()}
+        return scene.with_overrides({"parameters": entries})
+
+    message = sentence(lambda: with_inertia(xy=100))
+    assert "parameters.xy.value" in message and "'upper'" in message and "moment of inertia of -" in message
+    assert with_inertia(xy=0.06).parameter_values[0] == 0.06  # 0.02 * 0.2 > 0.06²
+    assert len(with_inertia(xy=100, xx=200, yy=200).parameter_values) == 3  # all of them count together
+
+
+# ---- the world, and frames of that name
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_a_moving_frame_called_world_is_told_from_the_world(crane, free):
+    urdf = (crane / "crane.urdf").read_text().replace('"base"', '"world"')
+    (crane / "crane.urdf").write_text(urdf)
+    spring = {"name": "s", "kind": "spring", "frame_a": "tip", "frame_b": "world", "stiffness": 10}
+
+    def load(**changes):
+        settings = {"floating_base": free, "frames": {"root": {"link": "world"}}, "forces": [spring | changes]}
+        return load_scene(crane / "crane.urdf", settings)
+
+    if free:
+        message = sentence(load)
+        assert "frame_b" in message and "point: [0, 0, 0]" in message and "frames: {NAME: {link: world}}" in message
+    else:
+        assert load().forces[0].frames == ("tip",)
+    assert load(point=[0, 0, 0]).forces[0].frames == ("tip",) and load(frame_b="root").forces[0].frames == (
+        "tip",
+        "root",
+    )
+
+
+# ---- notes
+
+BARE = {"forces": [], "parameters": {}, "outputs": {}}
+
+
 def test_a_start_outside_the_limits_is_noted_and_not_refused(scene):
     notes = scene.with_overrides({"initial.elbow": "150 deg"}).notes
-    assert len(notes) == 1 and "elbow" in notes[0] and "2.61799 rad" in notes[0]
+    assert "elbow" in notes[0] and "2.61799 rad" in notes[0] and len(notes) == len(scene.notes) + 1
+
+
+def test_effort_limits_that_are_0_or_missing_are_noted(crane):
+    urdf = (crane / "crane.urdf").read_text().replace('effort="80"', 'effort="0"').replace(' effort="40"', "")
+    (crane / "crane.urdf").write_text(urdf)
+    off, free = load_scene(crane / "scene.yaml", BARE).notes
+    assert "'hold'" in off and "0 at joint shoulder" in off and "switches it off" in off
+    assert "'hold'" in free and "no effort limit at joint elbow" in free
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "hold", "cubic"])
+def test_tables_and_motions_that_do_not_cover_the_run_are_noted(crane, interpolation):
+    (crane / "torque.csv").write_text(TABLE.replace("\n0,", "\n0.25,"))
+    scene = load_scene(crane / "scene.yaml", {"forces.push.interpolation": interpolation})
+    end, begin = scene.notes
+    assert "force 'push': its table ends at 1 s and the run at 2 s" in end and "last value is held" in end
+    assert "begins at 0.25 s" in begin and "first value is held" in begin
+    longer = scene.with_overrides({"simulate.duration": 3}).notes
+    assert len(longer) == 3 and "control 'hold': its motion ends at 2 s and the run at 3 s" in longer[2]
+    assert scene.with_overrides({**BARE, "simulate.duration": 2}).notes == ()
+
+
+def test_cubic_tables_refuse_coincident_rows_and_note_what_overshoots(crane):
+    def table(gap):
+        rows = ((0, 0), (0.5, 1), (0.5 + gap, -1), (1, 0), (2, 0))
+        (crane / "torque.csv").write_text("time [s],elbow torque [N m]\n" + "".join(f"{t!r},{x!r}\n" for t, x in rows))
+        return load_scene(crane / "scene.yaml", {"forces.push.interpolation": "cubic"})
+
+    message = sentence(lambda: table(1e-10))
+    assert "forces[5].interpolation" in message and "1e-09 s apart" in message and "linear" in message
+    assert load_scene(crane / "scene.yaml").forces[4].source.signal.kinked
+    (note,) = table(1e-6).notes
+    assert "values of -1 to 1 N m" in note and "cubic spline reaches" in note
+    assert table(0.25).notes == ()
+
+
+def test_an_event_that_is_no_number_at_the_start_is_noted(scene):
+    events = [
+        {"name": "late", "when": {"expression": "sqrt(slide.position - 0.2)"}},
+        {"name": "z", "when": {"expression": "t - 1"}},
+    ]
+    (note,) = scene.with_overrides({**BARE, "events": events}).notes
+    assert "event 'late'" in note and "not a number at the start" in note
+
+
+# ---- solver settings
+
+
+def test_settings_take_numpys_integers_and_nothing_that_is_no_integer():
+    settings = Settings(samples=np.int64(5), max_evaluations=np.uint8(7))
+    assert (settings.samples, settings.max_evaluations) == (5, 7) and type(settings.samples) is int
+    for wrong in (5.0, np.float64(5), True, np.True_, "5", 1):
+        assert "whole number of 2 or more" in sentence(lambda wrong=wrong: Settings(samples=wrong))
+    assert f"at most {2**62}" in sentence(lambda: Settings(max_evaluations=10**30))
+    assert "samples: expected a whole number of at most" in sentence(lambda: Settings(samples=10**13))
+
+
+def test_more_rows_than_memory_holds_are_refused(scene):
+    message = sentence(lambda: scene.with_overrides({"simulate.samples": 10**8}))
+    assert "simulate.samples" in message and "4 GB" in message and str(4 * 10**9 // 8 // 6) in message
 
 
 # ---- overrides

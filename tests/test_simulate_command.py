@@ -94,6 +94,55 @@ def test_a_run_that_ends_early_keeps_its_files_and_exits_1_with_advice(arm, caps
     assert run.energy_drift() < 1e-6
 
 
+MASSLESS = """<robot name="vane"><link name="hub"/>
+  <link name="blade"><inertial><origin xyz="0 0 0.1"/><mass value="1"/>
+    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>
+  <joint name="turn" type="revolute"><parent link="hub"/><child link="blade"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" effort="1" velocity="9"/></joint></robot>"""
+
+
+def test_a_massless_floating_base_is_warned_of_with_exit_1(arm, capsys):
+    Path("vane.urdf").write_text(MASSLESS)
+    Path("vane.yaml").write_text(
+        "urdf: vane.urdf\nfloating_base: true\nforces: [{kind: torque, joint: turn, value: 0.1}]\n"
+    )
+    assert main(["simulate", "vane.yaml", "--duration", "0.1", "--no-plots"]) == 1
+    out = capsys.readouterr().out
+    assert (
+        "finished" in out
+        and "warning" in out
+        and "mass matrix is close to singular" in out
+        and "give massless links inertia" in out
+    )
+    assert Path("vane_run/run.npz").exists()
+
+
+def test_a_run_whose_energy_is_out_of_balance_exits_1(arm, capsys):
+    assert main(["simulate", "arm.yaml", "--solver", "RK4", "--step", "0.25", "--no-plots"]) == 1
+    assert "energy is not in balance" in capsys.readouterr().out
+
+
+def test_notes_are_of_the_duration_that_was_simulated(arm, capsys):
+    Path("torque.csv").write_text("time [s],elbow torque [N m]\n0,0\n0.2,1\n")
+    table = "forces=[{kind: torque, joint: elbow, file: torque.csv}]"
+    assert main(["simulate", "arm.yaml", "--set", table, "--duration", "0.2", "--no-plots"]) == 0
+    assert "note:" not in capsys.readouterr().out
+    assert main(["simulate", "arm.yaml", "--set", table, "--duration", "0.3", "--no-plots"]) == 0
+    assert "note: force 'torque': its table ends at 0.2 s and the run at 0.3 s" in capsys.readouterr().out
+
+
+def test_the_list_of_robots_says_what_each_card_is_and_what_it_is_for(capsys):
+    assert main(["robots"]) == 0
+    head, *lines = capsys.readouterr().out.splitlines()
+    assert head == "robot cards and scenes:"
+    cards = {
+        line.split()[0]: line for line in lines[: lines.index("URDFs (bellcrank's own and example-robot-data's):")]
+    }
+    assert re.fullmatch(r"  planar_2r +size, simulate +Planar 2R arm", cards["planar_2r"])
+    assert re.fullmatch(r"  talos_free_fall +simulate +Talos in free fall", cards["talos_free_fall"])
+    assert re.fullmatch(r"  xarm7 +size +xArm 7 stacking", cards["xarm7"])
+
+
 def test_an_event_that_stops_the_run_is_a_good_end(arm, capsys):
     event = "events=[{name: level, when: {joint: shoulder, position: 0}, stop: true}]"
     assert main(["simulate", "arm.yaml", "--set", event, "--no-plots"]) == 0
@@ -133,6 +182,7 @@ def test_a_second_run_replaces_the_files_of_the_first(arm):
         (["arm.yaml", "--solver", "RK4"], "step"),
         (["arm.yaml", "--samples", "1"], "samples"),
         (["arm.yaml", "--samples", "ten"], "--samples"),
+        (["arm.yaml", "--samples", "10000000000000"], "--samples: expected at most 125000000 rows"),
         (["arm.yaml", "--set", "initial.shoulder"], "PATH=VALUE"),
         (["arm.yaml", "--set", "initial.shulder=1"], "shulder"),
         (["arm.yaml", "--set", "gravitation=1"], "gravitation"),

@@ -16,6 +16,7 @@ import bellcrank as bc
 from bellcrank.errors import InputError
 from bellcrank.simulation.run_csv import columns
 from bellcrank.simulation.run_plot import plot_run
+from bellcrank.simulation.summary import run_warnings
 from bellcrank.validation.textbook import PlanarTwoLink
 
 ARM = """
@@ -190,6 +191,32 @@ def test_a_loaded_run_is_the_same_to_the_bit_where_the_scene_is_gone(tmp_path):
     assert again.message == run.message and again.summary() == run.summary()
     # the scene in it can be simulated: torque table, motion and overrides came along
     assert np.array_equal(bc.simulate(again.scene).state, run.state)
+
+
+@pytest.mark.parametrize("spoil", ["changed", "deleted"])
+def test_a_run_keeps_the_tables_it_was_made_with_though_the_files_are_other_ones_when_it_is_saved(tmp_path, spoil):
+    path = following(tmp_path)
+    loaded = bc.load_scene(path)
+    run = bc.simulate(loaded)
+    for file in (tmp_path / "torque.csv", tmp_path / "data" / "path.csv"):
+        if spoil == "deleted":
+            file.unlink()
+        else:
+            header, *rows = file.read_text().splitlines()
+            file.write_text("\n".join([header, *(f"{row}5" for row in rows)]) + "\n")
+    again = bc.load_run(run.save(tmp_path / "run.npz"))
+    same(run, again)
+    assert np.array_equal(bc.simulate(again.scene).state, run.state)
+
+
+def test_a_motion_is_what_its_file_held_when_the_scene_was_loaded(tmp_path):
+    path = following(tmp_path)
+    first, second = bc.load_scene(path), bc.load_scene(path)
+    before = first.motion("path").position
+    (tmp_path / "data" / "path.csv").unlink()
+    assert np.array_equal(second.motion("path").position, before)
+    with pytest.raises(InputError, match=r"motions\.path.*path\.csv.*cannot read"):
+        bc.load_scene(path).motion("path")
 
 
 def test_events_come_back_with_their_states(tmp_path):
@@ -375,6 +402,36 @@ def test_the_summary_says_why_it_ended_what_it_cost_and_certifies_itself(damped)
     ):  # fmt: skip
         assert piece in text, text
     assert max(map(len, text.splitlines())) < 120
+
+
+def test_a_good_run_has_no_warnings_and_shipped_scenes_are_good(damped):
+    assert run_warnings(damped) == () and "warning" not in damped.summary()
+    for name in ("planar_2r_swing", "spring_pendulum", "ur5_held"):
+        assert run_warnings(bc.simulate(name)) == (), name
+
+
+def test_drift_of_energy_and_an_early_end_are_warned_of(arm, tmp_path):
+    rough = bc.simulate(scene(tmp_path, ARM), solver="RK4", step=0.2)
+    (warning,) = run_warnings(rough)
+    assert "energy is not in balance" in warning and f"  warning            {warning}" in rough.summary()
+    short = bc.simulate(scene(tmp_path, ARM), max_evaluations=300)
+    (warning,) = run_warnings(short)
+    assert "stopped before its 3 s" in warning and warning in short._repr_html_()
+
+
+def test_a_robot_at_rest_is_not_warned_of_the_rounding_of_its_energies():
+    hold = {"control": [{"kind": "gravity_compensation"}], "initial": {"shoulder": 0.3, "elbow": 0.4}}
+    run = bc.simulate("planar_2r_swing", overrides=hold, duration=1.0)
+    assert np.abs(run.velocity).max() < 1e-9 and run_warnings(run) == ()
+
+
+def test_negative_kinetic_energy_is_warned_of(damped):
+    import dataclasses
+
+    wrong = dataclasses.replace(damped)
+    accelerations, energies, *rest = damped._observed
+    wrong.__dict__["_observed"] = (accelerations, energies * [-1.0, 1.0], *rest)
+    assert any("kinetic energy falls to -" in text for text in run_warnings(wrong))
 
 
 def test_a_run_that_blows_up_can_be_looked_at_kept_and_loaded(tmp_path):

@@ -9,7 +9,7 @@ it ended.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -75,6 +75,14 @@ def check_references(entries: Mapping[str, MotionEntry]) -> None:
 
     for name, entry in entries.items():
         visit(entry, (name,))
+
+
+def csv_texts(entries: Iterable[MotionEntry]) -> Iterator[tuple[str, str]]:
+    """(what is written under `file`, what the file held) of each CSV motion, those in joins among them."""
+    for entry in entries:
+        if entry.kind == "csv" and entry.arguments["text"] is not None:
+            yield entry.fields.text("file"), entry.arguments["text"]
+        yield from csv_texts(part for part in entry.arguments.get("parts", ()) if isinstance(part, MotionEntry))
 
 
 def read_posture(fields: Fields, key: str) -> Posture:
@@ -164,7 +172,13 @@ def _read_dwell(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
 
 
 def _read_csv(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
-    return {"path": folder / fields.text("file")}
+    from bellcrank.motion.csv_file import motion_text
+
+    path = folder / fields.text("file")
+    try:
+        return {"path": path, "text": motion_text(path)}  # read now, so that a card is what it was when it was loaded
+    except InputError:
+        return {"path": path, "text": None}  # whoever asks for the motion is told
 
 
 def _read_join(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
@@ -213,7 +227,7 @@ def _build_dwell(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionE
 def _build_csv(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEntry], previous: Any) -> Motion:
     from bellcrank.motion.csv_file import read_motion
 
-    return read_motion(robot, entry.arguments["path"], name=entry.name)
+    return read_motion(robot, entry.arguments["path"], name=entry.name, text=entry.arguments["text"])
 
 
 def _build_join(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEntry], previous: Any) -> Motion:

@@ -1,11 +1,14 @@
-"""`bellcrank robots`: every name that `bellcrank size` and `load_robot` take."""
+"""`bellcrank robots`: every name that `bellcrank size`, `bellcrank simulate` and `load_robot` take."""
 
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
-from bellcrank import shipped
 from bellcrank.urdf import catalog
+
+# A card is meant for a command where it has one of these keys.
+USES = {"size": ("motions",), "simulate": ("initial", "forces", "control", "base", "simulate")}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -13,11 +16,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the robot cards and the URDFs, by name."""
-    cards = sorted(path.stem for path in shipped.folder("robots").glob("*.yaml"))
-    print("robot cards (URDF, motions and drives):")
-    print("  " + ", ".join(cards))
+    """Print cards and scenes with what they are for, then the URDFs, by name."""
+    from bellcrank.card.card import names
+
+    print("robot cards and scenes:")
+    for name, path in names().items():
+        title, uses = _facts(path)
+        print(f"  {name:20} {uses:16} {title}")
     print("URDFs (bellcrank's own and example-robot-data's):")
     for name, path in sorted(catalog.names().items()):
         print(f"  {name:28} {path.name}")
     return 0
+
+
+def _facts(path: Path) -> tuple[str, str]:
+    """What a card calls itself, and the commands that it is for."""
+    from bellcrank.card.yaml_file import read_yaml
+
+    data = read_yaml(path)
+    uses = [command for command, keys in USES.items() if not data.keys().isdisjoint(keys)]
+    return str(data.get("name", path.stem)), ", ".join(uses)

@@ -44,13 +44,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate a scene; 0 where it came to its end, 1 where it did not, 130 where it was interrupted; what was computed
-    is written in any case. BellcrankError for bad input.
+    """Simulate a scene; 0 where it came to its end, 1 where it did not or is warned of, 130 where it was interrupted;
+    what was computed is written in any case. BellcrankError for bad input.
     """
+    from bellcrank.scene.notes import scene_notes
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
+    from bellcrank.scene.settings import check_rows
     from bellcrank.simulation.simulate import simulate
     from bellcrank.simulation.status import Status
+    from bellcrank.simulation.summary import run_warnings
 
     numbers: dict[str, Any] = {key: _number(arguments, key, unit) for key, unit in _NUMBERS.items()}
     samples = _whole(arguments.samples)
@@ -61,18 +64,25 @@ def run(arguments: argparse.Namespace) -> int:
     if changes:
         scene = scene.with_overrides(changes)
     _check_frames(scene.robot, arguments.frame)
+    if samples is not None:
+        try:
+            check_rows(samples, scene.robot.nq + scene.robot.nv)
+        except InputError as error:
+            raise InputError(f"--samples: {error}") from None
     duration = scene.settings.duration if numbers["duration"] is None else numbers["duration"]
     with _bar(duration) as progress:
         result = simulate(scene, solver=arguments.solver, samples=samples, progress=progress, **numbers)
         progress(float(result.time[-1]))
     print(result.summary())
-    for note in scene.notes:
+    for note in scene_notes(scene, result.settings.duration):
         print(f"  note: {note}")
     files = _write(result, folder, [] if arguments.no_plots else arguments.frame, not arguments.no_plots)
     if arguments.error_estimate and result.success:
         print(f"  positions are off by about {result.error_estimate():.1e} (rad or m), by a second run")
     print(f"\nwrote {', '.join(path.name for path in files)} in {folder}")
-    return 0 if result.success else 130 if result.status is Status.INTERRUPTED else 1
+    if result.status is Status.INTERRUPTED:
+        return 130
+    return 1 if run_warnings(result) else 0
 
 
 def _write(result: Trajectory, folder: Path, frames: list[str], plots: bool) -> list[Path]:

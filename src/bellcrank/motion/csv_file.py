@@ -87,18 +87,19 @@ def write_motion(motion: Motion, path: str | Path, torque: Array | None = None) 
     return target
 
 
-def read_motion(robot: Robot, path: str | Path, name: str | None = None) -> Motion:
+def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: str | None = None) -> Motion:
     """Read a motion from a CSV file with one column a coordinate, in any order, units in the header.
 
     Positions of every joint are needed. Velocities and accelerations may be left out (all of one kind):
     missing velocities come from the quintic spline through the positions, missing accelerations from the one
     through the velocities (not-a-knot, so nothing is assumed of the ends). A time that stands twice marks a
-    jump of acceleration. Raises InputError, in one sentence with file and line, for whatever does not fit.
+    jump of acceleration. `text` is what the file holds, where it was read before. Raises InputError, in one sentence
+    with file and line, for whatever does not fit.
     """
     file = Path(path)
     joints = tuple(robot.joints)
     columns = _Columns.of(joints)
-    header, table = _table(file)
+    header, table = _table(file, motion_text(file) if text is None else text)
     values = _converted(file, header, table, columns.units)
     for label, _ in [("time", "s"), *columns.position]:
         if label not in values:
@@ -140,14 +141,18 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None) -> Moti
         raise InputError(f"{file}: {error}") from None
 
 
-def _table(file: Path) -> tuple[list[str], Array]:
+def motion_text(file: Path) -> str:
+    """The text of a motion's file. Raises InputError, one sentence with the file."""
     try:
-        text = file.read_text(encoding="utf-8-sig")
+        return file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"{file}: not a text file in UTF-8, so not a CSV motion") from None
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or str(error)
         raise InputError(f"{file}: cannot read the motion: {why}") from None
+
+
+def _table(file: Path, text: str) -> tuple[list[str], Array]:
     try:
         lines = [
             (number, row) for number, row in enumerate(csv.reader(io.StringIO(text)), 1) if any(c.strip() for c in row)

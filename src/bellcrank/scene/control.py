@@ -1,7 +1,8 @@
 """The controllers of a scene: they add actuator torques, whose power counts as work.
 
 Each entry of the list `control` has a `kind`, maybe a `name`, and the keys of its kind. Gains are one number or
-{joint: number}; `limit` clamps each joint's torque to ±limit: a number (N m or N), or "effort" for the URDF's limits.
+{joint: number}; `limit` clamps what this controller gives each joint to ±limit: a number (N m or N), or "effort" for
+the URDF's limits. It is the limit of one controller: two of them at a joint may give it the sum of both.
 """
 
 from __future__ import annotations
@@ -23,7 +24,18 @@ from bellcrank.scene.gains import (
     read_motion_name,
     unit_of,
 )  # fmt: skip
-from bellcrank.scene.part import Applied, Part, joint_named, joint_unit, named_entries
+from bellcrank.scene.part import (
+    ANY,
+    MASS_ERROR,
+    NONNEGATIVE,
+    POSITIVE,
+    Applied,
+    Part,
+    Settable,
+    joint_named,
+    joint_unit,
+    named_entries,
+)  # fmt: skip
 from bellcrank.scene.signal_source import SignalSource, motion_source
 
 if TYPE_CHECKING:
@@ -33,6 +45,7 @@ if TYPE_CHECKING:
     from bellcrank.scene.symbols import Symbols
 
 MotionOf = Callable[[str], "Motion"]
+BOUNDS: Final = {"limit": POSITIVE, "kp": NONNEGATIVE, "kd": NONNEGATIVE, "target": ANY, "mass_error": MASS_ERROR}
 
 
 @dataclass(frozen=True)
@@ -44,16 +57,17 @@ class Controller(Part):
     owner: ClassVar[str] = "control"
 
     @property
-    def units(self) -> dict[str, str]:
+    def settable(self) -> dict[str, Settable]:
         """Gains, the limit, targets and mass errors can be set."""
-        units: dict[str, str] = {}
+        found: dict[str, Settable] = {}
         for name, quantity in self.quantities().items():
-            value = getattr(self, name)
+            value, bound = getattr(self, name), BOUNDS[name]
             if isinstance(value, Mapping):
-                units |= {f"{name}.{j.name}": unit_of((j,), quantity) for j in self.joints if j.name in value}
+                mine = [joint for joint in self.joints if joint.name in value]
+                found |= {f"{name}.{j.name}": Settable(unit_of((j,), quantity), bound) for j in mine}
             elif value is not None:
-                units[name] = unit_of(self.joints, quantity)
-        return units
+                found[name] = Settable(unit_of(self.joints, quantity), bound)
+        return found
 
     def quantities(self) -> dict[str, str]:
         """Field -> quantity (of JOINT_UNITS) or unit."""

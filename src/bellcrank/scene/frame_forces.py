@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 from bellcrank.card.fields import Fields
 from bellcrank.robot.robot import Robot
-from bellcrank.scene.part import Applied, Part, read_frame
+from bellcrank.scene.part import NONNEGATIVE, Applied, Part, Settable, number, read_frame
 
 if TYPE_CHECKING:
     import casadi
@@ -24,8 +24,9 @@ class Spring(Part):
 
     With d the way from a to b, its length l = sqrt(d·d) (kept from 0 by 1 nm, so that it has a slope where its ends
     meet) and l̇: tension = stiffness (l − free_length) + damping l̇, V = ½ stiffness (l − free_length)². stiffness N/m,
-    damping N s/m and free_length m (0 where left out). `frame_b: world` takes the `point` [x, y, z], m. The generalised
-    force is Jᵀ F, J being the derivative of the velocities of the ends by v.
+    damping N s/m and free_length m (0 where left out). `frame_b: world` is the fixed world and takes the `point`
+    [x, y, z], m, which must be written where the robot has a frame `world` that moves. The generalised force is Jᵀ F,
+    J being the derivative of the velocities of the ends by v.
     """
 
     frame_a: str
@@ -45,21 +46,31 @@ class Spring(Part):
         read.known("point")
         if not fixed and "point" in read:
             raise read.error("point", "a point is for 'frame_b: world'; a frame's own origin is used otherwise")
+        if fixed and "point" not in read and _is_elsewhere(WORLD, robot):
+            raise read.error(
+                "frame_b",
+                "'world' is the fixed world, and a frame of this robot that is not fixed at its origin has that name "
+                "too: write point: [0, 0, 0] for the fixed one, or for the frame give it another name by "
+                "frames: {NAME: {link: world}} and write frame_b: NAME",
+            )
         if a == b:
             raise read.error("frame_b", f"a spring needs two ends, both are at the frame '{a}'")
         return cls(
             name, read, a, b,
             read.number("stiffness", "N/m"),
-            read.number("damping", "N s/m", 0.0, nonnegative=True),
-            read.number("free_length", "m", 0.0, nonnegative=True),
+            number(read, "damping", "N s/m", 0.0, NONNEGATIVE),
+            number(read, "free_length", "m", 0.0, NONNEGATIVE),
             read.vector("point", 3, "m", (0.0, 0.0, 0.0)),
         )  # fmt: skip
 
     @property
-    def units(self) -> dict[str, str]:
+    def settable(self) -> dict[str, Settable]:
         """Every number can be set."""
-        units = {"stiffness": "N/m", "damping": "N s/m", "free_length": "m"}
-        return units | ({f"point.{c}": "m" for c in "xyz"} if self.frame_b == WORLD else {})
+        point = {f"point.{c}": Settable("m") for c in "xyz"} if self.frame_b == WORLD else {}
+        return {
+            "stiffness": Settable("N/m"), "damping": Settable("N s/m", NONNEGATIVE),
+            "free_length": Settable("m", NONNEGATIVE), **point,
+        }  # fmt: skip
 
     @property
     def frames(self) -> tuple[str, ...]:
@@ -128,9 +139,9 @@ class Wrench(Part):
         )
 
     @property
-    def units(self) -> dict[str, str]:
+    def settable(self) -> dict[str, Settable]:
         """Every component can be set."""
-        return {f"force.{c}": "N" for c in "xyz"} | {f"torque.{c}": "N m" for c in "xyz"}
+        return {f"force.{c}": Settable("N") for c in "xyz"} | {f"torque.{c}": Settable("N m") for c in "xyz"}
 
     @property
     def frames(self) -> tuple[str, ...]:
@@ -160,3 +171,9 @@ class Wrench(Part):
             return casadi.vertcat(force, torque)
         turn = symbols.frame(self.frame).rotation
         return casadi.vertcat(turn @ force, turn @ torque)
+
+
+def _is_elsewhere(name: str, robot: Robot) -> bool:
+    """Whether a frame of that name moves, or lies elsewhere than the world's origin."""
+    frames = [frame for frame in robot.equations.tree.frames[1:] if frame["name"] == name]
+    return any(frame["parent_joint"] > 0 or any(frame["placement"]["translation"]) for frame in frames)

@@ -8,7 +8,7 @@ from typing import Any
 from bellcrank.card.fields import Fields
 from bellcrank.errors import among
 from bellcrank.robot.robot import Robot, RobotJoint
-from bellcrank.scene.part import common_unit, joint_named, number
+from bellcrank.scene.part import MASS_ERROR, NONNEGATIVE, POSITIVE, common_unit, joint_named, number
 
 Gain = float | Mapping[str, float]
 
@@ -60,10 +60,10 @@ def read_gain(
     """One gain, or {joint: gain} of each of the joints; InputError naming file and key."""
     if isinstance(read.raw(key, default), Mapping):
         each = read.mapping(key)
-        gains = {joint.name: each.number(joint.name, unit_of((joint,), quantity), nonnegative=True) for joint in joints}
+        gains = {j.name: number(each, j.name, unit_of((j,), quantity), None, NONNEGATIVE) for j in joints}
         each.done()
         return gains
-    return number(read, key, unit_of(joints, quantity), default, nonnegative=True)
+    return number(read, key, unit_of(joints, quantity), default, NONNEGATIVE)
 
 
 def read_limit(read: Fields, joints: tuple[RobotJoint, ...], robot: Robot) -> Gain | None:
@@ -73,12 +73,9 @@ def read_limit(read: Fields, joints: tuple[RobotJoint, ...], robot: Robot) -> Ga
         return None
     if given == "effort":
         return {joint.name: float(robot.effort_limit[joint.v]) for joint in joints}
-    return read.number("limit", unit_of(joints, "torque"), positive=True)
+    return number(read, "limit", unit_of(joints, "torque"), None, POSITIVE)
 
 
 def read_mass_error(read: Fields) -> float:
     """A share by which the controller's links are too heavy, more than -1; InputError naming file and key."""
-    error = read.number("mass_error", "", 0.0)
-    if error <= -1.0:
-        raise read.error("mass_error", f"expected more than -1 (a share of the mass, such as 10%), found {error:g}")
-    return error
+    return number(read, "mass_error", "", 0.0, MASS_ERROR)

@@ -107,19 +107,6 @@ def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any]) -> Init
     return Initial(position, velocity, tuple(guesses), motion, _read_base(read, robot))
 
 
-def start_notes(robot: Robot, q: Array) -> tuple[str, ...]:
-    """A sentence for each joint that starts outside the URDF's range: a simulation does not know the stops."""
-    notes = []
-    for j in robot.joints:
-        if j.nq == 1 and not robot.lower[j.q] <= q[j.q] <= robot.upper[j.q]:
-            unit = joint_unit(j, "position")
-            notes.append(
-                f"joint '{j.name}' starts at {q[j.q]:.6g} {unit}, outside its range of {robot.lower[j.q]:.6g} to "
-                f"{robot.upper[j.q]:.6g} {unit}; the simulation knows no stops"
-            )
-    return tuple(notes)
-
-
 def _read_base(read: Fields, robot: Robot) -> BaseStart | None:
     if "base" not in read:
         read.known("base")

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Final, Self
 
 from bellcrank.card.fields import Fields
 from bellcrank.robot.robot import FRICTION_WIDTH, Robot, RobotJoint
-from bellcrank.scene.part import Applied, Part, joint_unit, number, read_joint
+from bellcrank.scene.part import (
+    ANY,
+    NONNEGATIVE,
+    POSITIVE,
+    Applied,
+    Bound,
+    Part,
+    Settable,
+    joint_unit,
+    number,
+    read_joint,
+)  # fmt: skip
 from bellcrank.scene.signal_source import SignalSource
 from bellcrank.scene.torque_table import INTERPOLATIONS, read_torque_table
 
@@ -18,14 +29,14 @@ if TYPE_CHECKING:
     from bellcrank.scene.symbols import Symbols
 
 REQUIRED: Final = None  # in NUMBERS: there is no default
-Numbers = Mapping[str, tuple[str, float | None, bool]]
+Numbers = Mapping[str, tuple[str, float | None, Bound]]
 
 
 @dataclass(frozen=True)
 class JointForce(Part):
     """A force along one joint's coordinate θ (rad or m).
 
-    NUMBERS: field -> quantity, default, whether it may be negative.
+    NUMBERS: field -> quantity, default, what it may be.
     """
 
     joint: RobotJoint
@@ -36,15 +47,15 @@ class JointForce(Part):
         """From its mapping; InputError naming file and key."""
         joint = read_joint(read, robot)
         values = {
-            key: number(read, key, joint_unit(joint, quantity), default, nonnegative=not signed)
-            for key, (quantity, default, signed) in cls.NUMBERS.items()
+            key: number(read, key, joint_unit(joint, quantity), default, bound)
+            for key, (quantity, default, bound) in cls.NUMBERS.items()
         }
         return cls(name, read, joint, **values)
 
     @property
-    def units(self) -> dict[str, str]:
+    def settable(self) -> dict[str, Settable]:
         """Every number can be set."""
-        return {key: joint_unit(self.joint, quantity) for key, (quantity, *_) in self.NUMBERS.items()}
+        return {key: Settable(joint_unit(self.joint, what), bound) for key, (what, _, bound) in self.NUMBERS.items()}
 
     def labels(self, robot: Robot) -> tuple[str, ...]:
         """The generalised force at the joint."""
@@ -68,10 +79,10 @@ class JointSpring(JointForce):
     damping: float
     kind: ClassVar[str] = "joint_spring"
     NUMBERS: ClassVar[Numbers] = {
-        "stiffness": ("stiffness", REQUIRED, True),
-        "rest": ("position", 0.0, True),
-        "preload": ("torque", 0.0, True),
-        "damping": ("damping", 0.0, False),
+        "stiffness": ("stiffness", REQUIRED, ANY),
+        "rest": ("position", 0.0, ANY),
+        "preload": ("torque", 0.0, ANY),
+        "damping": ("damping", 0.0, NONNEGATIVE),
     }
 
     def apply(self, symbols: Symbols) -> Applied:
@@ -90,7 +101,7 @@ class Damper(JointForce):
 
     coefficient: float
     kind: ClassVar[str] = "damper"
-    NUMBERS: ClassVar[Numbers] = {"coefficient": ("damping", REQUIRED, False)}
+    NUMBERS: ClassVar[Numbers] = {"coefficient": ("damping", REQUIRED, NONNEGATIVE)}
 
     def apply(self, symbols: Symbols) -> Applied:
         """Its expressions."""
@@ -111,18 +122,10 @@ class Friction(JointForce):
     width: float
     kind: ClassVar[str] = "friction"
     NUMBERS: ClassVar[Numbers] = {
-        "viscous": ("damping", 0.0, False),
-        "coulomb": ("torque", 0.0, False),
-        "width": ("velocity", FRICTION_WIDTH, False),
+        "viscous": ("damping", 0.0, NONNEGATIVE),
+        "coulomb": ("torque", 0.0, NONNEGATIVE),
+        "width": ("velocity", FRICTION_WIDTH, POSITIVE),
     }
-
-    @classmethod
-    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
-        """From its mapping; InputError naming file and key."""
-        force = super().read(name, read, robot)
-        if force.width == 0.0:
-            raise read.error("width", "expected more than 0, found 0; Coulomb friction needs a width to be smooth over")
-        return force
 
     def apply(self, symbols: Symbols) -> Applied:
         """Its expressions."""
@@ -147,6 +150,7 @@ class Torque(JointForce):
 
     constant: float
     table: SignalSource | None
+    text: str = field(default="", repr=False, compare=False)  # of the table's file, as it was read
     kind: ClassVar[str] = "torque"
 
     @classmethod
@@ -165,12 +169,13 @@ class Torque(JointForce):
             return cls(name, read, joint, read.number("value", unit), None)
         interpolation = read.choice("interpolation", INTERPOLATIONS, "linear")
         column = read.text("column", f"{joint.name} torque")
-        return cls(name, read, joint, 0.0, read_torque_table(read, read.text("file"), column, unit, interpolation))
+        table, text = read_torque_table(read, read.text("file"), column, unit, interpolation)
+        return cls(name, read, joint, 0.0, table, text)
 
     @property
-    def units(self) -> dict[str, str]:
+    def settable(self) -> dict[str, Settable]:
         """The constant value can be set."""
-        return {"value": joint_unit(self.joint, "torque")} if self.table is None else {}
+        return {"value": Settable(joint_unit(self.joint, "torque"))} if self.table is None else {}
 
     def number(self, name: str) -> float:
         """The constant value."""

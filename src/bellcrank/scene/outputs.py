@@ -2,8 +2,9 @@
 
 outputs: {NAME: …} with one of {frame, what: position | velocity | rotation | angular_velocity} (world axes), {joint,
 what: position | velocity | acceleration | torque}, {energy: kinetic | potential | total}, {momentum: linear | angular}
-(of a robot with a free base; angular about the world's origin), {force: NAME} (a force or controller: the generalised
-force at its joints, a spring's tension, a wrench in world axes) and {expression, unit} (expression.py).
+(of a robot with a free base; angular about the world's origin), {force: NAME} and {expression, unit} (expression.py).
+The force of a name is a force's or controller's generalised force at its joints, positive along their coordinates, so
+that a stretched joint_spring's is negative; a spring's tension, positive where it pulls; a wrench in world axes.
 """
 
 from __future__ import annotations

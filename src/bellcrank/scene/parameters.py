@@ -2,7 +2,8 @@
 
 parameters: {crank_length: {value: 1.241, sets: [joint.coupler.origin.x]}}. A target is one of trace.setting's
 (joint.NAME.origin.x, link.NAME.mass, …), frame.NAME.origin.x (y, z, roll, pitch, yaw) of a frame that the card adds,
-or force.NAME.FIELD, control.NAME.FIELD. The value has the unit of its targets.
+or force.NAME.FIELD, control.NAME.FIELD. The value has the unit of its targets, and keeps the
+bounds that hold for them in the file.
 """
 
 from __future__ import annotations
@@ -12,10 +13,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from bellcrank.card.fields import Fields
+from bellcrank.card.yaml_file import shown
 from bellcrank.errors import InputError, among
-from bellcrank.scene.part import Part
-from bellcrank.trace import ORIGIN, setting
+from bellcrank.scene.part import ANY, NONNEGATIVE, Part, Settable
+from bellcrank.trace import INERTIA, ORIGIN, setting
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -45,13 +49,14 @@ def read_parameters(read: Fields, robot: Robot, parts: Sequence[Part]) -> dict[s
             raise table.error(name, "expected a name of letters, digits and _ other than pi and t")
         entry = table.mapping(name)
         sets = _targets(entry)
-        units, places = [], []
+        units, places, bounds = [], [], []
         for target in sets:
             try:
-                unit, place = _resolve(target, robot, parts)
+                (unit, bound), place = _resolve(target, robot, parts)
             except InputError as error:
                 raise entry.error("sets", str(error)) from None
             units.append(unit)
+            bounds.append(bound)
             if place is not None:
                 places.append(place)
             claim: object = target if place is None else place
@@ -61,12 +66,30 @@ def read_parameters(read: Fields, robot: Robot, parts: Sequence[Part]) -> dict[s
         if len(set(units)) > 1:
             raise entry.error("sets", f"expected targets of one unit, found {', '.join(u or '1' for u in units)}")
         unit = units[0] if units else ""
-        bounded = unit in ("kg", "kg m^2") or any(target.endswith(".scale") for target in sets)
-        off_diagonal = any(target.endswith((".xy", ".xz", ".yz")) for target in sets)
-        value = entry.number("value", unit, nonnegative=bounded and not off_diagonal)
+        value = entry.number("value", unit)
+        for target, bound in zip(sets, bounds, strict=True):
+            if not bound.admits(value):
+                found = shown(entry.raw("value"))
+                raise entry.error("value", f"expected {bound.wanted(unit)} for '{target}', found {found}")
         entry.done()
         parameters[name] = Parameter(name, value, unit, sets, tuple(places))
+    _check_inertias(table, parameters, robot)
     return parameters
+
+
+def _check_inertias(table: Fields, parameters: Mapping[str, Parameter], robot: Robot) -> None:
+    """Refuse parameters that leave a link a principal moment of inertia below 0, which no body has."""
+    given = {place: (p.value, name) for name, p in parameters.items() for place in p.places if 10 <= place[1] < 16}
+    for frame, name in {frame: name for (frame, _), (_, name) in given.items()}.items():
+        data = robot.equations.tree.frames[frame]
+        xx, xy, yy, xz, yz, zz = (given.get((frame, 10 + k), (x,))[0] for k, x in enumerate(data["inertia"]))
+        moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        if moments[0] < -1e-9 * abs(moments[2]):
+            raise table.mapping(name).error(
+                "value",
+                f"with {parameters[name].value:g} kg m^2 the link '{data['name']}' has a principal moment of inertia "
+                f"of {moments[0]:.4g} kg m^2, expected none below 0",
+            )
 
 
 def _targets(entry: Fields) -> tuple[str, ...]:
@@ -76,18 +99,18 @@ def _targets(entry: Fields) -> tuple[str, ...]:
     return tuple(given)
 
 
-def _resolve(target: str, robot: Robot, parts: Sequence[Part]) -> tuple[str, tuple[int, int] | None]:
-    """The unit of a target, and where it is the tracer's."""
+def _resolve(target: str, robot: Robot, parts: Sequence[Part]) -> tuple[Settable, tuple[int, int] | None]:
+    """The unit of a target with what it may be, and where it is the tracer's."""
     kind, _, rest = target.partition(".")
     if kind in ("force", "control"):
         mine: Mapping[str, Part] = {part.name: part for part in parts if part.owner == kind}
         name, _, field = rest.partition(".")
         if name not in mine:
             raise InputError(among(kind, name, mine))
-        units = mine[name].units
-        if field not in units:
-            raise InputError(among(f"number of {kind} '{name}'", field, units))
-        return units[field], None
+        settable = mine[name].settable
+        if field not in settable:
+            raise InputError(among(f"number of {kind} '{name}'", field, settable))
+        return settable[field], None
     tree = robot.equations.tree
     if kind == "frame":
         name, dot, component = rest.rpartition(".origin.")
@@ -98,16 +121,22 @@ def _resolve(target: str, robot: Robot, parts: Sequence[Part]) -> tuple[str, tup
         if name not in added:
             raise InputError(among("frame of the card", name, added))
         what = ORIGIN.index(component)
-        return ("m" if what < 3 else "rad"), (added[name], what)
+        return Settable("m" if what < 3 else "rad"), (added[name], what)
     try:
         frame, what = setting(tree, target)
     except InputError as error:
         others = "; or force.NAME.FIELD, control.NAME.FIELD, frame.NAME.origin.x" if "cannot set" in str(error) else ""
         raise InputError(f"{error}{others}") from None
-    return _tracer_unit(what), (frame, what)
+    return _of_tracer(what), (frame, what)
 
 
-def _tracer_unit(what: int) -> str:
-    if what < 3 or 7 <= what < 10:
-        return "m"
-    return "rad" if what < 6 else "kg" if what == 6 else "kg m^2" if what < 16 else ""
+def _of_tracer(what: int) -> Settable:
+    """Unit and bound by the tracer's number (trace.setting): masses, moments of inertia and factors are 0 or more."""
+    if what < 6:
+        return Settable("m" if what < 3 else "rad")
+    if 7 <= what < 10:
+        return Settable("m")
+    if 10 <= what < 16:
+        diagonal = INERTIA[what - 10] in ("xx", "yy", "zz")
+        return Settable("kg m^2", NONNEGATIVE if diagonal else ANY)
+    return Settable("kg" if what == 6 else "", NONNEGATIVE)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
 
 from bellcrank.card.fields import Fields
+from bellcrank.card.yaml_file import shown
 from bellcrank.errors import InputError, among
 
 if TYPE_CHECKING:
@@ -27,6 +29,35 @@ JOINT_UNITS: Final = {
 }
 
 
+class Bound(NamedTuple):
+    """What a number may be: more than `least`, or `least` itself where that is `included`."""
+
+    least: float
+    included: bool
+
+    def admits(self, value: float) -> bool:
+        """Whether a number keeps the bound."""
+        return value >= self.least if self.included else value > self.least
+
+    def wanted(self, unit: str) -> str:
+        """The bound in words, such as "more than 0 N m"."""
+        least = f"{self.least:g} {unit}".rstrip()
+        return f"{least} or more" if self.included else f"more than {least}"
+
+
+ANY: Final = Bound(-math.inf, True)
+NONNEGATIVE: Final = Bound(0.0, True)
+POSITIVE: Final = Bound(0.0, False)
+MASS_ERROR: Final = Bound(-1.0, False)  # a share of the mass: something must be left of it
+
+
+class Settable(NamedTuple):
+    """A number that parameters can set: its unit, and what it may be in the file and by a parameter alike."""
+
+    unit: str
+    bound: Bound = ANY
+
+
 @dataclass(frozen=True)
 class Applied:
     """What a force adds to the equations of motion.
@@ -43,7 +74,7 @@ class Applied:
 
 @dataclass(frozen=True)
 class Part:
-    """A force or controller of a scene. `units` are the numbers that parameters can set, with their units."""
+    """A force or controller of a scene. `settable` are the numbers that parameters can set."""
 
     name: str
     place: Fields = field(repr=False, compare=False)
@@ -51,8 +82,8 @@ class Part:
     kind: ClassVar[str] = ""
 
     @property
-    def units(self) -> dict[str, str]:
-        """Field -> unit of what "force.NAME.FIELD" can set."""
+    def settable(self) -> dict[str, Settable]:
+        """Field -> what "force.NAME.FIELD" can set."""
         return {}
 
     @property
@@ -128,11 +159,12 @@ def read_frame(read: Fields, robot: Robot, key: str = "frame") -> str:
     return name
 
 
-def number(read: Fields, key: str, unit: str, default: float | None, *, nonnegative: bool) -> float:
-    """A number, needed where the default is None; InputError naming file and key."""
-    if default is None:
-        return read.number(key, unit, nonnegative=nonnegative)
-    return read.number(key, unit, default, nonnegative=nonnegative)
+def number(read: Fields, key: str, unit: str, default: float | None = None, bound: Bound = ANY) -> float:
+    """A number within a bound, needed where the default is None; InputError naming file and key."""
+    value = read.number(key, unit) if default is None else read.number(key, unit, default)
+    if not bound.admits(value):
+        raise read.error(key, f"expected {bound.wanted(unit)}, found {shown(read.raw(key, default))}")
+    return value
 
 
 def entry_names(entries: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -19,18 +19,22 @@ from numpy.typing import NDArray
 
 from bellcrank.card.card import SCENE_KEYS, Card, card_from_fields, find_card
 from bellcrank.card.fields import Fields
+from bellcrank.card.motions import csv_texts
 from bellcrank.card.yaml_file import read_yaml
 from bellcrank.dynamics.signals import Signal, values_at
+from bellcrank.errors import InputError
 from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.control import Controller, read_control
 from bellcrank.scene.events import EventRule, read_events
 from bellcrank.scene.forces import read_forces
-from bellcrank.scene.initial import Initial, read_initial, start_notes
+from bellcrank.scene.initial import Initial, read_initial
+from bellcrank.scene.joint_forces import Torque
+from bellcrank.scene.notes import scene_notes
 from bellcrank.scene.outputs import Output, read_outputs
 from bellcrank.scene.overrides import apply_overrides, marked, plain
 from bellcrank.scene.parameters import Parameter, read_parameters
 from bellcrank.scene.part import Part
-from bellcrank.scene.settings import Settings, read_settings
+from bellcrank.scene.settings import Settings, check_rows, read_settings
 from bellcrank.scene.signal_source import SignalSource
 
 if TYPE_CHECKING:
@@ -93,8 +97,14 @@ class Scene:
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
-        """What is odd about the scene without being wrong: joints that start outside their range."""
-        return start_notes(self.robot, self.start[0])
+        """What is odd about the scene without being wrong (notes.py), such as joints that start outside their range."""
+        return scene_notes(self, self.settings.duration)
+
+    @property
+    def files(self) -> dict[str, str]:
+        """What the tables and motions held when they were read, by what is written under `file`."""
+        found = dict(csv_texts(self.card.motions.values()))
+        return found | {str(p.place.raw("file")): p.text for p in self.forces if isinstance(p, Torque) and p.text}
 
     @property
     def parameter_values(self) -> Array:
@@ -176,6 +186,10 @@ def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> S
     events = read_events(read, robot, parameters)
     outputs = read_outputs(read, robot, parameters, parts)
     settings = read_settings(read.mapping("simulate", {}))
+    try:
+        check_rows(settings.samples, robot.nq + robot.nv)
+    except InputError as error:
+        raise read.mapping("simulate").error("samples", str(error)) from None
     read.done()
     return Scene(card, robot, forces, control, initial, parameters, events, outputs, settings, motion_of, data)
 

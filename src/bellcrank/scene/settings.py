@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -11,6 +12,7 @@ from bellcrank.errors import InputError, among
 
 SOLVERS = ("RK45", "RK4", "DOP853", "Radau")
 FINEST_RTOL = 1e-13  # below this the error estimate is rounding noise
+MOST_NUMBERS = 4 * 10**9 // 8  # doubles in the states of a run: 4 GB
 
 
 @dataclass(frozen=True)
@@ -47,10 +49,13 @@ class Settings:
             raise InputError(
                 f"rtol: expected {FINEST_RTOL:g} or more, found {self.rtol:g}; doubles carry no smaller relative error"
             )
-        for name, least in (("samples", 2), ("max_evaluations", 1)):
+        for name, least, most in (("samples", 2, MOST_NUMBERS), ("max_evaluations", 1, 2**62)):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise InputError(f"{name}: expected a whole number of {least} or more, found {value!r}")
+            whole = _whole(value)
+            if whole is None or not least <= whole <= most:
+                bounds = f"of {least} or more" if whole is None or whole < least else f"of at most {most}"
+                raise InputError(f"{name}: expected a whole number {bounds}, found {value!r}")
+            object.__setattr__(self, name, whole)
         if self.solver == "RK4" and self.step is None:
             raise InputError("step: the solver RK4 has a fixed step and needs it, such as step: 1 ms")
 
@@ -75,6 +80,23 @@ def read_settings(read: Fields) -> Settings:
     except InputError as error:
         key, _, text = str(error).partition(": ")
         raise read.error(key, text) from None
+
+
+def check_rows(samples: int, width: int) -> None:
+    """Refuse more rows of positions and velocities (`width` numbers each) than 4 GB of memory hold (InputError)."""
+    if samples * width > MOST_NUMBERS:
+        raise InputError(
+            f"expected at most {MOST_NUMBERS // width} rows, so that positions and velocities take no more than 4 GB, "
+            f"found {samples}"
+        )
+
+
+def _whole(value: Any) -> int | None:
+    """The value as int where it is a whole number by type (numpy's too), else None."""
+    try:
+        return None if isinstance(value, bool) else operator.index(value)
+    except TypeError:
+        return None
 
 
 def _number(value: Any) -> float:

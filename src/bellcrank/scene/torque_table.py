@@ -18,26 +18,47 @@ from bellcrank.scene.signal_source import SignalSource
 
 Array = NDArray[np.float64]
 INTERPOLATIONS = ("linear", "cubic", "hold")
+CLOSEST = 1e-9  # s between the rows of a cubic table: a spline through nearer ones overshoots without bounds
 _HEADER = re.compile(r"^(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]$")
 
 
-def read_torque_table(read: Fields, file: str, column: str, unit: str, interpolation: str) -> SignalSource:
-    """The table of a torque force, read and checked at once; InputError naming the scene's key and the CSV's line."""
+def read_torque_table(read: Fields, file: str, column: str, unit: str, interpolation: str) -> tuple[SignalSource, str]:
+    """The table of a torque force, read and checked at once, and its text; InputError naming the scene's key and the
+    CSV's line.
+    """
     path = Path(read.where).parent / file
     try:
-        time, torque = read_table(path, column, unit)
+        text = table_text(path)
+        time, torque = read_table(path, text, column, unit)
     except InputError as error:
         raise read.error("file", str(error)) from None
+    if interpolation == "cubic" and np.diff(time).min() < CLOSEST:
+        k = int(np.diff(time).argmin())
+        raise read.error(
+            "interpolation",
+            f"a cubic spline needs times at least {CLOSEST:g} s apart, {path} has {time[k]!r} s and {time[k + 1]!r} s; "
+            "use linear, which takes jumps",
+        )
     name = f"table {path}: {column}, {interpolation}"
-    return SignalSource(name, 1, 0, lambda: table_signal(time, torque, interpolation))
+    return SignalSource(name, 1, 0, lambda: table_signal(time, torque, interpolation)), text
 
 
-def read_table(path: Path, column: str, unit: str) -> tuple[Array, Array]:
-    """Times (n,) s, increasing, and the values (n,) of a column in `unit`, n >= 2; other columns are passed over.
+def table_text(path: Path) -> str:
+    """The text of a table's file. Raises InputError, one sentence with the file."""
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not a text file in UTF-8, so not a table of torques") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
 
-    Raises InputError, one sentence with file and line.
+
+def read_table(path: Path, text: str, column: str, unit: str) -> tuple[Array, Array]:
+    """Times (n,) s, increasing, and the values (n,) of a column in `unit`, n >= 2, from the text of a table's file.
+
+    Other columns are passed over. Raises InputError, one sentence with file and line.
     """
-    header, rows = _rows(path)
+    header, rows = _rows(path, text)
     labels = [match["name"] if (match := _HEADER.match(text)) else text for text in header]
     for label in ("time", column):
         if label not in labels:
@@ -77,13 +98,7 @@ def table_signal(time: Array, torque: Array, interpolation: str) -> tuple[Signal
     return Signal(time, np.stack([torque[:-1], slope], axis=1)[:, :, None], 0, True), np.zeros(0)
 
 
-def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text file in UTF-8, so not a table of torques") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+def _rows(path: Path, text: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
     try:
         lines = [(k, row) for k, row in enumerate(csv.reader(io.StringIO(text)), 1) if any(c.strip() for c in row)]
     except csv.Error as error:

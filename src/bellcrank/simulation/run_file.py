@@ -176,7 +176,7 @@ def _scene_files(scene: Scene) -> tuple[str, dict[str, str]]:
     """The name of the scene's file, and the texts by name of all that it takes to load it from one folder."""
     import yaml
 
-    folder = scene.source.parent
+    folder, texts = scene.source.parent, scene.files
     files: dict[str, str] = {}
 
     def gathered(value: Any, key: str = "") -> Any:
@@ -184,8 +184,8 @@ def _scene_files(scene: Scene) -> tuple[str, dict[str, str]]:
             return {k: gathered(v, k) for k, v in value.items()}
         if isinstance(value, list):
             return [gathered(v) for v in value]
-        if key == "file" and isinstance(value, str) and (folder / value).is_file():
-            return _add(files, folder / value, (folder / value).read_text(encoding="utf-8"))
+        if key == "file" and value in texts:
+            return _add(files, folder / value, texts[value])
         return value
 
     data = gathered(scene.data)

@@ -16,7 +16,7 @@ from bellcrank.dynamics.system import LARGEST_STAGED
 from bellcrank.errors import InputError
 from bellcrank.machine_code import machine
 from bellcrank.scene.scene import Scene, load_scene
-from bellcrank.scene.settings import Settings
+from bellcrank.scene.settings import Settings, check_rows
 from bellcrank.simulation.record import Event, Statistics
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
@@ -72,6 +72,7 @@ def simulate(
         changes["step"] = None  # whoever asks for tolerances wants them kept
     settings = replace(scene.settings, **changes) if changes else scene.settings
     if wanted is None:
+        check_rows(settings.samples, scene.robot.nq + scene.robot.nv)
         wanted = np.linspace(0.0, settings.duration, settings.samples)
     elif wanted[-1] > settings.duration * (1.0 + 1e-15):
         raise InputError(f"times reach {wanted[-1]:.17g} s, beyond the duration of {settings.duration:.17g} s")

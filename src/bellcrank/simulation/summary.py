@@ -1,4 +1,4 @@
-"""A run in a few lines: why it ended, what it cost, its certificate and its last state; as text and as HTML."""
+"""A run in a few lines: why it ended, what it cost, its certificate with warnings, its end; as text and HTML."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 EVENTS = 5  # events listed one by one
 JOINTS = 24  # joints listed
+LARGEST_RESIDUAL, LARGEST_DRIFT = 1e-6, 1e-3  # shares, above which a run is not to be trusted
+NOISE = 1e-7  # share of the energies that is rounding and tolerance
 MANY_TURNS = 1e6  # rad: beyond it, and where it is no number, degrees say nothing
 _HEAD = ("at the end", "position", "", "velocity")
 
@@ -48,6 +50,31 @@ def summary_html(run: Trajectory) -> str:
     return f"<table><caption {left}>{escape(run.message)}</caption>{facts}<tr>{head}</tr>{end}{hidden}</table>"
 
 
+def run_warnings(run: Trajectory) -> tuple[str, ...]:
+    """What speaks against a run, a clause each: it did not come to its end, its accelerations miss the equations of
+    motion, its energies their balance, or kinetic energy is negative.
+    """
+    found = []
+    with np.errstate(all="ignore"):  # a run may end where numbers overflow
+        residual, drift = run.equation_residual(), run.energy_drift()
+        kinetic, potential, work = run.kinetic_energy, run.potential_energy, run.work
+        balance = kinetic + potential - work
+        gap, size = np.abs(balance - balance[0]).max(), (np.abs(kinetic) + np.abs(potential)).max()
+        least = kinetic.min()
+    if not run.success:
+        found.append(f"the run stopped before its {run.settings.duration:g} s: what follows is of its first part")
+    if residual > LARGEST_RESIDUAL:
+        found.append(
+            "the accelerations do not satisfy the equations: the mass matrix is close to singular there; give "
+            "massless links inertia"
+        )
+    if drift > LARGEST_DRIFT and not gap < NOISE * size:  # where nothing moves, the drift is a ratio of roundings
+        found.append("energy is not in balance: take smaller tolerances or steps")
+    if least < -NOISE * np.abs(kinetic).max():
+        found.append(f"kinetic energy falls to {least:.3g} J: a mass or inertia is not that of a body")
+    return tuple(found)
+
+
 def _facts(run: Trajectory) -> list[tuple[str, str]]:
     settings, cost = run.settings, run.statistics
     how = f"step {settings.step:g} s" if settings.step else f"rtol {settings.rtol:g}, atol {settings.atol:g}"
@@ -70,7 +97,7 @@ def _facts(run: Trajectory) -> list[tuple[str, str]]:
     ]
     if any(joint.kind in ("floating", "planar") for joint in run.robot.joints):
         rows.append(("constraint residual", f"{run.constraint_residual():.1e} (unit length of rotations)"))
-    return rows
+    return rows + [("warning", text) for text in run_warnings(run)]
 
 
 def _events(run: Trajectory) -> list[str]:

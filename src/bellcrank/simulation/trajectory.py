@@ -197,6 +197,13 @@ class Trajectory:
         residual, bias = self.scene.system.residual(*self._arguments)
         return _share(np.abs(residual).max(), max(np.abs(self.torque).max(), np.abs(bias).max()))
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What speaks against trusting the run, a sentence each: it ended early, or its certificate is bad."""
+        from bellcrank.simulation.summary import run_warnings
+
+        return run_warnings(self)
+
     def constraint_residual(self) -> float:
         """The largest violation of what the state must keep: here the unit length of quaternions."""
         from bellcrank.simulation.simulate import unit_parts

@@ -1,0 +1,104 @@
+"""What is odd about a scene without being wrong: a sentence for each thing that its user should know of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bellcrank.scene.joint_forces import Torque
+from bellcrank.scene.part import Part, joint_unit
+
+if TYPE_CHECKING:
+    from bellcrank.dynamics.signals import Signal
+    from bellcrank.scene.scene import Scene
+
+OVERSHOOT = 3.0  # times the range of a table's values: what a cubic spline may reach without a note
+
+
+def scene_notes(scene: Scene, duration: float) -> tuple[str, ...]:
+    """The notes on a scene that is simulated for a duration, s. Motions are made for it, and its events compiled."""
+    return (*_start(scene), *_limits(scene), *_signals(scene, duration), *_events(scene))
+
+
+def _start(scene: Scene) -> Iterator[str]:
+    """Joints that start outside the URDF's range: a simulation does not know the stops."""
+    robot, q = scene.robot, scene.start[0]
+    for j in robot.joints:
+        if j.nq == 1 and not robot.lower[j.q] <= q[j.q] <= robot.upper[j.q]:
+            unit = joint_unit(j, "position")
+            yield (
+                f"joint '{j.name}' starts at {q[j.q]:.6g} {unit}, outside its range of {robot.lower[j.q]:.6g} to "
+                f"{robot.upper[j.q]:.6g} {unit}; the simulation knows no stops"
+            )
+
+
+def _limits(scene: Scene) -> Iterator[str]:
+    """Effort limits of 0, or missing, where a controller is told to keep to them."""
+    for part in scene.control:
+        if not isinstance(part.limit, Mapping):
+            continue
+        off = [name for name, most in part.limit.items() if most == 0.0]
+        free = [name for name, most in part.limit.items() if math.isinf(most)]
+        if off:
+            yield (
+                f"control '{part.name}': the URDF's effort limit is 0 at {_joints(off)}, so 'limit: effort' switches "
+                "it off there; write a number as limit, or leave it out"
+            )
+        if free:
+            yield f"control '{part.name}': the URDF has no effort limit at {_joints(free)}, so nothing is limited there"
+
+
+def _signals(scene: Scene, duration: float) -> Iterator[str]:
+    """Tables and motions that do not cover the run, and splines that leave their table far behind."""
+    parts: tuple[Part, ...] = (*scene.forces, *scene.control)
+    for part in parts:
+        if part.source is None:
+            continue
+        signal, table = part.source.signal, isinstance(part, Torque)
+        first, last = _span(part, signal)
+        who = f"{part.owner} '{part.name}': its {'table' if table else 'motion'}"
+        if last < duration:
+            after = "the last value is held" if table else "the last posture is the target, at rest"
+            yield f"{who} ends at {last:.6g} s and the run at {duration:.6g} s; in between {after}"
+        if first > 0.0:
+            before = "the first value is held" if table else "the first posture is the target, at rest"
+            yield f"{who} begins at {first:.6g} s; until then {before}"
+        if isinstance(part, Torque) and not signal.kinked:
+            yield from _overshoot(who, part, signal)
+
+
+def _span(part: Part, signal: Signal) -> tuple[float, float]:
+    """First and last time of a signal's data, s."""
+    held = isinstance(part, Torque) and signal.kinked and signal.coefficients.shape[1] == 1
+    return float(signal.breaks[0]), float(signal.breaks[-2 if held else -1])  # held values have a piece beyond the last
+
+
+def _overshoot(who: str, part: Torque, signal: Signal) -> Iterator[str]:
+    fine = np.linspace(signal.breaks[:-1], signal.breaks[1:], 17).T.ravel()
+    rows, between = signal.at(signal.breaks)[:, 0], signal.at(fine)[:, 0]
+    low, high = float(rows.min()), float(rows.max())
+    if max(between.max() - high, low - between.min()) > OVERSHOOT * (high - low) > 0.0:
+        far = float(between[np.abs(between).argmax()])
+        yield (
+            f"{who} has values of {low:.4g} to {high:.4g} {joint_unit(part.joint, 'torque')}, and its cubic spline "
+            f"reaches {far:.4g} between them; rows that are very close do that, interpolation: linear does not"
+        )
+
+
+def _events(scene: Scene) -> Iterator[str]:
+    """Events whose function is no number where the run starts."""
+    if not scene.events:
+        return
+    state = np.concatenate([*scene.start, np.zeros(scene.system.size - scene.robot.nq - scene.robot.nv)])
+    inputs = scene.signals_at(np.zeros(1))[0]
+    values = scene.system.events(np.zeros(1), state, inputs, scene.parameter_values)
+    for event, value in zip(scene.events, np.atleast_1d(values).tolist(), strict=True):
+        if math.isnan(value):
+            yield f"event '{event.name}': its function is not a number at the start; no event is seen while that is so"
+
+
+def _joints(names: list[str]) -> str:
+    return f"joint{'s' if len(names) > 1 else ''} {', '.join(names)}"
