@@ -293,6 +293,16 @@ def test_step_limits_and_first_step(arm):
     assert np.array_equal(fixed.steps[:-1], 0.03 * np.arange(334)) and fixed.steps[-1] == 10
 
 
+@pytest.mark.parametrize("method", ["RK45", "DOP853", "Radau"])
+def test_tiny_first_steps_and_spans_are_stepped_over(arm, method):
+    run = arm.run(method, first_step=1e-320)
+    assert run.status == FINISHED and run.steps[1] <= 1e-300
+    assert np.abs(run.end_state - arm.run(method).end_state).max() < 1e-3
+    run = arm.run(method, t1=1e-320, times=[1e-320])
+    assert run.status == FINISHED and run.end_time == 1e-320 and np.abs(run.end_state - arm.x0).max() < 1e-300
+    assert arm.run(method, t0=1e9, t1=1e9 + 1, first_step=1e-30).status == FINISHED
+
+
 # -- events
 
 
@@ -359,6 +369,21 @@ def test_reaching_exactly_zero_counts_once_and_starting_there_does_not():
     assert list(run.event_index) == [1] and list(run.event_time) == [1]
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_an_event_that_rests_at_zero_lies_where_it_arrives(method):
+    """x = exp(-t): max(x - 0.1, 0) is zero from ln 10 on, the second falls to a rest between 0.35 and 0.25."""
+    problem = Problem("rest", lambda t, x, u, p: [-x[0]], [1], 5, events=lambda t, x, u, p: [
+        ca.fmax(x[0] - 0.1, 0), ca.fmax(x[0] - 0.35, 0) - ca.fmax(0.25 - x[0], 0)])  # fmt: skip
+    run = problem.run(method, 1e-10, step=0.5 if method == "RK4" else 0)
+    assert list(run.event_index) == [1, 0]
+    assert np.abs(run.event_state[:, 0] - [0.35, 0.1]).max() < 1e-15
+    if method != "RK4":
+        assert np.abs(run.event_time + np.log([0.35, 0.1])).max() < 1e-8
+    stopped = problem.run(method, 1e-10, step=0.5 if method == "RK4" else 0, terminal=[True, False])
+    assert stopped.status == EVENT and stopped.end_time == run.event_time[1]
+    assert abs(stopped.end_state[0] - 0.1) < 1e-15
+
+
 def test_event_of_a_signal_that_jumps_lies_at_the_jump():
     problem = Problem("jump", lambda t, x, u, p: [u[0]], [0], 3, inputs=1, events=lambda t, x, u, p: [u[0]])
     signal = (np.array([0.0, 1.0, 3.0]), np.array([1.0, -1.0]).reshape(2, 1, 1), 0, True)
@@ -418,6 +443,48 @@ def test_no_step_crosses_a_stop_and_each_side_sees_its_own_slope(method):
     assert abs(run.end_state[0] - (1 - 1 + 2.5)) < 1e-13
     if method != "RK4":
         assert abs(problem.run(method, 1e-8, stops=[1.0, 1.5]).end_state[0] - 2.5) < 1e-13
+
+
+@pytest.mark.parametrize("end", [2.0, np.nextafter(2, 0), np.nextafter(2, 3)])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_stop_at_the_end_is_seen_from_before(method, end):
+    problem = Problem("switch_at_end", lambda t, x, u, p: [ca.if_else(t < 2, ca.cos(t), 1e3)], [0], end)
+    errors = []
+    for count in (8, 16, 32):
+        run = problem.run(method, stops=[2.0], step=2 / count)
+        assert run.accepted == count
+        errors.append(abs(run.end_state[0] - np.sin(2)))
+    assert errors[0] < 1e-4 and (errors[-1] < 1e-13 or slopes(errors).mean() > _step.methods()[method] - 0.3)
+    if method != "RK4":
+        free = Problem("no_switch", lambda t, x, u, p: [ca.cos(t)], [0], end)
+        adaptive = problem.run(method, stops=[2.0])
+        assert adaptive.rejected == free.run(method).rejected and adaptive.accepted == free.run(method).accepted
+
+
+def test_the_work_of_a_linear_force_is_exact_between_the_steps_of_radau():
+    """2 kg under a force of 3 - 5 t, from rest: speed, path and work are polynomials of degree 2, 3 and 4."""
+    problem = Problem("block", lambda t, x, u, p: [x[1], u[0] / 2, u[0] * x[1]], np.zeros(3), 2, inputs=1)
+    signal = (np.array([0.0, 2.0]), np.array([3.0, -5.0]).reshape(1, 2, 1), 0, True)
+    times = np.linspace(0, 2, 301)
+    for step in (0.0, 0.7):
+        run = problem.run("Radau", norm_size=2, step=step, signals=[signal], times=times)
+        path, speed = 0.75 * times**2 - 5 / 12 * times**3, 1.5 * times - 1.25 * times**2
+        assert np.abs(run.state - np.stack([path, speed, speed**2], axis=1)).max() < 1e-12
+        plain = problem.run("Radau", norm_size=2, step=step, signals=[signal])
+        assert plain.accepted < 10 and np.array_equal(run.end_state, plain.end_state)
+        inside = sum(np.any((a < times) & (times < b)) for a, b in zip(run.steps[:-1], run.steps[1:], strict=True))
+        assert run.evaluations == plain.evaluations + 2 * inside
+
+
+def test_work_of_damping_balances_the_energy_between_the_steps_of_radau():
+    """x'' = -x - 0.4 x': energy less the damper's work stays, about as well between steps as at their ends."""
+    problem = Problem("damped", lambda t, x, u, p: [x[1], -x[0] - 0.4 * x[1], -0.4 * x[1] ** 2], [1, 0, 0], 10)
+    errors = []
+    for count in (20, 40, 80, 160):
+        run = problem.run("Radau", norm_size=2, step=10 / count, times=np.linspace(0, 10, 1001))
+        exact = problem.run("DOP853", 1e-12, norm_size=2, times=np.linspace(0, 10, 1001)).state
+        errors.append(np.abs(run.state[:, 2] - exact[:, 2]).max())
+    assert errors[0] < 1e-4 and slopes(errors).mean() > 4.3  # the state has order 4 there
 
 
 @pytest.mark.parametrize("method", ["RK45", "DOP853", "Radau"])

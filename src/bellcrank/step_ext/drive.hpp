@@ -31,6 +31,7 @@ class Run {
   Buffer between_;  // an interpolated state, padded
   std::size_t next_output_ = 0;
   std::int64_t until_look_ = 1;
+  double grid_index_ = 0, grid_end_ = p_.t0;
 
   template <bool Fixed>
   Status stretches() {
@@ -38,7 +39,7 @@ class Run {
     for (int i = 0; i <= p_.stop_count && stepper_.t < p_.t1; ++i) {
       const double bound = i < p_.stop_count ? p_.stops[i] : p_.t1;
       rhs_.pin(stepper_.t, bound);
-      rhs_.latest = i < p_.stop_count ? std::nextafter(bound, p_.t0) : INFINITY;
+      rhs_.latest = i < p_.stop_count ? std::nextafter(bound, p_.t0) : p_.latest;
       if (!stepper_.begin()) return Status::non_finite;
       if (i == 0) {
         if (!events_.begin(stepper_.t, stepper_.state())) return Status::non_finite;
@@ -54,7 +55,7 @@ class Run {
           if (found == Found::failed) return Status::non_finite;
           if (found == Found::terminal) return end_at_event();
         }
-        record_.step(stepper_.t);
+        step(stepper_.t);
         output_step(stepper_.t);
         until_look_ -= 1 + stepper_.rejected - rejected;
         if (until_look_ <= 0 && record_.look(stepper_.t, &until_look_)) return Status::interrupted;
@@ -64,15 +65,20 @@ class Run {
   }
 
   // End of the next step of fixed size: a point of the grid, or the bound where that comes first or lies on it.
-  double grid(double bound) const {
-    const double index = std::floor((stepper_.t - p_.t0) / p_.step + 1e-6) + 1;
-    const double end = p_.t0 + index * p_.step;
-    return end > bound - 1e-6 * p_.step ? bound : end;
+  double grid(double bound) {
+    if (grid_end_ <= stepper_.t + 1e-6 * p_.step) grid_end_ = p_.t0 + ++grid_index_ * p_.step;
+    return grid_end_ > bound - 1e-6 * p_.step ? bound : grid_end_;
+  }
+
+  // Written here: a call each would cost as much as a stage of a small system.
+  void step(double t) {
+    if (record_.next_step == record_.steps_end) record_.more_steps();
+    *record_.next_step++ = t;
   }
 
   Status end_at_event() {
     const double end = events_.end_time();
-    record_.step(end);
+    step(end);
     if (!p_.every_step) output_step(end);
     record_.end(end, events_.end_state());
     return Status::event;
@@ -87,6 +93,7 @@ class Run {
   // Requested times up to `end`, the step's own state at its ends (to the rounding of the time).
   void output_step(double end) {
     if (p_.every_step) return record_.output(end, stepper_.state());
+    if (next_output_ == p_.time_count || p_.times[next_output_] > end) return;
     const double ulp = 4 * spacing(stepper_.t);
     while (next_output_ < p_.time_count && p_.times[next_output_] <= end) {
       const double time = p_.times[next_output_++];

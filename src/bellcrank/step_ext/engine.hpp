@@ -23,7 +23,12 @@ Status run(const char* method, const Problem& problem, Record& record, Counts& c
   if (std::strcmp(method, Rk4::name) == 0) return run_explicit<Rk4>(problem, record, counts);
   if (std::strcmp(method, DormandPrince::name) == 0) return run_explicit<DormandPrince>(problem, record, counts);
   if (std::strcmp(method, Dop853::name) == 0) return run_explicit<Dop853>(problem, record, counts);
-  return Run<Radau>(problem, record, counts)();
+  switch ((problem.n + 3) / 4) {
+    case 1: return Run<Radau<1>>(problem, record, counts)();
+    case 2: return Run<Radau<2>>(problem, record, counts)();
+    case 3: return Run<Radau<3>>(problem, record, counts)();
+    default: return Run<Radau<0>>(problem, record, counts)();
+  }
 }
 
 }  // namespace BELLCRANK_ISA

@@ -161,17 +161,43 @@ class Events {
   // One crossing between a and b, coming from the side `before`.
   void crossing(int e, int before, double a, double at_a, double b, double at_b) {
     if (found_ == capacity_ || (p_.direction[e] != 0 && p_.direction[e] == before)) return;
+    const bool bracketed = sign(at_a) == before;
     double s = b;
-    if (at_b != 0) s = sign(at_a) == before ? root(e, a, at_a, b, at_b) : a;
+    if (at_b != 0) s = bracketed ? root(e, a, at_a, b, at_b) : a;
     Crossing& c = crossings_[found_];
     c.event = e;
     c.state = found_++;
-    c.time = refined(e, s, states_ + c.state * p_.n);
+    double* x = states_ + c.state * p_.n;
+    c.time = bracketed && level(e, s) ? earliest(e, before, a, s, x) : refined(e, s, x);
   }
+
+  // Whether g is zero at s and was so before: it rests there, as max(x, 0) does.
+  bool level(int e, double s) {
+    const double step = 8 * least();
+    return s > step && along(e, s - step) == 0 && along(e, s) == 0;
+  }
+
+  // Bisection for the first time at which g has left its side, over steps that end there; g has at b.
+  double earliest(int e, int before, double a, double b, double* x) {
+    const double start = stepper_.t_old, h = length();
+    const std::size_t bytes = p_.n * sizeof(double);
+    if (stepper_.redo(b * h, x_)) std::memcpy(x, x_, bytes);
+    while (b - a > least()) {
+      const double s = 0.5 * (a + b);
+      if (!stepper_.redo(s * h, x_)) break;
+      if (!evaluate(start + s * h, x_, value_)) failed_ = true;
+      if (sign(value_[e]) == before) a = s;
+      else b = s, std::memcpy(x, x_, bytes);
+    }
+    return start + b * h;
+  }
+
+  // Rounding of the time, as a fraction of the step.
+  double least() const { return larger(2 * spacing(stepper_.t) / length(), 1e-16); }
 
   // A bracketed root: T. R. Chandrupatla, Adv. Eng. Software 28 (1997) 145-149.
   double root(int e, double a, double at_a, double b, double at_b) {
-    const double least = larger(2 * spacing(stepper_.t) / length(), 1e-16);
+    const double rounding = least();
     double c = a, at_c = at_a, fraction = 0.5;
     for (int k = 0; k < 100; ++k) {
       const double s = a + fraction * (b - a), at_s = along(e, s);
@@ -179,7 +205,7 @@ class Events {
       if (sign(at_s) == sign(at_a)) c = a, at_c = at_a;
       else c = b, at_c = at_b, b = a, at_b = at_a;
       a = s, at_a = at_s;
-      const double tolerance = least / std::fabs(b - a);
+      const double tolerance = rounding / std::fabs(b - a);
       if (tolerance > 0.5) break;
       const double xi = (a - b) / (c - b), phi = (at_a - at_b) / (at_c - at_b);
       fraction = 0.5;

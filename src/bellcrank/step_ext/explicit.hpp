@@ -3,28 +3,16 @@
 #pragma once
 
 #include "control.hpp"
-#include "lanes.hpp"
-#include "tableaus.hpp"
+#include "stages.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
-
-// The stages of one step, and the pointers of their kernel calls.
-template <class Method>
-struct Stages {
-  Buffer k, x;
-  Inputs in;
-  double* out[Method::rows];
-  Stages(std::size_t lanes, const Rhs& rhs) : k(lanes * Method::rows), x(lanes), in(x, rhs) {
-    for (int s = 0; s < Method::rows; ++s) out[s] = k + s * lanes;
-  }
-};
 
 template <class Method, int Blocks>
 class Explicit {
  public:
   explicit Explicit(Rhs& rhs)
-      : rhs_(rhs), p_(rhs.problem), blocks_((p_.n + 3) / 4), main_(lanes(), rhs), redo_(lanes(), rhs), x_(lanes()),
+      : rhs_(rhs), p_(rhs.problem), blocks_((p_.n + 3) / 4), main_(blocks_, rhs), redo_(blocks_, rhs), x_(lanes()),
         old_(lanes()), tolerance_(lanes()), dense_(lanes() * 7) {
     for (int i = 0; i < static_cast<int>(lanes()); ++i) tolerance_[i] = i < p_.norm_size ? p_.atol : INFINITY;
     std::memcpy(x_, p_.x0, p_.n * sizeof(double));
@@ -73,6 +61,7 @@ class Explicit {
         if (end == bound && !again) next_ = larger(next_, proposed);  // a stop says nothing of the step
         return Outcome::accepted;
       }
+      main_.first = main_.k;
       bad = !(error < INFINITY) || error < 1;
       h *= bad ? least_factor : larger(least_factor, safety * shrink(error));
     }
@@ -82,7 +71,8 @@ class Explicit {
   Outcome fixed(double end) {
     begin_step();
     if (rhs_.spent()) return give_up(Outcome::spent);
-    if (!step(main_, end - t_old, x_) || !finite(x_) || !finish(end)) return give_up(Outcome::non_finite);
+    const bool sound = step(main_, end - t_old, x_) && (!Method::fsal || finite(x_));
+    if (!sound || !finish(end)) return give_up(Outcome::non_finite);
     return Outcome::accepted;
   }
 
@@ -122,7 +112,7 @@ class Explicit {
         sum = (sum + at(f + w)) * r;
         sum = (sum + at(f)) * s;
       } else {
-        sum = hermite(s, b) + at(dense_ + 4 * b) * (s * s * (1 - s) * (1 - s));
+        sum = main_.hermite(old_, x_, h, s, b) + at(dense_ + 4 * b) * (s * s * (1 - s) * (1 - s));
       }
       at(x + 4 * b) = y + sum;
     }
@@ -143,8 +133,9 @@ class Explicit {
   Rhs& rhs_;
   const Problem& p_;
   int blocks_;
-  Stages<Method> main_, redo_;
-  Buffer x_, old_, tolerance_, dense_;
+  Stages<Method, Blocks> main_, redo_;
+  Room<4 * Blocks> x_, old_, tolerance_;
+  Room<28 * Blocks> dense_;
   double next_ = 0;
   bool dense_ready_ = false;
 
@@ -159,6 +150,7 @@ class Explicit {
       at(old_ + 4 * b) = at(x_ + 4 * b);
       at(main_.k + 4 * b) = Blocks ? fresh(f + 4 * b) : at(f + 4 * b);
     }
+    main_.first = f;
   }
 
   Outcome give_up(Outcome outcome) {
@@ -167,36 +159,14 @@ class Explicit {
   }
 
   template <int S>
-  BELLCRANK_INLINE std::int32_t stage(Stages<Method>& stages, double h) {
-    if (Blocks && p_.staged) but_newest<S>(stages, h);
-    else sum<S>(stages, h, stages.x);
+  BELLCRANK_INLINE std::int32_t stage(Stages<Method, Blocks>& stages, double h) {
+    if (Blocks && p_.staged) stages.template but_newest<S>(old_, h);
+    else stages.template sum<S>(old_, h, stages.x);
     return rhs_(stages.in, t_old + Method::c[S] * h, stages.out + S);
   }
 
-  template <int S>
-  BELLCRANK_INLINE void sum(Stages<Method>& stages, double h, double* x) {
-    const std::size_t w = lanes();
-    const double* k = stages.k;
-    const double* y = old_;
-    for (int b = 0; b < blocks(); ++b)
-      at(x + 4 * b) =
-          at(y + 4 * b) + h * weighted<Weights<RowOf<Method, S>>, S - 1, (Blocks > 0)>(k + 4 * b, w);
-  }
-
-  // The sum without its newest slope, which the kernel adds.
-  template <int S>
-  BELLCRANK_INLINE void but_newest(Stages<Method>& stages, double h) {
-    const std::size_t w = lanes();
-    for (int b = 0; b < blocks(); ++b) {
-      const Lanes y = at(old_ + 4 * b);
-      if constexpr (Weights<RowOf<Method, S>>::first(S - 1)) at(stages.x + 4 * b) = y;
-      else at(stages.x + 4 * b) = y + h * weighted<Weights<RowOf<Method, S>>, S - 2, false>(stages.k + 4 * b, w);
-    }
-    stages.in.at(stages.k + (S - 1) * w, h * Method::a[S][S - 1]);
-  }
-
   template <int... S>
-  BELLCRANK_INLINE std::int32_t all_stages(Stages<Method>& stages, double h, std::integer_sequence<int, S...>) {
+  BELLCRANK_INLINE std::int32_t all_stages(Stages<Method, Blocks>& stages, double h, std::integer_sequence<int, S...>) {
     std::int32_t status = 0;
     ((status |= stage<S + 1>(stages, h)), ...);
     return status;
@@ -204,10 +174,10 @@ class Explicit {
 
   // All stages after the first and the new state; for a first-same-as-last method its slope too, which the error needs.
   template <bool Redo = false>
-  bool step(Stages<Method>& stages, double h, double* x) {
+  bool step(Stages<Method, Blocks>& stages, double h, double* x) {
     std::int32_t status = all_stages(stages, h, std::make_integer_sequence<int, Method::stages - 1>{});
     rhs_.evaluations += Method::stages - 1;
-    sum<last>(stages, h, x);
+    stages.template sum<last>(old_, h, x);
     if constexpr (Method::fsal && !Redo) {
       rhs_.normalise(x);
       status |= slope(t_old + h, h);
@@ -218,7 +188,7 @@ class Explicit {
   // The slope at the end of a step of size h.
   std::int32_t slope(double time, double h) {
     if (Blocks && p_.staged && !p_.unit_count) {
-      but_newest<last>(main_, h);
+      main_.template but_newest<last>(old_, h);
     } else {
       for (int b = 0; b < blocks(); ++b) at(main_.x + 4 * b) = at(x_ + 4 * b);
       main_.in.at(rhs_.rest(), 0);
@@ -227,19 +197,21 @@ class Explicit {
     return rhs_(main_.in, time, main_.out + last);
   }
 
-  // After the error test: unit parts, the slope at the end. False where that is not finite.
+  // After the error test: unit parts, the slope at the end. False where that or the state is not finite.
   bool finish(double end) {
     if constexpr (!Method::fsal) {
       rhs_.normalise(x_);
-      if (slope(end, end - t_old) != 0 || !finite(main_.k + last * lanes())) return false;
+      if (slope(end, end - t_old) != 0 || !finite(main_.k + last * lanes(), x_)) return false;
     }
     t = end;
     return true;
   }
 
-  bool finite(const double* x) const {
-    Lanes sum = at(x) * 0.0;
-    for (int b = 1; b < blocks(); ++b) sum += at(x + 4 * b) * 0.0;
+  bool finite(const double* x) const { return finite(x, rhs_.rest()); }
+  // Both; f may just have been written.
+  BELLCRANK_INLINE bool finite(const double* f, const double* x) const {
+    Lanes sum = {};
+    for (int b = 0; b < blocks(); ++b) sum += (Blocks ? fresh(f + 4 * b) : at(f + 4 * b)) * 0.0 + at(x + 4 * b) * 0.0;
     return total(sum) == 0;
   }
 
@@ -275,16 +247,8 @@ class Explicit {
     return weighted<Weights<DenseOf<Method, Power>>, Method::rows - 1, false>(main_.k + 4 * b, lanes());
   }
 
-  // Cubic through values and slopes at both ends, less the value at the start.
-  Lanes hermite(double s, int b) const {
-    const double h = t - t_old;
-    const Lanes f = h * at(main_.k + 4 * b), g = h * at(main_.k + last * lanes() + 4 * b);
-    const Lanes d = at(x_ + 4 * b) - at(old_ + 4 * b);
-    return s * (d + (1 - s) * ((1 - s) * (f - d) - s * (g - d)));
-  }
-
   void cubic(double s, double* x) const {
-    for (int b = 0; b < blocks(); ++b) at(x + 4 * b) = at(old_ + 4 * b) + hermite(s, b);
+    for (int b = 0; b < blocks(); ++b) at(x + 4 * b) = at(old_ + 4 * b) + main_.hermite(old_, x_, t - t_old, s, b);
     rhs_.normalise(x);
   }
 

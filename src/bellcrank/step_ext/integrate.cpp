@@ -33,9 +33,19 @@ void require(bool holds, const char* text) {
 
 class Result final : public Record {
  public:
-  Result(int n, nb::object progress) : n(n), watch(std::move(progress)) {}
+  Result(int n, double t0, nb::object progress) : n(n), watch(std::move(progress)) {
+    steps.reserve(room);
+    steps.push_back(t0);
+    more_steps();
+  }
 
-  void step(double t) override { steps.push_back(t); }
+  void more_steps() override {
+    const std::size_t used = next_step ? steps.size() : 1;
+    steps.resize(used + std::max(used, room));
+    next_step = steps.data() + used;
+    steps_end = steps.data() + steps.size();
+  }
+  void trim_steps() { steps.resize(next_step - steps.data()); }
   void output(double t, const double* x) override {
     time.push_back(t);
     state.insert(state.end(), x, x + n);
@@ -51,6 +61,7 @@ class Result final : public Record {
   }
   bool look(double t, std::int64_t* attempts) override { return watch.look(t, attempts); }
 
+  static constexpr std::size_t room = 1024;
   int n;
   std::vector<double> time, state, end_state, steps, event_time, event_state;
   std::vector<int> event_index;
@@ -67,16 +78,21 @@ nb::object view(nb::handle owner, std::vector<T>& values, int columns = 0) {
   return nb::cast(nb::ndarray<nb::numpy, T, nb::ndim<1>>(values.data(), {values.size()}, owner));
 }
 
-// Stops and breaks of kinked signals inside the run, sorted; those closer than rounding are one.
-std::vector<double> all_stops(double t0, double t1, const Vector& stops, const std::vector<Signal>& signals) {
+// Stops and breaks of kinked signals inside the run, sorted; those closer than rounding are one. `latest` becomes the
+// time just before the first that is t1 itself, to rounding, so that the last step sees the side before it.
+std::vector<double> all_stops(double t0, double t1, const Vector& stops, const std::vector<Signal>& signals,
+                              double* latest) {
   std::vector<double> found(stops.data(), stops.data() + stops.shape(0));
   for (const Signal& s : signals)
     if (s.kinked) found.insert(found.end(), s.breaks, s.breaks + s.pieces + 1);
   std::sort(found.begin(), found.end());
   std::vector<double> kept;
   const double least = 1e-14 * std::max(std::fabs(t0), std::fabs(t1));
-  for (double t : found)
+  *latest = HUGE_VAL;
+  for (double t : found) {
+    if (std::fabs(t - t1) <= least) *latest = std::min(*latest, std::nextafter(std::min(t, t1), t0));
     if (t > t0 + least && t < t1 - least && (kept.empty() || t > kept.back() + least)) kept.push_back(t);
+  }
   return kept;
 }
 
@@ -94,7 +110,8 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
                      Vector times, bool every_step, const std::vector<std::tuple<int, int>>& unit,
                      const std::vector<SignalArguments>& signals, Vector stops, std::uintptr_t events,
                      const std::vector<bool>& terminal, const std::vector<int>& direction, std::uintptr_t jacobian,
-                     std::uintptr_t tangent, int lanes, std::int64_t max_evaluations, nb::object progress, bool staged) {
+                     std::uintptr_t tangent, int lanes, std::int64_t max_evaluations, nb::object progress,
+                     bool staged) {
   const int n = static_cast<int>(x0.shape(0));
   require(rhs != 0, "integrate: no right-hand side");
   require(method == "RK4" || method == "RK45" || method == "DOP853" || method == "Radau", "integrate: unknown method");
@@ -125,7 +142,8 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
   }
   for (std::size_t i = 0; i < times.shape(0); ++i)
     require(times.data()[i] >= (i ? times.data()[i - 1] : t0), "integrate: output times must ascend from t0 on");
-  const std::vector<double> bounds = all_stops(t0, t1, stops, groups);
+  double latest;
+  const std::vector<double> bounds = all_stops(t0, t1, stops, groups, &latest);
   const auto flags = std::make_unique<bool[]>(terminal.size() + 1);
   std::copy(terminal.begin(), terminal.end(), flags.get());
 
@@ -145,14 +163,13 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
   problem.signals = groups.data(), problem.signal_count = static_cast<int>(groups.size());
   problem.signal_entries = entries;
   problem.stops = bounds.data(), problem.stop_count = static_cast<int>(bounds.size());
+  problem.latest = latest;
   problem.terminal = flags.get(), problem.direction = direction.data();
   problem.event_count = static_cast<int>(terminal.size());
   problem.max_evaluations = max_evaluations;
 
-  auto made = std::make_unique<Result>(n, std::move(progress));
+  auto made = std::make_unique<Result>(n, t0, std::move(progress));
   Result& result = *made;
-  result.steps.reserve(1024);
-  result.steps.push_back(t0);
   if (!every_step) {
     result.time.reserve(times.shape(0));
     result.state.reserve(times.shape(0) * n);
@@ -168,6 +185,7 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
     result.status = run(method.c_str(), problem, result, result.counts);
   }
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+  result.trim_steps();
   result.watch.raise();
   return nb::cast(made.release(), nb::rv_policy::take_ownership);
 }

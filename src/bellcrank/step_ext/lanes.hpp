@@ -13,6 +13,7 @@ namespace BELLCRANK_ISA {
 typedef double Lanes __attribute__((vector_size(32)));
 
 #define BELLCRANK_INLINE inline __attribute__((always_inline))
+#define BELLCRANK_INLINED __attribute__((always_inline))  // after the parameters of a lambda
 
 BELLCRANK_INLINE Lanes& at(double* p) { return *reinterpret_cast<Lanes*>(p); }
 BELLCRANK_INLINE const Lanes& at(const double* p) { return *reinterpret_cast<const Lanes*>(p); }

@@ -1,135 +1,219 @@
-// Dense linear systems, real and complex: LU with partial pivoting, columns contiguous so that every inner loop is a
-// vector update. Complex numbers are kept as separate real and imaginary arrays for the same reason.
+// Dense linear systems, real and complex: LU with partial pivoting, L D U with unit diagonals in L and U. Columns are
+// padded with zeros to whole lanes and hold only what a sweep subtracts, so that each step of a solution is one
+// multiplication of whole lanes; `Blocks` fixes their number at compile time (0: any number), and a solution then
+// stays in registers. Complex numbers are kept as separate real and imaginary arrays.
 #pragma once
 
+#include <utility>
+
+#include "lanes.hpp"
 #include "rhs.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
 
-class RealLu {
- public:
-  explicit RealLu(int n) : n_(n), a_(static_cast<std::size_t>(n) * n), pivot_(n) {}
+// Sizes, and the order in which rows became pivots.
+template <int Blocks>
+class Pivots {
+ protected:
+  explicit Pivots(int n) : n_(n), blocks_((n + 3) / 4), order_(stride()) {}
 
-  // Factorises shift I - J; false where it is singular or not finite.
-  bool factorise(double shift, const double* jacobian) {
-    const std::size_t n = n_;
-    for (std::size_t i = 0; i < n * n; ++i) a_[i] = -jacobian[i];
-    for (std::size_t i = 0; i < n; ++i) a_[i * (n + 1)] += shift;
-    for (std::size_t k = 0; k < n; ++k) {
-      double* column = a_ + k * n;
-      std::size_t best = k;
-      for (std::size_t i = k + 1; i < n; ++i)
-        if (std::fabs(column[i]) > std::fabs(column[best])) best = i;
-      if (!(std::fabs(column[best]) > 0) || !(std::fabs(column[best]) < INFINITY)) return false;
-      pivot_[k] = static_cast<int>(best);
-      if (best != k)
-        for (std::size_t j = 0; j < n; ++j) swap(a_[k + j * n], a_[best + j * n]);
-      const double inverse = 1 / column[k];
-      for (std::size_t i = k + 1; i < n; ++i) column[i] *= inverse;
-      for (std::size_t j = k + 1; j < n; ++j) subtract(a_ + j * n, column, a_[k + j * n], k + 1);
-    }
-    return true;
+  int n_, blocks_;
+  Array<int> order_;
+
+  int blocks() const { return Blocks ? Blocks : blocks_; }
+  std::size_t stride() const { return 4 * static_cast<std::size_t>(blocks()); }
+  void start() {
+    for (std::size_t i = 0; i < stride(); ++i) order_[i] = static_cast<int>(i);
   }
-
-  void solve(double* b) const {
-    for (int k = 0; k < n_; ++k) swap(b[k], b[pivot_[k]]);
-    for (int k = 0; k < n_; ++k) subtract(b, a_ + static_cast<std::size_t>(k) * n_, b[k], k + 1);
-    for (int k = n_ - 1; k >= 0; --k) {
-      const double* column = a_ + static_cast<std::size_t>(k) * n_;
-      const double value = b[k] /= column[k];
-      for (int i = 0; i < k; ++i) b[i] -= column[i] * value;
-    }
-  }
-
- private:
-  int n_;
-  Buffer a_;
-  Array<int> pivot_;
-
   static void swap(double& a, double& b) {
     const double kept = a;
     a = b;
     b = kept;
   }
-  void subtract(double* __restrict to, const double* __restrict column, double factor, std::size_t from) const {
-    for (std::size_t i = from; i < static_cast<std::size_t>(n_); ++i) to[i] -= column[i] * factor;
+  // Exchanges rows i and k of a.
+  void exchange(double* a, int i, int k) const {
+    for (int j = 0; j < n_; ++j) swap(a[j * stride() + i], a[j * stride() + k]);
+  }
+  void note(int i, int k) {
+    const int kept = order_[i];
+    order_[i] = order_[k];
+    order_[k] = kept;
+  }
+  BELLCRANK_INLINE Lanes ordered(const double* b, int block) const {
+    const int* o = order_ + 4 * block;
+    return Lanes{b[o[0]], b[o[1]], b[o[2]], b[o[3]]};
+  }
+
+  // step(k) for the columns in order and against it, unrolled where their number is known.
+  template <class Step>
+  BELLCRANK_INLINE void upwards(const Step& step) const {
+    if constexpr (Blocks > 0) unrolled(step, std::make_integer_sequence<int, 4 * Blocks>{}, 0, 1);
+    else for (int k = 0; k < n_; ++k) step(k);
+  }
+  template <class Step>
+  BELLCRANK_INLINE void downwards(const Step& step) const {
+    if constexpr (Blocks > 0) unrolled(step, std::make_integer_sequence<int, 4 * Blocks - 1>{}, 4 * Blocks - 1, -1);
+    else for (int k = n_ - 1; k > 0; --k) step(k);
+  }
+
+ private:
+  template <class Step, int... K>
+  BELLCRANK_INLINE void unrolled(const Step& step, std::integer_sequence<int, K...>, int from, int sign) const {
+    ((from + sign * K < n_ ? step(from + sign * K) : void()), ...);
   }
 };
 
-class ComplexLu {
- public:
-  explicit ComplexLu(int n)
-      : n_(n), re_(static_cast<std::size_t>(n) * n), im_(static_cast<std::size_t>(n) * n), pivot_(n) {}
+template <int Blocks>
+class RealLu : Pivots<Blocks> {
+  using Base = Pivots<Blocks>;
+  using Base::blocks, Base::n_, Base::stride;
 
-  bool factorise(double shift_re, double shift_im, const double* jacobian) {
-    const std::size_t n = n_;
-    for (std::size_t i = 0; i < n * n; ++i) re_[i] = -jacobian[i], im_[i] = 0;
-    for (std::size_t i = 0; i < n; ++i) re_[i * (n + 1)] += shift_re, im_[i * (n + 1)] += shift_im;
-    for (std::size_t k = 0; k < n; ++k) {
-      double *re = re_ + k * n, *im = im_ + k * n;
-      std::size_t best = k;
-      double largest = -1;
-      for (std::size_t i = k; i < n; ++i) {
-        const double size = std::fabs(re[i]) + std::fabs(im[i]);
-        if (size > largest) largest = size, best = i;
+ public:
+  explicit RealLu(int n) : Base(n), lower_(n * stride()), upper_(n * stride()), inverse_(stride()) {}
+
+  // Factorises shift I - h J; false where it is singular or not finite.
+  bool factorise(double shift, double h, const double* jacobian) {
+    Base::start();
+    double* a = lower_;
+    const std::size_t w = stride();
+    for (int j = 0; j < n_; ++j)
+      for (int i = 0; i < n_; ++i) a[j * w + i] = (i == j ? shift : 0) - h * jacobian[j * n_ + i];
+    for (int k = 0; k < n_; ++k) {
+      double* column = a + k * w;
+      int best = k;
+      for (int i = k + 1; i < n_; ++i)
+        if (std::fabs(column[i]) > std::fabs(column[best])) best = i;
+      if (!(std::fabs(column[best]) > 0) || !(std::fabs(column[best]) < INFINITY)) return false;
+      Base::exchange(a, k, best);
+      Base::note(k, best);
+      inverse_[k] = 1 / column[k];
+      for (int i = 0; i < n_; ++i) {
+        upper_[k * w + i] = i < k ? column[i] * inverse_[i] : 0;
+        column[i] = i > k ? column[i] * inverse_[k] : 0;
       }
-      if (!(largest > 0) || !(largest < INFINITY)) return false;
-      pivot_[k] = static_cast<int>(best);
-      if (best != k)
-        for (std::size_t j = 0; j < n; ++j) {
-          swap(re_[k + j * n], re_[best + j * n]);
-          swap(im_[k + j * n], im_[best + j * n]);
-        }
-      const double square = re[k] * re[k] + im[k] * im[k];
-      const double inverse_re = re[k] / square, inverse_im = -im[k] / square;
-      for (std::size_t i = k + 1; i < n; ++i) {
-        const double value = re[i];
-        re[i] = value * inverse_re - im[i] * inverse_im;
-        im[i] = value * inverse_im + im[i] * inverse_re;
-      }
-      for (std::size_t j = k + 1; j < n; ++j)
-        subtract(re_ + j * n, im_ + j * n, re, im, re_[k + j * n], im_[k + j * n], k + 1, n);
+      for (int j = k + 1; j < n_; ++j) subtract(a + j * w, column, a[j * w + k], k);
     }
     return true;
   }
 
-  void solve(double* b_re, double* b_im) const {
-    for (int k = 0; k < n_; ++k) {
-      swap(b_re[k], b_re[pivot_[k]]);
-      swap(b_im[k], b_im[pivot_[k]]);
-    }
-    for (int k = 0; k < n_; ++k) {
-      const std::size_t start = static_cast<std::size_t>(k) * n_;
-      subtract(b_re, b_im, re_ + start, im_ + start, b_re[k], b_im[k], k + 1, n_);
-    }
-    for (int k = n_ - 1; k >= 0; --k) {
-      const std::size_t start = static_cast<std::size_t>(k) * n_;
-      const double d_re = re_[start + k], d_im = im_[start + k], square = d_re * d_re + d_im * d_im;
-      const double value = (b_re[k] * d_re + b_im[k] * d_im) / square;
-      b_im[k] = (b_im[k] * d_re - b_re[k] * d_im) / square;
-      b_re[k] = value;
-      subtract(b_re, b_im, re_ + start, im_ + start, b_re[k], b_im[k], 0, k);
-    }
+  // x = (shift I - h J)^-1 b; x and b must not overlap.
+  BELLCRANK_INLINE void solve(const double* b, double* x) const {
+    const std::size_t w = stride();
+    Lanes registers[Blocks ? Blocks : 1];
+    Lanes* v = Blocks ? registers : &at(x);
+    for (int i = 0; i < blocks(); ++i) v[i] = Base::ordered(b, i);
+    Base::upwards([&](int k) BELLCRANK_INLINED {
+      const double value = v[k / 4][k % 4];
+      for (int i = k / 4; i < blocks(); ++i) v[i] -= at(lower_ + k * w + 4 * i) * value;
+    });
+    for (int i = 0; i < blocks(); ++i) v[i] *= at(inverse_ + 4 * i);
+    Base::downwards([&](int k) BELLCRANK_INLINED {
+      const double value = v[k / 4][k % 4];
+      for (int i = 0; i <= k / 4; ++i) v[i] -= at(upper_ + k * w + 4 * i) * value;
+    });
+    if (Blocks)
+      for (int i = 0; i < blocks(); ++i) at(x + 4 * i) = v[i];
   }
 
  private:
-  int n_;
-  Buffer re_, im_;
-  Array<int> pivot_;
+  Buffer lower_, upper_, inverse_;
 
-  static void swap(double& a, double& b) {
-    const double kept = a;
-    a = b;
-    b = kept;
+  void subtract(double* __restrict to, const double* __restrict column, double factor, int from) const {
+    for (int i = from / 4; i < blocks(); ++i) at(to + 4 * i) -= at(column + 4 * i) * factor;
   }
-  static void subtract(double* __restrict to_re, double* __restrict to_im, const double* __restrict re,
-                       const double* __restrict im, double factor_re, double factor_im, std::size_t from,
-                       std::size_t end) {
-    for (std::size_t i = from; i < end; ++i) {
-      to_re[i] -= re[i] * factor_re - im[i] * factor_im;
-      to_im[i] -= re[i] * factor_im + im[i] * factor_re;
+};
+
+template <int Blocks>
+class ComplexLu : Pivots<Blocks> {
+  using Base = Pivots<Blocks>;
+  using Base::blocks, Base::n_, Base::stride;
+
+ public:
+  explicit ComplexLu(int n) : Base(n), lower_(n * stride()), upper_(n * stride()), inverse_(stride()) {}
+
+  // Factorises (re + i im) I - h J.
+  bool factorise(double re, double im, double h, const double* jacobian) {
+    Base::start();
+    double *a = lower_.re, *b = lower_.im;
+    const std::size_t w = stride();
+    for (int j = 0; j < n_; ++j)
+      for (int i = 0; i < n_; ++i) {
+        a[j * w + i] = (i == j ? re : 0) - h * jacobian[j * n_ + i];
+        b[j * w + i] = i == j ? im : 0;
+      }
+    for (int k = 0; k < n_; ++k) {
+      double *p = a + k * w, *q = b + k * w;
+      int best = k;
+      double largest = -1;
+      for (int i = k; i < n_; ++i) {
+        const double size = std::fabs(p[i]) + std::fabs(q[i]);
+        if (size > largest) largest = size, best = i;
+      }
+      if (!(largest > 0) || !(largest < INFINITY)) return false;
+      Base::exchange(a, k, best);
+      Base::exchange(b, k, best);
+      Base::note(k, best);
+      const double square = p[k] * p[k] + q[k] * q[k];
+      inverse_.re[k] = p[k] / square;
+      inverse_.im[k] = -q[k] / square;
+      for (int i = 0; i < n_; ++i) {
+        const int d = i < k ? i : k;
+        const double product_re = p[i] * inverse_.re[d] - q[i] * inverse_.im[d];
+        const double product_im = p[i] * inverse_.im[d] + q[i] * inverse_.re[d];
+        upper_.re[k * w + i] = i < k ? product_re : 0;
+        upper_.im[k * w + i] = i < k ? product_im : 0;
+        p[i] = i > k ? product_re : 0;
+        q[i] = i > k ? product_im : 0;
+      }
+      for (int j = k + 1; j < n_; ++j) {
+        const double factor_re = a[j * w + k], factor_im = b[j * w + k];
+        for (int i = k / 4; i < blocks(); ++i)
+          subtract(at(a + j * w + 4 * i), at(b + j * w + 4 * i), at(p + 4 * i), at(q + 4 * i), factor_re, factor_im);
+      }
     }
+    return true;
+  }
+
+  BELLCRANK_INLINE void solve(const double* b_re, const double* b_im, double* x_re, double* x_im) const {
+    const std::size_t w = stride();
+    Lanes registers[Blocks ? 2 * Blocks : 1];
+    Lanes *re = Blocks ? registers : &at(x_re), *im = Blocks ? registers + Blocks : &at(x_im);
+    for (int i = 0; i < blocks(); ++i) re[i] = Base::ordered(b_re, i), im[i] = Base::ordered(b_im, i);
+    Base::upwards([&](int k) BELLCRANK_INLINED {
+      const double value_re = re[k / 4][k % 4], value_im = im[k / 4][k % 4];
+      for (int i = k / 4; i < blocks(); ++i) {
+        const std::size_t place = k * w + 4 * i;
+        subtract(re[i], im[i], at(lower_.re + place), at(lower_.im + place), value_re, value_im);
+      }
+    });
+    for (int i = 0; i < blocks(); ++i) {
+      const Lanes d_re = at(inverse_.re + 4 * i), d_im = at(inverse_.im + 4 * i), kept = re[i];
+      re[i] = kept * d_re - im[i] * d_im;
+      im[i] = kept * d_im + im[i] * d_re;
+    }
+    Base::downwards([&](int k) BELLCRANK_INLINED {
+      const double value_re = re[k / 4][k % 4], value_im = im[k / 4][k % 4];
+      for (int i = 0; i <= k / 4; ++i) {
+        const std::size_t place = k * w + 4 * i;
+        subtract(re[i], im[i], at(upper_.re + place), at(upper_.im + place), value_re, value_im);
+      }
+    });
+    if (Blocks)
+      for (int i = 0; i < blocks(); ++i) at(x_re + 4 * i) = re[i], at(x_im + 4 * i) = im[i];
+  }
+
+ private:
+  struct Pair {
+    Buffer re, im;
+    explicit Pair(std::size_t size) : re(size), im(size) {}
+  };
+  Pair lower_, upper_, inverse_;
+
+  static BELLCRANK_INLINE void subtract(Lanes& to_re, Lanes& to_im, Lanes re, Lanes im, double factor_re,
+                                        double factor_im) {
+    to_re -= re * factor_re - im * factor_im;
+    to_im -= re * factor_im + im * factor_re;
   }
 };
 

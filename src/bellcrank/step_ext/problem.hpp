@@ -41,6 +41,7 @@ struct Problem {
   int signal_count, signal_entries;
   const double* stops;  // sorted, strictly between t0 and t1
   int stop_count;
+  double latest;  // the last time that stages see: just before a stop at t1, else infinite
   const bool* terminal;
   const int* direction;
   int event_count;
@@ -54,7 +55,8 @@ struct Counts {
 // Receives what the engine finds.
 class Record {
  public:
-  virtual void step(double t) = 0;                                // end of an accepted step
+  double *next_step = nullptr, *steps_end = nullptr;              // room for the ends of accepted steps
+  virtual void more_steps() = 0;                                  // called where there is none
   virtual void output(double t, const double* x) = 0;
   virtual void event(int index, double t, const double* x) = 0;
   virtual void end(double t, const double* x) = 0;

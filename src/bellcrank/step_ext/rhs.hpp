@@ -6,6 +6,7 @@
 #include <cstring>
 #include <new>
 
+#include "lanes.hpp"
 #include "problem.hpp"
 
 namespace bellcrank {
@@ -34,7 +35,16 @@ using Buffer = Array<double>;
 
 inline double larger(double a, double b) { return a > b ? a : b; }
 inline double smaller(double a, double b) { return a < b ? a : b; }
-inline double spacing(double t) { return std::nextafter(std::fabs(t), INFINITY) - std::fabs(t); }
+// From |t| to the next double.
+inline double spacing(double t) {
+  const double from = std::fabs(t);
+  std::uint64_t bits;
+  std::memcpy(&bits, &from, sizeof bits);
+  ++bits;
+  double next;
+  std::memcpy(&next, &bits, sizeof next);
+  return next - from;
+}
 
 class Rhs {
  public:
@@ -55,8 +65,8 @@ class Rhs {
       if (problem.signals[g].kinked) piece_[g] = piece(problem.signals[g], 0.5 * (from + to), 0);
   }
 
-  // u at time t, for kernels called elsewhere.
-  void signals(double t) {
+  // u at time t, for kernels called elsewhere. Out of line: most runs have none, and calls of the kernel stay short.
+  __attribute__((noinline)) void signals(double t) {
     double* u = u_;
     for (int g = 0; g < problem.signal_count; ++g) {
       const Signal& s = problem.signals[g];
@@ -67,14 +77,22 @@ class Rhs {
 
   // One evaluation; the caller's pointers are {&time, x, u(), p}, and evaluations are counted by the step.
   template <class In>
-  std::int32_t operator()(In& in, double t, double* const* out) {
+  BELLCRANK_INLINE std::int32_t operator()(In& in, double t, double* const* out) {
     in.time = smaller(t, latest);
     if (problem.signal_count) signals(in.time);
     return problem.rhs(in.pointers, out);
   }
 
   // Parts that should be unit vectors are made so, unless they are to the last digit.
-  void normalise(double* x) const {
+  BELLCRANK_INLINE void normalise(double* x) const {
+    if (problem.unit_count) make_unit(x);
+  }
+
+ private:
+  Buffer u_, rest_;
+  Array<int> piece_;  // piece: -1 before the breaks, `pieces` after them
+
+  __attribute__((noinline)) void make_unit(double* x) const {
     for (int i = 0; i < problem.unit_count; ++i) {
       double* part = x + problem.units[i].start;
       double square = 0;
@@ -84,10 +102,6 @@ class Rhs {
       for (int j = 0; j < problem.units[i].length; ++j) part[j] *= scale;
     }
   }
-
- private:
-  Buffer u_, rest_;
-  Array<int> piece_;  // piece: -1 before the breaks, `pieces` after them
 
   static int piece(const Signal& s, double t, int guess) {
     if (t < s.breaks[0]) return -1;
