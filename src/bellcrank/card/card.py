@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 CARD_KEYS = (
     "name", "urdf", "gravity", "floating_base", "friction", "payloads", "frames", "motions", "drives",
 )  # fmt: skip
-SCENE_KEYS = ("forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate")
+SCENE_KEYS = ("closures", "forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate")
 
 Frame = tuple[str, tuple[float, ...], tuple[float, ...]]
 

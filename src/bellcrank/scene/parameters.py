@@ -79,7 +79,7 @@ def _targets(entry: Fields) -> tuple[str, ...]:
 def _resolve(target: str, robot: Robot, parts: Sequence[Part]) -> tuple[str, tuple[int, int] | None]:
     """The unit of a target, and where it is the tracer's."""
     kind, _, rest = target.partition(".")
-    if kind in ("force", "control"):
+    if kind in ("force", "control", "closure"):
         mine: Mapping[str, Part] = {part.name: part for part in parts if part.owner == kind}
         name, _, field = rest.partition(".")
         if name not in mine:

@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from bellcrank.card.card import SCENE_KEYS, Card, card_from_fields, find_card
 from bellcrank.card.fields import Fields
 from bellcrank.card.yaml_file import read_yaml
+from bellcrank.constraints.closures import read_closures
+from bellcrank.constraints.constraint import Constraint
 from bellcrank.dynamics.signals import Signal, values_at
 from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.control import Controller, read_control
@@ -46,6 +48,7 @@ class Scene:
 
     card: Card
     robot: Robot
+    closures: tuple[Constraint, ...]
     forces: tuple[Part, ...]
     control: tuple[Controller, ...]
     initial: Initial
@@ -106,7 +109,7 @@ class Scene:
     @property
     def signal_sources(self) -> tuple[SignalSource, ...]:
         """Where the entries of u come from, in their order."""
-        found = [part.source for part in (*self.forces, *self.control)]
+        found = [part.source for part in (*self.forces, *self.control, *self.closures)]
         return tuple(dict.fromkeys(source for source in found if source is not None))
 
     @cached_property
@@ -128,7 +131,7 @@ class Scene:
     @property
     def frames(self) -> tuple[str, ...]:
         """The frames that forces, events and outputs use."""
-        groups = [p.frames for p in (*self.forces, *self.control)]
+        groups = [p.frames for p in (*self.forces, *self.control, *self.closures)]
         groups += [e.frames for e in self.events] + [o.frames for o in self.outputs.values()]
         return tuple(dict.fromkeys(name for group in groups for name in group))
 
@@ -145,7 +148,8 @@ class Scene:
         """
         places = {source: k for k, source in enumerate(self.signal_sources)}
         targets = [[name, parameter.sets] for name, parameter in self.parameters.items()]
-        parts = [self.forces, self.control, targets, self.events, list(self.outputs.values())]
+        baumgarte = bool(self.closures) and self.settings.stabilisation.kind == "baumgarte"
+        parts = [baumgarte, self.closures, self.forces, self.control, targets, self.events, list(self.outputs.values())]
         return json.dumps(_content(parts, places))
 
 
@@ -168,16 +172,17 @@ def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> S
     card = card if like is None else like.card
     if motion_of is None:
         motion_of = cache(lambda name: card.motion(robot, name))
+    closures = read_closures(read, robot, card.motions, motion_of)
     forces = read_forces(read, robot)
     control = read_control(read, robot, card.motions, motion_of)
     initial = read_initial(read, robot, card.motions)
-    parts: tuple[Part, ...] = (*forces, *control)
+    parts: tuple[Part, ...] = (*forces, *control, *closures)
     parameters = read_parameters(read, robot, parts)
     events = read_events(read, robot, parameters)
     outputs = read_outputs(read, robot, parameters, parts)
     settings = read_settings(read.mapping("simulate", {}))
     read.done()
-    return Scene(card, robot, forces, control, initial, parameters, events, outputs, settings, motion_of, data)
+    return Scene(card, robot, closures, forces, control, initial, parameters, events, outputs, settings, motion_of, data)
 
 
 def _content(value: Any, places: Mapping[SignalSource, int]) -> Any:

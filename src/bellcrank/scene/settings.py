@@ -14,6 +14,17 @@ FINEST_RTOL = 1e-13  # below this the error estimate is rounding noise
 
 
 @dataclass(frozen=True)
+class Stabilisation:
+    """How closures are kept from drifting: kind "projection" (back onto them after each step), "baumgarte" with gains
+    alpha and beta (1/s), or "none".
+    """
+
+    kind: str = "projection"
+    alpha: float = 0.0
+    beta: float = 0.0
+
+
+@dataclass(frozen=True)
 class Settings:
     """Solver settings, checked.
 
@@ -31,6 +42,7 @@ class Settings:
     max_step: float | None = None
     samples: int = 1001
     max_evaluations: int = 10**8
+    stabilisation: Stabilisation = Stabilisation()
 
     def __post_init__(self) -> None:
         if self.solver not in SOLVERS:

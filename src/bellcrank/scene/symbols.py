@@ -72,6 +72,16 @@ class Symbols:
 
         return casadi.vertcat(casadi.SX(0, 1), *self._groups.values())
 
+    @property
+    def signal_rates(self) -> casadi.SX:
+        """du/dt (nu): a value's is its first derivative, and so on; that of the last derivative is left out, as 0."""
+        import casadi
+
+        rates = [casadi.SX(0, 1)]
+        for source, u in self._groups.items():
+            rates += [u[source.width :], casadi.SX.zeros(source.width, 1)]
+        return casadi.vertcat(*rates)
+
     def signal(self, source: SignalSource) -> casadi.SX:
         """A signal's entries of u, (width, derivatives + 1): values, then derivatives, column by column."""
         import casadi

@@ -89,6 +89,10 @@ def _integrate(
     x0[: system.nq], x0[system.nq : system.nq + system.nv] = q0, v0
     implicit = settings.solver == "Radau"
     staged = not implicit and system.size <= LARGEST_STAGED
+    closed = bool(scene.closures)
+    projected = closed and settings.stabilisation.kind == "projection"
+    if closed and settings.stabilisation.kind == "baumgarte":
+        p = np.append(p, [settings.stabilisation.alpha, settings.stabilisation.beta])
     result = integrate(
         (system.stage if staged else system.rhs).address("scalar"),
         settings.solver,
@@ -116,6 +120,10 @@ def _integrate(
         max_evaluations=settings.max_evaluations,
         progress=progress,
         staged=staged,
+        fallback=(system.fallback_stage if staged else system.fallback).address("scalar") if closed else 0,
+        project_position=system.project_position.address("scalar") if projected else 0,
+        project_velocity=system.project_velocity.address("scalar") if projected else 0,
+        nq=system.nq,
     )
     status = tuple(Status)[result.status]
     if status is Status.NON_FINITE and result.accepted == 0:

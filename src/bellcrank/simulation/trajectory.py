@@ -137,8 +137,15 @@ class Trajectory:
 
     @property
     def multipliers(self) -> Array:
-        """Lagrange multipliers (n, constraints); a tree has none."""
-        return np.zeros((len(self.time), 0))
+        """Lagrange multipliers (n, rows), N or N m, as `system.multiplier_names` names them; a tree has none."""
+        return self._closure[0]
+
+    @cached_property
+    def _closure(self) -> tuple[Array, ...]:
+        if not self.scene.closures:
+            none = np.zeros((len(self.time), 0))
+            return none, none, none
+        return tuple(self.scene.system.closure(*self._arguments))
 
     @property
     def outputs(self) -> Mapping[str, Array]:
@@ -198,15 +205,16 @@ class Trajectory:
         return _share(np.abs(residual).max(), max(np.abs(self.torque).max(), np.abs(bias).max()))
 
     def constraint_residual(self) -> float:
-        """The largest violation of what the state must keep: here the unit length of quaternions."""
+        """The largest violation of what positions must keep: closures (m or rad) and the unit length of rotations."""
         from bellcrank.simulation.simulate import unit_parts
 
         parts = [self.state[:, first : first + length] for first, length in unit_parts(self.scene)]
-        return max((float(np.abs(np.linalg.norm(x, axis=1) - 1.0).max()) for x in parts), default=0.0)
+        apart = float(np.abs(self._closure[1]).max(initial=0.0))
+        return max([apart, *(float(np.abs(np.linalg.norm(x, axis=1) - 1.0).max()) for x in parts)])
 
     def velocity_residual(self) -> float:
-        """The largest violation of a velocity constraint; a tree has none."""
-        return 0.0
+        """The largest violation of a velocity constraint, m/s or rad/s: φ̇ and ψ of closures; a tree has none."""
+        return float(np.abs(self._closure[2]).max(initial=0.0))
 
     def error_estimate(self) -> float:
         """How far the positions may be off (rad or m): the largest difference, on the same times, from a run with a

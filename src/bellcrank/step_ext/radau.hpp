@@ -85,7 +85,7 @@ class Radau {
       }
       const double careful = safety * (2 * most_iterations + 1) / (2 * most_iterations + newton.iterations);
       const double factor = careful * predicted(h, error);
-      rhs_.normalise(x_);
+      rhs_.settle(end, x_);
       if (error <= 1 && slope(x_, end, slopes_)) {
         accept(end, h, error, planned, factor, newton, end == bound && !again);
         return Outcome::accepted;
@@ -109,7 +109,7 @@ class Radau {
     }
     if (!newton.converged) return give_up(newton.bad ? Outcome::non_finite : Outcome::too_small);
     for (int i = 0; i < n_; ++i) x_[i] = old_[i] + z_[2 * n_ + i];
-    rhs_.normalise(x_);
+    rhs_.settle(end, x_);
     if (!slope(x_, end, slopes_)) return give_up(Outcome::non_finite);
     keep_dense(h);
     std::memcpy(f_, slopes_, n_ * sizeof(double));
@@ -123,7 +123,7 @@ class Radau {
   void sketch(double s, double* x) { interpolate(s, x); }
   void interpolate(double s, double* x) {
     for (int i = 0; i < n_; ++i) x[i] = base_[i] + polynomial(s, i);
-    rhs_.normalise(x);
+    rhs_.settle(dense_t_ + s * dense_h_, x);
   }
 
   // The step once more with another size, from the same start and with the same Jacobian.
@@ -131,7 +131,7 @@ class Radau {
     extrapolate(h, 0);
     if (!factors(h) || !iterate_fully(h, base_).converged) return false;
     for (int i = 0; i < n_; ++i) x[i] = base_[i] + z_[2 * n_ + i];
-    rhs_.normalise(x);
+    rhs_.settle(t_old + h, x);
     return true;
   }
 

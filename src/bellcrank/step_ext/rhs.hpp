@@ -39,7 +39,7 @@ inline double spacing(double t) { return std::nextafter(std::fabs(t), INFINITY) 
 class Rhs {
  public:
   explicit Rhs(const Problem& problem)
-      : problem(problem), u_(problem.signal_entries), rest_(problem.n), piece_(problem.signal_count) {}
+      : problem(problem), u_(problem.signal_entries), rest_(problem.n), correction_(problem.n), piece_(problem.signal_count) {}
 
   const Problem& problem;
   std::int64_t evaluations = 0;
@@ -70,7 +70,31 @@ class Rhs {
   std::int32_t operator()(In& in, double t, double* const* out) {
     in.time = smaller(t, latest);
     if (problem.signal_count) signals(in.time);
-    return problem.rhs(in.pointers, out);
+    if (!problem.fallback) return problem.rhs(in.pointers, out);
+    double guard = 0;
+    double* const both[2] = {*out, &guard};
+    const std::int32_t status = problem.rhs(in.pointers, both);
+    return guard > 0 ? status : problem.fallback(in.pointers, out);
+  }
+
+  // What a state must keep: unit parts unit, and closures closed where they are projected.
+  void settle(double t, double* x) {
+    normalise(x);
+    if (!problem.project_position) return;
+    if (problem.signal_count) signals(smaller(t, latest));
+    const double* in[] = {&t, x, u_, problem.p};
+    double gap = 0, before = INFINITY;
+    double* out[] = {correction_, &gap};
+    // Newton's method: below `nearly` one more correction is exact to rounding
+    for (int i = 0; i < most_corrections && problem.project_position(in, out) == 0; ++i) {
+      if (gap <= closed || !(gap < 0.5 * before)) break;
+      for (int k = 0; k < problem.nq; ++k) x[k] += correction_[k];
+      normalise(x);
+      if (gap <= nearly) break;
+      before = gap;
+    }
+    if (problem.project_velocity(in, out) == 0)
+      for (int k = 0; k < problem.nv; ++k) x[problem.nq + k] += correction_[k];
   }
 
   // Parts that should be unit vectors are made so, unless they are to the last digit.
@@ -86,7 +110,10 @@ class Rhs {
   }
 
  private:
-  Buffer u_, rest_;
+  static constexpr int most_corrections = 8;
+  static constexpr double closed = 1e-14, nearly = 1e-8;  // m or rad
+
+  Buffer u_, rest_, correction_;
   Array<int> piece_;  // piece: -1 before the breaks, `pieces` after them
 
   static int piece(const Signal& s, double t, int guess) {

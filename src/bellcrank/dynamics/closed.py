@@ -1,0 +1,196 @@
+"""Constrained equations of motion: closures differentiated, and solved for accelerations and multipliers.
+
+With φ(q, t) = 0 (holonomic rows) and ψ(q, v, t) = 0 (non-holonomic ones), J = ∂(φ̇, ψ)/∂v and γ = what is left of
+(φ̈, ψ̇) at v̇ = 0,
+
+    M v̇ = f + Jᵀ λ,    J v̇ = −γ − 2 α (φ̇, ψ) − β² (φ, 0),
+
+α and β being Baumgarte's gains (0 without them). Sources: J. Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972); A.
+Ghosal, NPTEL 2022, lecture 18.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.constraints.constraint import Constraint
+from bellcrank.constraints.kkt import Factor, proximal
+from bellcrank.errors import InputError
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.robot.robot import Robot
+    from bellcrank.scene.scene import Scene
+    from bellcrank.scene.symbols import Symbols
+
+Array = NDArray[np.float64]
+DEAD = 1e-12  # of the largest entry of J: a row below it does not depend on the joints
+IMPOSSIBLE = 1e-9  # m or rad that such a row may be apart
+
+REFINEMENTS = 3  # passes of the proximal solve after the first
+REGULARISATION = 1e-10  # μ, as a share of a row's own J M⁻¹ Jᵀ (M by its diagonal)
+NEAR_SINGULAR = 1e-6  # a pivot below this share of it calls for the proximal solve
+
+
+@dataclass(frozen=True)
+class Closed:
+    """A scene's constraints as expressions: φ (h), φ̇ (h), ψ (k), J (h + k, nv), γ (h + k), and ∂φ/∂t (h).
+
+    `kept` says which rows of the constraints, in their order (all φ, then all ψ), these are.
+    """
+
+    position: casadi.SX
+    rate: casadi.SX
+    velocity: casadi.SX
+    jacobian: casadi.SX
+    drift: casadi.SX
+    explicit_rate: casadi.SX
+    kept: tuple[int, ...]
+
+    @property
+    def speed(self) -> casadi.SX:
+        """(φ̇, ψ), which must vanish."""
+        import casadi
+
+        return casadi.vertcat(self.rate, self.velocity)
+
+    def required(self, alpha: casadi.SX | float, beta: casadi.SX | float) -> casadi.SX:
+        """What J v̇ must be, with Baumgarte's terms."""
+        import casadi
+
+        gap = casadi.vertcat(self.position, casadi.SX(self.velocity.size1(), 1))
+        return -self.drift - 2.0 * alpha * self.speed - beta * beta * gap
+
+    def power(self, multipliers: casadi.SX) -> casadi.SX:
+        """The power of closures that move with time: v·Jᵀλ = −λ·φ_t on φ̇ = 0."""
+        import casadi
+
+        return -casadi.dot(multipliers[: self.position.size1()], self.explicit_rate)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Accelerations and multipliers by two solves, and the means to choose and to project.
+
+    The proximal one holds where rows depend on each other, or nearly, and gives the least multipliers in the metric of
+    the rows' own scale; the plain one costs less, and holds while `guard` is positive. `project_position` (nv) is the
+    displacement, in the metric of M, that takes φ to 0 to first order, and `project_velocity` (nv) the change of v that
+    takes (φ̇, ψ) to 0.
+    """
+
+    closed: Closed
+    acceleration: casadi.SX
+    multipliers: casadi.SX
+    plain_acceleration: casadi.SX
+    plain_multipliers: casadi.SX
+    guard: casadi.SX
+    project_position: casadi.SX
+    project_velocity: casadi.SX
+
+
+def solve(mass: casadi.SX, closed: Closed, force: casadi.SX, gains: casadi.SX) -> Solution:
+    """Solve the constrained equations; `gains` is (α, β), or empty without Baumgarte's terms."""
+    import casadi
+
+    jacobian = closed.jacobian
+    weights = 1.0 / casadi.diag(mass)
+    scale = casadi.sparsify((jacobian * jacobian) @ weights)
+    plain = Factor(mass, jacobian, casadi.SX(jacobian.size1(), 1))
+    regular = Factor(mass, jacobian, REGULARISATION * scale)
+    right = closed.required(*casadi.vertsplit(gains)) if gains.numel() else closed.required(0.0, 0.0)
+    guard = casadi.SX(1.0)
+    for place, k in enumerate(plain.order):
+        if k >= plain.n:
+            guard = casadi.fmin(guard, -plain.pivots[place] - NEAR_SINGULAR * scale[k - plain.n])
+    still = casadi.SX(mass.size1(), 1)
+    h = closed.position.size1()
+    holonomic = regular if h == jacobian.size1() else Factor(mass, jacobian[:h, :], REGULARISATION * scale[:h])
+    return Solution(
+        closed, *proximal(regular, force, right, REFINEMENTS), *plain.solve(force, right), guard,
+        proximal(holonomic, still, -closed.position, REFINEMENTS)[0],
+        proximal(regular, still, -closed.speed, REFINEMENTS)[0],
+    )  # fmt: skip
+
+
+def rows_that_bind(scene: Scene, s: Symbols) -> tuple[int, ...]:
+    """The rows of a scene's closures (all φ, then all ψ) that say anything, by their Jacobians at random postures.
+
+    A planar loop's row across the plane is 0 = 0 and is left out. Raises InputError where such a row cannot hold.
+    """
+    import casadi
+
+    whole = close(scene.closures, None, s)
+    gap = casadi.vertcat(whole.position, whole.velocity)
+    f = casadi.Function("rows", [s.q, s.v, s.t, s.u, s.p], [casadi.densify(whole.jacobian), casadi.densify(gap)])
+    random = np.random.default_rng(0)
+    jacobians, gaps = [], []
+    for _ in range(8):
+        q = random_posture(scene.robot, random)
+        j, g = f(q, np.zeros(scene.robot.nv), 0.0, random.normal(size=s.u.numel()), scene.parameter_values)
+        jacobians.append(np.abs(np.array(j)).max(axis=1, initial=0.0))
+        gaps.append(np.array(g).ravel())
+    size, residual = np.max(jacobians, axis=0), np.array(gaps)
+    binds = size > DEAD * max(float(size.max(initial=0.0)), 1e-300)
+    for k in np.flatnonzero(~binds):
+        if np.abs(residual[:, k]).max() > IMPOSSIBLE:
+            name, label = row_names(scene.closures, s)[k]
+            raise InputError(
+                f"{scene.source}: closures: '{name}' cannot close: its row {label} is {residual[0, k]:.6g} apart "
+                "whatever the joints do; move one of its frames, or take a kind of closure with fewer rows"
+            )
+    return tuple(np.flatnonzero(binds).tolist())
+
+
+def row_names(constraints: Sequence[Constraint], s: Symbols) -> list[tuple[str, str]]:
+    """(closure, what its multiplier is) of every row, all φ and then all ψ."""
+    position, velocity = [], []
+    for constraint in constraints:
+        h = constraint.residual(s).position.size1()
+        names = [(constraint.name, label) for label in constraint.labels(s.robot)]
+        position += names[:h]
+        velocity += names[h:]
+    return position + velocity
+
+
+def random_posture(robot: Robot, random: np.random.Generator) -> Array:
+    """A position (nq,) with every joint within 1.5 rad or m of its zero, and unit rotations."""
+    q = robot.neutral + random.uniform(-1.5, 1.5, robot.nq)
+    for j in robot.joints:
+        part = {"floating": slice(j.q + 3, j.q + 7), "planar": slice(j.q + 2, j.q + 4)}.get(j.kind)
+        if part is not None:
+            q[part] /= np.linalg.norm(q[part])
+    return q
+
+
+def close(constraints: Sequence[Constraint], rows: Sequence[int] | None, s: Symbols) -> Closed:
+    """Differentiate constraints; `rows` are those to keep of all φ and then all ψ, all of them where it is None."""
+    import casadi
+
+    residuals = [constraint.residual(s) for constraint in constraints]
+    position = casadi.vertcat(casadi.SX(0, 1), *[r.position for r in residuals])
+    velocity = casadi.vertcat(casadi.SX(0, 1), *[r.velocity for r in residuals])
+    h = position.size1()
+    kept = tuple(range(h + velocity.size1()) if rows is None else rows)
+    position, velocity = position[[k for k in kept if k < h]], velocity[[k - h for k in kept if k >= h]]
+    rate = _flow(position, s)
+    speed = casadi.vertcat(rate, velocity)
+    still = casadi.SX.zeros(s.v.size1(), 1)
+    return Closed(
+        position, rate, velocity, casadi.sparsify(casadi.jacobian(speed, s.v)), _flow(speed, s),
+        casadi.sparsify(casadi.substitute(rate, s.v, still)), kept,
+    )  # fmt: skip
+
+
+def _flow(expression: casadi.SX, s: Symbols) -> casadi.SX:
+    """The time derivative along q̇ = E(q) v at constant v, time and signals moving on."""
+    import casadi
+
+    q_rate = s.algorithm("configuration_rate")(s.q, s.v)
+    inputs, rates = casadi.vertcat(s.q, s.t, s.u), casadi.vertcat(q_rate, 1.0, s.signal_rates)
+    return casadi.jtimes(expression, inputs, rates)
