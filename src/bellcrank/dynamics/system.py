@@ -141,6 +141,18 @@ class System:
 
         return self._compiled("closure", build)
 
+    @cached_property
+    def linearised(self) -> Compiled:
+        """(t, x, u, p) -> φ, (φ̇, ψ), and J column after column."""
+
+        def build() -> casadi.Function:
+            solution = self.assembly.solution
+            assert solution is not None
+            c = solution.closed
+            return self._state_function("linearised", [c.position, c.speed, _dense(c.jacobian)])
+
+        return self._compiled("linearised", build)
+
     @property
     def multiplier_names(self) -> tuple[tuple[str, str], ...]:
         """(closure, what it is) of each multiplier."""

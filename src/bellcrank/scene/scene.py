@@ -92,7 +92,12 @@ class Scene:
     def start(self) -> tuple[Array, Array]:
         """Position (nq,) and velocity (nv,) at time 0, a free base's velocity in its own frame."""
         name = self.initial.motion
-        return self.initial.state(self.robot, None if name is None else self.motion(name))
+        q, v = self.initial.state(self.robot, None if name is None else self.motion(name))
+        if not self.closures:
+            return q, v
+        from bellcrank.constraints.start import consistent_start
+
+        return consistent_start(self, q, v, *self.initial.held(self.robot))
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
@@ -103,6 +108,13 @@ class Scene:
     def parameter_values(self) -> Array:
         """The values of the parameters (np,), in SI units."""
         return np.array([parameter.value for parameter in self.parameters.values()], dtype=np.float64)
+
+    @property
+    def system_parameters(self) -> Array:
+        """The parameters p of the equations: the scene's, and Baumgarte's gains where they are used."""
+        s = self.settings.stabilisation
+        gains = [s.alpha, s.beta] if self.closures and s.kind == "baumgarte" else []
+        return np.append(self.parameter_values, gains)
 
     # ---- signals
 

@@ -83,7 +83,7 @@ def simulate(
 def _integrate(
     scene: Scene, settings: Settings, times: Array, every_step: bool, progress: Callable[[float], None] | None
 ) -> Trajectory:
-    system, signals, p = scene.system, scene.signals, scene.parameter_values
+    system, signals, p = scene.system, scene.signals, scene.system_parameters
     x0 = np.zeros(system.size)
     q0, v0 = scene.start
     x0[: system.nq], x0[system.nq : system.nq + system.nv] = q0, v0
@@ -91,8 +91,6 @@ def _integrate(
     staged = not implicit and system.size <= LARGEST_STAGED
     closed = bool(scene.closures)
     projected = closed and settings.stabilisation.kind == "projection"
-    if closed and settings.stabilisation.kind == "baumgarte":
-        p = np.append(p, [settings.stabilisation.alpha, settings.stabilisation.beta])
     result = integrate(
         (system.stage if staged else system.rhs).address("scalar"),
         settings.solver,
