@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
@@ -22,11 +22,16 @@ WORLD = "world"
 
 @dataclass(frozen=True)
 class Loop(Constraint):
-    """A constraint between two frames; `frame_b: world` is a frame fixed at `point` (m), with the world's axes."""
+    """A constraint between two frames; `frame_b: world` is a frame fixed at `point` (m), with the world's axes.
+
+    `at_a` and `at_b` place the sides in their frames: origin (3) m, then rotation (9) row by row; None: as they are.
+    """
 
     frame_a: str
     frame_b: str
     point: tuple[float, ...]
+    at_a: tuple[float, ...] | None = field(default=None, kw_only=True)
+    at_b: tuple[float, ...] | None = field(default=None, kw_only=True)
 
     @property
     def frames(self) -> tuple[str, ...]:
@@ -44,11 +49,11 @@ class Loop(Constraint):
 
         from bellcrank.scene.symbols import FrameSymbols
 
-        a = symbols.frame(self.frame_a)
+        a = _placed(symbols.frame(self.frame_a), self.at_a)
         if self.frame_b != WORLD:
-            return a, symbols.frame(self.frame_b)
+            return a, _placed(symbols.frame(self.frame_b), self.at_b)
         rest = casadi.SX(3, 1)
-        return a, FrameSymbols(self.vector(symbols, "point"), casadi.SX.eye(3), rest, rest)
+        return a, _placed(FrameSymbols(self.vector(symbols, "point"), casadi.SX.eye(3), rest, rest), self.at_b)
 
 
 def read_sides(read: Fields, robot: Robot) -> tuple[str, str, tuple[float, ...]]:
@@ -190,6 +195,17 @@ def perpendicular(axis: tuple[float, ...]) -> tuple[tuple[float, ...], tuple[flo
     first = np.cross(np.eye(3)[int(np.argmin(np.abs(k)))], k)
     first /= np.linalg.norm(first)
     return tuple(first.tolist()), tuple(np.cross(k, first).tolist())
+
+
+def _placed(frame: FrameSymbols, at: tuple[float, ...] | None) -> FrameSymbols:
+    if at is None:
+        return frame
+    import casadi
+
+    arm = frame.rotation @ casadi.SX(casadi.sparsify(casadi.DM(at[:3])))
+    turn = casadi.SX(casadi.sparsify(casadi.DM(np.array(at[3:]).reshape(3, 3))))
+    linear = frame.linear + casadi.cross(frame.angular, arm)
+    return type(frame)(frame.position + arm, frame.rotation @ turn, linear, frame.angular)
 
 
 def _none() -> casadi.SX:

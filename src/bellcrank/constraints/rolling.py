@@ -12,6 +12,8 @@ from bellcrank.robot.robot import Robot
 from bellcrank.scene.part import read_frame
 
 if TYPE_CHECKING:
+    import casadi
+
     from bellcrank.scene.symbols import Symbols
 
 
@@ -23,8 +25,9 @@ class RollingDisk(Constraint):
     unit `normal` n and lies `height` (m) along it. With n⊥ = n − (n·a) a and s = |n⊥|, the rim's lowest point is
     c − r n⊥/s. φ = c·n − height − r s keeps it on the plane (holonomic); ψ, the components of its velocity
     v + ω × (−r n⊥/s) along two directions t₁, t₂ of the plane, keep it from slipping (non-holonomic). The multipliers
-    are the normal force and the components of friction that the plane exerts on the disk, N. Source: A. Ghosal, NPTEL
-    2022, lecture 18, for the velocity condition.
+    are the normal force and the components of friction that the plane exerts on the disk, N. A plane cannot pull, so
+    the run ends where the normal force passes zero, unless `two_sided` says that it may, as a rail does. Source: A.
+    Ghosal, NPTEL 2022, lecture 18, for the velocity condition.
     """
 
     frame: str
@@ -32,6 +35,7 @@ class RollingDisk(Constraint):
     axis: tuple[float, ...]
     normal: tuple[float, ...]
     height: float
+    two_sided: bool
     kind: ClassVar[str] = "rolling_disk"
 
     @classmethod
@@ -40,7 +44,7 @@ class RollingDisk(Constraint):
         axis = read_direction(read, "axis", (0.0, 1.0, 0.0))
         normal = read_direction(read, "normal", (0.0, 0.0, 1.0))
         radius, height = read.number("radius", "m", positive=True), read.number("height", "m", 0.0)
-        return cls(name, read, read_frame(read, robot), radius, axis, normal, height)
+        return cls(name, read, read_frame(read, robot), radius, axis, normal, height, read.flag("two_sided", False))
 
     @property
     def units(self) -> dict[str, str]:
@@ -58,14 +62,26 @@ class RollingDisk(Constraint):
 
         disk, n = symbols.frame(self.frame), casadi.DM(self.normal)
         radius, height = self.value(symbols, "radius"), self.value(symbols, "height")
-        a = disk.rotation @ casadi.DM(self.axis)
-        up = n - casadi.dot(n, a) * a
-        steepness = casadi.sqrt(casadi.dot(up, up))
+        up, steepness = self._up(symbols)
         slip = disk.linear + casadi.cross(disk.angular, -radius / steepness * up)
         along = [casadi.dot(casadi.DM(t), slip) for t in perpendicular(self.normal)]
         gap = casadi.dot(n, disk.position) - height - radius * steepness
         return Residual(gap, casadi.vertcat(*along))
 
+    def contact_point(self, symbols: Symbols) -> casadi.SX:
+        """The rim's lowest point (3) m in the world."""
+        up, steepness = self._up(symbols)
+        return symbols.frame(self.frame).position - self.value(symbols, "radius") / steepness * up
+
     def labels(self, robot: Robot) -> tuple[str, ...]:
         """Normal force and friction, from the plane on the disk."""
         return ("normal [N]", "friction 1 [N]", "friction 2 [N]")
+
+    def _up(self, symbols: Symbols) -> tuple[casadi.SX, casadi.SX]:
+        """n⊥ and its length s."""
+        import casadi
+
+        n = casadi.DM(self.normal)
+        a = symbols.frame(self.frame).rotation @ casadi.DM(self.axis)
+        up = n - casadi.dot(n, a) * a
+        return up, casadi.sqrt(casadi.dot(up, up))

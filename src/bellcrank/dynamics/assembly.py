@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from bellcrank.dynamics.closed import Solution, close, rows_that_bind, solve
+from bellcrank.dynamics.reactions import Reactions
+from bellcrank.dynamics.roots import mass_matrix
 from bellcrank.scene.symbols import Symbols
 
 if TYPE_CHECKING:
@@ -116,8 +118,7 @@ def assemble(scene: Scene) -> Assembly:
     solution, reaction, plain_power = None, casadi.SX(robot.nv, 1), power
     if scene.closures:
         closed = close(scene.closures, rows_that_bind(scene, s), s)
-        mass = casadi.reshape(s.algorithm("mass_matrix")(s.q, s.tracer_parameters), robot.nv, robot.nv)
-        solution = solve(casadi.sparsify(mass), closed, torque - bias, gains)
+        solution = solve(mass_matrix(s), closed, torque - bias, gains)
         acceleration, reaction = solution.acceleration, closed.jacobian.T @ solution.multipliers
         power, plain_power = power + closed.power(solution.multipliers), power + closed.power(solution.plain_multipliers)
     else:
@@ -128,7 +129,11 @@ def assemble(scene: Scene) -> Assembly:
     residual = newton_euler(s.q, s.v, acceleration, s.tracer_parameters) - torque - reaction
     s.joint_torque = torque
     s.kinetic, s.potential = energy[0], energy[1] + potential
+    if solution is not None:
+        s.reactions = Reactions(scene.closures, solution, solution.multipliers, s)
     outputs = {name: output.apply(s) for name, output in scene.outputs.items()}
+    if solution is not None:
+        s.reactions = Reactions(scene.closures, solution, solution.quick_multipliers, s)
     events = casadi.vertcat(*[event.apply(s) for event in scene.events])
     return Assembly(
         s.t, s.q, s.v, s.u, casadi.vertcat(s.p, gains), s.algorithm("configuration_rate")(s.q, s.v), acceleration, actuator, passive, power, plain_power,

@@ -13,13 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.constraints.constraint import Constraint
 from bellcrank.constraints.kkt import Factor, proximal
+from bellcrank.dynamics.roots import Turning
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,16 +34,26 @@ Array = NDArray[np.float64]
 DEAD = 1e-12  # of the largest entry of J: a row below it does not depend on the joints
 IMPOSSIBLE = 1e-9  # m or rad that such a row may be apart
 
-REFINEMENTS = 3  # passes of the proximal solve after the first
-REGULARISATION = 1e-10  # μ, as a share of a row's own J M⁻¹ Jᵀ (M by its diagonal)
-NEAR_SINGULAR = 1e-6  # a pivot below this share of it calls for the proximal solve
+REFINEMENTS = 3  # passes of the proximal solve after the first; what they leave of a regular row is μ⁴
+PROJECTING = 1  # the same for projections, whose corrections are small
+REGULARISATION = 1e-9  # μ, as a share of a row's J M⁻¹ Jᵀ
+LEAST = 1e-16  # the same at rest where the row vanishes
+NEAR_SINGULAR = 1e-4  # a pivot below this share of its usual value calls for the proximal solve
+
+
+class Rows(NamedTuple):
+    """The rows of constraints that bind, and for each its usual J M⁻¹ Jᵀ (a power of ten)."""
+
+    kept: tuple[int, ...]
+    scale: tuple[float, ...]
 
 
 @dataclass(frozen=True)
 class Closed:
-    """A scene's constraints as expressions: φ (h), φ̇ (h), ψ (k), J (h + k, nv), γ (h + k), and ∂φ/∂t (h).
+    """A scene's constraints as expressions: φ (h), φ̇ (h), ψ (k), J (h + k, nv), γ (h + k), and ∂φ/∂t (h), all
+    linear or quadratic in the velocities v (nv).
 
-    `kept` says which rows of the constraints, in their order (all φ, then all ψ), these are.
+    `rows` says which of the constraints' rows (all φ, then all ψ) these are.
     """
 
     position: casadi.SX
@@ -51,7 +62,13 @@ class Closed:
     jacobian: casadi.SX
     drift: casadi.SX
     explicit_rate: casadi.SX
-    kept: tuple[int, ...]
+    v: casadi.SX
+    rows: Rows
+
+    @property
+    def kept(self) -> tuple[int, ...]:
+        """The numbers of its rows among all φ and then all ψ."""
+        return self.rows.kept
 
     @property
     def speed(self) -> casadi.SX:
@@ -68,10 +85,10 @@ class Closed:
         return -self.drift - 2.0 * alpha * self.speed - beta * beta * gap
 
     def power(self, multipliers: casadi.SX) -> casadi.SX:
-        """The power of closures that move with time: v·Jᵀλ = −λ·φ_t on φ̇ = 0."""
+        """The power of closures that move with time: v·Jᵀλ = −λ·(φ_t, ψ at rest) on φ̇ = 0, ψ = 0."""
         import casadi
 
-        return -casadi.dot(multipliers[: self.position.size1()], self.explicit_rate)
+        return -casadi.dot(multipliers, self.explicit_rate)
 
 
 @dataclass(frozen=True)
@@ -85,6 +102,9 @@ class Solution:
     """
 
     closed: Closed
+    mass: casadi.SX
+    regular: Factor
+    quick_multipliers: casadi.SX  # by one pass of the proximal solve: right to 1e-9, for events
     acceleration: casadi.SX
     multipliers: casadi.SX
     plain_acceleration: casadi.SX
@@ -98,27 +118,42 @@ def solve(mass: casadi.SX, closed: Closed, force: casadi.SX, gains: casadi.SX) -
     """Solve the constrained equations; `gains` is (α, β), or empty without Baumgarte's terms."""
     import casadi
 
-    jacobian = closed.jacobian
-    weights = 1.0 / casadi.diag(mass)
-    scale = casadi.sparsify((jacobian * jacobian) @ weights)
+    jacobian, usual = closed.jacobian, casadi.DM(closed.rows.scale)
     plain = Factor(mass, jacobian, casadi.SX(jacobian.size1(), 1))
-    regular = Factor(mass, jacobian, REGULARISATION * scale)
+    mu = regularisation(mass, closed)
+    regular = Factor(mass, jacobian, mu)
     right = closed.required(*casadi.vertsplit(gains)) if gains.numel() else closed.required(0.0, 0.0)
     guard = casadi.SX(1.0)
     for place, k in enumerate(plain.order):
         if k >= plain.n:
-            guard = casadi.fmin(guard, -plain.pivots[place] - NEAR_SINGULAR * scale[k - plain.n])
+            guard = casadi.fmin(guard, -plain.pivots[place] - NEAR_SINGULAR * usual[k - plain.n])
     still = casadi.SX(mass.size1(), 1)
     h = closed.position.size1()
-    holonomic = regular if h == jacobian.size1() else Factor(mass, jacobian[:h, :], REGULARISATION * scale[:h])
+    holonomic = regular if h == jacobian.size1() else Factor(mass, jacobian[:h, :], mu[:h])
     return Solution(
-        closed, *proximal(regular, force, right, REFINEMENTS), *plain.solve(force, right), guard,
-        proximal(holonomic, still, -closed.position, REFINEMENTS)[0],
-        proximal(regular, still, -closed.speed, REFINEMENTS)[0],
+        closed, mass, regular, regular.solve(force, right)[1], *proximal(regular, force, right, REFINEMENTS), *plain.solve(force, right), guard,
+        proximal(holonomic, still, -closed.position, PROJECTING)[0],
+        proximal(regular, still, -closed.speed, PROJECTING)[0],
     )  # fmt: skip
 
 
-def rows_that_bind(scene: Scene, s: Symbols) -> tuple[int, ...]:
+def regularisation(mass: casadi.SX, closed: Closed) -> casadi.SX:
+    """μ (rows): a share of each row's J M⁻¹ Jᵀ as it is, M by its diagonal, and of the usual one where the linkage moves.
+
+    At distance x from a posture in which J loses rank (a linkage that lies flat loses whole rows) the equations are as
+    good as anywhere at rest, but a motion at speed w amplifies what rounding leaves by w/x²; there a share of the usual
+    value ends the amplification, and inertia carries the motion through. w² is bounded by the usual value times twice
+    the kinetic energy; 1 m/s, or 1 rad/s, counts as moving.
+    """
+    import casadi
+
+    usual = casadi.DM(closed.rows.scale)
+    now = casadi.sparsify((closed.jacobian * closed.jacobian) @ (1.0 / casadi.diag(mass)))
+    speed = usual * casadi.dot(closed.v, mass @ closed.v)
+    return REGULARISATION * (now + usual * speed / (1.0 + speed)) + LEAST * usual
+
+
+def rows_that_bind(scene: Scene, s: Symbols) -> Rows:
     """The rows of a scene's closures (all φ, then all ψ) that say anything, by their Jacobians at random postures.
 
     A planar loop's row across the plane is 0 = 0 and is left out. Raises InputError where such a row cannot hold.
@@ -127,14 +162,18 @@ def rows_that_bind(scene: Scene, s: Symbols) -> tuple[int, ...]:
 
     whole = close(scene.closures, None, s)
     gap = casadi.vertcat(whole.position, whole.velocity)
-    f = casadi.Function("rows", [s.q, s.v, s.t, s.u, s.p], [casadi.densify(whole.jacobian), casadi.densify(gap)])
+    mass = s.algorithm("mass_matrix")(s.q, s.tracer_parameters)
+    outputs = [casadi.densify(x) for x in (whole.jacobian, gap, casadi.reshape(mass, scene.robot.nv, scene.robot.nv))]
+    f = casadi.Function("rows", [s.q, s.v, s.t, s.u, s.p], outputs)
     random = np.random.default_rng(0)
-    jacobians, gaps = [], []
+    jacobians, gaps, scales = [], [], []
     for _ in range(8):
         q = random_posture(scene.robot, random)
-        j, g = f(q, np.zeros(scene.robot.nv), 0.0, random.normal(size=s.u.numel()), scene.parameter_values)
-        jacobians.append(np.abs(np.array(j)).max(axis=1, initial=0.0))
-        gaps.append(np.array(g).ravel())
+        given = (q, np.zeros(scene.robot.nv), 0.0, random.normal(size=s.u.numel()), scene.parameter_values)
+        j, g, m = (np.array(x) for x in f(*given))
+        jacobians.append(np.abs(j).max(axis=1, initial=0.0))
+        gaps.append(g.ravel())
+        scales.append((j * np.linalg.lstsq(m, j.T, rcond=None)[0].T).sum(axis=1))
     size, residual = np.max(jacobians, axis=0), np.array(gaps)
     binds = size > DEAD * max(float(size.max(initial=0.0)), 1e-300)
     for k in np.flatnonzero(~binds):
@@ -144,7 +183,8 @@ def rows_that_bind(scene: Scene, s: Symbols) -> tuple[int, ...]:
                 f"{scene.source}: closures: '{name}' cannot close: its row {label} is {residual[0, k]:.6g} apart "
                 "whatever the joints do; move one of its frames, or take a kind of closure with fewer rows"
             )
-    return tuple(np.flatnonzero(binds).tolist())
+    scale = 10.0 ** np.round(np.log10(np.max(scales, axis=0)[binds]))  # rounded: not to change with every parameter
+    return Rows(tuple(np.flatnonzero(binds).tolist()), tuple(scale.tolist()))
 
 
 def row_names(constraints: Sequence[Constraint], s: Symbols) -> list[tuple[str, str]]:
@@ -168,29 +208,34 @@ def random_posture(robot: Robot, random: np.random.Generator) -> Array:
     return q
 
 
-def close(constraints: Sequence[Constraint], rows: Sequence[int] | None, s: Symbols) -> Closed:
+def close(constraints: Sequence[Constraint], rows: Rows | None, s: Symbols) -> Closed:
     """Differentiate constraints; `rows` are those to keep of all φ and then all ψ, all of them where it is None."""
     import casadi
 
+    if s.robot.floating_base:
+        s = Turning(s)
     residuals = [constraint.residual(s) for constraint in constraints]
     position = casadi.vertcat(casadi.SX(0, 1), *[r.position for r in residuals])
     velocity = casadi.vertcat(casadi.SX(0, 1), *[r.velocity for r in residuals])
     h = position.size1()
-    kept = tuple(range(h + velocity.size1()) if rows is None else rows)
+    if rows is None:
+        rows = Rows(tuple(range(h + velocity.size1())), (1.0,) * (h + velocity.size1()))
+    kept = rows.kept
     position, velocity = position[[k for k in kept if k < h]], velocity[[k - h for k in kept if k >= h]]
-    rate = _flow(position, s)
+    rate = flow(position, s)
     speed = casadi.vertcat(rate, velocity)
     still = casadi.SX.zeros(s.v.size1(), 1)
-    return Closed(
-        position, rate, velocity, casadi.sparsify(casadi.jacobian(speed, s.v)), _flow(speed, s),
-        casadi.sparsify(casadi.substitute(rate, s.v, still)), kept,
-    )  # fmt: skip
+    parts = [position, rate, velocity, casadi.jacobian(speed, s.v), flow(speed, s), casadi.substitute(speed, s.v, still)]
+    return Closed(*[s.expand(part) if isinstance(s, Turning) else part for part in parts], rows)
 
 
-def _flow(expression: casadi.SX, s: Symbols) -> casadi.SX:
+def flow(expression: casadi.SX, s: Symbols) -> casadi.SX:
     """The time derivative along q̇ = E(q) v at constant v, time and signals moving on."""
     import casadi
 
     q_rate = s.algorithm("configuration_rate")(s.q, s.v)
     inputs, rates = casadi.vertcat(s.q, s.t, s.u), casadi.vertcat(q_rate, 1.0, s.signal_rates)
+    if isinstance(s, Turning):
+        rates[:3] = s.turn @ s.v[:3]
+        inputs, rates = casadi.vertcat(inputs, casadi.vec(s.turn)), casadi.vertcat(rates, casadi.vec(s.turn_rate))
     return casadi.jtimes(expression, inputs, rates)

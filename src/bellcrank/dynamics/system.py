@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from bellcrank.dynamics.assembly import Assembly, assemble
 from bellcrank.dynamics.closed import row_names
+from bellcrank.dynamics.latch import latch
 from bellcrank.machine_code import cache as disk
 from bellcrank.machine_code.compile import Compiled, sources
 
@@ -152,6 +153,25 @@ class System:
             return self._state_function("linearised", [c.position, c.speed, _dense(c.jacobian)])
 
         return self._compiled("linearised", build)
+
+    @cached_property
+    def metric(self) -> Compiled:
+        """(t, x, u, p) -> J and M column after column."""
+
+        def build() -> casadi.Function:
+            solution = self.assembly.solution
+            assert solution is not None
+            return self._state_function("metric", [_dense(solution.closed.jacobian), _dense(solution.mass)])
+
+        return self._compiled("metric", build)
+
+    def latch(self, k: int) -> Compiled:
+        """(t, x, u, p) -> what happens where the lock of event k closes (dynamics/latch.py)."""
+
+        def build() -> casadi.Function:
+            return self._state_function("latch", latch(self._scene.events[k], self.assembly))
+
+        return self._compiled(f"latch {k}", build)
 
     @property
     def multiplier_names(self) -> tuple[tuple[str, str], ...]:

@@ -2,7 +2,7 @@
 
 parameters: {crank_length: {value: 1.241, sets: [joint.coupler.origin.x]}}. A target is one of trace.setting's
 (joint.NAME.origin.x, link.NAME.mass, …), frame.NAME.origin.x (y, z, roll, pitch, yaw) of a frame that the card adds,
-or force.NAME.FIELD, control.NAME.FIELD. The value has the unit of its targets.
+or force.NAME.FIELD, control.NAME.FIELD, closure.NAME.FIELD. The value has the unit of its targets.
 """
 
 from __future__ import annotations
@@ -102,7 +102,8 @@ def _resolve(target: str, robot: Robot, parts: Sequence[Part]) -> tuple[str, tup
     try:
         frame, what = setting(tree, target)
     except InputError as error:
-        others = "; or force.NAME.FIELD, control.NAME.FIELD, frame.NAME.origin.x" if "cannot set" in str(error) else ""
+        others = "force.NAME.FIELD, control.NAME.FIELD, closure.NAME.FIELD, frame.NAME.origin.x"
+        others = f"; or {others}" if "cannot set" in str(error) else ""
         raise InputError(f"{error}{others}") from None
     return _tracer_unit(what), (frame, what)
 

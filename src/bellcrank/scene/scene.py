@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,7 @@ from bellcrank.card.fields import Fields
 from bellcrank.card.yaml_file import read_yaml
 from bellcrank.constraints.closures import read_closures
 from bellcrank.constraints.constraint import Constraint
+from bellcrank.constraints.formula import Own, own_constraint
 from bellcrank.dynamics.signals import Signal, values_at
 from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.control import Controller, read_control
@@ -38,6 +39,7 @@ from bellcrank.scene.signal_source import SignalSource
 if TYPE_CHECKING:
     from bellcrank.dynamics.system import System
     from bellcrank.motion.motion import Motion
+    from bellcrank.scene.symbols import Symbols
 
 Array = NDArray[np.float64]
 
@@ -86,7 +88,18 @@ class Scene:
         def own(mapping: Mapping[str, Any]) -> dict[str, Any]:
             return {key: plain(value) for key, value in mapping.items() if key not in SCENE_KEYS}
 
-        return _read(data, self.source, self if own(data) == own(self.marked_data) else None)
+        changed = _read(data, self.source, self if own(data) == own(self.marked_data) else None)
+        mine = tuple(closure for closure in self.closures if isinstance(closure, Own))
+        return replace(changed, closures=(*changed.closures, *mine)) if mine else changed
+
+    def with_constraint(self, function: Callable[[Symbols], Any], name: str = "own", unit: str = "1") -> Scene:
+        """The scene with a constraint of your own: `function` takes Symbols (joints, frames, t, q, v, parameters) and
+        gives casadi expressions that stay zero, each in `unit`: of positions, or linear in velocities.
+
+        The run of such a scene cannot be saved, since no file holds the function. Raises InputError where it gives
+        something else.
+        """
+        return replace(self, closures=(*self.closures, own_constraint(self, name, function, unit)))
 
     @cached_property
     def start(self) -> tuple[Array, Array]:
@@ -190,7 +203,7 @@ def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> S
     initial = read_initial(read, robot, card.motions)
     parts: tuple[Part, ...] = (*forces, *control, *closures)
     parameters = read_parameters(read, robot, parts)
-    events = read_events(read, robot, parameters)
+    events = read_events(read, robot, parameters, closures)
     outputs = read_outputs(read, robot, parameters, parts)
     settings = read_settings(read.mapping("simulate", {}))
     read.done()

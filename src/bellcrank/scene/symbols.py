@@ -12,6 +12,7 @@ from bellcrank.trace import trace_tree
 if TYPE_CHECKING:
     import casadi
 
+    from bellcrank.dynamics.reactions import Reactions
     from bellcrank.robot.robot import Robot, RobotJoint
     from bellcrank.scene.parameters import Parameter
     from bellcrank.scene.signal_source import SignalSource
@@ -48,6 +49,7 @@ class Symbols:
     joint_torque: casadi.SX
     kinetic: casadi.SX
     potential: casadi.SX
+    reactions: Reactions  # of a scene with closures
 
     def __init__(self, robot: Robot, parameters: Mapping[str, Parameter] | None = None, frames: Iterable[str] = ()):
         import casadi

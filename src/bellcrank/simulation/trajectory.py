@@ -18,13 +18,14 @@ from numpy.typing import NDArray
 from bellcrank._step import methods
 from bellcrank.dynamics.signals import Signal, values_at
 from bellcrank.errors import InputError, among
-from bellcrank.simulation.record import Event, FrameHistory, JointHistory, Statistics
+from bellcrank.simulation.record import ClosureHistory, Event, FrameHistory, JointHistory, Statistics
 from bellcrank.simulation.status import Status
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
     from bellcrank.scene.settings import Settings
+    from bellcrank.simulation.closure_rank import ClosureRank
 
 Array = NDArray[np.float64]
 
@@ -146,6 +147,25 @@ class Trajectory:
             none = np.zeros((len(self.time), 0))
             return none, none, none
         return tuple(self.scene.system.closure(*self._arguments))
+
+    def closure(self, name: str) -> ClosureHistory:
+        """What one closure did, in the rows that bind. Raises InputError with what there is."""
+        names = [closure.name for closure in self.scene.closures]
+        if name not in names:
+            raise InputError(f"{self.scene.name}: {among('closure', name, names)}")
+        rows = [k for k, (owner, _) in enumerate(self.scene.system.multiplier_names) if owner == name]
+        multipliers, gap, speed = self._closure
+        holonomic = [k for k in rows if k < gap.shape[1]]
+        return ClosureHistory(
+            tuple(self.scene.system.multiplier_names[k][1] for k in rows), multipliers[:, rows],
+            np.abs(gap[:, holonomic]).max(axis=1, initial=0.0), np.abs(speed[:, rows]).max(axis=1, initial=0.0),
+        )  # fmt: skip
+
+    def closure_rank(self, row: int = -1) -> ClosureRank:
+        """How well the closures hold at a row of the run: singular values, rank, and which multipliers are unique."""
+        from bellcrank.simulation.closure_rank import rank_of
+
+        return rank_of(self.scene.system, *(a if a.ndim == 1 else a[row] for a in self._arguments))
 
     @property
     def outputs(self) -> Mapping[str, Array]:

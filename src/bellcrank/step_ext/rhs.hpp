@@ -87,7 +87,7 @@ class Rhs {
     double* out[] = {correction_, &gap};
     // Newton's method: below `nearly` one more correction is exact to rounding
     for (int i = 0; i < most_corrections && problem.project_position(in, out) == 0; ++i) {
-      if (gap <= closed || !(gap < 0.5 * before)) break;
+      if (!(gap > 0) || !(gap < 0.5 * before)) break;
       for (int k = 0; k < problem.nq; ++k) x[k] += correction_[k];
       normalise(x);
       if (gap <= nearly) break;
@@ -111,7 +111,7 @@ class Rhs {
 
  private:
   static constexpr int most_corrections = 8;
-  static constexpr double closed = 1e-14, nearly = 1e-8;  // m or rad
+  static constexpr double nearly = 1e-8;  // m or rad
 
   Buffer u_, rest_, correction_;
   Array<int> piece_;  // piece: -1 before the breaks, `pieces` after them
