@@ -83,11 +83,17 @@ def integrate(
     max_evaluations: int,
     progress: Callable[[float], object] | None,
     staged: bool = False,
+    fallback: int = 0,
+    project_position: int = 0,
+    project_velocity: int = 0,
+    nq: int = 0,
 ) -> StepResult:
     """Step x' = rhs(t, x, u, p) from t0 to t1 (s); ValueError where arguments do not fit together.
 
     `step` > 0 fixes the step size; otherwise the error of the first `norm_size` entries is kept below
     atol + rtol |x|, as SciPy's solve_ivp does. `unit`: (start, length) parts of x that stay unit vectors.
     A `staged` right-hand side takes (t, x, u, p, k, s) and is that at x + s k (up to 16 states, not for Radau).
+    `fallback` takes over where a second output of `rhs`, a guard, is not positive. The projections, (t, x, u, p) -> a
+    correction of the first `nq` entries, or of the next, and its size, are applied to every state that is handed on.
     `signals`: (breaks (m + 1,), coefficients (m, powers, width), derivatives, kinked) pieces of u.
     """

@@ -15,6 +15,7 @@ from bellcrank.errors import BellcrankError
 _COMMANDS = {
     "size": "size the motors of a robot over its motions",
     "simulate": "integrate a scene's motion, and certify it",
+    "sweep": "run a scene for many values of its parameters",
     "verify": "compare compiled equations with a textbook's",
     "check": "say what is wrong with a URDF before it bites",
     "robots": "list the robots and cards that can be named",

@@ -3,8 +3,9 @@ drives it.
 
 Keys: name, urdf (a path beside the card, or the name of a robot), gravity (m/s²), floating_base, friction
 ("urdf", "none" or {joint: {viscous, coulomb}}), payloads [{mass, frame, cg, inertia}], frames {name: {link,
-xyz, rpy}}, motions (see motions.py) and drives {joint: {…}} (see drive.py). A scene's keys (see scene/scene.py) may
-stand in the same file; sizing passes over them.
+xyz, rpy}}, motions (see motions.py), drives {joint: {…}} (see drive.py) and, for a robot whose loops are closed,
+actuated, the list of joints with motors (left out: those with drives). A scene's keys (see scene/scene.py) may stand in
+the same file; sizing takes closures and the start from them, and passes over the others.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
 CARD_KEYS = (
-    "name", "urdf", "gravity", "floating_base", "friction", "payloads", "frames", "motions", "drives",
+    "name", "urdf", "gravity", "floating_base", "friction", "payloads", "frames", "motions", "drives", "actuated",
 )  # fmt: skip
-SCENE_KEYS = ("forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate")
+SCENE_KEYS = ("closures", "forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate")
 
 Frame = tuple[str, tuple[float, ...], tuple[float, ...]]
 
@@ -48,6 +49,7 @@ class Card:
     frames: Mapping[str, Frame] = field(default_factory=dict)
     motions: Mapping[str, MotionEntry] = field(default_factory=dict)
     drives: Mapping[str, Drive] = field(default_factory=dict)
+    actuated: tuple[str, ...] = ()
 
     def robot(self, extra_payloads: Iterable[Payload] = ()) -> Robot:
         """The robot with its mounting, payloads, frames and the drives' reflected inertias; InputError."""
@@ -135,7 +137,10 @@ def card_from_fields(fields: Fields, path: Path) -> Card:
     check_references(entries)
     drives = fields.mapping("drives", {})
     motors = {joint: drive_from_fields(drives.mapping(joint)) for joint in drives}
-    return Card(name, path, urdf, gravity, floating, friction, payloads, frames, entries, motors)
+    actuated = fields.raw("actuated", ())
+    if not isinstance(actuated, (list, tuple)) or not all(isinstance(joint, str) for joint in actuated):
+        raise fields.error("actuated", "expected a list of joints, such as [crank]")
+    return Card(name, path, urdf, gravity, floating, friction, payloads, frames, entries, motors, tuple(actuated))
 
 
 def _is_file(path: Path) -> bool:

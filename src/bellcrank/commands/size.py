@@ -49,6 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Size a robot; 0 where all limits are kept, 1 where one is exceeded. BellcrankError for bad input."""
     from bellcrank.card.card import load_card
     from bellcrank.sizing.history import write_histories
+    from bellcrank.sizing.linkage import linkage_of
     from bellcrank.sizing.report import earlier_files, remove_stale, write_reports
     from bellcrank.sizing.size import size
     from bellcrank.sizing.table import table, verdict
@@ -62,7 +63,11 @@ def run(arguments: argparse.Namespace) -> int:
     tolerance = parse_share(arguments.mass_tolerance)
     card = load_card(arguments.robot)
     robot = card.robot(payloads)
-    motions = chosen_motions(card, robot, arguments.motion)
+    linkage = linkage_of(card, robot)
+    if linkage is None:
+        motions = chosen_motions(card, robot, arguments.motion)
+    else:
+        robot, motions = linkage, [linkage.motion(name) for name in _names(card, arguments.motion)]
     sizing = replace(size(robot, motions, card.drives, tolerance), robot=card.name)
     folder = arguments.out or Path(f"{Path(arguments.robot).stem}_sizing")
     print(table(sizing))
@@ -83,14 +88,16 @@ def run(arguments: argparse.Namespace) -> int:
 def chosen_motions(card: Card, robot: Robot, names: list[str]) -> list[Motion]:
     """The motions named on the command line: of the card, or CSV files; all of the card's where none is
     named."""
-    if not names:
-        if not card.motions:
-            raise InputError(
-                f"{card.source}: there is no motion to size over; name a CSV file with --motion FILE, "
-                "or write a robot card with motions"
-            )
-        return [card.motion(robot, name) for name in card.motions]
-    return [_motion(card, robot, name) for name in names]
+    return [_motion(card, robot, name) for name in _names(card, names)]
+
+
+def _names(card: Card, names: list[str]) -> list[str]:
+    if not names and not card.motions:
+        raise InputError(
+            f"{card.source}: there is no motion to size over; name a CSV file with --motion FILE, "
+            "or write a robot card with motions"
+        )
+    return names or list(card.motions)
 
 
 def _motion(card: Card, robot: Robot, name: str) -> Motion:

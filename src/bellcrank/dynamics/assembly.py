@@ -5,7 +5,8 @@ and friction. With τ the sum of the joint forces of the scene,
 
     q̇ = E(q) v,    v̇ = M(q)⁻¹ (τ − bias(q, v)) by the articulated-body algorithm,    Ẇ = power.
 
-Source: Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 7, by Pinocchio.
+Closures add their multipliers (closed.py). Source: Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 7, by
+Pinocchio.
 """
 
 from __future__ import annotations
@@ -13,6 +14,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from bellcrank.dynamics.closed import Solution, close, rows_that_bind, solve
+from bellcrank.dynamics.reactions import Reactions
+from bellcrank.dynamics.roots import mass_matrix
 from bellcrank.scene.symbols import Symbols
 
 if TYPE_CHECKING:
@@ -26,7 +30,8 @@ class Assembly:
     """Expressions over time t, position q, velocity v, signals u and parameters p (SI units, N m and N for forces).
 
     `actuator` and `passive` (nv) are the joint forces of motors (torques, control) and of everything else (springs,
-    dampers, friction, wrenches); `power` (W) is what enters `work`; `outputs` are column vectors by name.
+    dampers, friction, wrenches); `power` (W) is what enters `work`, and `plain_power` the same by the plain solve of
+    closures; `outputs` are column vectors by name.
     """
 
     t: casadi.SX
@@ -39,6 +44,7 @@ class Assembly:
     actuator: casadi.SX
     passive: casadi.SX
     power: casadi.SX
+    plain_power: casadi.SX
     kinetic: casadi.SX
     potential: casadi.SX
     residual: casadi.SX
@@ -47,6 +53,7 @@ class Assembly:
     events: casadi.SX
     work: casadi.SX
     symbols: Symbols
+    solution: Solution | None = None  # of a scene with closures
 
     @property
     def has_work(self) -> bool:
@@ -63,10 +70,19 @@ class Assembly:
     @property
     def state_rate(self) -> casadi.SX:
         """dx/dt."""
+        return self._rate(self.acceleration, self.power)
+
+    @property
+    def plain_state_rate(self) -> casadi.SX:
+        """dx/dt by the plain solve, for a scene with closures."""
+        assert self.solution is not None
+        return self._rate(self.solution.plain_acceleration, self.plain_power)
+
+    def _rate(self, acceleration: casadi.SX, power: casadi.SX) -> casadi.SX:
         import casadi
 
-        both = casadi.vertcat(self.rate, self.acceleration)
-        return casadi.vertcat(both, self.power) if self.has_work else both
+        both = casadi.vertcat(self.rate, acceleration)
+        return casadi.vertcat(both, power) if self.has_work else both
 
     def frame(self, name: str) -> casadi.SX:
         """A frame's position 3, rotation 9 (row major), linear and angular velocity 3 each, world axes."""
@@ -96,18 +112,30 @@ def assemble(scene: Scene) -> Assembly:
     passive -= friction
     power -= casadi.dot(friction, s.v)
     torque = actuator + passive
-    acceleration = s.algorithm("forward_dynamics")(s.q, s.v, torque, s.tracer_parameters)
+    newton_euler = s.algorithm("inverse_dynamics")
+    bias = newton_euler(s.q, s.v, casadi.SX(robot.nv, 1), s.tracer_parameters)
+    gains = casadi.SX.sym("gains", 2 if scene.settings.stabilisation.kind == "baumgarte" else 0)
+    solution, reaction, plain_power = None, casadi.SX(robot.nv, 1), power
+    if scene.closures:
+        closed = close(scene.closures, rows_that_bind(scene, s), s)
+        solution = solve(mass_matrix(s), closed, torque - bias, gains)
+        acceleration, reaction = solution.acceleration, closed.jacobian.T @ solution.multipliers
+        power, plain_power = power + closed.power(solution.multipliers), power + closed.power(solution.plain_multipliers)
+    else:
+        acceleration = s.algorithm("forward_dynamics")(s.q, s.v, torque, s.tracer_parameters)
     s.acceleration = acceleration
     energy = s.algorithm("energy")(s.q, s.v, s.tracer_parameters)
     # the other route to the same accelerations: recursive Newton-Euler gives back the torque
-    newton_euler = s.algorithm("inverse_dynamics")
-    residual = newton_euler(s.q, s.v, acceleration, s.tracer_parameters) - torque
-    bias = newton_euler(s.q, s.v, casadi.SX(robot.nv, 1), s.tracer_parameters)
+    residual = newton_euler(s.q, s.v, acceleration, s.tracer_parameters) - torque - reaction
     s.joint_torque = torque
     s.kinetic, s.potential = energy[0], energy[1] + potential
+    if solution is not None:
+        s.reactions = Reactions(scene.closures, solution, solution.multipliers, s)
     outputs = {name: output.apply(s) for name, output in scene.outputs.items()}
+    if solution is not None:
+        s.reactions = Reactions(scene.closures, solution, solution.quick_multipliers, s)
     events = casadi.vertcat(*[event.apply(s) for event in scene.events])
     return Assembly(
-        s.t, s.q, s.v, s.u, s.p, s.algorithm("configuration_rate")(s.q, s.v), acceleration, actuator, passive, power,
-        energy[0], energy[1] + potential, residual, bias, outputs, casadi.SX(events), casadi.SX.sym("W"), s,
+        s.t, s.q, s.v, s.u, casadi.vertcat(s.p, gains), s.algorithm("configuration_rate")(s.q, s.v), acceleration, actuator, passive, power, plain_power,
+        energy[0], energy[1] + potential, residual, bias, outputs, casadi.SX(events), casadi.SX.sym("W"), s, solution,
     )  # fmt: skip

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.dynamics.assembly import Assembly, assemble
+from bellcrank.dynamics.closed import row_names
+from bellcrank.dynamics.latch import latch
 from bellcrank.machine_code import cache as disk
 from bellcrank.machine_code.compile import Compiled, sources
 
@@ -47,8 +49,11 @@ class System:
     def _find_facts(self) -> dict[str, Any]:
         a = self.assembly
         rhs = self._state_function("rhs", [a.state_rate])
+        solution = a.solution
+        rows = [] if solution is None else row_names(self._scene.closures, a.symbols)
         facts = {
             "has_work": a.has_work,
+            "rows": [rows[k] for k in solution.closed.kept] if solution is not None else [],
             "operations": rhs.n_instructions(),
             "outputs": {name: expression.numel() for name, expression in a.outputs.items()},
         }
@@ -62,21 +67,116 @@ class System:
 
     @cached_property
     def rhs(self) -> Compiled:
-        """(t, x, u, p) -> dx/dt."""
-        return self._compiled("rhs", lambda: self._state_function("rhs", [self.assembly.state_rate]))
+        """(t, x, u, p) -> dx/dt; with closures by the plain solve, and a guard, which is positive where that holds."""
+        return self._compiled("rhs", lambda: self._state_function("rhs", self._rates()))
+
+    def _rates(self) -> list[casadi.SX]:
+        a = self.assembly
+        return [a.state_rate] if a.solution is None else [a.plain_state_rate, a.solution.guard]
 
     @cached_property
     def stage(self) -> Compiled:
         """(t, x, u, p, k, s) -> dx/dt at x + s k: a stage of a step that takes its newest slope as it comes."""
 
         def build() -> casadi.Function:
-            import casadi
-
-            a, f = self.assembly, self._state_function("f", [self.assembly.state_rate])
-            x, k, s = casadi.SX.sym("x", self.size), casadi.SX.sym("k", self.size), casadi.SX.sym("s")
-            return casadi.Function("stage", [a.t, x, a.u, a.p, k, s], [f(a.t, x + s * k, a.u, a.p)])
+            return self._staged("stage", self._rates())
 
         return self._compiled("stage", build)
+
+    @cached_property
+    def fallback(self) -> Compiled:
+        """(t, x, u, p) -> dx/dt by the proximal solve, which also holds where closures depend on each other."""
+        return self._compiled("fallback", lambda: self._state_function("fallback", [self.assembly.state_rate]))
+
+    @cached_property
+    def fallback_stage(self) -> Compiled:
+        """The same at x + s k."""
+        return self._compiled("fallback stage", lambda: self._staged("fallback_stage", [self.assembly.state_rate]))
+
+    def _staged(self, name: str, outputs: list[casadi.SX]) -> casadi.Function:
+        import casadi
+
+        a, f = self.assembly, self._state_function("f", outputs)
+        x, k, s = casadi.SX.sym("x", self.size), casadi.SX.sym("k", self.size), casadi.SX.sym("s")
+        return casadi.Function(name, [a.t, x, a.u, a.p, k, s], f.call([a.t, x + s * k, a.u, a.p]))
+
+    @cached_property
+    def project_position(self) -> Compiled:
+        """(t, x, u, p) -> the correction of q that closes φ to first order, and the largest |φ|."""
+
+        def build() -> casadi.Function:
+            import casadi
+
+            a = self.assembly
+            assert a.solution is not None
+            rate = a.symbols.algorithm("configuration_rate")
+            step = rate(a.q, a.solution.project_position)
+            return self._state_function("project_position", [step, casadi.norm_inf(a.solution.closed.position)])
+
+        return self._compiled("project position", build)
+
+    @cached_property
+    def project_velocity(self) -> Compiled:
+        """(t, x, u, p) -> the correction of v that makes φ̇ and ψ zero, and the largest of them."""
+
+        def build() -> casadi.Function:
+            import casadi
+
+            solution = self.assembly.solution
+            assert solution is not None
+            return self._state_function(
+                "project_velocity", [solution.project_velocity, casadi.norm_inf(solution.closed.speed)]
+            )
+
+        return self._compiled("project velocity", build)
+
+    @cached_property
+    def closure(self) -> Compiled:
+        """(t, x, u, p) -> multipliers, φ, and (φ̇, ψ), of the rows that bind."""
+
+        def build() -> casadi.Function:
+            solution = self.assembly.solution
+            assert solution is not None
+            c = solution.closed
+            return self._state_function("closure", [solution.multipliers, c.position, c.speed])
+
+        return self._compiled("closure", build)
+
+    @cached_property
+    def linearised(self) -> Compiled:
+        """(t, x, u, p) -> φ, (φ̇, ψ), and J column after column."""
+
+        def build() -> casadi.Function:
+            solution = self.assembly.solution
+            assert solution is not None
+            c = solution.closed
+            return self._state_function("linearised", [c.position, c.speed, _dense(c.jacobian)])
+
+        return self._compiled("linearised", build)
+
+    @cached_property
+    def metric(self) -> Compiled:
+        """(t, x, u, p) -> J and M column after column."""
+
+        def build() -> casadi.Function:
+            solution = self.assembly.solution
+            assert solution is not None
+            return self._state_function("metric", [_dense(solution.closed.jacobian), _dense(solution.mass)])
+
+        return self._compiled("metric", build)
+
+    def latch(self, k: int) -> Compiled:
+        """(t, x, u, p) -> what happens where the lock of event k closes (dynamics/latch.py)."""
+
+        def build() -> casadi.Function:
+            return self._state_function("latch", latch(self._scene.events[k], self.assembly))
+
+        return self._compiled(f"latch {k}", build)
+
+    @property
+    def multiplier_names(self) -> tuple[tuple[str, str], ...]:
+        """(closure, what it is) of each multiplier."""
+        return tuple((name, label) for name, label in self._facts["rows"])
 
     @cached_property
     def observation(self) -> Compiled:

@@ -1,29 +1,44 @@
 """The events of a scene: moments at which a condition's function passes zero.
 
-Each entry of the list `events` is {name, when: {joint, position | velocity} or {expression}, direction: up | down |
-any, stop}: a joint reaches a position or velocity, or a formula (expression.py) becomes zero. `direction` is the sign
-of the function's change (default any); `stop: true` ends the run there.
+Each entry of the list `events` is {name, when, direction: up | down | any, stop, latch}. `when` is one of {joint,
+position | velocity}, {expression}, {aligned: {joint_a, joint_b}}, {singular_closure: THRESHOLD}, {contact_lost:
+CLOSURE} and {friction_demand: {closure, limit}} (closure_conditions.py). `direction` is the sign of the function's
+change (default any; what is lost or demanded has its own); `stop: true` ends the run there. `latch: true` ends it too,
+with a plastic impact: the position reached is locked from then on, and the event tells velocities after, impulse and
+energy lost. Every rolling disk ends the run where contact is lost, unless it is `two_sided` or an event says otherwise.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from bellcrank.card.fields import Fields
+from bellcrank.constraints.constraint import Constraint
+from bellcrank.constraints.rolling import RollingDisk
 from bellcrank.errors import InputError
 from bellcrank.robot.robot import Robot, RobotJoint
+from bellcrank.scene.closure_conditions import (
+    Aligned,
+    Condition,
+    ContactLost,
+    FrictionDemand,
+    SingularClosure,
+    read_aligned,
+    read_contact,
+    read_singular,
+)
 from bellcrank.scene.expression import Expression, parse_expression
 from bellcrank.scene.part import joint_unit, read_joint
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import casadi
 
     from bellcrank.scene.symbols import Symbols
 
 DIRECTIONS: Final = {"up": 1, "down": -1, "any": 0}
+CONDITIONS: Final = ("joint", "expression", "aligned", "singular_closure", "contact_lost", "friction_demand")
 
 
 @dataclass(frozen=True)
@@ -47,35 +62,64 @@ class JointReaches:
 
 @dataclass(frozen=True)
 class EventRule:
-    """A named condition; direction +1 (rising), −1 (falling) or 0; `stop`: it ends the run."""
+    """A named condition; direction +1 (rising), −1 (falling) or 0; `stop`: it ends the run; `latch`: with an impact
+    that locks it.
+    """
 
     name: str
-    when: JointReaches | Expression
+    when: Condition
     direction: int
     stop: bool
+    latch: bool = False
 
     @property
     def frames(self) -> tuple[str, ...]:
         """The frames it uses."""
         return self.when.frames
 
+    @property
+    def impulse_unit(self) -> str:
+        """The unit of the impulse by which a latch locks it."""
+        if isinstance(self.when, JointReaches):
+            return f"{joint_unit(self.when.joint, 'torque')} s"
+        return "N m s" if isinstance(self.when, Aligned) else "J s per unit of the expression"
+
     def apply(self, symbols: Symbols) -> casadi.SX:
         """The function g(t, x, u, p) whose zero is the event."""
         return self.when.apply(symbols)
 
 
-def read_events(read: Fields, robot: Robot, parameters: Mapping[str, Any]) -> tuple[EventRule, ...]:
-    """The list `events` of a scene; InputError naming file and key."""
+def read_events(
+    read: Fields, robot: Robot, parameters: Mapping[str, Any], closures: Sequence[Constraint] = ()
+) -> tuple[EventRule, ...]:
+    """The list `events` of a scene, and the loss of contacts; InputError naming file and key."""
     events: list[EventRule] = []
     for entry in read.mappings("events"):
         name = entry.text("name")
         if name in [event.name for event in events]:
             raise entry.error("name", f"the name '{name}' is taken by another event")
-        when = _read_condition(entry.mapping("when"), robot, parameters)
-        direction = DIRECTIONS[entry.choice("direction", tuple(DIRECTIONS), "any")]
-        events.append(EventRule(name, when, direction, entry.flag("stop", False)))
+        when = _read_condition(entry.mapping("when"), robot, parameters, closures)
+        usual = {ContactLost: "down", SingularClosure: "down", FrictionDemand: "up"}.get(type(when), "any")
+        direction = DIRECTIONS[entry.choice("direction", tuple(DIRECTIONS), usual)]
+        latch = entry.flag("latch", False)
+        if latch and isinstance(when, (ContactLost, FrictionDemand, SingularClosure)):
+            raise entry.error(
+                "latch", "a latch locks a position that is reached: a joint's, an expression's or aligned"
+            )
+        if latch and isinstance(when, JointReaches) and when.what == "velocity":
+            raise entry.error("latch", "a latch locks a position that is reached, not a velocity")
+        if latch and not entry.flag("stop", True):
+            raise entry.error("stop", "a latch ends the run; take stop: false away")
+        events.append(EventRule(name, when, direction, entry.flag("stop", latch), latch))
         entry.done()
-    return tuple(events)
+    return (*events, *_contacts(closures, events))
+
+
+def _contacts(closures: Sequence[Constraint], events: Sequence[EventRule]) -> list[EventRule]:
+    """The events that end a run where a plane would have to pull."""
+    disks = [closure.name for closure in closures if isinstance(closure, RollingDisk) and not closure.two_sided]
+    told = {event.when.closure for event in events if isinstance(event.when, ContactLost)}
+    return [EventRule(f"{name} contact lost", ContactLost(name), -1, True) for name in disks if name not in told]
 
 
 def read_expression(read: Fields, robot: Robot, parameters: Mapping[str, Any]) -> Expression:
@@ -88,18 +132,38 @@ def read_expression(read: Fields, robot: Robot, parameters: Mapping[str, Any]) -
         raise read.error("expression", str(error)) from None
 
 
-def _read_condition(read: Fields, robot: Robot, parameters: Mapping[str, Any]) -> JointReaches | Expression:
-    read.known("joint", "position", "velocity", "expression")
-    if "expression" in read:
-        condition: JointReaches | Expression = read_expression(read, robot, parameters)
-        if "joint" in read:
-            raise read.error("joint", "expected a joint or an expression, found both")
+def _read_condition(
+    read: Fields, robot: Robot, parameters: Mapping[str, Any], closures: Sequence[Constraint]
+) -> Condition:
+    read.known(*CONDITIONS, "position", "velocity")
+    there = [key for key in CONDITIONS if key in read]
+    if there == ["expression"]:
+        condition: Condition = read_expression(read, robot, parameters)
+    elif there == ["aligned"]:
+        condition = read_aligned(read.mapping("aligned"), robot, closures)
+    elif there == ["singular_closure"]:
+        condition = read_singular(read, closures)
+    elif there == ["contact_lost"]:
+        condition = ContactLost(read_contact(read, "contact_lost", closures))
+    elif there == ["friction_demand"]:
+        demand = read.mapping("friction_demand")
+        limit = demand.number("limit", "", positive=True)
+        condition = FrictionDemand(read_contact(demand, "closure", closures), limit)
+        demand.done()
+    elif "joint" in there and "expression" in there:
+        raise read.error("joint", "expected a joint or an expression, found both")
+    elif len(there) > 1:
+        raise read.error(there[1], f"expected one condition, found {' and '.join(there)}")
     else:
-        joint = read_joint(read, robot)
-        if ("position" in read) == ("velocity" in read):
-            found = "both" if "position" in read else "neither"
-            raise read.error("", f"expected the 'position' or the 'velocity' that the joint reaches, found {found}")
-        what = "position" if "position" in read else "velocity"
-        condition = JointReaches(joint, what, read.number(what, joint_unit(joint, what)))
+        condition = _read_joint_condition(read, robot)
     read.done()
     return condition
+
+
+def _read_joint_condition(read: Fields, robot: Robot) -> JointReaches:
+    joint = read_joint(read, robot)
+    if ("position" in read) == ("velocity" in read):
+        found = "both" if "position" in read else "neither"
+        raise read.error("", f"expected the 'position' or the 'velocity' that the joint reaches, found {found}")
+    what = "position" if "position" in read else "velocity"
+    return JointReaches(joint, what, read.number(what, joint_unit(joint, what)))

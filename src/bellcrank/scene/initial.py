@@ -39,6 +39,7 @@ class BaseStart:
     linear_velocity: tuple[float, ...] = (0.0, 0.0, 0.0)
     angular_velocity: tuple[float, ...] = (0.0, 0.0, 0.0)
     expressed_in: str = "world"
+    given: tuple[str, ...] = ()  # the keys that were written
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,23 @@ class Initial:
                 linear, angular = turn.T @ linear, turn.T @ angular
             q[:3], q[3:7] = self.base.position, self.base.quaternion_xyzw
             v[:3], v[3:6] = linear, angular
+        return q, v
+
+
+    def held(self, robot: Robot) -> tuple[Array, Array]:
+        """Which degrees of freedom (nv) keep their position, and which their velocity, on the way to closures.
+
+        Those that were written as plain values; a free base's by the keys that were written.
+        """
+        q, v = np.zeros(robot.nv, dtype=bool), np.zeros(robot.nv, dtype=bool)
+        for name in self.position:
+            q[robot.joint(name).v] = name not in self.guesses
+        for name in self.velocity:
+            v[robot.joint(name).v] = True
+        if self.base is not None:
+            given = self.base.given
+            q[:3], q[3:6] = "position" in given, "rpy" in given or "quaternion_xyzw" in given
+            v[:3], v[3:6] = "linear_velocity" in given, "angular_velocity" in given
         return q, v
 
 
@@ -131,6 +149,7 @@ def _read_base(read: Fields, robot: Robot) -> BaseStart | None:
         base.vector("linear_velocity", 3, "m/s", none),
         base.vector("angular_velocity", 3, "rad/s", none),
         base.choice("expressed_in", ("world", "body"), "world"),
+        tuple(base.keys()),
     )
     base.done()
     return start

@@ -2,9 +2,11 @@
 
 outputs: {NAME: …} with one of {frame, what: position | velocity | rotation | angular_velocity} (world axes), {joint,
 what: position | velocity | acceleration | torque}, {energy: kinetic | potential | total}, {momentum: linear | angular}
-(of a robot with a free base; angular about the world's origin), {force: NAME} and {expression, unit} (expression.py).
-The force of a name is a force's or controller's generalised force at its joints, positive along their coordinates, so
-that a stretched joint_spring's is negative; a spring's tension, positive where it pulls; a wrench in world axes.
+(of a robot with a free base; angular about the world's origin), {force: NAME}, {closure: NAME, what: multipliers |
+contact_point | friction_demand} (its multipliers, forces on the body of its first frame; of a rolling disk the contact's
+place in the world, and friction over normal force) and {expression, unit} (expression.py). The force of a name is a
+force's or controller's generalised force at its joints, positive along their coordinates, so that a stretched
+joint_spring's is negative; a spring's tension, positive where it pulls; a wrench in world axes.
 """
 
 from __future__ import annotations
@@ -14,6 +16,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from bellcrank.card.fields import Fields
+from bellcrank.constraints.constraint import Constraint
+from bellcrank.constraints.rolling import RollingDisk
 from bellcrank.errors import among
 from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.events import read_expression
@@ -33,6 +37,7 @@ FRAME_LABELS: Final = {
 }
 JOINT_WHAT: Final = ("position", "velocity", "acceleration", "torque")
 ENERGIES: Final = ("kinetic", "potential", "total")
+CLOSURE_WHAT: Final = ("multipliers", "contact_point", "friction_demand")
 MOMENTA: Final = {
     "linear": tuple(f"{c} [kg m/s]" for c in "xyz"),
     "angular": tuple(f"{c} [kg m^2/s]" for c in "xyz"),
@@ -165,6 +170,65 @@ class ForceOutput(Quantity):
 
 
 @dataclass(frozen=True)
+class ClosureOutput(Quantity):
+    """A closure's multipliers, N or N m as its labels say, and 0 for a row that a planar loop does not have."""
+
+    closure: Constraint
+    labels: tuple[str, ...]
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Those of the closure."""
+        return self.closure.frames
+
+    def suffixes(self) -> tuple[str, ...]:
+        """As the closure says."""
+        return self.labels
+
+    def apply(self, symbols: Symbols) -> casadi.SX:
+        """One a row."""
+        return symbols.reactions.of(self.closure.name)
+
+
+@dataclass(frozen=True)
+class ContactOutput(Quantity):
+    """Where a rolling disk touches its plane: the point (3) m in the world."""
+
+    disk: RollingDisk
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The disk's."""
+        return self.disk.frames
+
+    def suffixes(self) -> tuple[str, ...]:
+        """One a component."""
+        return FRAME_LABELS["position"]
+
+    def apply(self, symbols: Symbols) -> casadi.SX:
+        """The column."""
+        return self.disk.contact_point(symbols)
+
+
+@dataclass(frozen=True)
+class DemandOutput(Quantity):
+    """The coefficient of friction that keeps a disk rolling: |friction| / normal force, infinite where that is 0."""
+
+    disk: RollingDisk
+
+    def suffixes(self) -> tuple[str, ...]:
+        """A plain number."""
+        return ("[1]",)
+
+    def apply(self, symbols: Symbols) -> casadi.SX:
+        """One number."""
+        import casadi
+
+        normal, *friction = casadi.vertsplit(symbols.reactions.of(self.disk.name))
+        return casadi.norm_2(casadi.vertcat(*friction)) / normal
+
+
+@dataclass(frozen=True)
 class ExpressionOutput(Quantity):
     """A formula with its unit."""
 
@@ -226,19 +290,32 @@ def read_outputs(read: Fields, robot: Robot, parameters: Mapping[str, Any], part
 
     def force(entry: Fields) -> Quantity:
         name = entry.text("force")
-        found = [part for part in parts if part.name == name]
+        forces = [part for part in parts if not isinstance(part, Constraint)]
+        found = [part for part in forces if part.name == name]
         if not found:
-            raise entry.error("force", among("force or controller", name, [part.name for part in parts]))
+            raise entry.error("force", among("force or controller", name, [part.name for part in forces]))
         if len(found) > 1:
             raise entry.error("force", f"a force and a controller are both named '{name}'; give one another name")
         return ForceOutput(found[0], found[0].labels(robot))
+
+    def closure(entry: Fields) -> Quantity:
+        closures = {part.name: part for part in parts if isinstance(part, Constraint)}
+        name, what = entry.text("closure"), entry.choice("what", CLOSURE_WHAT, "multipliers")
+        if name not in closures:
+            raise entry.error("closure", among("closure", name, closures))
+        chosen = closures[name]
+        if what == "multipliers":
+            return ClosureOutput(chosen, chosen.labels(robot))
+        if not isinstance(chosen, RollingDisk):
+            raise entry.error("what", f"only a rolling disk has a {what}, and closure '{name}' is a {chosen.kind}")
+        return ContactOutput(chosen) if what == "contact_point" else DemandOutput(chosen)
 
     def expression(entry: Fields) -> Quantity:
         return ExpressionOutput(read_expression(entry, robot, parameters), entry.text("unit", "1"))
 
     kinds: dict[str, Callable[[Fields], Quantity]] = {
         "frame": frame, "joint": joint, "energy": energy, "momentum": momentum, "force": force,
-        "expression": expression,
+        "closure": closure, "expression": expression,
     }  # fmt: skip
     table = read.mapping("outputs", {})
     outputs = {}

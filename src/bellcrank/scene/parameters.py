@@ -2,8 +2,8 @@
 
 parameters: {crank_length: {value: 1.241, sets: [joint.coupler.origin.x]}}. A target is one of trace.setting's
 (joint.NAME.origin.x, link.NAME.mass, …), frame.NAME.origin.x (y, z, roll, pitch, yaw) of a frame that the card adds,
-or force.NAME.FIELD, control.NAME.FIELD. The value has the unit of its targets, and keeps the
-bounds that hold for them in the file.
+or force.NAME.FIELD, control.NAME.FIELD, closure.NAME.FIELD. The value has the unit of its targets, and keeps the bounds
+that hold for them in the file.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def _targets(entry: Fields) -> tuple[str, ...]:
 def _resolve(target: str, robot: Robot, parts: Sequence[Part]) -> tuple[Settable, tuple[int, int] | None]:
     """The unit of a target with what it may be, and where it is the tracer's."""
     kind, _, rest = target.partition(".")
-    if kind in ("force", "control"):
+    if kind in ("force", "control", "closure"):
         mine: Mapping[str, Part] = {part.name: part for part in parts if part.owner == kind}
         name, _, field = rest.partition(".")
         if name not in mine:
@@ -125,7 +125,8 @@ def _resolve(target: str, robot: Robot, parts: Sequence[Part]) -> tuple[Settable
     try:
         frame, what = setting(tree, target)
     except InputError as error:
-        others = "; or force.NAME.FIELD, control.NAME.FIELD, frame.NAME.origin.x" if "cannot set" in str(error) else ""
+        others = "force.NAME.FIELD, control.NAME.FIELD, closure.NAME.FIELD, frame.NAME.origin.x"
+        others = f"; or {others}" if "cannot set" in str(error) else ""
         raise InputError(f"{error}{others}") from None
     return _of_tracer(what), (frame, what)
 

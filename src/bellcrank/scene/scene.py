@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,9 @@ from bellcrank.card.card import SCENE_KEYS, Card, card_from_fields, find_card
 from bellcrank.card.fields import Fields
 from bellcrank.card.motions import csv_texts
 from bellcrank.card.yaml_file import read_yaml
+from bellcrank.constraints.closures import read_closures
+from bellcrank.constraints.constraint import Constraint
+from bellcrank.constraints.formula import Own, own_constraint
 from bellcrank.dynamics.signals import Signal, values_at
 from bellcrank.errors import InputError
 from bellcrank.robot.robot import Robot, RobotJoint
@@ -40,6 +43,7 @@ from bellcrank.scene.signal_source import SignalSource
 if TYPE_CHECKING:
     from bellcrank.dynamics.system import System
     from bellcrank.motion.motion import Motion
+    from bellcrank.scene.symbols import Symbols
 
 Array = NDArray[np.float64]
 
@@ -50,6 +54,7 @@ class Scene:
 
     card: Card
     robot: Robot
+    closures: tuple[Constraint, ...]
     forces: tuple[Part, ...]
     control: tuple[Controller, ...]
     initial: Initial
@@ -87,13 +92,29 @@ class Scene:
         def own(mapping: Mapping[str, Any]) -> dict[str, Any]:
             return {key: plain(value) for key, value in mapping.items() if key not in SCENE_KEYS}
 
-        return _read(data, self.source, self if own(data) == own(self.marked_data) else None)
+        changed = _read(data, self.source, self if own(data) == own(self.marked_data) else None)
+        mine = tuple(closure for closure in self.closures if isinstance(closure, Own))
+        return replace(changed, closures=(*changed.closures, *mine)) if mine else changed
+
+    def with_constraint(self, function: Callable[[Symbols], Any], name: str = "own", unit: str = "1") -> Scene:
+        """The scene with a constraint of your own: `function` takes Symbols (joints, frames, t, q, v, parameters) and
+        gives casadi expressions that stay zero, each in `unit`: of positions, or linear in velocities.
+
+        The run of such a scene cannot be saved, since no file holds the function. Raises InputError where it gives
+        something else.
+        """
+        return replace(self, closures=(*self.closures, own_constraint(self, name, function, unit)))
 
     @cached_property
     def start(self) -> tuple[Array, Array]:
         """Position (nq,) and velocity (nv,) at time 0, a free base's velocity in its own frame."""
         name = self.initial.motion
-        return self.initial.state(self.robot, None if name is None else self.motion(name))
+        q, v = self.initial.state(self.robot, None if name is None else self.motion(name))
+        if not self.closures:
+            return q, v
+        from bellcrank.constraints.start import consistent_start
+
+        return consistent_start(self, q, v, *self.initial.held(self.robot))
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
@@ -111,12 +132,19 @@ class Scene:
         """The values of the parameters (np,), in SI units."""
         return np.array([parameter.value for parameter in self.parameters.values()], dtype=np.float64)
 
+    @property
+    def system_parameters(self) -> Array:
+        """The parameters p of the equations: the scene's, and Baumgarte's gains where they are used."""
+        s = self.settings.stabilisation
+        gains = [s.alpha, s.beta] if self.closures and s.kind == "baumgarte" else []
+        return np.append(self.parameter_values, gains)
+
     # ---- signals
 
     @property
     def signal_sources(self) -> tuple[SignalSource, ...]:
         """Where the entries of u come from, in their order."""
-        found = [part.source for part in (*self.forces, *self.control)]
+        found = [part.source for part in (*self.forces, *self.control, *self.closures)]
         return tuple(dict.fromkeys(source for source in found if source is not None))
 
     @cached_property
@@ -138,7 +166,7 @@ class Scene:
     @property
     def frames(self) -> tuple[str, ...]:
         """The frames that forces, events and outputs use."""
-        groups = [p.frames for p in (*self.forces, *self.control)]
+        groups = [p.frames for p in (*self.forces, *self.control, *self.closures)]
         groups += [e.frames for e in self.events] + [o.frames for o in self.outputs.values()]
         return tuple(dict.fromkeys(name for group in groups for name in group))
 
@@ -155,7 +183,8 @@ class Scene:
         """
         places = {source: k for k, source in enumerate(self.signal_sources)}
         targets = [[name, parameter.sets] for name, parameter in self.parameters.items()]
-        parts = [self.forces, self.control, targets, self.events, list(self.outputs.values())]
+        baumgarte = bool(self.closures) and self.settings.stabilisation.kind == "baumgarte"
+        parts = [baumgarte, self.closures, self.forces, self.control, targets, self.events, list(self.outputs.values())]
         return json.dumps(_content(parts, places))
 
 
@@ -178,12 +207,13 @@ def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> S
     card = card if like is None else like.card
     if motion_of is None:
         motion_of = cache(lambda name: card.motion(robot, name))
+    closures = read_closures(read, robot, card.motions, motion_of)
     forces = read_forces(read, robot)
     control = read_control(read, robot, card.motions, motion_of)
     initial = read_initial(read, robot, card.motions)
-    parts: tuple[Part, ...] = (*forces, *control)
+    parts: tuple[Part, ...] = (*forces, *control, *closures)
     parameters = read_parameters(read, robot, parts)
-    events = read_events(read, robot, parameters)
+    events = read_events(read, robot, parameters, closures)
     outputs = read_outputs(read, robot, parameters, parts)
     settings = read_settings(read.mapping("simulate", {}))
     try:
@@ -191,7 +221,7 @@ def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> S
     except InputError as error:
         raise read.mapping("simulate").error("samples", str(error)) from None
     read.done()
-    return Scene(card, robot, forces, control, initial, parameters, events, outputs, settings, motion_of, data)
+    return Scene(card, robot, closures, forces, control, initial, parameters, events, outputs, settings, motion_of, data)
 
 
 def _content(value: Any, places: Mapping[SignalSource, int]) -> Any:

@@ -4,15 +4,29 @@ from __future__ import annotations
 
 import math
 import operator
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
 from bellcrank.card.fields import Fields
 from bellcrank.errors import InputError, among
 
+STABILISATIONS = ("projection", "none", "baumgarte")
 SOLVERS = ("RK45", "RK4", "DOP853", "Radau")
 FINEST_RTOL = 1e-13  # below this the error estimate is rounding noise
 MOST_NUMBERS = 4 * 10**9 // 8  # doubles in the states of a run: 4 GB
+
+
+@dataclass(frozen=True)
+class Stabilisation:
+    """How closures are kept from drifting: kind "projection" (back onto them after each step), "baumgarte" with gains
+    alpha and beta (1/s), or "none". `auto`: the gains follow from solver, tolerances and step (constraints/gains.py).
+    """
+
+    kind: str = "projection"
+    alpha: float = 0.0
+    beta: float = 0.0
+    auto: bool = False
 
 
 @dataclass(frozen=True)
@@ -33,6 +47,7 @@ class Settings:
     max_step: float | None = None
     samples: int = 1001
     max_evaluations: int = 10**8
+    stabilisation: Stabilisation = Stabilisation()
 
     def __post_init__(self) -> None:
         if self.solver not in SOLVERS:
@@ -56,6 +71,7 @@ class Settings:
                 bounds = f"of {least} or more" if whole is None or whole < least else f"of at most {most}"
                 raise InputError(f"{name}: expected a whole number {bounds}, found {value!r}")
             object.__setattr__(self, name, whole)
+        object.__setattr__(self, "stabilisation", stabilisation(self.stabilisation))
         if self.solver == "RK4" and self.step is None:
             raise InputError("step: the solver RK4 has a fixed step and needs it, such as step: 1 ms")
 
@@ -70,6 +86,8 @@ def read_settings(read: Fields) -> Settings:
             read.known(name)
         elif name == "solver":
             values[name] = read.choice(name, SOLVERS)
+        elif name == "stabilisation":
+            values[name] = _read_stabilisation(read)
         elif name in units:
             values[name] = read.number(name, units[name], positive=True)
         else:
@@ -97,6 +115,36 @@ def _whole(value: Any) -> int | None:
         return None if isinstance(value, bool) else operator.index(value)
     except TypeError:
         return None
+
+
+def stabilisation(value: Stabilisation | Mapping[str, Any] | str) -> Stabilisation:
+    """What a text or mapping says: "projection", "none", {"kind": "baumgarte", "alpha": …, "beta": …} or {"kind":
+    "baumgarte", "gains": "auto"}. Raises InputError.
+    """
+    return value if isinstance(value, Stabilisation) else _read_stabilisation(Fields({"stabilisation": value}))
+
+
+def _read_stabilisation(read: Fields) -> Stabilisation:
+    key = "stabilisation"
+    given = read.raw(key)
+    if not isinstance(given, Mapping):
+        kind = read.choice(key, STABILISATIONS)
+        if kind == "baumgarte":
+            raise read.error(key, "baumgarte needs gains: {kind: baumgarte, gains: auto} or with alpha and beta (1/s)")
+        return Stabilisation(kind)
+    entry = read.mapping(key)
+    kind = entry.choice("kind", STABILISATIONS)
+    alpha = beta = 0.0
+    auto = False
+    if kind == "baumgarte":
+        auto = "gains" in entry and entry.choice("gains", ("auto",)) == "auto"
+        if auto and ("alpha" in entry or "beta" in entry):
+            raise entry.error("gains", "expected 'gains: auto' or alpha and beta, found both")
+        if not auto:
+            entry.known("gains")
+            alpha, beta = entry.number("alpha", "1/s", nonnegative=True), entry.number("beta", "1/s", nonnegative=True)
+    entry.done()
+    return Stabilisation(kind, alpha, beta, auto)
 
 
 def _number(value: Any) -> float:

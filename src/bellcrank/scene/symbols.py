@@ -12,6 +12,7 @@ from bellcrank.trace import trace_tree
 if TYPE_CHECKING:
     import casadi
 
+    from bellcrank.dynamics.reactions import Reactions
     from bellcrank.robot.robot import Robot, RobotJoint
     from bellcrank.scene.parameters import Parameter
     from bellcrank.scene.signal_source import SignalSource
@@ -48,6 +49,7 @@ class Symbols:
     joint_torque: casadi.SX
     kinetic: casadi.SX
     potential: casadi.SX
+    reactions: Reactions  # of a scene with closures
 
     def __init__(self, robot: Robot, parameters: Mapping[str, Parameter] | None = None, frames: Iterable[str] = ()):
         import casadi
@@ -71,6 +73,16 @@ class Symbols:
         import casadi
 
         return casadi.vertcat(casadi.SX(0, 1), *self._groups.values())
+
+    @property
+    def signal_rates(self) -> casadi.SX:
+        """du/dt (nu): a value's is its first derivative, and so on; that of the last derivative is left out, as 0."""
+        import casadi
+
+        rates = [casadi.SX(0, 1)]
+        for source, u in self._groups.items():
+            rates += [u[source.width :], casadi.SX.zeros(source.width, 1)]
+        return casadi.vertcat(*rates)
 
     def signal(self, source: SignalSource) -> casadi.SX:
         """A signal's entries of u, (width, derivatives + 1): values, then derivatives, column by column."""

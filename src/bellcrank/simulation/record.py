@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +11,42 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
+class Latch:
+    """A lock that closed, as a plastic impact that keeps closures closed: velocity (nv,) after it, the impulse of the
+    lock in `unit` (N m s or N s at a joint), the impulses of the closures (rows,) as the multipliers' names say, times
+    s, and the kinetic energy lost, J.
+    """
+
+    velocity: Array
+    impulse: float
+    unit: str
+    closure_impulses: Array
+    energy_lost: float
+
+
+@dataclass(frozen=True, eq=False)
 class Event:
-    """An event of a scene: time (s), position (nq,) and velocity (nv,) there; `stopped`: it ended the run."""
+    """An event of a scene: time (s), position (nq,) and velocity (nv,) there, before any impact; `stopped`: it ended
+    the run; multipliers (rows,) of closures there; `latch`: what its lock did, None where it has none.
+    """
 
     name: str
     time: float
     position: Array
     velocity: Array
     stopped: bool
+    multipliers: Array = field(default_factory=lambda: np.zeros(0))
+    latch: Latch | None = None
+
+    @property
+    def impulse(self) -> float:
+        """The impulse of its lock, in latch.unit; 0 without one."""
+        return 0.0 if self.latch is None else self.latch.impulse
+
+    @property
+    def energy_lost(self) -> float:
+        """What its lock took out, J; 0 without one."""
+        return 0.0 if self.latch is None else self.latch.energy_lost
 
 
 @dataclass(frozen=True)
@@ -33,6 +61,18 @@ class Statistics:
     jacobians: int
     factorisations: int
     kernel_time: float
+
+
+@dataclass(frozen=True, eq=False)
+class ClosureHistory:
+    """One closure over time: its multipliers (n, k), forces on the body of its first frame as `labels` (k) say, and how
+    far positions (n,) m or rad, and velocities (n,) m/s or rad/s, are from closing it.
+    """
+
+    labels: tuple[str, ...]
+    multipliers: Array
+    residual: Array
+    velocity_residual: Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def write_run_csv(run: Trajectory, path: str | Path) -> Path:
-    """Write time, positions, velocities, accelerations, torques, energies, work and outputs; returns the path.
+    """Write time, positions, velocities, accelerations, torques, energies, work, closures, outputs; returns the path.
 
     Units stand in the header (s, rad, m, N m, N, J, …); every number has the digits that give it back exactly. The
     file is replaced in one step, or not at all. Raises InputError where the folder cannot be written.
@@ -40,6 +40,11 @@ def columns(run: Trajectory) -> tuple[list[tuple[str, str]], Array]:
     labels += [("kinetic energy", "J"), ("potential energy", "J"), ("work", "J")]
     parts = [run.time, run.position, run.velocity, run.acceleration, run.torque[:, [joint.v for joint in driven]]]
     parts += [run.kinetic_energy, run.potential_energy, run.work]
+    for closure in run.scene.closures:
+        history = run.closure(closure.name)
+        labels += [titled(f"{closure.name} {label}") for label in history.labels]
+        labels.append((f"{closure.name} residual", "m or rad"))
+        parts += [history.multipliers, history.residual]
     for name, values in run.outputs.items():
         labels += output_labels(run, name)
         parts.append(values)
@@ -48,8 +53,13 @@ def columns(run: Trajectory) -> tuple[list[tuple[str, str]], Array]:
 
 def output_labels(run: Trajectory, name: str) -> list[tuple[str, str]]:
     """(name, unit) of each column of a named output."""
-    parts = [label.removesuffix("]").rpartition(" [") for label in run.scene.outputs[name].labels]
-    return [(title, unit) for title, _, unit in parts]
+    return [titled(label) for label in run.scene.outputs[name].labels]
+
+
+def titled(label: str) -> tuple[str, str]:
+    """Title and unit of a label such as "apex x [N]"."""
+    title, _, unit = label.removesuffix("]").rpartition(" [")
+    return title, unit
 
 
 def torque_unit(kind: str) -> str:

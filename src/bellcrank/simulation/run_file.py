@@ -15,7 +15,7 @@ import struct
 import tempfile
 import zipfile
 import zlib
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -25,12 +25,14 @@ from numpy.typing import NDArray
 
 from bellcrank import __version__
 from bellcrank.atomic import writing
+from bellcrank.constraints.formula import Own
 from bellcrank.dynamics.signals import Signal
 from bellcrank.errors import InputError
 from bellcrank.machine_code import machine
 from bellcrank.scene.scene import Scene, load_scene
-from bellcrank.scene.settings import Settings
-from bellcrank.simulation.record import Event, Statistics
+from bellcrank.scene.settings import Settings, Stabilisation
+from bellcrank.simulation.record import Statistics
+from bellcrank.simulation.simulate import event_at
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
 
@@ -49,6 +51,12 @@ def save_run(run: Trajectory, path: str | Path) -> Path:
     In it: time (s), state, parameters, steps, events and signals as float64, bit for bit, and a JSON text with scene,
     URDF, status, settings, statistics, versions and machine. Raises InputError where the folder cannot be written.
     """
+    own = [closure.name for closure in run.scene.closures if isinstance(closure, Own)]
+    if own:
+        raise InputError(
+            f"{run.scene.name}: closure '{own[0]}' is a Python function, which no file can hold; write it as "
+            "{kind: formula} in the scene, or keep the run as CSV (to_csv)"
+        )
     target = Path(path)
     if target.suffix != ".npz":
         target = target.with_name(target.name + ".npz")
@@ -72,6 +80,7 @@ def save_run(run: Trajectory, path: str | Path) -> Path:
         "state": run.state,
         "parameters": run.parameters,
         "steps": run.steps,
+        "multipliers": run.multipliers,  # for other readers: they are computed anew
         "event_time": np.array([event.time for event in run.events], dtype=np.float64),
         "event_position": np.array([event.position for event in run.events]).reshape(-1, nq),
         "event_velocity": np.array([event.velocity for event in run.events]).reshape(-1, nv),
@@ -93,7 +102,10 @@ def load_run(path: str | Path) -> Trajectory:
     about, arrays = _contents(file)
     try:
         scene = load_scene(_unpacked(json.dumps(about["files"], sort_keys=True)) / _plain(about["scene"]))
-        settings = Settings(**about["settings"])
+        stabilisation = Stabilisation(**about["settings"].pop("stabilisation"))
+        settings = Settings(**about["settings"], stabilisation=stabilisation)
+        if settings.stabilisation != scene.settings.stabilisation:
+            scene = replace(scene, settings=settings)
         statistics = Statistics(**about["statistics"])
         status = Status(about["status"])
         nq, nv = scene.robot.nq, scene.robot.nv
@@ -102,7 +114,7 @@ def load_run(path: str | Path) -> Trajectory:
         shapes = {
             "time": (rows,),
             "state": (rows, size),
-            "parameters": np.shape(scene.parameter_values),
+            "parameters": np.shape(scene.system_parameters),
             "steps": (len(arrays["steps"]),),
             "event_time": (count,),
             "event_position": (count, nq),
@@ -111,8 +123,9 @@ def load_run(path: str | Path) -> Trajectory:
         for name, shape in shapes.items():
             if arrays[name].shape != shape or rows == 0:
                 raise ValueError(f"'{name}' has the shape {arrays[name].shape}, expected {shape}")
+        rules = [rule.name for rule in scene.events]
         events = tuple(
-            Event(str(e["name"]), float(t), q, v, bool(e["stopped"]))
+            event_at(scene, rules.index(e["name"]), float(t), q, v, arrays["parameters"])
             for e, t, q, v in zip(
                 about["events"], arrays["event_time"], arrays["event_position"], arrays["event_velocity"], strict=True
             )

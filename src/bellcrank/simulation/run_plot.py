@@ -12,7 +12,7 @@ import numpy as np
 
 from bellcrank.atomic import writing
 from bellcrank.motion.coordinates import position_labels, velocity_labels
-from bellcrank.simulation.run_csv import output_labels, torque_unit
+from bellcrank.simulation.run_csv import output_labels, titled, torque_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,6 +36,7 @@ class _Panel:
     title: str
     unit: str
     lines: list[tuple[str, Array]]
+    logarithmic: bool = False
 
     @property
     def moves(self) -> bool:
@@ -92,10 +93,25 @@ def _panels(run: Trajectory) -> list[_Panel]:
     labels = [(joint.name, torque_unit(joint.kind)) for joint in one]
     torques = _by_unit("joint torque", labels, run.torque[:, [joint.v for joint in one]])
     panels += [panel for panel in torques if any(np.any(values) for _, values in panel.lines)]
+    panels += _closure_panels(run)
     outputs = [(label, unit, column) for name in run.outputs for label, unit, column in _output_columns(run, name)]
     for unit in dict.fromkeys(unit for _, unit, _ in outputs):
         panels.append(_Panel("outputs", unit, [(label, column) for label, u, column in outputs if u == unit]))
     return panels
+
+
+def _closure_panels(run: Trajectory) -> list[_Panel]:
+    """The multipliers of closures, one panel a unit, and how far they are apart."""
+    if not run.scene.closures:
+        return []
+    names = [titled(f"{owner} {label}") for owner, label in run.scene.system.multiplier_names]
+    panels = _by_unit("multiplier", names, run.multipliers)
+    apart = [run.closure(closure.name) for closure in run.scene.closures]
+    lines = [
+        ("position [m or rad]", np.max([each.residual for each in apart], axis=0)),
+        ("velocity [m/s or rad/s]", np.max([each.velocity_residual for each in apart], axis=0)),
+    ]
+    return [*panels, _Panel("closures apart", "m or rad, and /s", lines, logarithmic=True)]
 
 
 def _output_columns(run: Trajectory, name: str) -> list[tuple[str, str, Array]]:
@@ -130,7 +146,10 @@ def _draw(axis: Axes, time: Array, panel: _Panel) -> None:
     for count, k in enumerate(rest):
         label = None if count else f"{len(rest)} more, which change less"
         axis.plot(time, panel.lines[k][1], color="0.75", linewidth=0.7, zorder=1.9, label=label)
-    _keep_constants_flat(axis, panel)
+    if panel.logarithmic:
+        axis.set_yscale("symlog", linthresh=1e-16)
+    else:
+        _keep_constants_flat(axis, panel)
     axis.set_title(panel.title, loc="left", fontsize="medium")
     axis.set_ylabel(f"[{_shown(panel.unit)}]")
     axis.grid(visible=True, color="0.9", linewidth=0.6)

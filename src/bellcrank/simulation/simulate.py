@@ -12,12 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank._step import integrate
+from bellcrank.constraints.gains import automatic_gains
 from bellcrank.dynamics.system import LARGEST_STAGED
 from bellcrank.errors import InputError
 from bellcrank.machine_code import machine
+from bellcrank.scene.closure_conditions import ContactLost
 from bellcrank.scene.scene import Scene, load_scene
-from bellcrank.scene.settings import Settings, check_rows
-from bellcrank.simulation.record import Event, Statistics
+from bellcrank.scene.settings import Settings, Stabilisation, check_rows
+from bellcrank.simulation.record import Event, Latch, Statistics
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
 
@@ -38,6 +40,7 @@ def simulate(
     first_step: float | None = None,
     max_step: float | None = None,
     max_evaluations: int | None = None,
+    stabilisation: Stabilisation | Mapping[str, Any] | str | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
     """Simulate a scene (or the file or name of one) over `duration` seconds; what is not given, the scene says.
@@ -47,7 +50,8 @@ def simulate(
     solver that has them, undo a fixed step of the scene. Results are given at `times` (m,) in s, at `samples` equal
     times, or with times="steps" at the solver's own steps; a run that ends early has its last state as a row more.
     `overrides` changes the scene, as in {"initial.shoulder": "10 deg"}. `progress` is called with the time reached
-    about every 0.1 s.
+    about every 0.1 s. `stabilisation` says how closures are kept: "projection", "none", {"kind": "baumgarte", "alpha":
+    20, "beta": 20} or {"kind": "baumgarte", "gains": "auto"}.
 
     Returns a Trajectory, whose `status` says why it ended: what was computed is never lost. Raises InputError for
     arguments that are wrong, and for a start at which the accelerations are not finite.
@@ -59,6 +63,7 @@ def simulate(
     given = {
         "duration": duration, "solver": solver, "rtol": rtol, "atol": atol, "step": step, "samples": samples,
         "first_step": first_step, "max_step": max_step, "max_evaluations": max_evaluations,
+        "stabilisation": stabilisation,
     }  # fmt: skip
     changes: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
     steps_wanted = isinstance(times, str)
@@ -70,7 +75,9 @@ def simulate(
     adaptive = changes.get("solver", scene.settings.solver) != "RK4"
     if adaptive and scene.settings.step and step is None and not {"solver", "rtol", "atol"}.isdisjoint(changes):
         changes["step"] = None  # whoever asks for tolerances wants them kept
-    settings = replace(scene.settings, **changes) if changes else scene.settings
+    settings = with_gains(scene, replace(scene.settings, **changes) if changes else scene.settings)
+    if settings.stabilisation != scene.settings.stabilisation:
+        scene = replace(scene, settings=settings)  # gains are parameters of its equations
     if wanted is None:
         check_rows(settings.samples, scene.robot.nq + scene.robot.nv)
         wanted = np.linspace(0.0, settings.duration, settings.samples)
@@ -84,12 +91,15 @@ def simulate(
 def _integrate(
     scene: Scene, settings: Settings, times: Array, every_step: bool, progress: Callable[[float], None] | None
 ) -> Trajectory:
-    system, signals, p = scene.system, scene.signals, scene.parameter_values
+    system, signals, p = scene.system, scene.signals, scene.system_parameters
     x0 = np.zeros(system.size)
     q0, v0 = scene.start
     x0[: system.nq], x0[system.nq : system.nq + system.nv] = q0, v0
+    _refuse_pulling_contact(scene, p, x0)
     implicit = settings.solver == "Radau"
     staged = not implicit and system.size <= LARGEST_STAGED
+    closed = bool(scene.closures)
+    projected = closed and settings.stabilisation.kind == "projection"
     result = integrate(
         (system.stage if staged else system.rhs).address("scalar"),
         settings.solver,
@@ -97,7 +107,7 @@ def _integrate(
         settings.duration,
         x0,
         p,
-        norm_size=system.nq + system.nv,
+        norm_size=system.size if any(c.source is not None for c in scene.closures) else system.nq + system.nv,
         rtol=settings.rtol,
         atol=settings.atol,
         step=settings.step or 0.0,
@@ -117,6 +127,10 @@ def _integrate(
         max_evaluations=settings.max_evaluations,
         progress=progress,
         staged=staged,
+        fallback=(system.fallback_stage if staged else system.fallback).address("scalar") if closed else 0,
+        project_position=system.project_position.address("scalar") if projected else 0,
+        project_velocity=system.project_velocity.address("scalar") if projected else 0,
+        nq=system.nq,
     )
     status = tuple(Status)[result.status]
     if status is Status.NON_FINITE and result.accepted == 0:
@@ -124,15 +138,36 @@ def _integrate(
     time, state = result.time, result.state
     if not len(time) or (status is not Status.FINISHED and time[-1] < result.end_time):
         time, state = np.append(time, result.end_time), np.vstack([state, result.end_state[None]])
-    names = [event.name for event in scene.events]
     events = tuple(
-        Event(names[k], float(t), x[: system.nq], x[system.nq : system.nq + system.nv], scene.events[k].stop)
+        event_at(scene, int(k), float(t), x[: system.nq], x[system.nq : system.nq + system.nv], p)
         for k, t, x in zip(result.event_index, result.event_time, result.event_state, strict=True)
     )
     statistics = Statistics(
         result.accepted, result.rejected, result.evaluations, result.jacobians, result.factorisations, result.seconds
     )
     return Trajectory(scene, settings, time, state, p, signals, status, events, statistics, result.steps)
+
+
+def with_gains(scene: Scene, settings: Settings) -> Settings:
+    """The settings with Baumgarte's automatic gains in them, where they are asked for."""
+    if not settings.stabilisation.auto:
+        return settings
+    gains = automatic_gains(scene, settings)
+    chosen = replace(settings.stabilisation, alpha=gains.alpha, beta=gains.beta)
+    return replace(settings, stabilisation=chosen)
+
+
+def event_at(scene: Scene, k: int, t: float, q: Array, v: Array, p: Array) -> Event:
+    """Event k of the scene at a time (s) and a state, with multipliers and what a latch does there."""
+    system, rule = scene.system, scene.events[k]
+    x = np.concatenate([q, v, np.zeros(system.size - system.nq - system.nv)])
+    arguments = (np.array([t]), x, scene.signals_at(np.array([t]))[0], p)
+    multipliers = system.closure(*arguments)[0] if scene.closures else np.zeros(0)
+    latch = None
+    if rule.latch:
+        after, closures, impulse, lost = system.latch(k)(*arguments)
+        latch = Latch(after, float(impulse[0]), rule.impulse_unit, closures, float(lost[0]))
+    return Event(rule.name, t, q, v, rule.stop, multipliers, latch)
 
 
 def unit_parts(scene: Scene) -> list[tuple[int, int]]:
@@ -151,6 +186,22 @@ def _checked_times(times: Any) -> Array:
     if array[0] < 0.0 or np.any(np.diff(array) <= 0.0):
         raise InputError("times must start at 0 s or later and increase")
     return array
+
+
+def _refuse_pulling_contact(scene: Scene, p: Array, x0: Array) -> None:
+    """Name a rolling contact whose plane would have to pull at the start already (InputError)."""
+    places = [k for k, rule in enumerate(scene.events) if rule.stop and isinstance(rule.when, ContactLost)]
+    if not places:
+        return
+    normal = scene.system.events(np.zeros(1), x0, scene.signals_at(np.zeros(1))[0], p)[0]
+    for k in places:
+        rule = scene.events[k].when
+        assert isinstance(rule, ContactLost)
+        if normal[k] < 0.0:
+            raise InputError(
+                f"{scene.source}: closures: '{rule.closure}' is not in contact at the start: its plane would have to pull "
+                f"by {-normal[k]:.6g} N; change the start or the forces, or write two_sided: true if it can"
+            )
 
 
 def _refuse_infinite_start(scene: Scene, p: Array, x0: Array) -> None:

@@ -11,12 +11,14 @@ import numpy as np
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 
 if TYPE_CHECKING:
+    from bellcrank.simulation.record import Event
     from bellcrank.simulation.trajectory import Trajectory
 
 EVENTS = 5  # events listed one by one
 JOINTS = 24  # joints listed
 LARGEST_RESIDUAL, LARGEST_DRIFT = 1e-6, 1e-3  # shares, above which a run is not to be trusted
 NOISE = 1e-7  # share of the energies that is rounding and tolerance
+CLOSURES = 8  # closures listed
 MANY_TURNS = 1e6  # rad: beyond it, and where it is no number, degrees say nothing
 _HEAD = ("at the end", "position", "", "velocity")
 
@@ -95,20 +97,58 @@ def _facts(run: Trajectory) -> list[tuple[str, str]]:
         ("energy at the end", f"kinetic {t:.6g} J, potential {v:.6g} J{work}"),
         *certificate,
     ]
-    if any(joint.kind in ("floating", "planar") for joint in run.robot.joints):
+    rows += _closures(run)
+    if not run.scene.closures and any(joint.kind in ("floating", "planar") for joint in run.robot.joints):
         rows.append(("constraint residual", f"{run.constraint_residual():.1e} (unit length of rotations)"))
     return rows + [("warning", text) for text in run_warnings(run)]
 
 
+def _closures(run: Trajectory) -> list[tuple[str, str]]:
+    """Residuals of closures, and their multipliers at the end with what is odd about them."""
+    if not run.scene.closures:
+        return []
+    with np.errstate(all="ignore"):
+        apart = f"{run.constraint_residual():.1e} m or rad, {run.velocity_residual():.1e} m/s or rad/s apart"
+    rows = [("closures", apart)]
+    for closure in run.scene.closures[:CLOSURES]:
+        history = run.closure(closure.name)
+        shown = [
+            label.replace("[", f"{value:.6g} ").removesuffix("]")
+            for label, value in zip(history.labels, history.multipliers[-1].tolist(), strict=True)
+        ]
+        rows.append((f"{closure.name} at the end", ", ".join(shown)))
+    if len(run.scene.closures) > CLOSURES:
+        rows.append(("", f"… and {_count(len(run.scene.closures) - CLOSURES, 'more closure')}"))
+    count = len(run.scene.system.multiplier_names)
+    if not np.isfinite(run.state[-1]).all():
+        return rows
+    rank = run.closure_rank()
+    if rank.rank < count:
+        rows_of = run.scene.system.multiplier_names
+        names = [" ".join(name) for name, unique in zip(rows_of, rank.unique, strict=True) if unique]
+        rows.append(
+            (
+                "not unique",
+                f"the closures have rank {rank.rank} of {count} rows at the end: the multipliers are the least of all "
+                f"that fit; unique are {', '.join(names) or 'none'}",
+            )
+        )
+    return rows
+
+
 def _events(run: Trajectory) -> list[str]:
-    lines = [
-        f"{event.name} at {event.time:.9g} s{', which ended the run' if event.stopped else ''}"
-        for event in run.events[:EVENTS]
-    ]
+    lines = [f"{event.name} at {event.time:.9g} s{_consequence(event)}" for event in run.events[:EVENTS]]
     if len(run.events) > EVENTS:
         last = run.events[-1]
         lines.append(f"… {len(run.events)} in all, the last is {last.name} at {last.time:.9g} s")
     return lines
+
+
+def _consequence(event: Event) -> str:
+    text = ", which ended the run" if event.stopped else ""
+    if event.latch is not None:
+        text += f" and latched: impulse {event.impulse:.6g} {event.latch.unit}, energy lost {event.energy_lost:.9g} J"
+    return text
 
 
 def _end(run: Trajectory) -> list[tuple[str, ...]]:

@@ -18,13 +18,14 @@ from numpy.typing import NDArray
 from bellcrank._step import methods
 from bellcrank.dynamics.signals import Signal, values_at
 from bellcrank.errors import InputError, among
-from bellcrank.simulation.record import Event, FrameHistory, JointHistory, Statistics
+from bellcrank.simulation.record import ClosureHistory, Event, FrameHistory, JointHistory, Statistics
 from bellcrank.simulation.status import Status
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
     from bellcrank.scene.settings import Settings
+    from bellcrank.simulation.closure_rank import ClosureRank
 
 Array = NDArray[np.float64]
 
@@ -137,8 +138,34 @@ class Trajectory:
 
     @property
     def multipliers(self) -> Array:
-        """Lagrange multipliers (n, constraints); a tree has none."""
-        return np.zeros((len(self.time), 0))
+        """Lagrange multipliers (n, rows), N or N m, as `system.multiplier_names` names them; a tree has none."""
+        return self._closure[0]
+
+    @cached_property
+    def _closure(self) -> tuple[Array, ...]:
+        if not self.scene.closures:
+            none = np.zeros((len(self.time), 0))
+            return none, none, none
+        return tuple(self.scene.system.closure(*self._arguments))
+
+    def closure(self, name: str) -> ClosureHistory:
+        """What one closure did, in the rows that bind. Raises InputError with what there is."""
+        names = [closure.name for closure in self.scene.closures]
+        if name not in names:
+            raise InputError(f"{self.scene.name}: {among('closure', name, names)}")
+        rows = [k for k, (owner, _) in enumerate(self.scene.system.multiplier_names) if owner == name]
+        multipliers, gap, speed = self._closure
+        holonomic = [k for k in rows if k < gap.shape[1]]
+        return ClosureHistory(
+            tuple(self.scene.system.multiplier_names[k][1] for k in rows), multipliers[:, rows],
+            np.abs(gap[:, holonomic]).max(axis=1, initial=0.0), np.abs(speed[:, rows]).max(axis=1, initial=0.0),
+        )  # fmt: skip
+
+    def closure_rank(self, row: int = -1) -> ClosureRank:
+        """How well the closures hold at a row of the run: singular values, rank, and which multipliers are unique."""
+        from bellcrank.simulation.closure_rank import rank_of
+
+        return rank_of(self.scene.system, *(a if a.ndim == 1 else a[row] for a in self._arguments))
 
     @property
     def outputs(self) -> Mapping[str, Array]:
@@ -205,15 +232,16 @@ class Trajectory:
         return run_warnings(self)
 
     def constraint_residual(self) -> float:
-        """The largest violation of what the state must keep: here the unit length of quaternions."""
+        """The largest violation of what positions must keep: closures (m or rad) and the unit length of rotations."""
         from bellcrank.simulation.simulate import unit_parts
 
         parts = [self.state[:, first : first + length] for first, length in unit_parts(self.scene)]
-        return max((float(np.abs(np.linalg.norm(x, axis=1) - 1.0).max()) for x in parts), default=0.0)
+        apart = float(np.abs(self._closure[1]).max(initial=0.0))
+        return max([apart, *(float(np.abs(np.linalg.norm(x, axis=1) - 1.0).max()) for x in parts)])
 
     def velocity_residual(self) -> float:
-        """The largest violation of a velocity constraint; a tree has none."""
-        return 0.0
+        """The largest violation of a velocity constraint, m/s or rad/s: φ̇ and ψ of closures; a tree has none."""
+        return float(np.abs(self._closure[2]).max(initial=0.0))
 
     def error_estimate(self) -> float:
         """How far the positions may be off (rad or m): the largest difference, on the same times, from a run with a

@@ -34,7 +34,7 @@ def write_histories(
 
     Such a file can be read as a motion again. Raises InputError where the folder cannot be written.
     """
-    joints = [joint for joint in robot.joints if joint.nv == 1]
+    joints = [joint for joint in robot.joints if joint.nv == 1]  # those without a motor have torque 0
     names = file_names(motions)
     paths = []
     for motion, name in zip(motions, names, strict=True):

@@ -15,6 +15,7 @@ from bellcrank import atomic
 from bellcrank.motion.motion import Motion
 from bellcrank.sizing.drive import Drive
 from bellcrank.sizing.history import file_names, joint_torque
+from bellcrank.sizing.linkage import motors_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,12 +62,12 @@ def draw(
     """The figures that `write_plots` writes, by file name."""
     drives, title = dict(drives or {}), title or robot.name
     note = " (nominal masses)" if mass_tolerance else ""
-    joints = [joint for joint in robot.joints if joint.nv == 1]
+    joints, motors = [joint for joint in robot.joints if joint.nv == 1], motors_of(robot)
     figures: dict[str, Figure] = {}
     for motion, name in zip(motions, file_names(motions), strict=True):
         figures[f"over_time_{name}.png"] = _over_time(robot, joints, motion, drives, title, note)
-    figures["torque_speed.png"] = _joint_plane(robot, joints, motions, drives, title, note)
-    if driven := [joint for joint in joints if joint.name in drives]:
+    figures["torque_speed.png"] = _joint_plane(robot, motors, motions, drives, title, note)
+    if driven := [joint for joint in motors if joint.name in drives]:
         figures["motor_torque_speed.png"] = _shaft_plane(robot, driven, motions, drives, title, note)
     return figures
 

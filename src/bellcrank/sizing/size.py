@@ -22,6 +22,7 @@ from bellcrank.errors import InputError, among
 from bellcrank.motion.motion import Motion
 from bellcrank.sizing.drive import Drive
 from bellcrank.sizing.holding import holding_torques
+from bellcrank.sizing.linkage import Linkage, motors_of, static_torques
 from bellcrank.sizing.loads import Loads
 from bellcrank.sizing.peaks import Grid, grid_along, maxima, reversal_times
 from bellcrank.sizing.result import Cycle, JointSizing, Peak, ShaftSizing, Sizing
@@ -44,8 +45,8 @@ def size(
     drives: Mapping[str, Drive] | None = None,
     mass_tolerance: float = 0.0,
 ) -> Sizing:
-    """Size every one-degree-of-freedom joint of a robot over one or several motions: the worst of them
-    counts.
+    """Size every one-degree-of-freedom joint of a robot, or every motor of a Linkage, over one or several motions: the
+    worst of them counts.
 
     `drives` gives motor and gear by joint name; `mass_tolerance` is a share: with 0.1 each link as
     a whole, its mass and inertia together, is scaled by one factor within 1 ± 0.1. Each motion counts as a cycle
@@ -55,7 +56,7 @@ def size(
     mass_tolerance = _tolerance(mass_tolerance)
     motions = _renamed(_motions(motions))
     drives = _drives(drives)
-    joints = tuple(joint for joint in robot.joints if joint.nv == 1)
+    joints = motors_of(robot)
     _check(robot, joints, motions, drives)
     loads = Loads(robot, joints, drives, mass_tolerance)
     found: list[dict[str, list[Peak]]] = []
@@ -70,7 +71,10 @@ def size(
         ]
         for name in found[0]
     }
-    holding = holding_torques(robot, mass_tolerance=mass_tolerance)
+    if isinstance(robot, Linkage):
+        holding = static_torques(robot, motions, mass_tolerance)
+    else:
+        holding = holding_torques(robot, mass_tolerance=mass_tolerance)
     lines = tuple(
         _joint_line(
             loads,
@@ -87,8 +91,7 @@ def size(
     warnings += [warning for motion in motions for warning in motion.warnings]
     warnings += [f"drive of joint '{name}': {doubt}" for name, drive in drives.items() for doubt in drive.doubts]
     warnings += holding.notes
-    if len(joints) < len(robot.joints):
-        others = ", ".join(f"'{joint.name}' ({joint.kind})" for joint in robot.joints if joint.nv != 1)
+    if others := ", ".join(f"'{joint.name}' ({joint.kind})" for joint in robot.joints if joint.nv != 1):
         warnings.append(f"joints with several degrees of freedom have no single motor and are not sized: {others}")
     return Sizing(
         robot.name,

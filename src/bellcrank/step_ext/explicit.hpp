@@ -116,14 +116,14 @@ class Explicit {
       }
       at(x + 4 * b) = y + sum;
     }
-    rhs_.normalise(x);
+    rhs_.settle(t_old + s * h, x);
   }
 
   // The step once more with another size: the state at t_old + h is then a step's end. False: not finite.
   bool redo(double h, double* x) {
     std::memcpy(redo_.k, main_.k, lanes() * sizeof(double));
     const bool sound = step<true>(redo_, h, x);
-    rhs_.normalise(x);
+    rhs_.settle(t_old + h, x);
     return sound && finite(x);
   }
 
@@ -179,7 +179,7 @@ class Explicit {
     rhs_.evaluations += Method::stages - 1;
     stages.template sum<last>(old_, h, x);
     if constexpr (Method::fsal && !Redo) {
-      rhs_.normalise(x);
+      rhs_.settle(t_old + h, x);
       status |= slope(t_old + h, h);
     }
     return status == 0;
@@ -187,7 +187,7 @@ class Explicit {
 
   // The slope at the end of a step of size h.
   std::int32_t slope(double time, double h) {
-    if (Blocks && p_.staged && !p_.unit_count) {
+    if (Blocks && p_.staged && !p_.unit_count && !p_.project_position) {
       main_.template but_newest<last>(old_, h);
     } else {
       for (int b = 0; b < blocks(); ++b) at(main_.x + 4 * b) = at(x_ + 4 * b);
@@ -200,7 +200,7 @@ class Explicit {
   // After the error test: unit parts, the slope at the end. False where that or the state is not finite.
   bool finish(double end) {
     if constexpr (!Method::fsal) {
-      rhs_.normalise(x_);
+      rhs_.settle(end, x_);
       if (slope(end, end - t_old) != 0 || !finite(main_.k + last * lanes(), x_)) return false;
     }
     t = end;

@@ -111,7 +111,8 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
                      const std::vector<SignalArguments>& signals, Vector stops, std::uintptr_t events,
                      const std::vector<bool>& terminal, const std::vector<int>& direction, std::uintptr_t jacobian,
                      std::uintptr_t tangent, int lanes, std::int64_t max_evaluations, nb::object progress,
-                     bool staged) {
+                     bool staged, std::uintptr_t fallback, std::uintptr_t project_position,
+                     std::uintptr_t project_velocity, int nq) {
   const int n = static_cast<int>(x0.shape(0));
   require(rhs != 0, "integrate: no right-hand side");
   require(method == "RK4" || method == "RK45" || method == "DOP853" || method == "Radau", "integrate: unknown method");
@@ -150,6 +151,10 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
   Problem problem{};
   problem.rhs = reinterpret_cast<Kernel>(rhs);
   problem.staged = staged;
+  problem.fallback = reinterpret_cast<Kernel>(fallback);
+  problem.project_position = reinterpret_cast<Kernel>(project_position);
+  problem.project_velocity = reinterpret_cast<Kernel>(project_velocity);
+  problem.nq = nq, problem.nv = norm_size - nq;
   problem.jacobian = reinterpret_cast<Kernel>(jacobian);
   problem.events = reinterpret_cast<Kernel>(events);
   problem.tangent = reinterpret_cast<BatchKernel>(tangent);
@@ -260,7 +265,8 @@ void bind_integrate(nb::module_& m) {
   m.def("integrate", &integrate, "rhs"_a, "method"_a, "t0"_a, "t1"_a, "x0"_a, "p"_a, nb::kw_only(), "norm_size"_a,
         "rtol"_a, "atol"_a, "step"_a = 0.0, "first_step"_a = 0.0, "max_step"_a = HUGE_VAL, "times"_a, "every_step"_a,
         "unit"_a, "signals"_a, "stops"_a, "events"_a, "terminal"_a, "direction"_a, "jacobian"_a, "tangent"_a,
-        "lanes"_a, "max_evaluations"_a, "progress"_a.none(), "staged"_a = false);
+        "lanes"_a, "max_evaluations"_a, "progress"_a.none(), "staged"_a = false, "fallback"_a = 0,
+        "project_position"_a = 0, "project_velocity"_a = 0, "nq"_a = 0);
 }
 
 }  // namespace bellcrank

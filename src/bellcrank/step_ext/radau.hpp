@@ -71,7 +71,7 @@ class Radau {
       constexpr int most = StageEquations<Blocks>::most_iterations;
       const double careful = safety * (2 * most + 1) / (2 * most + newton.iterations);
       const double factor = careful * predicted(h, error);
-      rhs_.normalise(x_);
+      rhs_.settle(end, x_);
       if (error <= 1 && equations_.slope(x_, end, end_f_)) {
         accept(end, h, error, planned, factor, newton, end == bound && !again);
         return Outcome::accepted;
@@ -89,7 +89,7 @@ class Radau {
     const Newton newton = solve(h, [&] { return equations_.iterate_fully(t_old, h, old_); });
     if (!newton.converged) return give_up(newton.bad ? Outcome::non_finite : Outcome::too_small);
     sum(x_, old_, equations_.last());
-    rhs_.normalise(x_);
+    rhs_.settle(end, x_);
     if (!equations_.slope(x_, end, end_f_)) return give_up(Outcome::non_finite);
     keep_dense(h);
     equations_.jacobian_is_new = false;
@@ -106,7 +106,7 @@ class Radau {
         const double* c = quadratures_ + 4 * i;
         x[i] = base_[i] + s * (c[0] + s * (c[1] + s * (c[2] + s * c[3])));
       }
-    rhs_.normalise(x);
+    rhs_.settle(dense_t_ + s * dense_h_, x);
   }
 
   // The stages' cubic does not carry quadratures, whose rates may themselves be cubics of the time. Their dense output
@@ -141,7 +141,7 @@ class Radau {
     extrapolate(h, base_);
     if (!equations_.factors(h) || !equations_.iterate_fully(dense_t_, h, base_).converged) return false;
     sum(x, base_, equations_.last());
-    rhs_.normalise(x);
+    rhs_.settle(dense_t_ + h, x);
     return true;
   }
 

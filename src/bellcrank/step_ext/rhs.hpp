@@ -49,7 +49,7 @@ inline double spacing(double t) {
 class Rhs {
  public:
   explicit Rhs(const Problem& problem)
-      : problem(problem), u_(problem.signal_entries), rest_(problem.n), piece_(problem.signal_count) {}
+      : problem(problem), u_(problem.signal_entries), rest_(problem.n), correction_(problem.n), piece_(problem.signal_count) {}
 
   const Problem& problem;
   std::int64_t evaluations = 0;
@@ -80,7 +80,7 @@ class Rhs {
   BELLCRANK_INLINE std::int32_t operator()(In& in, double t, double* const* out) {
     in.time = smaller(t, latest);
     if (problem.signal_count) signals(in.time);
-    return problem.rhs(in.pointers, out);
+    return problem.fallback ? guarded(in.pointers, out) : problem.rhs(in.pointers, out);
   }
 
   // Parts that should be unit vectors are made so, unless they are to the last digit.
@@ -88,9 +88,44 @@ class Rhs {
     if (problem.unit_count) make_unit(x);
   }
 
+  // What a state that is handed on must keep: unit parts unit, and closures closed where they are projected.
+  BELLCRANK_INLINE void settle(double t, double* x) {
+    normalise(x);
+    if (problem.project_position) project(t, x);
+  }
+
  private:
-  Buffer u_, rest_;
+  static constexpr int most_corrections = 8;
+  static constexpr double closed = 1e-14, nearly = 1e-8;  // m or rad
+
+  Buffer u_, rest_, correction_;
   Array<int> piece_;  // piece: -1 before the breaks, `pieces` after them
+
+  // The plain solve, or where its guard is not positive the one that needs no guard.
+  std::int32_t guarded(const double* const* in, double* const* out) const {
+    double guard = 0;
+    double* const both[] = {*out, &guard};
+    const std::int32_t status = problem.rhs(in, both);
+    return guard > 0 ? status : problem.fallback(in, out);
+  }
+
+  // Newton's method on the closures, then their velocities. Below `nearly` one correction is exact to rounding.
+  __attribute__((noinline)) void project(double t, double* x) {
+    const double time = smaller(t, latest);
+    if (problem.signal_count) signals(time);
+    const double* const in[] = {&time, x, u_, problem.p};
+    double gap = 0, before = INFINITY;
+    double* const out[] = {correction_, &gap};
+    for (int i = 0; i < most_corrections && problem.project_position(in, out) == 0; ++i) {
+      if (gap <= closed || !(gap < 0.5 * before)) break;
+      for (int k = 0; k < problem.nq; ++k) x[k] += correction_[k];
+      normalise(x);
+      if (gap <= nearly) break;
+      before = gap;
+    }
+    if (problem.project_velocity(in, out) == 0)
+      for (int k = 0; k < problem.nv; ++k) x[problem.nq + k] += correction_[k];
+  }
 
   __attribute__((noinline)) void make_unit(double* x) const {
     for (int i = 0; i < problem.unit_count; ++i) {

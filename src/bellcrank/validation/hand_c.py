@@ -36,21 +36,23 @@ class HandWritten:
 
     def __init__(self, chosen: Problem) -> None:
         self.problem = chosen
-        self._library = _library(chosen.name)
-        self._start = np.array(chosen.start)
+        self._library = _library(chosen)
+        self._start = chosen.unreduced(np.array(chosen.start))
         self._times = chosen.times
 
     def run(self, method: str, tolerance: float = 0.0, step: float = 0.0) -> Outcome:
         """Integrate with rtol = atol = tolerance, or with the fixed step of RK4 in s. Raises BellcrankError."""
         function = getattr(self._library, METHODS[method])
-        position, made = np.empty((OUTPUTS, 2)), _Statistics()
+        position, made = np.empty((OUTPUTS, self.problem.count)), _Statistics()
         status = function(
             self._start.ctypes.data, self.problem.duration, tolerance, tolerance, step,
             self._times.ctypes.data, OUTPUTS, position.ctypes.data, ctypes.addressof(made),
         )  # fmt: skip
         if status:
             raise BellcrankError(f"{method} in C stopped with status {status}")
-        return Outcome(made.seconds, position, None, made.evaluations, made.accepted, made.rejected)
+        return Outcome(
+            made.seconds, self.problem.compared(position), None, made.evaluations, made.accepted, made.rejected
+        )
 
     def right_hand_side_ns(self, calls: int = 1_000_000) -> float:
         """Nanoseconds a right-hand side, each call waiting for the one before, the best of five."""
@@ -58,22 +60,22 @@ class HandWritten:
 
 
 @cache
-def _library(name: str) -> ctypes.CDLL:
+def _library(chosen: Problem) -> ctypes.CDLL:
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None:
         raise BellcrankError("no C compiler: install gcc or cc")
     source = Path(__file__).with_name("hand_c") / "integrate.c"
     with tempfile.TemporaryDirectory() as folder:
-        built = Path(folder) / f"{name}.so"
+        built = Path(folder) / f"{chosen.name}.so"
         command = [
-            compiler, *FLAGS, f'-DSCENE="{name}.h"', "-shared", "-fPIC", str(source), "-o", str(built), "-lm",
+            compiler, *FLAGS, f'-DSCENE="{chosen.name}.h"', "-shared", "-fPIC", str(source), "-o", str(built), "-lm",
         ]  # fmt: skip
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             raise BellcrankError(f"the C compiler failed: {(done.stderr.splitlines() or [str(done.returncode)])[0]}")
         library = ctypes.CDLL(str(built))
     pointer, real, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_long
-    for function in METHODS.values():
+    for function in ("rk4", *(METHODS[method] for method in chosen.adaptive)):
         getattr(library, function).argtypes = [pointer, real, real, real, real, pointer, integer, pointer, pointer]
     library.rhs_ns.argtypes, library.rhs_ns.restype = [pointer, integer], real
     return library

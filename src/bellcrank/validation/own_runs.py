@@ -7,13 +7,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from bellcrank.errors import BellcrankError
 from bellcrank.validation.bench_problem import Outcome, Problem, Run
-from bellcrank.validation.hand_c import METHODS, NOTE, HandWritten
-from bellcrank.validation.work_precision import HAND, OWN
+from bellcrank.validation.hand_c import NOTE, HandWritten
+from bellcrank.validation.work_precision import HAND, OWN, PROJECTED
 
 TOLERANCES = {
     False: (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13),
@@ -24,25 +25,50 @@ OWN_NOTE = "kernel: steady clock around the stepping; whole: simulate() of a sce
 
 
 def groups(problem: Problem, hand: HandWritten | None, full: bool) -> list[list[Run]]:
-    """bellcrank's runs, each in a pair with C (where there is any) that is timed in turns with it."""
-    scene = _scene(problem)
+    """bellcrank's runs, each in a group with C (where there is any) that is timed in turns with it.
+
+    A closed scene is run without stabilisation, as the program in C is, and with projection.
+    """
+    scenes = _scenes(problem)
     made = []
-    for method in ("RK45", "DOP853", "Radau"):
+    for method in problem.adaptive:
         for tolerance in TOLERANCES[full]:
-            made.append(_pair(problem, scene, hand, method, f"{tolerance:g}", {"tolerance": tolerance}))
+            made.append(_group(problem, scenes, hand, method, f"{tolerance:g}", {"tolerance": tolerance}))
     for count in SUBSTEPS[full]:
         step = problem.times[1] / count
-        made.append(_pair(problem, scene, hand, "RK4", f"h {step:.3g}", {"step": step}))
+        made.append(_group(problem, scenes, hand, "RK4", f"h {step:.3g}", {"step": step}))
     return made
 
 
-def _pair(
-    problem: Problem, scene: Any, hand: HandWritten | None, method: str, setting: str, given: dict[str, float]
+def _group(
+    problem: Problem,
+    scenes: dict[str, Any],
+    hand: HandWritten | None,
+    method: str,
+    setting: str,
+    given: dict[str, float],
 ) -> list[Run]:
-    pair = [Run(OWN, method, setting, OWN_NOTE, partial(_simulate, problem, scene, method, **given))]
-    if hand is not None and method in METHODS:
-        pair.append(Run(HAND, method, setting, NOTE, partial(hand.run, method, **given)))
-    return pair
+    group = [
+        Run(OWN, method + suffix, setting, OWN_NOTE, partial(_simulate, problem, scene, method, **given))
+        for suffix, scene in scenes.items()
+    ]
+    if hand is not None:
+        group.append(Run(HAND, method, setting, NOTE, partial(hand.run, method, **given)))
+    return group
+
+
+def _scenes(problem: Problem) -> dict[str, Any]:
+    """The scene by what its methods' names gain; a closed one without stabilisation and with projection."""
+    from bellcrank.scene.settings import Stabilisation
+
+    scene = _scene(problem)
+    if not problem.closed:
+        return {"": scene}
+    kinds = {"": "none", PROJECTED: "projection"}
+    return {
+        suffix: replace(scene, settings=replace(scene.settings, stabilisation=Stabilisation(kind)))
+        for suffix, kind in kinds.items()
+    }
 
 
 def _scene(problem: Problem) -> Any:
@@ -64,7 +90,9 @@ def _simulate(problem: Problem, scene: Any, method: str, tolerance: float = 1e-6
     )
     whole = time.perf_counter() - begun
     made = run.statistics
-    return Outcome(made.kernel_time, run.position, None, made.evaluations, made.steps, made.rejected, whole)
+    return Outcome(
+        made.kernel_time, problem.own(run.position), None, made.evaluations, made.steps, made.rejected, whole
+    )
 
 
 def first_run(problem: Problem) -> dict[str, float]:

@@ -20,7 +20,7 @@ DIVISIONS = range(2, 17, 2)  # midpoint steps of the extrapolation's rows
 
 @dataclass(frozen=True)
 class Reference:
-    """States (101, 4) at the problem's times, and how far two independent estimates say they may be off.
+    """States (101, n) at the problem's times, and how far two independent estimates say they may be off.
 
     `step_error` is the largest difference of a position from a run with finer steps, `scipy_error` that from SciPy's
     DOP853 at rtol = 1e-13, atol = 1e-14 in double precision, which is the less exact of the two routes.
@@ -32,15 +32,15 @@ class Reference:
     scipy_error: float
 
     def error(self, position: Array, time: Array | None = None) -> float:
-        """The largest difference of positions (k, 2), at the problem's times or at `time` (k,), s."""
-        expected = self.state[:, :2] if time is None else self.at(time)
+        """The largest difference of positions (k, m), at the problem's times or at `time` (k,), s."""
+        expected = self.problem.positions(self.state) if time is None else self.at(time)
         if position.shape != expected.shape:
             return float("inf")
         difference = float(np.abs(position - expected).max())
         return difference if np.isfinite(difference) else float("inf")
 
     def at(self, time: Array) -> NDArray[np.longdouble]:
-        """Positions (k, 2) at any times within the duration, from the nearest output time."""
+        """Positions (k, m) at any times within the duration, from the nearest output time."""
         times = self.problem.times
         nodes = np.clip(np.rint(time / times[1]).astype(int), 0, len(times) - 1)
         gaps = time.astype(np.longdouble) - times[nodes]
@@ -49,7 +49,7 @@ class Reference:
             self.state[k] if abs(gap) < near else _advance(self.problem, self.state[k], gap, 2)
             for k, gap in zip(nodes, gaps, strict=True)
         )
-        return np.array([x[:2] for x in steps])
+        return self.problem.positions(np.array(list(steps)))
 
 
 @cache
@@ -63,7 +63,8 @@ def reference(name: str) -> Reference:
         lambda _, x: chosen.equations.derivative(x), (0.0, chosen.duration), chosen.start,
         method="DOP853", rtol=1e-13, atol=1e-14, t_eval=chosen.times,
     ).y.T  # fmt: skip
-    step_error, scipy_error = (float(np.abs(finer - other)[:, :2].max()) for other in (state, double))
+    exact = chosen.positions(finer)
+    step_error, scipy_error = (float(np.abs(exact - chosen.positions(other)).max()) for other in (state, double))
     return Reference(chosen, finer, step_error, scipy_error)
 
 

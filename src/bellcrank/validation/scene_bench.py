@@ -18,7 +18,8 @@ from bellcrank.validation.hand_c import HandWritten
 from bellcrank.validation.reference import Reference, reference
 from bellcrank.validation.work_precision import LEVELS, REPEATS, Ratio, Row, failures, measure, pareto, ratios
 
-PEERS = {"MuJoCo": "mujoco", "Drake": "drake", "Exudyn": "exudyn"}  # name: package, and its module in rivals
+# name: package, and its module in rivals, with "_closed" after it for scenes with constraints
+PEERS = {"MuJoCo": "mujoco", "Drake": "drake", "Exudyn": "exudyn"}
 SETTINGS = Path(__file__).with_name("peer_settings.yaml")
 
 
@@ -49,11 +50,13 @@ def bench_scene(
         hand = None
         missing.append(f"C by hand: {error}")
     groups = own_runs.groups(chosen, hand, full=peers)
-    settings = read_yaml(SETTINGS)
-    groups += [[run] for run in _module("scipy_pinocchio").runs(chosen, settings)]
+    published = read_yaml(SETTINGS)
+    settings = published.get(name, published["trees"])
+    suffix = "_closed" if chosen.closed else ""
+    groups += [[run] for run in _module("scipy_pinocchio" + suffix).runs(chosen, settings)]
     for tool, package in PEERS.items() if peers else ():
         try:
-            groups += [[run] for run in _module(package).runs(chosen, settings[tool])]
+            groups += [[run] for run in _module(package + suffix).runs(chosen, settings[tool])]
         except ImportError:
             missing.append(f"{tool}: not installed: pip install 'bellcrank[peers]'")
     exact = reference(name)

@@ -19,6 +19,7 @@ REPEATS = 30
 SETTLE = 0.2  # s that 30 repeats last at least: runs of microseconds are repeated more often, to outlast a disturbance
 BUDGET = 1.0  # s a run may be repeated for; the first time always counts
 OWN, HAND = "bellcrank", "C by hand"
+PROJECTED = " + projection"  # a method's name gains it where closures are projected after each step
 LEVELS = (1e-6, 1e-10)  # errors at which times are compared
 
 
@@ -138,11 +139,12 @@ def ratios(scene: str, rows: Sequence[Row], levels: Sequence[float] = LEVELS) ->
     found = []
     for level in levels:
         for method in dict.fromkeys(r.method for r in own):
-            hand = [r for r in rows if r.tool == HAND and r.method == method]
+            base = method.removesuffix(PROJECTED)
+            hand = [r for r in rows if r.tool == HAND and r.method == base]
             if hand:
                 ours = time_at([r for r in own if r.method == method], level)
                 value = _over(ours, time_at(hand, level))
-                found.append(Ratio(scene, level, f"{OWN} {method}, kernel", f"{HAND} {method}", value))
+                found.append(Ratio(scene, level, f"{OWN} {method}, kernel", f"{HAND} {base}", value))
         for whole, clock in ((False, "kernel"), (True, "simulate()")):
             ours = time_at(own, level, whole)
             times = sorted((time_at([r for r in rows if r.tool == tool], level), tool) for tool in peers)

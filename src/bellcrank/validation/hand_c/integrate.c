@@ -6,7 +6,9 @@
 #include "rk4.h"
 #include "rk45.h"
 #include "dop853.h"
+#ifndef EXPLICIT_ONLY
 #include "radau.h"
+#endif
 
 /* Nanoseconds a right-hand side, each call waiting for the one before as in a stepper. */
 double rhs_ns(const double *x0, long calls) {

@@ -8,6 +8,7 @@ import io
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -22,7 +23,7 @@ IMPLICIT = ("GeneralizedAlpha", "TrapezoidalIndex2")
 NOTE = "SolveSteps alone (C++), module without range checks, no files, one sensor kept in memory"
 
 
-def _module() -> Any:
+def exudyn_module() -> Any:
     """Exudyn's module without range checks, unless another part of the process has loaded the slower one."""
     if "exudyn" not in sys.modules:
         sys.exudynFast = True  # type: ignore[attr-defined]  # how Exudyn is asked for it
@@ -32,7 +33,7 @@ def _module() -> Any:
 
 def runs(problem: Problem, settings: Mapping[str, Sequence[float]]) -> Iterator[Run]:
     """Every integrator at every step or tolerance, compared at the step ends that the sensor kept."""
-    exu = _module()
+    exu = exudyn_module()
     keep, system, sensor = _system(exu, problem)
     for solver, values in settings.items():
         for value in values:
@@ -83,7 +84,8 @@ def _system(exu: Any, problem: Problem) -> tuple[Any, Any, Any]:
     return container, system, sensor
 
 
-def _settings(exu: Any, problem: Problem, solver: str, value: float) -> Any:
+def step_settings(exu: Any, problem: Problem, solver: str, value: float) -> Any:
+    """Settings of a solver with its step in s, or its tolerance, without files and threads."""
     settings = exu.SimulationSettings()
     stepping, solution = settings.timeIntegration, settings.solution
     solution.file.write, solution.solverInformationFileName = False, ""
@@ -105,17 +107,23 @@ def _settings(exu: Any, problem: Problem, solver: str, value: float) -> Any:
 
 def _run(exu: Any, problem: Problem, built: tuple[Any, Any, Any], solver: str, value: float) -> Outcome:
     _, system, sensor = built
-    settings = _settings(exu, problem, solver, value)
+    settings = step_settings(exu, problem, solver, value)
     used = exu.MainSolverImplicitSecondOrder() if solver in IMPLICIT else exu.MainSolverExplicit()
+    made = integrate(exu, system, sensor, settings, used)
+    if isinstance(problem.equations, SpringPendulum):
+        place = polar(made.position + np.array(cartesian(problem.start)[0]))
+        return replace(made, position=place)
+    return made
+
+
+def integrate(exu: Any, system: Any, sensor: Any, settings: Any, used: Any) -> Outcome:
+    """Run a solver; what the sensor kept at the step ends, without the time before and after SolveSteps."""
     used.InitializeSolver(system, settings)
     begun = time.perf_counter()
     done = used.SolveSteps(system, settings)
     seconds = time.perf_counter() - begun
     used.FinalizeSolver(system, settings)
     if not done:
-        raise BellcrankError(f"Exudyn's {solver} did not finish")
+        raise BellcrankError("Exudyn did not finish")
     kept: Array = np.array(system.GetSensorStoredData(sensor))
-    position = kept[:, 1:3]
-    if isinstance(problem.equations, SpringPendulum):
-        position = polar(position + np.array(cartesian(problem.start)[0]))
-    return Outcome(seconds, position, kept[:, 0], steps=int(used.it.currentStepIndex))
+    return Outcome(seconds, kept[:, 1:], kept[:, 0], steps=int(used.it.currentStepIndex))

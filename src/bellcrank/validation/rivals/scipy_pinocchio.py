@@ -21,7 +21,7 @@ def runs(problem: Problem, settings: Mapping[str, Mapping[str, Sequence[float]]]
     rates = _rates(problem)
     for method, tolerances in settings["SciPy"].items():
         for tolerance in tolerances:
-            once = partial(_solve_ivp, problem, rates, method, tolerance)
+            once = partial(solve, problem, rates, method, tolerance, problem.start)
             yield Run("SciPy + pin.aba", method, f"{tolerance:g}", "solve_ivp with t_eval, Python around pin.aba", once)
     for step in settings["Pinocchio"]["RK4"]:
         count, h = substeps(problem, step)
@@ -68,14 +68,13 @@ def _rates(problem: Problem) -> Rates:
     return rates
 
 
-def _solve_ivp(problem: Problem, rates: Rates, method: str, tolerance: float) -> Outcome:
+def solve(problem: Problem, rates: Rates, method: str, tolerance: float, start: Sequence[float] | Array) -> Outcome:
+    """solve_ivp from a start (n,) that has the compared coordinates first."""
     from scipy.integrate import solve_ivp
 
     begun = time.perf_counter()
-    made: Any = solve_ivp(
-        rates, (0.0, problem.duration), problem.start, method, problem.times, rtol=tolerance, atol=tolerance
-    )
-    return Outcome(time.perf_counter() - begun, made.y[:2].T, evaluations=made.nfev)
+    made: Any = solve_ivp(rates, (0.0, problem.duration), start, method, problem.times, rtol=tolerance, atol=tolerance)
+    return Outcome(time.perf_counter() - begun, made.y[: problem.compared_count].T, evaluations=made.nfev)
 
 
 def _rk4(problem: Problem, rates: Rates, count: int, h: float) -> Outcome:

@@ -1,0 +1,96 @@
+"""`bellcrank sweep`: a table on screen; sweep.csv, sweep.json and a picture in a folder."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from bellcrank.commands.simulate import _check_folder as check_folder
+from bellcrank.errors import InputError, among
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The scene, what to vary, and where to write."""
+    parser.add_argument(
+        "scene", metavar="SCENE", help="a scene or robot card: a path, or a name (see bellcrank robots)"
+    )
+    parser.add_argument(
+        "--vary", action="append", required=True, metavar="PATH=FIRST:LAST:COUNT", dest="axes",
+        help="a parameter of the scene, or initial.JOINT, simulate.KEY, over equally spaced values, or PATH=A,B,C; "
+        "repeated, all combinations",
+    )  # fmt: skip
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", dest="changes",
+        help="change the scene beforehand, such as simulate.duration='20 s'; may be repeated",
+    )  # fmt: skip
+    parser.add_argument(
+        "--measure", action="append", default=[], metavar="NAME", dest="measures",
+        help="what the table and the picture show, such as lock.time; may be repeated (the files hold all of them)",
+    )  # fmt: skip
+    parser.add_argument("--threads", metavar="N", help="how many designs run at once (default: the machine's threads)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for the files (default: SCENE_sweep, here)")
+    parser.add_argument("--no-plots", action="store_true", help="write no picture")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the designs; 0 where some design came to its end, 1 where none did, 130 where it was interrupted; what was
+    computed is written in any case. BellcrankError for bad input.
+    """
+    from bellcrank.scene.overrides import parse_assignment
+    from bellcrank.scene.scene import load_scene
+    from bellcrank.sweep.axes import parse_axis
+    from bellcrank.sweep.sweep import sweep
+
+    vary = {}
+    for text in arguments.axes:
+        path, values = parse_axis(text)
+        if path in vary:
+            raise InputError(f"--vary {text!r}: '{path}' is varied already")
+        vary[path] = values
+    threads = _threads(arguments.threads)
+    changes = dict(parse_assignment(text) for text in arguments.changes)
+    folder = arguments.out or Path(f"{Path(arguments.scene).stem}_sweep")
+    check_folder(folder)
+    scene = load_scene(arguments.scene)
+    with _bar() as progress:
+        result = sweep(scene, vary, overrides=changes, threads=threads, progress=progress)
+    measures = arguments.measures or None
+    files = []
+    if result.designs:
+        files += [result.to_csv(folder / "sweep.csv"), result.to_json(folder / "sweep.json")]
+    unknown = [name for name in arguments.measures if name not in result.units]
+    if unknown and result.designs:  # after the files: what was computed is not lost for a typing error
+        raise InputError(f"--measure: {among('measure', unknown[0], result.units)}; all of them are in {files[0]}")
+    if (measures or result.telling) and files and not arguments.no_plots:
+        files.append(folder / "sweep.png")
+        result.plot(files[-1], measures)
+    if result.designs:
+        print(result.table(measures))
+    count, ended = len(result.designs), [d for d in result.designs if not d.reason]
+    print(f"\n{scene.name}: {count} designs, {len(ended)} came to their end, {count - len(ended)} did not")
+    print(f"wrote {', '.join(path.name for path in files) or 'nothing'} in {folder}")
+    return (0 if ended else 1) if result.complete else 130
+
+
+def _threads(text: str | None) -> int | None:
+    if text is None:
+        return None
+    if not text.isdecimal() or int(text) < 1:
+        raise InputError(f"--threads {text!r}: expected a whole number of 1 or more")
+    return int(text)
+
+
+@contextmanager
+def _bar() -> Iterator[Callable[[int, int], None]]:
+    """A progress bar over the designs, which shows itself after a second; yields what to call with done and all."""
+    from tqdm import tqdm
+
+    with tqdm(desc="sweep", unit=" designs", delay=1.0, disable=None) as bar:
+
+        def progress(done: int, count: int) -> None:
+            bar.total = count
+            bar.update(done - bar.n)
+
+        yield progress

@@ -1,0 +1,276 @@
+"""Closed linkages with motors: the posture that follows from some joints, and the torques that some motors need.
+
+With independent joints i and the others d, φ(q, t) = 0 gives q_d by Newton's method from the posture before, so that
+the branch is kept, and J v = −φ_t, J a = −γ give their rates. The motions that the closures allow are v = N v_i with
+N_i = 1 and N_d = −J_d⁺ J_i. Motors at the joints of S (nv, k), with joint forces Q that the motion needs,
+
+    S τ + Jᵀ λ = Q,    hence  (Nᵀ S) τ = Nᵀ Q,
+
+as J N = 0. More motors than freedoms share by the least Σ τ². Source: Nakamura & Ghodoussi, Dynamics computation of
+closed-link robot mechanisms with nonredundant and redundant actuators, IEEE Trans. Robotics Autom. 5 (1989).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.constraints.joint_relations import Drive
+from bellcrank.constraints.start import moved
+from bellcrank.errors import InputError, UnreachableError
+from bellcrank.motion.motion import Motion
+from bellcrank.robot.robot import RobotJoint
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.machine_code.compile import Compiled
+    from bellcrank.scene.scene import Scene
+
+Array = NDArray[np.float64]
+CLOSED = 1e-13  # m or rad: Newton's method ends below it
+ROUNDED = 1e-11  # m or rad: and may end below this one, where rounding ends it
+STEP = 0.05  # rad or m that independent joints move in one step of continuation
+LEAP = 0.1  # rad or m by which a posture may miss its prediction: more is another branch
+FINEST = 14  # halvings of a step before it counts as unreachable
+DEAD = 1e-6  # a singular value below this share of the largest is a dead point: postures there are right to its root
+SINGULAR = 1e-8  # a singular value below this share of the largest counts as 0
+
+
+class Chain:
+    """The linkage of a scene, its `drive` closures taken away, with motors at `actuated` joints.
+
+    Without `actuated` the motors sit where the scene has drives: its `drive` closures, or the card's `actuated`, or the
+    card's drives. Raises InputError where there is no closure, no motor, or rolling contact, whose positions depend on
+    the way that was gone.
+    """
+
+    def __init__(self, scene: Scene, actuated: Sequence[str] | None = None) -> None:
+        drives = [closure for closure in scene.closures if isinstance(closure, Drive)]
+        loops = tuple(closure for closure in scene.closures if not isinstance(closure, Drive))
+        if not loops:
+            raise InputError(f"{scene.source}: nothing closes a loop; use the robot's inverse_dynamics")
+        self.given = scene
+        self.scene = replace(scene, closures=loops, control=(), events=(), outputs={})
+        self.robot = scene.robot
+        rows = self.multiplier_names
+        if self._position_rows < len(rows):
+            raise InputError(
+                f"{scene.source}: closure '{rows[-1][0]}' rolls, so that positions depend on the way that was gone; "
+                "simulate with drive closures instead, their multipliers are the motors' torques"
+            )
+        names = list(actuated or [drive.joint.name for drive in drives] or scene.card.actuated or scene.card.drives)
+        if not names:
+            raise InputError(
+                f"{scene.source}: which joints of the linkage have motors? write them as actuated: "
+                f"[{scene.robot.joint_names[0]}]"
+            )
+        self.actuated = tuple(self.robot.one_degree_joint(name, f"{scene.source}: actuated") for name in names)
+
+    @property
+    def multiplier_names(self) -> tuple[tuple[str, str], ...]:
+        """(closure, what it is) of each multiplier."""
+        return self.scene.system.multiplier_names
+
+    @cached_property
+    def _position_rows(self) -> int:
+        return int(self.terms.output_sizes[1])
+
+    # ---- equations
+
+    @cached_property
+    def terms(self) -> Compiled:
+        """(t, q, v, u, p, a) -> Q (nv), φ (h), (φ̇, ψ) (m), J column after column, γ (m).
+
+        Q = M a + bias + friction − the scene's passive forces (springs, dampers, wrenches).
+        """
+        key = "linkage " + self.scene.physics_key()
+        return self.robot.compiled(key, self._build)
+
+    def _build(self) -> casadi.Function:
+        import casadi
+
+        from bellcrank.dynamics.closed import close, rows_that_bind
+        from bellcrank.scene.symbols import Symbols
+
+        s = Symbols(self.robot, self.scene.parameters, self.scene.frames)
+        passive = casadi.SX.zeros(self.robot.nv, 1)
+        for force in self.scene.forces:
+            applied = force.apply(s)
+            passive += casadi.SX(self.robot.nv, 1) if applied.actuator else applied.force
+        closed = close(self.scene.closures, rows_that_bind(self.scene, s), s)
+        a = casadi.SX.sym("a", self.robot.nv)
+        need = s.inverse_dynamics(s.q, s.v, a) + self.robot.equations.friction(s.v) - passive
+        outputs = [need, closed.position, closed.speed, casadi.vec(closed.jacobian), closed.drift]
+        return casadi.Function("linkage", [s.t, s.q, s.v, s.u, s.p, a], [casadi.densify(x) for x in outputs])
+
+    def at(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Q (n, nv), φ (n, h), (φ̇, ψ) (n, m), J (n, m, nv), γ (n, m) at n states and times (n,) s."""
+        u = self.scene.signals_at(t)
+        need, gap, speed, flat, drift = self.terms(t[:, None], q, v, u, self.scene.parameter_values, a)
+        jacobian = flat.reshape(len(t), self.robot.nv, -1).transpose(0, 2, 1)
+        return need, gap, speed, jacobian, drift
+
+    def _gap(self, t: float, q: Array) -> tuple[Array, Array]:
+        still, time = np.zeros(self.robot.nv), np.array([t])
+        u = self.scene.signals_at(time)[0]
+        _, gap, _, flat, _ = self.terms(time, q, still, u, self.scene.parameter_values, still)
+        return gap, flat.reshape(self.robot.nv, -1).T
+
+    # ---- kinematics
+
+    @cached_property
+    def start(self) -> Array:
+        """The posture (nq,) of the scene's start, which says which branch is meant."""
+        return self.scene.start[0]
+
+    def independent(self, candidates: Sequence[RobotJoint], name: str) -> tuple[RobotJoint, ...]:
+        """As many of the candidates, the first that will do, as the linkage has freedoms; InputError where they are too
+        few or depend on each other.
+        """
+        jacobian = self._gap(0.0, self.start)[1]
+        rank = _rank(jacobian)
+        freedoms = self.robot.nv - rank
+        left, chosen = list(range(self.robot.nv)), list[RobotJoint]()
+        for joint in candidates:
+            without = [v for v in left if v != joint.v]
+            if len(chosen) < freedoms and _rank(jacobian[:, without]) == rank:
+                left, chosen = without, [*chosen, joint]
+        if len(chosen) < freedoms:
+            listed = ", ".join(joint.name for joint in candidates) or "no joint"
+            raise InputError(
+                f"motion '{name}': {listed} can set {len(chosen)} of the {freedoms} freedoms that the closures of "
+                f"{self.robot.name} leave; let it move {freedoms - len(chosen)} more independent joint(s)"
+            )
+        return tuple(chosen)
+
+    def follow(self, motion: Motion, joints: Sequence[RobotJoint]) -> Motion:
+        """The motion with all other joints following these (independent) ones; the branch is that of the scene's start.
+
+        Raises UnreachableError where the closures cannot follow, or lose their hold on the others (dead point).
+        """
+        n = len(motion)
+        time, ind = motion.time, [joint.v for joint in joints]
+        places = [joint.q for joint in joints]
+        wanted = motion.position[:, places]
+        q = np.empty((n, self.robot.nq))
+        here = self.start
+        for k in range(n):
+            t = float(time[k])
+            steps = max(1, int(np.ceil(np.abs(wanted[k] - here[places]).max() / STEP)))
+            for target in here[places] + np.arange(1, steps + 1)[:, None] / steps * (wanted[k] - here[places]):
+                here = self._reach(here, target, places, ind, t, motion.name, 0)
+            here[places] = wanted[k]
+            q[k] = here
+        dep = np.setdiff1d(np.arange(self.robot.nv), ind)
+        v, a = np.zeros((n, self.robot.nv)), np.zeros((n, self.robot.nv))
+        v[:, ind], a[:, ind] = motion.velocity[:, ind], motion.acceleration[:, ind]
+        _, _, speed, jacobian, _ = self.at(time, q, v, a)
+        singular = np.linalg.svd(jacobian[:, :, dep], compute_uv=False)
+        worst = int(np.argmin(singular[:, -1] / singular[:, 0])) if len(dep) else 0
+        if len(dep) and singular[worst, -1] < DEAD * singular[worst, 0]:
+            raise UnreachableError(
+                f"motion '{motion.name}' passes a dead point of the linkage at {time[worst]:.6g} s: there "
+                f"{_listed(joints, wanted[worst])} no longer says where the others are; end it before"
+            )
+        inverse = _inverse(jacobian[:, :, dep])
+        v[:, dep] = -_times(inverse, speed)
+        drift = self.at(time, q, v, a)[4]
+        a[:, dep] = -_times(inverse, drift + _times(jacobian[:, :, ind], a[:, ind]))
+        return Motion(self.robot.joints, time, q, v, a, motion.name, motion.notes)
+
+    def _reach(
+        self, q: Array, target: Array, places: list[int], ind: list[int], t: float, name: str, depth: int
+    ) -> Array:
+        """The posture with the independent joints at `target`, on the branch of q."""
+        there = self._newton(q, target, places, ind, t)
+        if there is not None:
+            return there
+        if depth == FINEST:
+            joints = [joint for joint in self.robot.joints if joint.v in ind]
+            raise UnreachableError(
+                f"motion '{name}' cannot be followed at {t:.6g} s: the closures hold up to "
+                f"{_listed(joints, q[places])} and no further towards {_listed(joints, target)}; the linkage is out of "
+                "reach or at a dead point, or the scene's start is on another branch"
+            )
+        middle = self._reach(q, 0.5 * (q[places] + target), places, ind, t, name, depth + 1)
+        return self._reach(middle, target, places, ind, t, name, depth + 1)
+
+    def _newton(self, q: Array, target: Array, places: list[int], ind: list[int], t: float) -> Array | None:
+        dep = np.setdiff1d(np.arange(self.robot.nv), ind)
+        gap, jacobian = self._gap(t, q)
+        step = np.zeros(self.robot.nv)
+        step[ind] = target - q[places]
+        step[dep] = np.linalg.lstsq(jacobian[:, dep], -gap - jacobian[:, ind] @ step[ind], rcond=SINGULAR)[0]
+        q = moved(self.scene, q, step)
+        strayed, before = np.zeros(self.robot.nv), np.inf
+        for _ in range(12):
+            q[places] = target
+            gap, jacobian = self._gap(t, q)
+            size = float(np.abs(gap).max(initial=0.0))
+            if size <= CLOSED or (size <= ROUNDED and size >= before):
+                return q
+            before = size
+            step = np.zeros(self.robot.nv)
+            step[dep] = np.linalg.lstsq(jacobian[:, dep], -gap, rcond=SINGULAR)[0]
+            strayed += step
+            if not np.abs(strayed).max() <= LEAP:
+                return None
+            q = moved(self.scene, q, step)
+        return None
+
+    # ---- forces
+
+    def shares(self, jacobian: Array, time: Array | None = None) -> Array:
+        """P (n, k, nv), τ = P Q, from Jacobians (n, m, nv): the motors' least torques for joint forces Q.
+
+        Raises UnreachableError where the motors cannot move the linkage, with its time (s) where `time` (n,) is given.
+        """
+        rank = int(max(_rank(jacobian[k]) for k in np.linspace(0, len(jacobian) - 1, 7).astype(int)))
+        _, _, vt = np.linalg.svd(jacobian)
+        null = vt[:, rank:, :]  # rows: an orthonormal basis of the motions allowed
+        grip = null[:, :, [joint.v for joint in self.actuated]]
+        if null.shape[1] == 0:
+            raise InputError(f"{self.given.source}: the closures of {self.robot.name} leave nothing to move")
+        singular = np.linalg.svd(grip, compute_uv=False)
+        too_few = grip.shape[2] < grip.shape[1]
+        weak = int(np.argmin(singular[:, -1]))
+        if too_few or singular[weak, -1] < SINGULAR:
+            when = "" if time is None or too_few else f" at {time[weak]:.6g} s"
+            raise UnreachableError(
+                f"{self.given.source}: motors at {', '.join(joint.name for joint in self.actuated)} cannot move the "
+                f"{null.shape[1]} freedom(s) of {self.robot.name}{when}; actuate "
+                f"{'more joints' if too_few else 'another joint, or keep away from that posture'}"
+            )
+        return np.asarray(np.linalg.pinv(grip) @ null)
+
+    def torques(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+        """τ (n, k) of the motors and λ (n, m), the least ones where closures are redundant, at n states."""
+        need, _, _, jacobian, _ = self.at(t, q, v, a)
+        torque = _times(self.shares(jacobian, t), need)
+        left = need.copy()
+        left[:, [joint.v for joint in self.actuated]] -= torque
+        multipliers = _times(_inverse(jacobian.transpose(0, 2, 1)), left)
+        return torque, multipliers
+
+
+def _rank(jacobian: Array) -> int:
+    singular = np.linalg.svd(jacobian, compute_uv=False)
+    return int(np.count_nonzero(singular > SINGULAR * singular.max(initial=0.0)))
+
+
+def _inverse(matrices: Array) -> Array:
+    return np.asarray(np.linalg.pinv(matrices, rcond=SINGULAR), dtype=np.float64)
+
+
+def _times(matrices: Array, vectors: Array) -> Array:
+    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
+
+
+def _listed(joints: Sequence[RobotJoint], values: Array) -> str:
+    return ", ".join(f"{joint.name} {value:.6g}" for joint, value in zip(joints, values, strict=True))

@@ -1,0 +1,35 @@
+"""What constraints have in common: residuals as expressions, and multipliers with names, units and a meaning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+from bellcrank.scene.part import Part
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.scene.symbols import Symbols
+
+
+class Residual(NamedTuple):
+    """What a constraint keeps at zero: `position` φ(q, t, u, p), and `velocity` ψ(q, v, t, u, p), linear in v, which is
+    the derivative of no φ (non-holonomic).
+    """
+
+    position: casadi.SX
+    velocity: casadi.SX
+
+
+@dataclass(frozen=True)
+class Constraint(Part):
+    """A closure of a scene. Its multipliers λ stand in M v̇ = f + Jᵀλ with J = ∂φ̇/∂v, ∂ψ/∂v; `labels` say what each is:
+    a force or moment on the body of the first frame, its axes, its unit.
+    """
+
+    owner: ClassVar[str] = "closure"
+
+    def residual(self, symbols: Symbols) -> Residual:
+        """Its residuals; multipliers come in the same order, those of `position` first."""
+        raise NotImplementedError

@@ -1,0 +1,115 @@
+"""Baumgarte's gains without guessing: α = β = 2 ω, ω being the motion's own rate, whatever solver, step and tolerance.
+
+**Why.** With Baumgarte's terms a closure obeys φ̈ + 2 α φ̇ + β² φ = what the solver puts in. α = β is critical damping:
+of all gains with a memory as short, these have the smallest fast rate, and the fast rate is what costs. Let each step
+of h seconds put d_φ h into φ and d_v h into φ̇. Then φ settles where what is put in balances what is forgotten,
+
+    φ = (2 α d_φ + d_v) / β²,    or  2 d_φ/α + d_v/α²  for α = β:                                                 (1)
+
+the larger α the better, if d were independent of it. It is not. Along the normal of the closures the exact motion is
+some g(t), and the equations have Prothero and Robinson's form n̈ = g̈ − 2 α (ṅ − ġ) − α² (n − g). The stages of an
+explicit method of order p hit g to a low order only (the first ones to h), the gains feed that back, and the order
+conditions leave of it
+
+    d h = h^(p+1) Σ_j c_j α^j g^(p+1−j),  j = 0 … p − 1:   the method's error without gains, times Σ_j c_j (α/ω)^j,  (2)
+
+for a motion of rate ω, |g^(k)| ~ ω^k. So gains begin to spoil the solution where α passes ω: a property of the motion,
+not of the step; where α h reaches 1, or the border of stability (2.8 for RK4), is of no account. For each kind:
+
+- *Fixed step.* Below ω (1) falls as h^p/α, above it grows as h^p α^(p−2): least near ω, at full order. A fixed α h, as
+  is often advised, makes it (α h)^(p−2) h²: closures and motion fall to order 2. Gains must not follow the step.
+- *Embedded error estimate* of order e. The controller holds the estimate of (2) at the tolerance and pays in steps:
+  below ω nothing; above it h ∝ α^(−(e−1)/(e+1)), so work grows as α^0.6 (RK45) or α^0.75 (DOP853), and as α once
+  stability binds. As d h stays near the tolerance, φ ≤ tol (2/α + 1/α²)/h (`drift_bound`) hardly falls above ω. A
+  tighter tolerance shrinks h and d alike: the bend stays where it is.
+- *Radau* damps the fast part itself: its bend lies about ten times higher, and the same gains serve.
+
+**How.** Solver and tolerance enter where ω is found: a controller that keeps C (ω h)^(e+1) = tol makes steps that tell
+ω. A pilot run (RK45 at 1e-3, kept on the closures by projection) has N steps in T seconds, and ω = tol^(1/5) N/T. On
+the rolling disk pilots of RK45 or DOP853 from 1e-2 to 1e-8 agree within a third; on the 4-bar, which takes 5 to 30
+steps, within a factor of 3. C is in the factor 2, which was measured (`bellcrank bench --gains`, and other starts and
+durations): of seven four-bars and disks, over 10 to 100 s, RK4 had its least φ at 4 to 30 ω (one more, which hardly
+drifts, at any small gain), and RK45 and DOP853 took twice the evaluations from 5.5 to 50 ω on, a redundant loop
+(Bricard's) from 3 ω on. At 2 ω, from 1e-6 to 1e-12, no run took more than 1.34 times the evaluations of none (with the
+pilot 2, but for a run so loose that the pilot took as many), and φ at step ends stayed below 8 tol.
+
+**Whether.** Projection wins and is the default: φ and φ̇ at rounding, between steps too, at the evaluations of a run
+without stabilisation, and without a pilot. With automatic gains φ stays in proportion to the tolerance, the motion is
+hardly better than without, and between steps φ is that of the dense output (on the 4-bar up to 20 tol), which no gain
+can help. Gains are for equations that must stay a plain ẋ = f(t, x) without a hand on the state: for another solver, a
+model in a controller.
+
+What else makes a pilot take short steps (jumps of signals, a stiff scene) makes ω and the gains too large, never too
+small: such a run closes as well and costs more.
+
+Sources: J. Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972) 1; A. Prothero and A. Robinson, Math. Comp. 28 (1974)
+145; E. Hairer and G. Wanner, Solving ODEs II (1996), IV.2 and IV.15; U. Ascher, H. Chin, L. Petzold and S. Reich, Mech.
+Struct. Mach. 23 (1995) 135. (1) and (2) follow from these as said; tests/test_gains.py checks what is claimed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from bellcrank.errors import InputError
+from bellcrank.scene.settings import Settings, Stabilisation
+
+if TYPE_CHECKING:
+    from bellcrank.scene.scene import Scene
+
+PER_RATE = 2.0  # α in units of ω, as the pilot tells it
+PILOT_TOLERANCE = 1e-3  # of the larger of rtol and atol
+PILOT_ORDER = 5  # error of RK45's estimate in powers of the step
+PILOT_EVALUATIONS = 20_000  # a longer run is judged by its beginning
+LARGEST_DECAY = 1.0  # α h of a fixed step: stability with a margin, where a step is too coarse for the motion
+
+
+@dataclass(frozen=True)
+class AutomaticGains:
+    """Gains alpha = beta (1/s), the rate ω (1/s) they come from, and the evaluations that the pilot run took."""
+
+    alpha: float
+    beta: float
+    rate: float
+    evaluations: int
+
+    @property
+    def stabilisation(self) -> Stabilisation:
+        """The same as a setting."""
+        return Stabilisation("baumgarte", self.alpha, self.beta)
+
+
+def automatic_gains(scene: Scene, settings: Settings | None = None) -> AutomaticGains:
+    """Baumgarte's gains for a run of a scene, with its own settings or those given, by a pilot run.
+
+    Cheap beside most runs: the pilot is at a tolerance of 1e-3 and ends after 20,000 evaluations. Raises InputError for
+    a scene without closures.
+    """
+    from bellcrank.simulation.simulate import simulate
+
+    settings = settings or scene.settings
+    if not scene.closures:
+        raise InputError(f"{scene.source}: automatic gains are for closures, and this scene has none; leave them out")
+    coarser = max(1.0, PILOT_TOLERANCE / max(settings.rtol, settings.atol))
+    pilot = replace(
+        settings, solver="RK45", rtol=coarser * settings.rtol, atol=coarser * settings.atol, step=None, first_step=None,
+        max_step=None, samples=2, max_evaluations=PILOT_EVALUATIONS, stabilisation=Stabilisation("projection"),
+    )  # fmt: skip
+    run = simulate(replace(scene, settings=pilot))
+    end, did = float(run.time[-1]), run.statistics
+    steps = max(did.steps, 1) / (end if end > 0.0 else settings.duration)
+    rate = float(max(pilot.rtol, pilot.atol) ** (1.0 / PILOT_ORDER) * steps)
+    gain = PER_RATE * rate
+    if settings.step is not None and settings.solver != "Radau":
+        gain = min(gain, LARGEST_DECAY / settings.step)
+    return AutomaticGains(gain, gain, rate, did.evaluations)
+
+
+def drift_bound(alpha: float, beta: float, tolerance: float, step: float) -> float:
+    """What |φ| (m or rad) settles below with gains (1/s): equation (1) of this module.
+
+    `tolerance` (m or rad, and their rates) bounds the error of a step of `step` s. Runs stay well below, as steps err
+    less than their estimate.
+    """
+    return tolerance / step * (2.0 * alpha + 1.0) / beta**2

@@ -1,0 +1,87 @@
+"""Rolling contact: a thin disk or wheel on a plane, whose lowest point does not move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Self
+
+from bellcrank.card.fields import Fields
+from bellcrank.constraints.constraint import Constraint, Residual
+from bellcrank.constraints.loops import perpendicular, read_direction
+from bellcrank.robot.robot import Robot
+from bellcrank.scene.part import POSITIVE, Settable, read_frame
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.scene.symbols import Symbols
+
+
+@dataclass(frozen=True)
+class RollingDisk(Constraint):
+    """A thin disk rolls without slip on a plane.
+
+    The disk has its centre c at the frame's origin, the `axis` a (frame's axes) and a `radius` r (m); the plane has the
+    unit `normal` n and lies `height` (m) along it. With n⊥ = n − (n·a) a and s = |n⊥|, the rim's lowest point is
+    c − r n⊥/s. φ = c·n − height − r s keeps it on the plane (holonomic); ψ, the components of its velocity
+    v + ω × (−r n⊥/s) along two directions t₁, t₂ of the plane, keep it from slipping (non-holonomic). The multipliers
+    are the normal force and the components of friction that the plane exerts on the disk, N. A plane cannot pull, so
+    the run ends where the normal force passes zero, unless `two_sided` says that it may, as a rail does. Source: A.
+    Ghosal, NPTEL 2022, lecture 18, for the velocity condition.
+    """
+
+    frame: str
+    radius: float
+    axis: tuple[float, ...]
+    normal: tuple[float, ...]
+    height: float
+    two_sided: bool
+    kind: ClassVar[str] = "rolling_disk"
+
+    @classmethod
+    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
+        """From its mapping; InputError naming file and key."""
+        axis = read_direction(read, "axis", (0.0, 1.0, 0.0))
+        normal = read_direction(read, "normal", (0.0, 0.0, 1.0))
+        radius, height = read.number("radius", "m", positive=True), read.number("height", "m", 0.0)
+        return cls(name, read, read_frame(read, robot), radius, axis, normal, height, read.flag("two_sided", False))
+
+    @property
+    def settable(self) -> dict[str, Settable]:
+        """Radius and height can be set."""
+        return {"radius": Settable("m", POSITIVE), "height": Settable("m")}
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The disk's frame."""
+        return (self.frame,)
+
+    def residual(self, symbols: Symbols) -> Residual:
+        """The normal row, and two tangential ones."""
+        import casadi
+
+        disk, n = symbols.frame(self.frame), casadi.DM(self.normal)
+        radius, height = self.value(symbols, "radius"), self.value(symbols, "height")
+        up, steepness = self._up(symbols)
+        slip = disk.linear + casadi.cross(disk.angular, -radius / steepness * up)
+        along = [casadi.dot(casadi.DM(t), slip) for t in perpendicular(self.normal)]
+        gap = casadi.dot(n, disk.position) - height - radius * steepness
+        return Residual(gap, casadi.vertcat(*along))
+
+    def contact_point(self, symbols: Symbols) -> casadi.SX:
+        """The rim's lowest point (3) m in the world."""
+        up, steepness = self._up(symbols)
+        return symbols.frame(self.frame).position - self.value(symbols, "radius") / steepness * up
+
+    def labels(self, robot: Robot) -> tuple[str, ...]:
+        """Normal force and friction, from the plane on the disk."""
+        return ("normal [N]", "friction 1 [N]", "friction 2 [N]")
+
+    def _up(self, symbols: Symbols) -> tuple[casadi.SX, casadi.SX]:
+        """n⊥ and its length s."""
+        import casadi
+
+        n = casadi.DM(self.normal)
+        a = symbols.frame(self.frame).rotation @ casadi.DM(self.axis)
+        up = n - casadi.dot(n, a) * a
+        return up, casadi.sqrt(casadi.dot(up, up))

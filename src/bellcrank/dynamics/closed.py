@@ -1,0 +1,241 @@
+"""Constrained equations of motion: closures differentiated, and solved for accelerations and multipliers.
+
+With φ(q, t) = 0 (holonomic rows) and ψ(q, v, t) = 0 (non-holonomic ones), J = ∂(φ̇, ψ)/∂v and γ = what is left of
+(φ̈, ψ̇) at v̇ = 0,
+
+    M v̇ = f + Jᵀ λ,    J v̇ = −γ − 2 α (φ̇, ψ) − β² (φ, 0),
+
+α and β being Baumgarte's gains (0 without them). Sources: J. Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972); A.
+Ghosal, NPTEL 2022, lecture 18.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.constraints.constraint import Constraint
+from bellcrank.constraints.kkt import Factor, proximal
+from bellcrank.dynamics.roots import Turning
+from bellcrank.errors import InputError
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.robot.robot import Robot
+    from bellcrank.scene.scene import Scene
+    from bellcrank.scene.symbols import Symbols
+
+Array = NDArray[np.float64]
+DEAD = 1e-12  # of the largest entry of J: a row below it does not depend on the joints
+IMPOSSIBLE = 1e-9  # m or rad that such a row may be apart
+
+REFINEMENTS = 3  # passes of the proximal solve after the first; what they leave of a regular row is μ⁴
+PROJECTING = 1  # the same for projections, whose corrections are small
+REGULARISATION = 1e-9  # μ, as a share of a row's J M⁻¹ Jᵀ
+LEAST = 1e-16  # the same at rest where the row vanishes
+NEAR_SINGULAR = 1e-4  # a pivot below this share of its usual value calls for the proximal solve
+
+
+class Rows(NamedTuple):
+    """The rows of constraints that bind, and for each its usual J M⁻¹ Jᵀ (a power of ten)."""
+
+    kept: tuple[int, ...]
+    scale: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Closed:
+    """A scene's constraints as expressions: φ (h), φ̇ (h), ψ (k), J (h + k, nv), γ (h + k), and ∂φ/∂t (h), all
+    linear or quadratic in the velocities v (nv).
+
+    `rows` says which of the constraints' rows (all φ, then all ψ) these are.
+    """
+
+    position: casadi.SX
+    rate: casadi.SX
+    velocity: casadi.SX
+    jacobian: casadi.SX
+    drift: casadi.SX
+    explicit_rate: casadi.SX
+    v: casadi.SX
+    rows: Rows
+
+    @property
+    def kept(self) -> tuple[int, ...]:
+        """The numbers of its rows among all φ and then all ψ."""
+        return self.rows.kept
+
+    @property
+    def speed(self) -> casadi.SX:
+        """(φ̇, ψ), which must vanish."""
+        import casadi
+
+        return casadi.vertcat(self.rate, self.velocity)
+
+    def required(self, alpha: casadi.SX | float, beta: casadi.SX | float) -> casadi.SX:
+        """What J v̇ must be, with Baumgarte's terms."""
+        import casadi
+
+        gap = casadi.vertcat(self.position, casadi.SX(self.velocity.size1(), 1))
+        return -self.drift - 2.0 * alpha * self.speed - beta * beta * gap
+
+    def power(self, multipliers: casadi.SX) -> casadi.SX:
+        """The power of closures that move with time: v·Jᵀλ = −λ·(φ_t, ψ at rest) on φ̇ = 0, ψ = 0."""
+        import casadi
+
+        return -casadi.dot(multipliers, self.explicit_rate)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Accelerations and multipliers by two solves, and the means to choose and to project.
+
+    The proximal one holds where rows depend on each other, or nearly, and gives the least multipliers in the metric of
+    the rows' own scale; the plain one costs less, and holds while `guard` is positive. `project_position` (nv) is the
+    displacement, in the metric of M, that takes φ to 0 to first order, and `project_velocity` (nv) the change of v that
+    takes (φ̇, ψ) to 0.
+    """
+
+    closed: Closed
+    mass: casadi.SX
+    regular: Factor
+    quick_multipliers: casadi.SX  # by one pass of the proximal solve: right to 1e-9, for events
+    acceleration: casadi.SX
+    multipliers: casadi.SX
+    plain_acceleration: casadi.SX
+    plain_multipliers: casadi.SX
+    guard: casadi.SX
+    project_position: casadi.SX
+    project_velocity: casadi.SX
+
+
+def solve(mass: casadi.SX, closed: Closed, force: casadi.SX, gains: casadi.SX) -> Solution:
+    """Solve the constrained equations; `gains` is (α, β), or empty without Baumgarte's terms."""
+    import casadi
+
+    jacobian, usual = closed.jacobian, casadi.DM(closed.rows.scale)
+    plain = Factor(mass, jacobian, casadi.SX(jacobian.size1(), 1))
+    mu = regularisation(mass, closed)
+    regular = Factor(mass, jacobian, mu)
+    right = closed.required(*casadi.vertsplit(gains)) if gains.numel() else closed.required(0.0, 0.0)
+    guard = casadi.SX(1.0)
+    for place, k in enumerate(plain.order):
+        if k >= plain.n:
+            guard = casadi.fmin(guard, -plain.pivots[place] - NEAR_SINGULAR * usual[k - plain.n])
+    still = casadi.SX(mass.size1(), 1)
+    h = closed.position.size1()
+    holonomic = regular if h == jacobian.size1() else Factor(mass, jacobian[:h, :], mu[:h])
+    return Solution(
+        closed, mass, regular, regular.solve(force, right)[1], *proximal(regular, force, right, REFINEMENTS), *plain.solve(force, right), guard,
+        proximal(holonomic, still, -closed.position, PROJECTING)[0],
+        proximal(regular, still, -closed.speed, PROJECTING)[0],
+    )  # fmt: skip
+
+
+def regularisation(mass: casadi.SX, closed: Closed) -> casadi.SX:
+    """μ (rows): a share of each row's J M⁻¹ Jᵀ as it is, M by its diagonal, and of the usual one where the linkage moves.
+
+    At distance x from a posture in which J loses rank (a linkage that lies flat loses whole rows) the equations are as
+    good as anywhere at rest, but a motion at speed w amplifies what rounding leaves by w/x²; there a share of the usual
+    value ends the amplification, and inertia carries the motion through. w² is bounded by the usual value times twice
+    the kinetic energy; 1 m/s, or 1 rad/s, counts as moving.
+    """
+    import casadi
+
+    usual = casadi.DM(closed.rows.scale)
+    now = casadi.sparsify((closed.jacobian * closed.jacobian) @ (1.0 / casadi.diag(mass)))
+    speed = usual * casadi.dot(closed.v, mass @ closed.v)
+    return REGULARISATION * (now + usual * speed / (1.0 + speed)) + LEAST * usual
+
+
+def rows_that_bind(scene: Scene, s: Symbols) -> Rows:
+    """The rows of a scene's closures (all φ, then all ψ) that say anything, by their Jacobians at random postures.
+
+    A planar loop's row across the plane is 0 = 0 and is left out. Raises InputError where such a row cannot hold.
+    """
+    import casadi
+
+    whole = close(scene.closures, None, s)
+    gap = casadi.vertcat(whole.position, whole.velocity)
+    mass = s.algorithm("mass_matrix")(s.q, s.tracer_parameters)
+    outputs = [casadi.densify(x) for x in (whole.jacobian, gap, casadi.reshape(mass, scene.robot.nv, scene.robot.nv))]
+    f = casadi.Function("rows", [s.q, s.v, s.t, s.u, s.p], outputs)
+    random = np.random.default_rng(0)
+    jacobians, gaps, scales = [], [], []
+    for _ in range(8):
+        q = random_posture(scene.robot, random)
+        given = (q, np.zeros(scene.robot.nv), 0.0, random.normal(size=s.u.numel()), scene.parameter_values)
+        j, g, m = (np.array(x) for x in f(*given))
+        jacobians.append(np.abs(j).max(axis=1, initial=0.0))
+        gaps.append(g.ravel())
+        scales.append((j * np.linalg.lstsq(m, j.T, rcond=None)[0].T).sum(axis=1))
+    size, residual = np.max(jacobians, axis=0), np.array(gaps)
+    binds = size > DEAD * max(float(size.max(initial=0.0)), 1e-300)
+    for k in np.flatnonzero(~binds):
+        if np.abs(residual[:, k]).max() > IMPOSSIBLE:
+            name, label = row_names(scene.closures, s)[k]
+            raise InputError(
+                f"{scene.source}: closures: '{name}' cannot close: its row {label} is {residual[0, k]:.6g} apart "
+                "whatever the joints do; move one of its frames, or take a kind of closure with fewer rows"
+            )
+    scale = 10.0 ** np.round(np.log10(np.max(scales, axis=0)[binds]))  # rounded: not to change with every parameter
+    return Rows(tuple(np.flatnonzero(binds).tolist()), tuple(scale.tolist()))
+
+
+def row_names(constraints: Sequence[Constraint], s: Symbols) -> list[tuple[str, str]]:
+    """(closure, what its multiplier is) of every row, all φ and then all ψ."""
+    position, velocity = [], []
+    for constraint in constraints:
+        h = constraint.residual(s).position.size1()
+        names = [(constraint.name, label) for label in constraint.labels(s.robot)]
+        position += names[:h]
+        velocity += names[h:]
+    return position + velocity
+
+
+def random_posture(robot: Robot, random: np.random.Generator) -> Array:
+    """A position (nq,) with every joint within 1.5 rad or m of its zero, and unit rotations."""
+    q = robot.neutral + random.uniform(-1.5, 1.5, robot.nq)
+    for j in robot.joints:
+        part = {"floating": slice(j.q + 3, j.q + 7), "planar": slice(j.q + 2, j.q + 4)}.get(j.kind)
+        if part is not None:
+            q[part] /= np.linalg.norm(q[part])
+    return q
+
+
+def close(constraints: Sequence[Constraint], rows: Rows | None, s: Symbols) -> Closed:
+    """Differentiate constraints; `rows` are those to keep of all φ and then all ψ, all of them where it is None."""
+    import casadi
+
+    if s.robot.floating_base:
+        s = Turning(s)
+    residuals = [constraint.residual(s) for constraint in constraints]
+    position = casadi.vertcat(casadi.SX(0, 1), *[r.position for r in residuals])
+    velocity = casadi.vertcat(casadi.SX(0, 1), *[r.velocity for r in residuals])
+    h = position.size1()
+    if rows is None:
+        rows = Rows(tuple(range(h + velocity.size1())), (1.0,) * (h + velocity.size1()))
+    kept = rows.kept
+    position, velocity = position[[k for k in kept if k < h]], velocity[[k - h for k in kept if k >= h]]
+    rate = flow(position, s)
+    speed = casadi.vertcat(rate, velocity)
+    still = casadi.SX.zeros(s.v.size1(), 1)
+    parts = [position, rate, velocity, casadi.jacobian(speed, s.v), flow(speed, s), casadi.substitute(speed, s.v, still)]
+    return Closed(*[s.expand(part) if isinstance(s, Turning) else part for part in parts], rows)
+
+
+def flow(expression: casadi.SX, s: Symbols) -> casadi.SX:
+    """The time derivative along q̇ = E(q) v at constant v, time and signals moving on."""
+    import casadi
+
+    q_rate = s.algorithm("configuration_rate")(s.q, s.v)
+    inputs, rates = casadi.vertcat(s.q, s.t, s.u), casadi.vertcat(q_rate, 1.0, s.signal_rates)
+    if isinstance(s, Turning):
+        rates[:3] = s.turn @ s.v[:3]
+        inputs, rates = casadi.vertcat(inputs, casadi.vec(s.turn)), casadi.vertcat(rates, casadi.vec(s.turn_rate))
+    return casadi.jtimes(expression, inputs, rates)

@@ -1,0 +1,91 @@
+"""What the bodies next to the world make simpler: a mass matrix without their coordinates, and a free base's rotation
+as nine symbols while closures are differentiated.
+
+Both save most of the work of a wheel or a disk, and M keeps its digits however far from the origin the base has gone.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from bellcrank.scene.symbols import FrameSymbols, Symbols, frame_index
+
+if TYPE_CHECKING:
+    import casadi
+
+
+def mass_matrix(s: Symbols) -> casadi.SX:
+    """M (nv, nv), sparse, in kg, kg m and kg m².
+
+    The kinetic energy is the same wherever a joint on the world stands, as its velocity is told in axes that it turns
+    with: such joints are traced at their neutral position, unless another joint mimics them.
+    """
+    import casadi
+
+    tree = s.robot.equations.tree
+    leaders = {leader for _, leader, *_ in tree.mimics}
+    on_world = {j["name"] for k, j in enumerate(tree.joints) if j["parent"] == 0 and k + 1 not in leaders}
+    matrix = s.algorithm("mass_matrix")(_neutral(s, on_world), s.tracer_parameters)
+    return casadi.sparsify(casadi.reshape(matrix, s.robot.nv, s.robot.nv))
+
+
+class Turning(Symbols):
+    """Symbols of a robot with a free base, whose frames are written in its rotation `turn` (3, 3), nine symbols.
+
+    Along the motion turn' = turn [ω]×, ω the angular velocity in the base's axes, which is far less to differentiate
+    than a quaternion.
+    """
+
+    def __init__(self, s: Symbols) -> None:
+        import casadi
+
+        self.__dict__.update(s.__dict__)
+        self.turn = casadi.SX.sym("turn", 3, 3)
+        self._frames = {}
+
+    @property
+    def turn_rate(self) -> casadi.SX:
+        """d turn/dt (3, 3)."""
+        import casadi
+
+        return self.turn @ casadi.skew(self.v[3:6])
+
+    def frame(self, name: str) -> FrameSymbols:
+        """A frame's placement and velocity in the world."""
+        import casadi
+
+        if name not in self._frames:
+            index = frame_index(self.robot, name)
+            if self.robot.equations.tree.frames[index]["parent_joint"] == 0:
+                return super().frame(name)
+            q = _neutral(self, {self.robot.joints[0].name})
+            x = casadi.Function.deserialize(self._tree.frames([index]).decode("latin-1"))(q, self.v, self.tracer_parameters)
+            parts = (x[:3], casadi.reshape(x[3:12], 3, 3).T, x[12:15], x[15:18])
+            position, rotation, linear, angular = (self.turn @ part for part in parts)
+            self._frames[name] = FrameSymbols(self.q[:3] + position, rotation, linear, angular)
+        return self._frames[name]
+
+    def expand(self, expression: casadi.SX) -> casadi.SX:
+        """An expression with the rotation written in the quaternion (x, y, z, w)."""
+        import casadi
+
+        x, y, z, w = casadi.vertsplit(self.q[3:7])
+        rows = (
+            (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)),
+            (2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)),
+            (2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)),
+        )
+        rotation = casadi.vertcat(*[casadi.horzcat(*row) for row in rows])
+        return casadi.sparsify(casadi.substitute(expression, casadi.vec(self.turn), casadi.vec(rotation)))
+
+
+def _neutral(s: Symbols, joints: set[str]) -> casadi.SX:
+    """q with the coordinates of some joints at their neutral position."""
+    import casadi
+
+    q = casadi.SX(s.q)
+    for joint in s.robot.joints:
+        if joint.name in joints:
+            for k in range(joint.q, joint.q + joint.nq):
+                q[k] = float(s.robot.neutral[k])
+    return q

@@ -1,0 +1,1 @@
+"""A scene for many values of its parameters, and what changes with them."""

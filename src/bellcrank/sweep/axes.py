@@ -1,0 +1,100 @@
+"""What a sweep varies: a parameter, or another number of the scene by dotted path, over given values."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bellcrank.card.fields import parse_number
+from bellcrank.card.yaml_file import shown
+from bellcrank.errors import InputError
+from bellcrank.scene.scene import Scene
+
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*\Z", re.DOTALL)
+EXPECTED = "expected PATH=FIRST:LAST:COUNT or PATH=VALUE,VALUE,…, such as crank_length=1.21:1.24:31"
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One direction of a sweep's grid: the path, its values as the scene takes them, and as numbers in `unit`.
+
+    Values that are no numbers (names of solvers) are numbered from 0.
+    """
+
+    path: str
+    values: tuple[Any, ...]
+    numbers: tuple[float, ...]
+    unit: str
+
+    @property
+    def label(self) -> str:
+        """The path with its unit, as a column's title."""
+        return f"{self.path} [{self.unit or '1'}]"
+
+    @property
+    def numeric(self) -> bool:
+        """Whether the values are numbers."""
+        return all(_split(value) is not None for value in self.values)
+
+
+def parse_axis(text: str) -> tuple[str, tuple[Any, ...]]:
+    """Path and values of "path=first:last:count" (equally spaced, both ends in) or "path=value,value,…"; InputError."""
+    import yaml
+
+    path, equals, given = text.partition("=")
+    if not equals or not path.strip() or not given.strip():
+        raise InputError(f"--vary {shown(text)}: {EXPECTED}")
+    if ":" in given:
+        return path.strip(), _range(text, given.split(":"))
+    try:
+        values = tuple(yaml.safe_load(part) for part in given.split(","))
+    except yaml.YAMLError:
+        values = (None,)
+    if any(value is None or isinstance(value, (list, dict)) for value in values):
+        raise InputError(f"--vary {shown(text)}: {EXPECTED}")
+    return path.strip(), values
+
+
+def read_axis(scene: Scene, path: str, values: Iterable[Any]) -> Axis:
+    """The axis of a path, in the unit of the parameter that it names; InputError where there are no values."""
+    if isinstance(values, (str, int, float)):
+        values = [values]
+    listed = tuple(value.item() if isinstance(value, np.generic) else value for value in values)
+    if not listed:
+        raise InputError(f"sweep over '{path}': expected at least one value, found none")
+    parameter = scene.parameters.get(path.removeprefix("parameters."))
+    if parameter is not None:
+        try:
+            return Axis(path, listed, tuple(parse_number(v, parameter.unit) for v in listed), parameter.unit)
+        except ValueError as error:
+            raise InputError(f"sweep over '{path}': {error}") from None
+    parts = [_split(value) for value in listed]
+    units = {part[1] for part in parts if part is not None}
+    if None in parts or len(units) > 1:
+        return Axis(path, listed, tuple(map(float, range(len(listed)))), "")
+    return Axis(path, listed, tuple(part[0] for part in parts if part is not None), units.pop())
+
+
+def _range(text: str, parts: list[str]) -> tuple[Any, ...]:
+    ends = [_split(part) for part in parts[:2]]
+    count = parts[2].strip() if len(parts) == 3 else ""
+    if None in ends or not count.isdecimal() or int(count) < 1:
+        raise InputError(f"--vary {shown(text)}: {EXPECTED}")
+    (first, before), (last, after) = (end for end in ends if end is not None)
+    if before and after and before != after:
+        raise InputError(f"--vary {shown(text)}: the ends are in '{before}' and in '{after}'; write one unit")
+    unit = after or before
+    numbers = np.linspace(first, last, int(count)).tolist()
+    return tuple(f"{number!r} {unit}" for number in numbers) if unit else tuple(numbers)
+
+
+def _split(value: Any) -> tuple[float, str] | None:
+    """The number and the unit of a value; None where it is no number."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return float(value), ""
+    match = _NUMBER.match(value) if isinstance(value, str) else None
+    return (float(match.group(1)), match.group(2)) if match else None

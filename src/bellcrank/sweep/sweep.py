@@ -1,0 +1,255 @@
+"""`sweep`: a scene for many values of its parameters, without compiling anew.
+
+Parameters are inputs of the compiled equations, so that a design costs no more than its integration; designs run in
+threads. A design that cannot be built, or whose run does not come to what was asked for, is a row with its reason.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+import threading
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.errors import BellcrankError, InputError, among
+from bellcrank.scene.scene import Scene, load_scene
+from bellcrank.simulation.simulate import simulate
+from bellcrank.simulation.status import Status
+from bellcrank.sweep.axes import Axis, read_axis
+from bellcrank.sweep.measures import aims, measures_of, start_measures
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from bellcrank.simulation.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+INFEASIBLE = "infeasible"
+_LATEST = 0.05  # s between looks at Ctrl-C
+
+
+@dataclass(frozen=True)
+class Design:
+    """One row of a sweep: its place in the grid, how it ended ("infeasible", or the status of its run), the reason
+    where it did not come to what was asked for, and its measures by name.
+    """
+
+    index: int
+    status: str
+    reason: str
+    measures: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """Designs of a scene over the grid of all combinations of its axes, the last axis fastest.
+
+    `units` are the measures with their units (SI). `designs` are those that were run, in the order of the grid: all of
+    them, unless the sweep was interrupted.
+    """
+
+    scene: Scene
+    axes: tuple[Axis, ...]
+    designs: tuple[Design, ...]
+    units: Mapping[str, str] = field(repr=False)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The number of values along each axis."""
+        return tuple(len(axis.values) for axis in self.axes)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every design was run."""
+        return len(self.designs) == math.prod(self.shape)
+
+    @cached_property
+    def values(self) -> Array:
+        """The values (designs, axes) of the axes, in their units."""
+        grid = np.array(list(itertools.product(*(axis.numbers for axis in self.axes))), dtype=np.float64)
+        return np.asarray(grid[[design.index for design in self.designs]])
+
+    def column(self, measure: str) -> Array:
+        """A measure of each design (designs,); NaN where it has none. Raises InputError with what there is."""
+        if measure not in self.units:
+            raise InputError(f"sweep of {self.scene.name}: {among('measure', measure, self.units)}")
+        return np.array([design.measures.get(measure, math.nan) for design in self.designs])
+
+    def grid(self, measure: str) -> Array:
+        """The same in the shape of the grid, one dimension an axis; NaN where a design was not run."""
+        table = np.full(math.prod(self.shape), math.nan)
+        table[[design.index for design in self.designs]] = self.column(measure)
+        return table.reshape(self.shape)
+
+    @property
+    def telling(self) -> tuple[str, ...]:
+        """The measures that answer first: of stopping events, else of all events, else the end of the run."""
+        events = aims(self.scene) or [event.name for event in self.scene.events]
+        prefixes = tuple(f"{name}." for name in events) or ("end.",)
+        found = [name for name in self.units if name.startswith(prefixes)]
+        told = tuple(name for name in found if not name.endswith(".velocity") and ".force." not in name)
+        return told or tuple(name for name in ("end.time",) if name in self.units)
+
+    def table(self, measures: Sequence[str] | None = None) -> str:
+        """The designs as text, one a line; `measures` (default: the telling ones)."""
+        from bellcrank.sweep.report import text_table
+
+        return text_table(self, self.telling if measures is None else measures)
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write one row a design: axes, status, every measure (units in the header), reason; returns the path."""
+        from bellcrank.sweep.report import write_csv
+
+        return write_csv(self, path)
+
+    def to_json(self, path: str | Path) -> Path:
+        """Write axes, units and designs as JSON; returns the path."""
+        from bellcrank.sweep.report import write_json
+
+        return write_json(self, path)
+
+    def plot(self, path: str | Path | None = None, measures: Sequence[str] | None = None) -> Figure:
+        """Draw one panel a measure, a line over one axis, a map over two; written to `path` (PNG) if one is given."""
+        from bellcrank.sweep.plot import plot_sweep
+
+        return plot_sweep(self, self.telling if measures is None else measures, path)
+
+
+def sweep(
+    scene: Scene | str | Path,
+    vary: Mapping[str, Iterable[Any]],
+    *,
+    overrides: Mapping[str, Any] | None = None,
+    threads: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Sweep:
+    """Simulate a scene (or the file or name of one) for all combinations of values of parameters.
+
+    `vary` maps parameters, or other dotted paths (overrides.py), to their values: numbers in SI units or texts such as
+    "1 deg". Only what leaves the equations as they are can be varied: parameters, the start, solver settings.
+    `overrides` changes the scene beforehand; `threads` defaults to the machine's; `progress` is called with the number
+    of designs done and of all. Ctrl-C ends the sweep and keeps what is done (`complete` is then false).
+
+    Raises InputError where a path leads nowhere, takes none of its values, or changes the equations.
+    """
+    if not isinstance(scene, Scene):
+        scene = load_scene(scene)
+    if overrides:
+        scene = scene.with_overrides(overrides)
+    if not vary:
+        raise InputError(f"sweep of {scene.name}: expected at least one parameter to vary, found none")
+    if threads is not None and threads < 1:
+        raise InputError(f"threads: expected a whole number of 1 or more, found {threads!r}")
+    axes = tuple(read_axis(scene, path, values) for path, values in vary.items())
+    for axis in axes:
+        _check(scene, axis)
+    designs, units = _Pool(scene, axes, threads or len(os.sched_getaffinity(0))).run(progress)
+    return Sweep(scene, axes, designs, units)
+
+
+def _check(scene: Scene, axis: Axis) -> None:
+    """Refuse a path none of whose values the scene takes, and one that changes the equations (InputError)."""
+    refused: list[InputError] = []
+    for value in axis.values:
+        try:
+            design = scene.with_overrides({axis.path: value})
+        except InputError as error:
+            refused.append(error)
+            continue
+        if design.system is not scene.system:
+            raise InputError(
+                f"sweep over '{axis.path}': it changes the equations, which would be compiled for every value; make it "
+                f"a parameter of the scene (parameters: {{NAME: {{value: …, sets: […]}}}}) and vary that"
+            )
+    if len(refused) == len(axis.values):
+        raise refused[0]
+
+
+def _reason(run: Trajectory) -> str:
+    """Why a run did not come to what was asked for; empty where it did."""
+    wanted = aims(run.scene)
+    if run.status is Status.FINISHED and wanted:
+        return f"no event {' nor '.join(map(repr, wanted))} within {run.settings.duration:g} s"
+    if run.status is Status.EVENT:
+        end = next(event.name for event in run.events if event.stopped)
+        return "" if end in wanted else f"event '{end}' ended the run at {run.time[-1]:.6g} s"
+    return "" if run.success else run.status.advice
+
+
+class _Pool:
+    """Runs the designs of a grid in threads; the first runs alone, so that machine code is loaded once."""
+
+    def __init__(self, scene: Scene, axes: tuple[Axis, ...], threads: int) -> None:
+        self.scene, self.axes, self.threads = scene, axes, threads
+        self.stopping, self.warm, self.first = threading.Event(), threading.Event(), threading.Lock()
+        self.units: dict[str, str] = {}
+
+    def run(self, progress: Callable[[int, int], None] | None) -> tuple[tuple[Design, ...], dict[str, str]]:
+        count = math.prod(len(axis.values) for axis in self.axes)
+        combinations = enumerate(itertools.product(*(axis.values for axis in self.axes)))
+        done: list[Design] = []
+        waiting: set[Future[Design | None]] = set()
+        with ThreadPoolExecutor(self.threads, "sweep") as pool:
+            try:
+                while True:
+                    for index, values in itertools.islice(combinations, 4 * self.threads - len(waiting)):
+                        waiting.add(pool.submit(self.design, index, values))
+                    if not waiting:
+                        break
+                    finished, waiting = wait(waiting, _LATEST, FIRST_COMPLETED)
+                    done += [design for future in finished if (design := future.result()) is not None]
+                    if progress is not None:
+                        progress(len(done), count)
+            except KeyboardInterrupt:
+                pass
+            finally:  # an error of ours must not wait for the other designs either
+                self.stopping.set()
+                for future in waiting:
+                    future.cancel()
+        finished = {future for future in waiting if not future.cancelled() and future.exception() is None}
+        done += [design for future in finished if (design := future.result()) is not None]
+        return tuple(sorted(done, key=lambda design: design.index)), self.units
+
+    def design(self, index: int, values: tuple[Any, ...]) -> Design | None:
+        """The row of one design; None where the sweep was interrupted before it was done."""
+        if not self.warm.is_set():
+            with self.first:
+                return self._design(index, values)
+        return self._design(index, values)
+
+    def _design(self, index: int, values: tuple[Any, ...]) -> Design | None:
+        if self.stopping.is_set():
+            return None
+        measures: dict[str, float] = {}
+        try:
+            changes = {axis.path: value for axis, value in zip(self.axes, values, strict=True)}
+            scene = self.scene.with_overrides(changes)
+            measures |= self._named(start_measures(scene))
+            run = simulate(scene, progress=self._look)
+            measures |= self._named(measures_of(run))
+        except BellcrankError as error:
+            return Design(index, INFEASIBLE, str(error).removeprefix(f"{self.scene.source}: "), measures)
+        self.warm.set()
+        if run.status is Status.INTERRUPTED:
+            return None
+        return Design(index, str(run.status), _reason(run), measures)
+
+    def _look(self, time: float) -> None:
+        if self.stopping.is_set():
+            raise KeyboardInterrupt  # which ends the integration and nothing else
+
+    def _named(self, found: Iterable[tuple[str, str, float]]) -> dict[str, float]:
+        measures = {}
+        for name, unit, value in found:
+            self.units.setdefault(name, unit)
+            measures[name] = value
+        return measures

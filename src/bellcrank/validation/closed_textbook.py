@@ -1,0 +1,134 @@
+"""Mechanisms with constraints reduced by hand to their fewest coordinates: no multiplier, and no closure that drifts.
+
+Source of the mechanisms: A. Ghosal, Dynamics and Control of Mechanical Systems, NPTEL 2022, lecture 18.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class FourBar:
+    """A planar four-bar without gravity, whose crank a spring turns with the torque preload − stiffness · angle.
+
+    Lengths (ground, crank, coupler, rocker) and CG distances in m, masses in kg, inertias about the CG in kg m², the
+    spring in N m and N m/rad. The reduced state is (crank's angle, its rate), (..., 2); the loop is closed by the
+    cosine rule, on the branch with the closing joint left of the way from the crank's tip to the rocker's pivot.
+    """
+
+    ground: float = 1.241
+    length: tuple[float, float, float] = (1.241, 1.2, 1.2)
+    mass: tuple[float, float, float] = (20.15, 8.25, 8.25)
+    center: tuple[float, float, float] = (1.2, 0.6, 0.6)
+    inertia: tuple[float, float, float] = (9.6, 0.06, 0.06)
+    preload: float = 1.96
+    stiffness: float = 0.1
+
+    def directions(self, crank: NDArray[Any]) -> NDArray[Any]:
+        """Unit vectors along crank, coupler and rocker, (3, ..., 2), at angles of the crank (...)."""
+        l1, l2, l3 = self.length
+        first = np.stack([np.cos(crank), np.sin(crank)], -1)
+        way = np.array([self.ground, 0.0]) - l1 * first  # from the crank's tip to the rocker's pivot
+        distance = np.sqrt((way * way).sum(-1))[..., None]
+        along = way / distance
+        cosine = (distance * distance + l2 * l2 - l3 * l3) / (2.0 * l2 * distance)
+        left = np.stack([-along[..., 1], along[..., 0]], -1)
+        second = cosine * along + np.sqrt(1.0 - cosine * cosine) * left
+        return np.stack([first, second, (l2 * second - way) / l3])
+
+    def derivative(self, x: NDArray[Any]) -> NDArray[Any]:
+        """Rates (..., 2) of the reduced state, in its own precision: Jourdain's principle along the one free motion."""
+        e = self.directions(x[..., 0])
+        w, bend = self._rates(e, x[..., 1])
+        k, _ = self._rates(e, np.ones_like(x[..., 1]))
+        m, h = self._inertial(e, w)
+        spring = self.preload - self.stiffness * x[..., 0]
+        force = spring - (k * (np.einsum("ij...,j...->i...", m, bend) + h)).sum(0)
+        return np.stack([x[..., 1], force / np.einsum("i...,ij...,j...->...", k, m, k)], -1)
+
+    def angles(self, x: NDArray[Any]) -> NDArray[Any]:
+        """Crank, coupler (relative to it, in [0, 2π)) and rocker, rad, and their rates, rad/s, (..., 6)."""
+        e = self.directions(x[..., 0])
+        w, _ = self._rates(e, x[..., 1])
+        second, third = (np.arctan2(d[..., 1], d[..., 0]) for d in e[1:])
+        # pi as exact as the state: numpy's constant is a double
+        coupler = np.mod(second - x[..., 0], 8 * np.arctan(np.ones((), x.dtype)))
+        return np.stack([x[..., 0], coupler, third, w[0], w[1] - w[0], w[2]], -1)
+
+    def energy(self, x: NDArray[Any]) -> NDArray[Any]:
+        """Kinetic energy and what is left of the spring's, J, (...)."""
+        e = self.directions(x[..., 0])
+        w, _ = self._rates(e, x[..., 1])
+        m, _ = self._inertial(e, w)
+        kinetic = 0.5 * np.einsum("i...,ij...,j...->...", w, m, w)
+        return np.asarray(kinetic - self.preload * x[..., 0] + 0.5 * self.stiffness * x[..., 0] ** 2)
+
+    def _rates(self, e: NDArray[Any], rate: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Angular velocities (3, ...) of the links, and their angular accelerations where the crank's is zero."""
+        l1, l2, l3 = self.length
+        s12, s13, s23 = (_sine(e[i], e[j]) for i, j in ((0, 1), (0, 2), (1, 2)))
+        c12, c13, c23 = ((e[i] * e[j]).sum(-1) for i, j in ((0, 1), (0, 2), (1, 2)))
+        w = np.stack([rate, -rate * l1 * s13 / (l2 * s23), -rate * l1 * s12 / (l3 * s23)])
+        q1, q2, q3 = w * w
+        second = (l3 * q3 - l1 * q1 * c13 - l2 * q2 * c23) / (l2 * s23)
+        third = (l3 * q3 * c23 - l1 * q1 * c12 - l2 * q2) / (l3 * s23)
+        return w, np.stack([np.zeros_like(rate), second, third])
+
+    def _inertial(self, e: NDArray[Any], w: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Mass matrix (3, 3, ...) and centrifugal torques (3, ...) in the links' absolute angles."""
+        (l1, _, _), (m1, m2, m3), (r1, r2, r3) = self.length, self.mass, self.center
+        i1, i2, i3 = self.inertia
+        coupling = m2 * l1 * r2
+        c, s = coupling * (e[0] * e[1]).sum(-1), coupling * _sine(e[0], e[1])
+        none, one = np.zeros_like(c), np.ones_like(c)
+        crank, coupler, rocker = i1 + m1 * r1 * r1 + m2 * l1 * l1, i2 + m2 * r2 * r2, i3 + m3 * r3 * r3
+        matrix = np.array([[crank * one, c, none], [c, coupler * one, none], [none, none, rocker * one]])
+        return matrix, np.stack([s * w[1] * w[1], -s * w[0] * w[0], none])
+
+
+@dataclass(frozen=True)
+class RollingDisk:
+    """A thin disk that rolls on a horizontal plane; radius in m, g in m/s². The mass has no influence.
+
+    The state (..., 8) is (x, y) of the centre, the angles tilt, heading and spin (about X', Z and Y''), and the
+    angular velocity in the axes after heading and tilt. Moments about the contact point and v = ω × (r ẑ') are all
+    there is: no constraint is left.
+    """
+
+    radius: float = 0.1
+    g: float = 9.81
+
+    def derivative(self, x: NDArray[Any]) -> NDArray[Any]:
+        """Rates (..., 8), in the state's own precision."""
+        tilt, heading, (wx, wy, wz) = x[..., 2], x[..., 3], np.moveaxis(x[..., 5:], -1, 0)
+        s, c, r = np.sin(tilt), np.cos(tilt), self.radius
+        turn = wz * s / c  # angular velocity of the axes about the disk's
+        forward, side = r * wy, -r * wx  # velocity of the centre along X' and Y'
+        return np.stack([
+            forward * np.cos(heading) - side * np.sin(heading) * c,
+            forward * np.sin(heading) + side * np.cos(heading) * c,
+            wx, wz / c, wy - turn,
+            (6 * wy * wz - turn * wz + 4 * self.g / r * s) / 5,  # about X': inertia (1/4 + 1) m r²
+            -2 * wx * wz / 3,  # about the axis: (1/2 + 1) m r²
+            wx * (turn - 2 * wy),
+        ], -1)  # fmt: skip
+
+    def centre(self, x: NDArray[Any]) -> NDArray[Any]:
+        """Position (..., 3) of the centre from (x, y, tilt, ...)."""
+        return np.stack([x[..., 0], x[..., 1], self.radius * np.cos(x[..., 2])], -1)
+
+    def energy(self, x: NDArray[Any]) -> NDArray[Any]:
+        """Kinetic and potential energy by the mass, J/kg, (...)."""
+        wx, wy, wz = np.moveaxis(x[..., 5:], -1, 0)
+        kinetic = 0.5 * self.radius**2 * (1.25 * wx * wx + 1.5 * wy * wy + 0.25 * wz * wz)
+        return np.asarray(kinetic + self.g * self.radius * np.cos(x[..., 2]))
+
+
+def _sine(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
+    """sin(α − β) of unit vectors (..., 2) at the angles α and β."""
+    return np.asarray(a[..., 1] * b[..., 0] - a[..., 0] * b[..., 1])

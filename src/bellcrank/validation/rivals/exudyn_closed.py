@@ -1,0 +1,98 @@
+"""Exudyn on scenes with constraints: a kinematic tree whose loop a joint closes, and a body on a rolling joint."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from bellcrank.validation.bench_problem import Outcome, Problem, Run
+from bellcrank.validation.closed_textbook import FourBar, RollingDisk
+from bellcrank.validation.rivals import disk_start
+from bellcrank.validation.rivals.exudyn import NOTE, exudyn_module, integrate, step_settings
+
+
+def runs(problem: Problem, settings: Mapping[str, Sequence[float]]) -> Iterator[Run]:
+    """Every integrator at every step."""
+    exu = exudyn_module()
+    built = _four_bar(exu, problem) if isinstance(problem.equations, FourBar) else _disk(exu, problem)
+    for solver, steps in settings.items():
+        for step in steps:
+            yield Run("Exudyn", solver, f"h {step:.3g}", NOTE, partial(_run, exu, problem, built, solver, step))
+
+
+def _four_bar(exu: Any, problem: Problem) -> tuple[Any, Any, Any]:
+    item: Any = importlib.import_module("exudyn.itemInterface")
+    equations = problem.equations
+    assert isinstance(equations, FourBar)
+    container = exu.SystemContainer()
+    system = container.AddSystem()
+    start = problem.unreduced(np.array(problem.start))
+    node = system.AddNode(
+        item.NodeGenericODE2(
+            referenceCoordinates=[0.0] * 3, initialCoordinates=list(start[:3]),
+            initialCoordinates_t=list(start[3:]), numberOfODE2Coordinates=3,
+        )
+    )  # fmt: skip
+    tree = system.AddObject(
+        item.ObjectKinematicTree(
+            nodeNumber=node, jointTypes=[exu.JointType.RevoluteZ] * 3, linkParents=[-1, 0, -1],
+            jointTransformations=exu.Matrix3DList([np.eye(3)] * 3),
+            jointOffsets=exu.Vector3DList([[x, 0.0, 0.0] for x in (0.0, equations.length[0], equations.ground)]),
+            linkInertiasCOM=exu.Matrix3DList([np.diag([0.0, i, i]) for i in equations.inertia]),
+            linkCOMs=exu.Vector3DList([[c, 0.0, 0.0] for c in equations.center]), linkMasses=list(equations.mass),
+            jointPControlVector=[equations.stiffness, 0.0, 0.0],
+            jointPositionOffsetVector=[equations.preload / equations.stiffness, 0.0, 0.0],
+        )
+    )  # fmt: skip
+    ends = [
+        system.AddMarker(
+            item.MarkerKinematicTreeRigid(objectNumber=tree, linkNumber=k, localPosition=[equations.length[k], 0, 0])
+        )
+        for k in (1, 2)
+    ]
+    system.AddObject(item.ObjectJointSpherical(markerNumbers=ends, constrainedAxes=[1, 1, 0]))
+    return _finished(exu, item, container, system, node)
+
+
+def _disk(exu: Any, problem: Problem) -> tuple[Any, Any, Any]:
+    item: Any = importlib.import_module("exudyn.itemInterface")
+    q, v = disk_start(problem)
+    equations = problem.equations
+    assert isinstance(equations, RollingDisk)
+    mass, r = 0.5, equations.radius
+    container = exu.SystemContainer()
+    system = container.AddSystem()
+    rigid: Any = importlib.import_module("exudyn.rigidBodyUtilities")
+    turn = rigid.EulerParameters2RotationMatrix(q[3:])
+    across, axial = 0.25 * mass * r * r, 0.5 * mass * r * r
+    body = system.CreateRigidBody(
+        nodeType=exu.NodeType.RotationEulerParameters, referencePosition=q[:3], referenceRotationMatrix=turn,
+        inertia=rigid.RigidBodyInertia(mass, np.diag([across, axial, across])), initialVelocity=v[:3],
+        initialAngularVelocity=turn @ v[3:], gravity=[0.0, 0.0, -equations.g], returnDict=True,
+    )  # fmt: skip
+    ground = system.AddMarker(item.MarkerBodyRigid(bodyNumber=system.AddObject(item.ObjectGround())))
+    marker = system.AddMarker(item.MarkerBodyRigid(bodyNumber=body["bodyNumber"]))
+    system.AddObject(
+        item.ObjectJointRollingDisc(
+            markerNumbers=[ground, marker], constrainedAxes=[1, 1, 1], discRadius=r,
+            discAxis=[0, 1, 0], planeNormal=[0, 0, 1],
+        )
+    )  # fmt: skip
+    return _finished(exu, item, container, system, body["nodeNumber"], exu.OutputVariableType.Position)
+
+
+def _finished(exu: Any, item: Any, container: Any, system: Any, node: Any, what: Any = None) -> tuple[Any, Any, Any]:
+    kind = exu.OutputVariableType.Coordinates if what is None else what
+    sensor = system.AddSensor(item.SensorNode(nodeNumber=node, storeInternal=True, outputVariableType=kind))
+    system.Assemble()
+    return container, system, sensor
+
+
+def _run(exu: Any, problem: Problem, built: tuple[Any, Any, Any], solver: str, step: float) -> Outcome:
+    settings = step_settings(exu, problem, solver, step)
+    settings.timeIntegration.newton.useModifiedNewton = True
+    return integrate(exu, built[1], built[2], settings, exu.MainSolverImplicitSecondOrder())
