@@ -207,7 +207,9 @@ def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> S
     outputs = read_outputs(read, robot, parameters, parts)
     settings = read_settings(read.mapping("simulate", {}))
     read.done()
-    return Scene(card, robot, closures, forces, control, initial, parameters, events, outputs, settings, motion_of, data)
+    return Scene(
+        card, robot, closures, forces, control, initial, parameters, events, outputs, settings, motion_of, data
+    )
 
 
 def _content(value: Any, places: Mapping[SignalSource, int]) -> Any:

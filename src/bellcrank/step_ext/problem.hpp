@@ -46,7 +46,7 @@ struct Problem {
   int stop_count;
   const bool* terminal;
   const int* direction;
-  int event_count;
+  int event_count, event_samples;
   std::int64_t max_evaluations;
 };
 
