@@ -87,6 +87,7 @@ def integrate(
     project_position: int = 0,
     project_velocity: int = 0,
     nq: int = 0,
+    event_samples: int = 8,
 ) -> StepResult:
     """Step x' = rhs(t, x, u, p) from t0 to t1 (s); ValueError where arguments do not fit together.
 
@@ -95,5 +96,6 @@ def integrate(
     A `staged` right-hand side takes (t, x, u, p, k, s) and is that at x + s k (up to 16 states, not for Radau).
     `fallback` takes over where a second output of `rhs`, a guard, is not positive. The projections, (t, x, u, p) -> a
     correction of the first `nq` entries, or of the next, and its size, are applied to every state that is handed on.
+    `event_samples` is how often event functions are looked at in a step, at least twice.
     `signals`: (breaks (m + 1,), coefficients (m, powers, width), derivatives, kinked) pieces of u.
     """

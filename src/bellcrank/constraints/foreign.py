@@ -4,8 +4,8 @@ gepetto: the YAML of Gepetto's parallel robots (example-parallel-robots): `close
 says 3d (they share a point) or 6d (they coincide), and `name_mot` which joints have motors.
 mjcf: <equality> of MuJoCo's XML. Pinocchio reads <connect> and <weld>; <joint> is a coupling where its polynomial is
 linear. Joints have the names that they have in the URDF, and lie where it puts them.
-sdf: joints of SDFormat whose child is another joint's child already: revolute, ball or fixed. Pinocchio's wheels read no
-SDFormat, so a reader of its own takes poses of links in the model, and of joints in their child, without `relative_to`.
+sdf: joints of SDFormat whose child is another joint's child already: revolute, ball or fixed. Pinocchio's wheels read
+no SDFormat, so a reader of its own takes poses of links in the model and of joints in their child, no `relative_to`.
 """
 
 from __future__ import annotations

@@ -103,7 +103,8 @@ def own_constraint(scene: Scene, name: str, function: Callable[[Symbols], Any], 
     unknown = [str(x) for x in casadi.symvar(column) if not casadi.depends_on(known, x)]
     if unknown:
         raise InputError(
-            f"{scene.source}: with_constraint: '{name}' depends on {', '.join(unknown)}, which is no symbol of the scene"
+            f"{scene.source}: with_constraint: '{name}' depends on {', '.join(unknown)}, which is no symbol of the "
+            "scene; take positions, velocities, t and parameters from the Symbols that the function is given"
         )
     text = casadi.Function("own", [s.t, s.q, s.v, s.p], [casadi.densify(column)]).serialize()
     digest = hashlib.sha256(text.encode("latin-1")).hexdigest()

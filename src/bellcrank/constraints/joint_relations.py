@@ -59,7 +59,9 @@ class Coupling(Constraint):
 
 @dataclass(frozen=True)
 class Drive(Constraint):
-    """A joint follows a motion of the card: φ = θ − θ_motion(t). λ is the actuator's torque, N m or N; its power is work."""
+    """A joint follows a motion of the card: φ = θ − θ_motion(t). λ is the actuator's torque, N m or N, and its power
+    is work.
+    """
 
     joint: RobotJoint
     motion: SignalSource

@@ -83,5 +83,5 @@ class RollingDisk(Constraint):
 
         n = casadi.DM(self.normal)
         a = symbols.frame(self.frame).rotation @ casadi.DM(self.axis)
-        up = n - casadi.dot(n, a) * a
-        return up, casadi.sqrt(casadi.dot(up, up))
+        across = casadi.cross(n, a)  # as long as n⊥, and without its cancellation where the disk lies nearly flat
+        return n - casadi.dot(n, a) * a, casadi.sqrt(casadi.dot(across, across))

@@ -33,7 +33,7 @@ def consistent_start(scene: Scene, q: Array, v: Array, held_q: Array, held_v: Ar
         raise InputError(
             f"{scene.source}: initial: the closures do not close with {', '.join(held) or 'nothing'} held: "
             f"'{name}' stays {gap:.3g} (m or rad) apart ({label}); hold less, write a guess nearer to the branch that is "
-            "meant ({{guess: …}}), or change lengths"
+            "meant ({guess: …}), or change lengths"
         )
     return q, _velocity(scene, q, v, ~held_v)
 

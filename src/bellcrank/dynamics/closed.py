@@ -225,8 +225,11 @@ def close(constraints: Sequence[Constraint], rows: Rows | None, s: Symbols) -> C
     rate = flow(position, s)
     speed = casadi.vertcat(rate, velocity)
     still = casadi.SX.zeros(s.v.size1(), 1)
-    parts = [position, rate, velocity, casadi.jacobian(speed, s.v), flow(speed, s), casadi.substitute(speed, s.v, still)]
-    return Closed(*[s.expand(part) if isinstance(s, Turning) else part for part in parts], rows)
+    expand = s.expand if isinstance(s, Turning) else casadi.sparsify
+    return Closed(
+        expand(position), expand(rate), expand(velocity), expand(casadi.jacobian(speed, s.v)), expand(flow(speed, s)),
+        expand(casadi.substitute(speed, s.v, still)), s.v, rows,
+    )  # fmt: skip
 
 
 def flow(expression: casadi.SX, s: Symbols) -> casadi.SX:

@@ -59,7 +59,8 @@ class Turning(Symbols):
             if self.robot.equations.tree.frames[index]["parent_joint"] == 0:
                 return super().frame(name)
             q = _neutral(self, {self.robot.joints[0].name})
-            x = casadi.Function.deserialize(self._tree.frames([index]).decode("latin-1"))(q, self.v, self.tracer_parameters)
+            traced = casadi.Function.deserialize(self._tree.frames([index]).decode("latin-1"))
+            x = traced(q, self.v, self.tracer_parameters)
             parts = (x[:3], casadi.reshape(x[3:12], 3, 3).T, x[12:15], x[15:18])
             position, rotation, linear, angular = (self.turn @ part for part in parts)
             self._frames[name] = FrameSymbols(self.q[:3] + position, rotation, linear, angular)

@@ -221,7 +221,9 @@ def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> S
     except InputError as error:
         raise read.mapping("simulate").error("samples", str(error)) from None
     read.done()
-    return Scene(card, robot, closures, forces, control, initial, parameters, events, outputs, settings, motion_of, data)
+    return Scene(
+        card, robot, closures, forces, control, initial, parameters, events, outputs, settings, motion_of, data
+    )
 
 
 def _content(value: Any, places: Mapping[SignalSource, int]) -> Any:

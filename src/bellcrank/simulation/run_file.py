@@ -102,8 +102,8 @@ def load_run(path: str | Path) -> Trajectory:
     about, arrays = _contents(file)
     try:
         scene = load_scene(_unpacked(json.dumps(about["files"], sort_keys=True)) / _plain(about["scene"]))
-        stabilisation = Stabilisation(**about["settings"].pop("stabilisation"))
-        settings = Settings(**about["settings"], stabilisation=stabilisation)
+        stabilisation = Stabilisation(**about["settings"].get("stabilisation", {}))
+        settings = Settings(**about["settings"] | {"stabilisation": stabilisation})
         if settings.stabilisation != scene.settings.stabilisation:
             scene = replace(scene, settings=settings)
         statistics = Statistics(**about["statistics"])

@@ -121,6 +121,7 @@ def _integrate(
         events=system.events.address("scalar") if scene.events else 0,
         terminal=[event.stop for event in scene.events],
         direction=[event.direction for event in scene.events],
+        event_samples=2 if all(isinstance(event.when, ContactLost) for event in scene.events) else 8,
         jacobian=system.jacobian.address("scalar") if implicit and system.whole_jacobian else 0,
         tangent=system.tangent.address("batch") if implicit and not system.whole_jacobian else 0,
         lanes=machine.target().lanes if implicit else 1,
@@ -193,14 +194,14 @@ def _refuse_pulling_contact(scene: Scene, p: Array, x0: Array) -> None:
     places = [k for k, rule in enumerate(scene.events) if rule.stop and isinstance(rule.when, ContactLost)]
     if not places:
         return
-    normal = scene.system.events(np.zeros(1), x0, scene.signals_at(np.zeros(1))[0], p)[0]
+    normal = scene.system.events(np.zeros(1), x0, scene.signals_at(np.zeros(1))[0], p)
     for k in places:
         rule = scene.events[k].when
         assert isinstance(rule, ContactLost)
         if normal[k] < 0.0:
             raise InputError(
-                f"{scene.source}: closures: '{rule.closure}' is not in contact at the start: its plane would have to pull "
-                f"by {-normal[k]:.6g} N; change the start or the forces, or write two_sided: true if it can"
+                f"{scene.source}: closures: '{rule.closure}' is not in contact at the start: its plane would have to "
+                f"pull by {-normal[k]:.6g} N; change the start or the forces, or write two_sided: true if it can"
             )
 
 

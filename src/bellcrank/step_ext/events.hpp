@@ -1,4 +1,4 @@
-// Events: where a function g(t, x, u, p) changes sign. Each step is sampled at eight places, so that two crossings in a
+// Events: where a function g(t, x, u, p) changes sign. Each step is sampled at eight places (fewer where asked), so that two crossings in a
 // long step are found, and where g turns back towards zero between samples its extremum is looked at too. A root of g
 // on the dense output is then corrected by steps of the same method that end at the event: its time and state are as
 // exact as those of any step.
@@ -15,7 +15,7 @@ template <class Stepper>
 class Events {
  public:
   Events(Rhs& rhs, Stepper& stepper)
-      : rhs_(rhs), p_(rhs.problem), stepper_(stepper), count_(p_.event_count), x_(p_.n + 16), value_(count_),
+      : rhs_(rhs), p_(rhs.problem), stepper_(stepper), samples(p_.event_samples), count_(p_.event_count), x_(p_.n + 16), value_(count_),
         g_((samples + 1) * count_), sign_(count_), in_(x_, rhs), capacity_(count_ * (samples + 4)),
         crossings_(capacity_), states_(static_cast<std::size_t>(capacity_) * p_.n) {}
 
@@ -44,7 +44,6 @@ class Events {
   const double* end_state() const { return states_ + crossings_[terminal_].state * p_.n; }
 
  private:
-  static constexpr int samples = 8;
   struct Crossing {
     double time;
     int event;
@@ -54,6 +53,7 @@ class Events {
   Rhs& rhs_;
   const Problem& p_;
   Stepper& stepper_;
+  const int samples;  // of a step, its end among them
   int count_;
   Buffer x_, value_, g_;  // g_: samples + 1 rows; the last is the step's end
   Array<int> sign_;       // of the last value that was not zero; 0 until zero has been left

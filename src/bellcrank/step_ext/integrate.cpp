@@ -112,11 +112,12 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
                      const std::vector<bool>& terminal, const std::vector<int>& direction, std::uintptr_t jacobian,
                      std::uintptr_t tangent, int lanes, std::int64_t max_evaluations, nb::object progress,
                      bool staged, std::uintptr_t fallback, std::uintptr_t project_position,
-                     std::uintptr_t project_velocity, int nq) {
+                     std::uintptr_t project_velocity, int nq, int event_samples) {
   const int n = static_cast<int>(x0.shape(0));
   require(rhs != 0, "integrate: no right-hand side");
   require(method == "RK4" || method == "RK45" || method == "DOP853" || method == "Radau", "integrate: unknown method");
   require(std::isfinite(t0) && std::isfinite(t1) && t1 >= t0, "integrate: t1 must be finite and not before t0");
+  require(event_samples >= 2, "integrate: events need two samples a step or more");
   require(n > 0 && norm_size > 0 && norm_size <= n, "integrate: norm_size must be between 1 and the number of states");
   require(step > 0 || method != "RK4", "integrate: RK4 needs a step");
   require(step > 0 || (rtol >= 0 && atol >= 0 && rtol + atol > 0),
@@ -170,7 +171,7 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
   problem.stops = bounds.data(), problem.stop_count = static_cast<int>(bounds.size());
   problem.latest = latest;
   problem.terminal = flags.get(), problem.direction = direction.data();
-  problem.event_count = static_cast<int>(terminal.size());
+  problem.event_count = static_cast<int>(terminal.size()), problem.event_samples = event_samples;
   problem.max_evaluations = max_evaluations;
 
   auto made = std::make_unique<Result>(n, t0, std::move(progress));
@@ -266,7 +267,7 @@ void bind_integrate(nb::module_& m) {
         "rtol"_a, "atol"_a, "step"_a = 0.0, "first_step"_a = 0.0, "max_step"_a = HUGE_VAL, "times"_a, "every_step"_a,
         "unit"_a, "signals"_a, "stops"_a, "events"_a, "terminal"_a, "direction"_a, "jacobian"_a, "tangent"_a,
         "lanes"_a, "max_evaluations"_a, "progress"_a.none(), "staged"_a = false, "fallback"_a = 0,
-        "project_position"_a = 0, "project_velocity"_a = 0, "nq"_a = 0);
+        "project_position"_a = 0, "project_velocity"_a = 0, "nq"_a = 0, "event_samples"_a = 8);
 }
 
 }  // namespace bellcrank

@@ -47,7 +47,7 @@ struct Problem {
   double latest;  // the last time that stages see: just before a stop at t1, else infinite
   const bool* terminal;
   const int* direction;
-  int event_count;
+  int event_count, event_samples;
   std::int64_t max_evaluations;
 };
 

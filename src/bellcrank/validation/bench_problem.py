@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.errors import InputError, among
-from bellcrank.validation.closed_textbook import FourBar, RollingDisk
+from bellcrank.validation.reduced import FourBar, FourBars, RollingDisk
 from bellcrank.validation.textbook import PlanarTwoLink, SpringPendulum
 
 Array = NDArray[np.float64]
@@ -30,12 +30,13 @@ class Problem:
     such states (..., n) those of all coordinates and rates, which the program in C integrates, the `count` coordinates
     first; `compared` makes of these coordinates the positions that are compared, which for a scene's own are the first
     `compared_count`. The error of a run is the largest difference from the reference at `times`, in `unit`. `known` are
-    published values of `unreduced` states at the end, as far as they go; a `closed` scene has constraints.
+    published values of `unreduced` states at the end, as far as they go; a `closed` scene has constraints; `in_c`: there
+    is a program in C. `pieces` are the steps of the reference between two outputs, and of the run that judges it.
     """
 
     name: str
     title: str
-    equations: PlanarTwoLink | SpringPendulum | FourBar | RollingDisk
+    equations: Any  # a class of textbook.py or reduced.py
     joints: tuple[str, ...]
     start: tuple[float, ...]
     duration: float
@@ -46,6 +47,8 @@ class Problem:
     unreduced: Callable[[NDArray[Any]], NDArray[Any]] = _itself
     compared: Callable[[NDArray[Any]], NDArray[Any]] = _itself
     closed: bool = False
+    in_c: bool = True
+    pieces: tuple[int, int] = (4, 6)
 
     @property
     def adaptive(self) -> tuple[str, ...]:
@@ -80,12 +83,19 @@ PROBLEMS = {
     ),
     "four_bar": Problem(  # to 12 s: it locks at 12.268 s
         "four_bar", "deployable four-bar, 12 s", _FOUR_BAR, ("crank", "coupler", "rocker"),
-        (radians(1.0), 0.0), 12.0, "rad", (), 3, 3, _FOUR_BAR.angles, closed=True,
+        (radians(1.0), 0.0), 12.0, "rad", (), 3, 3, _FOUR_BAR.angles, closed=True, pieces=(1, 2),
     ),
     "rolling_disk": Problem(
         "rolling_disk", "thin disk rolling and leaning, 10 s", _DISK, ("root_joint",),
-        _DISK_START, 10.0, "m", (-0.05536301, -0.0652155), 5, 3, compared=_DISK.centre, closed=True,
+        _DISK_START, 10.0, "m", (-0.05536301, -0.0652155), 5, 3, compared=_DISK.centre, closed=True, pieces=(6, 8),
     ),
+    **{
+        f"n_four_bar_{n}": Problem(
+            f"n_four_bar_{n}", f"{n} four-bars in a row, through singular positions, {t:g} s", FourBars(n),
+            ("crank_0",), (0.0, -1.0), t, "rad", (), 1, 1, closed=True, in_c=False,
+        )
+        for n, t in ((2, 10.0), (40, 20.0))
+    },
 }  # fmt: skip
 
 
@@ -124,7 +134,7 @@ class Run:
     once: Callable[[], Outcome]
 
 
-def cartesian(start: tuple[float, float, float, float]) -> tuple[list[float], list[float]]:
+def cartesian(start: tuple[float, ...]) -> tuple[list[float], list[float]]:
     """Position (x, y) and velocity of the spring pendulum's mass, gravity along -y, from (θ, r, θ̇, ṙ)."""
     angle, r, rate, speed = start
     s, c = sin(angle), cos(angle)

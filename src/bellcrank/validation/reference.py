@@ -58,7 +58,7 @@ def reference(name: str) -> Reference:
     from scipy.integrate import solve_ivp
 
     chosen = problem(name)
-    state, finer = (_states(chosen, pieces) for pieces in (4, 6))
+    state, finer = (_states(chosen, pieces) for pieces in chosen.pieces)
     double = solve_ivp(
         lambda _, x: chosen.equations.derivative(x), (0.0, chosen.duration), chosen.start,
         method="DOP853", rtol=1e-13, atol=1e-14, t_eval=chosen.times,

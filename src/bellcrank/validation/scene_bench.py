@@ -45,7 +45,7 @@ def bench_scene(
     """Measure one scene with everything that is installed; `progress` wraps the groups of runs (tqdm)."""
     chosen, missing = problem(name), []
     try:
-        hand: HandWritten | None = HandWritten(chosen)
+        hand = HandWritten(chosen) if chosen.in_c else None
     except BellcrankError as error:
         hand = None
         missing.append(f"C by hand: {error}")
@@ -55,6 +55,8 @@ def bench_scene(
     suffix = "_closed" if chosen.closed else ""
     groups += [[run] for run in _module("scipy_pinocchio" + suffix).runs(chosen, settings)]
     for tool, package in PEERS.items() if peers else ():
+        if tool not in settings:
+            continue
         try:
             groups += [[run] for run in _module(package + suffix).runs(chosen, settings[tool])]
         except ImportError:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from bellcrank import atomic
 from bellcrank.validation.bench_problem import problem
-from bellcrank.validation.work_precision import HAND, OWN, Row, pareto
+from bellcrank.validation.work_precision import HAND, OWN, PROJECTED, Row, pareto
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 # Okabe and Ito's colours, told apart by every kind of sight
 METHOD = {"RK4": "#E69F00", "RK45": "#0072B2", "DOP853": "#009E73", "Radau": "#CC79A7"}
 PEER = {
-    "SciPy + pin.aba": ("#56B4E9", "s"), "Pinocchio in Python": ("#8C6D31", "P"), "MuJoCo": ("#D55E00", "^"),
+    "SciPy + pin.aba": ("#56B4E9", "s"), "SciPy + pin.constraintDynamics": ("#56B4E9", "s"),
+    "Pinocchio in Python": ("#8C6D31", "P"), "MuJoCo": ("#D55E00", "^"),
     "Drake": ("#555555", "D"), "Exudyn": ("#000000", "o"),
 }  # fmt: skip
 
@@ -42,11 +43,15 @@ def draw(rows: list[Row], machine: str) -> Figure:
         if mine:
             axis.loglog(*_points(mine), color=colour, marker=marker, markersize=3, linestyle="none", alpha=0.3)
             axis.loglog(*_points(pareto(mine)), color=colour, marker=marker, markersize=4.5, linewidth=1.0, label=tool)
-    for tool, style in ((HAND, {"linestyle": "--", "linewidth": 1.4}), (OWN, {"linewidth": 2.6, "alpha": 0.85})):
+    styles: dict[tuple[str, str], dict[str, Any]] = {
+        (HAND, ""): {"linestyle": "--", "linewidth": 1.4}, (OWN, ""): {"linewidth": 2.6, "alpha": 0.85},
+        (OWN, PROJECTED): {"linewidth": 1.4, "linestyle": "-."},
+    }  # fmt: skip
+    for (tool, suffix), style in styles.items():
         for method, colour in METHOD.items():
-            mine = [r for r in reached if r.tool == tool and r.method == method]
+            mine = [r for r in reached if r.tool == tool and r.method == method + suffix]
             if mine:
-                axis.loglog(*_points(mine), color=colour, label=f"{tool}, {method}", **style)
+                axis.loglog(*_points(mine), color=colour, label=f"{tool}, {method}{suffix}", **style)
     whole = [replace(r, seconds=r.whole) for r in reached if r.whole is not None and r.method == "DOP853"]
     label = f"{OWN}, DOP853, all of simulate()"
     axis.loglog(*_points(whole), color=METHOD["DOP853"], linestyle=":", linewidth=1.4, label=label)

@@ -11,7 +11,7 @@ from math import cos, sin
 import numpy as np
 
 from bellcrank.validation.bench_problem import OUTPUTS, Array, Problem
-from bellcrank.validation.closed_textbook import RollingDisk
+from bellcrank.validation.reduced import RollingDisk
 
 
 def substeps(problem: Problem, step: float) -> tuple[int, float]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from bellcrank.validation.bench_problem import Outcome, Problem, Run
-from bellcrank.validation.closed_textbook import FourBar, RollingDisk
+from bellcrank.validation.reduced import FourBar, FourBars, RollingDisk
 from bellcrank.validation.rivals import disk_start
 from bellcrank.validation.rivals.exudyn import NOTE, exudyn_module, integrate, step_settings
 
@@ -18,7 +19,8 @@ from bellcrank.validation.rivals.exudyn import NOTE, exudyn_module, integrate, s
 def runs(problem: Problem, settings: Mapping[str, Sequence[float]]) -> Iterator[Run]:
     """Every integrator at every step."""
     exu = exudyn_module()
-    built = _four_bar(exu, problem) if isinstance(problem.equations, FourBar) else _disk(exu, problem)
+    build = {FourBar: _four_bar, FourBars: _four_bars, RollingDisk: _disk}[type(problem.equations)]
+    built = build(exu, problem)
     for solver, steps in settings.items():
         for step in steps:
             yield Run("Exudyn", solver, f"h {step:.3g}", NOTE, partial(_run, exu, problem, built, solver, step))
@@ -58,6 +60,44 @@ def _four_bar(exu: Any, problem: Problem) -> tuple[Any, Any, Any]:
     return _finished(exu, item, container, system, node)
 
 
+def _four_bars(exu: Any, problem: Problem) -> tuple[Any, Any, Any]:
+    """Planar bodies at their centres; x, y and the angle each."""
+    item: Any = importlib.import_module("exudyn.itemInterface")
+    equations = problem.equations
+    assert isinstance(equations, FourBars)
+    container = exu.SystemContainer()
+    system = container.AddSystem()
+    ground = system.AddObject(item.ObjectGround())
+    _, rate = problem.start
+
+    def rod(place: list[float], velocity: list[float]) -> tuple[int, int]:
+        node = system.AddNode(
+            item.NodeRigidBody2D(referenceCoordinates=[*place, 0.0], initialCoordinates=[0.0, 0.0, 0.0],
+                                 initialVelocities=velocity)
+        )  # fmt: skip
+        body = system.AddObject(item.ObjectRigidBody2D(nodeNumber=node, physicsMass=1.0, physicsInertia=1.0 / 12.0))
+        center = system.AddMarker(item.MarkerBodyPosition(bodyNumber=body))
+        system.AddLoad(item.LoadForceVector(markerNumber=center, loadVector=[0.0, -equations.g, 0.0]))
+        return node, body
+
+    def pin(first: int, at: list[float], second: int, there: list[float]) -> None:
+        ends = [
+            system.AddMarker(item.MarkerBodyPosition(bodyNumber=body, localPosition=[*place, 0.0]))
+            for body, place in ((first, at), (second, there))
+        ]
+        system.AddObject(item.ObjectJointRevolute2D(markerNumbers=ends))
+
+    count = equations.loops + 1
+    cranks = [rod([k, 0.5], [-0.5 * rate, 0.0, rate]) for k in range(count)]
+    couplers = [rod([k + 0.5, 1.0], [-rate, 0.0, 0.0])[1] for k in range(count - 1)]
+    for k, (_, crank) in enumerate(cranks):
+        pin(ground, [k, 0.0], crank, [0.0, -0.5])
+    for k, coupler in enumerate(couplers):
+        pin(cranks[k][1], [0.0, 0.5], coupler, [-0.5, 0.0])
+        pin(cranks[k + 1][1], [0.0, 0.5], coupler, [0.5, 0.0])
+    return _finished(exu, item, container, system, cranks[0][0])
+
+
 def _disk(exu: Any, problem: Problem) -> tuple[Any, Any, Any]:
     item: Any = importlib.import_module("exudyn.itemInterface")
     q, v = disk_start(problem)
@@ -95,4 +135,9 @@ def _finished(exu: Any, item: Any, container: Any, system: Any, node: Any, what:
 def _run(exu: Any, problem: Problem, built: tuple[Any, Any, Any], solver: str, step: float) -> Outcome:
     settings = step_settings(exu, problem, solver, step)
     settings.timeIntegration.newton.useModifiedNewton = True
-    return integrate(exu, built[1], built[2], settings, exu.MainSolverImplicitSecondOrder())
+    if isinstance(problem.equations, FourBars):
+        settings.linearSolverType = exu.LinearSolverType.EigenSparse
+    made = integrate(exu, built[1], built[2], settings, exu.MainSolverImplicitSecondOrder())
+    if isinstance(problem.equations, FourBars):
+        return replace(made, position=made.position[:, 2:])
+    return made

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from bellcrank.validation.bench_problem import Array, Outcome, Problem, Run
-from bellcrank.validation.closed_textbook import FourBar, RollingDisk
+from bellcrank.validation.reduced import FourBar, RollingDisk
 from bellcrank.validation.rivals import disk_start, substeps
 
 OFF = "sensor actuation autoreset midphase nativeccd island eulerdamp refsafe".split()

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from bellcrank.validation.bench_problem import Array, Problem, Run
-from bellcrank.validation.closed_textbook import FourBar
+from bellcrank.validation.reduced import FourBar
 from bellcrank.validation.rivals.scipy_pinocchio import Rates, solve
 
 NOTE = "solve_ivp with t_eval, Python around pin.constraintDynamics, no Baumgarte terms (its default)"

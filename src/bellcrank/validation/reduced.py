@@ -1,6 +1,7 @@
 """Mechanisms with constraints reduced by hand to their fewest coordinates: no multiplier, and no closure that drifts.
 
-Source of the mechanisms: A. Ghosal, Dynamics and Control of Mechanical Systems, NPTEL 2022, lecture 18.
+Sources of the mechanisms: A. Ghosal, Dynamics and Control of Mechanical Systems, NPTEL 2022, lecture 18; IFToMM library
+of computational benchmark problems, A02.
 """
 
 from __future__ import annotations
@@ -127,6 +128,32 @@ class RollingDisk:
         wx, wy, wz = np.moveaxis(x[..., 5:], -1, 0)
         kinetic = 0.5 * self.radius**2 * (1.25 * wx * wx + 1.5 * wy * wy + 0.25 * wz * wz)
         return np.asarray(kinetic + self.g * self.radius * np.cos(x[..., 2]))
+
+
+@dataclass(frozen=True)
+class FourBars:
+    """`loops` parallelogram four-bars in a row, of rods of 1 m and 1 kg: a pendulum, singular wherever it lies flat.
+
+    The state (..., 2) is a crank's angle from upright, rad, and its rate; g in m/s².
+    """
+
+    loops: int
+    g: float = 9.81
+
+    def derivative(self, x: NDArray[Any]) -> NDArray[Any]:
+        """Rates (..., 2), in the state's own precision."""
+        weight, inertia = self._sums(x.dtype)
+        return np.stack([x[..., 1], self.g * weight / inertia * np.sin(x[..., 0])], -1)
+
+    def energy(self, x: NDArray[Any]) -> NDArray[Any]:
+        """Kinetic and potential energy, J, (...)."""
+        weight, inertia = self._sums(x.dtype)
+        return np.asarray(0.5 * inertia * x[..., 1] ** 2 + self.g * weight * np.cos(x[..., 0]))
+
+    def _sums(self, kind: Any) -> tuple[Any, Any]:
+        """First and second moment of all rods, kg m and kg m²: cranks turn, couplers go round with their tops."""
+        cranks = np.array(self.loops + 1, kind)
+        return cranks / 2 + self.loops, cranks / 3 + self.loops
 
 
 def _sine(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
