@@ -24,7 +24,6 @@ from bellcrank.scene.settings import Settings
 # (what is broken, file, old text, new text, a piece of the sentence)
 BROKEN = [
     ("unknown key", "scene.yaml", "initial:", "intial:", "intial.*did you mean 'initial'"),
-    ("closures are not there yet", "scene.yaml", "forces:", "closures: []\nforces:", "closures"),
     ("key twice", "scene.yaml", "name: Crane", "name: Crane\nname: Crane", "twice"),
     ("not YAML", "scene.yaml", "gravity: [0, 0, -9.81]", "gravity: [0, 0", "scene.yaml.*YAML"),
     ("gravity of two numbers", "scene.yaml", "gravity: [0, 0, -9.81]", "gravity: [0, -9.81]", "gravity.*3 numbers"),

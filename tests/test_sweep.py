@@ -9,9 +9,9 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.cli import main
+from bellcrank.designs.axes import parse_axis
+from bellcrank.designs.sweep import sweep
 from bellcrank.machine_code import machine
-from bellcrank.sweep.axes import parse_axis
-from bellcrank.sweep.sweep import sweep
 
 GROUND, COUPLER, ROCKER = 1.241, 1.2, 1.2
 SCENE = """

@@ -34,6 +34,10 @@ _HOME = {
     "simulate": "simulation.simulate",
     "Trajectory": "simulation.trajectory",
     "load_run": "simulation.run_file",
+    "sweep": "designs.sweep",
+    "Sweep": "designs.sweep",
+    "closed_inverse_dynamics": "constraints.inverse",
+    "Linkage": "sizing.linkage",
     "plot": "simulation.run_plot:plot_run",
     "check_urdf": "urdf.check",
 }
@@ -41,6 +45,8 @@ __all__ = ["__version__", *_HOME]
 
 if TYPE_CHECKING:
     from bellcrank.card.card import Card, load_card
+    from bellcrank.constraints.inverse import closed_inverse_dynamics
+    from bellcrank.designs.sweep import Sweep, sweep
     from bellcrank.errors import BellcrankError, CompileError, InputError, UnreachableError
     from bellcrank.motion.csv_file import read_motion, write_motion
     from bellcrank.motion.motion import Motion
@@ -55,6 +61,7 @@ if TYPE_CHECKING:
     from bellcrank.simulation.simulate import simulate
     from bellcrank.simulation.trajectory import Trajectory
     from bellcrank.sizing.drive import Drive
+    from bellcrank.sizing.linkage import Linkage
     from bellcrank.sizing.size import Sizing, size
     from bellcrank.urdf.check import check_urdf
 

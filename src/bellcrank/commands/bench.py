@@ -29,6 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="instead of scenes: batches of inverse and forward dynamics of robots (default: ur5 panda talos)",
     )  # fmt: skip
     parser.add_argument("--hard", action="store_true", help="instead of scenes: the hard cases, each with its figure")
+    parser.add_argument("--gains", action="store_true", help="instead: error and work over Baumgarte's gains, as maps")
     parser.add_argument(
         "--repeats", type=int, default=30, help="runs of a setting at least, the best counts (default 30)"
     )
@@ -40,10 +41,16 @@ def run(arguments: argparse.Namespace) -> int:
     """Time scenes, or run the hard cases, or time the dynamics; print tables and write files. 1 where a hard case
     misses its bar.
     """
-    if arguments.scenes and (arguments.hard or arguments.dynamics is not None):
-        raise InputError("bench: scenes, --hard and --dynamics are benches of their own; name robots after --dynamics")
+    if arguments.scenes and (arguments.hard or arguments.gains or arguments.dynamics is not None):
+        raise InputError(
+            "bench: scenes, --hard, --gains and --dynamics are benches of their own; name robots after --dynamics"
+        )
     if arguments.hard:
         return _hard_cases(arguments)
+    if arguments.gains:
+        from bellcrank.validation.gain_map import gain_map_command
+
+        return gain_map_command(arguments.out)
     return _scenes(arguments) if arguments.dynamics is None else _dynamics(arguments)
 
 

@@ -38,10 +38,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the designs; 0 where some design came to its end, 1 where none did, 130 where it was interrupted; what was
     computed is written in any case. BellcrankError for bad input.
     """
+    from bellcrank.designs.axes import parse_axis
+    from bellcrank.designs.sweep import sweep
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
-    from bellcrank.sweep.axes import parse_axis
-    from bellcrank.sweep.sweep import sweep
 
     vary = {}
     for text in arguments.axes:

@@ -120,7 +120,10 @@ def assemble(scene: Scene) -> Assembly:
         closed = close(scene.closures, rows_that_bind(scene, s), s)
         solution = solve(mass_matrix(s), closed, torque - bias, gains)
         acceleration, reaction = solution.acceleration, closed.jacobian.T @ solution.multipliers
-        power, plain_power = power + closed.power(solution.multipliers), power + closed.power(solution.plain_multipliers)
+        power, plain_power = (
+            power + closed.power(solution.multipliers),
+            power + closed.power(solution.plain_multipliers),
+        )
     else:
         acceleration = s.algorithm("forward_dynamics")(s.q, s.v, torque, s.tracer_parameters)
     s.acceleration = acceleration

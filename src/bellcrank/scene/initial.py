@@ -76,7 +76,6 @@ class Initial:
             v[:3], v[3:6] = linear, angular
         return q, v
 
-
     def held(self, robot: Robot) -> tuple[Array, Array]:
         """Which degrees of freedom (nv) keep their position, and which their velocity, on the way to closures.
 

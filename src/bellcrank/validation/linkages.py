@@ -33,9 +33,7 @@ def n_four_bar_texts(loops: int) -> tuple[str, str]:
         parts.append(urdf.joint(f"crank_{k}", "continuous", "ground", f"crank_link_{k}", (k, 0, 0)))
         if k < loops:
             parts.append(urdf.link(f"coupler_link_{k}", 1.0, (0.5, 0, 0), (0, ROD, ROD)))
-            parts.append(
-                urdf.joint(f"coupler_{k}", "continuous", f"crank_link_{k}", f"coupler_link_{k}", (0, 1, 0))
-            )
+            parts.append(urdf.joint(f"coupler_{k}", "continuous", f"crank_link_{k}", f"coupler_link_{k}", (0, 1, 0)))
     name = f"n_four_bar_{loops}"
     robot = "\n  ".join([f'<robot name="{name}">', *parts]) + "\n</robot>\n"
     lines = [

@@ -142,10 +142,7 @@ def loops_at_speed(counts: tuple[int, ...] = (5, 10, 20, 40, 80)) -> list[Figure
         for n, scene in scenes.items():
             cost = simulate(scene, duration=1.1, rtol=1e-9, atol=1e-9).statistics
             best[n] = min(best[n], cost.kernel_time / cost.evaluations / n)
-    return [
-        Figure(f"{n} loops, {best[n] * 1e9:.1f} ns", best[n] / best[counts[0]], 2.0, "times")
-        for n in counts[1:]
-    ]
+    return [Figure(f"{n} loops, {best[n] * 1e9:.1f} ns", best[n] / best[counts[0]], 2.0, "times") for n in counts[1:]]
 
 
 # ---- A01, A04, the five-bar robot

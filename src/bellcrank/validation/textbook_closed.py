@@ -123,7 +123,11 @@ class SixCoordinateDisk:
         r, (s1, c1), (s2, c2) = self.radius, _sine_cosine(q[..., 3]), _sine_cosine(q[..., 4])
         none = np.zeros_like(s1)
         turning = -r * np.stack(
-            [np.stack([c1 * s2, s1 * c2, c1], -1), np.stack([s1 * s2, -c1 * c2, s1], -1), np.stack([none, -s2, none], -1)],
+            [
+                np.stack([c1 * s2, s1 * c2, c1], -1),
+                np.stack([s1 * s2, -c1 * c2, s1], -1),
+                np.stack([none, -s2, none], -1),
+            ],
             -2,
         )
         return np.concatenate([np.broadcast_to(np.eye(3), (*s1.shape, 3, 3)), turning], -1)

@@ -20,12 +20,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.designs.axes import Axis, read_axis
+from bellcrank.designs.measures import aims, measures_of, start_measures
 from bellcrank.errors import BellcrankError, InputError, among
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.simulation.simulate import simulate
 from bellcrank.simulation.status import Status
-from bellcrank.sweep.axes import Axis, read_axis
-from bellcrank.sweep.measures import aims, measures_of, start_measures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -101,25 +101,25 @@ class Sweep:
 
     def table(self, measures: Sequence[str] | None = None) -> str:
         """The designs as text, one a line; `measures` (default: the telling ones)."""
-        from bellcrank.sweep.report import text_table
+        from bellcrank.designs.report import text_table
 
         return text_table(self, self.telling if measures is None else measures)
 
     def to_csv(self, path: str | Path) -> Path:
         """Write one row a design: axes, status, every measure (units in the header), reason; returns the path."""
-        from bellcrank.sweep.report import write_csv
+        from bellcrank.designs.report import write_csv
 
         return write_csv(self, path)
 
     def to_json(self, path: str | Path) -> Path:
         """Write axes, units and designs as JSON; returns the path."""
-        from bellcrank.sweep.report import write_json
+        from bellcrank.designs.report import write_json
 
         return write_json(self, path)
 
     def plot(self, path: str | Path | None = None, measures: Sequence[str] | None = None) -> Figure:
         """Draw one panel a measure, a line over one axis, a map over two; written to `path` (PNG) if one is given."""
-        from bellcrank.sweep.plot import plot_sweep
+        from bellcrank.designs.plot import plot_sweep
 
         return plot_sweep(self, self.telling if measures is None else measures, path)
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from bellcrank.atomic import write_text
 
 if TYPE_CHECKING:
-    from bellcrank.sweep.sweep import Design, Sweep
+    from bellcrank.designs.sweep import Design, Sweep
 
 MOST_LINES = 64  # of designs on screen: the first and the last of them
 LONGEST_REASON = 110

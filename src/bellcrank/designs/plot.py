@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from bellcrank.sweep.axes import Axis
-    from bellcrank.sweep.sweep import Array, Sweep
+    from bellcrank.designs.axes import Axis
+    from bellcrank.designs.sweep import Array, Sweep
 
 LINE, FAILED = "#0072B2", "#D55E00"
 DPI = 110
