@@ -13,12 +13,13 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 CLOSED = 1e-13  # m or rad: Newton's method ends below it
 ROUNDED = 1e-6  # m or rad: what held values may miss by, as rounded digits do; then all of them move
 MOST_STEPS = 200
 
 
-def consistent_start(scene: Scene, q: Array, v: Array, held_q: Array, held_v: Array) -> tuple[Array, Array]:
+def consistent_start(scene: Scene, q: Array, v: Array, held_q: Mask, held_v: Mask) -> tuple[Array, Array]:
     """Position (nq,) and velocity (nv,) on the closures, nearest to the given ones.
 
     `held_q` and `held_v` (nv) are masks over the degrees of freedom whose positions and velocities stay. Raises
@@ -32,13 +33,13 @@ def consistent_start(scene: Scene, q: Array, v: Array, held_q: Array, held_v: Ar
         held = [j.name for j in scene.robot.joints if held_q[j.v : j.v + j.nv].all()]
         raise InputError(
             f"{scene.source}: initial: the closures do not close with {', '.join(held) or 'nothing'} held: "
-            f"'{name}' stays {gap:.3g} (m or rad) apart ({label}); hold less, write a guess nearer to the branch that is "
-            "meant ({guess: …}), or change lengths"
+            f"'{name}' stays {gap:.3g} (m or rad) apart ({label}); hold less, write a guess nearer to the branch that "
+            "is meant ({guess: …}), or change lengths"
         )
     return q, _velocity(scene, q, v, ~held_v)
 
 
-def _posture(scene: Scene, q: Array, free: Array) -> tuple[Array, float]:
+def _posture(scene: Scene, q: Array, free: Mask) -> tuple[Array, float]:
     """Damped Gauss-Newton steps of least length; the posture and the largest |φ| there."""
     gap, jacobian = _position(scene, q)
     for _ in range(MOST_STEPS):
@@ -60,7 +61,7 @@ def _posture(scene: Scene, q: Array, free: Array) -> tuple[Array, float]:
     return q, float(np.abs(gap).max(initial=0.0))
 
 
-def _velocity(scene: Scene, q: Array, v: Array, free: Array) -> Array:
+def _velocity(scene: Scene, q: Array, v: Array, free: Mask) -> Array:
     speed, jacobian = _linearised(scene, q, v)[1:]
     change = np.zeros_like(v)
     change[free] = np.linalg.lstsq(jacobian[:, free], -speed, rcond=1e-10)[0]

@@ -131,14 +131,15 @@ def solve(mass: casadi.SX, closed: Closed, force: casadi.SX, gains: casadi.SX) -
     h = closed.position.size1()
     holonomic = regular if h == jacobian.size1() else Factor(mass, jacobian[:h, :], mu[:h])
     return Solution(
-        closed, mass, regular, regular.solve(force, right)[1], *proximal(regular, force, right, REFINEMENTS), *plain.solve(force, right), guard,
+        closed, mass, regular, regular.solve(force, right)[1], *proximal(regular, force, right, REFINEMENTS),
+        *plain.solve(force, right), guard,
         proximal(holonomic, still, -closed.position, PROJECTING)[0],
         proximal(regular, still, -closed.speed, PROJECTING)[0],
     )  # fmt: skip
 
 
 def regularisation(mass: casadi.SX, closed: Closed) -> casadi.SX:
-    """μ (rows): a share of each row's J M⁻¹ Jᵀ as it is, M by its diagonal, and of the usual one where the linkage moves.
+    """μ (rows): a share of each row's J M⁻¹ Jᵀ as it is, M by its diagonal, and of the usual one where it moves.
 
     At distance x from a posture in which J loses rank (a linkage that lies flat loses whole rows) the equations are as
     good as anywhere at rest, but a motion at speed w amplifies what rounding leaves by w/x²; there a share of the usual
