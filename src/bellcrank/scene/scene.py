@@ -8,7 +8,7 @@ simulate (settings.py), all optional.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -64,6 +64,7 @@ class Scene:
     settings: Settings
     motion_of: Callable[[str], Motion] = field(repr=False)
     marked_data: Mapping[str, Any] = field(repr=False)  # with the lines and overrides of its keys
+    loop_files: dict[str, str] = field(repr=False, default_factory=dict)  # texts of files that closures were read from
 
     @property
     def name(self) -> str:
@@ -124,7 +125,7 @@ class Scene:
     @property
     def files(self) -> dict[str, str]:
         """What the tables and motions held when they were read, by what is written under `file`."""
-        found = dict(csv_texts(self.card.motions.values()))
+        found = dict(csv_texts(self.card.motions.values())) | self.loop_files
         return found | {str(p.place.raw("file")): p.text for p in self.forces if isinstance(p, Torque) and p.text}
 
     @property
@@ -208,6 +209,7 @@ def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> S
     if motion_of is None:
         motion_of = cache(lambda name: card.motion(robot, name))
     closures = read_closures(read, robot, card.motions, motion_of)
+    loop_files = {str(name): (source.parent / name).read_text() for name in _named_files(closures)}
     forces = read_forces(read, robot)
     control = read_control(read, robot, card.motions, motion_of)
     initial = read_initial(read, robot, card.motions)
@@ -222,8 +224,12 @@ def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> S
         raise read.mapping("simulate").error("samples", str(error)) from None
     read.done()
     return Scene(
-        card, robot, closures, forces, control, initial, parameters, events, outputs, settings, motion_of, data
+        card, robot, closures, forces, control, initial, parameters, events, outputs, settings, motion_of, data, loop_files
     )
+
+
+def _named_files(closures: Iterable[Constraint]) -> list[str]:
+    return list(dict.fromkeys(str(c.place.raw("file")) for c in closures if "file" in c.place))
 
 
 def _content(value: Any, places: Mapping[SignalSource, int]) -> Any:
