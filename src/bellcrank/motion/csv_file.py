@@ -57,7 +57,8 @@ class _Columns:
 
     @property
     def units(self) -> dict[str, str]:
-        return dict([("time", "s"), *self.position, *self.velocity, *self.acceleration, *self.torque])
+        actuators = [(name.removesuffix("torque") + "actuator torque", unit) for name, unit in self.torque]
+        return dict([("time", "s"), *self.position, *self.velocity, *self.acceleration, *self.torque, *actuators])
 
 
 def write_motion(motion: Motion, path: str | Path, torque: Array | None = None) -> Path:
@@ -100,6 +101,7 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: s
     joints = tuple(robot.joints)
     columns = _Columns.of(joints)
     header, table = _table(file, motion_text(file) if text is None else text)
+    _refuse_free_base(file, robot, header)
     values = _converted(file, header, table, columns.units)
     for label, _ in [("time", "s"), *columns.position]:
         if label not in values:
@@ -181,6 +183,16 @@ def _table(file: Path, text: str) -> tuple[list[str], Array]:
                 )
             table[k, column] = value
     return header, table
+
+
+def _refuse_free_base(file: Path, robot: Robot, header: list[str]) -> None:
+    """Say what is amiss where a file has a free base and the robot has none (InputError)."""
+    free = next((text for text in header if re.match(r".* position q[xyzw]\b", text)), None)
+    if free is not None and all(joint.kind != "floating" for joint in robot.joints):
+        raise InputError(
+            f"{file}: the file has a free base (column '{free}') and the base of the robot '{robot.name}' is fixed; "
+            "write floating_base: true on its card, or load_robot(…, floating_base=True)"
+        )
 
 
 def _converted(file: Path, header: list[str], table: Array, units: dict[str, str]) -> dict[str, Array]:

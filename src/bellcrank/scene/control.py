@@ -121,7 +121,7 @@ class PD(Controller):
     @classmethod
     def read(cls, name: str, read: Fields, robot: Robot, motions: Mapping[str, Any], motion_of: MotionOf) -> Self:
         """From its mapping; InputError naming file and key."""
-        read.known("target", "motion")
+        read.known("joint", "joints", "target", "motion", "kp", "kd", "limit")
         if ("target" in read) == ("motion" in read):
             found = "both" if "target" in read else "neither"
             raise read.error("target", f"expected a 'target' {{joint: value}} or the name of a 'motion', found {found}")
@@ -182,6 +182,7 @@ class ComputedTorque(Controller):
     @classmethod
     def read(cls, name: str, read: Fields, robot: Robot, motions: Mapping[str, Any], motion_of: MotionOf) -> Self:
         """From its mapping; InputError naming file and key."""
+        read.known("motion", "kp", "kd", "limit", "mass_error")
         joints = all_joints(robot)
         other = next((joint for joint in robot.joints if joint.nv != 1), None)
         if other is not None:

@@ -40,10 +40,10 @@ class Spring(Part):
     @classmethod
     def read(cls, name: str, read: Fields, robot: Robot) -> Self:
         """From its mapping; InputError naming file and key."""
+        read.known("frame_a", "frame_b", "point", "stiffness", "damping", "free_length")
         a = read_frame(read, robot, "frame_a")
         fixed = read.text("frame_b") == WORLD
         b = WORLD if fixed else read_frame(read, robot, "frame_b")
-        read.known("point")
         if not fixed and "point" in read:
             raise read.error("point", "a point is for 'frame_b: world'; a frame's own origin is used otherwise")
         if fixed and "point" not in read and _is_elsewhere(WORLD, robot):
@@ -129,10 +129,10 @@ class Wrench(Part):
     @classmethod
     def read(cls, name: str, read: Fields, robot: Robot) -> Self:
         """From its mapping; InputError naming file and key."""
+        read.known("frame", "force", "torque", "expressed_in")
         nothing = (0.0, 0.0, 0.0)
         frame, axes = read_frame(read, robot), read.choice("expressed_in", (WORLD, "frame"), WORLD)
         if "force" not in read and "torque" not in read:
-            read.known("force", "torque")
             raise read.error("", "the key 'force' or 'torque' is missing: a wrench needs one of them")
         return cls(
             name, read, frame, read.vector("force", 3, "N", nothing), read.vector("torque", 3, "N m", nothing), axes

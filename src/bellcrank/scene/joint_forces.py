@@ -45,6 +45,7 @@ class JointForce(Part):
     @classmethod
     def read(cls, name: str, read: Fields, robot: Robot) -> Self:
         """From its mapping; InputError naming file and key."""
+        read.known("joint", *cls.NUMBERS)
         joint = read_joint(read, robot)
         values = {
             key: number(read, key, joint_unit(joint, quantity), default, bound)
@@ -156,9 +157,9 @@ class Torque(JointForce):
     @classmethod
     def read(cls, name: str, read: Fields, robot: Robot) -> Self:
         """From its mapping; InputError naming file and key."""
+        read.known("joint", "value", "file", "interpolation", "column")
         joint = read_joint(read, robot)
         unit = joint_unit(joint, "torque")
-        read.known("value", "file", "interpolation", "column")
         if ("value" in read) == ("file" in read):
             found = "both" if "file" in read else "neither"
             raise read.error("value", f"expected a 'value' in {unit} or a 'file' with a table over time, found {found}")

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank.motion.motion import FAR_OUT, MOST_TURNED
+from bellcrank.scene.control import PD
 from bellcrank.scene.joint_forces import Torque
 from bellcrank.scene.part import Part, joint_unit
 
@@ -20,7 +22,7 @@ OVERSHOOT = 3.0  # times the range of a table's values: what a cubic spline may 
 
 def scene_notes(scene: Scene, duration: float) -> tuple[str, ...]:
     """The notes on a scene that is simulated for a duration, s. Motions are made for it, and its events compiled."""
-    return (*_start(scene), *_limits(scene), *_signals(scene, duration), *_events(scene))
+    return (*_start(scene), *_limits(scene), *_targets(scene), *_signals(scene, duration), *_events(scene))
 
 
 def _start(scene: Scene) -> Iterator[str]:
@@ -49,6 +51,26 @@ def _limits(scene: Scene) -> Iterator[str]:
             )
         if free:
             yield f"control '{part.name}': the URDF has no effort limit at {_joints(free)}, so nothing is limited there"
+
+
+def _targets(scene: Scene) -> Iterator[str]:
+    """Targets of pd controllers outside the joint's range."""
+    robot = scene.robot
+    given = {target: parameter.value for parameter in scene.parameters.values() for target in parameter.sets}
+    for part in scene.control:
+        if not isinstance(part, PD) or part.target is None:
+            continue
+        for j in part.joints:
+            aim = given.get(f"control.{part.name}.target.{j.name}", part.target[j.name])
+            excess = max(robot.lower[j.q] - aim, aim - robot.upper[j.q])
+            if excess > 0.0:
+                unit = joint_unit(j, "position")
+                degrees = unit == "rad" and (excess > FAR_OUT or abs(aim) > MOST_TURNED)
+                yield (
+                    f"control '{part.name}': its target of {aim:.6g} {unit} is outside the range of joint '{j.name}', "
+                    f"{robot.lower[j.q]:.6g} to {robot.upper[j.q]:.6g} {unit}"
+                    + (f"; were degrees meant? write '{aim:g} deg'" if degrees else "")
+                )
 
 
 def _signals(scene: Scene, duration: float) -> Iterator[str]:

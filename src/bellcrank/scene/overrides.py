@@ -8,6 +8,7 @@ parameter's value.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,10 @@ from bellcrank.card.card import CARD_KEYS, SCENE_KEYS
 from bellcrank.card.yaml_file import Lines, shown
 from bellcrank.errors import InputError, among
 from bellcrank.scene.part import entry_names
+from bellcrank.scene.settings import Settings
 
 DEEPEST = 100
+SETTINGS = tuple(field.name for field in fields(Settings))
 _TABLES = ("frames", "motions", "drives", "friction", "parameters", "outputs")  # of mappings by name
 
 
@@ -54,6 +57,8 @@ def apply_overrides(data: Mapping[str, Any], overrides: Mapping[str, Any]) -> Ma
 
     Raises InputError where a path leads nowhere.
     """
+    if not isinstance(overrides, Mapping):
+        raise InputError(f"overrides: expected a mapping such as {{'simulate.rtol': 1e-6}}, found {shown(overrides)}")
     changed: Marked = marked(data)
     for path, value in overrides.items():
         if not isinstance(path, str) or not path.strip():
@@ -135,8 +140,20 @@ def _with_parameter(data: Mapping[str, Any], path: str, value: Any) -> list[str]
         return ["parameters", name, "value"]
     keys = path.split(".")
     if keys[0] not in known:
-        raise InputError(among("key or parameter", keys[0], [*known, *names]))
+        raise InputError(_unknown(path, keys[0], [*known, *names]))
     return keys
+
+
+def _unknown(path: str, key: str, known: list[str]) -> str:
+    """What to say of a path that begins with an unknown key."""
+    if path in SETTINGS:
+        return f"there is no key or parameter '{path}'; did you mean 'simulate.{path}'?"
+    if key in ("link", "joint"):
+        return (
+            f"an override changes the scene's file, and '{path}' is in the URDF; name it in the scene as a parameter, "
+            f"parameters: {{NAME: {{value: …, sets: [{path}]}}}}, and set NAME"
+        )
+    return among("key or parameter", key, known)
 
 
 def _longest(at: Mapping[str, Any], keys: list[str]) -> int:

@@ -2,7 +2,7 @@
 
 parameters: {crank_length: {value: 1.241, sets: [joint.coupler.origin.x]}}. A target is one of trace.setting's
 (joint.NAME.origin.x, link.NAME.mass, …), frame.NAME.origin.x (y, z, roll, pitch, yaw) of a frame that the card adds,
-or force.NAME.FIELD, control.NAME.FIELD, closure.NAME.FIELD. The value has the unit of its targets, and keeps the bounds
+or force.NAME.FIELD, control.NAME.FIELD, closure.NAME.FIELD (forces and closures, as in overrides, too). The value has the unit of its targets, and keeps the bounds
 that hold for them in the file.
 """
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
 _NAME = re.compile(r"[A-Za-z_]\w*\Z")
+PLURAL = {"forces": "force", "closures": "closure"}  # as overrides write them
 _MEANT = ("pi", "t")  # what expressions mean by these is something else
 
 
@@ -96,7 +97,7 @@ def _targets(entry: Fields) -> tuple[str, ...]:
     given = entry.raw("sets", [])
     if not isinstance(given, (list, tuple)) or not all(isinstance(target, str) for target in given):
         raise entry.error("sets", "expected a list of targets, such as [link.tool.mass]")
-    return tuple(given)
+    return tuple(PLURAL.get(kind, kind) + dot + rest for kind, dot, rest in (target.partition(".") for target in given))
 
 
 def _resolve(target: str, robot: Robot, parts: Sequence[Part]) -> tuple[Settable, tuple[int, int] | None]:

@@ -195,6 +195,11 @@ def load_scene(path_or_name: str | Path, overrides: Mapping[str, Any] | None = N
     `overrides` changes it by dotted path: {"initial.crank": "1.5 deg", "simulate.rtol": 1e-6} (overrides.py). Raises
     InputError, one sentence naming file and key, for whatever is not as it should be.
     """
+    if not isinstance(path_or_name, (str, Path)):
+        raise InputError(
+            f"expected a scene's path or name, found a {type(path_or_name).__name__}; bc.load_scene(PATH or NAME) makes a "
+            "scene, of a URDF too"
+        )
     source, urdf = find_card(path_or_name)
     data = {"name": source.stem, "urdf": str(source.resolve())} if urdf else read_yaml(source)
     return _read(apply_overrides(data, overrides) if overrides else marked(data), source)
@@ -224,7 +229,19 @@ def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> S
         raise read.mapping("simulate").error("samples", str(error)) from None
     read.done()
     return Scene(
-        card, robot, closures, forces, control, initial, parameters, events, outputs, settings, motion_of, data, loop_files
+        card,
+        robot,
+        closures,
+        forces,
+        control,
+        initial,
+        parameters,
+        events,
+        outputs,
+        settings,
+        motion_of,
+        data,
+        loop_files,
     )
 
 

@@ -62,6 +62,10 @@ def read_table(path: Path, text: str, column: str, unit: str) -> tuple[Array, Ar
     labels = [match["name"] if (match := _HEADER.match(text)) else text for text in header]
     for label in ("time", column):
         if label not in labels:
+            if label == column and "torque" in labels:
+                raise InputError(
+                    f"{path}: the column 'torque' names no joint; rename the column to '{column} [{unit}]'"
+                )
             raise InputError(f"{path}: {among('column', label, labels)}")
         if labels.count(label) > 1:
             raise InputError(f"{path}: column '{label}' stands twice")

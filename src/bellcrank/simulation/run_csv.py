@@ -11,6 +11,7 @@ import numpy as np
 
 from bellcrank.atomic import write_text
 from bellcrank.motion.coordinates import position_labels, velocity_labels
+from bellcrank.scene.joint_forces import Torque
 
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Array, Trajectory
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
 def write_run_csv(run: Trajectory, path: str | Path) -> Path:
     """Write time, positions, velocities, accelerations, torques, energies, work, closures, outputs; returns the path.
 
-    Units stand in the header (s, rad, m, N m, N, J, …); every number has the digits that give it back exactly. The
+    `torque` is all that the scene's forces do at a joint, `actuator torque`, where the scene has motors or controllers,
+    their part of it. Units stand in the header (s, rad, m, N m, N, J, …); every number has the digits that give it back exactly. The
     file is replaced in one step, or not at all. Raises InputError where the folder cannot be written.
     """
     labels, table = columns(run)
@@ -37,9 +39,14 @@ def columns(run: Trajectory) -> tuple[list[tuple[str, str]], Array]:
     driven = [joint for joint in joints if joint.nv == 1]
     labels = [("time", "s"), *position_labels(joints), *velocity_labels(joints, 1), *velocity_labels(joints, 2)]
     labels += [(f"{joint.name} torque", torque_unit(joint.kind)) for joint in driven]
+    if run.scene.control or any(isinstance(force, Torque) for force in run.scene.forces):
+        labels += [(f"{joint.name} actuator torque", torque_unit(joint.kind)) for joint in driven]
+        actuators = [run.actuator_torque[:, [joint.v for joint in driven]]]
+    else:
+        actuators = []
     labels += [("kinetic energy", "J"), ("potential energy", "J"), ("work", "J")]
     parts = [run.time, run.position, run.velocity, run.acceleration, run.torque[:, [joint.v for joint in driven]]]
-    parts += [run.kinetic_energy, run.potential_energy, run.work]
+    parts += [*actuators, run.kinetic_energy, run.potential_energy, run.work]
     for closure in run.scene.closures:
         history = run.closure(closure.name)
         labels += [titled(f"{closure.name} {label}") for label in history.labels]

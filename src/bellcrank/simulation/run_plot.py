@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.atomic import writing
+from bellcrank.errors import InputError, among
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 from bellcrank.simulation.run_csv import output_labels, titled, torque_unit
 
@@ -45,17 +46,21 @@ class _Panel:
 
 
 def plot_run(run: Trajectory, path: str | Path | None = None, frame: str | None = None) -> Figure:
-    """Draw a run: a matplotlib Figure, written to `path` (PNG) where one is given.
+    """Draw a run: a matplotlib Figure, written to `path` in the format of its suffix (PNG without one).
 
     Positions, velocities, energies, torques and outputs over time, SI units on the axes; or, with `frame`, the path of
-    that frame in the world's plane in which it reaches furthest (m). Raises InputError for an unknown frame, and where
+    that frame in the world's plane in which it reaches furthest (m). Raises InputError for an unknown frame or format, and where
     the folder cannot be written.
     """
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
         figure = _over_time(run) if frame is None else _frame_path(run, frame)
     if path is not None:
+        kind = Path(path).suffix.removeprefix(".").lower() or "png"
+        known = figure.canvas.get_supported_filetypes()
+        if kind not in known:
+            raise InputError(f"{path}: {among('picture format', kind, sorted(known))}")
         with writing(path) as temporary:
-            figure.savefig(temporary, format="png", dpi=DPI)
+            figure.savefig(temporary, format=kind, dpi=DPI)
     return figure
 
 
@@ -96,7 +101,13 @@ def _panels(run: Trajectory) -> list[_Panel]:
     panels += _closure_panels(run)
     outputs = [(label, unit, column) for name in run.outputs for label, unit, column in _output_columns(run, name)]
     for unit in dict.fromkeys(unit for _, unit, _ in outputs):
-        panels.append(_Panel("outputs", unit, [(label, column) for label, u, column in outputs if u == unit]))
+        lines = [(label, column) for label, u, column in outputs if u == unit]
+        names = ", ".join(n for n, output in run.scene.outputs.items() if unit in [titled(x)[1] for x in output.labels])
+        panels.append(_Panel(f"outputs: {textwrap.shorten(names, 60, placeholder='…')}", unit, lines))
+    titles = [panel.title for panel in panels]
+    for panel in panels:
+        if titles.count(panel.title) > 1:
+            panel.title += f", {_shown(panel.unit)}"
     return panels
 
 

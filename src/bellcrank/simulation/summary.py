@@ -8,15 +8,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank.dynamics.signals import values_at
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 
 if TYPE_CHECKING:
     from bellcrank.simulation.record import Event
-    from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.simulation.trajectory import Array, Trajectory
 
 EVENTS = 5  # events listed one by one
 JOINTS = 24  # joints listed
 LARGEST_RESIDUAL, LARGEST_DRIFT = 1e-6, 1e-3  # shares, above which a run is not to be trusted
+OFF_ZERO = 1e-6  # share of its largest value by which an event's function may miss zero at the event
+EDGE = 1e-9  # rad or m beyond a range that is no leaving
+LEAVING = 5  # joints listed that leave their range
 NOISE = 1e-7  # share of the energies that is rounding and tolerance
 CLOSURES = 8  # closures listed
 MANY_TURNS = 1e6  # rad: beyond it, and where it is no number, degrees say nothing
@@ -54,7 +58,7 @@ def summary_html(run: Trajectory) -> str:
 
 def run_warnings(run: Trajectory) -> tuple[str, ...]:
     """What speaks against a run, a clause each: it did not come to its end, its accelerations miss the equations of
-    motion, its energies their balance, or kinetic energy is negative.
+    motion, its energies their balance, kinetic energy is negative, or an event is not at its zero.
     """
     found = []
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
@@ -74,7 +78,56 @@ def run_warnings(run: Trajectory) -> tuple[str, ...]:
         found.append("energy is not in balance: take smaller tolerances or steps")
     if least < -NOISE * np.abs(kinetic).max():
         found.append(f"kinetic energy falls to {least:.3g} J: a mass or inertia is not that of a body")
-    return tuple(found)
+    return (*found, *_false_events(run))
+
+
+def _false_events(run: Trajectory) -> list[str]:
+    """A clause for each event whose function is not zero where the run has it, nor jumps across zero there."""
+    if not run.events:
+        return []
+    system, names = run.scene.system, [rule.name for rule in run.scene.events]
+    which = np.array([names.index(event.name) for event in run.events])
+    time = np.array([event.time for event in run.events])
+    state = np.zeros((len(time), system.size))
+    for row, event in zip(state, run.events, strict=True):
+        row[: system.nq + system.nv] = *event.position, *event.velocity
+
+    def value(t: Array, x: Array) -> Array:
+        rows = system.events(t[:, None], x, values_at(run.signals, t), run.parameters)
+        return rows.reshape(len(t), -1)[np.arange(len(t)), which]
+
+    with np.errstate(all="ignore"):  # a run may end where numbers overflow
+        rows = system.events(run.time[:, None], run.state, run.inputs, run.parameters).reshape(len(run), -1)
+        largest = np.abs(rows).max(axis=0)[which]
+        here, span = value(time, state), 1e-9 * (1.0 + time)
+        slope = system.rhs(time[:, None], state, values_at(run.signals, time), run.parameters)[:, : system.size]
+        before, after = (value(time + h, state + h[:, None] * slope) for h in (-span, span))
+        wrong = (np.abs(here) > OFF_ZERO * (1.0 + largest)) & ~(before * after <= 0.0)
+    first = {run.events[k].name: here[k] for k in np.flatnonzero(wrong)[::-1]}
+    return [
+        f"event '{name}' is not at its own zero (its function is {value:.4g} there): the steps are too large for it; "
+        "use a smaller step or tighter tolerances"
+        for name, value in first.items()
+    ]
+
+
+def run_notes(run: Trajectory) -> tuple[str, ...]:
+    """The joints that start within their URDF's range and leave it, one sentence each."""
+    notes = []
+    for j in run.robot.joints:
+        if j.nq != 1:
+            continue
+        q, lower, upper = run.position[:, j.q], float(run.robot.lower[j.q]), float(run.robot.upper[j.q])
+        outside = (q < lower - EDGE) | (q > upper + EDGE)
+        if not outside.any() or outside[0]:  # what starts outside is told of before the run
+            continue
+        unit = "m" if j.kind == "prismatic" else "rad"
+        far = q[np.argmax(np.maximum(q - upper, lower - q))]
+        notes.append(
+            f"joint '{j.name}' leaves its range at {run.time[outside.argmax()]:.4g} s: it reaches {far:.6g} {unit}, the "
+            f"URDF has {lower:.6g} to {upper:.6g} {unit}, and the simulation knows no stops"
+        )
+    return tuple(notes)
 
 
 def _facts(run: Trajectory) -> list[tuple[str, str]]:
@@ -100,6 +153,10 @@ def _facts(run: Trajectory) -> list[tuple[str, str]]:
     rows += _closures(run)
     if not run.scene.closures and any(joint.kind in ("floating", "planar") for joint in run.robot.joints):
         rows.append(("constraint residual", f"{run.constraint_residual():.1e} (unit length of rotations)"))
+    notes = run_notes(run)
+    rows += [("note", text) for text in notes[:LEAVING]]
+    if len(notes) > LEAVING:
+        rows.append(("", f"… and {_count(len(notes) - LEAVING, 'more joint')} that leave their range"))
     return rows + [("warning", text) for text in run_warnings(run)]
 
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from bellcrank.simulation.closure_rank import ClosureRank
 
 Array = NDArray[np.float64]
+SAME_END = 1e-6  # share of its duration by which a run may end earlier, at an event, and still be compared
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +248,7 @@ class Trajectory:
         """How far the positions may be off (rad or m): the largest difference, on the same times, from a run with a
         tenth of the tolerances, or ten times them where rtol < 1e-12 can be no finer; with a fixed step 2ᵖ/(2ᵖ − 1) of
         that from half the step, p being the method's order (Richardson). Costs that second run; infinite where there is
-        nothing to compare.
+        nothing to compare, or an event ended the second run earlier.
         """
         from bellcrank.simulation.simulate import simulate
 
@@ -261,7 +262,7 @@ class Trajectory:
             max_step=s.max_step, max_evaluations=min(20 * s.max_evaluations, 2**62), **other,
         )  # fmt: skip
         mine = self.position[later]
-        if len(again) < len(mine):
+        if len(again) < len(mine) or again.time[-1] < self.time[-1] * (1.0 - SAME_END):
             return float("inf")
         left = 0.5 ** methods()[s.solver] if s.step else 0.0  # the share of the error that the second run has too
         return float(np.abs(again.position[: len(mine)] - mine).max(initial=0.0)) / (1.0 - left)
@@ -281,7 +282,7 @@ class Trajectory:
         return write_run_csv(self, path)
 
     def plot(self, path: str | Path | None = None, frame: str | None = None) -> Any:
-        """Draw the run, or a frame's path: a matplotlib Figure, written to `path` (PNG) where one is given."""
+        """Draw the run, or a frame's path: a matplotlib Figure, written to `path` in the format of its suffix."""
         from bellcrank.simulation.run_plot import plot_run
 
         return plot_run(self, path, frame)

@@ -151,12 +151,22 @@ def _motions(given: object) -> list[Motion]:
     if isinstance(given, Motion):
         return [given]
     if isinstance(given, (str, bytes, Mapping)) or not isinstance(given, Iterable):
-        raise InputError(f"motions: expected a Motion or a list of them, found {_kind(given)}")
+        raise InputError(f"motions: expected a Motion or a list of them, found {_kind(given)}{_of_run(given)}")
     motions = list(given)
     for motion in motions:
         if not isinstance(motion, Motion):
-            raise InputError(f"motions: expected a Motion or a list of them, found {_kind(motion)} in the list")
+            raise InputError(
+                f"motions: expected a Motion or a list of them, found {_kind(motion)} in the list{_of_run(motion)}"
+            )
     return motions
+
+
+def _of_run(given: object) -> str:
+    """What to do with a run of a simulation, where one is given instead of a motion."""
+    from bellcrank.simulation.trajectory import Trajectory
+
+    remedy = "; write the run with run.to_csv(path) and read it with read_motion(robot, path)"
+    return remedy if isinstance(given, Trajectory) else ""
 
 
 def _drives(given: object) -> dict[str, Drive]:
