@@ -26,8 +26,8 @@ class RollingDisk(Constraint):
     c − r n⊥/s. φ = c·n − height − r s keeps it on the plane (holonomic); ψ, the components of its velocity
     v + ω × (−r n⊥/s) along two directions t₁, t₂ of the plane, keep it from slipping (non-holonomic). The multipliers
     are the normal force and the components of friction that the plane exerts on the disk, N. A plane cannot pull, so
-    the run ends where the normal force passes zero, unless `two_sided` says that it may, as a rail does. Source: A.
-    Ghosal, NPTEL 2022, lecture 18, for the velocity condition.
+    the run ends where the normal force passes zero, unless `two_sided` says that it may, as a rail does; and it ends
+    where the disk comes to lie flat. Source: A. Ghosal, NPTEL 2022, lecture 18, for the velocity condition.
     """
 
     frame: str
@@ -72,6 +72,10 @@ class RollingDisk(Constraint):
         """The rim's lowest point (3) m in the world."""
         up, steepness = self._up(symbols)
         return symbols.frame(self.frame).position - self.value(symbols, "radius") / steepness * up
+
+    def steepness(self, symbols: Symbols) -> casadi.SX:
+        """s, the sine of the angle between axis and normal: 1 upright, 0 where the disk lies flat and has no lowest point."""
+        return self._up(symbols)[1]
 
     def labels(self, robot: Robot) -> tuple[str, ...]:
         """Normal force and friction, from the plane on the disk."""

@@ -36,7 +36,27 @@ def consistent_start(scene: Scene, q: Array, v: Array, held_q: Mask, held_v: Mas
             f"'{name}' stays {gap:.3g} (m or rad) apart ({label}); hold less, write a guess nearer to the branch that "
             "is meant ({guess: …}), or change lengths"
         )
+    _refuse_flat_disks(scene, q)
     return q, _velocity(scene, q, v, ~held_v)
+
+
+def _refuse_flat_disks(scene: Scene, q: Array) -> None:
+    """InputError where a rolling disk has no lowest point."""
+    from bellcrank.scene.closure_conditions import LiesFlat
+
+    system = scene.system
+    x = np.zeros(system.size)
+    x[: system.nq] = q
+    flat = [k for k, event in enumerate(scene.events) if isinstance(event.when, LiesFlat)]
+    if not flat:
+        return
+    values = system.events(np.zeros(1), x, scene.signals_at(np.zeros(1))[0], scene.system_parameters)
+    for k in flat:
+        if not values[k] > 0.0:
+            raise InputError(
+                f"{scene.source}: initial: event '{scene.events[k].name}' is there at the start: a disk that lies flat "
+                "has no lowest point to roll on; tilt it less"
+            )
 
 
 def _posture(scene: Scene, q: Array, free: Mask) -> tuple[Array, float]:

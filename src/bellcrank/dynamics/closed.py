@@ -31,21 +31,24 @@ if TYPE_CHECKING:
     from bellcrank.scene.symbols import Symbols
 
 Array = NDArray[np.float64]
-DEAD = 1e-12  # of the largest entry of J: a row below it does not depend on the joints
-IMPOSSIBLE = 1e-9  # m or rad that such a row may be apart
+DEAD = 1e-5  # of the largest entry of a closure's J: a row below it is dead, or alive by rounded angles alone
+IMPOSSIBLE = 1e-5  # of the largest gap of a closure, that such a row may be apart
 
 REFINEMENTS = 3  # passes of the proximal solve after the first; what they leave of a regular row is μ⁴
 PROJECTING = 1  # the same for projections, whose corrections are small
 REGULARISATION = 1e-9  # μ, as a share of a row's J M⁻¹ Jᵀ
-LEAST = 1e-16  # the same at rest where the row vanishes
+LEAST = 1e-14  # the same at rest where the row vanishes
 NEAR_SINGULAR = 1e-4  # a pivot below this share of its usual value calls for the proximal solve
 
 
 class Rows(NamedTuple):
-    """The rows of constraints that bind, and for each its usual J M⁻¹ Jᵀ (a power of ten)."""
+    """The rows of constraints that bind, and for each its usual J M⁻¹ Jᵀ (a power of ten); `massless`: M is singular,
+    as some joint moves nothing but what closures hold.
+    """
 
     kept: tuple[int, ...]
     scale: tuple[float, ...]
+    massless: bool = False
 
 
 @dataclass(frozen=True)
@@ -115,14 +118,21 @@ class Solution:
 
 
 def solve(mass: casadi.SX, closed: Closed, force: casadi.SX, gains: casadi.SX) -> Solution:
-    """Solve the constrained equations; `gains` is (α, β), or empty without Baumgarte's terms."""
+    """Solve the constrained equations; `gains` is (α, β), or empty without Baumgarte's terms.
+
+    Where M is singular, M + Jᵀ W J takes its place, W the inverse of the usual J M⁻¹ Jᵀ, and f + Jᵀ W J v̇ that of f,
+    which changes neither v̇ nor λ.
+    """
     import casadi
 
     jacobian, usual = closed.jacobian, casadi.DM(closed.rows.scale)
+    right = closed.required(*casadi.vertsplit(gains)) if gains.numel() else closed.required(0.0, 0.0)
+    if closed.rows.massless:
+        weighted = jacobian.T @ casadi.diag(1.0 / usual)
+        mass, force = casadi.sparsify(mass + weighted @ jacobian), force + weighted @ right
     plain = Factor(mass, jacobian, casadi.SX(jacobian.size1(), 1))
     mu = regularisation(mass, closed)
     regular = Factor(mass, jacobian, mu)
-    right = closed.required(*casadi.vertsplit(gains)) if gains.numel() else closed.required(0.0, 0.0)
     guard = casadi.SX(1.0)
     for place, k in enumerate(plain.order):
         if k >= plain.n:
@@ -157,7 +167,8 @@ def regularisation(mass: casadi.SX, closed: Closed) -> casadi.SX:
 def rows_that_bind(scene: Scene, s: Symbols) -> Rows:
     """The rows of a scene's closures (all φ, then all ψ) that say anything, by their Jacobians at random postures.
 
-    A planar loop's row across the plane is 0 = 0 and is left out. Raises InputError where such a row cannot hold.
+    A planar loop's row across the plane is 0 = 0 and is left out, also where the drawing rounds right angles to five
+    digits (rpy="1.5708 0 0"). Raises InputError where such a row cannot hold.
     """
     import casadi
 
@@ -167,25 +178,28 @@ def rows_that_bind(scene: Scene, s: Symbols) -> Rows:
     outputs = [casadi.densify(x) for x in (whole.jacobian, gap, casadi.reshape(mass, scene.robot.nv, scene.robot.nv))]
     f = casadi.Function("rows", [s.q, s.v, s.t, s.u, s.p], outputs)
     random = np.random.default_rng(0)
-    jacobians, gaps, scales = [], [], []
+    sizes, gaps, scales, massless = [], [], [], False
     for _ in range(8):
         q = random_posture(scene.robot, random)
         given = (q, np.zeros(scene.robot.nv), 0.0, random.normal(size=s.u.numel()), scene.parameter_values)
         j, g, m = (np.array(x) for x in f(*given))
-        jacobians.append(np.abs(j).max(axis=1, initial=0.0))
-        gaps.append(g.ravel())
+        sizes.append(np.abs(j).max(axis=1, initial=0.0))
+        gaps.append(np.abs(g.ravel()))
         scales.append((j * np.linalg.lstsq(m, j.T, rcond=None)[0].T).sum(axis=1))
-    size, residual = np.max(jacobians, axis=0), np.array(gaps)
-    binds = size > DEAD * max(float(size.max(initial=0.0)), 1e-300)
-    for k in np.flatnonzero(~binds):
-        if np.abs(residual[:, k]).max() > IMPOSSIBLE:
-            name, label = row_names(scene.closures, s)[k]
-            raise InputError(
-                f"{scene.source}: closures: '{name}' cannot close: its row {label} is {residual[0, k]:.6g} apart "
-                "whatever the joints do; move one of its frames, or take a kind of closure with fewer rows"
-            )
+        massless |= bool(np.linalg.matrix_rank(m) < len(m))
+    names = row_names(scene.closures, s)
+    size, gap = np.max(sizes, axis=0), np.max(gaps, axis=0)
+    closure = np.array([name for name, _ in names])
+    largest = np.array([[np.max(x[closure == name]) for name in closure] for x in (size, gap)])
+    binds = size > DEAD * largest[0]
+    for k in np.flatnonzero(~binds & (gap > IMPOSSIBLE * largest[1]) & (gap > 0.0)):
+        name, label = names[k]
+        raise InputError(
+            f"{scene.source}: closures: '{name}' cannot close: its row {label} is {gap[k]:.6g} apart "
+            "whatever the joints do; move one of its frames, or take a kind of closure with fewer rows"
+        )
     scale = 10.0 ** np.round(np.log10(np.max(scales, axis=0)[binds]))  # rounded: not to change with every parameter
-    return Rows(tuple(np.flatnonzero(binds).tolist()), tuple(scale.tolist()))
+    return Rows(tuple(np.flatnonzero(binds).tolist()), tuple(scale.tolist()), massless)
 
 
 def row_names(constraints: Sequence[Constraint], s: Symbols) -> list[tuple[str, str]]:

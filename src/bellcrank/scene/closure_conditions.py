@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 
     from bellcrank.scene.symbols import Symbols
 
+FLAT = 1e-4
+
+FLAT = 1e-4  # rad
+
 
 class Condition(Protocol):
     """What an event waits for: a function g(t, x, u, p) whose zero it is, the frames and the unit of it."""
@@ -96,6 +100,38 @@ class ContactLost:
     def apply(self, symbols: Symbols) -> casadi.SX:
         """The function whose zero it is."""
         return symbols.reactions.of(self.closure)[0]
+
+
+@dataclass(frozen=True)
+class LiesFlat:
+    """The sine of the angle between the plane and a rolling disk, less the least at which it still has a lowest point."""
+
+    disk: RollingDisk
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The disk's."""
+        return self.disk.frames
+
+    def apply(self, symbols: Symbols) -> casadi.SX:
+        """The function whose zero it is."""
+        return self.disk.steepness(symbols) - FLAT
+
+
+@dataclass(frozen=True)
+class LiesFlat:
+    """The sine of the angle between a rolling disk and its plane, less the least that still has a lowest point."""
+
+    disk: RollingDisk
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The disk's."""
+        return self.disk.frames
+
+    def apply(self, symbols: Symbols) -> casadi.SX:
+        """The function whose zero it is."""
+        return self.disk.steepness(symbols) - FLAT
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,8 @@ position | velocity}, {expression}, {aligned: {joint_a, joint_b}}, {singular_clo
 CLOSURE} and {friction_demand: {closure, limit}} (closure_conditions.py). `direction` is the sign of the function's
 change (default any; what is lost or demanded has its own); `stop: true` ends the run there. `latch: true` ends it too,
 with a plastic impact: the position reached is locked from then on, and the event tells velocities after, impulse and
-energy lost. Every rolling disk ends the run where contact is lost, unless it is `two_sided` or an event says otherwise.
+energy lost. Every rolling disk ends the run where contact is lost, unless it is `two_sided` or an event says otherwise,
+and where it comes to lie flat.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from bellcrank.scene.closure_conditions import (
     Condition,
     ContactLost,
     FrictionDemand,
+    LiesFlat,
     SingularClosure,
     read_aligned,
     read_contact,
@@ -116,10 +118,14 @@ def read_events(
 
 
 def _contacts(closures: Sequence[Constraint], events: Sequence[EventRule]) -> list[EventRule]:
-    """The events that end a run where a plane would have to pull."""
-    disks = [closure.name for closure in closures if isinstance(closure, RollingDisk) and not closure.two_sided]
+    """The events that end a run where a plane would have to pull, or where a disk comes to lie on it."""
+    disks = [closure for closure in closures if isinstance(closure, RollingDisk)]
     told = {event.when.closure for event in events if isinstance(event.when, ContactLost)}
-    return [EventRule(f"{name} contact lost", ContactLost(name), -1, True) for name in disks if name not in told]
+    lost = [disk.name for disk in disks if not disk.two_sided and disk.name not in told]
+    return [
+        *(EventRule(f"{name} contact lost", ContactLost(name), -1, True) for name in lost),
+        *(EventRule(f"{disk.name} lies flat", LiesFlat(disk), -1, True) for disk in disks),
+    ]
 
 
 def read_expression(read: Fields, robot: Robot, parameters: Mapping[str, Any]) -> Expression:

@@ -209,7 +209,8 @@ def _refuse_infinite_start(scene: Scene, p: Array, x0: Array) -> None:
     """Name the joint whose acceleration is not finite at the start, with what to do (InputError)."""
     system = scene.system
     u = scene.signals_at(np.zeros(1))[0]
-    rate = system.rhs(np.zeros(1), x0, u, p)[system.nq : system.nq + system.nv]
+    rhs = system.fallback if scene.closures else system.rhs
+    rate = rhs(np.zeros(1), x0, u, p)[system.nq : system.nq + system.nv]
     bad = np.flatnonzero(~np.isfinite(rate))
     if len(bad):
         where = next(j.name for j in reversed(scene.robot.joints) if j.v <= bad[0])

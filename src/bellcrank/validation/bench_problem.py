@@ -30,8 +30,8 @@ class Problem:
     such states (..., n) those of all coordinates and rates, which the program in C integrates, the `count` coordinates
     first; `compared` makes of these coordinates the positions that are compared, which for a scene's own are the first
     `compared_count`. The error of a run is the largest difference from the reference at `times`, in `unit`. `known` are
-    published values of `unreduced` states at the end, as far as they go; a `closed` scene has constraints; `in_c`: there
-    is a program in C. `pieces` are the steps of the reference between two outputs, and of the run that judges it.
+    published values of `unreduced` states at the end, as far as they go; a `closed` scene has constraints; `in_c`:
+    there is a program in C. `pieces` are the steps of the reference between two outputs, and of the run that judges it.
     """
 
     name: str

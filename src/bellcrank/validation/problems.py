@@ -13,7 +13,15 @@ from typing import Final
 
 from bellcrank.errors import BellcrankError, InputError, among
 from bellcrank.simulation.simulate import simulate
-from bellcrank.validation import problem_cart_pole, problem_free_body, problem_robots, problem_textbook, problem_upright
+from bellcrank.validation import (
+    problem_cart_pole,
+    problem_closed,
+    problem_free_body,
+    problem_robots,
+    problem_rolling,
+    problem_textbook,
+    problem_upright,
+)
 from bellcrank.validation.problem_base import Figure, Problem
 
 _ALL = (
@@ -22,6 +30,8 @@ _ALL = (
     *problem_cart_pole.PROBLEMS,
     *problem_free_body.PROBLEMS,
     *problem_robots.PROBLEMS,
+    *problem_closed.PROBLEMS,
+    *problem_rolling.PROBLEMS,
 )
 PROBLEMS: Final[dict[str, Problem]] = {problem.name: problem for problem in _ALL}
 BASE_LINKS = 20  # the chain that longer ones are timed against
@@ -52,6 +62,8 @@ def hard_cases(progress: Callable[[str], None] = lambda name: None) -> list[Row]
     """
     jobs: list[tuple[str, str, Callable[[], list[Figure]]]] = [(p.name, p.title, p.figures) for p in _ALL]
     jobs.append(("chain_speed", f"time a link and evaluation, against {BASE_LINKS} links", _chain_speed))
+    loops = problem_closed.loops_at_speed
+    jobs.append(("n_four_bar_speed", "time a loop and evaluation of the N four-bar, against 5 loops", loops))
     jobs.append(("first_runs", "first runs with Radau from an empty cache, in new processes", _first_runs))
     jobs.append(("chain_100_compile", "chain of 100 links compiled from an empty cache, in a new process", _compile))
     rows = []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -13,26 +12,9 @@ from bellcrank.robot.load import load_robot
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.simulation.simulate import simulate
+from bellcrank.validation.difference import DRIFT_APART, Difference, difference
 from bellcrank.validation.textbook import Array, PlanarTwoLink, SpringPendulum
-
-TOLERANCE = 1e-11  # relative to the largest entry: some 100 roundings of the two routes
-DRIFT_APART = 1e-9  # of two integrations at rtol = 1e-12 and 1e-13: the motion spreads what their steps leave
-
-
-@dataclass(frozen=True)
-class Difference:
-    """How far one quantity of two routes lies apart, as a share of its largest entry, over how many states."""
-
-    quantity: str
-    states: str
-    samples: int
-    relative: float
-    tolerance: float = TOLERANCE
-
-    @property
-    def agrees(self) -> bool:
-        """Whether the difference is within the tolerance."""
-        return self.relative <= self.tolerance
+from bellcrank.validation.verify_closed import verify_four_bar, verify_rolling_disk
 
 
 @dataclass(frozen=True)
@@ -53,6 +35,8 @@ def verify(name: str, samples: int = 1000) -> list[Difference]:
         raise InputError("analytic equations: " + among("scene", name, VERIFIABLE))
     if name == "planar_2r":
         return verify_planar_2r(load_robot(name, gravity=(0.0, -9.81, 0.0), friction="none"), samples)
+    if name in _CLOSED:
+        return _CLOSED[name](load_scene(name), samples)
     return verify_scene(load_scene(name), _SCENES[name](), samples)
 
 
@@ -70,20 +54,20 @@ def verify_planar_2r(robot: Robot, samples: int = 1000, seed: int = 1) -> list[D
     a, tau = random.normal(0, 10, (samples, 2)), random.normal(0, 100, (samples, 2))
     here = "random"
     found = [
-        _difference("inverse dynamics", here, robot.inverse_dynamics(q, v, a), arm.inverse_dynamics(q, v, a)),
-        _difference("forward dynamics", here, robot.forward_dynamics(q, v, tau), arm.forward_dynamics(q, v, tau)),
-        _difference("mass matrix", here, robot.mass_matrix(q), arm.mass_matrix(q)),
+        difference("inverse dynamics", here, robot.inverse_dynamics(q, v, a), arm.inverse_dynamics(q, v, a)),
+        difference("forward dynamics", here, robot.forward_dynamics(q, v, tau), arm.forward_dynamics(q, v, tau)),
+        difference("mass matrix", here, robot.mass_matrix(q), arm.mass_matrix(q)),
     ]
     for name, ours, theirs in zip(
         ("kinetic energy", "potential energy"), robot.energy(q, v), arm.energy(q, v), strict=True
     ):
-        found.append(_difference(name, here, ours, theirs))
+        found.append(difference(name, here, ours, theirs))
     phi = np.linspace(0, 2 * np.pi, samples + 1)
     for elbow, place in ((-1, "circle, elbow up"), (1, "circle, elbow down")):
         q, v, a = arm.circle(phi, 2 * np.pi / 10, elbow)
         torque = arm.inverse_dynamics(q, v, a)
-        found.append(_difference("inverse dynamics", place, robot.inverse_dynamics(q, v, a), torque))
-        found.append(_difference("forward dynamics", place, robot.forward_dynamics(q, v, torque), a))
+        found.append(difference("inverse dynamics", place, robot.inverse_dynamics(q, v, a), torque))
+        found.append(difference("forward dynamics", place, robot.forward_dynamics(q, v, torque), a))
     return found
 
 
@@ -108,7 +92,7 @@ def verify_scene(scene: Scene, textbook: Textbook, samples: int = 1000, seed: in
     for states, rows in (("run, SciPy's DOP853", slice(None)), ("its end", slice(-1, None))):
         for quantity, columns in (("positions", slice(0, 2)), ("velocities", slice(2, 4))):
             ours, theirs = run.state[rows, columns], x[rows, columns]
-            found.append(_difference(quantity, states, ours, theirs, DRIFT_APART))
+            found.append(difference(quantity, states, ours, theirs, DRIFT_APART))
     return found
 
 
@@ -121,14 +105,14 @@ def _compare(scene: Scene, textbook: Textbook, states: str, x: Array) -> list[Di
     )
     kinetic, potential = textbook.equations.energy(q, v)
     found = [
-        _difference("accelerations", states, acceleration, textbook.equations.derivative(x)[:, 2:]),
-        _difference("kinetic energy", states, energies[:, 0], kinetic),
-        _difference("potential energy", states, energies[:, 1], potential),
+        difference("accelerations", states, acceleration, textbook.equations.derivative(x)[:, 2:]),
+        difference("kinetic energy", states, energies[:, 0], kinetic),
+        difference("potential energy", states, energies[:, 1], potential),
     ]
     for name, rows in zip(scene.outputs, outputs, strict=True):
         if name in textbook.outputs:
             theirs = textbook.outputs[name](q, v)
-            found.append(_difference(name, states, rows.reshape(theirs.shape), theirs))
+            found.append(difference(name, states, rows.reshape(theirs.shape), theirs))
     return found
 
 
@@ -162,12 +146,9 @@ def _spring() -> Textbook:
     return Textbook(pendulum, _pendulum_states, outputs)
 
 
-def _difference(quantity: str, states: str, ours: Array, theirs: Any, tolerance: float = TOLERANCE) -> Difference:
-    if ours.shape != theirs.shape:
-        return Difference(quantity, states, len(ours), float("inf"), tolerance)
-    gap, scale = np.abs(ours - theirs).max(), np.abs(theirs).max()
-    return Difference(quantity, states, len(ours), float(gap / scale) if np.isfinite(gap) else float("inf"), tolerance)
-
-
 _SCENES: dict[str, Callable[[], Textbook]] = {"planar_2r_swing": _swing, "spring_pendulum": _spring}
-VERIFIABLE = ("planar_2r", *_SCENES)
+_CLOSED: dict[str, Callable[[Scene, int], list[Difference]]] = {
+    "four_bar": verify_four_bar,
+    "rolling_disk": verify_rolling_disk,
+}
+VERIFIABLE = ("planar_2r", *_SCENES, *_CLOSED)

@@ -75,7 +75,7 @@ def _four_bars(exu: Any, problem: Problem) -> tuple[Any, Any, Any]:
             item.NodeRigidBody2D(referenceCoordinates=[*place, 0.0], initialCoordinates=[0.0, 0.0, 0.0],
                                  initialVelocities=velocity)
         )  # fmt: skip
-        body = system.AddObject(item.ObjectRigidBody2D(nodeNumber=node, physicsMass=1.0, physicsInertia=1.0 / 12.0))
+        body = system.AddObject(item.ObjectRigidBody2D(nodeNumber=node, mass=1.0, inertia=1.0 / 12.0))
         center = system.AddMarker(item.MarkerBodyPosition(bodyNumber=body))
         system.AddLoad(item.LoadForceVector(markerNumber=center, loadVector=[0.0, -equations.g, 0.0]))
         return node, body
@@ -136,7 +136,7 @@ def _run(exu: Any, problem: Problem, built: tuple[Any, Any, Any], solver: str, s
     settings = step_settings(exu, problem, solver, step)
     settings.timeIntegration.newton.useModifiedNewton = True
     if isinstance(problem.equations, FourBars):
-        settings.linearSolverType = exu.LinearSolverType.EigenSparse
+        settings.linearSolver.solverType = exu.LinearSolverType.EigenSparse
     made = integrate(exu, built[1], built[2], settings, exu.MainSolverImplicitSecondOrder())
     if isinstance(problem.equations, FourBars):
         return replace(made, position=made.position[:, 2:])
