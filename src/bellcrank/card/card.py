@@ -105,8 +105,8 @@ def find_card(path_or_name: str | Path) -> tuple[Path, bool]:
         return path, False
     if path.suffix.lower() in (".npz", ".csv"):
         raise InputError(
-            f"{text}: expected a scene, a card or a URDF; bc.load_run opens a saved run (.npz), and read_motion, or size "
-            "with --motion, a CSV"
+            f"{text}: expected a scene, a card or a URDF; bc.load_run opens a saved run (.npz), and read_motion, or "
+            "size with --motion, a CSV"
         )
     cards = names()
     if not _is_file(path):

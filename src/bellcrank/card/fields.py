@@ -140,7 +140,7 @@ class Fields:
         return default
 
     def known(self, *keys: str) -> None:
-        """Name keys that may stand here, so that `done` allows and suggests them, and a missing key's message tells them."""
+        """Name keys that may stand here: `done` allows and suggests them, and a missing key's message tells them."""
         self._asked.update(dict.fromkeys(keys))
         self._named.update(dict.fromkeys(keys))
 

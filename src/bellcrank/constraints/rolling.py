@@ -74,7 +74,7 @@ class RollingDisk(Constraint):
         return symbols.frame(self.frame).position - self.value(symbols, "radius") / steepness * up
 
     def steepness(self, symbols: Symbols) -> casadi.SX:
-        """s, the sine of the angle between axis and normal: 1 upright, 0 where the disk lies flat and has no lowest point."""
+        """s, the sine of the angle between axis and normal: 1 upright, 0 lying flat, where no point is the lowest."""
         return self._up(symbols)[1]
 
     def labels(self, robot: Robot) -> tuple[str, ...]:

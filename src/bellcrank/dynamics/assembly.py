@@ -140,5 +140,6 @@ def assemble(scene: Scene) -> Assembly:
     events = casadi.vertcat(*[event.apply(s) for event in scene.events])
     return Assembly(
         s.t, s.q, s.v, s.u, casadi.vertcat(s.p, gains), s.algorithm("configuration_rate")(s.q, s.v), acceleration,
-        actuator, passive, power, plain_power, energy[0], energy[1] + potential, residual, bias, outputs, casadi.SX(events), casadi.SX.sym("W"), s, solution,
+        actuator, passive, power, plain_power, energy[0], energy[1] + potential, residual, bias, outputs,
+        casadi.SX(events), casadi.SX.sym("W"), s, solution,
     )  # fmt: skip

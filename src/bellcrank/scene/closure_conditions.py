@@ -104,22 +104,6 @@ class ContactLost:
 
 @dataclass(frozen=True)
 class LiesFlat:
-    """The sine of the angle between the plane and a rolling disk, less the least at which it still has a lowest point."""
-
-    disk: RollingDisk
-
-    @property
-    def frames(self) -> tuple[str, ...]:
-        """The disk's."""
-        return self.disk.frames
-
-    def apply(self, symbols: Symbols) -> casadi.SX:
-        """The function whose zero it is."""
-        return self.disk.steepness(symbols) - FLAT
-
-
-@dataclass(frozen=True)
-class LiesFlat:
     """The sine of the angle between a rolling disk and its plane, less the least that still has a lowest point."""
 
     disk: RollingDisk

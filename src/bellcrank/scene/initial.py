@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ class Initial:
             v[:3], v[3:6] = linear, angular
         return q, v
 
-    def held(self, robot: Robot) -> tuple[Array, Array]:
+    def held(self, robot: Robot) -> tuple[Mask, Mask]:
         """Which degrees of freedom (nv) keep their position, and which their velocity, on the way to closures.
 
         Those that were written as plain values; a free base's by the keys that were written.

@@ -4,8 +4,8 @@ outputs: {NAME: …} with one of {frame, what: position | velocity | rotation | 
 what: position | velocity | acceleration | torque}, {energy: kinetic | potential | total}, {momentum: linear | angular}
 (of a robot with a free base; angular about the world's origin), {force: NAME}, {closure: NAME, what: multipliers |
 contact_point | friction_demand} (its multipliers, forces on the body of its first frame; of a rolling disk the place
-of contact in the world, and friction over normal force) and {expression, unit} (expression.py). The force of a name is a
-force's or controller's generalised force at its joints, positive along their coordinates, so that a stretched
+of contact in the world, and friction over normal force) and {expression, unit} (expression.py). The force of a name is
+a force's or controller's generalised force at its joints, positive along their coordinates, so that a stretched
 joint_spring's is negative; a spring's tension, positive where it pulls; a wrench in world axes.
 """
 

@@ -2,8 +2,8 @@
 
 parameters: {crank_length: {value: 1.241, sets: [joint.coupler.origin.x]}}. A target is one of trace.setting's
 (joint.NAME.origin.x, link.NAME.mass, …), frame.NAME.origin.x (y, z, roll, pitch, yaw) of a frame that the card adds,
-or force.NAME.FIELD, control.NAME.FIELD, closure.NAME.FIELD (forces and closures, as in overrides, too). The value has the unit of its targets, and keeps the bounds
-that hold for them in the file.
+or force.NAME.FIELD, control.NAME.FIELD, closure.NAME.FIELD (forces and closures, as in overrides, too). The value has
+the unit of its targets, and keeps the bounds that hold for them in the file.
 """
 
 from __future__ import annotations

@@ -197,8 +197,8 @@ def load_scene(path_or_name: str | Path, overrides: Mapping[str, Any] | None = N
     """
     if not isinstance(path_or_name, (str, Path)):
         raise InputError(
-            f"expected a scene's path or name, found a {type(path_or_name).__name__}; bc.load_scene(PATH or NAME) makes a "
-            "scene, of a URDF too"
+            f"expected a scene's path or name, found a {type(path_or_name).__name__}; bc.load_scene(PATH or NAME) "
+            "makes a scene, of a URDF too"
         )
     source, urdf = find_card(path_or_name)
     data = {"name": source.stem, "urdf": str(source.resolve())} if urdf else read_yaml(source)

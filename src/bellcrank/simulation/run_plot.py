@@ -49,8 +49,8 @@ def plot_run(run: Trajectory, path: str | Path | None = None, frame: str | None 
     """Draw a run: a matplotlib Figure, written to `path` in the format of its suffix (PNG without one).
 
     Positions, velocities, energies, torques and outputs over time, SI units on the axes; or, with `frame`, the path of
-    that frame in the world's plane in which it reaches furthest (m). Raises InputError for an unknown frame or format, and where
-    the folder cannot be written.
+    that frame in the world's plane in which it reaches furthest (m). Raises InputError for an unknown frame or format,
+    and where the folder cannot be written.
     """
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
         figure = _over_time(run) if frame is None else _frame_path(run, frame)

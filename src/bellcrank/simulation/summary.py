@@ -94,7 +94,7 @@ def _false_events(run: Trajectory) -> list[str]:
 
     def value(t: Array, x: Array) -> Array:
         rows = system.events(t[:, None], x, values_at(run.signals, t), run.parameters)
-        return rows.reshape(len(t), -1)[np.arange(len(t)), which]
+        return np.asarray(rows.reshape(len(t), -1)[np.arange(len(t)), which])
 
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
         rows = system.events(run.time[:, None], run.state, run.inputs, run.parameters).reshape(len(run), -1)
@@ -124,8 +124,8 @@ def run_notes(run: Trajectory) -> tuple[str, ...]:
         unit = "m" if j.kind == "prismatic" else "rad"
         far = q[np.argmax(np.maximum(q - upper, lower - q))]
         notes.append(
-            f"joint '{j.name}' leaves its range at {run.time[outside.argmax()]:.4g} s: it reaches {far:.6g} {unit}, the "
-            f"URDF has {lower:.6g} to {upper:.6g} {unit}, and the simulation knows no stops"
+            f"joint '{j.name}' leaves its range at {run.time[outside.argmax()]:.4g} s: it reaches {far:.6g} {unit}, "
+            f"the URDF has {lower:.6g} to {upper:.6g} {unit}, and the simulation knows no stops"
         )
     return tuple(notes)
 

@@ -37,7 +37,8 @@ def n_four_bar_texts(loops: int) -> tuple[str, str]:
     name = f"n_four_bar_{loops}"
     robot = "\n  ".join([f'<robot name="{name}">', *parts]) + "\n</robot>\n"
     lines = [
-        f"# {loops + 1} cranks and {loops} couplers of 1 m and 1 kg, upright at first: A02 of the IFToMM library of benchmark problems.",
+        f"# {loops + 1} cranks and {loops} couplers of 1 m and 1 kg, upright at first: A02 of the IFToMM library of "
+        "benchmark problems.",
         f"name: N four-bar, N = {loops}",
         f"urdf: {name}",
         "gravity: [0, -9.81, 0]                  # m/s^2",

@@ -77,7 +77,7 @@ def lock(name: str) -> Problem:
             force = run.multipliers[-1] - LOCK_FORCE
             figures += [
                 Figure("force at the lock", largest(force), 5e-4, "N"),
-                Figure("its size", abs(np.linalg.norm(run.multipliers[-1]) / 1547.6395 - 1), 1e-6, "relative"),
+                Figure("its size", abs(float(np.linalg.norm(run.multipliers[-1])) / 1547.6395 - 1), 1e-6, "relative"),
                 Figure("energy at the lock", abs(run.kinetic_energy[-1] - WORK_OF_THE_SPRING), 1e-9, "J"),
             ]
         return figures

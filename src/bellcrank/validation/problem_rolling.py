@@ -19,8 +19,8 @@ from bellcrank.validation.problem_base import Array, Figure, Problem, ended, lar
 from bellcrank.validation.problem_textbook import turns
 from bellcrank.validation.textbook_closed import SixCoordinateDisk
 
-FINE: Final = {"rtol": 1e-12, "atol": 1e-12}
-FINEST: Final = {"rtol": 1e-13, "atol": 1e-13}
+FINE: Final[dict[str, Any]] = {"rtol": 1e-12, "atol": 1e-12}
+FINEST: Final[dict[str, Any]] = {"rtol": 1e-13, "atol": 1e-13}
 ENDS = {  # scene: (x, y) of the centre at 10 s in m, tilt's range in deg and how exactly it is told
     "rolling_disk": ((-0.05536301, -0.0652155), (1.1822536, 66.79522), 1e-3),
     "rolling_disk_b": ((1.80521908, 0.09849353), (5.0, 9.1858), 1e-3),

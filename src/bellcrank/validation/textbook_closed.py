@@ -85,7 +85,7 @@ class ClosedFourBar:
         """q and v (..., 3) on the closure at an angle and rate of the crank; `branch` (±1) is the side of the line from
         the crank's tip to the rocker's pivot on which coupler and rocker meet.
         """
-        (l1, l2, l3), tip = self.length, _along(crank, self.length[0])
+        (_, l2, l3), tip = self.length, _along(crank, self.length[0])
         way = np.array([self.ground, 0.0]) - tip
         distance = np.linalg.norm(way, axis=-1)
         bend = np.arccos((distance**2 + l2**2 - l3**2) / (2 * l2 * distance))
@@ -110,7 +110,7 @@ class SixCoordinateDisk:
 
     (x, y, z) is the centre, m; heading θ1 about Z, tilt θ2 about X, spin θ3 about Y, moving axes in that order, rad.
     mass kg, radius m, g m/s²; the diametral inertia is k m r², the axial one 2 k m r²: k = 1/4 for a disk, 1/2 for a
-    hoop. All three rows of rolling keep velocities: the multipliers are the contact's force on the disk along X, Y, Z, N.
+    hoop. All three rows of rolling keep velocities: the multipliers are the contact's force on the disk, X, Y, Z, N.
     """
 
     mass: float = 0.5

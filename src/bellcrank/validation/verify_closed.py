@@ -39,8 +39,8 @@ def verify_four_bar(scene: Scene, samples: int = 1000, seed: int = 1) -> list[Di
 
 
 def verify_rolling_disk(scene: Scene, samples: int = 1000, seed: int = 1) -> list[Difference]:
-    """The disk on its free base against the six coordinates: accelerations, contact force and energies at random rolling
-    states, then the run against SciPy's DOP853.
+    """The disk on its free base against the six coordinates: accelerations, contact force and energies at random
+    rolling states, then the run against SciPy's DOP853.
     """
     disk, random = SixCoordinateDisk(), np.random.default_rng(seed)
     q = np.concatenate([random.normal(0.0, 1.0, (samples, 3)), random.uniform(-1.2, 1.2, (samples, 3))], -1)
