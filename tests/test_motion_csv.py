@@ -58,6 +58,8 @@ def test_a_free_base_there_and_back(tmp_path):
     end[:7] = [0.3, -0.2, 0.1, 0.0, 0.6, 0.0, 0.8]
     motion = waypoints(robot, [0.0, 2.0], [start, end], samples=51)
     file = write_motion(motion, tmp_path / "base.csv")
+    with pytest.raises(InputError, match=r"base of the robot 'planar_2r' is fixed; write floating_base: true"):
+        read_motion(bellcrank.load_robot("planar_2r"), file)
     assert "root_joint position qw [1]" in file.read_text(encoding="utf-8")
     assert same(motion, read_motion(robot, file))
 

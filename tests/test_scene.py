@@ -36,7 +36,7 @@ BROKEN = [
     ("stiffness of a revolute joint at a prismatic one", "scene.yaml", "500 N/m", "500 N m/rad",
      r"forces\[1\].stiffness.*N/m"),
     ("an angle for a prismatic joint's rest", "scene.yaml", "rest: 20 cm", "rest: 20 deg", "rest.*length in m"),
-    ("stiffness missing", "scene.yaml", "stiffness: 500 N/m, ", "", r"forces\[1\].*'stiffness' is missing"),
+    ("stiffness missing", "scene.yaml", "stiffness: 500 N/m, ", "", r"forces\[1\].*'stiffness' is missing.*also known here: preload"),
     ("negative damping", "scene.yaml", "damping: 3}", "damping: -3}", "damping.*0.*or more"),
     ("unknown key of a force", "scene.yaml", "coefficient: 0.4", "coeficient: 0.4", "coefficient"),
     ("infinite coefficient", "scene.yaml", "coefficient: 0.4", "coefficient: .inf", "coefficient.*finite"),
@@ -49,6 +49,8 @@ BROKEN = [
     ("a torque of neither", "scene.yaml", "file: torque.csv, interpolation: linear", "", "value.*neither"),
     ("unknown interpolation", "scene.yaml", "interpolation: linear", "interpolation: straight", "straight.*linear"),
     ("missing torque file", "scene.yaml", "file: torque.csv", "file: forces.csv", "file.*forces.csv"),
+    ("a column that names no joint", "torque.csv", "elbow torque [N m]", "torque [N m]",
+     r"rename the column to 'elbow torque \[N m\]'"),
     ("missing column", "torque.csv", "elbow torque", "wrist torque", "elbow torque.*'wrist torque'"),
     ("torque in kg", "torque.csv", "elbow torque [N m]", "elbow torque [kg]", "kg.*N m"),
     ("torque without unit", "torque.csv", "elbow torque [N m]", "elbow torque", "no unit"),
@@ -203,7 +205,9 @@ def test_a_bare_urdf_is_a_scene_without_forces(crane):
     )
     assert scene.forces == () and scene.start[0][1] == pytest.approx(math.pi / 6) and not scene.robot.gravity.any()
     assert scene.settings.solver == "Radau" and load_scene("spring_pendulum").name == "Spring pendulum"
-    assert "there is no robot" in sentence(lambda: load_scene("spring_pendulums"))
+    assert sentence(lambda: load_scene("spring_pendulums")) == (
+        "there is no scene or robot 'spring_pendulums'; did you mean 'spring_pendulum'? `bellcrank robots` lists them"
+    )
 
 
 def test_the_tracking_scene_starts_on_its_motion():
@@ -233,6 +237,38 @@ scene = load_scene({str(crane / "scene.yaml")!r}, {{"load": 0.7}})
 scene.start, scene.signals, scene.physics_key(), scene.parameter_values
 print([m for m in ("casadi", "pinocchio", "llvmlite", "matplotlib") if m in sys.modules])"""
     assert subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_parameters_take_the_targets_that_overrides_have_too(scene):
+    changed = {"parameters.pull": {"value": 40, "sets": ["forces.cable.stiffness"]}}
+    assert scene.with_overrides(changed).parameters["pull"].sets == ("force.cable.stiffness",)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        ({"duration": 1}, "did you mean 'simulate.duration'"),
+        ({"link.rod.mass": 1}, "parameters: {NAME: {value: …, sets: [link.rod.mass]}}"),
+        ([("duration", 1)], "expected a mapping"),
+    ],
+)
+def test_overrides_that_lead_nowhere_say_what_does(scene, overrides, words):
+    assert words in sentence(lambda: scene.with_overrides(overrides))
+
+
+def test_what_is_no_scene_is_told_what_opens_it(scene):
+    assert "bc.load_run" in sentence(lambda: load_scene("run.npz"))
+    assert "read_motion" in sentence(lambda: load_scene("run.csv"))
+    assert "load_scene" in sentence(lambda: load_scene(scene.robot))
+
+
+@pytest.mark.parametrize(("target", "asks"), [("1", None), ("2.5", False), ("30", True), ("30 deg", None)])
+def test_a_target_out_of_range_is_noted_and_far_out_taken_for_degrees(crane, target, asks):
+    hold = {"kind": "pd", "joint": "elbow", "kp": 1, "target": {"elbow": target}}
+    found = [
+        note for note in load_scene(crane / "scene.yaml", {"control": [hold]}).notes if "outside the range" in note
+    ]
+    assert found == [] if asks is None else ("were degrees meant" in found[0]) is asks
 
 
 # ---- what parameters may be is what the file may say

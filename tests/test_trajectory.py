@@ -1,8 +1,10 @@
 """Runs: what they say of themselves is recomputed here from textbook equations, and files give them back to the bit."""
 
 import csv
+import dataclasses
 import io
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -124,8 +126,6 @@ def test_the_damper_takes_out_the_work_that_the_energies_lack(damped):
 
 
 def test_a_wrong_state_shows_as_drift_of_energy(arm):
-    import dataclasses
-
     state = arm.state.copy()
     state[150, 2] *= 1.01
     assert dataclasses.replace(arm, state=state).energy_drift() > 1e-4
@@ -155,6 +155,63 @@ def test_the_estimated_error_of_fixed_steps_is_near_their_true_error(tmp_path):
     run = bc.simulate(scene(tmp_path, OSCILLATOR), solver="RK4", step=0.05)
     true = np.abs(run.position[:, 0] - 0.1 * np.cos(2.0 * run.time)).max()
     assert run.error_estimate() == pytest.approx(true, rel=0.01)
+
+
+def test_an_event_that_unstable_steps_make_up_is_warned_of_and_a_true_or_sudden_one_is_not(tmp_path):
+    stiff = ARM.replace("outputs:", "forces: [{kind: joint_spring, joint: elbow, stiffness: 40000}]\noutputs:")
+    low = [{"name": "low", "when": {"expression": "frame('tip').y + 0.5"}, "direction": "down", "stop": True}]
+    told = "event 'low' is not at its own zero"
+    stiff = scene(tmp_path, stiff, "stiff.yaml")
+    assert any(told in text for text in bc.simulate(stiff, solver="RK4", step=0.1, overrides={"events": low}).warnings)
+    true = bc.simulate(scene(tmp_path, ARM), overrides={"events": low})
+    assert true.events and true.warnings == ()
+    low[0]["when"] = {"expression": "sign(0.5 - t)"}
+    sudden = bc.simulate(scene(tmp_path, ARM), overrides={"events": low})
+    assert sudden.events and sudden.warnings == ()
+
+
+def test_the_error_is_not_estimated_from_a_second_run_that_an_event_ended_earlier(tmp_path):
+    stop = [{"name": "low", "when": {"joint": "shoulder", "position": 0}, "stop": True}]
+    run = bc.simulate(scene(tmp_path, ARM), overrides={"events": stop})
+    assert run.error_estimate() < 1e-6
+    late = dataclasses.replace(run, time=run.time * 1.001)
+    assert late.error_estimate() == np.inf
+
+
+def test_a_joint_that_leaves_its_range_is_noted_with_the_time(tmp_path):
+    run = bc.simulate(scene(tmp_path, OSCILLATOR), overrides={"initial": {"velocity": {"slide": 3.0}}})
+    when = np.arcsin(1.0 / 1.5) / 2.0  # x = 1.5 sin 2t passes the limit of 1 m
+    told = re.search(r"note +joint 'slide' leaves its range at (\S+) s: it reaches (-?[\d.]+) m", run.summary())
+    assert 0.0 <= float(told[1]) - when < 0.1 and abs(float(told[2])) == pytest.approx(1.5, abs=0.01)
+    assert "leaves its range" not in bc.simulate(scene(tmp_path, OSCILLATOR)).summary()
+
+
+def test_the_table_of_a_run_with_motors_has_their_torque_and_is_a_motion_still(damped, tmp_path):
+    run = bc.simulate(following(tmp_path))
+    labels, table = columns(run)
+    place = [f"{name} [{unit}]" for name, unit in labels].index("elbow actuator torque [N m]")
+    assert np.array_equal(table[:, place], run.joint("elbow").actuator_torque)
+    assert np.array_equal(bc.read_motion(run.robot, run.to_csv(tmp_path / "run.csv")).position, run.position)
+    assert not any("actuator" in name for name, _ in columns(damped)[0])
+
+
+def test_size_says_how_a_run_becomes_a_motion(arm):
+    for given in (arm, [arm]):
+        with pytest.raises(InputError, match=r"run.to_csv.*read_motion"):
+            bc.size(arm.robot, given)
+
+
+def test_a_picture_of_an_unknown_format_is_refused(arm, tmp_path):
+    with pytest.raises(InputError, match="no picture format 'pgn'; did you mean 'png'"):
+        arm.plot(tmp_path / "run.pgn")
+    assert arm.plot(tmp_path / "run.svg") and "<svg" in (tmp_path / "run.svg").read_text(encoding="utf-8")
+
+
+def test_panels_have_titles_of_their_own(tmp_path):
+    several = "outputs:\n  push: {expression: '1', unit: N}\n  pull: {expression: t, unit: N m}"
+    figure = bc.simulate(scene(tmp_path, ARM.replace("outputs:", several))).plot()
+    titles = [axis.get_title(loc="left") for axis in figure.axes]
+    assert len(set(titles)) == len(titles) and {"outputs: push", "outputs: pull", "outputs: tip, reach"} <= set(titles)
 
 
 def test_unknown_names_are_refused_with_what_there_is(arm):
@@ -346,9 +403,9 @@ def test_a_runs_csv_is_a_motion_that_can_be_sized(arm, tmp_path):
 
 def test_files_cannot_be_written_below_a_file(arm, tmp_path):
     (tmp_path / "here").write_text("")
-    for write in (arm.save, arm.to_csv, arm.plot):
+    for write, name in ((arm.save, "run.npz"), (arm.to_csv, "run.csv"), (arm.plot, "run.png")):
         with pytest.raises(InputError, match="cannot write"):
-            write(tmp_path / "here" / "run.npz")
+            write(tmp_path / "here" / name)
 
 
 # ---- pictures and summaries
@@ -357,7 +414,13 @@ def test_files_cannot_be_written_below_a_file(arm, tmp_path):
 def test_the_plot_has_a_panel_for_each_unit_of_each_quantity(damped, tmp_path):
     figure = damped.plot(tmp_path / "run.png")
     titles = [axis.get_title(loc="left") for axis in figure.axes]
-    assert [t.split(" (")[0] for t in titles] == ["position", "velocity", "energy", "joint torque", "outputs"]
+    assert [t.split(" (")[0] for t in titles] == [
+        "position",
+        "velocity",
+        "energy",
+        "joint torque",
+        "outputs: tip, reach",
+    ]
     assert f"{damped.energy_drift():.1e}" in titles[2]
     assert [axis.get_ylabel() for axis in figure.axes] == ["[rad]", "[rad/s]", "[J]", "[N m]", "[m]"]
     labels = figure.axes[2].get_legend_handles_labels()[1]

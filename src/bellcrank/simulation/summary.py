@@ -100,7 +100,8 @@ def _false_events(run: Trajectory) -> list[str]:
         rows = system.events(run.time[:, None], run.state, run.inputs, run.parameters).reshape(len(run), -1)
         largest = np.abs(rows).max(axis=0)[which]
         here, span = value(time, state), 1e-9 * (1.0 + time)
-        slope = system.rhs(time[:, None], state, values_at(run.signals, time), run.parameters)[:, : system.size]
+        rates = system.rhs(time[:, None], state, values_at(run.signals, time), run.parameters)
+        slope = (rates[0] if isinstance(rates, tuple) else rates)[:, : system.size]  # closures add a guard
         before, after = (value(time + h, state + h[:, None] * slope) for h in (-span, span))
         wrong = (np.abs(here) > OFF_ZERO * (1.0 + largest)) & ~(before * after <= 0.0)
     first = {run.events[k].name: here[k] for k in np.flatnonzero(wrong)[::-1]}
