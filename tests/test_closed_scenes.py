@@ -13,7 +13,7 @@ from bellcrank.validation.textbook_closed import ClosedFourBar, ParallelCranks, 
 from bellcrank.validation.verify_closed import free_base
 
 SHIPPED = {  # with the number of rows that bind
-    "four_bar": 2, "rolling_disk": 3, "rolling_disk_b": 3, "rolling_disk_c": 3, "rolling_disk_six": 3, 
+    "four_bar": 2, "rolling_disk": 3, "rolling_disk_b": 3, "rolling_disk_c": 3, "rolling_disk_six": 3,
     "n_four_bar_2": 4, "bricard": 5, "five_bar": 2, "two_wheeler": 6,
 }  # fmt: skip
 
