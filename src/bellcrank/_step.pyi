@@ -84,8 +84,9 @@ def integrate(
     progress: Callable[[float], object] | None,
     staged: bool = False,
     fallback: int = 0,
-    project_position: int = 0,
-    project_velocity: int = 0,
+    project: int = 0,
+    project_fallback: int = 0,
+    project_batch: int = 0,
     nq: int = 0,
     event_samples: int = 8,
 ) -> StepResult:
@@ -94,8 +95,10 @@ def integrate(
     `step` > 0 fixes the step size; otherwise the error of the first `norm_size` entries is kept below
     atol + rtol |x|, as SciPy's solve_ivp does. `unit`: (start, length) parts of x that stay unit vectors.
     A `staged` right-hand side takes (t, x, u, p, k, s) and is that at x + s k (up to 16 states, not for Radau).
-    `fallback` takes over where a second output of `rhs`, a guard, is not positive. The projections, (t, x, u, p) -> a
-    correction of the first `nq` entries, or of the next, and its size, are applied to every state that is handed on.
+    `fallback` takes over where a second output of `rhs`, a guard, is not positive. `project`, (t, x, u, p) -> a
+    correction of x and a guard, is Newton's step that every state that is handed on is corrected by, until it moves the
+    first `nq` entries no more; `project_fallback` gives the correction where that guard is not positive, and
+    `project_batch` many at once, for outputs.
     `event_samples` is how often event functions are looked at in a step, at least twice.
     `signals`: (breaks (m + 1,), coefficients (m, powers, width), derivatives, kinked) pieces of u.
     """

@@ -38,23 +38,26 @@ REFINEMENTS = 3  # passes of the proximal solve after the first; what they leave
 PROJECTING = 1  # the same for projections, whose corrections are small
 REGULARISATION = 1e-9  # μ, as a share of a row's J M⁻¹ Jᵀ
 LEAST = 1e-14  # the same at rest where the row vanishes
+SPREAD = 1e3  # a row's J M⁻¹ Jᵀ counts up to so many times what it is while the other rows hold: light links make it more
 NEAR_SINGULAR = 1e-4  # a pivot below this share of its usual value calls for the proximal solve
 
 
 class Rows(NamedTuple):
-    """The rows of constraints that bind, and for each its usual J M⁻¹ Jᵀ (a power of ten); `massless`: M is singular,
-    as some joint moves nothing but what closures hold.
+    """The rows of constraints that bind; for each, as powers of ten, its usual J M⁻¹ Jᵀ (`scale`) and its usual square of
+    J (`square`). `massless`: M is singular, as some joint moves nothing but what closures hold.
     """
 
     kept: tuple[int, ...]
     scale: tuple[float, ...]
+    square: tuple[float, ...]
     massless: bool = False
 
 
 @dataclass(frozen=True)
 class Closed:
     """A scene's constraints as expressions: φ (h), φ̇ (h), ψ (k), J (h + k, nv), γ (h + k), and ∂φ/∂t (h), all
-    linear or quadratic in the velocities v (nv).
+    linear or quadratic in the velocities v (nv); `speed_change` is what (φ̇, ψ) becomes more by a small displacement
+    `step` (nv) of the position, to first order.
 
     `rows` says which of the constraints' rows (all φ, then all ψ) these are.
     """
@@ -66,6 +69,8 @@ class Closed:
     drift: casadi.SX
     explicit_rate: casadi.SX
     v: casadi.SX
+    step: casadi.SX
+    speed_change: casadi.SX
     rows: Rows
 
     @property
@@ -99,9 +104,9 @@ class Solution:
     """Accelerations and multipliers by two solves, and the means to choose and to project.
 
     The proximal one holds where rows depend on each other, or nearly, and gives the least multipliers in the metric of
-    the rows' own scale; the plain one costs less, and holds while `guard` is positive. `project_position` (nv) is the
-    displacement, in the metric of M, that takes φ to 0 to first order, and `project_velocity` (nv) the change of v that
-    takes (φ̇, ψ) to 0.
+    the rows' own scale; the plain one costs less, and holds while `guard` is positive. `projection` is a displacement
+    (nv) and a change of v (nv) that close all rows (Newton's method; `projected`), by the proximal solve and by the
+    plain one.
     """
 
     closed: Closed
@@ -113,8 +118,8 @@ class Solution:
     plain_acceleration: casadi.SX
     plain_multipliers: casadi.SX
     guard: casadi.SX
-    project_position: casadi.SX
-    project_velocity: casadi.SX
+    projection: tuple[casadi.SX, casadi.SX]
+    plain_projection: tuple[casadi.SX, casadi.SX]
 
 
 def solve(mass: casadi.SX, closed: Closed, force: casadi.SX, gains: casadi.SX) -> Solution:
@@ -137,31 +142,42 @@ def solve(mass: casadi.SX, closed: Closed, force: casadi.SX, gains: casadi.SX) -
     for place, k in enumerate(plain.order):
         if k >= plain.n:
             guard = casadi.fmin(guard, -plain.pivots[place] - NEAR_SINGULAR * usual[k - plain.n])
-    still = casadi.SX(mass.size1(), 1)
-    h = closed.position.size1()
-    holonomic = regular if h == jacobian.size1() else Factor(mass, jacobian[:h, :], mu[:h])
     return Solution(
-        closed, mass, regular, regular.solve(force, right)[1], *proximal(regular, force, right, REFINEMENTS),
-        *plain.solve(force, right), guard,
-        proximal(holonomic, still, -closed.position, PROJECTING)[0],
-        proximal(regular, still, -closed.speed, PROJECTING)[0],
+        closed, mass, regular, regular.solve(force, right)[1], *proximal(regular, force, right, REFINEMENTS), *plain.solve(force, right), guard,
+        projected(regular, closed, PROJECTING), projected(plain, closed, 0),
     )  # fmt: skip
 
 
-def regularisation(mass: casadi.SX, closed: Closed) -> casadi.SX:
-    """μ (rows): a share of each row's J M⁻¹ Jᵀ as it is, M by its diagonal, and of the usual one where it moves.
+def projected(factor: Factor, closed: Closed, refinements: int) -> tuple[casadi.SX, casadi.SX]:
+    """A displacement (nv) and a change of v (nv) that take φ, φ̇ and ψ to 0 to first order, both with one factor.
 
-    At distance x from a posture in which J loses rank (a linkage that lies flat loses whole rows) the equations are as
-    good as anywhere at rest, but a motion at speed w amplifies what rounding leaves by w/x²; there a share of the usual
-    value ends the amplification, and inertia carries the motion through. w² is bounded by the usual value times twice
-    the kinetic energy; 1 m/s, or 1 rad/s, counts as moving.
+    Each is the least that does so in the metric of M; the displacement also respects the non-holonomic rows, so that a
+    wheel rolls where it is moved. Newton's method on (φ, φ̇, ψ) as a function of q and v: as its derivative by q is
+    there too, what is left is of second order in both. Source: Hairer & Wanner, Solving ODEs II, VII.2.
     """
     import casadi
 
-    usual = casadi.DM(closed.rows.scale)
-    now = casadi.sparsify((closed.jacobian * closed.jacobian) @ (1.0 / casadi.diag(mass)))
+    still = casadi.SX(factor.n, 1)
+    gap = casadi.vertcat(closed.position, casadi.SX(closed.velocity.size1(), 1))
+    step = proximal(factor, still, -gap, refinements)[0]
+    change = casadi.substitute(closed.speed_change, closed.step, step)
+    return step, proximal(factor, still, -closed.speed - change, refinements)[0]
+
+
+def regularisation(mass: casadi.SX, closed: Closed) -> casadi.SX:
+    """μ (rows): a share of each row's usual J M⁻¹ Jᵀ, less where the row's J is less, but not while the linkage moves.
+
+    At distance x from a posture in which J loses rank (a linkage that lies flat loses whole rows) the equations are as
+    good as anywhere at rest, but a motion at speed w amplifies what rounding leaves by w/x²; there a share of the usual
+    value ends the amplification, and inertia carries the motion through. w² is about the usual value times twice the
+    kinetic energy; 1 m/s, or 1 rad/s, counts as moving.
+    """
+    import casadi
+
+    usual, square = casadi.DM(closed.rows.scale), casadi.DM(closed.rows.square)
+    now = casadi.sum2(closed.jacobian * closed.jacobian) / square
     speed = usual * casadi.dot(closed.v, mass @ closed.v)
-    return REGULARISATION * (now + usual * speed / (1.0 + speed)) + LEAST * usual
+    return usual * (REGULARISATION * (now + speed / (1.0 + speed)) + LEAST)
 
 
 def rows_that_bind(scene: Scene, s: Symbols) -> Rows:
@@ -178,14 +194,17 @@ def rows_that_bind(scene: Scene, s: Symbols) -> Rows:
     outputs = [casadi.densify(x) for x in (whole.jacobian, gap, casadi.reshape(mass, scene.robot.nv, scene.robot.nv))]
     f = casadi.Function("rows", [s.q, s.v, s.t, s.u, s.p], outputs)
     random = np.random.default_rng(0)
-    sizes, gaps, scales, massless = [], [], [], False
+    sizes, gaps, scales, squares, massless = [], [], [], [], False
     for _ in range(8):
         q = random_posture(scene.robot, random)
         given = (q, np.zeros(scene.robot.nv), 0.0, random.normal(size=s.u.numel()), scene.parameter_values)
         j, g, m = (np.array(x) for x in f(*given))
         sizes.append(np.abs(j).max(axis=1, initial=0.0))
         gaps.append(np.abs(g.ravel()))
-        scales.append((j * np.linalg.lstsq(m, j.T, rcond=None)[0].T).sum(axis=1))
+        compliance = j @ np.linalg.lstsq(m, j.T, rcond=None)[0]
+        held = 1.0 / np.maximum(np.abs(np.linalg.pinv(compliance, hermitian=True).diagonal()), 1e-300)
+        scales.append(np.minimum(compliance.diagonal(), SPREAD * held))
+        squares.append((j * j).sum(axis=1))
         massless |= bool(np.linalg.matrix_rank(m) < len(m))
     names = row_names(scene.closures, s)
     size, gap = np.max(sizes, axis=0), np.max(gaps, axis=0)
@@ -198,8 +217,9 @@ def rows_that_bind(scene: Scene, s: Symbols) -> Rows:
             f"{scene.source}: closures: '{name}' cannot close: its row {label} is {gap[k]:.6g} apart "
             "whatever the joints do; move one of its frames, or take a kind of closure with fewer rows"
         )
-    scale = 10.0 ** np.round(np.log10(np.max(scales, axis=0)[binds]))  # rounded: not to change with every parameter
-    return Rows(tuple(np.flatnonzero(binds).tolist()), tuple(scale.tolist()), massless)
+    usual = np.stack([np.max(scales, axis=0)[binds], np.max(squares, axis=0)[binds]])
+    scale, square = (10.0 ** np.round(np.log10(usual))).tolist()  # rounded: not to change with every parameter
+    return Rows(tuple(np.flatnonzero(binds).tolist()), tuple(scale), tuple(square), massless)
 
 
 def row_names(constraints: Sequence[Constraint], s: Symbols) -> list[tuple[str, str]]:
@@ -234,16 +254,17 @@ def close(constraints: Sequence[Constraint], rows: Rows | None, s: Symbols) -> C
     velocity = casadi.vertcat(casadi.SX(0, 1), *[r.velocity for r in residuals])
     h = position.size1()
     if rows is None:
-        rows = Rows(tuple(range(h + velocity.size1())), (1.0,) * (h + velocity.size1()))
+        count = h + velocity.size1()
+        rows = Rows(tuple(range(count)), (1.0,) * count, (1.0,) * count)
     kept = rows.kept
     position, velocity = position[[k for k in kept if k < h]], velocity[[k - h for k in kept if k >= h]]
     rate = flow(position, s)
     speed = casadi.vertcat(rate, velocity)
-    still = casadi.SX.zeros(s.v.size1(), 1)
+    still, step = casadi.SX.zeros(s.v.size1(), 1), casadi.SX.sym("step", s.v.size1())
     expand = s.expand if isinstance(s, Turning) else casadi.sparsify
     return Closed(
         expand(position), expand(rate), expand(velocity), expand(casadi.jacobian(speed, s.v)), expand(flow(speed, s)),
-        expand(casadi.substitute(speed, s.v, still)), s.v, rows,
+        expand(casadi.substitute(speed, s.v, still)), s.v, step, expand(along(speed, s, step)), rows,
     )  # fmt: skip
 
 
@@ -251,9 +272,17 @@ def flow(expression: casadi.SX, s: Symbols) -> casadi.SX:
     """The time derivative along q̇ = E(q) v at constant v, time and signals moving on."""
     import casadi
 
-    q_rate = s.algorithm("configuration_rate")(s.q, s.v)
-    inputs, rates = casadi.vertcat(s.q, s.t, s.u), casadi.vertcat(q_rate, 1.0, s.signal_rates)
-    if isinstance(s, Turning):
-        rates[:3] = s.turn @ s.v[:3]
-        inputs, rates = casadi.vertcat(inputs, casadi.vec(s.turn)), casadi.vertcat(rates, casadi.vec(s.turn_rate))
-    return casadi.jtimes(expression, inputs, rates)
+    moving = casadi.jtimes(expression, casadi.vertcat(s.t, s.u), casadi.vertcat(1.0, s.signal_rates))
+    return along(expression, s, s.v) + moving
+
+
+def along(expression: casadi.SX, s: Symbols, step: casadi.SX) -> casadi.SX:
+    """The derivative of an expression of q and v with q moving along E(q) `step`, (nv) like a velocity."""
+    import casadi
+
+    q_rate = s.algorithm("configuration_rate")(s.q, step)
+    if not isinstance(s, Turning):
+        return casadi.jtimes(expression, s.q, q_rate)
+    q_rate[:3] = s.turn @ step[:3]
+    turning = casadi.vec(s.turn @ casadi.skew(step[3:6]))
+    return casadi.jtimes(expression, casadi.vertcat(s.q, casadi.vec(s.turn)), casadi.vertcat(q_rate, turning))

@@ -43,13 +43,6 @@ class Turning(Symbols):
         self.turn = casadi.SX.sym("turn", 3, 3)
         self._frames = {}
 
-    @property
-    def turn_rate(self) -> casadi.SX:
-        """d turn/dt (3, 3)."""
-        import casadi
-
-        return self.turn @ casadi.skew(self.v[3:6])
-
     def frame(self, name: str) -> FrameSymbols:
         """A frame's placement and velocity in the world."""
         import casadi

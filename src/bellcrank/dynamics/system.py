@@ -101,34 +101,23 @@ class System:
         return casadi.Function(name, [a.t, x, a.u, a.p, k, s], f.call([a.t, x + s * k, a.u, a.p]))
 
     @cached_property
-    def project_position(self) -> Compiled:
-        """(t, x, u, p) -> the correction of q that closes φ to first order, and the largest |φ|."""
-
-        def build() -> casadi.Function:
-            import casadi
-
-            a = self.assembly
-            assert a.solution is not None
-            rate = a.symbols.algorithm("configuration_rate")
-            step = rate(a.q, a.solution.project_position)
-            return self._state_function("project_position", [step, casadi.norm_inf(a.solution.closed.position)])
-
-        return self._compiled("project position", build)
+    def project(self) -> Compiled:
+        """(t, x, u, p) -> the correction of q and v that closes φ, φ̇ and ψ to first order, and the guard."""
+        return self._compiled("project", lambda: self._projection("project", plain=True))
 
     @cached_property
-    def project_velocity(self) -> Compiled:
-        """(t, x, u, p) -> the correction of v that makes φ̇ and ψ zero, and the largest of them."""
+    def project_fallback(self) -> Compiled:
+        """(t, x, u, p) -> the same correction by the proximal solve, which needs no guard."""
+        return self._compiled("project fallback", lambda: self._projection("project_fallback", plain=False))
 
-        def build() -> casadi.Function:
-            import casadi
+    def _projection(self, name: str, *, plain: bool) -> casadi.Function:
+        import casadi
 
-            solution = self.assembly.solution
-            assert solution is not None
-            return self._state_function(
-                "project_velocity", [solution.project_velocity, casadi.norm_inf(solution.closed.speed)]
-            )
-
-        return self._compiled("project velocity", build)
+        a = self.assembly
+        assert a.solution is not None
+        step, change = a.solution.plain_projection if plain else a.solution.projection
+        correction = casadi.vertcat(a.symbols.algorithm("configuration_rate")(a.q, step), change)
+        return self._state_function(name, [correction, a.solution.guard] if plain else [correction])
 
     @cached_property
     def closure(self) -> Compiled:

@@ -24,6 +24,7 @@ from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+MANY = 32  # outputs, from which on they are projected together
 
 
 def simulate(
@@ -100,6 +101,8 @@ def _integrate(
     staged = not implicit and system.size <= LARGEST_STAGED
     closed = bool(scene.closures)
     projected = closed and settings.stabilisation.kind == "projection"
+    # code for many states at once pays where evaluations are cheap beside it
+    together = projected and not every_step and not signals and system.size <= LARGEST_STAGED and len(times) >= MANY
     result = integrate(
         (system.stage if staged else system.rhs).address("scalar"),
         settings.solver,
@@ -124,13 +127,14 @@ def _integrate(
         event_samples=2 if all(isinstance(event.when, ContactLost) for event in scene.events) else 8,
         jacobian=system.jacobian.address("scalar") if implicit and system.whole_jacobian else 0,
         tangent=system.tangent.address("batch") if implicit and not system.whole_jacobian else 0,
-        lanes=machine.target().lanes if implicit else 1,
+        lanes=machine.target().lanes if implicit or together else 1,
         max_evaluations=settings.max_evaluations,
         progress=progress,
         staged=staged,
         fallback=(system.fallback_stage if staged else system.fallback).address("scalar") if closed else 0,
-        project_position=system.project_position.address("scalar") if projected else 0,
-        project_velocity=system.project_velocity.address("scalar") if projected else 0,
+        project=system.project.address("scalar") if projected else 0,
+        project_fallback=system.project_fallback.address("scalar") if projected else 0,
+        project_batch=system.project.address("batch") if together else 0,
         nq=system.nq,
     )
     status = tuple(Status)[result.status]

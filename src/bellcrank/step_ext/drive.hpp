@@ -2,6 +2,7 @@
 #pragma once
 
 #include "events.hpp"
+#include "outputs.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
@@ -11,10 +12,11 @@ class Run {
  public:
   Run(const Problem& problem, Record& record, Counts& counts)
       : p_(problem), record_(record), counts_(counts), rhs_(problem), stepper_(rhs_), events_(rhs_, stepper_),
-        between_(problem.n + 16) {}
+        outputs_(rhs_, record), between_(problem.n + 16) {}
 
   Status operator()() {
     const Status status = p_.step > 0 ? stretches<true>() : stretches<false>();
+    outputs_.flush();
     if (status != Status::event) record_.end(stepper_.t, stepper_.state());
     stepper_.add_counts(counts_);
     counts_.evaluations = rhs_.evaluations;
@@ -28,6 +30,7 @@ class Run {
   Rhs rhs_;
   Stepper stepper_;
   Events<Stepper> events_;
+  Outputs outputs_;
   Buffer between_;  // an interpolated state, padded
   std::size_t next_output_ = 0;
   std::int64_t until_look_ = 1;
@@ -85,23 +88,26 @@ class Run {
   }
 
   void output_start() {
-    if (p_.every_step) return record_.output(stepper_.t, stepper_.state());
+    if (p_.every_step) return outputs_.take(stepper_.t, stepper_.state());
     while (next_output_ < p_.time_count && p_.times[next_output_] <= stepper_.t)
-      record_.output(p_.times[next_output_++], stepper_.state());
+      outputs_.take(p_.times[next_output_++], stepper_.state());
   }
 
   // Requested times up to `end`, the step's own state at its ends (to the rounding of the time).
   void output_step(double end) {
-    if (p_.every_step) return record_.output(end, stepper_.state());
+    if (p_.every_step) return outputs_.take(end, stepper_.state());
     if (next_output_ == p_.time_count || p_.times[next_output_] > end) return;
     const double ulp = 4 * spacing(stepper_.t);
     while (next_output_ < p_.time_count && p_.times[next_output_] <= end) {
       const double time = p_.times[next_output_++];
-      const double* x = between_;
-      if (stepper_.t - time <= ulp) x = stepper_.state();
-      else if (time - stepper_.t_old <= ulp) x = stepper_.old_state();
-      else state_at((time - stepper_.t_old) / (stepper_.t - stepper_.t_old));
-      record_.output(time, x);
+      if (stepper_.t - time <= ulp) {
+        outputs_.take(time, stepper_.state());
+      } else if (time - stepper_.t_old <= ulp) {
+        outputs_.take(time, stepper_.old_state());
+      } else {
+        state_at((time - stepper_.t_old) / (stepper_.t - stepper_.t_old));
+        outputs_.take_between(time, between_);
+      }
     }
   }
 

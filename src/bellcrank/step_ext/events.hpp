@@ -240,7 +240,7 @@ class Events {
     }
     if (std::fabs(now - before) <= 4 * ulp) return start + now;  // as close as rounding lets it
     if (stepper_.redo(s * h, x_)) std::memcpy(x, x_, bytes);
-    else stepper_.sketch(s, x_), std::memcpy(x, x_, bytes);
+    else stepper_.sketch(s, x_), rhs_.settle(start + s * h, x_), std::memcpy(x, x_, bytes);
     return start + s * h;
   }
 

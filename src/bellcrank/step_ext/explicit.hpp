@@ -116,7 +116,7 @@ class Explicit {
       }
       at(x + 4 * b) = y + sum;
     }
-    rhs_.settle(t_old + s * h, x);
+    rhs_.normalise(x);
   }
 
   // The step once more with another size: the state at t_old + h is then a step's end. False: not finite.
@@ -187,7 +187,7 @@ class Explicit {
 
   // The slope at the end of a step of size h.
   std::int32_t slope(double time, double h) {
-    if (Blocks && p_.staged && !p_.unit_count && !p_.project_position) {
+    if (Blocks && p_.staged && !p_.unit_count && !p_.project) {
       main_.template but_newest<last>(old_, h);
     } else {
       for (int b = 0; b < blocks(); ++b) at(main_.x + 4 * b) = at(x_ + 4 * b);

@@ -111,8 +111,8 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
                      const std::vector<SignalArguments>& signals, Vector stops, std::uintptr_t events,
                      const std::vector<bool>& terminal, const std::vector<int>& direction, std::uintptr_t jacobian,
                      std::uintptr_t tangent, int lanes, std::int64_t max_evaluations, nb::object progress,
-                     bool staged, std::uintptr_t fallback, std::uintptr_t project_position,
-                     std::uintptr_t project_velocity, int nq, int event_samples) {
+                     bool staged, std::uintptr_t fallback, std::uintptr_t project,
+                     std::uintptr_t project_fallback, std::uintptr_t project_batch, int nq, int event_samples) {
   const int n = static_cast<int>(x0.shape(0));
   require(rhs != 0, "integrate: no right-hand side");
   require(method == "RK4" || method == "RK45" || method == "DOP853" || method == "Radau", "integrate: unknown method");
@@ -153,8 +153,9 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
   problem.rhs = reinterpret_cast<Kernel>(rhs);
   problem.staged = staged;
   problem.fallback = reinterpret_cast<Kernel>(fallback);
-  problem.project_position = reinterpret_cast<Kernel>(project_position);
-  problem.project_velocity = reinterpret_cast<Kernel>(project_velocity);
+  problem.project = reinterpret_cast<Kernel>(project);
+  problem.project_fallback = reinterpret_cast<Kernel>(project_fallback);
+  problem.project_batch = reinterpret_cast<BatchKernel>(project_batch);
   problem.nq = nq, problem.nv = norm_size - nq;
   problem.jacobian = reinterpret_cast<Kernel>(jacobian);
   problem.events = reinterpret_cast<Kernel>(events);
@@ -267,7 +268,7 @@ void bind_integrate(nb::module_& m) {
         "rtol"_a, "atol"_a, "step"_a = 0.0, "first_step"_a = 0.0, "max_step"_a = HUGE_VAL, "times"_a, "every_step"_a,
         "unit"_a, "signals"_a, "stops"_a, "events"_a, "terminal"_a, "direction"_a, "jacobian"_a, "tangent"_a,
         "lanes"_a, "max_evaluations"_a, "progress"_a.none(), "staged"_a = false, "fallback"_a = 0,
-        "project_position"_a = 0, "project_velocity"_a = 0, "nq"_a = 0, "event_samples"_a = 8);
+        "project"_a = 0, "project_fallback"_a = 0, "project_batch"_a = 0, "nq"_a = 0, "event_samples"_a = 8);
 }
 
 }  // namespace bellcrank

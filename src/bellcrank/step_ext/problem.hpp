@@ -27,7 +27,8 @@ struct Unit {
 struct Problem {
   Kernel rhs, jacobian, events;
   Kernel fallback;  // where the right-hand side's second output, a guard, is negative; 0: no guard
-  Kernel project_position, project_velocity;  // (x) -> correction of q, of v, and the size of what is wrong; or 0
+  Kernel project, project_fallback;  // (x) -> correction of x, and the first a guard as well; or 0
+  BatchKernel project_batch;                  // `project` for many states at once, where there are no signals; or 0
   int nq, nv;
   bool staged;  // the right-hand side takes k and s too, and evaluates at x + s k
   BatchKernel tangent;

@@ -106,7 +106,7 @@ class Radau {
         const double* c = quadratures_ + 4 * i;
         x[i] = base_[i] + s * (c[0] + s * (c[1] + s * (c[2] + s * c[3])));
       }
-    rhs_.settle(dense_t_ + s * dense_h_, x);
+    rhs_.normalise(x);
   }
 
   // The stages' cubic does not carry quadratures, whose rates may themselves be cubics of the time. Their dense output

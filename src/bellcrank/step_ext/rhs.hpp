@@ -91,12 +91,23 @@ class Rhs {
   // What a state that is handed on must keep: unit parts unit, and closures closed where they are projected.
   BELLCRANK_INLINE void settle(double t, double* x) {
     normalise(x);
-    if (problem.project_position) project(t, x);
+    if (problem.project) project(t, x);
+  }
+
+  // Of a correction: how far it moves the position. What one of size d leaves is of the size d d.
+  static constexpr double exact = 1e-7, safe = 1e-3;  // m or rad: leaves rounding; Newton's method surely converges
+  BELLCRANK_INLINE double size(const double* correction) const {
+    double sum = 0;
+    for (int k = 0; k < problem.nq; ++k) sum += std::fabs(correction[k]);
+    return sum;
+  }
+  BELLCRANK_INLINE void correct(double* x, const double* correction) const {
+    for (int k = 0; k < problem.nq + problem.nv; ++k) x[k] += correction[k];
+    normalise(x);
   }
 
  private:
   static constexpr int most_corrections = 8;
-  static constexpr double closed = 1e-14, nearly = 1e-8;  // m or rad
 
   Buffer u_, rest_, correction_;
   Array<int> piece_;  // piece: -1 before the breaks, `pieces` after them
@@ -109,22 +120,22 @@ class Rhs {
     return guard > 0 ? status : problem.fallback(in, out);
   }
 
-  // Newton's method on the closures, then their velocities. Below `nearly` one correction is exact to rounding.
+  // Newton's method on closures and their velocities, while it gains.
   __attribute__((noinline)) void project(double t, double* x) {
     const double time = smaller(t, latest);
     if (problem.signal_count) signals(time);
     const double* const in[] = {&time, x, u_, problem.p};
-    double gap = 0, before = INFINITY;
-    double* const out[] = {correction_, &gap};
-    for (int i = 0; i < most_corrections && problem.project_position(in, out) == 0; ++i) {
-      if (gap <= closed || !(gap < 0.5 * before)) break;
-      for (int k = 0; k < problem.nq; ++k) x[k] += correction_[k];
-      normalise(x);
-      if (gap <= nearly) break;
-      before = gap;
+    double guard = 0, before = INFINITY;
+    double* const out[] = {correction_, &guard};
+    for (int i = 0; i < most_corrections; ++i) {
+      std::int32_t status = problem.project(in, out);
+      if (!(guard > 0)) status = problem.project_fallback(in, out);
+      const double now = size(correction_);
+      if (status != 0 || !(now < 0.5 * before)) break;
+      correct(x, correction_);
+      if (now <= exact) break;
+      before = now;
     }
-    if (problem.project_velocity(in, out) == 0)
-      for (int k = 0; k < problem.nv; ++k) x[problem.nq + k] += correction_[k];
   }
 
   __attribute__((noinline)) void make_unit(double* x) const {

@@ -1,0 +1,79 @@
+// States at requested times on their way to the record: those between steps are settled first, many at a time where
+// there is a kernel for that.
+#pragma once
+
+#include "rhs.hpp"
+
+namespace bellcrank {
+namespace BELLCRANK_ISA {
+
+class Outputs {
+ public:
+  Outputs(Rhs& rhs, Record& record)
+      : rhs_(rhs), p_(rhs.problem), record_(record), width_(p_.nq + p_.nv), x_(most * p_.n), time_(most),
+        correction_(most * width_), guard_(most), waits_(most) {}
+
+  // A state that is settled.
+  void take(double t, const double* x) {
+    if (!p_.project_batch) return record_.output(t, x);
+    keep(t, x, false);
+  }
+
+  // A state between steps, which need not be.
+  void take_between(double t, double* x) {
+    if (p_.project_batch) return keep(t, x, true);
+    rhs_.settle(t, x);
+    record_.output(t, x);
+  }
+
+  void flush() {
+    for (int pass = 0; pass < passes && waiting_ >= p_.lanes && project(); ++pass) correct();
+    for (int i = 0; i < count_; ++i) {
+      double* x = x_ + i * p_.n;
+      if (waits_[i]) rhs_.settle(time_[i], x);
+      record_.output(time_[i], x);
+    }
+    count_ = waiting_ = 0;
+  }
+
+ private:
+  static constexpr int most = 64, passes = 2;
+
+  Rhs& rhs_;
+  const Problem& p_;
+  Record& record_;
+  const int width_;
+  Buffer x_, time_, correction_, guard_;
+  Array<bool> waits_;
+  int count_ = 0, waiting_ = 0;
+
+  void keep(double t, const double* x, bool waits) {
+    std::memcpy(x_ + count_ * p_.n, x, p_.n * sizeof(double));
+    time_[count_] = t;
+    waits_[count_] = waits;
+    waiting_ += waits;
+    if (++count_ == most) flush();
+  }
+
+  bool project() {
+    const double* const in[] = {time_, x_, rhs_.u(), p_.p};
+    double* const out[] = {correction_, guard_};
+    const std::int64_t strides[] = {1, p_.n, 0, 0};
+    return p_.project_batch(in, out, strides, count_) == 0;
+  }
+
+  // Those that the plain solve corrects; what it closes to rounding waits no more.
+  void correct() {
+    for (int i = 0; i < count_; ++i) {
+      const double* d = correction_ + i * width_;
+      const double size = rhs_.size(d);
+      if (!waits_[i] || !(guard_[i] > 0) || !(size <= Rhs::safe)) continue;
+      rhs_.correct(x_ + i * p_.n, d);
+      waits_[i] = size > Rhs::exact;
+      waiting_ -= !waits_[i];
+    }
+  }
+};
+
+}  // namespace BELLCRANK_ISA
+}  // namespace bellcrank
