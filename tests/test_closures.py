@@ -575,7 +575,7 @@ def test_two_wheels_on_one_axle_share_their_side_force_and_nothing_else(tmp_path
     assert rank.rank == 5
     names = [f"{owner} {label}" for owner, label in scene.system.multiplier_names]
     shared = {name for name, unique in zip(names, rank.unique, strict=True) if not unique}
-    assert shared == {"left friction 1 [N]", "right friction 1 [N]"}
+    assert shared == {"left friction sideways [N]", "right friction sideways [N]"}
     weight = run.closure("left").multipliers[0, 0] + run.closure("right").multipliers[0, 0]
     assert weight == pytest.approx(7 * 9.81, rel=0.3)
     assert run.energy_drift() < 1e-7 and run.velocity_residual() < 1e-12

@@ -47,6 +47,17 @@ class Factor:
         return x[: self.n], -x[self.n :]
 
 
+    def slack(self, least: casadi.SX) -> casadi.SX:
+        """The smallest excess, up to 1, of a row's pivot over its `least` (m); the factor is good while positive."""
+        import casadi
+
+        slack = casadi.SX(1.0)
+        for place, k in enumerate(self.order):
+            if k >= self.n:
+                slack = casadi.fmin(slack, -self.pivots[place] - least[k - self.n])
+        return slack
+
+
 def proximal(factor: Factor, force: casadi.SX, right: casadi.SX, refinements: int) -> tuple[casadi.SX, casadi.SX]:
     """a and λ of the system without μ, by solves with the factor that has it.
 

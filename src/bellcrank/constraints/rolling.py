@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 from bellcrank.card.fields import Fields
 from bellcrank.constraints.constraint import Constraint, Residual
-from bellcrank.constraints.loops import perpendicular, read_direction
+from bellcrank.constraints.loops import read_direction
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.part import POSITIVE, Settable, read_frame
 
@@ -22,12 +22,13 @@ class RollingDisk(Constraint):
     """A thin disk rolls without slip on a plane.
 
     The disk has its centre c at the frame's origin, the `axis` a (frame's axes) and a `radius` r (m); the plane has the
-    unit `normal` n and lies `height` (m) along it. With n⊥ = n − (n·a) a and s = |n⊥|, the rim's lowest point is
-    c − r n⊥/s. φ = c·n − height − r s keeps it on the plane (holonomic); ψ, the components of its velocity
-    v + ω × (−r n⊥/s) along two directions t₁, t₂ of the plane, keep it from slipping (non-holonomic). The multipliers
-    are the normal force and the components of friction that the plane exerts on the disk, N. A plane cannot pull, so
-    the run ends where the normal force passes zero, unless `two_sided` says that it may, as a rail does; and it ends
-    where the disk comes to lie flat. Source: A. Ghosal, NPTEL 2022, lecture 18, for the velocity condition.
+    unit `normal` n and lies `height` (m) along it. With s = |a × n|, the disk heads along f = (a × n)/s, and the rim's
+    lowest point is p = c − r (n − (n·a) a)/s. φ = c·n − height − r s keeps it on the plane (holonomic). ψ is the
+    velocity of p forwards and sideways, along f and n × f in the plane: v·f − r ω·a, and v·(n × f) + r s ω·f
+    (non-holonomic). The multipliers are the normal force and the components of friction that the plane exerts on the
+    disk, N. A plane cannot pull, so the run ends where the normal force passes zero, unless `two_sided` says that it
+    may, as a rail does; and it ends where the disk comes to lie flat. Source: A. Ghosal, NPTEL 2022, lecture 18, for
+    the velocity condition.
     """
 
     frame: str
@@ -60,32 +61,39 @@ class RollingDisk(Constraint):
         """The normal row, and two tangential ones."""
         import casadi
 
-        disk, n = symbols.frame(self.frame), casadi.DM(self.normal)
+        disk, _ = symbols.local_frame(self.frame)
         radius, height = self.value(symbols, "radius"), self.value(symbols, "height")
-        up, steepness = self._up(symbols)
-        slip = disk.linear + casadi.cross(disk.angular, -radius / steepness * up)
-        along = [casadi.dot(casadi.DM(t), slip) for t in perpendicular(self.normal)]
-        gap = casadi.dot(n, disk.position) - height - radius * steepness
-        return Residual(gap, casadi.vertcat(*along))
+        n, a, forward, steepness = self._directions(symbols)
+        gap = casadi.dot(casadi.DM(self.normal), symbols.frame(self.frame).position) - height - radius * steepness
+        # n × f = (a − (n·a) n)/s
+        sideways = (casadi.dot(a, disk.linear) - casadi.dot(n, a) * casadi.dot(n, disk.linear)) / steepness
+        slip = casadi.vertcat(
+            casadi.dot(forward, disk.linear) / steepness - radius * casadi.dot(a, disk.angular),
+            sideways + radius * casadi.dot(forward, disk.angular),
+        )
+        return Residual(gap, slip)
 
     def contact_point(self, symbols: Symbols) -> casadi.SX:
         """The rim's lowest point (3) m in the world."""
-        up, steepness = self._up(symbols)
+        import casadi
+
+        n, a, _, steepness = self._directions(symbols)
+        up = symbols.local_frame(self.frame)[1] @ (n - casadi.dot(n, a) * a)
         return symbols.frame(self.frame).position - self.value(symbols, "radius") / steepness * up
 
     def steepness(self, symbols: Symbols) -> casadi.SX:
         """s, the sine of the angle between axis and normal: 1 upright, 0 lying flat, where no point is the lowest."""
-        return self._up(symbols)[1]
+        return self._directions(symbols)[3]
 
     def labels(self, robot: Robot) -> tuple[str, ...]:
         """Normal force and friction, from the plane on the disk."""
-        return ("normal [N]", "friction 1 [N]", "friction 2 [N]")
+        return ("normal [N]", "friction forwards [N]", "friction sideways [N]")
 
-    def _up(self, symbols: Symbols) -> tuple[casadi.SX, casadi.SX]:
-        """n⊥ and its length s."""
+    def _directions(self, symbols: Symbols) -> tuple[casadi.SX, casadi.SX, casadi.SX, casadi.SX]:
+        """n, a and s f in the frame's local axes, and s."""
         import casadi
 
-        n = casadi.DM(self.normal)
-        a = symbols.frame(self.frame).rotation @ casadi.DM(self.axis)
-        across = casadi.cross(n, a)  # as long as n⊥, and without its cancellation where the disk lies nearly flat
-        return n - casadi.dot(n, a) * a, casadi.sqrt(casadi.dot(across, across))
+        disk, axes = symbols.local_frame(self.frame)
+        n, a = axes.T @ casadi.DM(self.normal), disk.rotation @ casadi.DM(self.axis)
+        across = casadi.cross(a, n)  # also where the disk lies nearly flat, s has all its digits this way
+        return n, a, across, casadi.sqrt(casadi.dot(across, across))

@@ -138,12 +138,8 @@ def solve(mass: casadi.SX, closed: Closed, force: casadi.SX, gains: casadi.SX) -
     plain = Factor(mass, jacobian, casadi.SX(jacobian.size1(), 1))
     mu = regularisation(mass, closed)
     regular = Factor(mass, jacobian, mu)
-    guard = casadi.SX(1.0)
-    for place, k in enumerate(plain.order):
-        if k >= plain.n:
-            guard = casadi.fmin(guard, -plain.pivots[place] - NEAR_SINGULAR * usual[k - plain.n])
     return Solution(
-        closed, mass, regular, regular.solve(force, right)[1], *proximal(regular, force, right, REFINEMENTS), *plain.solve(force, right), guard,
+        closed, mass, regular, regular.solve(force, right)[1], *proximal(regular, force, right, REFINEMENTS), *plain.solve(force, right), plain.slack(casadi.SX(NEAR_SINGULAR * usual)),
         projected(regular, closed, PROJECTING), projected(plain, closed, 0),
     )  # fmt: skip
 

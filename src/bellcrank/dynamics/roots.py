@@ -45,29 +45,36 @@ class Turning(Symbols):
 
     def frame(self, name: str) -> FrameSymbols:
         """A frame's placement and velocity in the world."""
-        import casadi
-
         if name not in self._frames:
-            index = frame_index(self.robot, name)
-            if self.robot.equations.tree.frames[index]["parent_joint"] == 0:
-                return super().frame(name)
-            q = _neutral(self, {self.robot.joints[0].name})
-            traced = casadi.Function.deserialize(self._tree.frames([index]).decode("latin-1"))
-            x = traced(q, self.v, self.tracer_parameters)
-            parts = (x[:3], casadi.reshape(x[3:12], 3, 3).T, x[12:15], x[15:18])
-            position, rotation, linear, angular = (self.turn @ part for part in parts)
+            local, axes = self.local_frame(name)
+            if axes is not self.turn:
+                return local
+            position, rotation, linear, angular = (axes @ part for part in local)
             self._frames[name] = FrameSymbols(self.q[:3] + position, rotation, linear, angular)
         return self._frames[name]
+
+    def local_frame(self, name: str) -> tuple[FrameSymbols, casadi.SX]:
+        """A frame's placement from the base, and its velocity, in the base's axes; and these axes."""
+        import casadi
+
+        index = frame_index(self.robot, name)
+        if self.robot.equations.tree.frames[index]["parent_joint"] == 0:
+            return super().local_frame(name)
+        q = _neutral(self, {self.robot.joints[0].name})
+        traced = casadi.Function.deserialize(self._tree.frames([index]).decode("latin-1"))
+        x = traced(q, self.v, self.tracer_parameters)
+        return FrameSymbols(x[:3], casadi.reshape(x[3:12], 3, 3).T, x[12:15], x[15:18]), self.turn
 
     def expand(self, expression: casadi.SX) -> casadi.SX:
         """An expression with the rotation written in the quaternion (x, y, z, w)."""
         import casadi
 
         x, y, z, w = casadi.vertsplit(self.q[3:7])
+        a, b, c = 2.0 * x, 2.0 * y, 2.0 * z  # in the terms of the traced algorithms, to share them
         rows = (
-            (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)),
-            (2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)),
-            (2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)),
+            (1.0 - (b * y + c * z), b * x - c * w, c * x + b * w),
+            (b * x + c * w, 1.0 - (a * x + c * z), c * y - a * w),
+            (c * x - b * w, c * y + a * w, 1.0 - (a * x + b * y)),
         )
         rotation = casadi.vertcat(*[casadi.horzcat(*row) for row in rows])
         return casadi.sparsify(casadi.substitute(expression, casadi.vec(self.turn), casadi.vec(rotation)))

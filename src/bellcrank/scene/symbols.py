@@ -128,6 +128,15 @@ class Symbols:
                 self._frames[each] = FrameSymbols(x[:3], casadi.reshape(x[3:12], 3, 3).T, x[12:15], x[15:18])
         return self._frames[name]
 
+    def local_frame(self, name: str) -> tuple[FrameSymbols, casadi.SX]:
+        """A frame's placement from the axes' origin, and velocity, in axes B in which they are short; and B (3, 3).
+
+        The world's own axes here; those of a free base while closures are differentiated.
+        """
+        import casadi
+
+        return self.frame(name), casadi.SX.eye(3)
+
     # ---- dynamics
 
     @property

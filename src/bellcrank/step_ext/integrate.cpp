@@ -181,7 +181,6 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
     result.time.reserve(times.shape(0));
     result.state.reserve(times.shape(0) * n);
   }
-  const auto begun = std::chrono::steady_clock::now();
   {
     nb::gil_scoped_release released;
 #ifdef BELLCRANK_AVX2
@@ -189,9 +188,10 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
 #else
     const auto run = baseline::run;
 #endif
+    const auto begun = std::chrono::steady_clock::now();
     result.status = run(method.c_str(), problem, result, result.counts);
+    result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   }
-  result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   result.trim_steps();
   result.watch.raise();
   return nb::cast(made.release(), nb::rv_policy::take_ownership);

@@ -162,9 +162,7 @@ def judge_cart(run: Trajectory) -> list[Figure]:
     """
     x, y, _ = run.output("cart").T
     angle, speed, radius, mass = 0.5 * run.time, 1.1, 2.2, 7.0
-    sideways = run.multipliers[:, 2:].reshape(len(run), 2, 2)
-    inwards = np.stack([-np.sin(angle), np.cos(angle)], -1)
-    push = np.einsum("nwi,nji,nj->nw", sideways, _tangents(run), inwards)
+    push = np.stack([run.closure(name).multipliers[:, 2] for name in ("left_floor", "right_floor")], -1)
     return [
         ended(run),
         Figure("place", largest([x - radius * np.sin(angle), y + radius * np.cos(angle)]), 1e-6, "m"),
@@ -174,14 +172,6 @@ def judge_cart(run: Trajectory) -> list[Figure]:
         Figure("slip", run.velocity_residual(), 1e-10, "m/s"),
         Figure("energy drift", run.energy_drift(), 1e-6),
     ]
-
-
-def _tangents(run: Trajectory) -> Array:
-    """The directions (2, 2) of the floor that friction is told in, for each row: (n, 2, 2)."""
-    from bellcrank.constraints.loops import perpendicular
-
-    both = np.array(perpendicular((0.0, 0.0, 1.0)))[:, :2]
-    return np.broadcast_to(both.T, (len(run), 2, 2))
 
 
 PROBLEMS = (
