@@ -109,15 +109,31 @@ class Rhs {
  private:
   static constexpr int most_corrections = 8;
 
+  // Closures that depend on each other all the time are not asked each time whether they still do.
+  class Doubt {
+   public:
+    bool skips() { return skip_ > 0 && skip_--; }
+    bool holds(double guard) {
+      if (guard > 0) return failures_ = 0, true;
+      if (++failures_ >= 8) skip_ = 31;
+      return false;
+    }
+
+   private:
+    int failures_ = 0, skip_ = 0;
+  };
+
   Buffer u_, rest_, correction_;
+  Doubt rhs_doubt_, projection_doubt_;
   Array<int> piece_;  // piece: -1 before the breaks, `pieces` after them
 
   // The plain solve, or where its guard is not positive the one that needs no guard.
-  std::int32_t guarded(const double* const* in, double* const* out) const {
+  std::int32_t guarded(const double* const* in, double* const* out) {
+    if (rhs_doubt_.skips()) return problem.fallback(in, out);
     double guard = 0;
     double* const both[] = {*out, &guard};
     const std::int32_t status = problem.rhs(in, both);
-    return guard > 0 ? status : problem.fallback(in, out);
+    return rhs_doubt_.holds(guard) ? status : problem.fallback(in, out);
   }
 
   // Newton's method on closures and their velocities, while it gains.
@@ -128,8 +144,9 @@ class Rhs {
     double guard = 0, before = INFINITY;
     double* const out[] = {correction_, &guard};
     for (int i = 0; i < most_corrections; ++i) {
-      std::int32_t status = problem.project(in, out);
-      if (!(guard > 0)) status = problem.project_fallback(in, out);
+      std::int32_t status = 0;
+      if (projection_doubt_.skips() || (status = problem.project(in, out), !projection_doubt_.holds(guard)))
+        status = problem.project_fallback(in, out);
       const double now = size(correction_);
       if (status != 0 || !(now < 0.5 * before)) break;
       correct(x, correction_);
