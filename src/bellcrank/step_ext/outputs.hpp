@@ -10,8 +10,8 @@ namespace BELLCRANK_ISA {
 class Outputs {
  public:
   Outputs(Rhs& rhs, Record& record)
-      : rhs_(rhs), p_(rhs.problem), record_(record), width_(p_.nq + p_.nv), x_(most * p_.n), time_(most),
-        correction_(most * width_), guard_(most), waits_(most) {}
+      : rhs_(rhs), p_(rhs.problem), record_(record), width_(p_.nq + p_.nv), room_(p_.project_batch ? most : 0),
+        x_(room_ * p_.n), time_(room_), correction_(room_ * width_), guard_(room_), waits_(room_) {}
 
   // A state that is settled.
   void take(double t, const double* x) {
@@ -42,7 +42,7 @@ class Outputs {
   Rhs& rhs_;
   const Problem& p_;
   Record& record_;
-  const int width_;
+  const int width_, room_;
   Buffer x_, time_, correction_, guard_;
   Array<bool> waits_;
   int count_ = 0, waiting_ = 0;

@@ -12,23 +12,27 @@
 namespace bellcrank {
 namespace BELLCRANK_ISA {
 
-// Zeroed memory, aligned for vectors and padded to whole ones.
+// Zeroed memory, aligned for vectors and padded to whole ones; a little of it within the object itself, because a short
+// run takes as long as a few calls of the allocator.
 template <class T>
 class Array {
  public:
   explicit Array(std::size_t size) {
     const std::size_t bytes = (size * sizeof(T) / 64 + 1) * 64;
-    data_ = static_cast<T*>(std::aligned_alloc(64, bytes));
+    data_ = reinterpret_cast<T*>(bytes <= sizeof own_ ? own_ : std::aligned_alloc(64, bytes));
     if (!data_) throw std::bad_alloc();
     std::memset(data_, 0, bytes);
   }
-  ~Array() { std::free(data_); }
+  ~Array() {
+    if (static_cast<void*>(data_) != own_) std::free(data_);
+  }
   Array(const Array&) = delete;
   Array& operator=(const Array&) = delete;
   operator T*() { return data_; }
   operator const T*() const { return data_; }
 
  private:
+  alignas(64) unsigned char own_[256];
   T* data_;
 };
 using Buffer = Array<double>;
