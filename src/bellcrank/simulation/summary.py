@@ -24,16 +24,16 @@ LEAVING = 5  # joints listed that leave their range
 NOISE = 1e-7  # share of the energies that is rounding and tolerance
 CLOSURES = 8  # closures listed
 MANY_TURNS = 1e6  # rad: beyond it, and where it is no number, degrees say nothing
-_HEAD = ("at the end", "position", "", "velocity")
+END_HEADER = ("at the end", "position", "", "velocity")
 
 
 def summary_text(run: Trajectory) -> str:
     """The run as lines of text: verdict, solver, cost, events, certificate, and the joints at the end (SI units)."""
-    rows = _facts(run)
+    rows = run_facts(run)
     width = max(len(name) for name, _ in rows)
     lines = [run.message, *(f"  {name:{width}}  {value}" for name, value in rows), ""]
-    table = [_HEAD, *_end(run)]
-    widths = [max(len(row[k]) for row in table) for k in range(len(_HEAD))]
+    table = [END_HEADER, *end_rows(run)]
+    widths = [max(len(row[k]) for row in table) for k in range(len(END_HEADER))]
     for first, *others in table:
         cells = (f"{text:>{room}}" for text, room in zip(others, widths[1:], strict=True))
         lines.append("  ".join(["", f"{first:{widths[0]}}", *cells]).rstrip())
@@ -44,15 +44,15 @@ def summary_html(run: Trajectory) -> str:
     """The same as a table for notebooks; names are escaped."""
     left = 'style="text-align:left"'
     facts = "".join(
-        f"<tr><th {left}>{escape(name)}</th><td {left} colspan={len(_HEAD) - 1}>{escape(value)}</td></tr>"
-        for name, value in _facts(run)
+        f"<tr><th {left}>{escape(name)}</th><td {left} colspan={len(END_HEADER) - 1}>{escape(value)}</td></tr>"
+        for name, value in run_facts(run)
     )
-    head = "".join(f"<th>{text}</th>" for text in _HEAD)
+    head = "".join(f"<th>{text}</th>" for text in END_HEADER)
     end = "".join(
         f"<tr><td {left}>{escape(first)}</td>{''.join(f'<td>{escape(text)}</td>' for text in others)}</tr>"
-        for first, *others in _end(run)
+        for first, *others in end_rows(run)
     )
-    hidden = "".join(f"<tr><td {left} colspan={len(_HEAD)}>{escape(text)}</td></tr>" for text in _hidden(run))
+    hidden = "".join(f"<tr><td {left} colspan={len(END_HEADER)}>{escape(text)}</td></tr>" for text in _hidden(run))
     return f"<table><caption {left}>{escape(run.message)}</caption>{facts}<tr>{head}</tr>{end}{hidden}</table>"
 
 
@@ -131,7 +131,10 @@ def run_notes(run: Trajectory) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _facts(run: Trajectory) -> list[tuple[str, str]]:
+def run_facts(run: Trajectory) -> list[tuple[str, str]]:
+    """(name, value) of solver, cost, events, certificate, closures, notes and warnings; a name is empty where it goes
+    on.
+    """
     settings, cost = run.settings, run.statistics
     how = f"step {settings.step:g} s" if settings.step else f"rtol {settings.rtol:g}, atol {settings.atol:g}"
     effort = f"{_count(cost.steps, 'step')} and {cost.rejected} rejected, {_count(cost.evaluations, 'evaluation')}"
@@ -209,7 +212,7 @@ def _consequence(event: Event) -> str:
     return text
 
 
-def _end(run: Trajectory) -> list[tuple[str, ...]]:
+def end_rows(run: Trajectory) -> list[tuple[str, ...]]:
     """(coordinate, value, in degrees, velocity) at the end; positions and velocities of a joint with several
     coordinates are not of one kind, and have lines of their own.
     """

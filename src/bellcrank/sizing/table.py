@@ -12,12 +12,12 @@ NO_LIMIT = "no limit given"
 
 def table(sizing: Sizing) -> str:
     """The sizing as text: joints, then shafts, then the supply; units in the headers."""
-    parts = [_heading(sizing), _grid(*_joint_rows(sizing)), "", _grid(*_structure_rows(sizing))]
+    parts = [_heading(sizing), _grid(*joint_rows(sizing)), "", _grid(*structure_rows(sizing))]
     if any(joint.shaft for joint in sizing.joints):
         parts += [
             "",
             "At the motor shaft (margins with the safety factor on torques):",
-            _grid(*_shaft_rows(sizing)),
+            _grid(*shaft_rows(sizing)),
         ]
     supply, back = sizing.supply_peak, sizing.regeneration_peak
     parts += [
@@ -47,23 +47,30 @@ def verdict(sizing: Sizing) -> str:
     return f"All inside: the tightest margin is {smallest:.1%}, {where}.{without}"
 
 
+def sized_with(sizing: Sizing) -> list[tuple[str, str]]:
+    """(name, value) of what a sizing rests on: gravity, payload, mass tolerance, drives."""
+    payloads = ", ".join(f"{mass:g} kg @ {frame}" for mass, frame in sizing.payloads)
+    rows = [
+        ("gravity", f"({', '.join(f'{x:g}' for x in sizing.gravity)}) m/s²"),
+        ("payload", payloads or "none"),
+    ]
+    if sizing.mass_tolerance:
+        rows.append(("mass tolerance", f"±{100.0 * sizing.mass_tolerance:.10g} %: each link as a whole"))
+    if len(sizing.undriven) == len(sizing.joints):
+        rows.append(("drives", "none"))
+    elif sizing.undriven:
+        rows.append(("without a drive:", ", ".join(sizing.undriven)))
+    return rows
+
+
 def _heading(sizing: Sizing) -> str:
     """The robot and its motions, and what it was sized with."""
-    with_ = [f"gravity ({', '.join(f'{x:g}' for x in sizing.gravity)}) m/s²"]
-    if sizing.payloads:
-        with_.append("payload " + ", ".join(f"{mass:g} kg @ {frame}" for mass, frame in sizing.payloads))
-    else:
-        with_.append("no payload")
-    if sizing.mass_tolerance:
-        with_.append(f"mass tolerance ±{100.0 * sizing.mass_tolerance:.10g} %: each link as a whole")
-    if len(sizing.undriven) == len(sizing.joints):
-        with_.append("no drives")
-    elif sizing.undriven:
-        with_.append(f"without a drive: {', '.join(sizing.undriven)}")
-    return f"{sizing.robot}, {len(sizing.motions)} motion(s): {', '.join(sizing.motions)}\n{'; '.join(with_)}\n"
+    with_ = "; ".join(f"{name} {value}" for name, value in sized_with(sizing))
+    return f"{sizing.robot}, {len(sizing.motions)} motion(s): {', '.join(sizing.motions)}\n{with_}\n"
 
 
-def _joint_rows(sizing: Sizing) -> tuple[list[str], list[list[str]]]:
+def joint_rows(sizing: Sizing) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: torques, speeds, powers and margins of each joint."""
     unit, speed = _units(sizing)
     header = [
         "joint",
@@ -103,7 +110,8 @@ def _joint_rows(sizing: Sizing) -> tuple[list[str], list[list[str]]]:
     return header, rows
 
 
-def _structure_rows(sizing: Sizing) -> tuple[list[str], list[list[str]]]:
+def structure_rows(sizing: Sizing) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: holding torque, friction, inertia, reactions and energies of each joint."""
     unit, _ = _units(sizing)
     inertia = "kg m² | kg" if "|" in unit else "kg" if unit == "N" else "kg m²"
     header = [
@@ -140,7 +148,8 @@ def _structure_rows(sizing: Sizing) -> tuple[list[str], list[list[str]]]:
     return header, rows
 
 
-def _shaft_rows(sizing: Sizing) -> tuple[list[str], list[list[str]]]:
+def shaft_rows(sizing: Sizing) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: what each motor's shaft delivers, and its margins."""
     header = [
         "joint",
         "peak\n[N m]",

@@ -1,0 +1,21 @@
+"""What a report was made with: versions and the machine."""
+
+from __future__ import annotations
+
+import datetime
+import platform
+from importlib import metadata
+
+from bellcrank import __version__
+
+PACKAGES = ("pin", "casadi", "llvmlite", "numpy")
+
+
+def made_with() -> tuple[tuple[str, str], ...]:
+    """(name, value) of the library, the packages below it, the machine and the day."""
+    return (
+        ("bellcrank", __version__),
+        ("with", ", ".join(f"{name} {metadata.version(name)}" for name in PACKAGES)),
+        ("Python", f"{platform.python_version()} on {platform.system()} {platform.machine()}"),
+        ("written on", datetime.date.today().isoformat()),
+    )
