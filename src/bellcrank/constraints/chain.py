@@ -67,8 +67,8 @@ class Chain:
         names = list(actuated or [drive.joint.name for drive in drives] or scene.card.actuated or scene.card.drives)
         if not names:
             raise InputError(
-                f"{scene.source}: which joints of the linkage have motors? write them as actuated: "
-                f"[{scene.robot.joint_names[0]}]"
+                f"{scene.source}: which joints of the linkage have motors? write them as actuated: [JOINT, …], of "
+                f"{', '.join(scene.robot.joint_names)}"
             )
         self.actuated = tuple(self.robot.one_degree_joint(name, f"{scene.source}: actuated") for name in names)
 

@@ -38,13 +38,13 @@ REFINEMENTS = 3  # passes of the proximal solve after the first; what they leave
 PROJECTING = 1  # the same for projections, whose corrections are small
 REGULARISATION = 1e-9  # μ, as a share of a row's J M⁻¹ Jᵀ
 LEAST = 1e-14  # the same at rest where the row vanishes
-SPREAD = 1e3  # a row's J M⁻¹ Jᵀ counts up to so many times what it is while the other rows hold: light links make it more
+SPREAD = 1e3  # a row's J M⁻¹ Jᵀ, which light links raise, counts up to so many times what it is while the others hold
 NEAR_SINGULAR = 1e-4  # a pivot below this share of its usual value calls for the proximal solve
 
 
 class Rows(NamedTuple):
-    """The rows of constraints that bind; for each, as powers of ten, its usual J M⁻¹ Jᵀ (`scale`) and its usual square of
-    J (`square`). `massless`: M is singular, as some joint moves nothing but what closures hold.
+    """The rows of constraints that bind; for each, as powers of ten, its usual J M⁻¹ Jᵀ (`scale`) and its usual square
+    of J (`square`). `massless`: M is singular, as some joint moves nothing but what closures hold.
     """
 
     kept: tuple[int, ...]
@@ -139,7 +139,8 @@ def solve(mass: casadi.SX, closed: Closed, force: casadi.SX, gains: casadi.SX) -
     mu = regularisation(mass, closed)
     regular = Factor(mass, jacobian, mu)
     return Solution(
-        closed, mass, regular, regular.solve(force, right)[1], *proximal(regular, force, right, REFINEMENTS), *plain.solve(force, right), plain.slack(casadi.SX(NEAR_SINGULAR * usual)),
+        closed, mass, regular, regular.solve(force, right)[1], *proximal(regular, force, right, REFINEMENTS),
+        *plain.solve(force, right), plain.slack(casadi.SX(NEAR_SINGULAR * usual)),
         projected(regular, closed, PROJECTING), projected(plain, closed, 0),
     )  # fmt: skip
 
@@ -214,6 +215,7 @@ def rows_that_bind(scene: Scene, s: Symbols) -> Rows:
             "whatever the joints do; move one of its frames, or take a kind of closure with fewer rows"
         )
     usual = np.stack([np.max(scales, axis=0)[binds], np.max(squares, axis=0)[binds]])
+    usual[usual <= 0.0] = 1.0  # no mass at all
     scale, square = (10.0 ** np.round(np.log10(usual))).tolist()  # rounded: not to change with every parameter
     return Rows(tuple(np.flatnonzero(binds).tolist()), tuple(scale), tuple(square), massless)
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from bellcrank.dynamics.assembly import Assembly, assemble
 from bellcrank.dynamics.closed import row_names
+from bellcrank.dynamics.determined import massless_motion
 from bellcrank.dynamics.latch import latch
 from bellcrank.machine_code import cache as disk
 from bellcrank.machine_code.compile import Compiled, sources
@@ -35,7 +36,8 @@ _systems: dict[str, System] = {}
 class System:
     """Compiled functions of (t, x, u, p): time (1), state x = q, v and maybe W (n), signals (nu), parameters (np).
 
-    SI units throughout. `has_work` says whether x ends with the work W (J).
+    SI units throughout. `has_work` says whether x ends with the work W (J), `may_be_massless` whether something could
+    move without mass when the equations were first traced: with that scene's parameters.
     """
 
     def __init__(self, scene: Scene, key: str) -> None:
@@ -44,6 +46,7 @@ class System:
         stored = disk.load("system-" + key)
         self._facts: dict[str, Any] = json.loads(stored) if stored else self._find_facts()
         self.has_work: bool = self._facts["has_work"]
+        self.may_be_massless: bool = self._facts["may_be_massless"]
         self.size = self.nq + self.nv + self.has_work
 
     def _find_facts(self) -> dict[str, Any]:
@@ -53,6 +56,7 @@ class System:
         rows = [] if solution is None else row_names(self._scene.closures, a.symbols)
         facts = {
             "has_work": a.has_work,
+            "may_be_massless": massless_motion(self._scene, a) is not None,
             "rows": [rows[k] for k in solution.closed.kept] if solution is not None else [],
             "operations": rhs.n_instructions(),
             "outputs": {name: expression.numel() for name, expression in a.outputs.items()},

@@ -93,6 +93,8 @@ def _integrate(
     scene: Scene, settings: Settings, times: Array, every_step: bool, progress: Callable[[float], None] | None
 ) -> Trajectory:
     system, signals, p = scene.system, scene.signals, scene.system_parameters
+    if system.may_be_massless:
+        _refuse_massless_motion(scene)
     x0 = np.zeros(system.size)
     q0, v0 = scene.start
     x0[: system.nq], x0[system.nq : system.nq + system.nv] = q0, v0
@@ -191,6 +193,15 @@ def _checked_times(times: Any) -> Array:
     if array[0] < 0.0 or np.any(np.diff(array) <= 0.0):
         raise InputError("times must start at 0 s or later and increase")
     return array
+
+
+def _refuse_massless_motion(scene: Scene) -> None:
+    """Name the joints that can move without moving mass, with the scene's own parameters (InputError)."""
+    from bellcrank.dynamics.determined import massless_motion
+
+    motion = massless_motion(scene, scene.system.assembly)
+    if motion is not None:
+        raise InputError(f"{scene.source}: {motion}")
 
 
 def _refuse_pulling_contact(scene: Scene, p: Array, x0: Array) -> None:

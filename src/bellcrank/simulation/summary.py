@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 EVENTS = 5  # events listed one by one
 JOINTS = 24  # joints listed
 LARGEST_RESIDUAL, LARGEST_DRIFT = 1e-6, 1e-3  # shares, above which a run is not to be trusted
+LARGEST_GAP = 1e-3  # m or rad that a closure may be apart
 OFF_ZERO = 1e-6  # share of its largest value by which an event's function may miss zero at the event
 EDGE = 1e-9  # rad or m beyond a range that is no leaving
 LEAVING = 5  # joints listed that leave their range
@@ -58,7 +59,7 @@ def summary_html(run: Trajectory) -> str:
 
 def run_warnings(run: Trajectory) -> tuple[str, ...]:
     """What speaks against a run, a clause each: it did not come to its end, its accelerations miss the equations of
-    motion, its energies their balance, kinetic energy is negative, or an event is not at its zero.
+    motion, its energies their balance, kinetic energy is negative, a closure is open, or an event is not at its zero.
     """
     found = []
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
@@ -78,7 +79,20 @@ def run_warnings(run: Trajectory) -> tuple[str, ...]:
         found.append("energy is not in balance: take smaller tolerances or steps")
     if least < -NOISE * np.abs(kinetic).max():
         found.append(f"kinetic energy falls to {least:.3g} J: a mass or inertia is not that of a body")
-    return (*found, *_false_events(run))
+    return (*found, *_open_closures(run), *_false_events(run))
+
+
+def _open_closures(run: Trajectory) -> list[str]:
+    """A clause for each closure that is far from closed."""
+    found = []
+    for closure in run.scene.closures:
+        gap = run.closure(closure.name).residual
+        if gap.max() > LARGEST_GAP:
+            found.append(
+                f"closure '{closure.name}' is {gap.max():.3g} m or rad apart at {run.time[gap.argmax()]:.4g} s: take "
+                "stabilisation: projection, or smaller tolerances; if it cannot close there, the motion is none"
+            )
+    return found
 
 
 def _false_events(run: Trajectory) -> list[str]:
@@ -198,14 +212,15 @@ def _closures(run: Trajectory) -> list[tuple[str, str]]:
 
 
 def _events(run: Trajectory) -> list[str]:
-    lines = [f"{event.name} at {event.time:.9g} s{_consequence(event)}" for event in run.events[:EVENTS]]
+    lines = [f"{event.name} at {event.time:.9g} s{event_consequence(event)}" for event in run.events[:EVENTS]]
     if len(run.events) > EVENTS:
         last = run.events[-1]
         lines.append(f"… {len(run.events)} in all, the last is {last.name} at {last.time:.9g} s")
     return lines
 
 
-def _consequence(event: Event) -> str:
+def event_consequence(event: Event) -> str:
+    """What an event did besides happening, as a clause after its name; empty where it did nothing."""
     text = ", which ended the run" if event.stopped else ""
     if event.latch is not None:
         text += f" and latched: impulse {event.impulse:.6g} {event.latch.unit}, energy lost {event.energy_lost:.9g} J"

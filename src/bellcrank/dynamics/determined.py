@@ -1,0 +1,79 @@
+"""Whether the equations of motion determine the accelerations, or the robot can move without moving any mass."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.dynamics.closed import random_posture
+
+if TYPE_CHECKING:
+    from bellcrank.dynamics.assembly import Assembly
+    from bellcrank.scene.scene import Scene
+
+Array = NDArray[np.float64]
+POSTURES = 3
+ROUNDING = 1e-13  # of a coordinate's own inertia, or of the largest: below it nothing is left but rounding
+TAKES_PART = 1e-3  # of the largest share that a coordinate has in such a motion
+MISSED = 1e-6  # of the largest joint force: accelerations that miss the equations by less satisfy them
+
+
+def massless_motion(scene: Scene, assembly: Assembly) -> str | None:
+    """What can move without moving mass, whatever the posture, as a clause with its remedy; None where nothing can.
+
+    With D² the diagonal of M = D R D and Z the null space of J D⁻¹, the least eigenvalue of Zᵀ R Z vanishes there. A
+    massless link at the end of a chain is let pass where nothing pulls at it: the rest moves as it should.
+    """
+    random = np.random.default_rng(0)
+    for _ in range(POSTURES):
+        q = random_posture(scene.robot, random)
+        mass, jacobian = _inertia(scene, assembly, q)
+        own = mass.diagonal()
+        heavy = own > ROUNDING * own.max(initial=0.0)
+        size = np.sqrt(np.where(heavy, own, 1.0))
+        _, values, vectors = np.linalg.svd(jacobian / size)
+        free = vectors[np.count_nonzero(values > 1e-9 * values.max(initial=0.0)) :].T
+        values, vectors = np.linalg.eigh(free.T @ (mass / np.outer(size, size)) @ free)
+        massless = free @ vectors[:, values < ROUNDING]
+        if not massless.size:
+            return None
+    motion = np.abs(massless).max(axis=1)
+    if heavy.any() and motion[heavy].max() < TAKES_PART and _satisfied(scene, assembly, q, random):
+        return None
+    robot, urdf = scene.robot, scene.robot.urdf
+    part = [j for j in robot.joints if motion[j.v : j.v + j.nv].max() > TAKES_PART * motion.max()]
+    base = int(part[0].kind == "floating")
+    who = ["the free base"] * base + [f"joint '{j.name}'" for j in part[base:]]
+    links = [urdf.root] * base + [urdf.joints[j.name].child for j in part[base:]]
+    bare = [name for name in links if urdf.links[name].inertial is None] or links
+    return (
+        f"{' and '.join(who)} can move without moving any mass, so that accelerations do not follow from forces; give "
+        f"link {' and '.join(repr(name) for name in bare)} mass and inertia, or make a joint there fixed"
+    )
+
+
+def _inertia(scene: Scene, assembly: Assembly, q: Array) -> tuple[Array, Array]:
+    """M (nv, nv), the momenta of unit velocities, and J (rows, nv) in a posture."""
+    import casadi
+
+    a, nv = assembly, scene.robot.nv
+    jacobian = casadi.SX(0, nv) if a.solution is None else a.solution.closed.jacobian
+    momenta = casadi.densify(casadi.gradient(a.kinetic, a.v))
+    f = casadi.Function("inertia", [a.t, a.state, a.u, a.p], [momenta, casadi.densify(jacobian)])
+    states = np.vstack([np.tile(q[:, None], nv), np.eye(nv), np.zeros((int(a.has_work), nv))])
+    mass, rows = f(0.0, states, scene.signals_at(np.zeros(1))[0], scene.system_parameters)
+    return np.array(mass), np.array(rows)[:, :nv]
+
+
+def _satisfied(scene: Scene, assembly: Assembly, q: Array, random: np.random.Generator) -> bool:
+    """Whether the accelerations that are computed at some velocity are finite and satisfy the equations of motion."""
+    import casadi
+
+    a = assembly
+    forces = casadi.vertcat(a.bias, a.actuator, a.passive)
+    f = casadi.Function("residual", [a.t, a.state, a.u, a.p], [a.acceleration, a.residual, forces])
+    x = np.concatenate([q, random.normal(size=scene.robot.nv), np.zeros(int(a.has_work))])
+    rate, missed, sizes = (np.array(y) for y in f(0.0, x, scene.signals_at(np.zeros(1))[0], scene.system_parameters))
+    return bool(np.isfinite(rate).all() and np.abs(missed).max() <= MISSED * np.abs(sizes).max())
