@@ -10,11 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from bellcrank.cli import main
 from bellcrank.errors import BellcrankError
-from bellcrank.validation import own_runs, scene_bench
-from bellcrank.validation.bench_problem import PROBLEMS, Outcome, Run
+from bellcrank.validation import own_runs, problem_closed, scene_bench
+from bellcrank.validation.bench_problem import NO_ROWS, PROBLEMS, Outcome, Run, usual
 from bellcrank.validation.hand_c import HandWritten
 from bellcrank.validation.reduced import RollingDisk
 from bellcrank.validation.reference import reference
@@ -22,7 +23,10 @@ from bellcrank.validation.rivals import scipy_pinocchio, substeps
 from bellcrank.validation.work_precision import HAND, OWN, PROJECTED, Row, failures, measure, pareto, ratios, time_at
 
 SCENES = list(PROBLEMS)
+RING = PROBLEMS["bricard"]
 IN_C = [name for name, each in PROBLEMS.items() if each.in_c]
+SAME_COORDINATES = [name for name in IN_C if name != "bricard"]
+ENERGIES = [name for name, each in PROBLEMS.items() if hasattr(each.equations, "energy")]
 TREES = [name for name, each in PROBLEMS.items() if not each.closed]
 CLOSED = [name for name, each in PROBLEMS.items() if each.closed]
 
@@ -79,7 +83,26 @@ def test_disk_goes_round_steadily_at_the_rate_of_the_closed_form():
     np.testing.assert_allclose(rates[[2, 5, 6, 7]], 0.0, atol=1e-10)
 
 
-@pytest.mark.parametrize("scene", SCENES)
+def test_bricards_ring_is_closed_in_all_its_postures():
+    ring = RING.equations
+    turn = np.linspace(0.0, 2.0 * math.pi, 50)
+    hinges = ring.hinges(turn[:, None])
+    np.testing.assert_allclose(ring.corner_of(hinges), ring.corner(turn[:, None]), atol=1e-14)
+    place, frame = np.zeros((50, 3)), np.broadcast_to(np.eye(3), (50, 3, 3))
+    for axis, rod, angle in zip("yzxyz", ring.rods, hinges.T, strict=True):
+        frame = frame @ Rotation.from_euler(axis, angle[:, None]).as_matrix()
+        place = place + frame @ rod
+    np.testing.assert_allclose(place, np.tile([0.0, 0.0, 1.0], (50, 1)), atol=1e-14)
+    np.testing.assert_allclose(frame[:, :, 0], np.tile([1.0, 0.0, 0.0], (50, 1)), atol=1e-14)  # the sixth hinge
+
+
+def test_bricards_corner_is_where_a_null_space_reduction_of_its_tree_says():
+    exact = reference("bricard")
+    known = np.array([[t, *place] for t, place in problem_closed.BRICARD.items()])
+    np.testing.assert_allclose(exact.at(known[:, 0]).astype(float), known[:, 1:], atol=2e-10)
+
+
+@pytest.mark.parametrize("scene", ENERGIES)
 def test_reference_keeps_the_energy(scene):
     exact = reference(scene)
     state = exact.state.astype(float)
@@ -140,6 +163,21 @@ def test_multipliers_in_c_by_hand_give_the_motion_of_the_reduced_equations():
     assert reference("four_bar").error(hand.run("DOP853", 1e-12).position) < 1e-10
 
 
+def test_bricards_ring_in_c_by_hand_and_in_bellcrank_ends_where_the_reference_does():
+    groups = own_runs.groups(RING, HandWritten(RING), full=False)
+    group = next(g for g in groups if g[0].method == "DOP853" and g[0].setting == "1e-12")
+    rows = measure(group, reference("bricard"), repeats=1)
+    assert [row.tool for row in rows] == [OWN, OWN, HAND]
+    assert max(row.error for row in rows) < 2e-10
+
+
+def test_a_cart_that_goes_round_steadily_keeps_to_its_circle():
+    chosen = PROBLEMS["two_wheeler"]
+    group = next(g for g in own_runs.groups(chosen, None, full=False) if g[0].setting == "1e-10")
+    [row] = measure(group, reference("two_wheeler"), repeats=1)
+    assert row.error < 1e-8
+
+
 @pytest.mark.parametrize("scene", [*TREES, "four_bar"])
 def test_c_by_hand_rk4_converges_with_order_four_between_its_steps_too(scene):
     hand, interval = HandWritten(PROBLEMS[scene]), PROBLEMS[scene].times[1]
@@ -169,7 +207,7 @@ def test_pinocchio_and_the_analytic_equations_give_scipy_the_same_steps():
     assert np.abs(stepped.position - hand.run("RK4", step=0.02).position).max() < 1e-11
 
 
-@pytest.mark.parametrize("scene", IN_C)
+@pytest.mark.parametrize("scene", SAME_COORDINATES)
 def test_bellcrank_takes_the_steps_of_the_hand_written_c(scene):
     chosen = PROBLEMS[scene]
     for group in own_runs.groups(chosen, HandWritten(chosen), full=False):
@@ -297,6 +335,7 @@ BARS = {
     ("four_bar", "MuJoCo"): 2e-5, ("four_bar", "Drake"): 5e-2, ("four_bar", "Exudyn"): 2e-6,
     ("rolling_disk", "MuJoCo"): 0.5, ("rolling_disk", "Drake"): 0.5, ("rolling_disk", "Exudyn"): 2e-2,
     ("n_four_bar_2", "Exudyn"): 1e-1,
+    ("bricard", "MuJoCo"): 5e-5, ("bricard", "Drake"): 0.5, ("bricard", "Exudyn"): 1e-3,
 }  # fmt: skip
 
 
@@ -308,7 +347,7 @@ def test_peers_integrate_the_closed_scenes_as_well_as_they_can(scene, tool):
             "integrator": ["RK4"], "step": [0.01], "speed": [1.0], "hardness": [0.999999],
             "shape": ["ellipsoid" if disk else "site"],
         },
-        "Drake": {"step": [0.01 if disk else 0.12], "stiffness": [1e4]},
+        "Drake": {"step": [0.12 if scene == "four_bar" else 0.01], "stiffness": [1e4]},
         "Exudyn": {"GeneralizedAlpha": [0.004 if disk else 0.012]},
     }[tool]  # fmt: skip
     package = scene_bench.PEERS[tool]
@@ -330,6 +369,11 @@ def test_scipy_on_pinocchios_constrained_dynamics_takes_the_steps_of_c():
         reference("four_bar").error(hand.position), rel=0.05
     )
     assert list(scene_bench._module("scipy_pinocchio_closed").runs(PROBLEMS["rolling_disk"], {"SciPy": {}})) == []
+
+
+def test_scipy_on_pinocchios_constrained_dynamics_goes_round_bricards_redundant_ring():
+    [run] = scene_bench._module("scipy_pinocchio_closed").runs(RING, {"SciPy": {"DOP853": [1e-8]}})
+    assert reference("bricard").error(run.once().position) < 1e-5
 
 
 def test_a_missing_peer_is_a_line_of_the_report(monkeypatch):
@@ -364,6 +408,31 @@ def test_substeps_divide_the_interval_between_outputs():
 
 
 # ---- the command
+
+
+def test_published_times_of_others_stand_below_the_ratios():
+    report = scene_bench.bench_scene("pendulum", repeats=1, progress=lambda groups: groups[6:12], budget=0.01)
+    whole = time_at([row for row in report.rows if row.tool == OWN], 1e-6, whole=True)
+    assert scene_bench.as_text(report).splitlines()[-1].split() == [
+        "Exudyn", "37.0", "ms", "(i7):", f"{0.037 / whole:.0f}", "times", "that",
+    ]  # fmt: skip
+    assert scene_bench.as_data([report], {"versions": {}})["scenes"][0]["published"][0]["tool"] == "OpenSim 3.2"
+
+
+def test_bench_of_all_scenes_goes_through_the_quick_ones_and_names_the_others(monkeypatch, capsys):
+    gone = []
+
+    def bench_scene(name, peers, repeats, progress, budget):
+        gone.append((name, peers, budget))
+        raise BellcrankError("no more")
+
+    monkeypatch.setattr(scene_bench, "bench_scene", bench_scene)
+    for arguments in ([], ["n_four_bar_40"]):
+        assert main(["bench", *arguments]) == 2
+    assert gone == [(usual()[0], False, 0.1), ("n_four_bar_40", False, 1.0)]
+    told = capsys.readouterr().out
+    assert "slow ones (n_four_bar_40)" in told
+    assert all(f"{name}: no row: " in told for name in NO_ROWS)
 
 
 def test_bench_writes_rows_ratios_and_a_plot(tmp_path, monkeypatch, capsys):

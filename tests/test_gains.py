@@ -54,6 +54,18 @@ def test_automatic_gains_close_to_ten_tolerances_at_twice_the_evaluations_pilot_
     assert mine.statistics.evaluations + gains.evaluations <= 2.0 * plain.statistics.evaluations
 
 
+@pytest.mark.parametrize("solver", ["RK45", "DOP853"])
+def test_a_redundant_ring_closes_to_the_tolerance_at_twice_the_evaluations_and_to_rounding_at_none(solver):
+    ring = load_scene("bricard")
+    gains = automatic_gains(ring, replace(ring.settings, solver=solver, rtol=1e-9, atol=1e-9))
+    plain, mine, projected = (run(ring, kind, solver) for kind in (NONE, gains.stabilisation, PROJECTION))
+    assert plain.constraint_residual() > 1e-9
+    assert mine.constraint_residual() <= 1e-9
+    assert mine.statistics.evaluations + gains.evaluations <= 2.0 * plain.statistics.evaluations
+    assert projected.constraint_residual() < 1e-13
+    assert projected.statistics.evaluations <= 1.02 * plain.statistics.evaluations
+
+
 def test_closures_keep_order_four_of_RK4_with_automatic_gains_and_fall_to_two_where_gains_follow_the_step(four_bar):
     gains = automatic_gains(four_bar).stabilisation
     times = np.linspace(0.0, 12.0, 21)

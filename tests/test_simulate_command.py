@@ -216,7 +216,7 @@ def test_the_progress_is_reported_in_simulated_time(arm, monkeypatch):
             seen.append(self.n)
 
     monkeypatch.setattr("tqdm.tqdm", Bar)
-    with command._bar(2.0) as progress:
+    with command.simulated_bar(2.0) as progress:
         for t in (0.5, 1.5, 2.5):
             progress(t)
     assert seen == [0.5, 1.5, 2.0]

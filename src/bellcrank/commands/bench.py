@@ -21,9 +21,10 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Scenes or robots, peers, sample count, where to write."""
     parser.add_argument(
-        "scenes", nargs="*", metavar="SCENE", help="scenes by name (default: all that have a reference)"
-    )
-    parser.add_argument("--peers", action="store_true", help="run MuJoCo, Drake and Exudyn too, and finer sweeps")
+        "scenes", nargs="*", metavar="SCENE",
+        help="scenes by name (default: all that have a reference, quickly, without the slow n_four_bar_40)",
+    )  # fmt: skip
+    parser.add_argument("--peers", action="store_true", help="run MuJoCo, Drake and Exudyn too, and finer sweeps; slow")
     parser.add_argument(
         "--dynamics", nargs="*", metavar="ROBOT",
         help="instead of scenes: batches of inverse and forward dynamics of robots (default: ur5 panda talos)",
@@ -59,20 +60,27 @@ def _scenes(arguments: argparse.Namespace) -> int:
 
     from bellcrank.validation import work_precision_plot
     from bellcrank.validation.bench import machine_facts
-    from bellcrank.validation.bench_problem import PROBLEMS, Run, problem
+    from bellcrank.validation.bench_problem import NO_ROWS, PROBLEMS, Run, problem, usual
     from bellcrank.validation.scene_bench import as_data, as_text, bench_scene
+    from bellcrank.validation.work_precision import BUDGET, QUICK
 
     if arguments.repeats < 1:
         raise InputError(f"--repeats must be at least 1, it is {arguments.repeats}")
-    names = list(dict.fromkeys(arguments.scenes or PROBLEMS))
+    quick = not (arguments.scenes or arguments.peers)
+    names = usual() if quick else list(dict.fromkeys(arguments.scenes or PROBLEMS))
     for name in names:
         problem(name)
-    facts = machine_facts()
-    print(f"{facts['cpu']}, one thread, best of {arguments.repeats} runs or more (or of what fits into 1 s)")
+    facts, budget = machine_facts(), QUICK if quick else BUDGET
+    print(f"{facts['cpu']}, one thread, best of {arguments.repeats} runs or more (or of what fits into {budget:g} s)")
+    if quick:
+        left = ", ".join(name for name in PROBLEMS if name not in names)
+        print(f"name scenes for longer measurements and for slow ones ({left}); --peers adds the other simulators")
+    if not arguments.scenes:
+        print("\n".join(f"{name}: no row: {reason}" for name, reason in NO_ROWS.items()))
     reports = []
     for name in names:
         progress: Callable[[list[list[Run]]], Iterable[list[Run]]] = partial(tqdm, desc=name, unit="run", disable=None)
-        reports.append(bench_scene(name, arguments.peers, arguments.repeats, progress))
+        reports.append(bench_scene(name, arguments.peers, arguments.repeats, progress, budget))
         print(as_text(reports[-1]), flush=True)
     if arguments.out:
         path = arguments.out / "bench.json"

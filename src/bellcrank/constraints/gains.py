@@ -25,13 +25,12 @@ not of the step; where α h reaches 1, or the border of stability (2.8 for RK4),
 - *Radau* damps the fast part itself: its bend lies about ten times higher, and the same gains serve.
 
 **How.** Solver and tolerance enter where ω is found: a controller that keeps C (ω h)^(e+1) = tol makes steps that tell
-ω. A pilot run (RK45 at 1e-3, kept on the closures by projection) has N steps in T seconds, and ω = tol^(1/5) N/T. On
-the rolling disk pilots of RK45 or DOP853 from 1e-2 to 1e-8 agree within a third; on the 4-bar, which takes 5 to 30
-steps, within a factor of 3. C is in the factor 2, which was measured (`bellcrank bench --gains`, and other starts and
-durations): of seven four-bars and disks, over 10 to 100 s, RK4 had its least φ at 4 to 30 ω (one more, which hardly
-drifts, at any small gain), and RK45 and DOP853 took twice the evaluations from 5.5 to 50 ω on, a redundant loop
-(Bricard's) from 3 ω on. At 2 ω, from 1e-6 to 1e-12, no run took more than 1.34 times the evaluations of none (with the
-pilot 2, but for a run so loose that the pilot took as many), and φ at step ends stayed below 8 tol.
+ω. A pilot run (DOP853 at 1e-3, kept on the closures by projection) has N steps in T seconds, and ω = tol^(1/8) N/T. On
+the rolling disk pilots of RK45 or DOP853 from 1e-2 to 1e-8 agree within a factor of 1.6; on the 4-bar, which takes 3 to
+30 steps, within 3; on Bricard's ring, whose motion RK45 at 1e-3 does not follow, DOP853's within 3 and RK45's within 5.
+C is in the factor 2, which was measured (`bellcrank bench --gains`): on the 4-bar, the disk and the ring, with RK45 and
+DOP853 from 1e-6 to 1e-12, automatic gains took at most 1.35 times the evaluations of none (with the pilot 1.70), and φ
+at step ends stayed below 3.3 tol. Twice the evaluations were passed from 3 ω on (the ring).
 
 **Whether.** Projection wins and is the default: φ and φ̇ at rounding, between steps too, at the evaluations of a run
 without stabilisation, and without a pilot. With automatic gains φ stays in proportion to the tolerance, the motion is
@@ -60,7 +59,7 @@ if TYPE_CHECKING:
 
 PER_RATE = 2.0  # α in units of ω, as the pilot tells it
 PILOT_TOLERANCE = 1e-3  # of the larger of rtol and atol
-PILOT_ORDER = 5  # error of RK45's estimate in powers of the step
+PILOT_ORDER = 8  # error of DOP853's estimate in powers of the step
 PILOT_EVALUATIONS = 20_000  # a longer run is judged by its beginning
 LARGEST_DECAY = 1.0  # α h of a fixed step: stability with a margin, where a step is too coarse for the motion
 
@@ -93,7 +92,7 @@ def automatic_gains(scene: Scene, settings: Settings | None = None) -> Automatic
         raise InputError(f"{scene.source}: automatic gains are for closures, and this scene has none; leave them out")
     coarser = max(1.0, PILOT_TOLERANCE / max(settings.rtol, settings.atol))
     pilot = replace(
-        settings, solver="RK45", rtol=coarser * settings.rtol, atol=coarser * settings.atol, step=None, first_step=None,
+        settings, solver="DOP853", rtol=coarser * settings.rtol, atol=coarser * settings.atol, step=None, first_step=None,
         max_step=None, samples=2, max_evaluations=PILOT_EVALUATIONS, stabilisation=Stabilisation("projection"),
     )  # fmt: skip
     run = simulate(replace(scene, settings=pilot))

@@ -44,7 +44,7 @@ class Case:
     step: float
 
 
-CASES = (Case("four_bar", 12.0, 0.025), Case("rolling_disk", 10.0, 0.0025))
+CASES = (Case("four_bar", 12.0, 0.025), Case("rolling_disk", 10.0, 0.0025), Case("bricard", 10.0, 0.005))
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ def groups(problem: Problem, hand: HandWritten | None, full: bool) -> list[list[
     scenes = _scenes(problem)
     made = []
     for method in problem.adaptive:
-        for tolerance in TOLERANCES[full]:
+        for tolerance in (each for each in TOLERANCES[full] if each >= problem.tightest):
             made.append(_group(problem, scenes, hand, method, f"{tolerance:g}", {"tolerance": tolerance}))
     for count in SUBSTEPS[full]:
         step = problem.times[1] / count
@@ -93,9 +93,7 @@ def _simulate(problem: Problem, scene: Any, method: str, tolerance: float = 1e-6
     )
     whole = time.perf_counter() - begun
     made = run.statistics
-    return Outcome(
-        made.kernel_time, problem.own(run.position), None, made.evaluations, made.steps, made.rejected, whole
-    )
+    return Outcome(made.kernel_time, problem.own(run), None, made.evaluations, made.steps, made.rejected, whole)
 
 
 def first_run(problem: Problem) -> dict[str, float]:

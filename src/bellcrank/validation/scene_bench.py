@@ -16,7 +16,19 @@ from bellcrank.validation import own_runs
 from bellcrank.validation.bench_problem import Run, problem
 from bellcrank.validation.hand_c import HandWritten
 from bellcrank.validation.reference import Reference, reference
-from bellcrank.validation.work_precision import LEVELS, REPEATS, Ratio, Row, failures, measure, pareto, ratios
+from bellcrank.validation.work_precision import (
+    BUDGET,
+    LEVELS,
+    OWN,
+    REPEATS,
+    Ratio,
+    Row,
+    failures,
+    measure,
+    pareto,
+    ratios,
+    time_at,
+)
 
 # name: package, and its module in rivals, with "_closed" after it for scenes with constraints
 PEERS = {"MuJoCo": "mujoco", "Drake": "drake", "Exudyn": "exudyn"}
@@ -41,9 +53,14 @@ def bench_scene(
     peers: bool = False,
     repeats: int = REPEATS,
     progress: Callable[[list[list[Run]]], Iterable[list[Run]]] = iter,
+    budget: float = BUDGET,
 ) -> SceneReport:
-    """Measure one scene with everything that is installed; `progress` wraps the groups of runs (tqdm)."""
-    chosen, missing = problem(name), []
+    """Measure one scene with everything that is installed; `progress` wraps the groups of runs (tqdm).
+
+    `budget`: s for which a run is repeated at most.
+    """
+    chosen = problem(name)
+    missing = list(chosen.remarks)
     try:
         hand = HandWritten(chosen) if chosen.in_c else None
     except BellcrankError as error:
@@ -62,7 +79,7 @@ def bench_scene(
         except ImportError:
             missing.append(f"{tool}: not installed: pip install 'bellcrank[peers]'")
     exact = reference(name)
-    rows = [row for group in progress(groups) for row in measure(group, exact, repeats)]
+    rows = [row for group in progress(groups) for row in measure(group, exact, repeats, budget)]
     nanoseconds = hand.right_hand_side_ns() if hand else None
     return SceneReport(
         name, exact, rows, ratios(name, rows), own_runs.first_run(chosen), nanoseconds, missing
@@ -106,7 +123,19 @@ def as_text(report: SceneReport) -> str:
     for level in LEVELS:
         lines.append(f"  times to reach an error of {level:g} (interpolated on the Pareto fronts), as ratios:")
         lines += [f"    {r.slower:28}/ {r.faster:24} {_ratio_text(r)}" for r in report.ratios if r.error == level]
-    return "\n".join(lines)
+    return "\n".join(lines + _published_text(report))
+
+
+def _published_text(report: SceneReport) -> list[str]:
+    """What others report for whole runs, beside the time of simulate() to the first of LEVELS."""
+    published = report.reference.problem.published
+    ours = time_at([r for r in report.rows if r.tool == OWN], LEVELS[0], whole=True)
+    lines = [
+        f"    {each.tool:12} {each.seconds * 1e3:8.1f} ms ({each.how}): {each.seconds / ours:.0f} times that"
+        for each in published
+    ]
+    head = f"  published elsewhere, on other machines; here simulate() to {LEVELS[0]:g} takes {ours * 1e3:.3f} ms:"
+    return [head, *lines] if published else []
 
 
 def _row_text(row: Row) -> str:
@@ -133,6 +162,7 @@ def as_data(reports: Sequence[SceneReport], machine: dict[str, Any]) -> dict[str
                 "scene": r.scene, "title": r.reference.problem.title, "unit": r.reference.problem.unit,
                 "reference_error": {"finer_steps": r.reference.step_error, "scipy_dop853": r.reference.scipy_error},
                 "first_run": r.first_run, "c_right_hand_side_ns": r.right_hand_side_ns, "missing": r.missing,
+                "published": [asdict(each) for each in r.reference.problem.published],
                 "ratios": [_finite(asdict(ratio)) for ratio in r.ratios],
                 "failed": {tool: {"failed": bad, "of": n} for tool, (bad, n) in failures(r.rows).items()},
                 "rows": [_finite(asdict(row)) for row in r.rows],

@@ -18,6 +18,7 @@ from bellcrank.validation.reference import Reference
 REPEATS = 30
 SETTLE = 0.2  # s that 30 repeats last at least: runs of microseconds are repeated more often, to outlast a disturbance
 BUDGET = 1.0  # s a run may be repeated for; the first time always counts
+QUICK = 0.1  # the same where many scenes are to be gone through
 OWN, HAND = "bellcrank", "C by hand"
 PROJECTED = " + projection"  # a method's name gains it where closures are projected after each step
 LEVELS = (1e-6, 1e-10)  # errors at which times are compared
@@ -51,10 +52,10 @@ class Row:
         return math.isfinite(self.error) and math.isfinite(self.seconds)
 
 
-def measure(runs: Sequence[Run], reference: Reference, repeats: int = REPEATS) -> list[Row]:
+def measure(runs: Sequence[Run], reference: Reference, repeats: int = REPEATS, budget: float = BUDGET) -> list[Row]:
     """Rows of runs that belong together, taken in turns, so that the machine's moods hit all alike.
 
-    Each is repeated at least `repeats` times, fewer where that takes longer than BUDGET s a run.
+    Each is repeated at least `repeats` times, fewer where that takes longer than `budget` s a run.
     """
     outcomes: list[list[Outcome]] = [[] for _ in runs]
     failures = [""] * len(runs)
@@ -68,7 +69,7 @@ def measure(runs: Sequence[Run], reference: Reference, repeats: int = REPEATS) -
             except Exception as error:  # a peer may raise anything: the row says what, and counts as a failure
                 failures[k] = f"{type(error).__name__}: {error}".splitlines()[0]
         elapsed = (time.perf_counter() - begun) / len(runs)
-        if elapsed > BUDGET or (turn >= repeats and elapsed > SETTLE * repeats / REPEATS):
+        if elapsed > budget or (turn >= repeats and elapsed > SETTLE * repeats / REPEATS):
             break
     scene = reference.problem.name
     return [_row(scene, *each, reference) for each in zip(runs, outcomes, failures, strict=True)]

@@ -12,7 +12,7 @@ import numpy as np
 
 from bellcrank.validation.bench_problem import Array, Outcome, Problem, Run
 from bellcrank.validation.rivals import substeps
-from bellcrank.validation.textbook import SpringPendulum
+from bellcrank.validation.textbook import SimplePendulum, SpringPendulum
 
 NOTE = "Simulator.AdvanceTo from output to output, made and initialised before the clock starts"
 
@@ -34,7 +34,8 @@ def runs(problem: Problem, settings: Mapping[str, Mapping[str, Sequence[float]]]
 def _plant(problem: Problem) -> tuple[Any, Array]:
     """The scene as a plant, and its start state (q, v)."""
     tree: Any = importlib.import_module("pydrake.multibody.tree")
-    transform: Any = importlib.import_module("pydrake.math").RigidTransform
+    math: Any = importlib.import_module("pydrake.math")
+    transform = math.RigidTransform
 
     def body(name: str, mass: float, center: float, inertia: float) -> Any:
         about = tree.RotationalInertia(inertia, inertia, inertia)
@@ -50,6 +51,12 @@ def _plant(problem: Problem) -> tuple[Any, Array]:
         plant.AddJoint(tree.RevoluteJoint("swing", world, arm.body_frame(), [0.0, 0.0, 1.0]))
         slide = tree.PrismaticJoint("spring", arm.body_frame(), point.body_frame(), [0.0, -1.0, 0.0])
         plant.AddForceElement(tree.PrismaticSpring(plant.AddJoint(slide), equations.free_length, equations.stiffness))
+    elif isinstance(equations, SimplePendulum):
+        # hanging along x at angle 0 of a joint whose frame is turned by -90 deg
+        rod = body("rod", equations.mass, equations.length, 0.0)
+        turned = transform(math.RollPitchYaw(0.0, 0.0, -np.pi / 2), [0.0, 0.0, 0.0])
+        frame = plant.AddFrame(tree.FixedOffsetFrame("hanging", world, turned))
+        plant.AddJoint(tree.RevoluteJoint("swing", frame, rod.body_frame(), [0.0, 0.0, 1.0]))
     else:
         inner = body("inner", equations.m1, equations.r1, equations.i1)
         outer = body("outer", equations.m2, equations.r2, equations.i2)
@@ -74,10 +81,10 @@ def _run(problem: Problem, plant: Any, start: Array, scheme: str, accuracy: floa
     context.SetContinuousState(start)
     simulator.Initialize()
     times = problem.times.tolist()
-    position = np.empty((len(times), 2))
+    position = np.empty((len(times), problem.count))
     advance, read = simulator.AdvanceTo, plant.GetPositions
     begun = time.perf_counter()
-    position[0] = start[:2]
+    position[0] = start[: problem.count]
     for k in range(1, len(times)):
         advance(times[k])
         position[k] = read(context)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from bellcrank.validation.bench_problem import Array, Outcome, Problem, Run
-from bellcrank.validation.reduced import FourBar, RollingDisk
+from bellcrank.validation.reduced import BricardRing, FourBar, RollingDisk
 from bellcrank.validation.rivals import disk_start, substeps
 
 NOTE = "Simulator.AdvanceTo from output to output, made and initialised before the clock starts; SAP"
@@ -22,7 +22,12 @@ def runs(problem: Problem, settings: Mapping[str, Any]) -> Iterator[Run]:
     """Every step with every stiffness of the contact (N/m; loops are as stiff as the step allows)."""
     for step, stiffness in product(settings["step"], settings.get("stiffness", [0.0])):
         _, h = substeps(problem, step)
-        made = _four_bar(problem, h) if isinstance(problem.equations, FourBar) else _disk(problem, h, stiffness)
+        if isinstance(problem.equations, FourBar):
+            made = _four_bar(problem, h)
+        elif isinstance(problem.equations, BricardRing):
+            made = _ring(problem, h)
+        else:
+            made = _disk(problem, h, stiffness)
         label = f"h {h:.3g}" + (f", {stiffness:g} N/m" if stiffness else "")
         yield Run("Drake", "discrete, SAP", label, NOTE, partial(_run, problem, *made))
 
@@ -56,6 +61,31 @@ def _four_bar(problem: Problem, step: float) -> tuple[Any, Any, Array]:
     plant.AddBallConstraint(bodies[1], ends[0], bodies[2], ends[1])
     plant.Finalize()
     return plant, plant, problem.unreduced(np.array(problem.start))
+
+
+def _ring(problem: Problem, step: float) -> tuple[Any, Any, Array]:
+    """Five hinges; the sixth is held at two points, P5 and 1 m along its axis."""
+    tree: Any = importlib.import_module("pydrake.multibody.tree")
+    transform: Any = importlib.import_module("pydrake.math").RigidTransform
+    equations = problem.equations
+    assert isinstance(equations, BricardRing)
+    plant: Any = importlib.import_module("pydrake.multibody.plant").MultibodyPlant(time_step=step)
+    plant.mutable_gravity_field().set_gravity_vector([0.0, -equations.g, 0.0])
+    parent, at, axes = plant.world_frame(), np.zeros(3), np.eye(3)[[1, 2, 0, 1, 2]]
+    for k, (rod, inertia, axis) in enumerate(zip(equations.rods, equations.inertias, axes, strict=True)):
+        about = tree.RotationalInertia(*np.diag(inertia))
+        body = plant.AddRigidBody(f"rod_{k}", tree.SpatialInertia.MakeFromCentralInertia(1.0, rod / 2, about))
+        place = plant.AddFrame(tree.FixedOffsetFrame(f"corner_{k}", parent, transform(at)))
+        plant.AddJoint(tree.RevoluteJoint(f"hinge_{k}", place, body.body_frame(), axis))
+        parent, at = body.body_frame(), rod
+    # a body of its own, as Drake 1.51 crashes where a constraint takes hold of the world's
+    about = tree.SpatialInertia.MakeFromCentralInertia(1.0, np.zeros(3), tree.RotationalInertia(1.0, 1.0, 1.0))
+    ground = plant.AddRigidBody("ground", about)
+    plant.WeldFrames(plant.world_frame(), ground.body_frame())
+    for along in (np.zeros(3), np.array([1.0, 0.0, 0.0])):
+        plant.AddBallConstraint(ground, np.array([0.0, 0.0, 1.0]) + along, body, at + along)
+    plant.Finalize()
+    return plant, plant, np.zeros(10)
 
 
 def _disk(problem: Problem, step: float, stiffness: float) -> tuple[Any, Any, Array]:
@@ -104,6 +134,8 @@ def _run(problem: Problem, system: Any, plant: Any, start: Array) -> Outcome:
         advance(times[k])
         position[k] = read(inner)
     seconds = time.perf_counter() - begun
-    return Outcome(
-        seconds, position if plant is system else position[:, 4:], steps=round(times[-1] / plant.time_step())
-    )
+    if isinstance(problem.equations, BricardRing):
+        position = problem.equations.corner_of(position)
+    elif plant is not system:
+        position = position[:, 4:]
+    return Outcome(seconds, position, steps=round(times[-1] / plant.time_step()))

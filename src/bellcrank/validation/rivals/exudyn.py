@@ -16,7 +16,7 @@ import numpy as np
 
 from bellcrank.errors import BellcrankError
 from bellcrank.validation.bench_problem import Array, Outcome, Problem, Run, cartesian, polar
-from bellcrank.validation.textbook import SpringPendulum
+from bellcrank.validation.textbook import SimplePendulum, SpringPendulum
 
 ADAPTIVE = ("DOPRI5", "ODE23")
 IMPLICIT = ("GeneralizedAlpha", "TrapezoidalIndex2")
@@ -62,21 +62,29 @@ def _system(exu: Any, problem: Problem) -> tuple[Any, Any, Any]:
         weight = [0.0, -equations.mass * equations.g, 0.0]
         system.AddLoad(item.LoadForceVector(markerNumber=point, loadVector=weight))
     else:
+        count = problem.count
         node = system.AddNode(
             item.NodeGenericODE2(
-                referenceCoordinates=[0.0, 0.0], initialCoordinates=list(problem.start[:2]),
-                initialCoordinates_t=list(problem.start[2:]), numberOfODE2Coordinates=2,
+                referenceCoordinates=[0.0] * count, initialCoordinates=list(problem.start[:count]),
+                initialCoordinates_t=list(problem.start[count:]), numberOfODE2Coordinates=count,
             )
         )  # fmt: skip
-        inertias = [np.diag([0.0, inertia, inertia]) for inertia in (equations.i1, equations.i2)]
+        if isinstance(equations, SimplePendulum):
+            offsets, centers = [[0.0] * 3], [[0.0, -equations.length, 0.0]]
+            masses, inertias = [equations.mass], [np.zeros((3, 3))]
+        else:
+            offsets, centers = (
+                [[0.0] * 3, [equations.l1, 0.0, 0.0]],
+                [[r, 0.0, 0.0] for r in (equations.r1, equations.r2)],
+            )
+            masses = [equations.m1, equations.m2]
+            inertias = [np.diag([0.0, inertia, inertia]) for inertia in (equations.i1, equations.i2)]
         system.AddObject(
             item.ObjectKinematicTree(
-                nodeNumber=node, jointTypes=[exu.JointType.RevoluteZ] * 2, linkParents=[-1, 0],
-                jointTransformations=exu.Matrix3DList([np.eye(3)] * 2),
-                jointOffsets=exu.Vector3DList([[0.0, 0.0, 0.0], [equations.l1, 0.0, 0.0]]),
-                linkInertiasCOM=exu.Matrix3DList(inertias),
-                linkCOMs=exu.Vector3DList([[equations.r1, 0.0, 0.0], [equations.r2, 0.0, 0.0]]),
-                linkMasses=[equations.m1, equations.m2], gravity=[0.0, -equations.g, 0.0],
+                nodeNumber=node, jointTypes=[exu.JointType.RevoluteZ] * count,
+                linkParents=list(range(-1, count - 1)), jointTransformations=exu.Matrix3DList([np.eye(3)] * count),
+                jointOffsets=exu.Vector3DList(offsets), linkInertiasCOM=exu.Matrix3DList(inertias),
+                linkCOMs=exu.Vector3DList(centers), linkMasses=masses, gravity=[0.0, -equations.g, 0.0],
             )
         )  # fmt: skip
     sensor = system.AddSensor(item.SensorNode(nodeNumber=node, storeInternal=True, outputVariableType=coordinates))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from bellcrank.validation.bench_problem import Outcome, Problem, Run
-from bellcrank.validation.reduced import FourBar, FourBars, RollingDisk
+from bellcrank.validation.reduced import BricardRing, FourBar, FourBars, RollingDisk
 from bellcrank.validation.rivals import disk_start
 from bellcrank.validation.rivals.exudyn import NOTE, exudyn_module, integrate, step_settings
 
@@ -19,7 +19,7 @@ from bellcrank.validation.rivals.exudyn import NOTE, exudyn_module, integrate, s
 def runs(problem: Problem, settings: Mapping[str, Sequence[float]]) -> Iterator[Run]:
     """Every integrator at every step."""
     exu = exudyn_module()
-    build = {FourBar: _four_bar, FourBars: _four_bars, RollingDisk: _disk}[type(problem.equations)]
+    build = {BricardRing: _ring, FourBar: _four_bar, FourBars: _four_bars, RollingDisk: _disk}[type(problem.equations)]
     built = build(exu, problem)
     for solver, steps in settings.items():
         for step in steps:
@@ -58,6 +58,43 @@ def _four_bar(exu: Any, problem: Problem) -> tuple[Any, Any, Any]:
     ]
     system.AddObject(item.ObjectJointSpherical(markerNumbers=ends, constrainedAxes=[1, 1, 0]))
     return _finished(exu, item, container, system, node)
+
+
+def _ring(exu: Any, problem: Problem) -> tuple[Any, Any, Any]:
+    """A tree of five hinges; the sixth without the row that repeats others, as Exudyn takes no dependent rows."""
+    item: Any = importlib.import_module("exudyn.itemInterface")
+    equations = problem.equations
+    assert isinstance(equations, BricardRing)
+    container = exu.SystemContainer()
+    system = container.AddSystem()
+    zero, rods = [0.0] * 5, equations.rods
+    node = system.AddNode(
+        item.NodeGenericODE2(
+            referenceCoordinates=zero, initialCoordinates=zero, initialCoordinates_t=zero, numberOfODE2Coordinates=5
+        )
+    )
+    kinds = [getattr(exu.JointType, f"Revolute{axis}") for axis in "YZXYZ"]
+    tree = system.AddObject(
+        item.ObjectKinematicTree(
+            nodeNumber=node, jointTypes=kinds, linkParents=[-1, 0, 1, 2, 3],
+            jointTransformations=exu.Matrix3DList([np.eye(3)] * 5),
+            jointOffsets=exu.Vector3DList([[0.0] * 3, *rods[:4].tolist()]),
+            linkInertiasCOM=exu.Matrix3DList(list(equations.inertias)),
+            linkCOMs=exu.Vector3DList((rods / 2).tolist()), linkMasses=[1.0] * 5, gravity=[0.0, -equations.g, 0.0],
+        )
+    )  # fmt: skip
+    end = item.MarkerKinematicTreeRigid(objectNumber=tree, linkNumber=4, localPosition=rods[4].tolist())
+    place = item.MarkerBodyRigid(bodyNumber=system.AddObject(item.ObjectGround()), localPosition=[0.0, 0.0, 1.0])
+    ends = [system.AddMarker(place), system.AddMarker(end)]
+    system.AddObject(item.ObjectJointGeneric(markerNumbers=ends, constrainedAxes=[1, 1, 1, 0, 1, 0]))
+    sensor = system.AddSensor(
+        item.SensorKinematicTree(
+            objectNumber=tree, linkNumber=3, localPosition=[0.0] * 3, storeInternal=True,
+            outputVariableType=exu.OutputVariableType.Position,
+        )
+    )  # fmt: skip
+    system.Assemble()
+    return container, system, sensor
 
 
 def _four_bars(exu: Any, problem: Problem) -> tuple[Any, Any, Any]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from bellcrank.validation.bench_problem import Outcome, Problem, Run
 from bellcrank.validation.rivals import substeps
-from bellcrank.validation.textbook import SpringPendulum
+from bellcrank.validation.textbook import SimplePendulum, SpringPendulum
 
 OFF = "constraint contact warmstart sensor actuation autoreset midphase nativeccd island eulerdamp".split()
 NOTE = "mj_step(model, data, nstep) from output to output: C loop, GIL-free (rollout takes as long)"
@@ -38,6 +38,10 @@ def _mjcf(problem: Problem, integrator: str, step: float) -> str:
         bodies = f"""<body><joint axis="0 0 1"/>
             <joint type="slide" axis="0 -1 0" {spring}/>
             <inertial pos="0 0 0" mass="{equations.mass!r}" diaginertia="1e-12 1e-12 1e-12"/></body>"""
+    elif isinstance(equations, SimplePendulum):
+        bodies = f"""<body><joint axis="0 0 1"/>
+            <inertial pos="0 {-equations.length!r} 0" mass="{equations.mass!r}"
+              diaginertia="1e-12 1e-12 1e-12"/></body>"""
     else:
         link = '<joint axis="0 0 1"/><inertial pos="{1!r} 0 0" mass="{0!r}" diaginertia="{2!r} {2!r} {2!r}"/>'
         inner = link.format(equations.m1, equations.r1, equations.i1)
@@ -50,8 +54,8 @@ def _mjcf(problem: Problem, integrator: str, step: float) -> str:
 
 def _run(mujoco: Any, problem: Problem, model: Any, data: Any, count: int) -> Outcome:
     mujoco.mj_resetData(model, data)
-    data.qpos[:], data.qvel[:] = problem.start[:2], problem.start[2:]
-    position = np.empty((len(problem.times), 2))
+    data.qpos[:], data.qvel[:] = problem.start[: problem.count], problem.start[problem.count :]
+    position = np.empty((len(problem.times), problem.count))
     step, now = mujoco.mj_step, data.qpos
     begun = time.perf_counter()
     position[0] = now

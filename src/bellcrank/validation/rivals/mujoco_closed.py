@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from bellcrank.validation.bench_problem import Array, Outcome, Problem, Run
-from bellcrank.validation.reduced import FourBar, RollingDisk
+from bellcrank.validation.reduced import BricardRing, FourBar, RollingDisk
 from bellcrank.validation.rivals import disk_start, substeps
 
 OFF = "sensor actuation autoreset midphase nativeccd island eulerdamp refsafe".split()
@@ -43,6 +43,8 @@ def _start(problem: Problem) -> tuple[Array, Array]:
     if isinstance(problem.equations, FourBar):
         state = problem.unreduced(np.array(problem.start))
         return state[:3], state[3:]
+    if isinstance(problem.equations, BricardRing):
+        return np.zeros(5), np.zeros(5)
     return disk_start(problem)
 
 
@@ -61,7 +63,12 @@ def _mjcf(problem: Problem, integrator: str, step: float, reference: str, hardne
         l1, l2, l3 = equations.length
         bodies = f"""<body>{crank}<body pos="{l1!r} 0 0">{coupler}<site name="a" pos="{l2!r} 0 0"/></body></body>
             <body pos="{equations.ground!r} 0 0">{rocker}<site name="b" pos="{l3!r} 0 0"/></body>"""
-        closure, gravity = f'<equality><connect site1="a" site2="b" {solid}/></equality>', 0.0
+        closure, gravity = f'<equality><connect site1="a" site2="b" {solid}/></equality>', "0 0 0"
+    elif isinstance(equations, BricardRing):
+        flags += ' contact="disable"'
+        bodies = _ring(equations)
+        pairs = "".join(f'<connect site1="a{k}" site2="b{k}" {solid}/>' for k in range(2))
+        closure, gravity = f"<equality>{pairs}</equality>", f"0 {-equations.g!r} 0"
     else:
         assert isinstance(equations, RollingDisk)
         r = equations.radius
@@ -70,22 +77,40 @@ def _mjcf(problem: Problem, integrator: str, step: float, reference: str, hardne
         bodies = f"""<geom type="plane" size="0 0 1" {rough}/>
             <body><freejoint/><geom type="{shape}" size="{size}" euler="1.5707963267948966 0 0" {rough}/>
             <inertial pos="0 0 0" mass="0.5" diaginertia="{across!r} {axial!r} {across!r}"/></body>"""
-        closure, gravity = "", equations.g
+        closure, gravity = "", f"0 0 {-equations.g!r}"
     return f"""<mujoco><compiler angle="radian" autolimits="false"/>
-        <option gravity="0 0 {-gravity!r}" timestep="{step!r}" integrator="{integrator}" cone="elliptic" impratio="100"
+        <option gravity="{gravity}" timestep="{step!r}" integrator="{integrator}" cone="elliptic" impratio="100"
           tolerance="1e-15"><flag {flags}/></option>
         <worldbody>{bodies}</worldbody>{closure}</mujoco>"""
+
+
+def _ring(equations: BricardRing) -> str:
+    """Five bodies, one in the other; the sixth hinge is held at two points, P5 and 1 m along its axis."""
+    rods = equations.rods
+    ends = "".join(f'<site name="a{k}" pos="{k} 1 0"/>' for k in range(2))
+    for rod, inertia, axis, at in zip(
+        rods[::-1], equations.inertias[::-1], "zyxzy", [*rods[3::-1], np.zeros(3)], strict=True
+    ):
+        along = " ".join("1" if name == axis else "0" for name in "xyz")
+        center, place = (" ".join(f"{float(x)!r}" for x in point) for point in (rod / 2, at))
+        about = " ".join(f"{float(x)!r}" for x in np.diag(inertia))
+        ends = f"""<body pos="{place}"><joint axis="{along}"/><inertial pos="{center}" mass="1" diaginertia="{about}"/>
+            {ends}</body>"""
+    return ends + "".join(f'<site name="b{k}" pos="{k} 0 1"/>' for k in range(2))
 
 
 def _run(mujoco: Any, problem: Problem, model: Any, data: Any, count: int, start: tuple[Array, Array]) -> Outcome:
     mujoco.mj_resetData(model, data)
     data.qpos[:], data.qvel[:] = start
-    position = np.empty((len(problem.times), 3))
-    step, now = mujoco.mj_step, data.qpos[:3]
+    ring = problem.equations if isinstance(problem.equations, BricardRing) else None
+    n = 5 if ring else 3
+    position = np.empty((len(problem.times), n))
+    step, now = mujoco.mj_step, data.qpos[:n]
     begun = time.perf_counter()
     position[0] = now
     for k in range(1, len(position)):
         step(model, data, count)
         position[k] = now
     seconds = time.perf_counter() - begun
-    return Outcome(seconds, position, steps=count * (len(position) - 1))
+    found = ring.corner_of(position) if ring else position
+    return Outcome(seconds, found, steps=count * (len(position) - 1))

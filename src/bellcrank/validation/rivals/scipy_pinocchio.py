@@ -11,7 +11,7 @@ import numpy as np
 
 from bellcrank.validation.bench_problem import Array, Outcome, Problem, Run
 from bellcrank.validation.rivals import substeps
-from bellcrank.validation.textbook import SpringPendulum
+from bellcrank.validation.textbook import SimplePendulum, SpringPendulum
 
 Rates = Callable[[float, Array], Array]
 
@@ -46,6 +46,13 @@ def _rates(problem: Problem) -> Rates:
 
         def force(x: Array) -> Array:
             return np.array((0.0, stiffness * (length - x[1])))
+    elif isinstance(equations, SimplePendulum):
+        swing, none = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "swing"), np.zeros(1)
+        point = pin.Inertia(equations.mass, np.array([0.0, -equations.length, 0.0]), np.zeros((3, 3)))
+        model.appendBodyToJoint(swing, point, pin.SE3.Identity())
+
+        def force(x: Array) -> Array:
+            return none
     else:
         parent, at = 0, pin.SE3.Identity()
         links = ((equations.m1, equations.r1, equations.i1), (equations.m2, equations.r2, equations.i2))
@@ -59,28 +66,39 @@ def _rates(problem: Problem) -> Rates:
         def force(x: Array) -> Array:
             return none
 
-    data, aba, join = model.createData(), pin.aba, np.concatenate
+    data, aba, join, n = model.createData(), pin.aba, np.concatenate, problem.count
 
     def rates(_: float, x: Array) -> Array:
-        v = x[2:]
-        return join((v, aba(model, data, x[:2], v, force(x))))
+        v = x[n:]
+        return join((v, aba(model, data, x[:n], v, force(x))))
 
     return rates
 
 
-def solve(problem: Problem, rates: Rates, method: str, tolerance: float, start: Sequence[float] | Array) -> Outcome:
-    """solve_ivp from a start (n,) that has the compared coordinates first."""
+def solve(
+    problem: Problem,
+    rates: Rates,
+    method: str,
+    tolerance: float,
+    start: Sequence[float] | Array,
+    count: int | None = None,
+) -> Outcome:
+    """solve_ivp from a start (n,); its first `count` coordinates, which are the compared ones where it is left out."""
     from scipy.integrate import solve_ivp
 
     begun = time.perf_counter()
     made: Any = solve_ivp(rates, (0.0, problem.duration), start, method, problem.times, rtol=tolerance, atol=tolerance)
-    return Outcome(time.perf_counter() - begun, made.y[: problem.compared_count].T, evaluations=made.nfev)
+    return Outcome(
+        time.perf_counter() - begun,
+        made.y[: problem.compared_count if count is None else count].T,
+        evaluations=made.nfev,
+    )
 
 
 def _rk4(problem: Problem, rates: Rates, count: int, h: float) -> Outcome:
-    begun = time.perf_counter()
+    begun, n = time.perf_counter(), problem.count
     x = np.array(problem.start)
-    position = [x[:2]]
+    position = [x[:n]]
     for _ in problem.times[1:]:
         for _ in range(count):
             k1 = rates(0.0, x)
@@ -88,7 +106,7 @@ def _rk4(problem: Problem, rates: Rates, count: int, h: float) -> Outcome:
             k3 = rates(0.0, x + 0.5 * h * k2)
             k4 = rates(0.0, x + h * k3)
             x = x + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
-        position.append(x[:2])
+        position.append(x[:n])
     seconds = time.perf_counter() - begun
     steps = count * (len(position) - 1)
     return Outcome(seconds, np.array(position), evaluations=4 * steps, steps=steps)
