@@ -39,6 +39,9 @@ _HOME = {
     "closed_inverse_dynamics": "constraints.inverse",
     "Linkage": "sizing.linkage",
     "plot": "simulation.run_plot:plot_run",
+    "replay": "replays.replay",
+    "show": "replays.replay",
+    "report": "reports.report",
     "check_urdf": "urdf.check",
 }
 __all__ = ["__version__", *_HOME]
@@ -51,6 +54,8 @@ if TYPE_CHECKING:
     from bellcrank.motion.csv_file import read_motion, write_motion
     from bellcrank.motion.motion import Motion
     from bellcrank.motion.path import circle, dwell, join, line, waypoints
+    from bellcrank.replays.replay import replay, show
+    from bellcrank.reports.report import report
     from bellcrank.robot.load import load_robot
     from bellcrank.robot.payload import Payload
     from bellcrank.robot.robot import Robot

@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         except InputError as error:
             raise InputError(f"--samples: {error}") from None
     duration = scene.settings.duration if numbers["duration"] is None else numbers["duration"]
-    with _bar(duration) as progress:
+    with simulated_bar(duration) as progress:
         result = simulate(scene, solver=arguments.solver, samples=samples, progress=progress, **numbers)
         progress(float(result.time[-1]))
     print(result.summary())
@@ -140,7 +140,7 @@ def _check_frames(robot: Any, frames: list[str]) -> None:
 
 
 @contextmanager
-def _bar(duration: float) -> Iterator[Callable[[float], None]]:
+def simulated_bar(duration: float) -> Iterator[Callable[[float], None]]:
     """A progress bar over the simulated time, which shows itself after a second; yields what to call with the time."""
     from tqdm import tqdm
 

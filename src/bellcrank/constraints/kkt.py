@@ -46,7 +46,6 @@ class Factor:
         x = x[np.argsort(self.order).tolist()]
         return x[: self.n], -x[self.n :]
 
-
     def slack(self, least: casadi.SX) -> casadi.SX:
         """The smallest excess, up to 1, of a row's pivot over its `least` (m); the factor is good while positive."""
         import casadi

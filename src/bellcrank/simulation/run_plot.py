@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,8 +10,7 @@ import numpy as np
 
 from bellcrank.atomic import writing
 from bellcrank.errors import InputError, among
-from bellcrank.motion.coordinates import position_labels, velocity_labels
-from bellcrank.simulation.run_csv import output_labels, titled, torque_unit
+from bellcrank.simulation.run_panels import Panel, run_panels, shown_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,21 +25,6 @@ NAMED = 8  # lines with a colour and a name in one panel; the others, which move
 DPI = 110
 FLAT = 1e-6
 EVENT_COLOUR = "#7A5195"
-
-
-@dataclass
-class _Panel:
-    """What one panel shows: a quantity, its unit, and the lines (n,) by name."""
-
-    title: str
-    unit: str
-    lines: list[tuple[str, Array]]
-    logarithmic: bool = False
-
-    @property
-    def moves(self) -> bool:
-        """Whether anything in it changes."""
-        return any(np.any(values != values[0]) for _, values in self.lines)
 
 
 def plot_run(run: Trajectory, path: str | Path | None = None, frame: str | None = None) -> Figure:
@@ -68,7 +50,7 @@ def plot_run(run: Trajectory, path: str | Path | None = None, frame: str | None 
 
 
 def _over_time(run: Trajectory) -> Figure:
-    panels = _panels(run)
+    panels = run_panels(run)
     figure = _new(10.0, 1.0 + 2.05 * len(panels))
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axis, panel in zip(axes, panels, strict=True):
@@ -85,64 +67,7 @@ def _over_time(run: Trajectory) -> Figure:
     return figure
 
 
-def _panels(run: Trajectory) -> list[_Panel]:
-    joints = run.robot.joints
-    one = [joint for joint in joints if joint.nv == 1]
-    panels = _by_unit("position", position_labels(joints), run.position)
-    panels = panels[:1] + [panel for panel in panels[1:] if panel.moves]
-    panels += [panel for panel in _by_unit("velocity", velocity_labels(joints), run.velocity) if panel.moves]
-    energies = [("kinetic T", run.kinetic_energy), ("potential V", run.potential_energy), ("T + V", run.total_energy)]
-    if np.any(run.work):
-        energies.append(("work W", run.work))
-    panels.append(_Panel(f"energy (drift {run.energy_drift():.1e})", "J", energies))
-    labels = [(joint.name, torque_unit(joint.kind)) for joint in one]
-    torques = _by_unit("joint torque", labels, run.torque[:, [joint.v for joint in one]])
-    panels += [panel for panel in torques if any(np.any(values) for _, values in panel.lines)]
-    panels += _closure_panels(run)
-    outputs = [(label, unit, column) for name in run.outputs for label, unit, column in _output_columns(run, name)]
-    for unit in dict.fromkeys(unit for _, unit, _ in outputs):
-        lines = [(label, column) for label, u, column in outputs if u == unit]
-        names = ", ".join(n for n, output in run.scene.outputs.items() if unit in [titled(x)[1] for x in output.labels])
-        panels.append(_Panel(f"outputs: {textwrap.shorten(names, 60, placeholder='…')}", unit, lines))
-    titles = [panel.title for panel in panels]
-    for panel in panels:
-        if titles.count(panel.title) > 1:
-            panel.title += f", {_shown(panel.unit)}"
-    return panels
-
-
-def _closure_panels(run: Trajectory) -> list[_Panel]:
-    """The multipliers of closures, one panel a unit, and how far they are apart."""
-    if not run.scene.closures:
-        return []
-    names = [titled(f"{owner} {label}") for owner, label in run.scene.system.multiplier_names]
-    panels = _by_unit("multiplier", names, run.multipliers)
-    apart = [run.closure(closure.name) for closure in run.scene.closures]
-    lines = [
-        ("position [m or rad]", np.max([each.residual for each in apart], axis=0)),
-        ("velocity [m/s or rad/s]", np.max([each.velocity_residual for each in apart], axis=0)),
-    ]
-    return [*panels, _Panel("closures apart", "m or rad, and /s", lines, logarithmic=True)]
-
-
-def _output_columns(run: Trajectory, name: str) -> list[tuple[str, str, Array]]:
-    values = run.output(name).reshape(len(run), -1)
-    return [(label, unit, column) for (label, unit), column in zip(output_labels(run, name), values.T, strict=True)]
-
-
-def _by_unit(title: str, labels: Sequence[tuple[str, str]], table: Array) -> list[_Panel]:
-    """One panel a unit; the word for the quantity is in its title, and need not stand in every line's name."""
-    panels = []
-    for unit in dict.fromkeys(unit for _, unit in labels):
-        lines = [
-            (name.replace(f" {title}", ""), table[:, k]) for k, (name, own) in enumerate(labels) if own == unit
-        ]  # fmt: skip
-        what = "orientation" if unit == "1" else "joint force" if unit == "N" and title == "joint torque" else title
-        panels.append(_Panel(what, unit, lines))
-    return panels
-
-
-def _draw(axis: Axes, time: Array, panel: _Panel) -> None:
+def _draw(axis: Axes, time: Array, panel: Panel) -> None:
     few = len(time) <= 2
     extent = [np.ptp(values[np.isfinite(values)]) if np.isfinite(values).any() else 0.0 for _, values in panel.lines]
     order = np.argsort(-np.array(extent), kind="stable")
@@ -162,12 +87,12 @@ def _draw(axis: Axes, time: Array, panel: _Panel) -> None:
     else:
         _keep_constants_flat(axis, panel)
     axis.set_title(panel.title, loc="left", fontsize="medium")
-    axis.set_ylabel(f"[{_shown(panel.unit)}]")
+    axis.set_ylabel(f"[{shown_unit(panel.unit)}]")
     axis.grid(visible=True, color="0.9", linewidth=0.6)
     axis.spines[["top", "right"]].set_visible(False)
 
 
-def _keep_constants_flat(axis: Axes, panel: _Panel) -> None:
+def _keep_constants_flat(axis: Axes, panel: Panel) -> None:
     """What changes by less than FLAT of its size is not magnified until its rounding looks like a signal."""
     values = np.concatenate([values[np.isfinite(values)] for _, values in panel.lines])
     if len(values) and 0.0 < np.ptp(values) < FLAT * np.abs(values).max():
@@ -224,7 +149,3 @@ def _new(width: float, height: float) -> Figure:
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
-
-
-def _shown(unit: str) -> str:
-    return unit.replace("^2", "²") or "1"

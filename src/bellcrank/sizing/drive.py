@@ -139,6 +139,17 @@ class Drive:
         corners = [(0.0, self.peak_torque), (self.rated_speed, self.peak_torque)]
         return tuple(corners + ([(self.max_speed, 0.0)] if self.max_speed > self.rated_speed else []))
 
+    @property
+    def outline(self) -> Array:
+        """The corners (k, 2) of speed rad/s and torque N m around all that the curve allows, in both directions."""
+        speed, torque = np.array([*self.curve_points, (self.curve_points[-1][0], 0.0)]).T
+        return np.column_stack(
+            [
+                np.concatenate([speed, speed[::-1], -speed, -speed[::-1]]),
+                np.concatenate([torque, -torque[::-1], -torque, torque[::-1]]),
+            ]
+        )
+
     def shaft_torque(self, load_torque: Array, velocity: Array, acceleration: Array) -> Array:
         """Motor shaft torque (n,), N m, from joint load torque (N m or N), velocity and acceleration, all
         (n,)."""

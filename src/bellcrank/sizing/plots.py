@@ -81,7 +81,7 @@ def _new(columns: int, rows: int, width: float, height: float) -> tuple[Figure, 
     return figure, figure.subplots(rows, columns, squeeze=False)
 
 
-def _states(motion: Motion) -> tuple[Array, Array, Array, Array]:
+def drawn_states(motion: Motion) -> tuple[Array, Array, Array, Array]:
     """Times and states of a motion for drawing: its rows, and points between them where they are few."""
     if len(motion.time) >= POINTS:
         return motion.time, motion.position, motion.velocity, motion.acceleration
@@ -99,7 +99,7 @@ def _states(motion: Motion) -> tuple[Array, Array, Array, Array]:
 def _over_time(
     robot: Robot, joints: Sequence[RobotJoint], motion: Motion, drives: Mapping[str, Drive], title: str, note: str
 ) -> Figure:
-    time, q, v, a = _states(motion)
+    time, q, v, a = drawn_states(motion)
     rotor = np.zeros(robot.nv)
     for joint in joints:
         rotor[joint.v] = robot.rotor_inertia[joint.v] if joint.name in drives else 0.0
@@ -150,7 +150,7 @@ def _joint_plane(
     figure, axes = _panels(len(joints))
     for axis, joint in zip(axes, joints, strict=False):
         for k, motion in enumerate(motions):
-            _, q, v, a = _states(motion)
+            _, q, v, a = drawn_states(motion)
             _trace(axis, v[:, joint.v], joint_torque(robot, joint, q, v, a, joint.name in drives), k, motion.name)
         effort, speed = float(robot.effort_limit[joint.v]), float(robot.velocity_limit[joint.v])
         _limit_box(axis, speed, effort)
@@ -177,17 +177,12 @@ def _shaft_plane(
     for axis, joint in zip(axes, joints, strict=False):
         drive = drives[joint.name]
         for k, motion in enumerate(motions):
-            _, q, v, a = _states(motion)
+            _, q, v, a = drawn_states(motion)
             torque = drive.shaft_torque(joint_torque(robot, joint, q, v, a, True), v[:, joint.v], a[:, joint.v])
             _trace(axis, drive.ratio * v[:, joint.v] * rpm, drive.safety_factor * torque, k, motion.name)
-        speed, torque = np.array([*drive.curve_points, (drive.curve_points[-1][0], 0.0)]).T
-        outline = (
-            np.concatenate([speed, speed[::-1], -speed, -speed[::-1]]),
-            np.concatenate([torque, -torque[::-1], -torque, torque[::-1]]),
-        )
         axis.plot(
-            outline[0] * rpm,
-            outline[1],
+            drive.outline[:, 0] * rpm,
+            drive.outline[:, 1],
             color=CURVE,
             linewidth=1.2,
             solid_capstyle="projecting",

@@ -10,9 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from bellcrank.errors import InputError, among
 from bellcrank.sizing.drive import Drive
+
+if TYPE_CHECKING:
+    from bellcrank.motion.motion import Motion
+    from bellcrank.robot.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -224,7 +229,8 @@ class Sizing:
     """The sizing of a robot over its motions; `peak_supply_power` and `peak_regeneration` (W) sum all joints
     at one instant.
 
-    `gravity` (m/s², in the world) and `payloads`, each (mass in kg, frame), are those sized with.
+    `gravity` (m/s², in the world) and `payloads`, each (mass in kg, frame), are those sized with. `study` is what was
+    sized, for pictures and replays: the robot, its motions, and drives by joint.
     """
 
     robot: str
@@ -236,6 +242,7 @@ class Sizing:
     warnings: tuple[str, ...] = field(default=())
     gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
     payloads: tuple[tuple[float, str], ...] = ()
+    study: tuple[Robot, tuple[Motion, ...], Mapping[str, Drive]] | None = field(default=None, repr=False, compare=False)
 
     def joint(self, name: str) -> JointSizing:
         """The line of one joint; InputError for an unknown name."""

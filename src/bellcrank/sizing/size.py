@@ -103,6 +103,7 @@ def size(
         tuple(dict.fromkeys(warnings)),
         tuple(map(float, robot.gravity)),
         tuple((float(payload.mass), payload.frame) for payload in robot.payloads),
+        (robot, tuple(motions), drives),
     )
 
 

@@ -3,24 +3,15 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
-from bellcrank.report.document import Document, Facts, Picture, Table
-from bellcrank.report.machine_facts import made_with
-from bellcrank.sizing.drive import Drive
+from bellcrank.reports.document import Document, Facts, Picture, Table
+from bellcrank.reports.machine_facts import made_with
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.table import joint_rows, shaft_rows, sized_with, structure_rows, verdict
 
-if TYPE_CHECKING:
-    from bellcrank.motion.motion import Motion
-    from bellcrank.robot.robot import Robot
 
-
-def sizing_document(
-    sizing: Sizing, robot: Robot, motions: Sequence[Motion], drives: Mapping[str, Drive] | None = None
-) -> Document:
-    """The report of a sizing of a robot over motions; units as in its tables."""
+def sizing_document(sizing: Sizing) -> Document:
+    """The report of a sizing; units as in its tables. Its pictures need what was sized (`sizing.study`)."""
     parts: list[Facts | Table | Picture] = [_table("At the joints", joint_rows(sizing))]
     if any(joint.shaft for joint in sizing.joints):
         note = "Margins with the safety factor on torques."
@@ -38,7 +29,7 @@ def sizing_document(
             ),
         )
     )
-    parts += _pictures(sizing, robot, motions, drives)
+    parts += _pictures(sizing)
     parts.append(Facts("Made with", made_with()))
     lines = tuple(line.removeprefix("  - ") for line in verdict(sizing).split("\n"))
     return Document(sizing.robot, "motor sizing", sizing.inside, lines, sizing.warnings, tuple(parts))
@@ -49,11 +40,12 @@ def _table(title: str, content: tuple[list[str], list[list[str]]], note: str = "
     return Table(title, tuple(header), tuple(map(tuple, rows)), note)
 
 
-def _pictures(
-    sizing: Sizing, robot: Robot, motions: Sequence[Motion], drives: Mapping[str, Drive] | None
-) -> list[Picture]:
+def _pictures(sizing: Sizing) -> list[Picture]:
     from bellcrank.sizing.plots import draw
 
+    if sizing.study is None:
+        return []
+    robot, motions, drives = sizing.study
     pictures = []
     figures = draw(robot, motions, drives, sizing.robot, sizing.mass_tolerance)
     for name, figure in figures.items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 from html import escape
 
-from bellcrank.report.document import Document, Facts, Picture, Table
+from bellcrank.reports.document import Document, Facts, Picture, Table
 
 
 def document_html(document: Document) -> tuple[str, str]:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bellcrank.report.document import Document, Facts, Picture, Table
-from bellcrank.report.machine_facts import made_with
+from bellcrank.reports.document import Document, Facts, Picture, Table
+from bellcrank.reports.machine_facts import made_with
 from bellcrank.simulation.summary import END_HEADER, end_rows, run_facts, run_warnings
 
 if TYPE_CHECKING:

@@ -1,0 +1,18 @@
+"""Size the motors of a planar arm that draws a circle, and see it: planar_2r_sizing.html."""
+
+import bellcrank as bc
+
+
+def main() -> None:
+    card = bc.load_card("planar_2r")
+    robot = card.robot()
+    sizing = bc.size(robot, [card.motion(robot, name) for name in card.motions], card.drives)
+    for joint in sizing.joints:
+        verdict = joint.shaft.verdict if joint.shaft else "no drive"
+        print(f"{joint.name:10} peak {joint.peak_torque:8.2f} {joint.torque_unit}, motor {verdict}")
+    print(bc.replay(sizing, "planar_2r_sizing.html"))
+    assert sizing.joint("shoulder").peak_torque > sizing.joint("elbow").peak_torque
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,21 @@
+"""A UR5 carries 3 kg from one box to another: its motors, with the part and without. ur5_pick.html."""
+
+import bellcrank as bc
+
+
+def main() -> None:
+    card = bc.load_card("ur5")
+    loaded, empty = card.robot(), bc.load_robot("ur5")
+    motion = card.motion(loaded, "pick_and_place")
+    sizing = bc.size(loaded, motion, card.drives)
+    without = bc.size(empty, card.motion(empty, "pick_and_place"), card.drives)
+    print(f"{'joint':22} {'empty [N m]':>12} {'3 kg [N m]':>12}  motor")
+    for joint in sizing.joints:
+        light = without.joint(joint.name).peak_torque
+        print(f"{joint.name:22} {light:12.2f} {joint.peak_torque:12.2f}  {joint.shaft.verdict if joint.shaft else ''}")
+    print(bc.replay(sizing, "ur5_pick.html"))
+    assert sizing.joint("elbow_joint").peak_torque > without.joint("elbow_joint").peak_torque
+
+
+if __name__ == "__main__":
+    main()

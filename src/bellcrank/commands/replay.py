@@ -1,0 +1,107 @@
+"""`bellcrank replay`: a run, a scene or a sizing as one HTML page that opens anywhere, or as stills and films of it."""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from bellcrank.card.fields import parse_number
+from bellcrank.commands.shown import add_shown, check_writable, shown, stem, verdict_of
+from bellcrank.errors import InputError
+
+PICTURES = ("png", "gif", "mp4")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """What to show, and where to write."""
+    add_shown(parser)
+    parser.add_argument("--out", type=Path, metavar="FILE", help="the page (default: RUN.html, here)")
+    parser.add_argument(
+        "--trace", action="append", default=[], metavar="FRAME", help="draw the path of this frame; may be repeated"
+    )
+    parser.add_argument("--full-meshes", action="store_true", help="keep every face of the meshes")
+    parser.add_argument("--no-plots", action="store_true", help="only the moving picture")
+    parser.add_argument("--open", action="store_true", help="open the page in the web browser")
+    films = parser.add_argument_group("stills and films", "drawn by Chromium without a window; no page, unless --out")
+    films.add_argument("--png", type=Path, metavar="FILE", help="write the view at one time as PNG")
+    films.add_argument("--at", metavar="S", help="the time of the PNG, s (default: the end)")
+    films.add_argument("--gif", type=Path, metavar="FILE", help="write the replay as GIF")
+    films.add_argument("--mp4", type=Path, metavar="FILE", help="write the replay as MP4")
+    films.add_argument("--speed", metavar="X", help="how many times as fast as it was (default 1)")
+    films.add_argument("--fps", metavar="N", help="frames a second (default 15 for GIF, 30 for MP4)")
+    films.add_argument("--window", metavar="WxH", default="960x720", help="size in pixels (default 960x720)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the page; 0 done, 1 where the run ended early or a limit is exceeded. BellcrankError for bad input."""
+    from bellcrank.replays.replay import open_browser, replay
+
+    pictures = {kind: path for kind in PICTURES if (path := getattr(arguments, kind)) is not None}
+    for kind, path in pictures.items():
+        if path.suffix.lower() != f".{kind}":
+            raise InputError(f"--{kind} {path}: expected a name that ends in .{kind}")
+    wanted = bool(arguments.out or arguments.open or not pictures)  # whether the page itself is
+    out = arguments.out or Path(f"{stem(arguments.run)}.html")
+    for path in (*pictures.values(), *([out] if wanted else [])):
+        check_writable(path)
+    draw = _drawing(arguments)
+    thing = shown(arguments)
+    with tempfile.TemporaryDirectory() as folder:
+        page = replay(
+            thing, out if wanted else Path(folder) / "replay.html", trace=arguments.trace,
+            detail="full" if arguments.full_meshes else "reduced", plots=not arguments.no_plots and wanted,
+        )  # fmt: skip
+        assert isinstance(page, Path)
+        files = [draw(kind, page, path) for kind, path in pictures.items()]
+    well, verdict = verdict_of(thing)
+    print(verdict)
+    for path in ([page] if wanted else []) + files:
+        print(f"wrote {path} ({path.stat().st_size / 1e6:.2f} MB)")
+    if arguments.open:
+        open_browser(page)
+    return 0 if well else 1
+
+
+def _drawing(arguments: argparse.Namespace) -> Callable[[str, Path, Path], Path]:
+    """What draws a picture of a kind, of a page, into a file; numbers are checked first (InputError)."""
+    speed, fps, at = (_number(arguments, key) for key in ("speed", "fps", "at"))
+    width, cross, height = arguments.window.partition("x")
+    if not (cross and width.isdigit() and height.isdigit() and 64 <= min(int(width), int(height)) <= 4096):
+        raise InputError(f"--window {arguments.window!r}: expected WIDTHxHEIGHT in pixels from 64 to 4096, as 960x720")
+    size = int(width), int(height)
+
+    def draw(kind: str, page: Path, path: Path) -> Path:
+        from bellcrank.replays.pictures import film, still
+
+        if kind == "png":
+            return still(page, path, at, size)
+        with _frame_bar(kind) as progress:
+            return film(page, path, 1.0 if speed is None else speed, fps, size, progress)
+
+    return draw
+
+
+def _number(arguments: argparse.Namespace, key: str) -> float | None:
+    text = getattr(arguments, key)
+    if text is None:
+        return None
+    try:
+        return parse_number(text, "s" if key == "at" else "")
+    except ValueError as error:
+        raise InputError(f"--{key} {text!r}: {error}") from None
+
+
+@contextmanager
+def _frame_bar(kind: str) -> Iterator[Callable[[int, int], None]]:
+    from tqdm import tqdm
+
+    with tqdm(desc=kind, unit="frame", delay=1.0, disable=None) as bar:
+
+        def progress(done: int, of: int) -> None:
+            bar.total = of
+            bar.update(done - bar.n)
+
+        yield progress

@@ -1,0 +1,114 @@
+"""What a command shows: a run that is there, a scene that is simulated first, or a card that is sized first."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bellcrank.errors import InputError
+
+if TYPE_CHECKING:
+    from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.sizing.result import Sizing
+
+_MOVED = ("closures", "forces", "control", "initial", "base")  # keys that make a card a scene to simulate
+
+
+def add_shown(parser: argparse.ArgumentParser) -> None:
+    """The arguments that say what is shown."""
+    parser.add_argument(
+        "run", metavar="RUN",
+        help="what bellcrank simulate wrote (run.npz or its folder), or a scene, which is simulated first, or a robot "
+        "card with motions, which is sized first",
+    )  # fmt: skip
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--simulate", action="store_true", help="simulate a card that has both drives and a start")
+    what.add_argument("--size", action="store_true", help="size a scene that has motions")
+
+
+def stem(name: str) -> str:
+    """What a file about it is called: as the scene or the run; "run" itself says nothing, its folder does."""
+    given = Path(name)
+    if given.is_dir():
+        return given.resolve().name
+    return given.resolve().parent.name if given.name == "run.npz" else given.stem
+
+
+def check_writable(out: Path) -> None:
+    """Refuse a file that cannot be written before anything long is begun (InputError)."""
+    if out.is_dir():
+        raise InputError(f"{out}: that is a folder, expected a file such as {out / 'replay.html'}")
+    place = next(place for place in (out.parent, *out.parent.parents) if place.exists())
+    if not place.is_dir():
+        raise InputError(f"{out}: {place} is a file, expected a folder")
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise InputError(f"{out}: {place} cannot be written; choose a folder you may write to")
+
+
+def _stem(given: Path) -> str:
+    """The page's name: that of the scene or the run; "run" itself says nothing, its folder does."""
+    if given.is_dir():
+        return given.resolve().name
+    return given.resolve().parent.name if given.name == "run.npz" else given.stem
+
+
+def shown(arguments: argparse.Namespace) -> Trajectory | Sizing:
+    """The run or sizing that the arguments mean. Raises BellcrankError."""
+    from bellcrank.card.card import find_card
+    from bellcrank.card.yaml_file import read_yaml
+    from bellcrank.replays.replay import find_run
+    from bellcrank.simulation.run_file import load_run
+
+    name, simulated, sized = arguments.run, arguments.simulate, arguments.size
+    path = Path(name)
+    if path.is_dir() or path.suffix.lower() == ".npz":
+        if simulated or sized:
+            raise InputError(f"--{'simulate' if simulated else 'size'} is for a scene or card; {name} is a run already")
+        return load_run(find_run(path))
+    source, urdf = find_card(name)
+    data = {} if urdf else read_yaml(source)
+    if sized or (not simulated and "motions" in data and ("drives" in data or data.keys().isdisjoint(_MOVED))):
+        return _sized(name)
+    return _simulated(name)
+
+
+def _sized(name: str) -> Sizing:
+    from dataclasses import replace
+
+    from bellcrank.card.card import load_card
+    from bellcrank.commands.size import chosen_motions
+    from bellcrank.sizing.linkage import linkage_of
+    from bellcrank.sizing.size import size
+
+    card = load_card(name)
+    robot = card.robot()
+    linkage = linkage_of(card, robot)
+    if linkage is None:
+        return replace(size(robot, chosen_motions(card, robot, []), card.drives), robot=card.name)
+    if not card.motions:
+        raise InputError(f"{card.source}: there is no motion to size over; write motions into the card")
+    return replace(size(linkage, [linkage.motion(m) for m in card.motions], card.drives), robot=card.name)
+
+
+def _simulated(name: str) -> Trajectory:
+    from bellcrank.commands.simulate import simulated_bar
+    from bellcrank.scene.scene import load_scene
+    from bellcrank.simulation.simulate import simulate
+
+    scene = load_scene(name)
+    with simulated_bar(scene.settings.duration) as progress:
+        run = simulate(scene, progress=progress)
+        progress(float(run.time[-1]))
+    return run
+
+
+def verdict_of(thing: Trajectory | Sizing) -> tuple[bool, str]:
+    """Whether the answer is yes, and the answer."""
+    from bellcrank.sizing.result import Sizing
+    from bellcrank.sizing.table import verdict
+
+    if isinstance(thing, Sizing):
+        return thing.inside, verdict(thing)
+    return thing.success, thing.message

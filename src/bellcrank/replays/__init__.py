@@ -1,0 +1,1 @@
+"""Replay: a run or a motion as one page that opens in any browser."""

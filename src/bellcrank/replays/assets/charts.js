@@ -1,0 +1,294 @@
+// ---- charts: lines over time, with a cursor that is the player's time
+
+const SHOWN = 8;  // lines of a chart that are shown at first
+const HEIGHT = 168;
+const FONT = "12px system-ui, -apple-system, 'Segoe UI', Roboto, Arial, sans-serif";
+const FLAT = 1e-6;
+
+/** The panel of plots, or what there is to say beside the view. */
+async function makePanel(panel, film, player, breathe) {
+  const range = timeRange(film);
+  const zoomed = [...range];
+  const plots = [];
+  const charts = [];
+  const bar = makeBar(film, (factor) => {
+    const [low, high] = zoomed;
+    const centre = Math.min(Math.max(player.time, low), high);
+    zoomTo(factor === 0 ? range : [centre - (centre - low) * factor, centre + (high - centre) * factor]);
+  });
+  const zoomTo = ([low, high]) => {
+    const least = (range[1] - range[0]) * 1e-6;
+    if (high - low < least) return;
+    zoomed.splice(0, 2, Math.max(low, range[0]), Math.min(high, range[1]));
+    for (const { plot } of charts) plot.setScale("x", { min: zoomed[0], max: zoomed[1] });
+  };
+  const shared = { film, player, range, zoomed, zoomTo, bar, plots: charts, hover: null };
+
+  if (film.charts.length) panel.append(bar);
+  if (film.marks.length) panel.append(makeEvents(film, player));
+  panel.append(makeRemarks(film));
+  const before = panel.querySelector(".events, .remarks");
+  for (const chart of film.charts) {
+    charts.push(makeChart(panel, before, chart, shared));
+    await breathe();  // the view stays alive while many plots are made
+  }
+  for (const plane of film.planes) {
+    plots.push(makePlane(panel, before, plane, shared));
+    await breathe();
+  }
+  plots.push(...charts);
+  const follow = (t) => {
+    const [low, high] = zoomed;
+    if (t < low || t > high) zoomTo([t - (high - low) * 0.1, t + (high - low) * 0.9]);  // turn the page
+    for (const plot of plots) plot.follow(t);
+    tellValues(shared);
+  };
+  player.listen(follow);
+  follow(player.time);
+  let width = panel.clientWidth;
+  new ResizeObserver(() => {
+    if (panel.clientWidth === width || panel.clientWidth === 0) return;
+    width = panel.clientWidth;
+    for (const { resize } of plots) resize();
+    follow(player.time);
+  }).observe(panel);
+  darkness.addEventListener("change", () => {
+    for (const { plot, recolour } of plots) {
+      recolour();
+      plot.redraw(false, true);
+    }
+  });
+}
+
+function timeRange({ time, charts }) {
+  const all = [time, ...charts.map((chart) => chart.time)].filter((times) => times.length);
+  const low = Math.min(...all.map((times) => times[0]));
+  const high = Math.max(...all.map((times) => times.at(-1)));
+  return low < high ? [low, high] : [low - 0.5, high + 0.5];
+}
+
+function makeBar(film, zoom) {
+  const button = (label, path, factor) => {
+    const made = element("button", { className: "icon", ariaLabel: label, title: label, onclick: () => zoom(factor) });
+    made.innerHTML = `<svg viewBox="0 0 24 24"><path d="${path}"/></svg>`;  // our own drawing, nothing of the film's
+    return made;
+  };
+  return element("div", { className: "bar" }, element("span", {}),
+    button("Zoom in on the time", "M11 4a7 7 0 1 0 0 14 7 7 0 0 0 0-14zM16 16l4.500 4.500M8 11h6M11 8v6", 0.5),
+    button("Zoom out", "M11 4a7 7 0 1 0 0 14 7 7 0 0 0 0-14zM16 16l4.500 4.500M8 11h6", 2),
+    button("All of the time", "M4 7v10M20 7v10M7 12h10M9.500 9.500 7 12l2.500 2.500M14.500 9.500 17 12l-2.500 2.500", 0));
+}
+
+function makeEvents(film, player) {
+  const listed = film.marks.slice(0, 200);
+  const section = element("section", { className: "chart events" }, element("h2", { textContent: "Events" }));
+  section.append(...listed.map(({ time, text }) => element("button", { onclick: () => { player.pause(); player.seek(time); } },
+    element("time", { textContent: `${shown(time, 5)} s` }), element("span", { className: "name", textContent: text }))));
+  if (film.marks.length > listed.length) section.append(element("p", { className: "remarks", textContent: `and ${film.marks.length - listed.length} more` }));
+  return section;
+}
+
+function makeRemarks(film) {
+  return element("div", { className: "remarks" }, ...film.notes.map((note) => element("p", { textContent: note })));
+}
+
+/** Titles, a plot, and a legend whose entries switch lines and show values. */
+function makeChart(panel, before, chart, shared) {
+  const { player, range, zoomed } = shared;
+  const lines = chart.lines.map(({ name, values }, k) => ({ name, values: chart.logarithmic ? values : gaps(values), raw: values, k, on: k < SHOWN }));
+  const positive = chart.logarithmic ? floorOf(chart.lines) : 0;
+  if (chart.logarithmic) for (const line of lines) line.values = raised(line.raw, positive);
+  const few = chart.time.length <= 3;
+  const box = element("section", { className: "chart" }, element("header", {}, element("b", { textContent: chart.title }),
+    element("span", { textContent: `[${unitShown(chart.unit)}]${chart.logarithmic ? ", logarithmic" : ""}` })));
+  panel.insertBefore(box, before);
+  const style = axisStyle();
+  const plot = new uPlot({
+    width: widthOf(panel),
+    height: HEIGHT,
+    ms: 1,
+    scales: {
+      x: { time: false, range: (_, low, high) => (low === null ? range : [low, high]) },
+      y: { distr: positive > 0 ? 3 : 1, range: positive > 0 ? decades : heights },
+    },
+    axes: [{ ...style, size: 26, values: (u, ticks) => ticks.map(tickText) }, { ...style, size: 62, values: (u, ticks) => ticks.map(tickText), ...(positive > 0 && { splits: powers, filter: (u, ticks) => ticks }) }],
+    series: [{}, ...lines.map(({ k, on }) => ({
+      show: on, stroke: () => paletteColour(k), width: 1.5, dash: DASHES[Math.floor(k / PALETTE.length) % DASHES.length],
+      points: { show: few, size: 7 }, spanGaps: false,
+    }))],
+    cursor: { drag: { x: false, y: false }, y: false, sync: { key: "bellcrank", setSeries: false }, points: { size: 6 } },
+    legend: { show: false },
+    hooks: {
+      setCursor: [(u) => {
+        const at = u.cursor.idx;
+        shared.hover = at === null || at === undefined || u.cursor.left < 0 ? null : u.posToVal(u.cursor.left, "x");
+        if (!player.playing) tellValues(shared);
+      }],
+      drawAxes: [(u) => drawEvents(u, shared.film.marks)],
+    },
+  }, [chart.time, ...lines.map(({ values }) => values)], box);
+  plot.setScale("x", { min: zoomed[0], max: zoomed[1] });
+  const playhead = element("div", { className: "playhead" });
+  plot.over.append(playhead);
+  draggable(plot.over, player, (x) => plot.posToVal(x, "x"));
+  plot.over.addEventListener("wheel", (event) => {
+    if (!event.ctrlKey) return;  // else the panel scrolls
+    event.preventDefault();
+    const centre = plot.posToVal(event.offsetX, "x");
+    const factor = Math.exp(0.002 * event.deltaY);
+    shared.zoomTo([centre - (centre - zoomed[0]) * factor, centre + (zoomed[1] - centre) * factor]);
+  }, { passive: false });
+  plot.over.addEventListener("dblclick", () => shared.zoomTo(range));
+
+  const outputs = lines.map((line) => legendEntry(line, (on) => {
+    plot.setSeries(line.k + 1, { show: on });
+    tellValues(shared);
+  }));
+  box.append(foldedLegend(outputs.map(({ button }) => button)));
+  return {
+    plot,
+    resize: () => plot.setSize({ width: widthOf(panel), height: HEIGHT }),
+    recolour: () => {
+      Object.assign(style, axisStyle());
+      for (const axis of plot.axes) Object.assign(axis, { stroke: () => style.stroke(), grid: { ...axis.grid, ...style.grid } });
+      for (const { swatch, line } of outputs) swatch.style.color = paletteColour(line.k);
+    },
+    follow: (t) => { playhead.style.transform = `translateX(${plot.valToPos(t, "x")}px)`; },
+    tell: (t) => {
+      for (const { output, line } of outputs) {
+        const text = line.on ? shown(valueAt(chart.time, line.raw, t)) : "";
+        if (output.textContent !== text) output.textContent = text;
+      }
+    },
+  };
+}
+
+let lastTold = 0;
+/** Values at the pointer, else at the player's time; not more often than can be read. */
+function tellValues(shared) {
+  const { player, hover, bar, plots } = shared;
+  if (player.playing && hover === null && performance.now() - lastTold < 100) return;
+  lastTold = performance.now();
+  const t = hover ?? player.time;
+  const text = `values at ${t.toFixed(3)} s`;
+  if (bar.firstChild.textContent !== text) bar.firstChild.textContent = text;
+  for (const { tell } of plots) tell(t);
+}
+
+/** The value at a time, straight between samples; a gap where one of them is. */
+function valueAt(times, values, t) {
+  if (!times.length || t < times[0] || t > times.at(-1)) return NaN;
+  const [index, part] = between(times, t);
+  const [a, b] = [values[index], values[index + 1]];
+  return part < 1e-6 ? a : part > 1 - 1e-6 ? b : a + part * (b - a);  // at a sample beside a gap it is the sample
+}
+
+const gaps = (values) => (values.every(Number.isFinite) ? values : Array.from(values, (v) => (Number.isFinite(v) ? v : null)));
+
+/** The power of ten below the smallest positive value: where zeros are drawn on a logarithmic chart; 0 without any. */
+function floorOf(lines) {
+  let least = Infinity;
+  for (const { values } of lines) for (const v of values) if (v > 0 && v < least) least = v;
+  return least === Infinity ? 0 : 10 ** (Math.ceil(Math.log10(least)) - 1);
+}
+
+const raised = (values, floor) => Array.from(values, (v) => (Number.isFinite(v) ? Math.max(v, floor) : null));
+
+const decades = (u, low, high) => (low === null ? [0.1, 10]
+  : [10 ** Math.floor(Math.log10(low) + 1e-9), 10 ** Math.ceil(Math.log10(high) + (low === high ? 1 : 0) - 1e-9)]);
+
+/** Powers of ten for the ticks of a logarithmic axis, no more than there is room for. */
+function powers(u, axis, low, high) {
+  const [first, last] = [Math.round(Math.log10(low)), Math.round(Math.log10(high))];
+  const every = Math.max(Math.ceil((last - first) / 5), 1);
+  return Array.from({ length: Math.floor((last - first) / every) + 1 }, (_, k) => 10 ** (first + k * every));
+}
+
+/** What changes by less than FLAT of its size is not magnified until its rounding looks like a signal. */
+function heights(u, low, high) {
+  if (low === null || low === undefined) return [-1, 1];
+  const size = Math.max(Math.abs(low), Math.abs(high));
+  if (high - low <= FLAT * size) return size === 0 ? [-1, 1] : [(low + high) / 2 - 0.05 * size, (low + high) / 2 + 0.05 * size];
+  const margin = 0.06 * (high - low);
+  return [low - margin, high + margin];
+}
+
+const tickText = (value) => (value === null || value === undefined ? "" : shown(Number(value.toPrecision(10)), 6));
+
+/** Axes in the page's colours; a gap beside their labels. */
+function axisStyle() {
+  const rule = styled("--rule");
+  return {
+    font: FONT, labelFont: FONT, labelSize: 18, gap: 4,
+    stroke: () => styled("--muted"), grid: { stroke: rule, width: 1 }, ticks: { show: false },
+  };
+}
+
+const widthOf = (panel) => Math.max(panel.clientWidth - 2 * parseFloat(getComputedStyle(panel).paddingLeft), 120);
+
+function drawEvents(u, marks) {
+  const { ctx: pen, bbox } = u;
+  pen.save();
+  pen.strokeStyle = styled("--event");
+  pen.lineWidth = devicePixelRatio;
+  pen.setLineDash([4 * devicePixelRatio, 3 * devicePixelRatio]);
+  pen.globalAlpha = 0.7;
+  pen.beginPath();
+  for (const { time } of marks) {
+    const x = Math.round(u.valToPos(time, "x", true)) + 0.5;
+    if (x < bbox.left || x > bbox.left + bbox.width) continue;
+    pen.moveTo(x, bbox.top);
+    pen.lineTo(x, bbox.top + bbox.height);
+  }
+  pen.stroke();
+  pen.restore();
+}
+
+/** A press or a drag on `over` takes the player to the time that is there. */
+function draggable(over, player, timeAt) {
+  let left = 0;
+  let dragged = null;
+  const go = (event) => player.seek(timeAt(event.clientX - left, event));
+  over.addEventListener("pointerdown", (event) => {
+    if (event.button !== 0) return;
+    dragged = event.pointerId;
+    left = over.getBoundingClientRect().left;
+    over.setPointerCapture(dragged);
+    player.hold();
+    go(event);
+  });
+  over.addEventListener("pointermove", (event) => { if (event.pointerId === dragged) go(event); });
+  for (const end of ["pointerup", "pointercancel"]) {
+    over.addEventListener(end, (event) => {
+      if (event.pointerId !== dragged) return;
+      dragged = null;
+      player.release();
+    });
+  }
+}
+
+function legendEntry(line, toggle) {
+  const swatch = element("i", { className: "swatch" });
+  swatch.style.color = paletteColour(line.k);
+  const output = element("output", {});
+  const button = element("button", { title: line.name, ariaPressed: String(line.on) }, swatch,
+    element("span", { className: "name", textContent: line.name }), output);
+  button.onclick = () => {
+    line.on = !line.on;
+    button.ariaPressed = String(line.on);
+    toggle(line.on);
+  };
+  return { button, swatch, output, line };
+}
+
+/** A legend that shows its first entries, and the others when asked. */
+function foldedLegend(buttons) {
+  const legend = element("div", { className: "legend" }, ...buttons.slice(0, SHOWN));
+  const rest = buttons.slice(SHOWN);
+  if (rest.length) {
+    const more = element("button", { textContent: `${rest.length} more …`, ariaLabel: `Show ${rest.length} more lines` });
+    more.onclick = () => more.replaceWith(...rest);
+    legend.append(more);
+  }
+  return legend;
+}

@@ -1,0 +1,156 @@
+// ---- the page
+
+function fillTexts(film, licences) {
+  byId("facts").append(...film.facts.map(([name, value]) => element("div", {}, element("dt", { textContent: name }), element("dd", { textContent: value }))));
+  foldFacts();
+  const notes = [
+    `Between frames the picture is off by at most ${shown(film.bound * 1000, 2)} mm at any point of a body.`,
+    ...film.notes,
+    "This page holds all it needs and fetches nothing.",
+  ];
+  byId("notes").append(...notes.map((note) => element("li", { textContent: note })));
+  byId("licences").querySelector("pre").textContent = licences;
+  document.body.classList.toggle("alone", !film.charts.length && !film.planes.length);
+}
+
+/** As many facts as a line or two hold, and all when asked. */
+function foldFacts() {
+  const [facts, more] = [byId("facts"), byId("more")];
+  new ResizeObserver(() => {
+    if (!facts.classList.contains("all")) more.hidden = facts.scrollHeight <= facts.clientHeight + 2;
+  }).observe(facts);
+  more.onclick = () => {
+    const all = facts.classList.toggle("all");
+    more.ariaExpanded = String(all);
+    more.textContent = all ? "fewer facts" : "all facts";
+  };
+}
+
+/** What can be shown and hidden, in groups; a group of many has a switch for all. */
+function makeLayers(view, film) {
+  const box = byId("layers");
+  const button = byId("layers-button");
+  const set = (layer, on) => {
+    layer.on = on;
+    if (layer.box) layer.box.checked = on;
+    for (const object of layer.objects) object.visible = on;
+    view.refresh();
+    byId("scale").textContent = scaleTexts(film, view.layers);
+  };
+  const row = (name, colour, on, change) => {
+    const input = element("input", { type: "checkbox", checked: on, onchange: () => change(input.checked) });
+    const swatch = element("i", { className: "swatch" });
+    swatch.style.color = colour;
+    box.append(element("label", { title: name }, input, swatch, element("span", { className: "name", textContent: name })));
+    return input;
+  };
+  for (const group of new Set(view.layers.map((layer) => layer.group))) {
+    box.append(element("h2", { textContent: group }));
+    const members = view.layers.filter((layer) => layer.group === group);
+    if (members.length > 3) row("all", "transparent", members.every(({ on }) => on), (on) => members.forEach((layer) => set(layer, on)));
+    for (const layer of members) layer.box = row(layer.name, layer.colour, layer.on, (on) => set(layer, on));
+  }
+  for (const scale of film.scales) box.append(element("p", { textContent: scaleText(scale, true) }));
+  for (const layer of view.layers) set(layer, layer.on);
+  const open = (on) => {
+    box.hidden = !on;
+    button.ariaExpanded = String(on);
+  };
+  button.onclick = () => open(box.hidden);
+  document.addEventListener("pointerdown", ({ target }) => { if (!box.contains(target) && !button.contains(target)) open(false); });
+  document.addEventListener("keydown", ({ key }) => { if (key === "Escape") open(false); });
+  return set;
+}
+
+/** The legend in the corner: of the arrows that are shown, and of the grid. */
+function scaleTexts(film, layers) {
+  const arrows = layers.filter(({ group }) => group === "Arrows");
+  const seen = film.scales.filter((scale) => scale.arrows.some((k) => arrows[k].on));
+  const texts = seen.map((scale) => scaleText(scale, false)).filter(Boolean);
+  if (film.ground) texts.push(`grid ${shown(roundBelow(0.4 * film.extent))} m`);
+  return texts.join("\n");
+}
+
+async function open(licences) {
+  const film = await readFilm();
+  const options = new URLSearchParams(location.hash.slice(1));
+  document.body.classList.toggle("still", options.get("still") === "1");
+  fillTexts(film, licences);
+  const panel = byId("panel");
+  panel.hidden = !(film.charts.length || film.planes.length || film.marks.length || film.notes.length);
+  const view = makeView(byId("pane"), film);
+  const player = makePlayer(film.time);
+  const set = view && makeLayers(view, film);
+  byId("message").textContent = view ? "" : "This browser shows no 3-D here (it has no WebGL).\nThe plots work without it.";
+  const reset = () => view?.resetCamera();
+  makeControls(player, film, reset);
+  byId("reset").onclick = reset;
+  byId("reset").hidden = !view;
+  byId("layers-button").hidden = !view?.layers.length;
+  if (view) player.listen(view.stand);
+  const fromHash = () => {
+    const text = new URLSearchParams(location.hash.slice(1)).get("t");
+    if (text !== null) player.seek(Number(text));
+  };
+  fromHash();
+  addEventListener("hashchange", fromHash);
+  player.tell();
+  view?.draw();
+  Object.defineProperties(window.bellcrank, Object.getOwnPropertyDescriptors(makeFacade(film, view, player, set)));
+  const breathe = () => new Promise((resolve) => { setTimeout(resolve); });
+  await breathe();
+  if (!panel.hidden) await makePanel(panel, film, player, breathe);
+  if (options.get("play") === "1" && !calm.matches) player.play();
+}
+
+/**
+ * `window.bellcrank`, for stills, films and tests: times in s, points in m in the world, pixels of the view.
+ *
+ *   ready             a promise: the film is read, the first frame drawn, and the plots are there
+ *   start end duration frames   of the film;  firstFrame  when it was drawn, in ms since the page was opened
+ *   time playing      as they are;  speed, loop  may be set
+ *   seek(t) play() pause() step(count)   as the controls do
+ *   draw()            draws, waits for the picture, and returns how long it took (ms)
+ *   capture()         the view at once as a PNG, as a data URL
+ *   frameTimes        ms between the last frames that were drawn while playing, 600 at most
+ *   project(point)    the pixel where a point of the world is seen
+ *   pose(body)        position and quaternion (x y z w) of a body as drawn, by its number in the film
+ *   showBody(body, on) layers() showLayer(index, on) resetCamera()   what is seen, and from where
+ */
+function makeFacade(film, view, player, setLayer) {
+  return {
+    firstFrame: performance.now(),
+    start: player.start,
+    end: player.end,
+    duration: player.end - player.start,
+    frames: film.time.length,
+    get time() { return player.time; },
+    get playing() { return player.playing; },
+    get speed() { return player.speed; },
+    set speed(speed) { player.setSpeed(speed); },
+    get loop() { return player.loop; },
+    set loop(loop) { player.setLoop(loop); },
+    get frameTimes() { return [...player.frameTimes]; },
+    seek: player.seek,
+    play: player.play,
+    pause: player.pause,
+    step: player.step,
+    draw() {
+      const before = performance.now();
+      view.drawFully();
+      return performance.now() - before;
+    },
+    capture: () => view.capture(),
+    project: (point) => view.project(point),
+    pose: (body) => [...view.bodies[body].position.toArray(), ...view.bodies[body].quaternion.toArray()],
+    showBody(body, on) {
+      view.bodies[body].visible = on;
+      view.refresh();
+    },
+    layers: () => view.layers.map(({ group, name, on }) => ({ group, name, on })),
+    showLayer(index, on) { setLayer(view.layers[index], on); },
+    resetCamera: () => view.resetCamera(),
+  };
+}
+
+window.bellcrank.open = open;

@@ -1,0 +1,195 @@
+// ---- the player: the time, and what moves it
+
+const SPEEDS = [0.1, 0.2, 0.5, 1, 2, 5, 10];
+const LONGEST_STEP = 0.1;  // seconds of the wall: a tab that was hidden does not jump when it is seen again
+
+/** The film's time and how it runs; whoever listens is told each new time. */
+function makePlayer(times) {
+  const [start, end] = [times[0], times[times.length - 1]];
+  const listeners = [];
+  const frameTimes = [];
+  let before = null;  // when the last frame was drawn
+  let held = 0;
+  const player = {
+    start, end, time: start, playing: false, speed: 1, loop: false, frameTimes,
+    listen(listener) { listeners.push(listener); },
+    tell() { for (const listener of listeners) listener(player.time); },
+    seek(t) {
+      if (!Number.isFinite(t)) return;
+      player.time = Math.min(Math.max(t, start), end);
+      player.tell();
+    },
+    play() {
+      if (player.playing || start === end) return;
+      if (player.time >= end) player.time = start;
+      player.playing = true;
+      before = null;
+      player.tell();
+      requestAnimationFrame(advance);
+    },
+    pause() {
+      player.playing = false;
+      player.tell();
+    },
+    toggle() { if (player.playing) player.pause(); else player.play(); },
+    /** To another frame of the film, so many on. */
+    step(count) {
+      player.pause();
+      const at = indexAt(times, player.time);
+      // Back from between two frames is the one before.
+      const next = count < 0 && player.time > times[at] ? at + count + 1 : at + count;
+      player.seek(times[Math.min(Math.max(next, 0), times.length - 1)]);
+    },
+    setSpeed(speed) {
+      player.speed = Math.min(Math.max(speed, SPEEDS[0]), SPEEDS.at(-1)) || 1;
+      player.tell();
+    },
+    faster(up) {
+      const next = up ? SPEEDS.find((s) => s > player.speed * 1.001) : SPEEDS.findLast((s) => s < player.speed * 0.999);
+      player.setSpeed(next ?? player.speed);
+    },
+    setLoop(loop) {
+      player.loop = Boolean(loop);
+      player.tell();
+    },
+    /** While a hand moves the time, it does not run by itself. */
+    hold() { held++; },
+    release() { held = Math.max(held - 1, 0); },
+  };
+
+  function advance(stamp) {
+    if (!player.playing) return;
+    const passed = before === null ? 0 : (stamp - before) / 1000;
+    if (before !== null) frameTimes.push(stamp - before);
+    if (frameTimes.length > 600) frameTimes.shift();
+    before = stamp;
+    if (!held) {
+      let t = player.time + Math.min(passed, LONGEST_STEP) * player.speed;
+      if (t >= end) {
+        if (player.loop) t = start + (t - end) % (end - start);
+        else { t = end; player.playing = false; }
+      }
+      player.time = t;
+    }
+    player.tell();
+    requestAnimationFrame(advance);
+  }
+  return player;
+}
+
+/** Buttons, scrub bar, keys. */
+function makeControls(player, film, resetCamera) {
+  const { start, end } = player;
+  const still = start === end;
+  const digits = end - start < 1 ? 4 : end - start < 100 ? 3 : 2;
+  const [scrub, speed, loop, clock, play, tip] = ["scrub", "speed", "loop", "clock", "play", "tip"].map(byId);
+  const total = ` / ${shown(end, 5)} s`;
+  const clockNow = element("span");
+  clock.append(clockNow, element("small", { textContent: total }));
+  clockNow.style.cssText = `display: inline-block; text-align: right; min-width: ${end.toFixed(digits).length}ch`;
+  Object.assign(scrub, { min: start, max: still ? start + 1 : end, value: start, disabled: still });
+  speed.append(...SPEEDS.map((s) => element("option", { value: s, textContent: `${s}×` })));
+  for (const button of [play, byId("back"), byId("forth"), speed, loop]) button.disabled = still;
+
+  player.listen((t) => {
+    scrub.value = t;
+    scrub.setAttribute("aria-valuetext", `${t.toFixed(digits)} s`);
+    clockNow.textContent = t.toFixed(digits);
+    const label = player.playing ? "Pause" : "Play";
+    if (play.ariaLabel !== label) {
+      play.ariaLabel = label;
+      byId("play-icon").setAttribute("d", player.playing ? "M7 5h3.500v14H7zM13.500 5H17v14h-3.500z" : "M8 5.500v13l11-6.500z");
+    }
+    const known = SPEEDS.includes(player.speed);
+    speed.value = known ? player.speed : "";
+    loop.setAttribute("aria-pressed", player.loop);
+  });
+  play.onclick = player.toggle;
+  byId("back").onclick = () => player.step(-1);
+  byId("forth").onclick = () => player.step(1);
+  loop.onclick = () => player.setLoop(!player.loop);
+  speed.onchange = () => player.setSpeed(Number(speed.value));
+  scrub.oninput = () => player.seek(Number(scrub.value));
+  scrub.addEventListener("pointerdown", player.hold);
+  for (const end of ["pointerup", "pointercancel"]) scrub.addEventListener(end, player.release);
+  // A button that was pressed with a pointer does not keep the space key for itself.
+  document.addEventListener("click", (event) => {
+    if (event.detail > 0 && event.target.closest?.("button, input, select")) document.activeElement?.blur?.();
+  });
+  drawMarks(player, film.marks, scrub, tip, digits);
+  listenToKeys(player, resetCamera);
+}
+
+/** Marks of events on the scrub bar, their text where the pointer is, and a caption after each. */
+function drawMarks(player, marks, scrub, tip, digits) {
+  const { start, end } = player;
+  const canvas = byId("ticks");
+  const thumb = 8;  // half of the thumb: the bar's ends lie so far inside
+  const toX = (t) => thumb + (t - start) / (end - start || 1) * (scrub.clientWidth - 2 * thumb);
+  const draw = () => {
+    const ratio = devicePixelRatio;
+    const [width, height] = [scrub.clientWidth, scrub.clientHeight];
+    canvas.width = width * ratio;
+    canvas.height = height * ratio;
+    const pen = canvas.getContext("2d");
+    pen.scale(ratio, ratio);
+    pen.fillStyle = styled("--rule");
+    pen.fillRect(thumb, height / 2 - 2, width - 2 * thumb, 4);
+    pen.fillStyle = styled("--accent");
+    pen.fillRect(thumb, height / 2 - 2, Math.max(toX(player.time) - thumb, 0), 4);
+    pen.fillStyle = styled("--event");
+    for (const { time } of marks) {
+      const x = toX(time);
+      pen.fillRect(x - 1, height / 2 - 8, 2, 16);
+      pen.beginPath();
+      pen.moveTo(x - 4, 3);
+      pen.lineTo(x + 4, 3);
+      pen.lineTo(x, 10);
+      pen.fill();
+    }
+  };
+  new ResizeObserver(draw).observe(scrub);
+  darkness.addEventListener("change", draw);
+  scrub.addEventListener("pointermove", ({ offsetX }) => {
+    const t = Math.min(Math.max(start + (offsetX - thumb) / (scrub.clientWidth - 2 * thumb) * (end - start), start), end);
+    const near = marks.filter(({ time }) => Math.abs(toX(time) - offsetX) < 7);
+    const first = near.slice(0, 4).map(({ time, text }) => `${time.toFixed(digits)} s  ${text}`);
+    tip.textContent = near.length ? first.join("\n") + (near.length > 4 ? `\nand ${near.length - 4} more` : "") : `${t.toFixed(digits)} s`;
+    const half = tip.offsetWidth / 2;
+    tip.style.left = `${Math.min(Math.max(offsetX, half), scrub.clientWidth - half)}px`;
+  });
+  for (const away of ["pointerleave", "pointercancel"]) scrub.addEventListener(away, () => { tip.textContent = ""; });
+  const caption = byId("caption");
+  const lasting = Math.max(0.05 * (end - start), 1e-9);
+  player.listen((t) => {
+    draw();
+    const past = marks.filter(({ time }) => time <= t + 1e-9 && t < time + lasting);
+    const text = past.length && end > start ? past.at(-1).text : "";
+    if (caption.textContent !== text) caption.textContent = text;
+  });
+}
+
+function listenToKeys(player, resetCamera) {
+  const help = byId("help");
+  byId("help-button").onclick = () => help.showModal();
+  help.onclick = (event) => { if (event.target === help) help.close(); };
+  const keys = new Map([
+    [" ", player.toggle],
+    ["ArrowLeft", (many) => player.step(-many)], ["ArrowRight", (many) => player.step(many)],
+    [",", () => player.step(-1)], [".", () => player.step(1)], ["<", () => player.step(-10)], [">", () => player.step(10)],
+    ["Home", () => player.seek(player.start)], ["End", () => player.seek(player.end)],
+    ["[", () => player.faster(false)], ["-", () => player.faster(false)],
+    ["]", () => player.faster(true)], ["+", () => player.faster(true)], ["=", () => player.faster(true)],
+    ["l", () => player.setLoop(!player.loop)], ["r", resetCamera], ["?", () => help.showModal()],
+  ]);
+  document.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || help.open) return;
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    const tag = event.target.tagName;
+    if (tag === "SELECT" || (key === " " && (tag === "BUTTON" || tag === "SUMMARY" || event.target.type === "checkbox"))) return;
+    const act = keys.get(key);
+    if (!act) return;
+    event.preventDefault();
+    act(event.shiftKey ? 10 : 1);
+  });
+}

@@ -1,0 +1,247 @@
+// ---- the 3-D view: what is in it, and how it stands at a time
+
+const FIELD = 40;  // degrees of the view's height
+const ASPECT = 4 / 3;  // of the view that the film's camera was placed for
+
+/**
+ * The view in `pane`, or null where the browser has no WebGL. meshcat's viewer owns the scene, the camera and the
+ * controls; the clock is ours, so it never animates by itself and never connects to anything.
+ */
+function makeView(pane, film) {
+  const canvas = document.createElement("canvas");
+  const context = ["webgl2", "webgl"].map((kind) => canvas.getContext(kind, { alpha: true, antialias: true, powerPreference: "high-performance" }))
+    .find(Boolean);
+  if (!context) return null;
+  const { THREE, Viewer } = MeshCat;
+  const renderer = new THREE.WebGLRenderer({ canvas, context });
+  const backdrop = document.createElement("canvas");
+  pane.append(backdrop, canvas);
+  canvas.tabIndex = -1;
+  const viewer = new Viewer(pane, false, renderer);
+  viewer.gui.domElement.remove();  // its own menu
+  for (const path of ["Lights", "Grid", "Axes"]) viewer.delete_path([path]);
+  renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+  renderer.shadowMap.enabled = false;
+
+  const world = new THREE.Group();
+  viewer.set_object(["film"], world);
+  const size = { value: new THREE.Vector2(1, 1) };  // of the pane in pixels, for all lines
+  const stock = makeStock(THREE, film.meshes);
+  const camera = aim(THREE, viewer, film);
+  addLights(THREE, world, film);
+  const ground = film.ground ? makeGround(THREE, film) : new THREE.Group();
+  world.add(ground);
+
+  const bodies = film.bodies.map(({ shapes }) => {
+    const body = new THREE.Group();
+    for (const shape of shapes) {
+      const [geometry, scale] = stock.geometry(shape);
+      const solid = new THREE.Mesh(geometry, stock.material(shape.colour));
+      solid.position.fromArray(shape.pose);
+      solid.quaternion.fromArray(shape.pose, 3);
+      solid.scale.fromArray(scale);
+      body.add(solid);
+    }
+    world.add(body);
+    return body;
+  });
+  const layers = [];
+  const movers = [
+    bodyMover(THREE, film, bodies),
+    ...film.traces.map((trace, k) => addTrace(THREE, world, layers, trace, paletteColour(k + 1), size)),
+    ...film.springs.map((spring) => addSpring(THREE, world, layers, film, spring)),
+    ...film.arrows.map((arrow, k) => addArrow(THREE, world, layers, stock, film, arrow, k)),
+    ...addAxes(THREE, world, bodies, layers, film, size),
+  ];
+
+  // Sky and ground, half of what a frame costs, stay the same while the camera stays: they are then a picture behind.
+  let sky = null;
+  const seenFrom = new THREE.Matrix4();
+  let behind = false;  // whether the picture behind is that of the camera
+  const withBackdrop = (on) => {
+    ground.visible = on;
+    viewer.scene.background = on ? sky : null;
+  };
+  const paintBehind = () => {
+    const shown = world.children.filter((child) => child.visible && child !== ground);
+    for (const child of shown) child.visible = false;
+    withBackdrop(true);
+    viewer.render();
+    Object.assign(backdrop, { width: canvas.width, height: canvas.height });
+    backdrop.getContext("2d").drawImage(canvas, 0, 0);
+    for (const child of shown) child.visible = true;
+    behind = true;
+  };
+  const render = () => {
+    viewer.controls.update();
+    camera.updateMatrixWorld();
+    if (!seenFrom.equals(camera.matrixWorld)) {
+      seenFrom.copy(camera.matrixWorld);
+      behind = false;
+      withBackdrop(true);
+      viewer.render();
+      viewer.set_dirty();  // and once more, when the camera rests
+      return;
+    }
+    if (!behind) paintBehind();
+    withBackdrop(false);
+    viewer.render();
+  };
+
+  let now = film.time[0];
+  let wanted = false;
+  const view = {
+    layers,
+    bodies,
+    /** Stand as at time t, and be drawn when the browser next draws. */
+    stand(t) {
+      now = t;
+      const [frame, part] = between(film.time, t);
+      for (const move of movers) move(frame, part, t);
+      viewer.set_dirty();
+    },
+    draw: render,
+    /** Draw and wait until the picture is complete: what a frame costs. */
+    drawFully() {
+      render();
+      context.readPixels(0, 0, 1, 1, context.RGBA, context.UNSIGNED_BYTE, new Uint8Array(4));
+    },
+    capture() {
+      withBackdrop(true);
+      const image = viewer.capture_image();
+      viewer.set_dirty();
+      return image;
+    },
+    project(point) {
+      viewer.scene.updateMatrixWorld();
+      camera.updateMatrixWorld();
+      const seen = new THREE.Vector3(...point).applyMatrix4(world.matrixWorld).project(camera);
+      return [(seen.x + 1) / 2 * size.value.x, (1 - seen.y) / 2 * size.value.y];
+    },
+    resetCamera() {
+      viewer.controls.reset();
+      viewer.set_dirty();
+    },
+    refresh() {
+      view.stand(now);
+    },
+  };
+
+  viewer.set_dirty = () => {
+    viewer.needs_render = true;
+    if (wanted) return;
+    wanted = true;
+    requestAnimationFrame(() => {
+      wanted = false;
+      if (viewer.needs_render) render();
+    });
+  };
+  // The viewer takes the window's height and calls this when the window is loaded or resized; ours is the pane's.
+  viewer.set_3d_pane_size = () => {
+    const width = Math.max(pane.clientWidth, 1);
+    const height = Math.max(pane.clientHeight, 1);
+    if (size.value.x === width && size.value.y === height) return;
+    size.value.set(width, height);
+    camera.aspect = width / height;
+    // A narrower pane sees as much to the sides, and more above and below.
+    camera.fov = 2 * Math.atan(Math.tan(FIELD * Math.PI / 360) * Math.max(ASPECT / camera.aspect, 1)) * 180 / Math.PI;
+    renderer.setSize(width, height);
+    seenFrom.elements.fill(0);
+    render();
+  };
+  const paint = () => {
+    const [top, bottom] = darkness.matches ? [[30, 37, 47], [14, 18, 24]] : [[246, 248, 251], [219, 226, 234]];
+    viewer.set_property(["Background"], "top_color", top.map((x) => x / 255));
+    viewer.set_property(["Background"], "bottom_color", bottom.map((x) => x / 255));
+    sky = viewer.scene.background;
+    seenFrom.elements.fill(0);
+    viewer.set_dirty();
+  };
+  darkness.addEventListener("change", paint);
+  view.stand(now);
+  paint();
+  viewer.set_3d_pane_size();
+  new ResizeObserver(() => viewer.set_3d_pane_size()).observe(pane);
+  return view;
+}
+
+/** The film's camera, turned by hand. The viewer's camera lives where y is up; the film's z is up. */
+function aim(THREE, viewer, { camera: { position, target, up }, extent }) {
+  const turned = ([x, y, z]) => new THREE.Vector3(x, z, -y);
+  const distance = turned(position).distanceTo(turned(target));
+  const camera = new THREE.PerspectiveCamera(FIELD, 1, Math.min(distance, extent) / 100, 40 * (distance + extent));
+  camera.up.copy(turned(up)).normalize();
+  camera.position.copy(turned(position));
+  viewer.controls.dispose();  // those of the camera that it replaces
+  viewer.set_camera(camera);
+  viewer.set_object(["Cameras", "default", "rotated"], camera);
+  viewer.controls.target.copy(turned(target));
+  viewer.controls.minDistance = distance / 50;
+  viewer.controls.maxDistance = 10 * distance;
+  viewer.controls.update();
+  viewer.controls.saveState();
+  return camera;
+}
+
+/** A sky, a key light over the viewer's shoulder, and a weak one from the other side; none needs a shadow. */
+function addLights(THREE, world, { camera: { position, target, up } }) {
+  const high = new THREE.Vector3(...up).normalize();
+  const ahead = new THREE.Vector3(...position).sub(new THREE.Vector3(...target)).normalize();
+  const right = new THREE.Vector3().crossVectors(high, ahead).normalize();
+  const sky = new THREE.HemisphereLight(0xffffff, 0x9a9da6, 0.68);
+  sky.position.copy(high);
+  const key = new THREE.DirectionalLight(0xffffff, 0.48);
+  key.position.copy(high).addScaledVector(ahead, 0.55).addScaledVector(right, -0.75);
+  const fill = new THREE.DirectionalLight(0xffffff, 0.16);
+  fill.position.copy(ahead).addScaledVector(right, 1.2).addScaledVector(high, 0.2);
+  world.add(sky, key, fill);
+}
+
+/** A disk with a grid that fades towards its rim. */
+function makeGround(THREE, { ground, extent, camera }) {
+  const normal = new THREE.Vector3(...ground.normal).normalize();
+  const plane = new THREE.Group();
+  plane.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), normal);
+  const centre = new THREE.Vector3(...camera.target);
+  centre.addScaledVector(normal, (ground.height - centre.dot(normal)));
+  const step = roundBelow(0.4 * extent);
+  const inPlane = centre.clone().applyQuaternion(plane.quaternion.clone().invert());
+  for (const k of ["x", "y"]) inPlane[k] = Math.round(inPlane[k] / step) * step;  // lines pass through the origin
+  plane.position.copy(inPlane.applyQuaternion(plane.quaternion));
+  const reach = Math.ceil(3.2 * extent / step) * step;
+  const grey = new THREE.Color(0x7c8896);
+  const fade = (x, y) => Math.max(0, 1 - Math.hypot(x, y) / reach) ** 1.5;
+
+  const disk = new THREE.CircleGeometry(reach, 48);
+  const shade = new Float32Array(4 * disk.attributes.position.count);
+  for (let i = 0; i < shade.length; i += 4) shade.set([grey.r, grey.g, grey.b, i === 0 ? 0.2 : 0], i);
+  disk.setAttribute("color", new THREE.BufferAttribute(shade, 4));
+  // Drawn before all else, and whatever is below it stays visible: it is a hint, not a wall. Blending without being
+  // "transparent" is what puts it first.
+  const look = { vertexColors: true, depthWrite: false, depthTest: false, blending: THREE.CustomBlending, blendSrcAlpha: THREE.OneFactor };
+  const floor = new THREE.Mesh(disk, new THREE.MeshBasicMaterial({ ...look, side: THREE.DoubleSide }));
+
+  const points = [];
+  const colours = [];
+  const put = (x, y) => {
+    points.push(x, y, 0);
+    colours.push(grey.r, grey.g, grey.b, 0.75 * fade(x, y));
+  };
+  const cells = Math.round(reach / step);
+  for (let i = -cells; i <= cells; i++) {
+    for (let j = -cells; j < cells; j++) {
+      const [u, v, w] = [i * step, j * step, (j + 1) * step];
+      if (fade(u, v) === 0 && fade(u, w) === 0) continue;
+      put(u, v); put(u, w);
+      put(v, u); put(w, u);
+    }
+  }
+  const grid = new THREE.BufferGeometry();
+  grid.setAttribute("position", new THREE.BufferAttribute(new Float32Array(points), 3));
+  grid.setAttribute("color", new THREE.BufferAttribute(new Float32Array(colours), 4));
+  plane.add(floor, new THREE.LineSegments(grid, new THREE.LineBasicMaterial(look)));
+  floor.renderOrder = -2;
+  plane.children[1].renderOrder = -1;
+  plane.name = shown(step);
+  return plane;
+}

@@ -1,0 +1,62 @@
+"""A browser without a window, for stills and films of a page: Chromium or one of its kin, driven by Playwright."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bellcrank.errors import BellcrankError, InputError
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "microsoft-edge")
+PATIENCE = 60_000  # ms until a page must have drawn
+
+
+def find_browser() -> str:
+    """The path of a browser that can draw without a window. Raises InputError with what to install."""
+    for name in BROWSERS:
+        if path := shutil.which(name):
+            return path
+    raise InputError(
+        f"stills and films are drawn by a browser, and none of {', '.join(BROWSERS)} is on the PATH; install one "
+        "(on Debian: apt-get install chromium), or write the HTML page, which needs none here"
+    )
+
+
+@contextmanager
+def opened(page: str | Path, size: tuple[int, int]) -> Iterator[Page]:
+    """The page of a file in a window of (width, height) pixels that nobody sees, drawn, its network cut off.
+
+    Raises InputError where there is no browser or no Playwright, and BellcrankError where the page does not draw.
+    """
+    browser = find_browser()
+    try:
+        from playwright.sync_api import Error, sync_playwright
+    except ImportError:
+        raise InputError(
+            "stills and films need the package playwright; install it with: pip install 'bellcrank[film]'"
+        ) from None
+    flags = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars", "--disable-gpu-sandbox"]
+    if hasattr(os, "geteuid") and os.geteuid() == 0:
+        flags.append("--no-sandbox")  # Chromium refuses to start for root otherwise
+    try:
+        with sync_playwright() as playwright:
+            chromium = playwright.chromium.launch(executable_path=browser, args=flags)
+            try:
+                context = chromium.new_context(viewport={"width": size[0], "height": size[1]}, offline=True)
+                tab = context.new_page()
+                tab.goto(Path(page).resolve().as_uri() + "#still=1", timeout=PATIENCE)
+                tab.wait_for_function("window.bellcrank && window.bellcrank.ready", timeout=PATIENCE)
+                tab.evaluate("() => window.bellcrank.ready")
+                yield tab
+            finally:
+                chromium.close()
+    except Error as error:
+        first = str(error).strip().splitlines()[0]
+        raise BellcrankError(f"{page}: the browser {browser} could not draw it: {first}") from None

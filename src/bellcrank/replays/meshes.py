@@ -1,0 +1,209 @@
+"""Mesh files as triangles to draw: read, simplified as far as the eye does not see, and kept in the cache.
+
+All surfaces of a robot are simplified by the same length: the least of a ladder that brings the faces drawn to BUDGET
+or fewer, beginning at a small share of the robot's size.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from io import BytesIO
+from pathlib import Path
+from typing import Literal
+from zipfile import BadZipFile
+
+import numpy as np
+
+from bellcrank.machine_code import cache as disk
+from bellcrank.replays.film import Mesh
+from bellcrank.replays.mesh_files import Colour, MeshError, named_files, read_parts
+from bellcrank.replays.simplify import Simplifier, weld
+
+Detail = Literal["reduced", "full"]
+Ladder = tuple[float, ...]
+
+BUDGET = 30_000  # faces drawn at once: what software rendering shows smoothly
+UNSEEN = 2e-4  # of the robot's size: a tenth of a pixel where the robot fills 500 of them
+LEAST_STEP, MOST_STEP, STEPS = 2**0.25, 2.0, 32  # the ladder of tolerances
+MOST_BYTES = 200 * 2**20  # of one file
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """What a mesh file has of one colour (None: the file gives none), and how many faces it had as written."""
+
+    mesh: Mesh
+    colour: Colour | None
+    written: int
+
+
+@dataclass(frozen=True, eq=False)
+class Meshes:
+    """The pieces of mesh files, why others have none, and the length (m; 0: as written) that surfaces were shifted."""
+
+    pieces: Mapping[Path, tuple[Piece, ...]]
+    failures: Mapping[Path, str]
+    shift: float
+
+
+def load_meshes(uses: Mapping[Path, Sequence[float]], size: float, detail: Detail = "reduced") -> Meshes:
+    """The meshes of files, each used at these scales (m to the file's unit), of a robot of `size` (m).
+
+    Vertices are in the file's own unit, each place one vertex. Files of the same content share their meshes.
+    A file that cannot be drawn raises nothing, it is among the failures.
+    """
+    files: dict[str, _File] = {}
+    keys: dict[Path, str] = {}
+    failures: dict[Path, str] = {}
+    for path, scales in uses.items():
+        try:
+            file = _File(path)
+        except MeshError as error:
+            failures[path] = str(error)
+            continue
+        keys[path] = file.key
+        files.setdefault(file.key, file).scales.extend(scales)
+    plan = "plan-" + disk.digest(_version(), detail, repr(size), *(repr((f.key, f.scales)) for f in files.values()))
+    ladder = _stored_ladder(plan)
+    if ladder is None:
+        ladder = _climbed(files.values(), size) if detail == "reduced" else ()
+        disk.store(plan, json.dumps(ladder).encode())
+    pieces: dict[Path, tuple[Piece, ...]] = {}
+    made = {key: _stored_pieces(file, ladder) or _made(file, ladder) for key, file in files.items()}
+    for path, key in keys.items():
+        if made[key]:
+            pieces[path] = made[key]
+        else:
+            failures[path] = files[key].failure
+    return Meshes(pieces, failures, ladder[-1] if ladder else 0.0)
+
+
+class _File:
+    """A mesh file's content and, once needed, its surfaces, simplified to the end of a ladder."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.scales, self.failure = path, list[float](), ""
+        self.data = _content(path)
+        self._surfaces: list[tuple[Simplifier, Colour | None, int]] | None = None
+        self._steps = 0
+        self.key = disk.digest(self.data, path.suffix.lower(), *self._named(self.data, path.suffix))
+
+    def _named(self, data: bytes, suffix: str) -> Iterable[bytes]:
+        """What the files hold that a file names, and those that they name."""
+        for name in named_files(data, suffix):
+            content = self.beside(name)
+            yield content or b""
+            if content is not None and name.lower().endswith(".mtl"):
+                yield from self._named(content, ".mtl")
+
+    def beside(self, name: str) -> bytes | None:
+        """What a file holds that this one names: one below the folder above this one's, or None."""
+        folder = self.path.parent
+        plain = name.removeprefix("file://").replace("\\", "/")
+        for candidate in (plain, plain.rpartition("/")[2]):
+            try:
+                found = (folder / candidate).resolve()
+                if candidate and found.is_relative_to(folder.resolve().parent) and found.is_file():
+                    return _content(found)
+            except (OSError, ValueError, MeshError):
+                continue
+        return None
+
+    def surfaces(self, ladder: Ladder) -> list[tuple[Simplifier, Colour | None, int]]:
+        """Each part's surface at the end of a ladder (m), its colour and how many faces it had; empty on failure."""
+        if self._surfaces is None:
+            self._surfaces = []
+            try:
+                for part in read_parts(self.data, self.path.suffix, self.beside):
+                    vertices, faces = weld(part.vertices, part.faces)
+                    if len(faces):
+                        self._surfaces.append((Simplifier(vertices, faces), part.colour, len(part.faces)))
+                if not self._surfaces:
+                    self.failure = "holds no triangle that has an area"
+            except MeshError as error:
+                self.failure = str(error)
+        for step in ladder[self._steps :]:
+            for surface, _, _ in self._surfaces:
+                surface.reduce(step / self.scale)
+        self._steps = max(self._steps, len(ladder))
+        return self._surfaces
+
+    @property
+    def scale(self) -> float:
+        return max(self.scales)
+
+
+def _content(path: Path) -> bytes:
+    try:
+        size = path.stat().st_size
+        if size > MOST_BYTES:
+            raise MeshError(f"has {size / 2**20:.0f} MB, more than the {MOST_BYTES / 2**20:.0f} MB that are read")
+        return path.read_bytes()
+    except OSError as error:
+        raise MeshError(f"cannot be read ({error.strerror})") from None
+
+
+def _climbed(files: Iterable[_File], size: float) -> Ladder:
+    """The ladder up to the first tolerance that brings the faces drawn into the budget."""
+    ladder: Ladder = (size * UNSEEN,)
+    while len(ladder) < STEPS:
+        drawn = sum(len(s.faces) * len(file.scales) for file in files for s, _, _ in file.surfaces(ladder))
+        if drawn <= BUDGET:
+            break
+        # faces go about as the inverse of the tolerance; half of the way there (in logarithms) at a time
+        ladder += (ladder[-1] * min(max((drawn / BUDGET) ** 0.5, LEAST_STEP), MOST_STEP),)
+    return ladder
+
+
+def _made(file: _File, ladder: Ladder) -> tuple[Piece, ...]:
+    """The pieces of a file at the end of a ladder, also put into the cache; none on failure."""
+    pieces = []
+    for surface, colour, written in file.surfaces(ladder):
+        vertices, faces = surface.surface()
+        pieces.append(Piece(Mesh(vertices.astype(np.float32), faces.astype(np.int32)), colour, written))
+    if pieces:
+        arrays: dict[str, np.ndarray] = {}
+        for k, piece in enumerate(pieces):
+            colour_numbers = np.array(piece.colour or (), dtype=np.float64)
+            arrays |= {f"v{k}": piece.mesh.vertices, f"f{k}": piece.mesh.faces, f"c{k}": colour_numbers}
+        arrays["written"] = np.array([piece.written for piece in pieces])
+        buffer = BytesIO()
+        np.savez(buffer, allow_pickle=False, **arrays)
+        disk.store(_pieces_key(file, ladder), buffer.getvalue())
+    return tuple(pieces)
+
+
+def _stored_pieces(file: _File, ladder: Ladder) -> tuple[Piece, ...]:
+    """What the cache has of a file at the end of a ladder; none where it has nothing."""
+    raw = disk.load(_pieces_key(file, ladder))
+    if raw is None:
+        return ()
+    try:
+        with np.load(BytesIO(raw), allow_pickle=False) as arrays:
+            pieces = []
+            for k, written in enumerate(arrays["written"].tolist()):
+                mesh = Mesh(arrays[f"v{k}"], arrays[f"f{k}"])
+                colour = tuple(arrays[f"c{k}"].tolist())
+                pieces.append(Piece(mesh, colour if len(colour) == 4 else None, written))
+            return tuple(pieces)
+    except (ValueError, KeyError, OSError, BadZipFile):
+        return ()
+
+
+def _stored_ladder(plan: str) -> Ladder | None:
+    raw = disk.load(plan)
+    return None if raw is None else tuple(float(step) for step in json.loads(raw))
+
+
+def _pieces_key(file: _File, ladder: Ladder) -> str:
+    return "mesh-" + disk.digest(_version(), file.key, repr(file.scale), repr(ladder))
+
+
+@cache
+def _version() -> str:
+    """What the meshes in the cache depend on besides the files: the modules that make them."""
+    folder = Path(__file__).parent
+    return disk.digest(*((folder / f"{m}.py").read_bytes() for m in ("meshes", "mesh_files", "collada", "simplify")))

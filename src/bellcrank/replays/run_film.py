@@ -1,0 +1,143 @@
+"""A run as a film: its bodies along its states, traces, forces, events, series and certificate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank import __version__
+from bellcrank.constraints.rolling import RollingDisk
+from bellcrank.errors import InputError
+from bellcrank.motion.coordinates import position_labels
+from bellcrank.replays.arrows import Moments, contact_points, run_arrows, run_springs, shown_frames
+from bellcrank.replays.camera import camera_for, ground_for
+from bellcrank.replays.charts import run_charts
+from bellcrank.replays.course import Course, cubic_between, placing
+from bellcrank.replays.film import Film, Mark
+from bellcrank.replays.footage import Point, footage
+from bellcrank.replays.meshes import Detail
+from bellcrank.replays.subject import (
+    film_axes,
+    filmed_bodies,
+    frame_points,
+    named_facts,
+    scenery,
+    traced_frames,
+)  # fmt: skip
+from bellcrank.scene.joint_forces import JointSpring
+from bellcrank.scene.outputs import FrameOutput
+from bellcrank.simulation.run_csv import titled
+from bellcrank.simulation.summary import event_consequence, run_facts
+
+if TYPE_CHECKING:
+    from bellcrank.simulation.record import Event
+    from bellcrank.simulation.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+MOST_MARKS = 200
+FEW = 6  # joints, or multipliers, that a mark tells of
+
+
+def film_of_run(
+    run: Trajectory,
+    *,
+    trace: Iterable[str] = (),
+    detail: Detail = "reduced",
+    title: str | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Film:
+    """The film of a run: traces are of the frames in `trace`, or else of those that the scene's outputs follow, or the
+    robot's tip; and of rolling contacts.
+
+    Raises InputError for an unknown frame, and where the run's first state is not finite or its times do not increase.
+    """
+    scene, robot = run.scene, run.robot
+    notes: list[str] = []
+    rows = _finite_rows(run)
+    if rows < len(run):
+        notes.append(f"from {run.time[rows]:.6g} s on the run is not finite numbers: it is shown until then")
+    bodies, more = filmed_bodies(robot, detail)
+    wanted = traced_frames(robot, trace, _output_frames(run))
+    frames = tuple(dict.fromkeys([*(body.name for body in bodies), *shown_frames(run), *wanted]))
+    time, q, v = run.time[:rows], run.position[:rows], run.velocity[:rows]
+    course = Course(
+        robot, time, q, v, cubic_between(robot.joints, time, q, v), frames, placing(robot, frames, scene.parameters),
+        run.parameters[: len(scene.parameters)],
+    )  # fmt: skip
+    events = [event for event in run.events if time[0] <= event.time <= time[-1]]
+    disks = [closure for closure in scene.closures if isinstance(closure, RollingDisk)]
+    points = frame_points(course, wanted)
+    for disk in disks:
+        points[f"{disk.name} contact"] = _contact_of(run, course, disk)
+    shots = footage(course, bodies, points, [event.time for event in events], progress)
+    state = np.zeros((len(shots.time), scene.system.size))
+    state[:, : robot.nq], state[:, robot.nq : robot.nq + robot.nv] = shots.position, shots.velocity
+    moments = Moments(run, shots.time, state, shots.placed)
+    with np.errstate(all="ignore"):  # a run may end where numbers overflow
+        arrows, springs = tuple(run_arrows(moments)), tuple(run_springs(moments))
+        facts = [("ended", run.message.removeprefix(f"{scene.name}: ")), *named_facts(run_facts(run))]
+    notes += [text for name, text in facts if name == "note"]
+    facts = [fact for fact in facts if fact[0] != "note"]
+    view = scenery(shots, arrows, [spring.ends.reshape(-1, 3) for spring in springs])
+    planes = [(np.array(disk.normal), moments.number(disk, "height")) for disk in disks]
+    return Film(
+        title or scene.name, shots.time, shots.poses, bodies, camera_for(view), shots.bound,
+        ground_for(planes, view, not robot.floating_base), shots.traces, arrows, springs,
+        film_axes(robot, bodies, {f.joint.name for f in scene.forces if isinstance(f, JointSpring)}),
+        _marks(run, events, float(time[-1])), run_charts(run), (), (*facts, ("bellcrank", __version__)),
+        (*more, *notes),
+    )  # fmt: skip
+
+
+def _finite_rows(run: Trajectory) -> int:
+    """How many rows there are before the first that is not finite; InputError for none, or times that go back."""
+    good = np.isfinite(run.state).all(axis=1) & np.isfinite(run.time)
+    rows = len(good) if good.all() else int(good.argmin())
+    if not rows:
+        raise InputError(f"{run.scene.name}: the run's first state is not finite numbers; simulate it again")
+    if np.any(np.diff(run.time[:rows]) <= 0.0):
+        raise InputError(f"{run.scene.name}: the times of the run do not increase; sort its rows")
+    return rows
+
+
+def _output_frames(run: Trajectory) -> tuple[str, ...]:
+    quantities = [output.quantity for output in run.scene.outputs.values()]
+    shown = [q.frame for q in quantities if isinstance(q, FrameOutput) and q.what == "position"]
+    return tuple(dict.fromkeys(shown))
+
+
+def _contact_of(run: Trajectory, course: Course, disk: RollingDisk) -> Point:
+    k = course.index[disk.frame]
+
+    def point(points: Array, turns: Array) -> Array:
+        return contact_points(Moments(run, np.zeros(0), np.zeros(0), lambda name: (points[:, k], turns[:, k])), disk)
+
+    return point
+
+
+def _marks(run: Trajectory, events: Sequence[Event], end: float) -> tuple[Mark, ...]:
+    marks = [Mark(event.time, _event_text(run, event)) for event in events[:MOST_MARKS]]
+    if not run.success:
+        marks.append(Mark(end, f"{run.status}: {run.status.advice}"))
+    return tuple(marks)
+
+
+def _event_text(run: Trajectory, event: Event) -> str:
+    """An event with its consequence, the joints and the closures' forces there, where they are few."""
+    parts = [f"{event.name}{event_consequence(event)}"]
+    parts.append(_values(position_labels(run.robot.joints), event.position))
+    names = [titled(f"{owner} {label}") for owner, label in run.scene.system.multiplier_names]
+    parts.append(_values(names, event.multipliers))
+    return "; ".join(part for part in parts if part)
+
+
+def _values(labels: Sequence[tuple[str, str]], values: Array) -> str:
+    if not 0 < len(labels) <= FEW or len(labels) != len(values):
+        return ""
+    return ", ".join(
+        f"{name.removesuffix(' position')} {np.degrees(value):.2f}°" if unit == "rad" else f"{name} {value:.6g} {unit}"
+        for (name, unit), value in zip(labels, values.tolist(), strict=True)
+    )

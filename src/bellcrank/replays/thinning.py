@@ -1,0 +1,122 @@
+"""Fewer rows that show the same: frames between which straight lines and even turns stay within a bound, and series
+that keep their extremes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+MOST_HALF_TURN = (
+    0.75  # rad: half of how far a body turns between frames; beyond it the shorter way may be the other one
+)
+LOOKS = np.arange(1, 8) / 8.0  # where a stretch is looked at, before it is checked at every row
+MOST_POINTS = 2000  # of a series: two a pixel on a wide screen
+
+
+def frame_rows(time: Array, points: Array, turns: Array, reach: Array, bound: float, keep: Iterable[int] = ()) -> Rows:
+    """Rows to keep of poses at increasing times (n,) s: first, last, those of `keep`, and as many as it takes so that
+    `interpolation_error` is at most `bound` (m) at every row; increasing.
+
+    points (n, k, 3) m and turns (n, k, 4), quaternions x y z w of one sign along time, of k bodies, whose points are
+    within `reach` (k,) m of their origins. A stretch that is not within the bound is split where it is worst
+    (D. Douglas, T. Peucker, Cartographica 10, 1973).
+    """
+    n = len(time)
+    kept = np.zeros(n, dtype=bool)
+    kept[[0, n - 1, *keep]] = True
+    rows = np.flatnonzero(kept)
+    first, last = rows[:-1], rows[1:]
+    while True:
+        long = last - first > 1
+        first, last = first[long], last[long]
+        if not len(first):
+            return np.flatnonzero(kept)
+        looks = first[:, None] + np.rint(LOOKS * (last - first)[:, None]).astype(np.intp)
+        looks = np.clip(looks, first[:, None] + 1, last[:, None] - 1)
+        error = interpolation_error(
+            time, points, turns, reach, looks.ravel(), first.repeat(len(LOOKS)), last.repeat(len(LOOKS))
+        ).reshape(looks.shape)
+        worst = looks[np.arange(len(looks)), error.argmax(axis=1)]
+        far = np.isinf(error).any(axis=1)  # it turns too far as a whole
+        worst[far] = looks[far, len(LOOKS) // 2]
+        bad = error.max(axis=1) > bound
+        for k in _stretches(np.flatnonzero(~bad), last - first):
+            inside = np.concatenate([np.arange(a + 1, b) for a, b in zip(first[k], last[k], strict=True)])
+            count = last[k] - first[k] - 1
+            every = interpolation_error(
+                time, points, turns, reach, inside, first[k].repeat(count), last[k].repeat(count)
+            )
+            begin = np.concatenate([[0], np.cumsum(count)[:-1]])
+            most = np.maximum.reduceat(every, begin)
+            for at in np.flatnonzero(most > bound):
+                part = slice(begin[at], begin[at] + count[at])
+                worst[k[at]] = inside[part][every[part].argmax()]
+                bad[k[at]] = True
+        kept[worst[bad]] = True
+        first, last = np.concatenate([first[bad], worst[bad]]), np.concatenate([worst[bad], last[bad]])
+
+
+def interpolation_error(
+    time: Array, points: Array, turns: Array, reach: Array, rows: Rows, first: Rows, last: Rows
+) -> Array:
+    """How far (m,) any point of the bodies is, at most, from where it is at `rows` (m,) when the bodies go straight and
+    turn evenly from rows `first` to rows `last`; infinite where one turns further than twice MOST_HALF_TURN.
+
+    |Δp| + 2 reach |Δq|: a turn by an angle δ moves a point by at most 2 reach sin(δ/2), and |Δq| = 2 sin(δ/4).
+    """
+    span = time[last] - time[first]
+    share = np.divide(time[rows] - time[first], span, out=np.zeros(len(rows)), where=span > 0.0)[:, None]
+    here = points[first]
+    error = _length(points[rows] - here - share[..., None] * (points[last] - here))
+    if np.any(reach):
+        halfway, turned = _turned(turns[first], turns[last], share)
+        error += 2.0 * reach * _length(turns[rows] - turned)
+        error[halfway > MOST_HALF_TURN] = np.inf
+    return np.asarray(error.max(axis=1, initial=0.0))
+
+
+def _turned(begin: Array, end: Array, share: Array) -> tuple[Array, Array]:
+    """Half of the angles (m, k) between quaternions (m, k, 4), and the quaternions a share (m, 1) of the way.
+
+    Source: K. Shoemake, Animating rotation with quaternion curves, SIGGRAPH 1985.
+    """
+    half = 2.0 * np.arcsin(np.minimum(1.0, 0.5 * _length(end - begin)))
+    size, small = np.sin(half), half < 1e-6
+    size[small] = 1.0
+    before = np.where(small, 1.0 - share, np.sin((1.0 - share) * half) / size)
+    after = np.where(small, share, np.sin(share * half) / size)
+    return half, before[..., None] * begin + after[..., None] * end
+
+
+def _length(vectors: Array) -> Array:
+    return np.asarray(np.sqrt(np.einsum("...c,...c->...", vectors, vectors)))
+
+
+def _stretches(which: Rows, length: Rows, most: int = 100_000) -> list[Rows]:
+    """Groups of stretches of no more than so many rows together, or of one stretch, so that memory stays small."""
+    if not len(which):
+        return []
+    groups = np.cumsum(length[which]) // most
+    return np.split(which, np.flatnonzero(np.diff(groups)) + 1)
+
+
+def series_rows(table: Array, most: int = MOST_POINTS) -> Rows:
+    """Rows to keep of a table (n, lines), increasing: the first, the last, and in each of equal stretches of rows every
+    line's least and largest, so that no peak is lost; at most `most`, or two a line and two where those are more.
+    """
+    n, lines = table.shape
+    if n <= most:
+        return np.arange(n)
+    buckets = max(1, (most - 2) // (2 * max(1, lines)))
+    size = -(-n // buckets)
+    buckets = -(-n // size)
+    padded = np.concatenate([table, np.repeat(table[-1:], buckets * size - n, axis=0)]).reshape(buckets, size, lines)
+    begin = size * np.arange(buckets)[:, None]
+    low = np.where(np.isnan(padded), np.inf, padded).argmin(axis=1) + begin
+    high = np.where(np.isnan(padded), -np.inf, padded).argmax(axis=1) + begin
+    return np.unique(np.clip(np.concatenate([[0, n - 1], low.ravel(), high.ravel()]), 0, n - 1))
