@@ -45,7 +45,8 @@ class Opened:
 def chromium():
     path = shutil.which("chromium")
     if path is None:
-        pytest.fail("these tests look at pages in a real browser; install it (on Debian: apt-get install chromium)")
+        give_up = pytest.fail if os.environ.get("CI") else pytest.skip
+        give_up("these tests look at pages in a real browser; install it (on Debian: apt-get install chromium)")
     flags = [*FLAGS, "--no-sandbox"] if os.geteuid() == 0 else FLAGS  # Chromium refuses to start for root otherwise
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=flags)

@@ -29,7 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.sizing.result import Sizing
 
     out = arguments.out or Path(f"{stem(arguments.run)}.png")
-    check_writable(out)
+    check_writable("--out", out)
     thing = shown(arguments)
     files = _sizing_files(thing, out) if isinstance(thing, Sizing) else _run_files(thing, out, arguments.frame)
     well, verdict = verdict_of(thing)

@@ -45,8 +45,8 @@ def run(arguments: argparse.Namespace) -> int:
             raise InputError(f"--{kind} {path}: expected a name that ends in .{kind}")
     wanted = bool(arguments.out or arguments.open or not pictures)  # whether the page itself is
     out = arguments.out or Path(f"{stem(arguments.run)}.html")
-    for path in (*pictures.values(), *([out] if wanted else [])):
-        check_writable(path)
+    for option, path in {**pictures, **({"out": out} if wanted else {})}.items():
+        check_writable(f"--{option}", path)
     draw = _drawing(arguments)
     thing = shown(arguments)
     with tempfile.TemporaryDirectory() as folder:

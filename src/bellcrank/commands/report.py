@@ -24,7 +24,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.reports.report import report
 
     out = arguments.out or Path(f"{stem(arguments.run)}_report.html")
-    check_writable(out)
+    check_writable("--out", out)
     thing = shown(arguments)
     path = report(thing, out, trace=arguments.trace)
     well, verdict = verdict_of(thing)

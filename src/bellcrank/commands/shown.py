@@ -36,22 +36,15 @@ def stem(name: str) -> str:
     return given.resolve().parent.name if given.name == "run.npz" else given.stem
 
 
-def check_writable(out: Path) -> None:
-    """Refuse a file that cannot be written before anything long is begun (InputError)."""
+def check_writable(option: str, out: Path) -> None:
+    """Refuse a file that cannot be written, given by `option`, before anything long is begun (InputError)."""
     if out.is_dir():
-        raise InputError(f"{out}: that is a folder, expected a file such as {out / 'replay.html'}")
+        raise InputError(f"{option} {out}: that is a folder, expected a file such as {out / 'replay.html'}")
     place = next(place for place in (out.parent, *out.parent.parents) if place.exists())
     if not place.is_dir():
-        raise InputError(f"{out}: {place} is a file, expected a folder")
+        raise InputError(f"{option} {out}: {place} is a file, expected a folder")
     if not os.access(place, os.W_OK | os.X_OK):
-        raise InputError(f"{out}: {place} cannot be written; choose a folder you may write to")
-
-
-def _stem(given: Path) -> str:
-    """The page's name: that of the scene or the run; "run" itself says nothing, its folder does."""
-    if given.is_dir():
-        return given.resolve().name
-    return given.resolve().parent.name if given.name == "run.npz" else given.stem
+        raise InputError(f"{option} {out}: {place} cannot be written; choose a folder you may write to")
 
 
 def shown(arguments: argparse.Namespace) -> Trajectory | Sizing:

@@ -93,7 +93,8 @@ def automatic_gains(scene: Scene, settings: Settings | None = None) -> Automatic
     coarser = max(1.0, PILOT_TOLERANCE / max(settings.rtol, settings.atol))
     pilot = replace(
         settings, solver="DOP853", rtol=coarser * settings.rtol, atol=coarser * settings.atol, step=None,
-        first_step=None, max_step=None, samples=2, max_evaluations=PILOT_EVALUATIONS, stabilisation=Stabilisation("projection"),
+        first_step=None, max_step=None, samples=2, max_evaluations=PILOT_EVALUATIONS,
+        stabilisation=Stabilisation("projection"),
     )  # fmt: skip
     run = simulate(replace(scene, settings=pilot))
     end, did = float(run.time[-1]), run.statistics
