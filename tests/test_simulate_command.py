@@ -110,6 +110,18 @@ def test_a_massless_floating_base_is_refused_with_exit_2(arm, capsys):
     assert "can move without moving any mass" in capsys.readouterr().err
 
 
+def test_a_robot_without_a_joint_that_moves_is_refused_and_set_free_by_a_floating_base(arm, capsys):
+    Path("stone.urdf").write_text(
+        '<robot name="stone"><link name="rock"><inertial><mass value="2"/>'
+        '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link></robot>'
+    )
+    assert main(["simulate", "stone.urdf"]) == 2
+    assert "stone has no joint that moves" in capsys.readouterr().err
+    Path("falling.yaml").write_text("urdf: stone.urdf\nfloating_base: true\n")
+    run = bc.simulate("falling.yaml", duration=1.0)
+    assert np.allclose(run.state[-1, :3], [0.0, 0.0, -9.81 / 2], atol=1e-12)
+
+
 def test_a_run_whose_energy_is_out_of_balance_exits_1(arm, capsys):
     assert main(["simulate", "arm.yaml", "--solver", "RK4", "--step", "0.25", "--no-plots"]) == 1
     assert "energy is not in balance" in capsys.readouterr().out

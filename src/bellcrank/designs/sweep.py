@@ -62,6 +62,11 @@ class Sweep:
     designs: tuple[Design, ...]
     units: Mapping[str, str] = field(repr=False)
 
+    def __repr__(self) -> str:
+        ended = sum(not design.reason for design in self.designs)
+        axes = ", ".join(axis.path for axis in self.axes)
+        return f"Sweep('{self.scene.name}' over {axes}: {len(self.designs)} designs, {ended} came to their end)"
+
     @property
     def shape(self) -> tuple[int, ...]:
         """The number of values along each axis."""

@@ -66,6 +66,9 @@ class Scene:
     marked_data: Mapping[str, Any] = field(repr=False)  # with the lines and overrides of its keys
     loop_files: dict[str, str] = field(repr=False, default_factory=dict)  # texts of files that closures were read from
 
+    def __repr__(self) -> str:
+        return f"Scene('{self.name}', {self.robot!r}, from {self.source.name})"
+
     @property
     def name(self) -> str:
         """What the scene calls itself."""

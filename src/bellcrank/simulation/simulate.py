@@ -61,6 +61,11 @@ def simulate(
         scene = load_scene(scene)
     if overrides:
         scene = scene.with_overrides(overrides)
+    if not scene.robot.nv:
+        raise InputError(
+            f"{scene.source}: {scene.robot.urdf.name} has no joint that moves, so that there is nothing to simulate; "
+            "floating_base: true in a scene sets it free"
+        )
     given = {
         "duration": duration, "solver": solver, "rtol": rtol, "atol": atol, "step": step, "samples": samples,
         "first_step": first_step, "max_step": max_step, "max_evaluations": max_evaluations,

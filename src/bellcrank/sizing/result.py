@@ -244,6 +244,10 @@ class Sizing:
     payloads: tuple[tuple[float, str], ...] = ()
     study: tuple[Robot, tuple[Motion, ...], Mapping[str, Drive]] | None = field(default=None, repr=False, compare=False)
 
+    def __repr__(self) -> str:
+        told = f"{len(self.exceeded)} limits exceeded" if self.exceeded else "all inside"
+        return f"Sizing('{self.robot}', {len(self.joints)} joints over {', '.join(self.motions)}: {told})"
+
     def joint(self, name: str) -> JointSizing:
         """The line of one joint; InputError for an unknown name."""
         for joint in self.joints:
