@@ -134,7 +134,7 @@ def test_the_parameters_of_a_run_move_its_film():
 def test_the_arrow_at_the_lock_is_the_force_at_the_apex_and_its_mark_says_so(four_bar):
     film = film_of_run(four_bar)
     (arrow,) = film.arrows
-    assert arrow.unit == "N" and not arrow.about
+    assert arrow.name == "apex on coupler_link" and arrow.unit == "N" and not arrow.about
     assert arrow.vectors[-1] == pytest.approx([1500.133, -380.510, 0.0], abs=0.01)
     assert arrow.points[-1] == pytest.approx(four_bar.frame("coupler_tip").position[-1], abs=1e-12)
     (mark,) = film.marks
@@ -202,9 +202,10 @@ def test_arrows_of_closures_do_the_work_of_their_multipliers(tmp_path, closures)
     names = list(run.robot.joint_names)
     arrows = list(run_arrows(moments))
     assert len(arrows) == 2 + ("rod" in closures)
+    assert all(arrow.name.endswith((" on panda_link4", " on panda_link7")) for arrow in arrows)
     got = np.zeros_like(need)
     for arrow in arrows:
-        for k in range(names.index("panda_joint4" if arrow.name == "rod" else "panda_joint7") + 1):
+        for k in range(names.index("panda_joint4" if arrow.name == "rod on panda_link4" else "panda_joint7") + 1):
             link = run.robot.urdf.joints[names[k]].child
             place, turn = placed(link)
             axis = turned(turn, run.robot.joint_axis(names[k]))
@@ -221,6 +222,36 @@ def test_charts_are_those_of_the_plots_and_keep_the_rows_of_a_short_run(four_bar
     assert {"position", "velocity", "joint torque", "multiplier", "closures apart"} <= set(charts)
     assert np.array_equal(charts["position"].lines[0].values, four_bar.joint("crank").position)
     assert charts["multiplier"].unit == "N" and charts["closures apart"].logarithmic
+
+
+def test_the_most_telling_charts_come_first_and_no_title_repeats_its_unit(four_bar, sizing):
+    closed = [chart.title.split(" ")[0] for chart in film_of_run(four_bar).charts]
+    assert closed[:4] == ["position", "velocity", "multiplier", "energy"] and closed.index("outputs:") == 4
+    open_ones = film_of_run(bc.simulate("spring_pendulum", duration=1.0)).charts
+    assert open_ones[0].title == "outputs: coriolis, centrifugal, tangential" and open_ones[0].unit == "m/s²"
+    velocities = [chart.unit for chart in open_ones if chart.title == "velocity"]
+    assert sorted(velocities) == ["m/s", "rad/s"] and open_ones[-1].title == "outputs: energy"
+    assert [chart.title for chart in film_of_sizing(sizing).charts] == [
+        "joint torque", "position", "velocity", "acceleration",
+    ]  # fmt: skip
+
+
+def test_facts_begin_with_how_it_ended_and_repeat_no_title(four_bar, sizing):
+    assert film_of_run(four_bar).facts[0] == ("ended", "event at 12.267789 s: event 'lock' ended the run")
+    film = film_of_sizing(sizing)
+    assert film.facts[0][0] == "verdict" and film.facts[0][1].startswith("All inside: the tightest margin is 26.2%")
+    assert "robot" not in dict(film.facts) and ("robot", "planar_2r") in film_of_sizing(sizing, title="My arm").facts
+
+
+@pytest.mark.parametrize("name", ["rolling_disk", "rolling_disk_six", "two_wheeler"])
+def test_what_rolls_has_marks_off_its_axle_by_which_its_spin_is_seen(name):
+    film = film_of_run(bc.simulate(name, duration=0.1))
+    rolling = [body for body in film.bodies if body.name == "disk" or "wheel" in body.name]
+    assert len(rolling) == (2 if name == "two_wheeler" else 1)
+    for body in rolling:
+        largest = max(shape.size[0] for shape in body.shapes if shape.kind == "cylinder")
+        assert largest == 0.1 and len({shape.colour for shape in body.shapes}) == 3
+        assert any(np.hypot(*np.take(shape.pose, [0, 2])) == pytest.approx(0.07) for shape in body.shapes)
 
 
 def test_torsion_springs_axes_and_prismatic_springs_are_there():

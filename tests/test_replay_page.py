@@ -273,6 +273,31 @@ def test_a_mesh_is_drawn_and_shared_meshes_are_stored_once(open_page, folder):
     assert pixels_of(opened, 0, 2.0).sum() > 500 and opened.clean
 
 
+@pytest.mark.parametrize(("far", "offered", "taken"), [(0.0, False, False), (15.0, True, False), (500.0, True, True)])
+def test_bodies_that_travel_far_can_be_followed_and_are_where_nothing_would_be_seen(
+    open_page, folder, far, offered, taken
+):
+    film = arm(**{**EMPTY, "ground": Ground((0, 0, 1), 0.0)})
+    poses = film.poses.copy()
+    poses[:, :, 0] += far * film.time[:, None] / 10.0
+    camera = Camera((far / 2, -2.6 - 1.1 * far, 1.2), (far / 2, 0.0, 0.6), (0, 0, 1))
+    film = dataclasses.replace(film, poses=poses, camera=camera)
+    opened = open_page(write_page(film, folder / "far.html", plots=False), "#still=1")
+    assert opened.do("b.layers()") == [{"group": "Camera", "name": "follow what moves", "on": taken}] * offered
+    for follows in [taken, *([not taken] if offered else [])]:
+        if follows != taken:
+            opened.do("b.showLayer(0, x)", follows)
+        for t in (2.0, 9.0):
+            covered = pixels_of(opened, 1, t)
+            middle = poses[int(60 * t), :, :3]
+            pixel = opened.do("b.project(x)", [float(c) for c in (middle.min(axis=0) + middle.max(axis=0)) / 2])
+            if follows:
+                assert covered.sum() > 400 and np.abs(np.subtract(pixel, [320, 240])).max() < 1.0
+            else:
+                assert pixel == pytest.approx(seen_at(camera, middle.mean(axis=0), (640, 480)), abs=40)
+    assert opened.clean
+
+
 # ---- the player
 
 
@@ -421,6 +446,66 @@ def test_values_that_are_not_finite_are_gaps(open_page, folder):
         opened.do("b.seek(x)", t)
         assert opened.tab.inner_text(".legend output >> nth=0") == told
     assert opened.clean
+
+
+def test_rounding_is_told_as_zero_beside_what_is_large(open_page, folder):
+    t = np.linspace(0.0, 10.0, 101)
+    chart = Chart("speed", "m/s", t, (Line("one", 2.0 + 0 * t), Line("noise", 8e-17 + 0 * t)))
+    small = Chart("small", "m", t, (Line("all small", 8e-17 + 0 * t),))
+    plane = Plane("p", "x", "y", t, np.cos(t), 1e-17 * t)
+    film = arm(charts=(chart, small), planes=(dataclasses.replace(plane, y=np.where(t > 5, 1.0, 1e-17)),))
+    opened = open_page(write_page(film, folder / "noise.html"), size=(1000, 700))
+    opened.do("b.seek(1)")
+    told = [each.inner_text() for each in opened.tab.locator(".legend output").all()]
+    assert told == ["2", "0", "8e−17", "0.5403, 0 at 1.000 s"] and opened.clean
+
+
+def test_lines_are_drawn_to_fractions_of_a_pixel_and_broken_between_motions(open_page, folder):
+    """A slope of one pixel in twenty shows shades between its colour and the paper's; a gap of 1 ms is a gap."""
+    t = np.array([0.0, 5.0, 5.0005, 5.001, 10.0])
+    film = arm(
+        charts=(Chart("two", "m", t, (Line("line", np.array([0.0, 0.1, np.nan, 1.0, 1.1])),)),), planes=(), marks=()
+    )
+    opened = open_page(write_page(film, folder / "smooth.html"), size=(1000, 700))
+    opened.do("b.seek(10)")
+    shot = opened.tab.locator(".chart .u-over").first.screenshot()
+    seen = np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
+    middle = seen.shape[1] // 2
+    blue = np.abs(seen - [0x00, 0x72, 0xB2]).sum(axis=2) < 40
+    assert not blue[30:-30, middle - 4 : middle + 4].any()
+    sloped = seen[:, 10 : middle - 10, 0][:, ::7]
+    assert len(np.unique(sloped[sloped < 200])) > 5
+
+
+def test_a_peak_that_would_hide_all_else_makes_a_chart_logarithmic_above_the_usual(open_page, folder):
+    t = np.linspace(0.0, 10.0, 1001)
+    peak = np.where(t > 9.9, 3000.0, np.sin(t))
+    charts = (Chart("force", "N", t, (Line("a", peak),)), Chart("usual", "N", t, (Line("a", np.sin(t)),)))
+    opened = open_page(write_page(arm(charts=charts), folder / "peak.html"), size=(1000, 700))
+    heads = [each.inner_text() for each in opened.tab.locator(".chart > header span").all()]
+    assert heads == ["[N], logarithmic above 1", "[N]"] and opened.clean
+
+
+def test_a_long_panel_has_a_list_of_its_plots_to_go_to(player):
+    assert player.tab.locator("[aria-label='Go to a plot'] option").all_inner_texts()[1:] == [
+        "position", "residual", "motor", "events",
+    ]  # fmt: skip
+    player.tab.select_option("[aria-label='Go to a plot']", label="events")
+    player.tab.wait_for_function("() => document.getElementById('panel').scrollTop > 50")
+    player.do("document.getElementById('panel').scrollTo(0, 0)")
+
+
+def test_the_first_fact_is_told_whole_on_a_phone(open_page, folder):
+    facts = (
+        ("verdict", "All inside: the tightest margin is 11 %, " + "shoulder_pan_joint's speed. " * 2),
+        ("b", "c" * 90),
+    )
+    opened = open_page(write_page(arm(facts=facts), folder / "facts.html"), size=(390, 844))
+    whole = "(([f, first]) => first.offsetTop + first.offsetHeight <= f.offsetTop + f.clientHeight + 1)"
+    assert opened.do(f"{whole}([document.querySelector('#facts'), document.querySelector('#facts div')])")
+    assert opened.tab.locator("#facts").bounding_box()["height"] < 100
+    opened.tab.click("#more")
+    assert opened.tab.inner_text("#more") == "fewer facts" and opened.tab.locator("#facts dd >> nth=1").is_visible()
 
 
 def test_without_plots_the_page_has_none(boxes):

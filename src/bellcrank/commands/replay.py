@@ -48,6 +48,10 @@ def run(arguments: argparse.Namespace) -> int:
     for option, path in {**pictures, **({"out": out} if wanted else {})}.items():
         check_writable(f"--{option}", path)
     draw = _drawing(arguments)
+    if pictures:
+        from bellcrank.replays.pictures import check_tools
+
+        check_tools(pictures)
     thing = shown(arguments)
     with tempfile.TemporaryDirectory() as folder:
         page = replay(

@@ -13,8 +13,8 @@ import numpy as np
 from bellcrank.replays.film import Array, Film
 
 LONGEST = 0.45  # arrow, as a share of half the height of the view
-USUAL = 98.0  # percentile of the magnitudes up to which the scale is linear
-OUTSTANDING = 1.5  # times the usual: below it the scale is linear all the way
+USUAL = 95.0  # percentile of the magnitudes up to which the scale is linear
+OUTSTANDING = 3.0  # times the usual: below it the scale is linear all the way
 LINEAR = 0.7  # share of the longest arrow that the linear part takes, where there is a logarithmic one
 NOTHING = 1e-9  # of the peak: rounding, not a force
 

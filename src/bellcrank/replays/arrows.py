@@ -106,7 +106,10 @@ def run_arrows(moments: Moments) -> Iterator[Arrow]:
             yield motor_arrow(scene.robot, closure.joint, moments.of(closure)[:, 0], moments.placed, closure.name)
         elif isinstance(closure, RollingDisk):
             yield Arrow(
-                f"{closure.name} contact", "N", contact_points(moments, closure), _contact_force(moments, closure)
+                f"{closure.name} on {_link(moments, closure.frame)}",
+                "N",
+                contact_points(moments, closure),
+                _contact_force(moments, closure),
             )
         elif isinstance(closure, Loop):
             yield from _loop_arrows(moments, closure)
@@ -172,12 +175,13 @@ def _disk_directions(disk: RollingDisk, turns: Array) -> tuple[Array, Array, Arr
 def _loop_arrows(moments: Moments, loop: Loop) -> Iterator[Arrow]:
     """Forces on the body of the loop's first frame, and the moments of a hinge or a weld."""
     value, (a, turn_a), (b, turn_b) = moments.of(loop), moments.side(loop, True), moments.side(loop, False)
+    body = _link(moments, loop.frame_a)
     if isinstance(loop, Distance):
         way = (a - b) / np.maximum(np.linalg.norm(a - b, axis=1, keepdims=True), 1e-12)
-        yield Arrow(loop.name, "N", a, value * way)
+        yield Arrow(f"{loop.name} on {body}", "N", a, value * way)
         return
     if isinstance(loop, (Point, Hinge, Weld)):
-        yield Arrow(loop.name, "N", a, value[:, :3])
+        yield Arrow(f"{loop.name} on {body}", "N", a, value[:, :3])
     moment: Any = None
     if isinstance(loop, Hinge):
         axis = turned(_placed_turn(loop.at_a, turn_a), np.array(loop.axis))
@@ -186,7 +190,13 @@ def _loop_arrows(moments: Moments, loop: Loop) -> Iterator[Arrow]:
     elif isinstance(loop, Weld):
         moment = turned(_placed_turn(loop.at_b, turn_b), value[:, 3:])
     if moment is not None and np.any(moment):
-        yield Arrow(f"{loop.name} moment", "N m", a, np.asarray(moment), True)
+        yield Arrow(f"{loop.name} moment on {body}", "N m", a, np.asarray(moment), True)
+
+
+def _link(moments: Moments, frame: str) -> str:
+    """The link on which a frame is, which is what a force at the frame acts on."""
+    robot, named = moments.run.robot, moments.run.scene.card.frames
+    return named[frame][0] if frame in named else child_link(robot, frame) if frame in robot.urdf.joints else frame
 
 
 def _placed_turn(at: tuple[float, ...] | None, turns: Array) -> Array:

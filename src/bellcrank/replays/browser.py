@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 from bellcrank.errors import BellcrankError, InputError
@@ -29,24 +31,29 @@ def find_browser() -> str:
     )
 
 
+def find_driver() -> ModuleType:
+    """Playwright's module. Raises InputError with what to install."""
+    try:
+        from playwright import sync_api
+    except ImportError:
+        raise InputError(
+            "stills and films need the package playwright; install it with: pip install 'bellcrank[film]'"
+        ) from None
+    return sync_api
+
+
 @contextmanager
 def opened(page: str | Path, size: tuple[int, int]) -> Iterator[Page]:
     """The page of a file in a window of (width, height) pixels that nobody sees, drawn, its network cut off.
 
     Raises InputError where there is no browser or no Playwright, and BellcrankError where the page does not draw.
     """
-    browser = find_browser()
-    try:
-        from playwright.sync_api import Error, sync_playwright
-    except ImportError:
-        raise InputError(
-            "stills and films need the package playwright; install it with: pip install 'bellcrank[film]'"
-        ) from None
+    browser, driver = find_browser(), find_driver()
     flags = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars", "--disable-gpu-sandbox"]
     if hasattr(os, "geteuid") and os.geteuid() == 0:
         flags.append("--no-sandbox")  # Chromium refuses to start for root otherwise
     try:
-        with sync_playwright() as playwright:
+        with driver.sync_playwright() as playwright:
             chromium = playwright.chromium.launch(executable_path=browser, args=flags)
             try:
                 context = chromium.new_context(viewport={"width": size[0], "height": size[1]}, offline=True)
@@ -57,6 +64,9 @@ def opened(page: str | Path, size: tuple[int, int]) -> Iterator[Page]:
                 yield tab
             finally:
                 chromium.close()
-    except Error as error:
+    except KeyboardInterrupt:  # it ends the driver, too, whose last answers nobody waits for
+        logging.getLogger("asyncio").addFilter(lambda record: "never retrieved" not in record.getMessage())
+        raise
+    except driver.Error as error:
         first = str(error).strip().splitlines()[0]
         raise BellcrankError(f"{page}: the browser {browser} could not draw it: {first}") from None

@@ -18,12 +18,23 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 MOST_GAPS = 50
+TELLING = ("outputs", "position", "velocity", "energy")  # the words that titles begin with
+TELLING_OF_CLOSED = ("position", "velocity", "multiplier", "energy", "outputs")
 
 
 def run_charts(run: Trajectory) -> tuple[Chart, ...]:
-    """The panels of `bellcrank plot`, thinned."""
+    """The panels of `bellcrank plot`, thinned, the most telling first: what the scene asks for, unless closures tie it;
+    then positions, velocities, forces of closures, energies; and what only a closer look needs last.
+    """
+    order = TELLING_OF_CLOSED if run.scene.closures else TELLING
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
-        return tuple(chart(panel, run.time) for panel in run_panels(run))
+        charts = [chart(panel, run.time) for panel in run_panels(run)]
+
+    def place(each: Chart) -> int:
+        word = "repeated" if each.title.startswith("outputs") and each.unit == "J" else each.title.split(" ")[0]
+        return order.index(word.rstrip(":,")) if word.rstrip(":,") in order else len(order)
+
+    return tuple(sorted(charts, key=place))
 
 
 def chart(panel: Panel, time: Array, most: int = MOST_POINTS) -> Chart:
@@ -34,7 +45,8 @@ def chart(panel: Panel, time: Array, most: int = MOST_POINTS) -> Chart:
     if len(gaps) <= MOST_GAPS:  # what parts one motion from the next must stay
         rows = np.union1d(rows, gaps)
     lines = tuple(Line(name, table[rows, k]) for k, (name, _) in enumerate(panel.lines))
-    return Chart(panel.title, shown_unit(panel.unit), time[rows], lines, panel.logarithmic)
+    unit = shown_unit(panel.unit)  # the page shows it beside the title
+    return Chart(panel.title.removesuffix(f", {unit}"), unit, time[rows], lines, panel.logarithmic)
 
 
 def joined(parts: Sequence[Array], gap: float = np.nan) -> Array:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from bellcrank.motion.rotations import from_rpy
+from bellcrank.replays.colours import GREY, Colour, clipped, texture_colour
 from bellcrank.replays.film import Shape
-from bellcrank.replays.mesh_files import GREY, Colour, clipped, texture_colour
 from bellcrank.replays.stand_in import pose
 from bellcrank.urdf.mesh_path import find_mesh
 from bellcrank.urdf.xml_tree import Element

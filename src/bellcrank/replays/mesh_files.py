@@ -1,21 +1,28 @@
-"""Reading mesh files: STL and OBJ with its materials here, COLLADA in collada.py, all into parts of one colour each."""
+"""Reading mesh files into parts of one colour each: STL and OBJ by trimesh, COLLADA by pycollada."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
-from pathlib import PurePosixPath
+from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
 
-Colour = tuple[float, float, float, float]
+from bellcrank.replays.colours import GREY, Colour, clipped, texture_colour
+
+Array = NDArray[np.float64]
 Beside = Callable[[str], bytes | None]  # what a file that the mesh file names holds, None where there is none
-GREY: Colour = (0.7, 0.7, 0.7, 1.0)  # stands for a texture that cannot be read
-MOST_FACES = 4_000_000
-MOST_PIXELS = 64_000_000
+MOST_FACES, MOST_PARTS = 4_000_000, 20_000
+_NAMES = {
+    ".obj": rb"^[ \t]*mtllib[ \t]+([^\r\n]+)",
+    ".mtl": rb"^[ \t]*map_Kd[ \t]+(?:[^\r\n]*[ \t])?([^ \t\r\n]+)",
+    ".dae": rb"<(?:\w+:)?(?:init_from|ref)>\s*([^<>]+?)\s*</",
+}
 
 
 class MeshError(Exception):
@@ -26,167 +33,106 @@ class MeshError(Exception):
 class Part:
     """Triangles of one colour: vertices (k, 3) in the file's own unit (COLLADA: m), faces (m, 3); None: no colour."""
 
-    vertices: NDArray[np.float64]
+    vertices: Array
     faces: NDArray[np.int64]
     colour: Colour | None = None
 
 
 def read_parts(data: bytes, suffix: str, beside: Beside) -> tuple[Part, ...]:
-    """The parts of a mesh file by its suffix (.stl, .obj, .dae), at most one of each colour, each with a face or more.
+    """The parts of a mesh file by its suffix (.stl, .obj, .dae), at most one of each colour, each with a triangle.
 
-    Raises MeshError where the file is of another kind, empty, broken or too large, or holds numbers that are not
-    finite.
+    As RViz and Pinocchio do, the unit of a COLLADA file is applied and its up axis is not. Raises MeshError where the
+    file is of another kind, empty, broken or too large, or holds numbers that are not finite.
     """
-    from bellcrank.replays.collada import read_collada
-
+    kind, found = suffix.lower().removeprefix("."), dict[Colour | None, list[Array]]()
+    if kind not in ("stl", "obj", "dae"):
+        raise MeshError(f"is of the kind '{suffix[:10]}', and only .stl, .obj and .dae are read")
+    count = parts = 0
     try:
-        if suffix.lower() == ".stl":
-            parts = _merged((read_stl(data),))
-        elif suffix.lower() == ".obj":
-            parts = _merged(read_obj(data, beside))
-        elif suffix.lower() == ".dae":
-            parts = _merged(read_collada(data, beside))
-        else:
-            raise MeshError(f"is of the kind '{suffix[:10]}', and only .stl, .obj and .dae are read")
-    except (ValueError, IndexError, KeyError, OverflowError, MemoryError) as error:
+        with warnings.catch_warnings(action="ignore"):
+            warnings.filterwarnings("error", "string or file could not be read to its end")  # numpy's, of bad numbers
+            for corners, colour in _collada(data, beside) if kind == "dae" else _trimesh(data, kind, beside):
+                count, parts = count + len(corners), parts + 1
+                if count > MOST_FACES or parts > MOST_PARTS:
+                    raise MeshError(f"has more than the {MOST_FACES} triangles or {MOST_PARTS} parts that are read")
+                if corners.shape[1:] != (3, 3):
+                    raise MeshError("is broken (a vertex does not have three numbers)")
+                if not np.abs(corners).max(initial=0.0) < 1e15:  # also where there is a NaN
+                    raise MeshError("holds numbers that are not finite")
+                if len(corners):
+                    found.setdefault(colour, []).append(corners)
+    except MeshError:
+        raise
+    except Exception as error:  # readers meet whatever the file holds
         raise MeshError(f"is broken ({str(error)[:80]})") from None
-    if not parts:
-        raise MeshError("holds no triangle")
-    for part in parts:
-        if part.faces.min() < 0 or part.faces.max() >= len(part.vertices):
-            raise MeshError("is broken (a face names a vertex that is not there)")
-        if not np.abs(part.vertices[part.faces]).max() < 1e15:  # also where there is a NaN
-            raise MeshError("holds numbers that are not finite")
-    return parts
+    if not found:
+        raise MeshError(f"holds no triangle: it is empty, truncated or no {kind.upper()} file")
+    soups = {colour: np.concatenate(pieces).reshape(-1, 3) for colour, pieces in found.items()}
+    return tuple(Part(points, np.arange(len(points)).reshape(-1, 3), colour) for colour, points in soups.items())
 
 
-def read_stl(data: bytes) -> Part:
-    """The triangles of a binary or ASCII STL file; MeshError where it is truncated."""
-    count = int.from_bytes(data[80:84], "little") if len(data) >= 84 else 0
-    if len(data) >= 84 + 50 * count and (count or not data.lstrip().startswith(b"solid")):
-        _refuse_more_than(count)
-        record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-        corners = np.frombuffer(data, record, count, 84)["corners"].reshape(-1, 3).astype(float)
-    elif data.lstrip()[:5].lower() == b"solid":
-        words = re.findall(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", data)
-        corners = np.array(words, dtype="S32").astype(float).reshape(-1, 3)
-        if len(corners) % 3 or b"endsolid" not in data[-1000:]:
-            raise MeshError("is truncated")
-    else:
-        raise MeshError("is truncated" if len(data) >= 84 else "is no STL file")
-    return Part(corners, np.arange(len(corners)).reshape(-1, 3))
+def _trimesh(data: bytes, kind: str, beside: Beside) -> Iterator[tuple[Array, Colour | None]]:
+    """The triangles (m, 3, 3) and the colour of each material of an STL or OBJ file."""
+    import trimesh
+
+    class Resolver(trimesh.resolvers.Resolver):
+        def __init__(self) -> None: ...
+
+        def get(self, key: str) -> bytes:
+            if (content := beside(key)) is None:
+                raise FileNotFoundError(key)
+            return content
+
+        keys = write = namespaced = NotImplemented
+
+    scene = trimesh.load_scene(BytesIO(data), file_type=kind, resolver=Resolver(), process=False)
+    for mesh in scene.geometry.values():
+        if isinstance(mesh, trimesh.Trimesh):
+            material = getattr(mesh.visual, "material", None)
+            image = getattr(material, "image", None)
+            texture = None if image is None else image.info.get("file_path")  # without one it is trimesh's own grey
+            given = getattr(material, "kwargs", {}) | (
+                {"kd": texture_colour(beside(texture)) or GREY} if texture else {}
+            )
+            opacity = float(given.get("d", [1.0])[-1]) or 1.0  # 0 would hide it: some writers mean 1 by it
+            yield mesh.vertices[mesh.faces], clipped((*given["kd"][:3], opacity)) if "kd" in given else None
 
 
-def read_obj(data: bytes, beside: Beside) -> tuple[Part, ...]:
-    """The faces of a Wavefront OBJ file, polygons as fans, coloured by the diffuse colours of its material files."""
-    materials: dict[str, Colour] = {}
-    vertices: list[list[bytes]] = []
-    faces: dict[str, list[int]] = {}
-    corners = faces.setdefault("", [])
-    for line in data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").splitlines():
-        words = line.split()
-        if not words:
-            continue
-        if words[0] == b"v":
-            vertices.append(words[1:4])
-        elif words[0] == b"f":
-            n = len(vertices)
-            polygon = [int(word.split(b"/", 1)[0]) for word in words[1:]]
-            polygon = [k - 1 if k > 0 else n + k for k in polygon]
-            for k in range(1, len(polygon) - 1):
-                corners += (polygon[0], polygon[k], polygon[k + 1])
-        elif words[0] == b"usemtl":
-            corners = faces.setdefault(line.split(None, 1)[-1].strip().decode(errors="replace"), [])
-        elif words[0] == b"mtllib":
-            materials |= _read_mtl(beside(line.split(None, 1)[-1].strip().decode(errors="replace")) or b"", beside)
-    _refuse_more_than(sum(map(len, faces.values())) // 3)
-    points = np.array(vertices, dtype="S32").astype(float).reshape(-1, 3)
-    return tuple(
-        Part(points, np.array(found).reshape(-1, 3), materials.get(name)) for name, found in faces.items() if found
-    )
+def _collada(data: bytes, beside: Beside) -> Iterator[tuple[Array, Colour | None]]:
+    """The triangles (m, 3, 3) in metres and the colour of each primitive in a COLLADA file's scene."""
+    import collada
+
+    if b"<!ENTITY" in data or b"<!DOCTYPE" in data:
+        raise MeshError("declares XML entities, which are not read")
+    ignored = [collada.common.DaeBrokenRefError, collada.common.DaeUnsupportedError]
+    file = collada.Collada(BytesIO(data), ignore=ignored)
+    if file.errors:  # it leaves out a geometry that has one material it cannot read: again without those materials
+        for binding in file.xmlnode.iter(file.tag("technique_common")):
+            for material in binding.findall(file.tag("instance_material")):
+                if material.get("target", "").removeprefix("#") not in file.materials:
+                    binding.remove(material)
+        file.xmlnode.write(again := BytesIO())
+        file = collada.Collada(BytesIO(again.getvalue()), ignore=ignored)
+    colours: dict[Any, Colour | None] = {None: None}
+    scene, unit = file.scene or next(iter(file.scenes), None), float(file.assetInfo.unitmeter or 1.0)
+    for bound in (b for kind in ("geometry", "controller") for b in (scene.objects(kind) if scene else ())):
+        for primitive in bound.primitives():
+            shape = primitive.triangleset() if hasattr(primitive, "triangleset") else primitive
+            if isinstance(shape, collada.triangleset.BoundTriangleSet):
+                if shape.material not in colours:
+                    colours[shape.material] = _diffuse(shape.material.effect.diffuse, beside)
+                turn = -1 if np.linalg.det(bound.matrix[:3, :3]) < 0.0 else 1  # mirrored: seen from outside again
+                yield unit * shape.vertex.astype(float)[shape.vertex_index][:, ::turn], colours[shape.material]
 
 
-def _read_mtl(data: bytes, beside: Beside) -> dict[str, Colour]:
-    """The colours of a material file by material: the mean of its texture, else its diffuse colour."""
-    colours: dict[str, Colour] = {}
-    name = ""
-    for line in data.splitlines():
-        words = line.split()
-        if len(words) < 2:
-            continue
-        if words[0] == b"newmtl":
-            name = line.split(None, 1)[1].strip().decode(errors="replace")
-            colours[name] = GREY
-        elif words[0] == b"Kd" and len(words) >= 4:
-            red, green, blue = (float(word) for word in words[1:4])
-            colours[name] = clipped((red, green, blue, colours.get(name, GREY)[3]))
-        elif words[0] == b"d" and 0.0 < float(words[-1]) < 1.0:  # 0 would hide it: some writers mean 1 by it
-            colours[name] = (*colours.get(name, GREY)[:3], float(words[-1]))
-        elif words[0] == b"map_Kd":
-            texture = texture_colour(beside(words[-1].decode(errors="replace")))
-            colours[name] = (*texture[:3], colours.get(name, GREY)[3]) if texture else colours.get(name, GREY)
-    return colours
-
-
-def texture_colour(data: bytes | None) -> Colour | None:
-    """The mean colour of an image file, its pixels weighed by their opacity; None where it cannot be read."""
-    if data is None:
-        return None
-    from PIL import Image
-
-    try:
-        image = Image.open(BytesIO(data))
-        if image.width * image.height > MOST_PIXELS:
-            return None
-        image.draft("RGB", (64, 64))  # JPEG files can be read small
-        pixels = np.asarray(image.convert("RGBA"), dtype=float).reshape(-1, 4) / 255.0
-    except Exception:  # an image reader meets whatever the file holds
-        return None
-    weight = float(pixels[:, 3].sum())
-    red, green, blue = (pixels[:, :3] * pixels[:, 3:]).sum(axis=0) / weight if weight else GREY[:3]
-    return clipped((red, green, blue, 1.0))
-
-
-def clipped(colour: Colour) -> Colour:
-    """The colour with each number brought into 0 to 1; ValueError where one is no number."""
-    if not np.isfinite(colour).all():
-        raise ValueError("a colour is not finite")
-    red, green, blue, opacity = (round(min(max(float(x), 0.0), 1.0), 4) for x in colour)
-    return red, green, blue, opacity
+def _diffuse(diffuse: Any, beside: Beside) -> Colour | None:
+    """A colour as it is, of a texture its mean."""
+    if hasattr(diffuse, "sampler"):
+        return texture_colour(beside(unquote(diffuse.sampler.surface.image.path))) or GREY
+    return None if diffuse is None else clipped((*diffuse[:3], 1.0))  # opacity: files disagree on what 1 means
 
 
 def named_files(data: bytes, suffix: str) -> tuple[str, ...]:
     """The files that a mesh file names: material files (.obj, .mtl) and textures (.mtl, .dae)."""
-    patterns = {
-        ".obj": rb"^[ \t]*mtllib[ \t]+([^\r\n]+)",
-        ".mtl": rb"^[ \t]*map_Kd[ \t]+(?:[^\r\n]*[ \t])?([^ \t\r\n]+)",
-        ".dae": rb"<(?:\w+:)?(?:init_from|ref)>\s*([^<>]+?)\s*</",
-    }
-    pattern = patterns.get(suffix.lower())
-    found = re.findall(pattern, data, re.MULTILINE) if pattern else []
+    found = re.findall(_NAMES[suffix.lower()], data, re.MULTILINE) if suffix.lower() in _NAMES else []
     return tuple(dict.fromkeys(name.strip().decode(errors="replace") for name in found))
-
-
-def last_name(name: str) -> str:
-    """The file's own name, of a path written on any system."""
-    return PurePosixPath(name.replace("\\", "/")).name
-
-
-def _refuse_more_than(count: int) -> None:
-    if count > MOST_FACES:
-        raise MeshError(f"has {count} triangles, more than the {MOST_FACES} that are read")
-
-
-def _merged(parts: tuple[Part, ...]) -> tuple[Part, ...]:
-    """One part of each colour."""
-    by_colour: dict[Colour | None, list[Part]] = {}
-    for part in parts:
-        if len(part.faces):
-            by_colour.setdefault(part.colour, []).append(part)
-    _refuse_more_than(sum(len(part.faces) for part in parts))
-    merged = []
-    for colour, group in by_colour.items():
-        starts = np.cumsum([0, *(len(part.vertices) for part in group)])
-        faces = [part.faces + start for part, start in zip(group, starts, strict=False)]
-        merged.append(Part(np.concatenate([part.vertices for part in group]), np.concatenate(faces), colour))
-    return tuple(merged)

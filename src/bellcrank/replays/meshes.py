@@ -7,7 +7,7 @@ or fewer, beginning at a small share of the robot's size.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from io import BytesIO
@@ -18,16 +18,19 @@ from zipfile import BadZipFile
 import numpy as np
 
 from bellcrank.machine_code import cache as disk
+from bellcrank.replays.colours import Colour
 from bellcrank.replays.film import Mesh
-from bellcrank.replays.mesh_files import Colour, MeshError, named_files, read_parts
+from bellcrank.replays.mesh_files import MeshError, named_files, read_parts
 from bellcrank.replays.simplify import Simplifier, weld
 
 Detail = Literal["reduced", "full"]
 Ladder = tuple[float, ...]
+Progress = Callable[[float], None]
 
 BUDGET = 30_000  # faces drawn at once: what software rendering shows smoothly
 UNSEEN = 2e-4  # of the robot's size: a tenth of a pixel where the robot fills 500 of them
 LEAST_STEP, MOST_STEP, STEPS = 2**0.25, 2.0, 32  # the ladder of tolerances
+LATER = 0.2  # about how long a step of the ladder takes, of the one before
 MOST_BYTES = 200 * 2**20  # of one file
 
 
@@ -49,11 +52,17 @@ class Meshes:
     shift: float
 
 
-def load_meshes(uses: Mapping[Path, Sequence[float]], size: float, detail: Detail = "reduced") -> Meshes:
+def load_meshes(
+    uses: Mapping[Path, Sequence[float]],
+    size: float,
+    detail: Detail = "reduced",
+    progress: Progress = lambda share: None,
+) -> Meshes:
     """The meshes of files, each used at these scales (m to the file's unit), of a robot of `size` (m).
 
     Vertices are in the file's own unit, each place one vertex. Files of the same content share their meshes.
-    A file that cannot be drawn raises nothing, it is among the failures.
+    A file that cannot be drawn raises nothing, it is among the failures. `progress` hears the share that is done of
+    what is not in the cache.
     """
     files: dict[str, _File] = {}
     keys: dict[Path, str] = {}
@@ -69,10 +78,13 @@ def load_meshes(uses: Mapping[Path, Sequence[float]], size: float, detail: Detai
     plan = "plan-" + disk.digest(_version(), detail, repr(size), *(repr((f.key, f.scales)) for f in files.values()))
     ladder = _stored_ladder(plan)
     if ladder is None:
-        ladder = _climbed(files.values(), size) if detail == "reduced" else ()
+        ladder = _climbed(files.values(), size, progress) if detail == "reduced" else ()
         disk.store(plan, json.dumps(ladder).encode())
     pieces: dict[Path, tuple[Piece, ...]] = {}
-    made = {key: _stored_pieces(file, ladder) or _made(file, ladder) for key, file in files.items()}
+    made: dict[str, tuple[Piece, ...]] = {}
+    for key, file in files.items():
+        made[key] = _stored_pieces(file, ladder) or _made(file, ladder)
+        progress(len(made) / len(files))
     for path, key in keys.items():
         if made[key]:
             pieces[path] = made[key]
@@ -146,11 +158,16 @@ def _content(path: Path) -> bytes:
         raise MeshError(f"cannot be read ({error.strerror})") from None
 
 
-def _climbed(files: Iterable[_File], size: float) -> Ladder:
+def _climbed(files: Collection[_File], size: float, progress: Progress) -> Ladder:
     """The ladder up to the first tolerance that brings the faces drawn into the budget."""
     ladder: Ladder = (size * UNSEEN,)
+    total = sum(len(file.data) for file in files)
     while len(ladder) < STEPS:
-        drawn = sum(len(s.faces) * len(file.scales) for file in files for s, _, _ in file.surfaces(ladder))
+        drawn, read = 0, 0
+        for file in files:
+            drawn += sum(len(surface.faces) * len(file.scales) for surface, _, _ in file.surfaces(ladder))
+            read += len(file.data)
+            progress(1.0 - LATER ** (len(ladder) - 1) * (1.0 - (1.0 - LATER) * read / total))
         if drawn <= BUDGET:
             break
         # faces go about as the inverse of the tolerance; half of the way there (in logarithms) at a time
@@ -206,4 +223,4 @@ def _pieces_key(file: _File, ladder: Ladder) -> str:
 def _version() -> str:
     """What the meshes in the cache depend on besides the files: the modules that make them."""
     folder = Path(__file__).parent
-    return disk.digest(*((folder / f"{m}.py").read_bytes() for m in ("meshes", "mesh_files", "collada", "simplify")))
+    return disk.digest(*((folder / f"{m}.py").read_bytes() for m in ("meshes", "mesh_files", "colours", "simplify")))

@@ -50,7 +50,9 @@ def film_of_motion(
     """The film of a robot's motion, with the torques (N m or N) that it takes. Raises InputError for an unknown frame
     to trace, and for a motion of another robot.
     """
-    facts = [("robot", robot.name), ("motion", f"{motion.name}, {motion.duration:.6g} s")]
+    facts = [("lasts", f"{motion.duration:.6g} s")]
+    if title is not None:
+        facts.append(("motion", f"{robot.name}: {motion.name}"))
     return _film(
         robot, [motion], {}, trace, detail, title or f"{robot.name}: {motion.name}", facts, motion.warnings, progress
     )
@@ -75,10 +77,12 @@ def film_of_sizing(
     marks = [
         Mark(begins[peak.motion] + peak.time, text) for joint in sizing.joints for peak, text in exceeded_peaks(joint)
     ]
-    facts = [("robot", sizing.robot), ("verdict", verdict(sizing)), ("motions", ", ".join(sizing.motions))]
-    facts += [(joint.name, _needs(joint)) for joint in sizing.joints]
-    facts += [("exceeded", text) for text in sizing.exceeded]
+    facts = [("verdict", f"exceeded: {sizing.exceeded[0]}" if sizing.exceeded else verdict(sizing))]
+    facts += [("exceeded", text) for text in sizing.exceeded[1:]]
+    facts += [("motions", ", ".join(sizing.motions)), *((joint.name, _needs(joint)) for joint in sizing.joints)]
     name = title or f"{sizing.robot}: sizing"
+    if sizing.robot not in name:
+        facts.append(("robot", sizing.robot))
     return _film(robot, motions, drives, trace, detail, name, facts, sizing.warnings, progress, marks)
 
 
@@ -204,8 +208,8 @@ def _charts(
             column.append(values)
     time = joined_times(rows[0])
     q, v, a, torque = (joined(parts) for parts in rows[1:])
-    panels = by_unit("position", position_labels(robot.joints), q)
+    panels = by_unit("joint torque", [(joint.name, torque_unit(joint.kind)) for joint in motors], torque)
+    panels += by_unit("position", position_labels(robot.joints), q)
     panels += by_unit("velocity", velocity_labels(robot.joints), v)
     panels += by_unit("acceleration", velocity_labels(robot.joints, 2), a)
-    panels += by_unit("joint torque", [(joint.name, torque_unit(joint.kind)) for joint in motors], torque)
     return tuple(chart(panel, time) for panel in titled_apart(panels))

@@ -43,6 +43,7 @@ def pack(film: Film, *, plots: bool = True) -> tuple[str, str]:
         "meshes": [_mesh(block, mesh) for _, mesh in meshes.values()],
         "camera": {"position": film.camera.position, "target": film.camera.target, "up": film.camera.up},
         "extent": _extent(film),
+        "size": _size(film),
         "ground": film.ground and {"normal": film.ground.normal, "height": film.ground.height},
         "traces": [{"name": t.name, "pieces": _pieces(block, t, place)} for t in film.traces],
         "arrows": [_arrow(block, film, k, place, scales) for k in range(len(film.arrows))],
@@ -75,6 +76,13 @@ def _extent(film: Film) -> float:
     places = film.poses[:, :, :3].reshape(-1, 3)
     half = 0.5 * float(np.linalg.norm(np.ptp(places, axis=0))) if len(places) else 0.0
     return max(half + _reach(film), 1e-3)
+
+
+def _size(film: Film) -> float:
+    """How far the bodies reach from the middle of where they are at one time, at most (m)."""
+    places = film.poses[:, :, :3]
+    apart = np.linalg.norm(np.ptp(places, axis=1), axis=1) if len(film.bodies) else np.zeros(1)
+    return max(0.5 * float(apart.max()) + _reach(film), 1e-3)
 
 
 def _reach(film: Film) -> float:

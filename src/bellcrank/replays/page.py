@@ -20,8 +20,8 @@ from bellcrank.replays.pack import pack
 
 ASSETS = Path(__file__).with_name("assets")
 SCRIPTS = (
-    "block.js", "text.js", "lines.js", "solids.js", "arrows.js", "movers.js", "view.js", "player.js", "charts.js",
-    "planes.js", "main.js",
+    "block.js", "text.js", "lines.js", "solids.js", "arrows.js", "movers.js", "follower.js", "view.js", "player.js",
+    "scales.js", "charts.js", "planes.js", "main.js", "report.js",
 )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ import io
 import math
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,14 +15,24 @@ import numpy as np
 
 from bellcrank.atomic import writing
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.replays.browser import opened
+from bellcrank.replays.browser import find_browser, find_driver, opened
 
 if TYPE_CHECKING:
+    from PIL.Image import Image
     from playwright.sync_api import Page
 
 SIZE = (960, 720)  # pixels
 MOST_FRAMES = 5_000
 FILMS = {".gif": 15.0, ".mp4": 30.0}  # frames a second, where nothing is said
+FASTEST = {".gif": 50.0, ".mp4": 60.0}  # viewers slow down a GIF that is faster
+
+
+def check_tools(kinds: Iterable[str]) -> None:
+    """See that there is what pictures of these kinds, such as "png" or "mp4", are made with (InputError)."""
+    find_browser()
+    find_driver()
+    if "mp4" in kinds:
+        find_encoder()
 
 
 def still(page: str | Path, out: str | Path, time: float | None = None, size: tuple[int, int] = SIZE) -> Path:
@@ -54,8 +64,8 @@ def film(
     if not (math.isfinite(speed) and speed > 0.0):
         raise InputError(f"speed of a film: expected a number above 0, found {speed!r}")
     fps = FILMS[kind] if fps is None else fps
-    if not 1.0 <= fps <= 60.0:
-        raise InputError(f"frames a second of a film: expected 1 to 60, found {fps!r}")
+    if not 1.0 <= fps <= FASTEST[kind]:
+        raise InputError(f"frames a second of a film: expected 1 to {FASTEST[kind]:g} for {kind}, found {fps!r}")
     encoder = None if kind == ".gif" else find_encoder()
     width, height = (2 * (length // 2) for length in size)  # the codec takes even numbers only
     with writing(out) as temporary, opened(page, (width, height)) as tab:
@@ -69,7 +79,7 @@ def film(
             )
         frames = _frames(tab, np.linspace(start, end, count).tolist(), progress)
         if encoder is None:
-            _write_gif(frames, temporary, fps)
+            _write_gif(frames, temporary, fps, _palette(tab, start, end))
         else:
             _write_mp4(frames, temporary, fps, encoder)
     return Path(out)
@@ -105,11 +115,42 @@ def _frames(tab: Page, times: list[float], progress: Callable[[int, int], None])
         progress(k + 1, len(times))
 
 
-def _write_gif(frames: Iterator[bytes], path: Path, fps: float) -> None:
+def _palette(tab: Page, start: float, end: float) -> Image:
+    """The colours of all frames, from five of them: with colours in common a frame holds only what has changed."""
     from PIL import Image
 
-    pictures = [Image.open(io.BytesIO(frame)).convert("P", palette=Image.Palette.ADAPTIVE) for frame in frames]
-    pictures[0].save(path, format="GIF", save_all=True, append_images=pictures[1:], duration=1000.0 / fps, loop=0)
+    pictures = [_picture(_captured(tab, time)) for time in np.linspace(start, end, 5).tolist()]
+    width, height = pictures[0].size
+    sheet = Image.new("RGB", (width, height * len(pictures)))
+    for k, picture in enumerate(pictures):
+        sheet.paste(picture, (0, k * height))
+    return sheet.quantize(256)
+
+
+def _picture(png: bytes) -> Image:
+    from PIL import Image
+
+    return Image.open(io.BytesIO(png)).convert("RGB")
+
+
+def _write_gif(frames: Iterator[bytes], path: Path, fps: float, palette: Image) -> None:
+    """Frame by frame, so that a long film needs no more memory than a short one; it starts again at its end."""
+    from PIL import Image, ImageChops
+    from PIL.GifImagePlugin import getdata, getheader
+
+    with path.open("wb") as file:
+        before = None
+        for k, frame in enumerate(frames):
+            picture = _picture(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+            box = (0, 0, *picture.size)
+            if before is None:
+                file.write(b"".join(getheader(picture, info={"loop": 0})[0]))
+            else:
+                box = ImageChops.difference(before.convert("RGB"), picture.convert("RGB")).getbbox() or (0, 0, 1, 1)
+            lasts = 10 * (round(100.0 * (k + 1) / fps) - round(100.0 * k / fps))  # ms, of the hundredths that GIF has
+            file.write(b"".join(getdata(picture.crop(box), box[:2], duration=lasts, disposal=1)))
+            before = picture
+        file.write(b";")
 
 
 def _write_mp4(frames: Iterator[bytes], path: Path, fps: float, encoder: str) -> None:

@@ -6,14 +6,14 @@ import html
 import sys
 import tempfile
 import webbrowser
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.motion.motion import Motion
+from bellcrank.replays.bar import share_bar
 from bellcrank.replays.film import Film
 from bellcrank.replays.meshes import Detail
 from bellcrank.replays.page import page, write_page
@@ -105,7 +105,7 @@ def film_of(
 
     if detail not in ("reduced", "full"):
         raise InputError(f"detail: expected 'reduced' or 'full', found {detail!r}")
-    with _bar() as progress:
+    with share_bar("film") as progress:
         options: dict[str, Any] = {"trace": trace, "detail": detail, "title": title, "progress": progress}
         if isinstance(thing, Sizing):
             return film_of_sizing(thing, **options)
@@ -126,8 +126,8 @@ def find_run(path: str | Path) -> Path:
     return file / "run.npz"
 
 
-def opened(thing: Any) -> Trajectory | Motion | Sizing:
-    """What is to be shown, read from its file where a path is given. Raises InputError."""
+def opened(thing: Any, by: str = "replay") -> Trajectory | Motion | Sizing:
+    """What is to be shown, read from its file where a path is given. Raises InputError, which names what asked."""
     if isinstance(thing, (Motion, Sizing)):
         return thing
     if isinstance(thing, (str, Path)):
@@ -139,7 +139,7 @@ def opened(thing: Any) -> Trajectory | Motion | Sizing:
     if isinstance(thing, Trajectory):
         return thing
     raise InputError(
-        f"replay: expected a run, a motion, a sizing, or the path of a run, found a {type(thing).__name__}; "
+        f"{by}: expected a run, a motion, a sizing, or the path of a run, found a {type(thing).__name__}; "
         "simulate or size first"
     )
 
@@ -156,15 +156,3 @@ def _in_notebook() -> bool:
     interactive = sys.modules.get("IPython")
     shell = interactive.get_ipython() if interactive is not None else None
     return shell is not None and hasattr(shell, "kernel")
-
-
-@contextmanager
-def _bar() -> Iterator[Callable[[float], None]]:
-    from tqdm import tqdm
-
-    with tqdm(total=1.0, desc="film", delay=1.0, disable=None, bar_format="{l_bar}{bar}| [{elapsed}]") as bar:
-
-        def progress(share: float) -> None:
-            bar.update(min(share, 1.0) - bar.n)
-
-        yield progress

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.replays.colours import Colour
 from bellcrank.replays.film import Pose, Shape
-from bellcrank.replays.mesh_files import Colour
 from bellcrank.replays.rotations import quaternions
 from bellcrank.replays.skeleton import Skeleton, placement
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bellcrank.errors import InputError, among
 from bellcrank.replays.arrows import child_link
+from bellcrank.replays.bar import share_bar
 from bellcrank.replays.camera import Scenery
 from bellcrank.replays.course import Course
 from bellcrank.replays.film import Arrow, Axis, Body
@@ -31,7 +32,8 @@ ARROW = 0.2  # of the scene: how far the camera expects arrows to reach
 
 def filmed_bodies(robot: Robot, detail: Detail) -> tuple[tuple[Body, ...], tuple[str, ...]]:
     """The bodies of a robot with their notes; links that joints move are among them, if only as places."""
-    bodies, notes = visual_bodies(robot, detail)
+    with share_bar("meshes") as progress:
+        bodies, notes = visual_bodies(robot, detail, progress)
     there = {body.name for body in bodies}
     moved = dict.fromkeys(child_link(robot, name) for name, _ in joint_axes(robot))
     return (*bodies, *(Body(name, ()) for name in moved if name not in there)), notes

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank.replays.colours import Colour
 from bellcrank.replays.drawings import UNCOLOURED, Drawing, DrawingReader
 from bellcrank.replays.film import Body, Shape
-from bellcrank.replays.mesh_files import Colour
 from bellcrank.replays.meshes import Detail, Meshes, load_meshes
 from bellcrank.replays.skeleton import Skeleton, placement
 from bellcrank.replays.stand_in import inertia_box, stand_ins
@@ -35,19 +35,22 @@ PLAIN: Colour = (0.78, 0.79, 0.81, 1.0)  # a mesh that neither the URDF nor its 
 LOAD: Colour = (0.55, 0.42, 0.30, 1.0)
 
 
-def bodies(robot: Robot, detail: Detail = "reduced") -> tuple[tuple[Body, ...], tuple[str, ...]]:
+def bodies(
+    robot: Robot, detail: Detail = "reduced", progress: Callable[[float], None] = lambda share: None
+) -> tuple[tuple[Body, ...], tuple[str, ...]]:
     """The bodies of a robot, each named by the frame that carries it, in the order of the frames, and notes.
 
     Bodies are links with visuals, links of which only joints, collision shapes or inertia are known (shapes that are
     `stand_in`), and payloads. "reduced" simplifies meshes as far as the eye does not see, "full" does not. What cannot
-    be drawn, such as a missing mesh file, raises nothing: the notes name it.
+    be drawn, such as a missing mesh file, raises nothing: the notes name it. `progress` hears what share of the meshes
+    is done, where they are not in the cache.
     """
     urdf = robot.urdf
     root = parse_xml(urdf.text, urdf.source)
-    reader, skeleton = DrawingReader(root, urdf.source), Skeleton(urdf, robot._frames)
+    reader, skeleton = DrawingReader(root, urdf.source), Skeleton(urdf, robot.user_frames)
     elements = {element.attributes.get("name", "").strip(): element for element in root.find_all("link")}
     drawings = {link: reader.drawings(elements[link], "visual") for link in urdf.links}
-    meshes = _meshes(drawings, skeleton.size, detail)
+    meshes = _meshes(drawings, skeleton.size, detail, progress)
     colours = _colours(skeleton)
 
     def drawn(source: Drawings) -> dict[str, tuple[Shape, ...]]:
@@ -58,7 +61,7 @@ def bodies(robot: Robot, detail: Detail = "reduced") -> tuple[tuple[Body, ...], 
     collisions = {link: reader.drawings(elements[link], "collision") for c in hidden for link in skeleton.carried[c]}
     if collisions:
         everything = {link: drawings[link] + collisions.get(link, ()) for link in drawings}
-        meshes = _meshes(everything, skeleton.size, detail)
+        meshes = _meshes(everything, skeleton.size, detail, progress)
         for link, found in drawn(collisions).items():
             near = (s for s in found if _extent(s) <= MOST_HINT * (skeleton.size or np.inf))
             shapes[link] = tuple(replace(s, stand_in=True) for s in near)
@@ -78,12 +81,12 @@ def bodies(robot: Robot, detail: Detail = "reduced") -> tuple[tuple[Body, ...], 
     return tuple(Body(name, shapes[name]) for name in names), tuple(notes)
 
 
-def _meshes(drawings: Drawings, size: float, detail: Detail) -> Meshes:
+def _meshes(drawings: Drawings, size: float, detail: Detail, progress: Callable[[float], None]) -> Meshes:
     uses: dict[Path, list[float]] = {}
     for drawing in (d for found in drawings.values() for d in found):
         if drawing.path is not None:
             uses.setdefault(drawing.path, []).append(max(abs(x) for x in drawing.shape.size))
-    return load_meshes(uses, size, detail)
+    return load_meshes(uses, size, detail, progress)
 
 
 def _shapes(drawing: Drawing, meshes: Meshes, colour: Colour) -> Iterable[Shape]:

@@ -25,19 +25,33 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture as PNG, and what it shows."""
+    """A picture for paper as SVG text, and what it shows; on a screen the page's own plots show it."""
 
     title: str
-    png: bytes
+    svg: str
+
+
+@dataclass(frozen=True)
+class Still:
+    """The moment of the replay (s of the film) that stands for it on paper, and what it shows."""
+
+    time: float
+    caption: str
 
 
 @dataclass(frozen=True)
 class Document:
-    """A report: `good` says whether the answer is yes, `verdict` why, and `warnings` what speaks against it."""
+    """A report: `word` is the answer, `good` whether it is yes, `verdict` why; `about` says what was asked, of what.
+
+    `warnings` speak against the answer, `notes` are worth knowing beside it.
+    """
 
     title: str
-    kind: str
+    word: str
     good: bool
     verdict: tuple[str, ...]
+    about: tuple[str, ...]
     warnings: tuple[str, ...]
+    notes: tuple[str, ...]
+    still: Still
     parts: tuple[Facts | Table | Picture, ...]

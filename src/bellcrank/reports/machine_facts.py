@@ -19,3 +19,9 @@ def made_with() -> tuple[tuple[str, str], ...]:
         ("Python", f"{platform.python_version()} on {platform.system()} {platform.machine()}"),
         ("written on", datetime.date.today().isoformat()),
     )
+
+
+def about(made: tuple[tuple[str, str], ...]) -> tuple[str, str]:
+    """The library with its version, and the day."""
+    named = dict(made)
+    return f"bellcrank {named['bellcrank']}", named["written on"]

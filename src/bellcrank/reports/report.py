@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from bellcrank.atomic import write_text
 from bellcrank.errors import InputError
+from bellcrank.motion.motion import Motion
 from bellcrank.replays.meshes import Detail
 from bellcrank.replays.page import page
 from bellcrank.replays.replay import film_of, name_of, opened
@@ -16,6 +17,7 @@ from bellcrank.sizing.history import file_name
 from bellcrank.sizing.result import Sizing
 
 if TYPE_CHECKING:
+    from bellcrank.replays.film import Film
     from bellcrank.reports.document import Document
     from bellcrank.simulation.trajectory import Trajectory
 
@@ -34,9 +36,9 @@ def report(
     page needs no other file, and prints. `trace` and `detail` as in `replay`. Raises InputError for what cannot be
     told of, and where the file cannot be written.
     """
-    source = opened(thing)
-    document = _document(source)
-    film = film_of(source, trace=trace, detail=detail, title=title or document.title)
+    source = opened(thing, "report")
+    film = film_of(source, trace=trace, detail=detail, title=title or _title(source))
+    document = _document(source, film)
     target = Path(f"{file_name(name_of(source))}_report.html" if path is None else path)
     if target.suffix.lower() not in (".html", ".htm"):
         target = target.with_name(target.name + ".html")
@@ -44,16 +46,19 @@ def report(
     return target
 
 
-def _document(thing: object) -> Document:
+def _title(thing: Trajectory | Motion | Sizing) -> str:
+    if isinstance(thing, Motion):
+        raise InputError(
+            f"report: motion '{thing.name}' is no result yet; size it first, or write its page with replay"
+        )
+    return thing.robot if isinstance(thing, Sizing) else thing.scene.name
+
+
+def _document(thing: Trajectory | Motion | Sizing, film: Film) -> Document:
     from bellcrank.reports.run_document import run_document
     from bellcrank.reports.sizing_document import sizing_document
-    from bellcrank.simulation.trajectory import Trajectory
 
     if isinstance(thing, Sizing):
-        return sizing_document(thing)
-    if isinstance(thing, Trajectory):
-        return run_document(thing)
-    raise InputError(
-        f"report: expected a run, a sizing, or the path of a run, found a {type(thing).__name__}; "
-        "a motion is sized first"
-    )
+        return sizing_document(thing, film)
+    assert not isinstance(thing, Motion)
+    return run_document(thing)

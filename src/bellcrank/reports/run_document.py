@@ -2,43 +2,67 @@
 
 from __future__ import annotations
 
-import io
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bellcrank.reports.document import Document, Facts, Picture, Table
-from bellcrank.reports.machine_facts import made_with
-from bellcrank.simulation.summary import END_HEADER, end_rows, run_facts, run_warnings
+from bellcrank.plot_style import svg_of
+from bellcrank.reports.document import Document, Facts, Picture, Still, Table
+from bellcrank.reports.machine_facts import about, made_with
+from bellcrank.simulation.run_plot import run_pages
+from bellcrank.simulation.summary import END_HEADER, JOINTS, end_rows, run_facts, run_notes, run_warnings
 
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory
 
 EVENTS = 40  # events listed one by one
+FORCES = 24  # multipliers listed
+NOTES = 8  # notes listed
 
 
 def run_document(run: Trajectory) -> Document:
     """The report of a run. SI units; what is listed is shortened where it is long."""
-    warnings = run_warnings(run)
-    facts = tuple((name, text) for name, text in run_facts(run) if name != "warning")
-    parts: list[Facts | Table | Picture] = [Facts("The run", facts)]
-    parts += _events(run)
-    parts += _closures(run)
-    parts.append(Table("At the end", END_HEADER, tuple(end_rows(run))))
-    parts.append(Picture("Everything over time", _picture(run)))
-    parts.append(Facts("Made with", (("scene", str(run.scene.source.name)), *made_with())))
-    return Document(run.scene.name, "simulation", not warnings, _verdict(run, warnings), warnings, tuple(parts))
+    warnings, notes = (*_gaps(run), *run_warnings(run)), run_notes(run)
+    more = len(notes) - NOTES
+    facts = tuple((name, text) for name, text in run_facts(run) if name not in ("warning", "note"))
+    parts: list[Facts | Table | Picture] = [Facts("The run", facts), *_events(run), *_closures(run), _end(run)]
+    made = made_with()
+    parts.append(Facts("Made with", (("scene", run.scene.source.name), *made)))
+    pages = run_pages(run)
+    for k, figure in enumerate(pages):
+        title = "Everything over time" + (f", {k + 1} of {len(pages)}" if len(pages) > 1 else "")
+        parts.append(Picture(title, svg_of(figure)))
+    return Document(
+        run.scene.name, "Look here" if warnings else "OK", not warnings, _verdict(run, warnings),
+        ("simulation", run.scene.source.name, facts[0][1], *about(made)), warnings,
+        (*notes[:NOTES], *([f"… and {more} more joints that leave their range"] if more > 0 else ())),
+        _still(run), tuple(parts),
+    )  # fmt: skip
+
+
+def _gaps(run: Trajectory) -> list[str]:
+    """That the run is not numbers throughout, which no residual of it tells."""
+    bad = ~np.isfinite(run.state).all(axis=1)
+    return [f"from {run.time[bad.argmax()]:.6g} s on the run is not finite numbers"] if bad.any() else []
 
 
 def _verdict(run: Trajectory, warnings: tuple[str, ...]) -> tuple[str, ...]:
-    lines = [run.message]
+    lines = [run.message.removeprefix(f"{run.scene.name}: ")]
     if not warnings:
         drift, residual = run.energy_drift(), run.equation_residual()
         text = f"It proves itself: energy is in balance to {drift:.1e}, the equations of motion to {residual:.1e}"
         if run.scene.closures:
             text += f", and closures are closed to {run.constraint_residual():.1e} m or rad"
         lines.append(text + ".")
-    return tuple(lines)
+    return tuple(line[:1].upper() + line[1:] for line in lines)
+
+
+def _still(run: Trajectory) -> Still:
+    """The end, where events stop a run and failures end it."""
+    good = np.isfinite(run.state).all(axis=1)
+    time = float(run.time[good][-1]) if good.any() else float(run.time[0])
+    last = next((event for event in reversed(run.events) if event.stopped), None)
+    return Still(time, f"At {time:.6g} s" + (f", event '{last.name}'" if last else ", the end"))
 
 
 def _events(run: Trajectory) -> list[Table]:
@@ -78,12 +102,13 @@ def _closures(run: Trajectory) -> list[Table]:
     if not rows:
         return []
     note = "Forces of closures on the body of their first frame, in the world's axes where labels say x, y, z."
-    return [Table("Forces in the closures", ("", "largest", "at\n[s]", "at the end"), tuple(rows), note)]
+    hidden = len(rows) - FORCES
+    note += f" … and {hidden} more." if hidden > 0 else ""
+    return [Table("Forces in the closures", ("", "largest", "at\n[s]", "at the end"), tuple(rows[:FORCES]), note)]
 
 
-def _picture(run: Trajectory) -> bytes:
-    from bellcrank.simulation.run_plot import plot_run
-
-    buffer = io.BytesIO()
-    plot_run(run).savefig(buffer, format="png", dpi=130)
-    return buffer.getvalue()
+def _end(run: Trajectory) -> Table:
+    rows = end_rows(run)
+    hidden = len(run.robot.joints) - JOINTS
+    note = f"… and {hidden} more joints" if hidden > 0 else ""
+    return Table("At the end", ("", *END_HEADER[1:]), tuple(rows), note)

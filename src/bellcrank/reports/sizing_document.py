@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import io
-
-from bellcrank.reports.document import Document, Facts, Picture, Table
-from bellcrank.reports.machine_facts import made_with
+from bellcrank.plot_style import svg_of
+from bellcrank.replays.film import Film
+from bellcrank.reports.document import Document, Facts, Picture, Still, Table
+from bellcrank.reports.machine_facts import about, made_with
+from bellcrank.sizing.plots import draw
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.table import joint_rows, shaft_rows, sized_with, structure_rows, verdict
 
 
-def sizing_document(sizing: Sizing) -> Document:
-    """The report of a sizing; units as in its tables. Its pictures need what was sized (`sizing.study`)."""
+def sizing_document(sizing: Sizing, film: Film) -> Document:
+    """The report of a sizing, with the film of its motions; units as in its tables."""
     parts: list[Facts | Table | Picture] = [_table("At the joints", joint_rows(sizing))]
     if any(joint.shaft for joint in sizing.joints):
         note = "Margins with the safety factor on torques."
@@ -29,10 +30,42 @@ def sizing_document(sizing: Sizing) -> Document:
             ),
         )
     )
-    parts += _pictures(sizing)
-    parts.append(Facts("Made with", made_with()))
-    lines = tuple(line.removeprefix("  - ") for line in verdict(sizing).split("\n"))
-    return Document(sizing.robot, "motor sizing", sizing.inside, lines, sizing.warnings, tuple(parts))
+    made = made_with()
+    parts += [Facts("Made with", made), *_pictures(sizing)]
+    lines = tuple(line.removeprefix("  - ") for line in verdict(sizing).split("\n") if line != "EXCEEDED:")
+    asked = f"{len(sizing.motions)} motion{'' if len(sizing.motions) == 1 else 's'}"
+    return Document(
+        sizing.robot, _word(sizing), sizing.inside, lines, ("motor sizing", asked, *about(made)), sizing.warnings, (),
+        _still(sizing, film), tuple(parts),
+    )  # fmt: skip
+
+
+def _word(sizing: Sizing) -> str:
+    if not sizing.inside:
+        return "Exceeded"
+    return "OK" if any(_limited(sizing)) else "No limits"
+
+
+def _limited(sizing: Sizing) -> list[bool]:
+    """Whether each joint has a limit to compare with."""
+    return [
+        not (joint.effort_margin is None and joint.velocity_margin is None and joint.shaft is None)
+        for joint in sizing.joints
+    ]
+
+
+def _still(sizing: Sizing, film: Film) -> Still:
+    """The first moment at which a limit is exceeded, or else that of the largest power from the supply."""
+    begun = {f"motion {name} begins": name for name in sizing.motions}
+    starts = {begun[mark.text]: mark.time for mark in film.marks if mark.text in begun}
+    for mark in film.marks:
+        if mark.text not in begun:
+            return Still(mark.time, mark.text)
+    peak = sizing.supply_peak
+    return Still(
+        starts.get(peak.motion, 0.0) + peak.time,
+        f"At {peak.time:.4g} s of {peak.motion}, where the motors take the most power ({peak.value:.4g} W)",
+    )
 
 
 def _table(title: str, content: tuple[list[str], list[list[str]]], note: str = "") -> Table:
@@ -41,15 +74,11 @@ def _table(title: str, content: tuple[list[str], list[list[str]]], note: str = "
 
 
 def _pictures(sizing: Sizing) -> list[Picture]:
-    from bellcrank.sizing.plots import draw
-
     if sizing.study is None:
         return []
     robot, motions, drives = sizing.study
-    pictures = []
     figures = draw(robot, motions, drives, sizing.robot, sizing.mass_tolerance)
-    for name, figure in figures.items():
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=130)
-        pictures.append(Picture(name.removesuffix(".png").replace("_", " "), buffer.getvalue()))
-    return pictures
+    return [
+        Picture(name.removesuffix(".png").replace("_", " ").capitalize(), svg_of(figure))
+        for name, figure in figures.items()
+    ]

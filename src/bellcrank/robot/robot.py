@@ -69,7 +69,8 @@ class Robot:
         self.name: str = data["name"]
         self.gravity = _frozen(gravity)
         self.findings: tuple[str, ...] = tuple(data["findings"])  # errors that `bellcrank check` finds in the elements
-        self.floating_base, self.payloads, self._frames, self._clean = floating_base, payloads, frames, clean
+        self.floating_base, self.payloads, self._clean = floating_base, payloads, clean
+        self.user_frames = frames  # those that the URDF does not have: name to (link, xyz m, rpy rad)
         self._friction = friction if isinstance(friction, str) else dict(friction)
         self.friction_width = friction_width
         self._tree = Tree(**data["tree"])
@@ -127,7 +128,8 @@ class Robot:
         from bellcrank.robot.tree import pinocchio_model
 
         def build(mimic: bool) -> Any:
-            return pinocchio_model(self.urdf, self.floating_base, self.payloads, self._frames, self._clean, mimic)[0]
+            frames, clean = self.user_frames, self._clean
+            return pinocchio_model(self.urdf, self.floating_base, self.payloads, frames, clean, mimic)[0]
 
         try:
             model = build(bool(self._tree.mimics))
@@ -359,7 +361,7 @@ class Robot:
 
         return load_robot(
             self.source, tuple(self.gravity), self.floating_base, self._friction, payloads=(*self.payloads, *payloads),
-            rotor_inertia=rotor, frames=self._frames, clean=self._clean, friction_width=self.friction_width,
+            rotor_inertia=rotor, frames=self.user_frames, clean=self._clean, friction_width=self.friction_width,
         )  # fmt: skip
 
     # ---- checks

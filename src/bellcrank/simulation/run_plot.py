@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +13,7 @@ import numpy as np
 
 from bellcrank.atomic import writing
 from bellcrank.errors import InputError, among
+from bellcrank.plot_style import DASHES, DPI, PALETTE, colour, dash, new_figure, plain
 from bellcrank.simulation.run_panels import Panel, run_panels, shown_unit
 
 if TYPE_CHECKING:
@@ -18,11 +22,7 @@ if TYPE_CHECKING:
 
     from bellcrank.simulation.trajectory import Array, Trajectory
 
-# Eight colours that people with any kind of colour vision tell apart: M. Okabe, K. Ito, Color Universal Design (2008).
-PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8A8A00")
-DASHES = ("-", "--", "-.", ":")
 NAMED = 8  # lines with a colour and a name in one panel; the others, which move less, are thin and grey
-DPI = 110
 FLAT = 1e-6
 EVENT_COLOUR = "#7A5195"
 
@@ -35,7 +35,7 @@ def plot_run(run: Trajectory, path: str | Path | None = None, frame: str | None 
     and where the folder cannot be written.
     """
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
-        figure = _over_time(run) if frame is None else _frame_path(run, frame)
+        figure = _over_time(run, run_panels(run)) if frame is None else _frame_path(run, frame)
     if path is not None:
         kind = Path(path).suffix.removeprefix(".").lower() or "png"
         known = figure.canvas.get_supported_filetypes()
@@ -46,12 +46,20 @@ def plot_run(run: Trajectory, path: str | Path | None = None, frame: str | None 
     return figure
 
 
+def run_pages(run: Trajectory, most: int = 6) -> list[Figure]:
+    """The same over time as figures for paper, at most `most` panels in each."""
+    with np.errstate(all="ignore"):  # a run may end where numbers overflow
+        panels = run_panels(run)
+        count = math.ceil(len(panels) / most)
+        cuts = [round(k * len(panels) / count) for k in range(count + 1)]
+        return [_over_time(run, panels[a:b]) for a, b in pairwise(cuts)]
+
+
 # ---- over time
 
 
-def _over_time(run: Trajectory) -> Figure:
-    panels = run_panels(run)
-    figure = _new(10.0, 1.0 + 2.05 * len(panels))
+def _over_time(run: Trajectory, panels: Sequence[Panel]) -> Figure:
+    figure = new_figure(10.0, 1.0 + 2.05 * len(panels))
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axis, panel in zip(axes, panels, strict=True):
         _draw(axis, run.time, panel)
@@ -76,7 +84,7 @@ def _draw(axis: Axes, time: Array, panel: Panel) -> None:
     for count, k in enumerate(named):
         name, values = panel.lines[k]
         axis.plot(
-            time, values, color=PALETTE[count % len(PALETTE)], linestyle=DASHES[count % len(DASHES)], linewidth=1.4,
+            time, values, color=colour(count), linestyle=dash(count), linewidth=1.4,
             marker="o" if few else "", markersize=3.5, label=textwrap.shorten(name, 34, placeholder="…"),
         )  # fmt: skip
     for count, k in enumerate(rest):
@@ -88,8 +96,7 @@ def _draw(axis: Axes, time: Array, panel: Panel) -> None:
         _keep_constants_flat(axis, panel)
     axis.set_title(panel.title, loc="left", fontsize="medium")
     axis.set_ylabel(f"[{shown_unit(panel.unit)}]")
-    axis.grid(visible=True, color="0.9", linewidth=0.6)
-    axis.spines[["top", "right"]].set_visible(False)
+    plain(axis)
 
 
 def _keep_constants_flat(axis: Axes, panel: Panel) -> None:
@@ -119,7 +126,7 @@ def _frame_path(run: Trajectory, frame: str) -> Figure:
     position = run.frame(frame).position
     a, b = sorted(np.argsort(-np.ptp(position, axis=0), kind="stable")[:2])
     flat = position[:, [a, b]]
-    figure = _new(7.0, 6.2)
+    figure = new_figure(7.0, 6.2)
     axis = figure.subplots()
     pieces = LineCollection(
         list(np.stack([flat[:-1], flat[1:]], axis=1)), cmap="cividis", array=run.time[:-1], linewidth=1.3
@@ -134,18 +141,7 @@ def _frame_path(run: Trajectory, frame: str) -> Figure:
     axis.autoscale_view()
     axis.set_xlabel(f"{'xyz'[a]} [m]")
     axis.set_ylabel(f"{'xyz'[b]} [m]")
-    axis.grid(visible=True, color="0.9", linewidth=0.6)
-    axis.spines[["top", "right"]].set_visible(False)
+    plain(axis)
     axis.legend(frameon=False, fontsize="small")
     figure.suptitle(textwrap.fill(f"{run.scene.name}: path of frame {frame}", 70))
-    return figure
-
-
-def _new(width: float, height: float) -> Figure:
-    """A figure that no window system knows of, so that drawing works anywhere and nothing is left open."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
     return figure

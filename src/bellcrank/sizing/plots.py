@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from bellcrank import atomic
 from bellcrank.motion.motion import Motion
+from bellcrank.plot_style import DPI, colour, dash, new_figure, plain
 from bellcrank.sizing.drive import Drive
 from bellcrank.sizing.history import file_names, joint_torque
 from bellcrank.sizing.linkage import motors_of
@@ -48,7 +49,7 @@ def write_plots(
     figures = draw(robot, motions, drives, title, mass_tolerance)
     for name, figure in figures.items():
         with atomic.writing(folder / name) as temporary:
-            figure.savefig(temporary, format="png", dpi=110)
+            figure.savefig(temporary, format="png", dpi=DPI)
     return [folder / name for name in figures]
 
 
@@ -73,11 +74,7 @@ def draw(
 
 
 def _new(columns: int, rows: int, width: float, height: float) -> tuple[Figure, Any]:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(width, height)
     return figure, figure.subplots(rows, columns, squeeze=False)
 
 
@@ -122,10 +119,10 @@ def _over_time(
     for axis, (label, what, values) in zip(axes[:, 0], rows, strict=True):
         for k, joint in enumerate(joints):
             column = joint.q if values is q else joint.v
-            axis.plot(time, values[:, column], color=_colour(k), linestyle=_dash(k), linewidth=1.3, label=joint.name)
+            axis.plot(time, values[:, column], color=colour(k), linestyle=dash(k), linewidth=1.3, label=joint.name)
         axis.set_ylabel(f"{label} [{what}]")
         axis.margins(x=0.0)
-        _grid(axis)
+        plain(axis)
     axes[-1, 0].set_xlabel("time [s]")
     figure.suptitle(textwrap.fill(f"{title}: {motion.name}{note}", 90))
     columns = _columns([joint.name for joint in joints], figure)
@@ -223,7 +220,7 @@ def _finish(figure: Figure, axes: list[Axes], count: int, title: str) -> Figure:
     for axis in axes[count:]:
         axis.set_visible(False)
     for axis in axes[:count]:
-        _grid(axis)
+        plain(axis)
         axis.locator_params(axis="x", nbins=7)
         axis.axhline(0.0, color="0.6", linewidth=0.7, zorder=0)
         axis.axvline(0.0, color="0.6", linewidth=0.7, zorder=0)
@@ -252,8 +249,8 @@ def _columns(labels: list[str], figure: Figure) -> int:
 
 def _trace(axis: Axes, speed: Array, torque: Array, k: int, name: str) -> None:
     """One motion in a torque-speed plane; its start is marked, so that a joint at rest can be seen too."""
-    axis.plot(speed, torque, color=_colour(k), linewidth=1.3, label=name)
-    axis.plot(speed[:1], torque[:1], color=_colour(k), marker="o", markersize=3.5, linestyle="none")
+    axis.plot(speed, torque, color=colour(k), linewidth=1.3, label=name)
+    axis.plot(speed[:1], torque[:1], color=colour(k), marker="o", markersize=3.5, linestyle="none")
 
 
 def _limit_box(axis: Axes, speed: float, effort: float) -> None:
@@ -269,16 +266,3 @@ def _limit_box(axis: Axes, speed: float, effort: float) -> None:
 
 def _per(unit: str, per: str) -> str:
     return " | ".join(f"{part}/{per}" for part in unit.split(" | "))
-
-
-def _grid(axis: Axes) -> None:
-    axis.grid(visible=True, color="0.9", linewidth=0.6)
-    axis.spines[["top", "right"]].set_visible(False)
-
-
-def _colour(k: int) -> str:
-    return f"C{k % 10}"
-
-
-def _dash(k: int) -> str:
-    return ("-", "--", ":", "-.")[(k // 10) % 4]

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from bellcrank.errors import BellcrankError, InputError
+from bellcrank.urdf.mesh_path import find_mesh
 from bellcrank.urdf.read import Inertial, Joint, Link, Urdf, reading_of
 from bellcrank.urdf.xml_tree import Element, parse_xml, read_text
 
@@ -204,7 +205,7 @@ def _mesh_findings(links: dict[str, Link], source: Path) -> Iterator[Finding]:
     for link in links.values():
         for mesh in dict.fromkeys(link.meshes):
             users.setdefault(mesh, []).append(link.name)
-    missing = [mesh for mesh in users if not mesh_exists(mesh, source)]
+    missing = [mesh for mesh in users if find_mesh(mesh, source) is None]
     for mesh in missing[:SHOWN]:
         yield Finding("warning", _these("link", users[mesh]), f"the mesh {mesh} was not found; dynamics do not need it")
     if len(missing) > SHOWN:
@@ -217,27 +218,6 @@ def _these(kind: str, names: list[str]) -> str:
         return f"{kind} '{names[0]}'"
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     return f"{kind}s " + ", ".join(f"'{name}'" for name in names[:SHOWN]) + more
-
-
-def mesh_exists(mesh: str, source: Path) -> bool:
-    """Whether a mesh of a URDF exists: package://… and model://… below a folder above it, or beside it."""
-    folder = source.resolve().parent
-    kind, separator, rest = mesh.partition("://")
-    try:
-        if not separator:
-            return (folder / mesh).is_file()
-        if kind == "file":
-            return (folder / rest).is_file()
-        if kind not in ("package", "model"):
-            return False
-        rest = rest.lstrip("/")
-        package, _, inside = rest.partition("/")
-        return any(
-            (above / rest).is_file() or (above.name == package and (above / inside).is_file())
-            for above in (folder, *folder.parents)
-        )
-    except (OSError, ValueError):
-        return False
 
 
 def _element_findings(robot: Element, joints: dict[str, Joint]) -> Iterator[Finding]:

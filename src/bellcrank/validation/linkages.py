@@ -62,7 +62,7 @@ def disk_urdf(radius: float = 0.1, k: float = 0.25, mass: float = 0.5) -> str:
     The diametral inertia is k m r², the axial one, about y, 2 k m r².
     """
     inertia = k * mass * radius**2
-    parts = [urdf.link("floor")]
+    parts = [f'<link name="floor">{_DOT}</link>']
     chain = [
         ("x", "prismatic", (1, 0, 0)), ("y", "prismatic", (0, 1, 0)), ("z", "prismatic", (0, 0, 1)),
         ("heading", "continuous", (0, 0, 1)), ("tilt", "continuous", (1, 0, 0)), ("spin", "continuous", (0, 1, 0)),
@@ -71,7 +71,44 @@ def disk_urdf(radius: float = 0.1, k: float = 0.25, mass: float = 0.5) -> str:
     for name, kind, axis in chain:
         last = name == "spin"
         child = "disk" if last else f"{name}_frame"
-        parts.append(urdf.link(child, mass, (0, 0, 0), (inertia, 2 * inertia, inertia)) if last else urdf.link(child))
+        body = urdf.link(child, mass, (0, 0, 0), (inertia, 2 * inertia, inertia)).replace("</link>", _marked(radius))
+        parts.append(body if last else f'<link name="{child}">{_DOT}</link>')
         parts.append(urdf.joint(name, kind, parent, child, axis=axis))
         parent = child
     return "\n  ".join(['<robot name="thin_disk_six">', *parts]) + "\n</robot>\n"
+
+
+# a frame that nothing is to be seen of
+_DOT = '<visual><geometry><sphere radius="0.001"/></geometry></visual>'
+
+
+def _marked(radius: float) -> str:
+    """What a disk about y looks like, with a cross and a dot that show its spin; and the end of its link."""
+    flat = "1.5707963267948966 0 0"
+    looks = [
+        (f'<cylinder radius="{radius!r}" length="{0.04 * radius:.4g}"/>', (0, 0, 0), flat, "0.16 0.38 0.58 1"),
+        (
+            f'<box size="{1.8 * radius:.4g} {0.05 * radius:.4g} {0.12 * radius:.4g}"/>',
+            (0, 0, 0),
+            "0 0 0",
+            "0.93 0.94 0.95 1",
+        ),
+        (
+            f'<box size="{0.12 * radius:.4g} {0.05 * radius:.4g} {1.8 * radius:.4g}"/>',
+            (0, 0, 0),
+            "0 0 0",
+            "0.93 0.94 0.95 1",
+        ),
+        (
+            f'<cylinder radius="{0.13 * radius:.4g}" length="{0.06 * radius:.4g}"/>',
+            (0.7 * radius, 0, 0),
+            flat,
+            "0.9 0.62 0 1",
+        ),
+    ]
+    shapes = [
+        f'<visual><origin xyz="{x:.4g} {y} {z}" rpy="{turn}"/><geometry>{solid}</geometry>'
+        f'<material name=""><color rgba="{colour}"/></material></visual>'
+        for solid, (x, y, z), turn, colour in looks
+    ]  # fmt: skip
+    return "".join(f"\n    {shape}" for shape in shapes) + "</link>"

@@ -3,7 +3,6 @@
 const SHOWN = 8;  // lines of a chart that are shown at first
 const HEIGHT = 168;
 const FONT = "12px system-ui, -apple-system, 'Segoe UI', Roboto, Arial, sans-serif";
-const FLAT = 1e-6;
 
 /** The panel of plots, or what there is to say beside the view. */
 async function makePanel(panel, film, player, breathe) {
@@ -11,7 +10,8 @@ async function makePanel(panel, film, player, breathe) {
   const zoomed = [...range];
   const plots = [];
   const charts = [];
-  const bar = makeBar(film, (factor) => {
+  const jumps = [];  // [title, section] of everything in the panel, to go to
+  const bar = makeBar(film, jumps, (factor) => {
     const [low, high] = zoomed;
     const centre = Math.min(Math.max(player.time, low), high);
     zoomTo(factor === 0 ? range : [centre - (centre - low) * factor, centre + (high - centre) * factor]);
@@ -22,21 +22,31 @@ async function makePanel(panel, film, player, breathe) {
     zoomed.splice(0, 2, Math.max(low, range[0]), Math.min(high, range[1]));
     for (const { plot } of charts) plot.setScale("x", { min: zoomed[0], max: zoomed[1] });
   };
-  const shared = { film, player, range, zoomed, zoomTo, bar, plots: charts, hover: null };
+  const shared = { film, player, range, zoomed, zoomTo, bar, plots: charts, jumps, hover: null };
 
-  if (film.charts.length) panel.append(bar);
+  if (film.charts.length) panel.append(bar.box);
   if (film.marks.length) panel.append(makeEvents(film, player));
   panel.append(makeRemarks(film));
   const before = panel.querySelector(".events, .remarks");
-  for (const chart of film.charts) {
-    charts.push(makeChart(panel, before, chart, shared));
-    await breathe();  // the view stays alive while many plots are made
-  }
+  const first = film.charts.findIndex(({ title }) => !/torque|force/.test(title));
+  const ahead = first > 0 ? first : film.charts.length;  // planes follow the torques they are of
+  const planes = element("div", { className: "planes" });
+  const addCharts = async (some) => {
+    for (const chart of some) {
+      charts.push(makeChart(panel, before, chart, shared));
+      await breathe();  // the view stays alive while many plots are made
+    }
+  };
+  await addCharts(film.charts.slice(0, ahead));
+  if (film.planes.length) panel.insertBefore(planes, before);
   for (const plane of film.planes) {
-    plots.push(makePlane(panel, before, plane, shared));
+    plots.push(makePlane(planes, plane, shared));
     await breathe();
   }
+  await addCharts(film.charts.slice(ahead));
   plots.push(...charts);
+  if (film.marks.length) jumps.push(["events", panel.querySelector(".events")]);
+  bar.fill();
   const follow = (t) => {
     const [low, high] = zoomed;
     if (t < low || t > high) zoomTo([t - (high - low) * 0.1, t + (high - low) * 0.9]);  // turn the page
@@ -67,16 +77,30 @@ function timeRange({ time, charts }) {
   return low < high ? [low, high] : [low - 0.5, high + 0.5];
 }
 
-function makeBar(film, zoom) {
+/** What the values are of, where to go in a long panel, and how much of the time is seen. */
+function makeBar(film, jumps, zoom) {
   const button = (label, path, factor) => {
     const made = element("button", { className: "icon", ariaLabel: label, title: label, onclick: () => zoom(factor) });
     made.innerHTML = `<svg viewBox="0 0 24 24"><path d="${path}"/></svg>`;  // our own drawing, nothing of the film's
     return made;
   };
-  return element("div", { className: "bar" }, element("span", {}),
+  const told = element("span", {});
+  const jump = element("select", { ariaLabel: "Go to a plot", title: "Go to a plot", hidden: true });
+  jump.onchange = () => {
+    jumps[Number(jump.value)][1].scrollIntoView({ behavior: calm.matches ? "auto" : "smooth", block: "start" });
+    jump.value = "";
+  };
+  const fill = () => {
+    jump.replaceChildren(element("option", { value: "", textContent: "go to …", hidden: true }),
+      ...jumps.map(([title], k) => element("option", { value: k, textContent: title })));
+    jump.value = "";
+    jump.hidden = jumps.length < 4;
+  };
+  const box = element("div", { className: "bar" }, told, jump,
     button("Zoom in on the time", "M11 4a7 7 0 1 0 0 14 7 7 0 0 0 0-14zM16 16l4.500 4.500M8 11h6M11 8v6", 0.5),
     button("Zoom out", "M11 4a7 7 0 1 0 0 14 7 7 0 0 0 0-14zM16 16l4.500 4.500M8 11h6", 2),
     button("All of the time", "M4 7v10M20 7v10M7 12h10M9.500 9.500 7 12l2.500 2.500M14.500 9.500 17 12l-2.500 2.500", 0));
+  return { box, told, fill };
 }
 
 function makeEvents(film, player) {
@@ -98,10 +122,14 @@ function makeChart(panel, before, chart, shared) {
   const lines = chart.lines.map(({ name, values }, k) => ({ name, values: chart.logarithmic ? values : gaps(values), raw: values, k, on: k < SHOWN }));
   const positive = chart.logarithmic ? floorOf(chart.lines) : 0;
   if (chart.logarithmic) for (const line of lines) line.values = raised(line.raw, positive);
+  const usual = chart.logarithmic ? 0 : usualOf(lines.map(({ raw }) => raw));
   const few = chart.time.length <= 3;
+  const noise = NOISE * Math.max(...lines.map(({ raw }) => largest(raw)));
   const box = element("section", { className: "chart" }, element("header", {}, element("b", { textContent: chart.title }),
-    element("span", { textContent: `[${unitShown(chart.unit)}]${chart.logarithmic ? ", logarithmic" : ""}` })));
+    element("span", { textContent: `[${unitShown(chart.unit)}]${chart.logarithmic ? ", logarithmic" : usual ? `, logarithmic above ${shown(usual, 2)}` : ""}` })));
   panel.insertBefore(box, before);
+  const twice = shared.film.charts.filter(({ title }) => title === chart.title).length > 1;
+  shared.jumps.push([twice ? `${chart.title} [${unitShown(chart.unit)}]` : chart.title, box]);
   const style = axisStyle();
   const plot = new uPlot({
     width: widthOf(panel),
@@ -109,12 +137,15 @@ function makeChart(panel, before, chart, shared) {
     ms: 1,
     scales: {
       x: { time: false, range: (_, low, high) => (low === null ? range : [low, high]) },
-      y: { distr: positive > 0 ? 3 : 1, range: positive > 0 ? decades : heights },
+      y: positive > 0 ? { distr: 3, range: decades } : usual > 0 ? { distr: 4, asinh: usual, range: beyond } : { distr: 1, range: heights },
     },
-    axes: [{ ...style, size: 26, values: (u, ticks) => ticks.map(tickText) }, { ...style, size: 62, values: (u, ticks) => ticks.map(tickText), ...(positive > 0 && { splits: powers, filter: (u, ticks) => ticks }) }],
+    axes: [{ ...style, size: 26, values: (u, ticks) => ticks.map(tickText) }, { ...style, size: roomFor, values: (u, ticks) => ticks.map(tickText), 
+      ...(positive > 0 && { splits: powers, filter: (u, ticks) => ticks }),
+      ...(usual > 0 && { splits: (u, axis, low, high) => bothPowers(usual, low, high), filter: (u, ticks) => ticks }),
+    }],
     series: [{}, ...lines.map(({ k, on }) => ({
       show: on, stroke: () => paletteColour(k), width: 1.5, dash: DASHES[Math.floor(k / PALETTE.length) % DASHES.length],
-      points: { show: few, size: 7 }, spanGaps: false,
+      points: { show: few, size: 7 }, spanGaps: false, pxAlign: 0, paths: straight,
     }))],
     cursor: { drag: { x: false, y: false }, y: false, sync: { key: "bellcrank", setSeries: false }, points: { size: 6 } },
     legend: { show: false },
@@ -156,7 +187,8 @@ function makeChart(panel, before, chart, shared) {
     follow: (t) => { playhead.style.transform = `translateX(${plot.valToPos(t, "x")}px)`; },
     tell: (t) => {
       for (const { output, line } of outputs) {
-        const text = line.on ? shown(valueAt(chart.time, line.raw, t)) : "";
+        const value = valueAt(chart.time, line.raw, t);
+        const text = line.on ? shown(Math.abs(value) < noise && !chart.logarithmic ? 0 : value) : "";
         if (output.textContent !== text) output.textContent = text;
       }
     },
@@ -171,7 +203,7 @@ function tellValues(shared) {
   lastTold = performance.now();
   const t = hover ?? player.time;
   const text = `values at ${t.toFixed(3)} s`;
-  if (bar.firstChild.textContent !== text) bar.firstChild.textContent = text;
+  if (bar.told.textContent !== text) bar.told.textContent = text;
   for (const { tell } of plots) tell(t);
 }
 
@@ -182,38 +214,6 @@ function valueAt(times, values, t) {
   const [a, b] = [values[index], values[index + 1]];
   return part < 1e-6 ? a : part > 1 - 1e-6 ? b : a + part * (b - a);  // at a sample beside a gap it is the sample
 }
-
-const gaps = (values) => (values.every(Number.isFinite) ? values : Array.from(values, (v) => (Number.isFinite(v) ? v : null)));
-
-/** The power of ten below the smallest positive value: where zeros are drawn on a logarithmic chart; 0 without any. */
-function floorOf(lines) {
-  let least = Infinity;
-  for (const { values } of lines) for (const v of values) if (v > 0 && v < least) least = v;
-  return least === Infinity ? 0 : 10 ** (Math.ceil(Math.log10(least)) - 1);
-}
-
-const raised = (values, floor) => Array.from(values, (v) => (Number.isFinite(v) ? Math.max(v, floor) : null));
-
-const decades = (u, low, high) => (low === null ? [0.1, 10]
-  : [10 ** Math.floor(Math.log10(low) + 1e-9), 10 ** Math.ceil(Math.log10(high) + (low === high ? 1 : 0) - 1e-9)]);
-
-/** Powers of ten for the ticks of a logarithmic axis, no more than there is room for. */
-function powers(u, axis, low, high) {
-  const [first, last] = [Math.round(Math.log10(low)), Math.round(Math.log10(high))];
-  const every = Math.max(Math.ceil((last - first) / 5), 1);
-  return Array.from({ length: Math.floor((last - first) / every) + 1 }, (_, k) => 10 ** (first + k * every));
-}
-
-/** What changes by less than FLAT of its size is not magnified until its rounding looks like a signal. */
-function heights(u, low, high) {
-  if (low === null || low === undefined) return [-1, 1];
-  const size = Math.max(Math.abs(low), Math.abs(high));
-  if (high - low <= FLAT * size) return size === 0 ? [-1, 1] : [(low + high) / 2 - 0.05 * size, (low + high) / 2 + 0.05 * size];
-  const margin = 0.06 * (high - low);
-  return [low - margin, high + margin];
-}
-
-const tickText = (value) => (value === null || value === undefined ? "" : shown(Number(value.toPrecision(10)), 6));
 
 /** Axes in the page's colours; a gap beside their labels. */
 function axisStyle() {

@@ -13,16 +13,20 @@ function fillTexts(film, licences) {
   document.body.classList.toggle("alone", !film.charts.length && !film.planes.length);
 }
 
-/** As many facts as a line or two hold, and all when asked. */
+/** The first fact, whatever else its lines hold, and all when asked. */
 function foldFacts() {
   const [facts, more] = [byId("facts"), byId("more")];
-  new ResizeObserver(() => {
-    if (!facts.classList.contains("all")) more.hidden = facts.scrollHeight <= facts.clientHeight + 2;
-  }).observe(facts);
-  more.onclick = () => {
-    const all = facts.classList.toggle("all");
+  const fold = () => {
+    const all = facts.classList.contains("all");
+    facts.style.maxHeight = all ? "" : `min(${facts.firstElementChild?.offsetHeight ?? 0}px, 30vh)`;
+    if (!all) more.hidden = facts.scrollHeight <= facts.clientHeight + 2;
     more.ariaExpanded = String(all);
     more.textContent = all ? "fewer facts" : "all facts";
+  };
+  new ResizeObserver(fold).observe(byId("header"));
+  more.onclick = () => {
+    facts.classList.toggle("all");
+    fold();
   };
 }
 
@@ -34,8 +38,9 @@ function makeLayers(view, film) {
     layer.on = on;
     if (layer.box) layer.box.checked = on;
     for (const object of layer.objects) object.visible = on;
+    layer.change?.(on);
     view.refresh();
-    byId("scale").textContent = scaleTexts(film, view.layers);
+    byId("scale").textContent = scaleTexts(film, view);
   };
   const row = (name, colour, on, change) => {
     const input = element("input", { type: "checkbox", checked: on, onchange: () => change(input.checked) });
@@ -52,6 +57,7 @@ function makeLayers(view, film) {
   }
   for (const scale of film.scales) box.append(element("p", { textContent: scaleText(scale, true) }));
   for (const layer of view.layers) set(layer, layer.on);
+  byId("scale").textContent = scaleTexts(film, view);
   const open = (on) => {
     box.hidden = !on;
     button.ariaExpanded = String(on);
@@ -63,11 +69,11 @@ function makeLayers(view, film) {
 }
 
 /** The legend in the corner: of the arrows that are shown, and of the grid. */
-function scaleTexts(film, layers) {
+function scaleTexts(film, { layers, gridStep }) {
   const arrows = layers.filter(({ group }) => group === "Arrows");
   const seen = film.scales.filter((scale) => scale.arrows.some((k) => arrows[k].on));
   const texts = seen.map((scale) => scaleText(scale, false)).filter(Boolean);
-  if (film.ground) texts.push(`grid ${shown(roundBelow(0.4 * film.extent))} m`);
+  if (film.ground) texts.push(`grid ${shown(gridStep())} m`);
   return texts.join("\n");
 }
 

@@ -87,7 +87,7 @@ function addArrow(THREE, world, layers, stock, film, data, number) {
 
 /** Axes, and spirals for torsion springs, drawn over the bodies they lie in: one line of segments for all of a kind. */
 function addAxes(THREE, world, bodies, layers, film, size) {
-  const half = 0.09 * film.extent;
+  const half = 0.08 * film.size;
   const stick = [[0, 0, -half], [0, 0, half]];
   const kinds = [
     { name: "axes", colour: "#E69F00", parts: film.axes.map((axis) => [axis, stick]) },

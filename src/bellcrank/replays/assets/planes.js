@@ -1,19 +1,20 @@
 // ---- planes: one quantity against another, with limits, and a dot where the player is
 
 /** uPlot draws the axes; the path and its limits, which go back and forth, are ours. */
-function makePlane(panel, before, plane, shared) {
-  const { player } = shared;
+function makePlane(panel, plane, shared) {
+  const { player, jumps } = shared;
   const { x, y, time, limits } = plane;
   const box = element("section", { className: "chart plane" }, element("header", {}, element("b", { textContent: plane.title })));
-  panel.insertBefore(box, before);
+  panel.append(box);
+  jumps.push([plane.title, box]);
   const style = axisStyle();
   const [across, up] = [0, 1].map((k) => span([k ? y : x, ...limits.map(({ points }) => points.filter((_, i) => i % 2 === k))]));
   const plot = new uPlot({
-    width: widthOf(panel),
-    height: planeHeight(panel),
+    width: widthOf(box),
+    height: planeHeight(box),
     scales: { x: { time: false, range: () => across }, y: { range: () => up } },
     axes: [
-      { ...style, size: 26, label: plane.x_label, values: (u, ticks) => ticks.map(tickText) },
+      { ...style, size: 26, space: 46, label: plane.x_label, values: (u, ticks) => ticks.map(tickText) },
       { ...style, size: 50, label: plane.y_label, values: (u, ticks) => ticks.map(tickText) },
     ],
     series: [{}, { show: true, stroke: "transparent" }],
@@ -38,7 +39,9 @@ function makePlane(panel, before, plane, shared) {
     }
     return best;
   };
-  const words = (a, b, t) => { value.textContent = `${shown(a)}, ${shown(b)} at ${t.toFixed(3)} s`; };
+  const [noiseX, noiseY] = [x, y].map((values) => NOISE * largest(values));
+  const told = (v, noise) => shown(Math.abs(v) < noise ? 0 : v);
+  const words = (a, b, t) => { value.textContent = `${told(a, noiseX)}, ${told(b, noiseY)} at ${t.toFixed(3)} s`; };
   if (time.length) draggable(plot.over, player, (_, event) => time[nearest(event.clientX, event.clientY)]);
   plot.over.addEventListener("pointermove", ({ clientX, clientY, buttons }) => {
     const i = nearest(clientX, clientY);
@@ -54,7 +57,7 @@ function makePlane(panel, before, plane, shared) {
   return {
     plot,
     follow,
-    resize: () => plot.setSize({ width: widthOf(panel), height: planeHeight(panel) }),
+    resize: () => plot.setSize({ width: widthOf(box), height: planeHeight(box) }),
     recolour: () => {
       const { grid } = axisStyle();
       for (const axis of plot.axes) axis.grid = { ...axis.grid, ...grid };
@@ -62,7 +65,7 @@ function makePlane(panel, before, plane, shared) {
   };
 }
 
-const planeHeight = (panel) => Math.min(Math.max(0.62 * widthOf(panel), 200), 340);
+const planeHeight = (box) => Math.min(Math.max(0.62 * widthOf(box), 190), 340);
 
 /** The range of all finite values, with a margin. */
 function span(arrays) {

@@ -29,7 +29,7 @@ function makeView(pane, film) {
   const stock = makeStock(THREE, film.meshes);
   const camera = aim(THREE, viewer, film);
   addLights(THREE, world, film);
-  const ground = film.ground ? makeGround(THREE, film) : new THREE.Group();
+  const ground = new THREE.Group();
   world.add(ground);
 
   const bodies = film.bodies.map(({ shapes }) => {
@@ -46,8 +46,10 @@ function makeView(pane, film) {
     return body;
   });
   const layers = [];
+  const follower = makeFollower(THREE, viewer, camera, film, bodies, ground, layers);
   const movers = [
     bodyMover(THREE, film, bodies),
+    follower.move,
     ...film.traces.map((trace, k) => addTrace(THREE, world, layers, trace, paletteColour(k + 1), size)),
     ...film.springs.map((spring) => addSpring(THREE, world, layers, film, spring)),
     ...film.arrows.map((arrow, k) => addArrow(THREE, world, layers, stock, film, arrow, k)),
@@ -72,11 +74,16 @@ function makeView(pane, film) {
     for (const child of shown) child.visible = true;
     behind = true;
   };
+  const forget = () => {
+    behind = false;
+    seenFrom.elements.fill(0);
+  };
   const render = () => {
     viewer.controls.update();
     camera.updateMatrixWorld();
-    if (!seenFrom.equals(camera.matrixWorld)) {
-      seenFrom.copy(camera.matrixWorld);
+    const moved = !seenFrom.equals(camera.matrixWorld);
+    seenFrom.copy(camera.matrixWorld);
+    if (moved && (film.ground || !behind)) {  // a sky alone is the same wherever the camera is
       behind = false;
       withBackdrop(true);
       viewer.render();
@@ -108,6 +115,7 @@ function makeView(pane, film) {
     },
     capture() {
       withBackdrop(true);
+      viewer.controls.update();
       const image = viewer.capture_image();
       viewer.set_dirty();
       return image;
@@ -119,9 +127,11 @@ function makeView(pane, film) {
       return [(seen.x + 1) / 2 * size.value.x, (1 - seen.y) / 2 * size.value.y];
     },
     resetCamera() {
-      viewer.controls.reset();
+      follower.reset();
+      forget();
       viewer.set_dirty();
     },
+    gridStep: () => follower.gridStep,
     refresh() {
       view.stand(now);
     },
@@ -146,7 +156,7 @@ function makeView(pane, film) {
     // A narrower pane sees as much to the sides, and more above and below.
     camera.fov = 2 * Math.atan(Math.tan(FIELD * Math.PI / 360) * Math.max(ASPECT / camera.aspect, 1)) * 180 / Math.PI;
     renderer.setSize(width, height);
-    seenFrom.elements.fill(0);
+    forget();
     render();
   };
   const paint = () => {
@@ -154,7 +164,7 @@ function makeView(pane, film) {
     viewer.set_property(["Background"], "top_color", top.map((x) => x / 255));
     viewer.set_property(["Background"], "bottom_color", bottom.map((x) => x / 255));
     sky = viewer.scene.background;
-    seenFrom.elements.fill(0);
+    forget();
     viewer.set_dirty();
   };
   darkness.addEventListener("change", paint);
@@ -188,26 +198,31 @@ function addLights(THREE, world, { camera: { position, target, up } }) {
   const high = new THREE.Vector3(...up).normalize();
   const ahead = new THREE.Vector3(...position).sub(new THREE.Vector3(...target)).normalize();
   const right = new THREE.Vector3().crossVectors(high, ahead).normalize();
-  const sky = new THREE.HemisphereLight(0xffffff, 0x9a9da6, 0.68);
+  const sky = new THREE.HemisphereLight(0xffffff, 0xb0b3ba, 0.7);
   sky.position.copy(high);
   const key = new THREE.DirectionalLight(0xffffff, 0.48);
   key.position.copy(high).addScaledVector(ahead, 0.55).addScaledVector(right, -0.75);
-  const fill = new THREE.DirectionalLight(0xffffff, 0.16);
+  const fill = new THREE.DirectionalLight(0xffffff, 0.2);
   fill.position.copy(ahead).addScaledVector(right, 1.2).addScaledVector(high, 0.2);
   world.add(sky, key, fill);
 }
 
-/** A disk with a grid that fades towards its rim. */
-function makeGround(THREE, { ground, extent, camera }) {
+/** The width of the ground's squares (m). */
+const gridStep = (extent) => roundBelow(0.4 * extent);
+
+/** A disk with a grid that fades towards its rim, so far from its middle; `moveTo` puts it below a point. */
+function makeGround(THREE, ground, extent) {
   const normal = new THREE.Vector3(...ground.normal).normalize();
   const plane = new THREE.Group();
   plane.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), normal);
-  const centre = new THREE.Vector3(...camera.target);
-  centre.addScaledVector(normal, (ground.height - centre.dot(normal)));
-  const step = roundBelow(0.4 * extent);
-  const inPlane = centre.clone().applyQuaternion(plane.quaternion.clone().invert());
-  for (const k of ["x", "y"]) inPlane[k] = Math.round(inPlane[k] / step) * step;  // lines pass through the origin
-  plane.position.copy(inPlane.applyQuaternion(plane.quaternion));
+  const step = gridStep(extent);
+  const back = plane.quaternion.clone().invert();
+  plane.moveTo = (point) => {
+    const inPlane = point.clone().applyQuaternion(back);
+    for (const k of ["x", "y"]) inPlane[k] = Math.round(inPlane[k] / step) * step;  // lines pass through the origin
+    inPlane.z = ground.height;
+    plane.position.copy(inPlane.applyQuaternion(plane.quaternion));
+  };
   const reach = Math.ceil(3.2 * extent / step) * step;
   const grey = new THREE.Color(0x7c8896);
   const fade = (x, y) => Math.max(0, 1 - Math.hypot(x, y) / reach) ** 1.5;
@@ -242,6 +257,5 @@ function makeGround(THREE, { ground, extent, camera }) {
   plane.add(floor, new THREE.LineSegments(grid, new THREE.LineBasicMaterial(look)));
   floor.renderOrder = -2;
   plane.children[1].renderOrder = -1;
-  plane.name = shown(step);
   return plane;
 }
