@@ -120,16 +120,20 @@ def _collada(data: bytes, beside: Beside) -> Iterator[tuple[Array, Colour | None
             shape = primitive.triangleset() if hasattr(primitive, "triangleset") else primitive
             if isinstance(shape, collada.triangleset.BoundTriangleSet):
                 if shape.material not in colours:
-                    colours[shape.material] = _diffuse(shape.material.effect.diffuse, beside)
+                    colours[shape.material] = _colour(shape.material.effect, beside)
                 turn = -1 if np.linalg.det(bound.matrix[:3, :3]) < 0.0 else 1  # mirrored: seen from outside again
                 yield unit * shape.vertex.astype(float)[shape.vertex_index][:, ::turn], colours[shape.material]
 
 
-def _diffuse(diffuse: Any, beside: Beside) -> Colour | None:
-    """A colour as it is, of a texture its mean."""
+def _colour(effect: Any, beside: Beside) -> Colour | None:
+    """An effect's diffuse colour and half its ambient one, as under a bright sky; of a texture the mean."""
+    diffuse, ambient = effect.diffuse, effect.ambient
     if hasattr(diffuse, "sampler"):
         return texture_colour(beside(unquote(diffuse.sampler.surface.image.path))) or GREY
-    return None if diffuse is None else clipped((*diffuse[:3], 1.0))  # opacity: files disagree on what 1 means
+    if diffuse is None:
+        return None
+    sky = ambient[:3] if isinstance(ambient, tuple) else (0.0, 0.0, 0.0)
+    return clipped((*(d + 0.5 * a for d, a in zip(diffuse, sky, strict=False)), 1.0))  # opacity: files disagree on it
 
 
 def named_files(data: bytes, suffix: str) -> tuple[str, ...]:

@@ -120,7 +120,7 @@ def _film(
     shifts = [start - float(motion.time[0]) for motion, start in zip(motions, starts, strict=True)]
     time = np.concatenate([shot.time + shift for shot, shift in zip(shots, shifts, strict=True)])
     arrows = _arrows(robot, motions, drives, shots)
-    views = [scenery(shot) for shot in shots]
+    views = [scenery(shot, arrows if k == 0 else ()) for k, shot in enumerate(shots)]  # arrows are of all motions
     view = views[0]._replace(
         points=np.concatenate([each.points for each in views]), poses=np.concatenate([each.poses for each in views])
     )

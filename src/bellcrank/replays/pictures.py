@@ -164,12 +164,12 @@ def _write_mp4(frames: Iterator[bytes], path: Path, fps: float, encoder: str) ->
         try:
             for frame in frames:
                 process.stdin.write(frame)
+            process.stdin.close()
         except BrokenPipeError:
             pass  # what went wrong is in its own words below
         except BaseException:
             process.kill()
             raise
-        process.stdin.close()
         said = process.stderr.read().decode(errors="replace").strip()
     if process.returncode:
         raise BellcrankError(

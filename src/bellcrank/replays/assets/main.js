@@ -117,7 +117,7 @@ async function open(licences) {
  *   time playing      as they are;  speed, loop  may be set
  *   seek(t) play() pause() step(count)   as the controls do
  *   draw()            draws, waits for the picture, and returns how long it took (ms)
- *   capture()         the view at once as a PNG, as a data URL
+ *   capture(paper)    the view at once as a PNG, as a data URL; for paper on white
  *   frameTimes        ms between the last frames that were drawn while playing, 600 at most
  *   project(point)    the pixel where a point of the world is seen
  *   pose(body)        position and quaternion (x y z w) of a body as drawn, by its number in the film
@@ -146,7 +146,7 @@ function makeFacade(film, view, player, setLayer) {
       view.drawFully();
       return performance.now() - before;
     },
-    capture: () => view.capture(),
+    capture: (paper = false) => view.capture(paper),
     project: (point) => view.project(point),
     pose: (body) => [...view.bodies[body].position.toArray(), ...view.bodies[body].quaternion.toArray()],
     showBody(body, on) {

@@ -113,8 +113,9 @@ function makeView(pane, film) {
       render();
       context.readPixels(0, 0, 1, 1, context.RGBA, context.UNSIGNED_BYTE, new Uint8Array(4));
     },
-    capture() {
+    capture(paper) {
       withBackdrop(true);
+      if (paper) viewer.scene.background = new THREE.Color("white");
       viewer.controls.update();
       const image = viewer.capture_image();
       viewer.set_dirty();
