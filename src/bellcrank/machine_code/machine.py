@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import itertools
 import os
+import platform
 import threading
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from bellcrank.errors import CompileError, InputError, among
@@ -26,6 +28,15 @@ class Target:
     features: str
     lanes: int
     fused: bool
+
+
+def processor() -> str:
+    """What the processor calls itself."""
+    try:
+        with Path("/proc/cpuinfo").open(encoding="utf-8") as file:
+            return next(line.split(":")[1].strip() for line in file if line.startswith("model name"))
+    except (OSError, StopIteration, IndexError):
+        return platform.processor() or platform.machine()
 
 
 @cache

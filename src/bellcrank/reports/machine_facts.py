@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import datetime
+import os
 import platform
 from importlib import metadata
 
 from bellcrank import __version__
+from bellcrank.machine_code.machine import processor
 
 PACKAGES = ("pin", "casadi", "llvmlite", "numpy")
 
@@ -17,6 +19,7 @@ def made_with() -> tuple[tuple[str, str], ...]:
         ("bellcrank", __version__),
         ("with", ", ".join(f"{name} {metadata.version(name)}" for name in PACKAGES)),
         ("Python", f"{platform.python_version()} on {platform.system()} {platform.machine()}"),
+        ("processor", f"{processor()}, {os.cpu_count()} threads"),
         ("written on", datetime.date.today().isoformat()),
     )
 

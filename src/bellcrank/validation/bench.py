@@ -17,7 +17,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -180,14 +179,9 @@ def first_use(name: str) -> dict[str, float]:
 
 def machine_facts() -> dict[str, Any]:
     """Processor, versions and settings that a figure belongs to."""
-    cpu = platform.processor()
-    try:
-        with Path("/proc/cpuinfo").open(encoding="utf-8") as file:
-            cpu = next(line.split(":")[1].strip() for line in file if line.startswith("model name"))
-    except (OSError, StopIteration):
-        pass
     packages = ("libpinocchio", "casadi", "llvmlite", "numpy")
     return {
-        "cpu": cpu, "cores": os.cpu_count(), "target": asdict(machine.target()), "python": platform.python_version(),
+        "cpu": machine.processor(), "cores": os.cpu_count(), "target": asdict(machine.target()),
+        "python": platform.python_version(),
         "versions": {p: metadata.version(p) for p in packages},
     }  # fmt: skip
