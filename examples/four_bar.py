@@ -12,7 +12,7 @@ def main() -> None:
     first, last = np.linalg.norm(run.multipliers[[0, -1]], axis=1)
     print(f"the pin bears {first:.1f} N at first, {last:.1f} N at the lock")
     designs = bc.sweep("four_bar", {"crank_length": np.linspace(1.21, 1.24, 7)})
-    print(designs)
+    print(designs.table())
     print(bc.replay(run, "four_bar.html"))
     assert abs(lock.time - 12.267788975800) < 1e-7
     assert run.constraint_residual() < 1e-12
