@@ -1,6 +1,7 @@
 """Every test session compiles into a cache of its own, so that no earlier run can lend it an answer."""
 
 import os
+import signal
 import tempfile
 
 import pytest
@@ -8,6 +9,8 @@ import pytest
 _folder = tempfile.TemporaryDirectory(prefix="bellcrank-tests-")
 os.environ["BELLCRANK_CACHE"] = os.path.join(_folder.name, "cache")
 os.environ["MPLBACKEND"] = "Agg"
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as shells start what runs behind; tests press Ctrl-C
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture

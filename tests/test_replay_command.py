@@ -29,6 +29,8 @@ def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "arm.yaml").write_text(ARM)
     (tmp_path / "taken").write_text("")
+    (tmp_path / "sized").mkdir()
+    (tmp_path / "sized" / "sizing.json").write_text("{}")
     return tmp_path
 
 
@@ -65,6 +67,22 @@ def test_a_card_with_drives_is_sized_unless_it_is_to_be_simulated(here, capsys):
     assert "finished at 10 s" in capsys.readouterr().out
 
 
+def test_a_urdf_is_sized_over_a_motion_from_a_file(here, capsys):
+    (here / "go.csv").write_text(
+        "time [s],shoulder position [deg],elbow position [deg]\n0,9,0\n0.5,8,1\n1,7,2\n1.5,7,3\n"
+    )
+    assert given("planar_2r", "--motion", "go.csv", "--out", "go.html") in (0, 1)
+    assert "go" in (here / "go.html").read_text(encoding="utf-8") and "finished" not in capsys.readouterr().out
+
+
+def test_what_a_reader_should_know_of_a_run_is_told_on_screen_and_at_the_top_of_its_page(here, capsys):
+    (here / "far.yaml").write_text(ARM + "forces: [{kind: torque, joint: elbow, value: 300}]\n")
+    assert given("far.yaml") == 0
+    assert "note: joint 'elbow' leaves its range" in capsys.readouterr().out
+    film = film_of(bc.simulate("far.yaml"))
+    assert [name for name, _ in film.facts[:2]] == ["ended", "note"]
+
+
 def test_a_limit_that_is_exceeded_is_exit_1(here, capsys):
     card = ARM + "motions: {go: {kind: waypoints, times: [0, 0.1], positions: [{elbow: 0}, {elbow: 3}]}}\n"
     drive = "{ratio: 1, rated_torque: 1, peak_torque: 2, rated_speed: 1, max_speed: 2}"
@@ -81,6 +99,8 @@ def test_a_limit_that_is_exceeded_is_exit_1(here, capsys):
         (["gone.npz"], "gone.npz: there is no such file"),
         (["."], "there is no run.npz in this folder; `bellcrank simulate SCENE` writes one"),
         (["arm.yaml", "--trace", "tipp"], "trace: there is no frame 'tipp'; did you mean 'tip'"),
+        (["sized"], "this folder holds the figures of a sizing, not its motions; name the card or URDF"),
+        (["arm.yaml", "--png", "a.png", "--at", "2"], "a still at 2 s: expected a time from 0 s to 1 s"),
         (["four_baar"], "there is no scene or robot 'four_baar'"),
         (["arm.yaml", "--size"], "there is no motion to size over"),
         ([".", "--simulate"], "--simulate is for a scene or card; . is a run already"),
@@ -158,4 +178,4 @@ def test_an_export_that_fails_leaves_no_half_file(here, monkeypatch):
     monkeypatch.setattr("os.replace", stop)
     with pytest.raises(KeyboardInterrupt):
         replay(run, "page.html")
-    assert sorted(path.name for path in here.iterdir()) == ["arm.yaml", "taken"]
+    assert sorted(path.name for path in here.iterdir()) == ["arm.yaml", "sized", "taken"]

@@ -11,7 +11,7 @@ import bellcrank as bc
 from bellcrank.errors import InputError
 from bellcrank.replays.arrows import Moments, run_arrows
 from bellcrank.replays.camera import ASPECT, HALF_VIEW, Scenery, camera_for, fitted, plane_normal
-from bellcrank.replays.course import Course, cubic_between, densified, placing
+from bellcrank.replays.course import Course, densified, placing, smooth_between
 from bellcrank.replays.extents import body_corners, cloud
 from bellcrank.replays.film import Body, Shape
 from bellcrank.replays.film_check import check
@@ -405,13 +405,53 @@ def test_a_thinned_series_keeps_its_ends_and_extremes(rows, lines, most, seed):
             assert np.nanmax(line) == np.nanmax(line[kept]) and np.nanmin(line) == np.nanmin(line[kept])
 
 
+def test_between_sparse_rows_a_rolling_disk_is_where_a_finer_run_has_it():
+    sparse, fine = (bc.simulate("rolling_disk", samples=n) for n in (501, 4001))
+    film = film_of_run(sparse)
+    assert not any("guess" in text for name, text in film.facts if name == "note")
+    centre = np.stack([np.interp(fine.time, film.time, film.poses[:, 0, c]) for c in range(3)], axis=1)
+    assert np.abs(centre - fine.position[:, :3]).max() < 2.0 * film.bound
+    force = np.array([np.interp(fine.time, film.time, film.arrows[0].vectors[:, c]) for c in range(3)]).T
+    true = film_of_run(fine).arrows[0]
+    there = np.array([np.interp(fine.time, film_of_run(fine).time, true.vectors[:, c]) for c in range(3)]).T
+    assert np.abs(force - there).max() < 0.05 * np.abs(there).max()
+
+
+def test_rows_too_far_apart_to_tell_how_something_turned_are_told_of():
+    run = bc.simulate("rolling_disk", samples=31)
+    assert any("turns by up to" in note and "more samples" in note for note in film_of_run(run).notes)
+
+
+def test_a_run_that_flies_apart_gives_a_film_of_bounded_length(four_bar):
+    state = four_bar.state.copy()
+    state[-3:, 0] += (1e6, 1e12, 1e69)
+    film = film_of_run(replace(four_bar, state=state, events=(), status=Status.FINISHED))
+    assert len(film.time) < 300_000
+
+
+def test_a_saved_run_keeps_the_meshes_of_its_robot(tmp_path):
+    run = bc.simulate("ur5_falling", duration=0.1, samples=11)
+    film = film_of_run(bc.load_run(run.save(tmp_path / "run.npz")))
+    assert not any("not found" in note for note in film.notes)
+    meshes = [sum(shape.mesh is not None for shape in body.shapes) for body in film.bodies]
+    assert meshes == [sum(shape.mesh is not None for shape in body.shapes) for body in film_of_run(run).bodies]
+    assert sum(meshes) >= 7
+
+
 def test_a_body_that_turns_many_times_between_two_rows_is_not_shown_at_rest():
     robot = bc.load_robot("pendulum", gravity=(0, 0, 0))
     time = np.array([0.0, 1.0])
     q, v = np.array([[0.0], [8.0 * np.pi]]), np.full((2, 1), 8.0 * np.pi)
     frames = tuple(robot.urdf.links)
     course = Course(
-        robot, time, q, v, cubic_between(robot.joints, time, q, v), frames, placing(robot, frames), np.zeros(0)
+        robot,
+        time,
+        q,
+        v,
+        smooth_between(robot.joints, time, q, v, np.zeros((2, 1))),
+        frames,
+        placing(robot, frames),
+        np.zeros(0),
     )
     dense = densified(course, [len(frames) - 1], np.ones(1), 1.0, 1e-3)
     assert np.diff(dense.position[:, 0]).max() < 0.8 and len(dense.time) > 32

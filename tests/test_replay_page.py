@@ -329,6 +329,16 @@ def test_play_runs_the_time_pause_stops_it_and_speed_and_loop_are_kept(open_page
     assert len(opened.do("b.frameTimes")) > 40 and opened.clean
 
 
+def test_times_since_1970_are_told_apart_to_the_microsecond(open_page, folder):
+    film, since = arm(61, 1.0), 1.7e9
+    shifted = dataclasses.replace(film, time=film.time + since, traces=(), charts=(), planes=(), marks=())
+    opened = open_page(write_page(shifted, folder / "stamped.html"))
+    assert opened.do("b.end - b.start") == pytest.approx(1.0, abs=1e-6)
+    drawn = opened.do("(b.seek(x), b.pose(2))", since + 0.3)
+    np.testing.assert_allclose(drawn[:3], kinematics(np.array([0.3]))[0][0, 2], atol=2e-3)
+    assert opened.clean
+
+
 def test_keys(player):
     step = 10.0 / 600
 

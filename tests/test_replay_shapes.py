@@ -305,6 +305,21 @@ def test_a_missing_mesh_gives_a_stand_in_and_a_note_that_names_file_and_link(tmp
     assert notes == ("a mesh file was not found: package://gone/hand.stl, of link 'arm'",)
 
 
+def test_a_missing_mesh_leaves_no_gap_before_a_fixed_link_that_is_drawn(tmp_path):
+    path = tmp_path / "reach.urdf"
+    path.write_text(
+        '<robot name="reach"><link name="base"/><link name="arm">'
+        '<visual><geometry><mesh filename="gone.stl"/></geometry></visual></link>'
+        '<link name="hand"><visual><geometry><box size="0.1 0.1 0.1"/></geometry></visual></link>'
+        '<joint name="turn" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>'
+        '<joint name="end" type="fixed"><parent link="arm"/><child link="hand"/><origin xyz="0.5 0 0"/></joint></robot>'
+    )
+    found, _ = bodies(bc.load_robot(path))
+    rods = [shape for shape in body_of(found, "arm").shapes if shape.kind == "cylinder" and shape.size[1] == 0.5]
+    assert len(rods) == 1 and rods[0].stand_in
+    np.testing.assert_allclose(rods[0].pose[:3], (0.25, 0.0, 0.0), atol=1e-12)
+
+
 def test_a_broken_mesh_gives_the_collision_shape_and_a_note(tmp_path):
     (tmp_path / "bad.stl").write_bytes(binary_stl(CUBE, FACES)[:100])
     collision = '<collision><geometry><sphere radius="0.3"/></geometry></collision>'

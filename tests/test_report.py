@@ -9,7 +9,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.errors import InputError
-from bellcrank.plot_style import svg_of
+from bellcrank.plot_style import literal, new_figure, svg_of
 from bellcrank.replays.replay import Inline, film_of
 from bellcrank.reports.html import document_html
 from bellcrank.reports.report import report
@@ -129,6 +129,14 @@ def test_rounding_a_picture_leaves_its_texts_alone(stopped):
 
 
 # ---- in the browser
+
+
+def test_names_in_pictures_are_neither_mathematics_nor_hidden():
+    figure = new_figure(4.0, 3.0)
+    axis = figure.subplots()
+    axis.plot([0.0, 1.0], label=literal("_j1 $\\frac$ \udcff"))
+    axis.legend()
+    assert "_j1 $\\frac$ ?" in svg_of(figure)
 
 
 def test_names_are_escaped_in_all_of_the_report(stopped):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -32,6 +33,15 @@ def colour(k: int) -> str:
 def dash(k: int) -> str:
     """The dashes of the k-th line, which tell lines apart in black and white, too, and where colours come again."""
     return DASHES[(k + k // len(PALETTE)) % len(DASHES)]
+
+
+def literal(text: str, width: int | None = None) -> str:
+    """A text for Matplotlib with somebody's names in it, broken into lines of `width` characters where one is given:
+    dollars start no mathematics, a leading underscore hides no line, and what is no character is a question mark.
+    """
+    text = text.encode("utf-8", "replace").decode()
+    text = textwrap.fill(text, width) if width else text
+    return (" " if text.startswith("_") else "") + text.replace("$", r"\$")
 
 
 def new_figure(width: float, height: float) -> Figure:

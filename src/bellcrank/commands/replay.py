@@ -37,7 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the page; 0 done, 1 where the run ended early or a limit is exceeded. BellcrankError for bad input."""
-    from bellcrank.replays.replay import open_browser, replay
+    from bellcrank.replays.page import write_page
+    from bellcrank.replays.replay import film_of, open_browser
 
     pictures = {kind: path for kind in PICTURES if (path := getattr(arguments, kind)) is not None}
     for kind, path in pictures.items():
@@ -53,15 +54,17 @@ def run(arguments: argparse.Namespace) -> int:
 
         check_tools(pictures)
     thing = shown(arguments)
+    film = film_of(thing, trace=arguments.trace, detail="full" if arguments.full_meshes else "reduced")
     with tempfile.TemporaryDirectory() as folder:
-        page = replay(
-            thing, out if wanted else Path(folder) / "replay.html", trace=arguments.trace,
-            detail="full" if arguments.full_meshes else "reduced", plots=not arguments.no_plots and wanted,
-        )  # fmt: skip
-        assert isinstance(page, Path)
+        page = write_page(
+            film, out if wanted else Path(folder) / "replay.html", plots=wanted and not arguments.no_plots
+        )
         files = [draw(kind, page, path) for kind, path in pictures.items()]
     well, verdict = verdict_of(thing)
     print(verdict)
+    for name, text in (*film.facts, *(("note", note) for note in film.notes)):
+        if name in ("warning", "note"):
+            print(f"{name}: {text}")
     for path in ([page] if wanted else []) + files:
         print(f"wrote {path} ({path.stat().st_size / 1e6:.2f} MB)")
     if arguments.open:

@@ -23,6 +23,10 @@ def add_shown(parser: argparse.ArgumentParser) -> None:
         help="what bellcrank simulate wrote (run.npz or its folder), or a scene, which is simulated first, or a robot "
         "card with motions, which is sized first",
     )  # fmt: skip
+    parser.add_argument(
+        "--motion", action="append", default=[], metavar="FILE", help="size RUN, a card or URDF, over this motion of "
+        "the card or CSV file; may be repeated",
+    )  # fmt: skip
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--simulate", action="store_true", help="simulate a card that has both drives and a start")
     what.add_argument("--size", action="store_true", help="size a scene that has motions")
@@ -54,35 +58,32 @@ def shown(arguments: argparse.Namespace) -> Trajectory | Sizing:
     from bellcrank.replays.replay import find_run
     from bellcrank.simulation.run_file import load_run
 
-    name, simulated, sized = arguments.run, arguments.simulate, arguments.size
+    name, simulated, sized = arguments.run, arguments.simulate, arguments.size or bool(arguments.motion)
     path = Path(name)
+    if arguments.motion and simulated:
+        raise InputError("--motion is to size over; leave --simulate out")
     if path.is_dir() or path.suffix.lower() == ".npz":
         if simulated or sized:
-            raise InputError(f"--{'simulate' if simulated else 'size'} is for a scene or card; {name} is a run already")
+            option = "simulate" if simulated else "motion" if arguments.motion else "size"
+            raise InputError(f"--{option} is for a scene or card; {name} is a run already")
         return load_run(find_run(path))
     source, urdf = find_card(name)
     data = {} if urdf else read_yaml(source)
     if sized or (not simulated and "motions" in data and ("drives" in data or data.keys().isdisjoint(_MOVED))):
-        return _sized(name)
+        return _sized(name, arguments.motion)
     return _simulated(name)
 
 
-def _sized(name: str) -> Sizing:
+def _sized(name: str, motions: list[str]) -> Sizing:
     from dataclasses import replace
 
     from bellcrank.card.card import load_card
-    from bellcrank.commands.size import chosen_motions
-    from bellcrank.sizing.linkage import linkage_of
+    from bellcrank.commands.size import chosen
     from bellcrank.sizing.size import size
 
     card = load_card(name)
-    robot = card.robot()
-    linkage = linkage_of(card, robot)
-    if linkage is None:
-        return replace(size(robot, chosen_motions(card, robot, []), card.drives), robot=card.name)
-    if not card.motions:
-        raise InputError(f"{card.source}: there is no motion to size over; write motions into the card")
-    return replace(size(linkage, [linkage.motion(m) for m in card.motions], card.drives), robot=card.name)
+    robot, over = chosen(card, card.robot(), motions)
+    return replace(size(robot, over, card.drives), robot=card.name)
 
 
 def _simulated(name: str) -> Trajectory:

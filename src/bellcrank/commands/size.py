@@ -49,7 +49,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Size a robot; 0 where all limits are kept, 1 where one is exceeded. BellcrankError for bad input."""
     from bellcrank.card.card import load_card
     from bellcrank.sizing.history import write_histories
-    from bellcrank.sizing.linkage import linkage_of
     from bellcrank.sizing.report import earlier_files, remove_stale, write_reports
     from bellcrank.sizing.size import size
     from bellcrank.sizing.table import table, verdict
@@ -63,11 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
     tolerance = parse_share(arguments.mass_tolerance)
     card = load_card(arguments.robot)
     robot = card.robot(payloads)
-    linkage = linkage_of(card, robot)
-    if linkage is None:
-        motions = chosen_motions(card, robot, arguments.motion)
-    else:
-        robot, motions = linkage, [linkage.motion(name) for name in _names(card, arguments.motion)]
+    robot, motions = chosen(card, robot, arguments.motion)
     sizing = replace(size(robot, motions, card.drives, tolerance), robot=card.name)
     folder = arguments.out or Path(f"{Path(arguments.robot).stem}_sizing")
     print(table(sizing))
@@ -83,6 +78,19 @@ def run(arguments: argparse.Namespace) -> int:
     remove_stale(folder, earlier, files)
     print(f"\n{verdict(sizing)}\nwrote {', '.join(path.name for path in files)} in {folder}")
     return 0 if sizing.inside else 1
+
+
+def chosen(card: Card, robot: Robot, names: list[str]) -> tuple[Robot, list[Motion]]:
+    """What is sized, the robot or the linkage that the card closes it to, and the motions: named, or all of the card's.
+
+    Raises InputError where there are none.
+    """
+    from bellcrank.sizing.linkage import linkage_of
+
+    linkage = linkage_of(card, robot)
+    if linkage is None:
+        return robot, chosen_motions(card, robot, names)
+    return linkage, [linkage.motion(name) for name in _names(card, names)]
 
 
 def chosen_motions(card: Card, robot: Robot, names: list[str]) -> list[Motion]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bellcrank.atomic import writing
+from bellcrank.plot_style import DPI, literal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from bellcrank.designs.sweep import Array, Sweep
 
 LINE, FAILED = "#0072B2", "#D55E00"
-DPI = 110
 MOST = 12  # panels
 
 
@@ -40,10 +39,10 @@ def plot_sweep(sweep: Sweep, measures: Sequence[str], path: str | Path | None = 
             _map(figure, place, sweep, name)
         else:
             _line(place, sweep, values)
-            place.set_ylabel(f"{name}\n[{sweep.units[name]}]")
+            place.set_ylabel(literal(f"{name}\n[{sweep.units[name]}]"))
     for place in axes[len(shown) :]:
         place.set_visible(False)
-    figure.suptitle(textwrap.fill(f"{sweep.scene.name}: {len(sweep.designs)} designs", 90))
+    figure.suptitle(literal(f"{sweep.scene.name}: {len(sweep.designs)} designs", 90))
     if path is not None:
         with writing(path) as temporary:
             figure.savefig(temporary, format="png", dpi=DPI)
@@ -67,7 +66,7 @@ def _line(place: Axes, sweep: Sweep, values: Array) -> None:
             clip_on=False, label=f"none ({none} of {len(x)})",
         )  # fmt: skip
         place.legend(frameon=False, fontsize="small")
-    place.set_xlabel(axis.label if one else "design")
+    place.set_xlabel(literal(axis.label) if one else "design")
     if one and not axis.numeric:
         place.set_xticks(axis.numbers, [str(value) for value in axis.values])
     place.grid(visible=True, color="0.9", linewidth=0.6)
@@ -79,9 +78,9 @@ def _map(figure: Figure, place: Axes, sweep: Sweep, name: str) -> None:
     table = np.ma.masked_invalid(sweep.grid(name).T)
     place.set_facecolor("0.8")
     mesh = place.pcolormesh(*_rising(first, second), table[_order(second)][:, _order(first)], cmap="viridis")
-    figure.colorbar(mesh, ax=place, label=f"{name} [{sweep.units[name]}]")
-    place.set_xlabel(first.label)
-    place.set_ylabel(second.label)
+    figure.colorbar(mesh, ax=place, label=literal(f"{name} [{sweep.units[name]}]"))
+    place.set_xlabel(literal(first.label))
+    place.set_ylabel(literal(second.label))
 
 
 def _rising(*axes: Axis) -> list[Array]:

@@ -40,9 +40,11 @@ class Block:
             return self._add(np.ascontiguousarray(_table(values), dtype=np.float32).view(np.int32), 0.0)
 
     def add_times(self, times: ArrayLike) -> Reference:
-        """Store finite times (n,) to within 1e-9 of their largest."""
+        """Store finite times (n,) to within 1e-9 of their span."""
         table = _table(times)
-        return self.add_steps(table, (np.abs(table).max() if table.size else 0.0) * 2.0**-30 or 1.0)
+        begin = float(table.min()) if table.size else 0.0  # times since 1970 differ by little of themselves
+        table = table - begin
+        return {**self.add_steps(table, (table.max() if table.size else 0.0) * 2.0**-30 or 1.0), "from": begin}
 
     def add_integers(self, values: ArrayLike) -> Reference:
         """Store whole numbers (n, …) of at most 32 bits."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.motion.coordinates import JointLike, continuous, rates
-from bellcrank.motion.hermite import cubic
+from bellcrank.motion.hermite import cubic, quintic
 from bellcrank.replays.rotations import continued, quaternions
 from bellcrank.replays.thinning import MOST_HALF_TURN, interpolation_error
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 FINEST = 12  # halvings of a row's step, at most
 MOST_PARTS = 1000  # parts of a row's step, where joints turn many times in it
+MOST_ADDED = 100_000  # rows, about: a run that flies apart would need any number of them
 _PLACE = 12  # numbers a frame: position 3, rotation 9
 
 
@@ -85,22 +86,21 @@ def placing(robot: Robot, frames: Sequence[str], parameters: Mapping[str, Parame
     return robot.compiled(f"places {list(frames)!r} {settings!r}", build)
 
 
-def cubic_between(joints: Sequence[JointLike], time: Array, q: Array, v: Array) -> Callable[[Array], Any]:
-    """Positions and velocities at times between rows: cubics that match position and velocity at either row, with
-    rotations of unit length again; the velocities go straight from row to row.
+def smooth_between(joints: Sequence[JointLike], time: Array, q: Array, v: Array, a: Array) -> Callable[[Array], Any]:
+    """Positions and velocities at times between rows: quintics that match position, velocity and acceleration at either
+    row, with rotations of unit length again, and cubics that match velocity and acceleration.
     """
-    smooth = q * continuous(joints, q)
-    slope = rates(joints, smooth, v, np.zeros_like(v))[0]
+    smooth, a = q * continuous(joints, q), np.where(np.isfinite(a), a, 0.0)
+    slope, curvature = rates(joints, smooth, v, a)
 
     def at(times: Array) -> tuple[Array, Array]:
         step = np.clip(np.searchsorted(time, times, side="right") - 1, 0, len(time) - 2)
-        position = cubic(time, smooth, slope, times, step)
+        position = quintic(time, smooth, slope, curvature, times, step)[0]
         for joint in joints:
             if joint.kind in ("floating", "planar"):
                 part = position[:, joint.q + (3 if joint.kind == "floating" else 2) : joint.q + joint.nq]
                 part /= np.linalg.norm(part, axis=1, keepdims=True)
-        share = ((times - time[step]) / (time[step + 1] - time[step]))[:, None]
-        return position, (1.0 - share) * v[step] + share * v[step + 1]
+        return position, cubic(time, v, a, times, step)
 
     return at
 
@@ -118,13 +118,14 @@ def densified(course: Course, bodies: Sequence[int], reach: Array, size: float, 
     parts = np.minimum(np.ceil(turn / MOST_HALF_TURN), MOST_PARTS).astype(np.intp)
     suspect = np.flatnonzero((bend > bound) | (parts > 1))
     parts = np.maximum(parts[suspect], 1)
+    parts = np.maximum((parts * min(1.0, MOST_ADDED / max(parts.sum(), 1))).astype(np.intp), 1)
     rank = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
     begin = np.repeat(course.time[suspect], parts)
     step = np.repeat(np.diff(course.time)[suspect] / parts, parts)
     begin, end = begin + rank * step, begin + (rank + 1) * step
     more: list[Array] = [begin[rank > 0]]
     for _ in range(FINEST):
-        if not len(begin):
+        if not len(begin) or sum(map(len, more)) + 2 * len(begin) > MOST_ADDED:
             break
         times = begin[:, None] + (end - begin)[:, None] * np.linspace(0.0, 1.0, 5)
         points, turns = course.places(course.between(times.ravel())[0])

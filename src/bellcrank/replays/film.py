@@ -155,7 +155,8 @@ class Film:
     """Poses (n, bodies, 7) at increasing times (n,), and what goes with them.
 
     Between frames positions go straight and orientations turn evenly; frames are so close that this is off by no more
-    than `bound` (m) at any point of the bodies. `facts` are what a reader wants to know at the top: (name, value).
+    than `bound` (m) at any point of the bodies; what is filmed is a smooth curve through the rows that are known.
+    `facts` are what a reader wants to know at the top: (name, value), the answer first, which `good` says is yes.
     """
 
     title: str
@@ -173,4 +174,5 @@ class Film:
     charts: tuple[Chart, ...] = ()
     planes: tuple[Plane, ...] = ()
     facts: tuple[tuple[str, str], ...] = ()
+    good: bool = True
     notes: tuple[str, ...] = field(default=())  # what a reader should know of the picture: simplified meshes, stand-ins

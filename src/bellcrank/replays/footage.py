@@ -72,7 +72,7 @@ def footage(
     """
     corners = body_corners(bodies)
     reach, numbers = reaches(corners), tuple(course.index[body.name] for body in bodies)
-    size = max(_size(course, numbers, corners), 1e-3)
+    size = _size(course, numbers, corners) or 1.0
     bound = SHARE * size
     course = densified(course, numbers, reach, size, BETWEEN * bound)
     n = len(course.time)

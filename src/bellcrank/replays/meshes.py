@@ -212,7 +212,10 @@ def _stored_pieces(file: _File, ladder: Ladder) -> tuple[Piece, ...]:
 
 def _stored_ladder(plan: str) -> Ladder | None:
     raw = disk.load(plan)
-    return None if raw is None else tuple(float(step) for step in json.loads(raw))
+    try:
+        return None if raw is None else tuple(float(step) for step in json.loads(raw))
+    except (ValueError, TypeError):
+        return None
 
 
 def _pieces_key(file: _File, ladder: Ladder) -> str:

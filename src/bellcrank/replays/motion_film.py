@@ -83,7 +83,7 @@ def film_of_sizing(
     name = title or f"{sizing.robot}: sizing"
     if sizing.robot not in name:
         facts.append(("robot", sizing.robot))
-    return _film(robot, motions, drives, trace, detail, name, facts, sizing.warnings, progress, marks)
+    return _film(robot, motions, drives, trace, detail, name, facts, sizing.warnings, progress, marks, sizing.inside)
 
 
 def _needs(joint: JointSizing) -> str:
@@ -102,6 +102,7 @@ def _film(
     warnings: Sequence[str],
     progress: Progress,
     marks: Sequence[Mark] = (),
+    good: bool = True,
 ) -> Film:
     wanted = traced_frames(robot, trace)
     bodies, notes = filmed_bodies(robot, detail)
@@ -131,7 +132,7 @@ def _film(
         arrows, (), film_axes(robot, bodies),
         tuple(sorted([*(begun if len(motions) > 1 else ()), *marks], key=lambda mark: mark.time)),
         _charts(robot, motions, drives, shifts), torque_speed_planes(robot, motions, drives, shifts),
-        (*facts, ("bellcrank", __version__)), (*notes, *warnings),
+        (*facts, ("bellcrank", __version__)), good, (*notes, *warnings),
     )  # fmt: skip
 
 

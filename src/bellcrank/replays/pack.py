@@ -34,6 +34,7 @@ def pack(film: Film, *, plots: bool = True) -> tuple[str, str]:
     content: dict[str, Any] = {
         "title": film.title,
         "facts": film.facts,
+        "good": film.good,
         "notes": film.notes,
         "bound": film.bound + rounding,
         "time": block.add_times(film.time),
@@ -75,14 +76,14 @@ def _extent(film: Film) -> float:
     """How far the bodies and their motion reach from the middle of where they are (m)."""
     places = film.poses[:, :, :3].reshape(-1, 3)
     half = 0.5 * float(np.linalg.norm(np.ptp(places, axis=0))) if len(places) else 0.0
-    return max(half + _reach(film), 1e-3)
+    return half + _reach(film) or 1.0
 
 
 def _size(film: Film) -> float:
     """How far the bodies reach from the middle of where they are at one time, at most (m)."""
     places = film.poses[:, :, :3]
     apart = np.linalg.norm(np.ptp(places, axis=1), axis=1) if len(film.bodies) else np.zeros(1)
-    return max(0.5 * float(apart.max()) + _reach(film), 1e-3)
+    return 0.5 * float(apart.max()) + _reach(film) or 1.0
 
 
 def _reach(film: Film) -> float:

@@ -59,13 +59,16 @@ def page(film: Film, *, plots: bool = True, around: tuple[str, str] = ("", "")) 
     return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], _asset("page.html"))
 
 
-def write_page(film: Film, path: str | Path, *, plots: bool = True) -> Path:
-    """Write the page of a film to `path`, whole or not at all, and return the path.
+def write_page(film: Film, path: str | Path, *, plots: bool = True, around: tuple[str, str] = ("", "")) -> Path:
+    """Write the page of a film to `path`, .html added where it is missing, whole or not at all, and return the path.
 
     Raises what `page` raises, and InputError where the file cannot be written.
     """
-    write_text(path, page(film, plots=plots))
-    return Path(path)
+    target = Path(path)
+    if target.suffix.lower() not in (".html", ".htm"):
+        target = target.with_name(target.name + ".html")
+    write_text(target, page(film, plots=plots, around=around))
+    return target
 
 
 @functools.cache

@@ -41,7 +41,10 @@ def still(page: str | Path, out: str | Path, time: float | None = None, size: tu
     Raises InputError where there is no browser, or the file cannot be written.
     """
     with writing(out) as temporary, opened(page, size) as tab:
-        temporary.write_bytes(_captured(tab, _span(tab)[1] if time is None else time))
+        start, end = _span(tab)
+        if time is not None and not start <= time <= end:
+            raise InputError(f"a still at {time:g} s: expected a time from {start:g} s to {end:g} s, the replay's")
+        temporary.write_bytes(_captured(tab, end if time is None else time))
     return Path(out)
 
 

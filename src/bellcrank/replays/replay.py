@@ -63,9 +63,7 @@ def replay(
     source = opened(thing)
     if path is None and _in_notebook():
         return Inline(page(film_of(source, robot, trace=trace, detail=detail, title=title), plots=plots))
-    target = Path(f"{file_name(name_of(source))}.html" if path is None else path)
-    if target.suffix.lower() not in (".html", ".htm"):
-        target = target.with_name(target.name + ".html")
+    target = f"{file_name(name_of(source))}.html" if path is None else path
     return write_page(film_of(source, robot, trace=trace, detail=detail, title=title), target, plots=plots)
 
 
@@ -121,6 +119,10 @@ def find_run(path: str | Path) -> Path:
     file = Path(path)
     if not file.is_dir():
         return file
+    if (file / "sizing.json").is_file():
+        raise InputError(
+            f"{file}: this folder holds the figures of a sizing, not its motions; name the card or URDF that was sized"
+        )
     if not (file / "run.npz").is_file():
         raise InputError(f"{file}: there is no run.npz in this folder; `bellcrank simulate SCENE` writes one")
     return file / "run.npz"

@@ -15,7 +15,7 @@ from bellcrank.motion.coordinates import position_labels
 from bellcrank.replays.arrows import Moments, contact_points, run_arrows, run_springs, shown_frames
 from bellcrank.replays.camera import camera_for, ground_for
 from bellcrank.replays.charts import run_charts
-from bellcrank.replays.course import Course, cubic_between, placing
+from bellcrank.replays.course import Course, placing, smooth_between
 from bellcrank.replays.film import Film, Mark
 from bellcrank.replays.footage import Point, footage
 from bellcrank.replays.meshes import Detail
@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+MOST_TURN = 1.0  # rad between rows: quintics follow even turning to 2e-5 of a body's size then
+_FIRST = ("ended", "warning", "note")  # of the facts
 MOST_MARKS = 200
 FEW = 6  # joints, or multipliers, that a mark tells of
 
@@ -63,10 +65,13 @@ def film_of_run(
     wanted = traced_frames(robot, trace, _output_frames(run))
     frames = tuple(dict.fromkeys([*(body.name for body in bodies), *shown_frames(run), *wanted]))
     time, q, v = run.time[:rows], run.position[:rows], run.velocity[:rows]
+    with np.errstate(all="ignore"):  # a run may end where numbers overflow
+        between = smooth_between(robot.joints, time, q, v, run.acceleration[:rows])
     course = Course(
-        robot, time, q, v, cubic_between(robot.joints, time, q, v), frames, placing(robot, frames, scene.parameters),
+        robot, time, q, v, between, frames, placing(robot, frames, scene.parameters),
         run.parameters[: len(scene.parameters)],
     )  # fmt: skip
+    notes += _coarse(course)
     events = [event for event in run.events if time[0] <= event.time <= time[-1]]
     disks = [closure for closure in scene.closures if isinstance(closure, RollingDisk)]
     points = frame_points(course, wanted)
@@ -79,15 +84,14 @@ def film_of_run(
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
         arrows, springs = tuple(run_arrows(moments)), tuple(run_springs(moments))
         facts = [("ended", run.message.removeprefix(f"{scene.name}: ")), *named_facts(run_facts(run))]
-    notes += [text for name, text in facts if name == "note"]
-    facts = [fact for fact in facts if fact[0] != "note"]
+    facts.sort(key=lambda fact: _FIRST.index(fact[0]) if fact[0] in _FIRST else len(_FIRST))
     view = scenery(shots, arrows, [spring.ends.reshape(-1, 3) for spring in springs])
     planes = [(np.array(disk.normal), moments.number(disk, "height")) for disk in disks]
     return Film(
         title or scene.name, shots.time, shots.poses, bodies, camera_for(view), shots.bound,
         ground_for(planes, view, not robot.floating_base), shots.traces, arrows, springs,
         film_axes(robot, bodies, {f.joint.name for f in scene.forces if isinstance(f, JointSpring)}),
-        _marks(run, events, float(time[-1])), run_charts(run), (), (*facts, ("bellcrank", __version__)),
+        _marks(run, events, float(time[-1])), run_charts(run), (), (*facts, ("bellcrank", __version__)), run.success,
         (*more, *notes),
     )  # fmt: skip
 
@@ -101,6 +105,24 @@ def _finite_rows(run: Trajectory) -> int:
     if np.any(np.diff(run.time[:rows]) <= 0.0):
         raise InputError(f"{run.scene.name}: the times of the run do not increase; sort its rows")
     return rows
+
+
+def _coarse(course: Course) -> list[str]:
+    """That something turns so far from row to row that the motion between them is a guess."""
+    h = np.diff(course.time)
+    turns: dict[str, float] = {}
+    for joint in course.robot.joints:
+        if joint.kind != "prismatic" and len(h):
+            first = joint.v + {"floating": 3, "planar": 2}.get(joint.kind, 0)
+            speed = np.linalg.norm(course.velocity[:, first : joint.v + joint.nv], axis=1)
+            turns[joint.name] = float((h * np.maximum(speed[:-1], speed[1:])).max())
+    name = max(turns, key=lambda name: turns[name], default="")
+    if turns.get(name, 0.0) <= MOST_TURN:
+        return []
+    return [
+        f"joint '{name}' turns by up to {turns[name]:.3g} rad from row to row, so that what is shown between rows is a "
+        "guess; simulate with more samples"
+    ]
 
 
 def _output_frames(run: Trajectory) -> tuple[str, ...]:

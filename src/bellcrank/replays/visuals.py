@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -47,7 +47,7 @@ def bodies(
     """
     urdf = robot.urdf
     root = parse_xml(urdf.text, urdf.source)
-    reader, skeleton = DrawingReader(root, urdf.source), Skeleton(urdf, robot.user_frames)
+    reader, skeleton = DrawingReader(root, robot.mesh_source), Skeleton(urdf, robot.user_frames)
     elements = {element.attributes.get("name", "").strip(): element for element in root.find_all("link")}
     drawings = {link: reader.drawings(elements[link], "visual") for link in urdf.links}
     meshes = _meshes(drawings, skeleton.size, detail, progress)
@@ -57,8 +57,9 @@ def bodies(
         return {link: tuple(s for d in source[link] for s in _shapes(d, meshes, colours[link])) for link in source}
 
     shapes = drawn(drawings)
-    hidden = _hidden(skeleton, shapes)
-    collisions = {link: reader.drawings(elements[link], "collision") for c in hidden for link in skeleton.carried[c]}
+    lost = {link for link, found in drawings.items() if found and not shapes[link]}
+    bare = _bare(skeleton, shapes, lost)
+    collisions = {link: reader.drawings(elements[link], "collision") for links in bare.values() for link in links}
     if collisions:
         everything = {link: drawings[link] + collisions.get(link, ()) for link in drawings}
         meshes = _meshes(everything, skeleton.size, detail, progress)
@@ -66,8 +67,8 @@ def bodies(
             near = (s for s in found if _extent(s) <= MOST_HINT * (skeleton.size or np.inf))
             shapes[link] = tuple(replace(s, stand_in=True) for s in near)
         drawings = everything
-    for carrier in _hidden(skeleton, shapes):
-        shapes[carrier] = stand_ins(skeleton, carrier, colours[carrier])
+    for carrier in _bare(skeleton, shapes, lost):
+        shapes[carrier] = (*shapes[carrier], *stand_ins(skeleton, carrier, colours[carrier]))
     for k, load in enumerate(robot.payloads):
         xx, xy, yy, xz, yz, zz = load.inertia
         inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -108,9 +109,14 @@ def _extent(shape: Shape) -> float:
     return max(2.0 * radius, max(shape.size))
 
 
-def _hidden(skeleton: Skeleton, shapes: Mapping[str, tuple[Shape, ...]]) -> list[str]:
-    """The carriers of which, and of whose fixed links, nothing is drawn."""
-    return [c for c, links in skeleton.carried.items() if not any(shapes.get(link) for link in links)]
+def _bare(skeleton: Skeleton, shapes: Mapping[str, tuple[Shape, ...]], lost: Collection[str]) -> dict[str, list[str]]:
+    """By carrier: it and its fixed links where nothing is drawn of them all, else those of `lost` without a shape."""
+    found = {}
+    for carrier, links in skeleton.carried.items():
+        drawn = any(shapes.get(link) for link in links)
+        if bare := [link for link in links if not shapes.get(link) and (link in lost or not drawn)]:
+            found[carrier] = bare
+    return found
 
 
 def _colours(skeleton: Skeleton) -> dict[str, Colour]:

@@ -6,11 +6,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank.atomic import write_text
 from bellcrank.errors import InputError
 from bellcrank.motion.motion import Motion
 from bellcrank.replays.meshes import Detail
-from bellcrank.replays.page import page
+from bellcrank.replays.page import write_page
 from bellcrank.replays.replay import film_of, name_of, opened
 from bellcrank.reports.html import document_html
 from bellcrank.sizing.history import file_name
@@ -39,11 +38,8 @@ def report(
     source = opened(thing, "report")
     film = film_of(source, trace=trace, detail=detail, title=title or _title(source))
     document = _document(source, film)
-    target = Path(f"{file_name(name_of(source))}_report.html" if path is None else path)
-    if target.suffix.lower() not in (".html", ".htm"):
-        target = target.with_name(target.name + ".html")
-    write_text(target, page(film, around=document_html(document)))
-    return target
+    target = f"{file_name(name_of(source))}_report.html" if path is None else path
+    return write_page(film, target, around=document_html(document))
 
 
 def _title(thing: Trajectory | Motion | Sizing) -> str:

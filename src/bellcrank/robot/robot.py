@@ -66,6 +66,7 @@ class Robot:
         clean: bool,
     ) -> None:
         self.source, self._text, self._data = source, text, data
+        self.mesh_source = source  # the URDF that names of mesh files are relative to
         self.name: str = data["name"]
         self.gravity = _frozen(gravity)
         self.findings: tuple[str, ...] = tuple(data["findings"])  # errors that `bellcrank check` finds in the elements

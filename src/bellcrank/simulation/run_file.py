@@ -65,6 +65,7 @@ def save_run(run: Trajectory, path: str | Path) -> Path:
         "format": FORMAT,
         "version": VERSION,
         "scene": scene,
+        "urdf": str(run.robot.mesh_source.resolve()),  # its meshes stay where they are
         "files": files,
         "status": str(run.status),
         "settings": asdict(run.settings),
@@ -102,6 +103,7 @@ def load_run(path: str | Path) -> Trajectory:
     about, arrays = _contents(file)
     try:
         scene = load_scene(_unpacked(json.dumps(about["files"], sort_keys=True)) / _plain(about["scene"]))
+        scene.robot.mesh_source = Path(str(about.get("urdf") or scene.robot.source))
         stabilisation = Stabilisation(**about["settings"].get("stabilisation", {}))
         settings = Settings(**about["settings"] | {"stabilisation": stabilisation})
         if settings.stabilisation != scene.settings.stabilisation:

@@ -13,7 +13,7 @@ import numpy as np
 
 from bellcrank.atomic import writing
 from bellcrank.errors import InputError, among
-from bellcrank.plot_style import DASHES, DPI, PALETTE, colour, dash, new_figure, plain
+from bellcrank.plot_style import DASHES, DPI, PALETTE, colour, dash, literal, new_figure, plain
 from bellcrank.simulation.run_panels import Panel, run_panels, shown_unit
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def _over_time(run: Trajectory, panels: Sequence[Panel]) -> Figure:
     axes[-1].set_xlabel("time [s]")
     if run.time[-1] > run.time[0]:
         axes[-1].set_xlim(run.time[0], run.time[-1])
-    figure.suptitle(textwrap.fill(f"{run.scene.name}: {run.status} at {run.time[-1]:.6g} s", 90))
+    figure.suptitle(literal(f"{run.scene.name}: {run.status} at {run.time[-1]:.6g} s", 90))
     return figure
 
 
@@ -85,7 +85,7 @@ def _draw(axis: Axes, time: Array, panel: Panel) -> None:
         name, values = panel.lines[k]
         axis.plot(
             time, values, color=colour(count), linestyle=dash(count), linewidth=1.4,
-            marker="o" if few else "", markersize=3.5, label=textwrap.shorten(name, 34, placeholder="…"),
+            marker="o" if few else "", markersize=3.5, label=literal(textwrap.shorten(name, 34, placeholder="…")),
         )  # fmt: skip
     for count, k in enumerate(rest):
         label = None if count else f"{len(rest)} more, which change less"
@@ -94,8 +94,8 @@ def _draw(axis: Axes, time: Array, panel: Panel) -> None:
         axis.set_yscale("symlog", linthresh=1e-16)
     else:
         _keep_constants_flat(axis, panel)
-    axis.set_title(panel.title, loc="left", fontsize="medium")
-    axis.set_ylabel(f"[{shown_unit(panel.unit)}]")
+    axis.set_title(literal(panel.title), loc="left", fontsize="medium")
+    axis.set_ylabel(literal(f"[{shown_unit(panel.unit)}]"))
     plain(axis)
 
 
@@ -113,7 +113,7 @@ def _mark_events(axis: Axes, run: Trajectory, named: bool) -> None:
         label = f"event {name}" + (f" ({len(times)} times)" if len(times) > 1 else "")
         axis.vlines(
             times, 0.0, 1.0, transform=axis.get_xaxis_transform(), color=EVENT_COLOUR, linestyle=DASHES[(k + 1) % 4],
-            linewidth=0.9, zorder=1.8, label=textwrap.shorten(label, 34, placeholder="…") if named else "_",
+            linewidth=0.9, zorder=1.8, label=literal(textwrap.shorten(label, 34, placeholder="…")) if named else "_",
         )  # fmt: skip
 
 
@@ -143,5 +143,5 @@ def _frame_path(run: Trajectory, frame: str) -> Figure:
     axis.set_ylabel(f"{'xyz'[b]} [m]")
     plain(axis)
     axis.legend(frameon=False, fontsize="small")
-    figure.suptitle(textwrap.fill(f"{run.scene.name}: path of frame {frame}", 70))
+    figure.suptitle(literal(f"{run.scene.name}: path of frame {frame}", 70))
     return figure

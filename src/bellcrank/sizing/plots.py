@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from bellcrank import atomic
 from bellcrank.motion.motion import Motion
-from bellcrank.plot_style import DPI, colour, dash, new_figure, plain
+from bellcrank.plot_style import DPI, colour, dash, literal, new_figure, plain
 from bellcrank.sizing.drive import Drive
 from bellcrank.sizing.history import file_names, joint_torque
 from bellcrank.sizing.linkage import motors_of
@@ -119,12 +118,14 @@ def _over_time(
     for axis, (label, what, values) in zip(axes[:, 0], rows, strict=True):
         for k, joint in enumerate(joints):
             column = joint.q if values is q else joint.v
-            axis.plot(time, values[:, column], color=colour(k), linestyle=dash(k), linewidth=1.3, label=joint.name)
+            axis.plot(
+                time, values[:, column], color=colour(k), linestyle=dash(k), linewidth=1.3, label=literal(joint.name)
+            )
         axis.set_ylabel(f"{label} [{what}]")
         axis.margins(x=0.0)
         plain(axis)
     axes[-1, 0].set_xlabel("time [s]")
-    figure.suptitle(textwrap.fill(f"{title}: {motion.name}{note}", 90))
+    figure.suptitle(literal(f"{title}: {motion.name}{note}", 90))
     columns = _columns([joint.name for joint in joints], figure)
     figure.legend(
         *axes[0, 0].get_legend_handles_labels(),
@@ -156,7 +157,7 @@ def _joint_plane(
         axis.set_ylabel(f"{'force [N]' if linear else 'torque [N m]'}")
         missing = [what for what, limit in (("effort", effort), ("speed", speed)) if not math.isfinite(limit)]
         axis.set_title(
-            joint.name + (f" (no {' and '.join(missing)} limit given)" if missing else ""), fontsize="medium"
+            literal(joint.name + (f" (no {' and '.join(missing)} limit given)" if missing else "")), fontsize="medium"
         )
     return _finish(figure, axes, len(joints), f"{title}: torque and speed at the joints, with the URDF's limits{note}")
 
@@ -203,7 +204,7 @@ def _shaft_plane(
         axis.set_xlabel("motor speed [rpm]")
         factor = f" × {drive.safety_factor:g}" if drive.safety_factor != 1.0 else ""
         axis.set_ylabel(f"motor torque{factor} [N m]")
-        axis.set_title(f"{joint.name} (ratio {drive.ratio:g})", fontsize="medium")
+        axis.set_title(literal(f"{joint.name} (ratio {drive.ratio:g})"), fontsize="medium")
     return _finish(figure, axes, len(joints), f"{title}: torque and speed at the motor shafts{note}")
 
 
@@ -229,7 +230,7 @@ def _finish(figure: Figure, axes: list[Axes], count: int, title: str) -> Figure:
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
     entries["start"] = Line2D([], [], color="0.35", marker="o", markersize=3.5, linestyle="none")
-    figure.suptitle(textwrap.fill(title, 90))
+    figure.suptitle(literal(title, 90))
     figure.legend(
         list(entries.values()),
         list(entries),
@@ -249,7 +250,7 @@ def _columns(labels: list[str], figure: Figure) -> int:
 
 def _trace(axis: Axes, speed: Array, torque: Array, k: int, name: str) -> None:
     """One motion in a torque-speed plane; its start is marked, so that a joint at rest can be seen too."""
-    axis.plot(speed, torque, color=colour(k), linewidth=1.3, label=name)
+    axis.plot(speed, torque, color=colour(k), linewidth=1.3, label=literal(name))
     axis.plot(speed[:1], torque[:1], color=colour(k), marker="o", markersize=3.5, linestyle="none")
 
 

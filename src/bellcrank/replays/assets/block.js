@@ -1,7 +1,7 @@
 // ---- numbers: what block.py packed, unpacked
 
 /** An array of the block, row after row: undo the byte planes, the folded sign and the differences along columns. */
-function unpacked(bytes, { at, rows, columns, order, step }, Kind = Float32Array) {
+function unpacked(bytes, { at, rows, columns, order, step, from: begin = 0 }, Kind = Float32Array) {
   const size = rows * columns;
   const words = new Int32Array(size);
   for (let column = 0, from = at; column < columns; column++) {
@@ -16,7 +16,7 @@ function unpacked(bytes, { at, rows, columns, order, step }, Kind = Float32Array
   }
   if (step === 0) return new Float32Array(words.buffer);  // the words are the bits of float32
   const values = new Kind(size);
-  for (let i = 0; i < size; i++) values[i] = words[i] * step;
+  for (let i = 0; i < size; i++) values[i] = begin + words[i] * step;
   return values;
 }
 

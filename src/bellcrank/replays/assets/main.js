@@ -2,9 +2,10 @@
 
 function fillTexts(film, licences) {
   byId("facts").append(...film.facts.map(([name, value]) => element("div", {}, element("dt", { textContent: name }), element("dd", { textContent: value }))));
+  byId("facts").classList.toggle("bad", !film.good);
   foldFacts();
   const notes = [
-    `Between frames the picture is off by at most ${shown(film.bound * 1000, 2)} mm at any point of a body.`,
+    `No point of a body is shown further than ${shown(film.bound * 1000, 2)} mm from a smooth curve through the rows of the run.`,
     ...film.notes,
     "This page holds all it needs and fetches nothing.",
   ];
@@ -73,7 +74,7 @@ function scaleTexts(film, { layers, gridStep }) {
   const arrows = layers.filter(({ group }) => group === "Arrows");
   const seen = film.scales.filter((scale) => scale.arrows.some((k) => arrows[k].on));
   const texts = seen.map((scale) => scaleText(scale, false)).filter(Boolean);
-  if (film.ground) texts.push(`grid ${shown(gridStep())} m`);
+  if (film.ground) texts.push(`grid ${shown(gridStep())} m${film.ground.height ? `, at ${shown(film.ground.height)} m` : ""}`);
   return texts.join("\n");
 }
 
