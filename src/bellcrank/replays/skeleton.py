@@ -30,7 +30,7 @@ class Skeleton:
 
     `carrier` names each link's; `carried` lists each carrier's links, itself first; `inside` is each link's transform
     (4, 4) in its carrier, `above` the joint over each link. `size` (m) is how large the robot is with every joint at
-    zero, and `scale` (m) how far apart joints of one link are at most.
+    zero, and `scale` (m) how far apart joints of one link are at most, or usually.
     """
 
     def __init__(self, urdf: Urdf, frames: Mapping[str, tuple[str, tuple[float, ...], tuple[float, ...]]]) -> None:
@@ -66,4 +66,5 @@ class Skeleton:
         origins = np.array([place[:3, 3] for place in at_zero.values()])
         spans = [float(np.linalg.norm(end)) for ends in self.ends.values() for end in ends]
         self.size = float(np.linalg.norm(np.ptp(origins, axis=0)))
-        self.scale = max(spans, default=0.0) or DEFAULT
+        spans = [span for span in spans if span > 0.0]
+        self.scale = min(max(spans), 4.0 * float(np.median(spans))) if spans else DEFAULT  # a ground may be far longer

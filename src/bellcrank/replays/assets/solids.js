@@ -77,8 +77,9 @@ function merged(THREE, ...parts) {
   return surface(THREE, new Float32Array(positions), new Float32Array(normals), new Uint32Array(index), positions.length / 3);
 }
 
-/** Geometries and materials, each made once. */
-function makeStock(THREE, meshes) {
+/** Geometries and materials, each made once; rounder where there are few shapes. */
+function makeStock(THREE, { meshes, bodies }) {
+  const few = bodies.reduce((count, { shapes }) => count + shapes.length, 0) < 100;
   const known = new Map();
   const once = (key, make) => {
     if (!known.has(key)) known.set(key, make());
@@ -90,9 +91,9 @@ function makeStock(THREE, meshes) {
     geometry({ kind, size, mesh }) {
       if (kind === "mesh") return [once(`mesh ${mesh}`, () => creased(THREE, meshes[mesh])), size];
       if (kind === "box") return [once("box", () => new THREE.BoxGeometry()), size];
-      if (kind === "sphere") return [once("sphere", () => new THREE.SphereGeometry(1, 28, 18)), [size[0], size[0], size[0]]];
+      if (kind === "sphere") return [once("sphere", () => new THREE.SphereGeometry(1, ...few ? [28, 18] : [14, 9])), [size[0], size[0], size[0]]];
       // three's cylinder stands along y, ours along z
-      return [once("cylinder", () => new THREE.CylinderGeometry(1, 1, 1, 40).rotateX(Math.PI / 2)), [size[0], size[0], size[1]]];
+      return [once("cylinder", () => new THREE.CylinderGeometry(1, 1, 1, few ? 40 : 16).rotateX(Math.PI / 2)), [size[0], size[0], size[1]]];
     },
     material([red, green, blue, opacity]) {
       return once(`colour ${red} ${green} ${blue} ${opacity}`, () => new THREE.MeshLambertMaterial({

@@ -22,11 +22,12 @@ function makeView(pane, film) {
   for (const path of ["Lights", "Grid", "Axes"]) viewer.delete_path([path]);
   renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
   renderer.shadowMap.enabled = false;
+  renderer.debug.checkShaderErrors = false;  // asking waits for the compiler
 
   const world = new THREE.Group();
   viewer.set_object(["film"], world);
   const size = { value: new THREE.Vector2(1, 1) };  // of the pane in pixels, for all lines
-  const stock = makeStock(THREE, film.meshes);
+  const stock = makeStock(THREE, film);
   const camera = aim(THREE, viewer, film);
   addLights(THREE, world, film);
   const ground = new THREE.Group();
