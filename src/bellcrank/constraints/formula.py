@@ -43,7 +43,7 @@ class Formula(Constraint):
             raise read.error("expression", str(error)) from None
         if any(leaf.operation == "joint" and leaf.value[1] == "acceleration" for leaf in expression.term.leaves()):
             raise read.error("expression", "a constraint is written in positions or velocities, not accelerations")
-        return cls(name, read, expression, read.text("unit", "1"))
+        return cls(name, read, expression, read.unit())
 
     @property
     def frames(self) -> tuple[str, ...]:

@@ -113,12 +113,15 @@ class Scene:
     def start(self) -> tuple[Array, Array]:
         """Position (nq,) and velocity (nv,) at time 0, a free base's velocity in its own frame."""
         name = self.initial.motion
-        q, v = self.initial.state(self.robot, None if name is None else self.motion(name))
+        motion = None if name is None else self.motion(name)
+        q = self.initial.posture(self.robot, motion)
         if not self.closures:
-            return q, v
-        from bellcrank.constraints.start import consistent_start
+            return q, self.initial.rates(self.robot, q, motion)
+        from bellcrank.constraints.start import consistent_posture, consistent_velocity
 
-        return consistent_start(self, q, v, *self.initial.held(self.robot))
+        held_q, held_v = self.initial.held(self.robot)
+        q = consistent_posture(self, q, held_q)
+        return q, consistent_velocity(self, q, self.initial.rates(self.robot, q, motion), held_v)
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
