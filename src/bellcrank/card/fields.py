@@ -125,6 +125,10 @@ class Fields:
             text = f"override '{overrides[key]}': {_place(self.where, path)}: {message}"
         return InputError(" ".join(text.splitlines()))
 
+    def overridden(self, key: str) -> bool:
+        """Whether an override set the key."""
+        return key in getattr(self._data, "overrides", {})
+
     def raw(self, key: str, default: Any = _REQUIRED) -> Any:
         """The value as the file has it; InputError where it is missing and no default is given."""
         self._asked[key] = None

@@ -98,7 +98,7 @@ class Chain:
         from bellcrank.dynamics.closed import close, rows_that_bind
         from bellcrank.scene.symbols import Symbols
 
-        s = Symbols(self.robot, self.scene.parameters, self.scene.frames)
+        s = Symbols(self.robot, self.scene.parameters, self.scene.frames, self.scene.initial.clock)
         passive = casadi.SX.zeros(self.robot.nv, 1)
         for force in self.scene.forces:
             applied = force.apply(s)

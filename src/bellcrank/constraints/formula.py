@@ -78,7 +78,12 @@ class Own(Constraint):
     kind: ClassVar[str] = "own"
 
     def residual(self, symbols: Symbols) -> Residual:
-        """As the function says."""
+        """As the function says. Raises InputError where the scene's clock does not start at 0, as its t does."""
+        if symbols.clock:
+            raise InputError(
+                f"closure '{self.name}' is a Python function whose t starts at 0, and the scene's clock starts at "
+                f"{symbols.clock:.6g} s; take initial.clock away"
+            )
         return one_row(self.name, _column(self.function(symbols)), symbols)
 
     def labels(self, robot: Robot) -> tuple[str, ...]:

@@ -24,7 +24,7 @@ def joint_wrenches(scene: Scene) -> casadi.Function:
     """
     import casadi
 
-    s = Symbols(scene.robot, scene.parameters, scene.frames)
+    s = Symbols(scene.robot, scene.parameters, scene.frames, scene.initial.clock)
     kept = rows_that_bind(scene, s).kept
     a, multipliers = casadi.SX.sym("a", scene.robot.nv), casadi.SX.sym("lambda", len(kept))
     tree = s.algorithm("reactions")(s.q, s.v, a, s.tracer_parameters)

@@ -31,22 +31,27 @@ START_KEYS = ("position", "rpy", "quaternion_xyzw", "angle", "linear_velocity", 
 
 @dataclass(frozen=True)
 class Components:
-    """A vector, 0 where nothing was given, and which of its components keep their values on the way to closures."""
+    """A vector of which some components are given, and of these some keep their values on the way to closures."""
 
     values: tuple[float, ...]
+    given: tuple[bool, ...]
     held: tuple[bool, ...]
+
+    def over(self, before: Array) -> Array:
+        """The vector with the components that are not given from another."""
+        return np.where(self.given, self.values, before)
 
 
 @dataclass(frozen=True)
 class FreeJointStart:
-    """Where a floating or planar joint starts, in SI units.
+    """Where a floating or planar joint starts, in SI units; what is not given stays as it was before.
 
-    position (3 or 2) m in the parent's axes; rotation: quaternion x y z w (unit), or cosine and sine; linear (3 or 2)
-    m/s and angular (3 or 1) rad/s in the body's axes where `in_body`, else in the parent's.
+    position (3 or 2) m in the parent's axes; rotation: quaternion x y z w (unit), or cosine and sine, or None; linear
+    (3 or 2) m/s and angular (3 or 1) rad/s in the body's axes where `in_body`, else in the parent's.
     """
 
     position: Components
-    rotation: tuple[float, ...]
+    rotation: tuple[float, ...] | None
     rotation_held: bool
     linear: Components
     angular: Components
@@ -54,18 +59,19 @@ class FreeJointStart:
 
     def place(self, joint: RobotJoint, q: Array) -> None:
         """Write the pose into a position (nq,)."""
-        size = len(self.position.values)
-        q[joint.q : joint.q + size] = self.position.values
-        q[joint.q + size : joint.q + joint.nq] = self.rotation
+        middle = joint.q + len(self.position.values)
+        q[joint.q : middle] = self.position.over(q[joint.q : middle])
+        if self.rotation is not None:
+            q[middle : joint.q + joint.nq] = self.rotation
 
     def move(self, joint: RobotJoint, q: Array, v: Array) -> None:
         """Write the velocity into v (nv,), in the axes that the body has at the position q (nq,)."""
-        linear, angular = np.array(self.linear.values), np.array(self.angular.values)
-        if not self.in_body:
-            turn = body_axes(joint, q)
-            linear = turn.T @ linear
-            angular = turn.T @ angular if len(angular) == 3 else angular
-        v[joint.v : joint.v + joint.nv] = np.concatenate([linear, angular])
+        middle = joint.v + len(self.linear.values)
+        for part, entry in ((slice(joint.v, middle), self.linear), (slice(middle, joint.v + joint.nv), self.angular)):
+            if not any(entry.given):
+                continue
+            turn = np.eye(len(entry.given)) if self.in_body or len(entry.given) == 1 else body_axes(joint, q)
+            v[part] = turn.T @ entry.over(turn @ v[part])
 
     def hold(self, joint: RobotJoint, held_q: Mask, held_v: Mask) -> None:
         """Mark the degrees of freedom (nv) that keep their positions and velocities: those of the position along the
@@ -117,15 +123,15 @@ def body_axes(joint: RobotJoint, q: Array) -> Array:
 def _components(read: Fields, key: str, names: str, unit: str, guess: bool = False) -> Components:
     """The vector under a key: a list, entries of which may be ~, a mapping by component, or {guess: list}."""
     written = read.raw(key, None)
-    missing = Components((0.0,) * len(names), (False,) * len(names))
+    none = (False,) * len(names)
     if written is None:
-        return missing
+        return Components((0.0,) * len(names), none, none)
     if isinstance(written, Mapping):
         inner = read.mapping(key)
         if guess and "guess" in inner:
             found = _components(inner, "guess", names, unit)
             inner.done()
-            return Components(found.values, missing.held)
+            return Components(found.values, found.given, none)
         inner.known(*names)
         values = [None if c not in inner or written[c] is None else inner.number(c, unit) for c in names]
         inner.done()
@@ -137,17 +143,18 @@ def _components(read: Fields, key: str, names: str, unit: str, guess: bool = Fal
             f"expected a list of {len(names)} numbers in {unit}, ~ for those that follow, or a mapping such as "
             f"{{{names[0]}: 0.1}}, found {shown(written)}",
         )
-    return Components(tuple(x or 0.0 for x in values), tuple(x is not None for x in values))
+    given = tuple(x is not None for x in values)
+    return Components(tuple(x or 0.0 for x in values), given, given)
 
 
-def _attitude(read: Fields) -> tuple[tuple[float, ...], bool]:
-    """The quaternion x y z w under `rpy` or `quaternion_xyzw`, and whether it keeps its value."""
+def _attitude(read: Fields) -> tuple[tuple[float, ...] | None, bool]:
+    """The quaternion x y z w under `rpy` or `quaternion_xyzw`, if any, and whether it keeps its value."""
     if "rpy" in read and "quaternion_xyzw" in read:
         raise read.error("rpy", "expected 'rpy' or 'quaternion_xyzw', found both")
     read.known("rpy", "quaternion_xyzw")
     key = next((key for key in ("rpy", "quaternion_xyzw") if key in read), None)
     if key is None:
-        return (0.0, 0.0, 0.0, 1.0), False
+        return None, False
     place, place_key, held = _guessed(read, key)
     if key == "rpy":
         quaternion = quaternion_of(place.vector(place_key, 3, "rad"))
@@ -162,11 +169,11 @@ def _attitude(read: Fields) -> tuple[tuple[float, ...], bool]:
     return tuple(quaternion.tolist()), held
 
 
-def _angle(read: Fields) -> tuple[tuple[float, ...], bool]:
-    """Cosine and sine of the angle of a planar joint, and whether it keeps its value."""
+def _angle(read: Fields) -> tuple[tuple[float, ...] | None, bool]:
+    """Cosine and sine of the angle of a planar joint, if given, and whether it keeps its value."""
     if "angle" not in read:
         read.known("angle")
-        return (1.0, 0.0), False
+        return None, False
     place, key, held = _guessed(read, "angle")
     angle = place.number(key, "rad")
     if place is not read:
@@ -183,8 +190,8 @@ def _guessed(read: Fields, key: str) -> tuple[Fields, str, bool]:
 def _rate(read: Fields) -> Components:
     """The angular velocity of a planar joint."""
     if read.raw("angular_velocity", None) is None:
-        return Components((0.0,), (False,))
-    return Components((read.number("angular_velocity", "rad/s"),), (True,))
+        return Components((0.0,), (False,), (False,))
+    return Components((read.number("angular_velocity", "rad/s"),), (True,), (True,))
 
 
 def quaternion_of(rpy: tuple[float, ...]) -> Array:

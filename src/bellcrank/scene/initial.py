@@ -2,14 +2,17 @@
 
 initial: {shoulder: -90 deg, elbow: {guess: 45 deg}, velocity: {shoulder: 0.2}}; joints that are not named start at 0
 and at rest. `motion: NAME` starts on a motion of the card, at time 0, joints that are named besides keep what they are
-given. The keys `velocity` and `motion` stand for a joint of that name where their value is a position. A `guess` is a
-plain value as long as nothing closes a loop.
+given. `run: FILE.npz` starts where a saved run was (run_start.py), likewise. The keys `velocity`, `motion` and `run`
+stand for a joint of that name where their value is a position, `time` and `clock` wherever there is such a joint. A
+`guess` is a plain value as long as nothing closes a loop. A floating or planar joint has a mapping, in the words of
+`base` (free_joint_start.py).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +23,7 @@ from bellcrank.card.yaml_file import shown
 from bellcrank.errors import among
 from bellcrank.scene.free_joint_start import FreeJointStart, read_free_joint_start
 from bellcrank.scene.part import joint_named, joint_unit
+from bellcrank.scene.run_start import SavedState, read_clock, read_run_start
 
 if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
@@ -33,7 +37,7 @@ Axes = list[tuple[slice, Array]]
 @dataclass(frozen=True)
 class Initial:
     """Positions (rad or m) and velocities of joints by name, those of them that are `guesses`, and the starts of joints
-    with several degrees of freedom, a free base among them.
+    with several degrees of freedom, a free base among them. `clock` is what t, tables and motions read at time 0, s.
     """
 
     position: Mapping[str, float] = field(default_factory=dict)
@@ -41,26 +45,32 @@ class Initial:
     guesses: tuple[str, ...] = ()
     motion: str | None = None
     free: Mapping[str, FreeJointStart] = field(default_factory=dict)
+    saved: SavedState | None = None
+    clock: float = 0.0
 
     def posture(self, robot: Robot, motion: Motion | None = None) -> Array:
         """The position (nq,) that is given; `motion` is the one that the field `motion` names."""
         q = robot.neutral.copy()
+        if self.saved is not None:
+            self.saved.place(robot, q)
         if motion is not None:
-            start = motion.at(np.clip(0.0, motion.time[0], motion.time[-1]))[0]
+            start = motion.at(np.clip(self.clock, motion.time[0], motion.time[-1]))[0]
             for j in robot.joints:
                 if j.nv == 1:
                     q[j.q] = start[j.q]
         for name, value in self.position.items():
             q[robot.joint(name).q] = value
-        for name, start in self.free.items():
-            start.place(robot.joint(name), q)
+        for name, free in self.free.items():
+            free.place(robot.joint(name), q)
         return q
 
     def rates(self, robot: Robot, q: Array, motion: Motion | None = None) -> Array:
         """The velocity (nv,) that is given, a free joint's in the axes that its body has at the position q (nq,)."""
         v = np.zeros(robot.nv)
+        if self.saved is not None:
+            self.saved.move(robot, v)
         if motion is not None:
-            rate = motion.at(np.clip(0.0, motion.time[0], motion.time[-1]))[1]
+            rate = motion.at(np.clip(self.clock, motion.time[0], motion.time[-1]))[1]
             for j in robot.joints:
                 if j.nv == 1:
                     v[j.v] = rate[j.v]
@@ -94,26 +104,28 @@ class Initial:
         )
 
 
-def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any]) -> Initial:
-    """The keys `initial` and `base` of a scene; InputError naming file and key."""
+def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any], folder: Path) -> Initial:
+    """The keys `initial` and `base` of a scene in a folder; InputError naming file and key."""
     start = read.mapping("initial", {})
     position, guesses, free = dict[str, float](), list[str](), dict[str, FreeJointStart]()
     motion: str | None = None
+    saved: SavedState | None = None
     velocity: Mapping[str, float] = {}
+    times = {"time", "clock"}.difference(robot.all_joint_names)
     for key in start:
         given = start.raw(key)
         if key == "velocity" and isinstance(given, Mapping):
-            rates = start.mapping(key)
-            velocity = {
-                name: rates.number(name, joint_unit(joint_named(rates, name, name, robot), "velocity"))
-                for name in rates
-            }
+            velocity = _read_rates(start.mapping(key), robot)
         elif key == "motion" and isinstance(given, str) and not _is_position(given):
             motion = given
             if motion not in motions:
                 raise start.error(key, among("motion", motion, motions))
-        elif (start_of_free := _read_free(start, key, robot)) is not None:
-            free[key] = start_of_free
+        elif key == "run" and isinstance(given, str) and not _is_position(given):
+            saved = read_run_start(start, robot, folder, "time" in times)
+        elif key in times:
+            continue
+        elif (of_free := _read_free(start, key, robot)) is not None:
+            free[key] = of_free
         else:
             joint = joint_named(start, key, key, robot)
             unit = joint_unit(joint, "position")
@@ -124,7 +136,24 @@ def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any]) -> Init
                 guesses.append(key)
             else:
                 position[key] = start.number(key, unit)
-    return Initial(position, velocity, tuple(guesses), motion, free | _read_base(read, robot))
+    if saved is not None and motion is not None:
+        raise start.error("run", "expected 'run' or 'motion', found both: each says where all joints start")
+    if saved is None and "time" in start and "time" in times:
+        raise start.error("time", "'time' says at which time of a saved run to start; name it as run: FILE.npz")
+    clock = read_clock(start, saved) if "clock" in times else 0.0
+    return Initial(position, velocity, tuple(guesses), motion, free | _read_base(read, robot), saved, clock)
+
+
+def _read_rates(rates: Fields, robot: Robot) -> dict[str, float]:
+    """The mapping `initial.velocity`."""
+    for name in rates:
+        if any(joint.name == name and joint.nv > 1 for joint in robot.joints):
+            raise rates.error(
+                name,
+                "this joint has several degrees of freedom; write initial: "
+                f"{{{name}: {{linear_velocity: …, angular_velocity: …}}}}, or base: {{…}} for a free base",
+            )
+    return {name: rates.number(name, joint_unit(joint_named(rates, name, name, robot), "velocity")) for name in rates}
 
 
 def _read_free(start: Fields, key: str, robot: Robot) -> FreeJointStart | None:

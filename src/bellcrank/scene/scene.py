@@ -38,7 +38,7 @@ from bellcrank.scene.overrides import apply_overrides, marked, plain
 from bellcrank.scene.parameters import Parameter, read_parameters
 from bellcrank.scene.part import Part
 from bellcrank.scene.settings import Settings, check_rows, read_settings
-from bellcrank.scene.signal_source import SignalSource
+from bellcrank.scene.signal_source import SignalSource, later_signal, later_stops
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.system import System
@@ -157,12 +157,13 @@ class Scene:
     @cached_property
     def signals(self) -> tuple[Signal, ...]:
         """The signals u(t); InputError or UnreachableError where a motion cannot be made."""
-        return tuple(source.signal for source in self.signal_sources)
+        return tuple(later_signal(source, self.initial.clock) for source in self.signal_sources)
 
     @cached_property
     def stops(self) -> Array:
         """Times (k,) s at which signals jump, besides the breaks of kinked ones: no step should cross them."""
-        return np.unique(np.concatenate([np.zeros(0), *[source.stops for source in self.signal_sources]]))
+        stops = [later_stops(source, self.initial.clock) for source in self.signal_sources]
+        return np.unique(np.concatenate([np.zeros(0), *stops]))
 
     def signals_at(self, times: Array) -> Array:
         """All signals (n, nu) at times (n,) s."""
@@ -192,6 +193,8 @@ class Scene:
         targets = [[name, parameter.sets] for name, parameter in self.parameters.items()]
         baumgarte = bool(self.closures) and self.settings.stabilisation.kind == "baumgarte"
         parts = [baumgarte, self.closures, self.forces, self.control, targets, self.events, list(self.outputs.values())]
+        if self.initial.clock:
+            parts.append(["clock", self.initial.clock])
         return json.dumps(_content(parts, places))
 
 
@@ -223,7 +226,7 @@ def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> S
     loop_files = {str(name): (source.parent / name).read_text() for name in _named_files(closures)}
     forces = read_forces(read, robot)
     control = read_control(read, robot, card.motions, motion_of)
-    initial = read_initial(read, robot, card.motions)
+    initial = read_initial(read, robot, card.motions, source.parent)
     parts: tuple[Part, ...] = (*forces, *control, *closures)
     parameters = read_parameters(read, robot, parts)
     events = read_events(read, robot, parameters, closures)
