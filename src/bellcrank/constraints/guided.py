@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from bellcrank.card.motions import MotionEntry
-from bellcrank.errors import InputError, among
+from bellcrank.card.motions import MotionEntry, frame_path
+from bellcrank.constraints.frame_follow import FrameFollower
+from bellcrank.constraints.start import consistent_posture
+from bellcrank.errors import BellcrankError, InputError, among
 from bellcrank.motion.csv_file import read_motion
-from bellcrank.motion.motion import Motion
+from bellcrank.motion.motion import Motion, dwell, join
 from bellcrank.scene.symbols import frame_index
 
 if TYPE_CHECKING:
@@ -33,6 +35,9 @@ def guided_motion(
         whole = motion
     elif str(motion) in card.motions:
         entry = card.motions[str(motion)]
+        along = _frame_motion(chain, entry, card.motions)
+        if along is not None:
+            return along, _independent(chain, along, independent)
         given = _given(entry, robot, card.motions)
         if entry.kind == "csv":
             whole = read_partial_motion(robot, entry.arguments["path"], entry.name)
@@ -58,6 +63,96 @@ def guided_motion(
     if given is not None and independent is None:
         _check_agreement(whole, found, [joint for joint in candidates if joint not in joints])
     return found, tuple(joint.name for joint in joints)
+
+
+def _frame_motion(
+    chain: Chain, entry: MotionEntry, entries: Mapping[str, MotionEntry], previous: Array | None = None
+) -> Motion | None:
+    """The motion of an entry that draws a frame along a path, or joins such motions to others, from the posture
+    `previous` (nq,); None for any other, and where the path leaves freedoms open. Raises BellcrankError.
+    """
+    if entry.kind == "join":
+        parts = [entries[part] if isinstance(part, str) else part for part in entry.arguments["parts"]]
+        if not any(_draws(part, entries) for part in parts):
+            return None
+        motions: list[Motion] = []
+        for part in parts:
+            last = motions[-1].position[-1] if motions else previous
+            one = _frame_motion(chain, part, entries, last)
+            if one is None:
+                one = _part(chain, part, entries, last)
+            motions.append(one)
+        return join(*motions, name=entry.name)
+    if entry.kind not in ("circle", "line"):
+        return None
+    try:
+        start = chain.start if previous is None else previous
+        if "start" in entry.arguments:
+            start = _started(chain, entry.arguments["start"], start)
+        here = chain.robot.frame_pose(entry.arguments["frame"], start)[0]
+        follower = FrameFollower(chain, frame_path(entry, here), start)
+        freedoms, prescribed = follower.prescribed()
+        if prescribed == freedoms:
+            return follower.motion()
+        if "coordinates" in entry.arguments or not _led_by_joints(chain, entry.arguments["frame"]):
+            raise InputError(follower.refusal())
+        return None
+    except BellcrankError as error:
+        raise type(error)(f"{entry.fields.error('', str(error))}") from None
+
+
+def _led_by_joints(chain: Chain, frame: str) -> bool:
+    """Whether the joints that carry a frame can all be chosen at will, so that an open chain's posture will do."""
+    names = _carrying(chain.robot, frame)
+    columns = [joint.v for joint in chain.robot.joints if joint.name in names]
+    return chain.are_independent(columns)
+
+
+def _draws(entry: MotionEntry, entries: Mapping[str, MotionEntry]) -> bool:
+    """Whether a motion has a frame drawn along a path in it."""
+    parts = [entries[part] if isinstance(part, str) else part for part in entry.arguments.get("parts", ())]
+    return entry.kind in ("circle", "line") or any(_draws(part, entries) for part in parts)
+
+
+def _part(chain: Chain, entry: MotionEntry, entries: Mapping[str, MotionEntry], previous: Array | None) -> Motion:
+    """A part of a join that is no path: its joints lead, the others follow from the posture `previous` (nq,)."""
+    if entry.kind == "dwell" and "position" not in entry.arguments:
+        if previous is None:
+            raise InputError(f"{entry.fields.error('', 'a dwell that comes first needs a position')}")
+        return dwell(chain.robot, previous, entry.arguments["duration"], name=entry.name)
+    given = _given(entry, chain.robot, entries)
+    whole = (
+        read_partial_motion(chain.robot, entry.arguments["path"], entry.name)
+        if entry.kind == "csv"
+        else entry.build(chain.robot, entries, previous)
+    )
+    candidates = [joint for joint in chain.robot.joints if joint.nv == 1 and joint.name in given]
+    candidates.sort(key=lambda joint: joint not in chain.actuated)
+    joints = chain.independent(candidates, whole.name)
+    found = chain.follow(whole, joints, previous)
+    _check_agreement(whole, found, [joint for joint in candidates if joint not in joints])
+    return found
+
+
+def _started(chain: Chain, posture: Any, near: Array) -> Array:
+    """The posture (nq,) on the closures nearest to `near` with the joints of a start posture where they are given."""
+    q = near.copy()
+    if isinstance(posture, Mapping):
+        for name, value in posture.items():
+            q[chain.robot.one_degree_joint(name, "start").q] = value
+    else:
+        q = chain.robot.posture(posture)
+    held = np.zeros(chain.robot.nv, dtype=bool)
+    return consistent_posture(chain.scene, q, held)
+
+
+def _independent(chain: Chain, motion: Motion, names: Sequence[str] | None) -> tuple[str, ...]:
+    """Joints that the posture of a motion follows from: those named, else motors first."""
+    candidates = [joint for joint in chain.robot.joints if joint.nv == 1]
+    candidates.sort(key=lambda joint: joint not in chain.actuated)
+    if names is not None:
+        candidates = [chain.robot.one_degree_joint(name, f"motion '{motion.name}'") for name in names]
+    return tuple(joint.name for joint in chain.independent(candidates, motion.name))
 
 
 def _check_agreement(wanted: Motion, found: Motion, joints: Sequence[RobotJoint]) -> None:
