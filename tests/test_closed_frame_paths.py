@@ -235,3 +235,14 @@ def test_an_open_arm_keeps_the_coordinates_that_a_path_does_not_prescribe_neares
         )
         np.testing.assert_allclose(motion.position[k], nearest.x, atol=1e-6)
     assert x[0] - x[-1] == pytest.approx(0.3, abs=1e-12)
+
+
+def test_a_drive_or_controller_that_a_frames_path_does_not_reach_is_refused(tmp_path):
+    scene = delta(tmp_path, "leg", PICK)
+    drive = {"name": "motor", "kind": "drive", "joint": "arm_1", "motion": "there_and_back"}
+    with pytest.raises(InputError, match=r"draws frame 'tool' along a path, and arm_1 does not carry that frame"):
+        scene.with_overrides({"closures": [*scene.data["closures"], drive]})
+    pd = {"name": "servo", "kind": "pd", "joint": "arm_2", "motion": "pick", "kp": 10, "kd": 1}
+    with pytest.raises(InputError, match=r"and arm_2 does not carry that frame"):
+        scene.with_overrides({"control": [pd]})
+    scene.with_overrides({"control": [{**pd, "joint": "arm_0"}]})

@@ -156,15 +156,19 @@ class FrameFollower:
         frame = self._system(0.0, self.start, self.begin, self.attitude)[1][-len(self.rows) :]
         asked = int(np.linalg.matrix_rank(frame, SINGULAR * max(float(np.abs(frame).max(initial=0.0)), 1e-300)))
         if asked > freedoms:
+            fewer = (
+                f"prescribe {freedoms} (coordinates: […])" if self.rotation is None else "leave the orientation free"
+            )
             raise InputError(
-                f"motion '{self.path.name}' moves frame '{self.path.frame}' along {asked} coordinates, and the mechanism "
-                f"has {freedoms} degree(s) of freedom: the closures keep the frame off this path; prescribe "
-                f"{freedoms} (coordinates: [{', '.join('xyz'[:freedoms])}]), or move a joint instead"
+                f"motion '{self.path.name}' moves frame '{self.path.frame}' along {asked} coordinates, and the "
+                f"mechanism has {freedoms} degree(s) of freedom: the closures keep the frame off this path; {fewer}, "
+                "or move joints instead"
             )
 
     def _newton(self, q: Array, position: Array, rotation: Array, t: float) -> Array | None:
         """The posture at a pose near that of q; None where it is not near, or there is none."""
-        strayed, before = np.zeros(self.robot.nv), np.inf
+        strayed: Array = np.zeros(self.robot.nv)
+        before = np.inf
         for k in range(14):
             missing, jacobian = self._system(t, q, position, rotation)
             size = float(np.abs(missing).max())
@@ -172,7 +176,7 @@ class FrameFollower:
                 turned = self.rotation is not None and angles_to(self.pose(q)[1][None], rotation)[0] > TURNED
                 return None if turned else q
             before = size
-            step = np.linalg.lstsq(jacobian, missing, rcond=SINGULAR)[0]
+            step: Array = np.asarray(np.linalg.lstsq(jacobian, missing, rcond=SINGULAR)[0], dtype=np.float64)
             strayed = strayed + step if k else strayed  # the first step is the way itself
             if not (np.abs(step).max() <= LEAP and np.abs(strayed).max() <= LEAP):
                 return None

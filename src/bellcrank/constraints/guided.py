@@ -12,11 +12,11 @@ import numpy as np
 
 from bellcrank.card.motions import MotionEntry, frame_path
 from bellcrank.constraints.frame_follow import FrameFollower
+from bellcrank.constraints.frame_joints import carrying, frames_drawn
 from bellcrank.constraints.start import consistent_posture
 from bellcrank.errors import BellcrankError, InputError, among
 from bellcrank.motion.csv_file import read_motion
 from bellcrank.motion.motion import Motion, dwell, join
-from bellcrank.scene.symbols import frame_index
 
 if TYPE_CHECKING:
     from bellcrank.constraints.chain import Array, Chain
@@ -73,7 +73,7 @@ def _frame_motion(
     """
     if entry.kind == "join":
         parts = [entries[part] if isinstance(part, str) else part for part in entry.arguments["parts"]]
-        if not any(_draws(part, entries) for part in parts):
+        if not any(frames_drawn(entry, entries)):
             return None
         motions: list[Motion] = []
         for part in parts:
@@ -103,15 +103,9 @@ def _frame_motion(
 
 def _led_by_joints(chain: Chain, frame: str) -> bool:
     """Whether the joints that carry a frame can all be chosen at will, so that an open chain's posture will do."""
-    names = _carrying(chain.robot, frame)
+    names = carrying(chain.robot, frame)
     columns = [joint.v for joint in chain.robot.joints if joint.name in names]
     return chain.are_independent(columns)
-
-
-def _draws(entry: MotionEntry, entries: Mapping[str, MotionEntry]) -> bool:
-    """Whether a motion has a frame drawn along a path in it."""
-    parts = [entries[part] if isinstance(part, str) else part for part in entry.arguments.get("parts", ())]
-    return entry.kind in ("circle", "line") or any(_draws(part, entries) for part in parts)
 
 
 def _part(chain: Chain, entry: MotionEntry, entries: Mapping[str, MotionEntry], previous: Array | None) -> Motion:
@@ -176,7 +170,7 @@ def _given(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEntry])
     """
     one = {joint.name for joint in robot.joints if joint.nv == 1}
     if entry.kind in ("circle", "line"):
-        return one & set(_carrying(robot, entry.arguments["frame"]))
+        return one & set(carrying(robot, entry.arguments["frame"]))
     if entry.kind == "csv":
         return _columns(robot, entry.arguments["path"])
     if entry.kind == "join":
@@ -187,16 +181,6 @@ def _given(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEntry])
     if not all(isinstance(posture, Mapping) for posture in postures):
         return one
     return {str(name) for posture in postures for name in posture}
-
-
-def _carrying(robot: Robot, frame: str) -> list[str]:
-    """The joints between a frame and the world."""
-    tree = robot.equations.tree
-    at, names = int(tree.frames[frame_index(robot, frame)]["parent_joint"]), []
-    while at > 0:
-        names.append(robot.all_joint_names[at - 1])
-        at = int(tree.joints[at - 1]["parent"])
-    return names
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from bellcrank.card.yaml_file import read_yaml
 from bellcrank.constraints.closures import read_closures
 from bellcrank.constraints.constraint import Constraint
 from bellcrank.constraints.formula import Own, own_constraint
+from bellcrank.constraints.frame_joints import refuse_joints_off_paths
 from bellcrank.dynamics.signals import Signal, values_at
 from bellcrank.errors import InputError
 from bellcrank.robot.robot import Robot, RobotJoint
@@ -226,6 +227,7 @@ def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> S
     loop_files = {str(name): (source.parent / name).read_text() for name in _named_files(closures)}
     forces = read_forces(read, robot)
     control = read_control(read, robot, card.motions, motion_of)
+    refuse_joints_off_paths(closures, control, robot, card.motions)
     initial = read_initial(read, robot, card.motions, source.parent)
     parts: tuple[Part, ...] = (*forces, *control, *closures)
     parameters = read_parameters(read, robot, parts)
