@@ -52,6 +52,6 @@ def refuse_joints_off_paths(
                 raise part.place.error(
                     "motion",
                     f"'{entry.name}' draws frame '{frame}' along a path, and {', '.join(off)} does not carry that "
-                    "frame in the tree of joints, so that it would stand still; follow the joint's own motion, such as "
-                    "the CSV that bc.closed_inverse_dynamics(SCENE, MOTION).motion.to_csv(FILE) writes",
+                    "frame in the tree of joints, so that it would stand still; `bellcrank size` solves the path on "
+                    "the closed mechanism and writes all joints: follow that history as {kind: csv, file: …}",
                 )

@@ -52,7 +52,7 @@ class SavedState:
 
 def read_run_start(start: Fields, robot: Robot, folder: Path, timed: bool = True) -> SavedState:
     """The state under the keys `run`, and `time` where that is no joint, of `initial`; InputError naming both."""
-    file = _file(start, folder)
+    file = _file(start, folder).resolve()
     time = start.optional_number("time", "s") if timed else None
     try:
         facts = file.stat()
