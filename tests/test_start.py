@@ -414,3 +414,32 @@ def test_the_command_line_finds_a_run_where_one_stands(tmp_path, monkeypatch, ca
     run.save(tmp_path / "mine.npz")
     assert main([*arguments, "--out", "out"]) == 2
     assert "two files of that name" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("axes", ["parent", "body"])
+def test_a_planar_joint_held_in_part_moves_onto_a_rod_by_the_rest(tmp_path, axes):
+    rod = "closures: [{name: rod, kind: distance, frame_a: puck, frame_b: post, length: 0.6}]\n"
+    rod += "frames: {post: {link: ground, xyz: [0.9, 0.1, 0.6]}}\n"
+    given = f"position: [0.1, ~], angle: 0.8, linear_velocity: [0.5, ~], angular_velocity: 1, expressed_in: {axes}"
+    scene = carrier(tmp_path, "planar", f"{rod}initial: {{turn: 0.2, loose: {{{given}}}, velocity: {{turn: 0}}}}")
+    q, v = scene.start
+    found, turned = pose_of(scene, q)
+    assert found[0] == pytest.approx(0.1, abs=1e-13) and q[0] == 0.2
+    np.testing.assert_allclose(turned, Rotation.from_euler("z", 0.8).as_matrix(), atol=1e-13)
+    speed, spin = rate_of(scene, q, v)
+    held = (turned.T if axes == "body" else np.eye(3)) @ speed
+    assert held[0] == pytest.approx(0.5, abs=1e-8) and spin[2] == pytest.approx(1, abs=1e-8)
+    place = scene.robot.frame_pose("puck", q)[0] - [0.9, 0.1, 0.6]
+    assert np.linalg.norm(place) == pytest.approx(0.6, abs=1e-12)
+    assert place @ scene.robot.frame_velocity("puck", q, v)[0] == pytest.approx(0, abs=1e-12)
+
+
+def test_runs_go_on_one_after_the_other_on_the_command_line(tmp_path, monkeypatch):
+    scene = pushed(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    common = ["simulate", "pushed.yaml", "--duration", "0.2", "--no-plots"]
+    assert main([*common, "--out", "one"]) == 0
+    more = ["--set", "initial.run=one/run.npz", "--set", "initial.clock=continue"]
+    assert main([*common, *more, "--out", "two"]) == 0
+    two, whole = bc.load_run(tmp_path / "two" / "run.npz"), simulate(scene, duration=0.4)
+    np.testing.assert_allclose(two.position[-1], whole.position[-1], atol=1e-8)

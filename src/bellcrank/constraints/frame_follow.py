@@ -168,11 +168,11 @@ class FrameFollower:
     def _newton(self, q: Array, position: Array, rotation: Array, t: float) -> Array | None:
         """The posture at a pose near that of q; None where it is not near, or there is none."""
         strayed: Array = np.zeros(self.robot.nv)
-        before = np.inf
+        before, rounded = np.inf, ROUNDED * max(1.0, float(np.abs(position).max()))
         for k in range(14):
             missing, jacobian = self._system(t, q, position, rotation)
             size = float(np.abs(missing).max())
-            if size <= CLOSED or (size <= ROUNDED and size >= before):
+            if size <= CLOSED or (size <= rounded and size >= before):
                 turned = self.rotation is not None and angles_to(self.pose(q)[1][None], rotation)[0] > TURNED
                 return None if turned else q
             before = size
