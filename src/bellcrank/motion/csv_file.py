@@ -17,8 +17,10 @@ import numpy as np
 
 from bellcrank.errors import InputError, among
 from bellcrank.motion.coordinates import Array, JointLike, continuous, position_labels, rates, velocity_labels
+from bellcrank.motion.jumps import with_jumps
 from bellcrank.motion.motion import POSITION_GAP, Motion, limit_notes
-from bellcrank.motion.waypoints import derivative, interpolate
+from bellcrank.motion.smooth_pieces import positions_differentiated, rounding_of, velocity_differentiated
+from bellcrank.motion.waypoints import interpolate
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -121,12 +123,13 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: s
     title = file.stem if name is None else name
     notes: tuple[str, ...] = ()
     given = velocity is not None
+    rounding = rounding_of([position[:, joint.q] for joint in joints if joint.nq == 1])
     derived = "positions" if velocity is None else "velocities" if acceleration is None else ""
     try:
         if velocity is None:
-            velocity, acceleration = _from_positions(joints, time, position)
+            velocity, acceleration = _from_positions(joints, time, position, rounding)
         elif acceleration is None:
-            acceleration = _piecewise_derivative(time, velocity)
+            acceleration = _piecewise_derivative(time, velocity, rounding_of(list(velocity.T)))
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
     assert acceleration is not None
@@ -138,7 +141,7 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: s
         )
     notes += limit_notes(robot, title, time, position, "give the column the unit [deg]")
     try:
-        return Motion(joints, time, position, velocity, acceleration, title, notes)
+        return with_jumps(Motion(joints, time, position, velocity, acceleration, title, notes), rounding)
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
 
@@ -256,28 +259,29 @@ def _pieces(time: Array) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(edges)]
 
 
-def _from_positions(joints: tuple[JointLike, ...], time: Array, position: Array) -> tuple[Array, Array]:
+def _from_positions(
+    joints: tuple[JointLike, ...], time: Array, position: Array, rounding: float
+) -> tuple[Array, Array]:
     parts = []
     for piece in _pieces(time):
-        knots = time[piece]
-        if len(knots) < 2:
-            knots, rows = (
-                np.array([0.0, 1.0]),
-                np.repeat(position[piece], 2, axis=0),
-            )  # refused by Motion later
-            parts.append([part[:1] for part in interpolate(joints, knots, rows, knots, rest=False)])
-        else:
-            parts.append(list(interpolate(joints, knots, position[piece], knots, rest=False)))
-    return np.concatenate([part[1] for part in parts]), np.concatenate([part[2] for part in parts])
+        knots, rows = time[piece], position[piece]
+        if len(knots) < 2:  # refused by Motion later
+            knots, rows = np.array([0.0, 1.0]), np.repeat(rows, 2, axis=0)
+        _, v, a = interpolate(joints, knots, rows, knots, rest=False)
+        for joint in joints:
+            if joint.nv == 1:
+                v[:, joint.v], a[:, joint.v] = positions_differentiated(knots, rows[:, joint.q], rounding)
+        parts.append((v[: piece.stop - piece.start], a[: piece.stop - piece.start]))
+    return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
 
 
-def _piecewise_derivative(time: Array, values: Array) -> Array:
-    return np.concatenate(
-        [
-            derivative(time[piece], values[piece]) if piece.stop - piece.start > 1 else np.zeros_like(values[piece])
-            for piece in _pieces(time)
-        ]
-    )
+def _piecewise_derivative(time: Array, velocity: Array, rounding: float) -> Array:
+    acceleration = np.zeros_like(velocity)
+    for piece in _pieces(time):
+        if piece.stop - piece.start > 1:
+            for column in range(velocity.shape[1]):
+                acceleration[piece, column] = velocity_differentiated(time[piece], velocity[piece, column], rounding)
+    return acceleration
 
 
 def _disagreement(

@@ -72,6 +72,12 @@ def derivative(knots: Array, values: Array) -> Array:
     return np.asarray(_spline(knots, values, rest=False)(knots, 1), dtype=np.float64)
 
 
+def second_derivatives(knots: Array, values: Array) -> tuple[Array, Array]:
+    """First and second derivative (k,) at the knots of the quintic not-a-knot spline through `values` (k,)."""
+    spline = _spline(knots, values[:, None], rest=False)
+    return np.asarray(spline(knots, 1))[:, 0], np.asarray(spline(knots, 2))[:, 0]
+
+
 def _spline(knots: Array, values: Array, rest: bool) -> Any:
     from scipy.interpolate import make_interp_spline
 
