@@ -21,11 +21,12 @@ import numpy as np
 
 from bellcrank.motion.coordinates import Array
 from bellcrank.motion.motion import Motion
-from bellcrank.motion.smooth_pieces import TYPICAL
+from bellcrank.motion.smooth_pieces import typical_noise
 
 SURPRISE = 1e-3  # of a joint's largest acceleration: less than this from what the neighbours say is smooth
 EXCESS = 5e-3  # of a joint's largest acceleration: the quintic may exceed the samples by this without more questions
 MISFIT = 4e-3  # of a jump: the two integrals agree with one time of the jump to this (a ramp is 4e-2 away)
+WIDER = (0.0, 0.002, 0.005, 0.01)  # of the range of the samples: what derived speeds that are a little off may need
 AT_END = 1e-3  # of the step: a jump this close to a sample is at the sample
 EDGES = np.linspace(0.0, 1.0, 17)
 
@@ -73,7 +74,7 @@ def _column(h: Array, p: Array, v: Array, a: Array, rounding: float) -> _Column:
     there = h > 0.0
     step = np.where(there, h, 1.0)
     r = np.where(there, np.diff(p) - 0.5 * h * (v[1:] + v[:-1]) + h * h * np.diff(a) / 12.0, 0.0)
-    doubt = min(4.0 * rounding, TYPICAL * float(np.median(np.abs(r[there]))))
+    doubt = typical_noise(r, 4.0 * rounding)
     settled = np.where(np.abs(r) <= doubt, r, 0.0)
     change, r = np.diff(p) - settled, r - settled
     alpha = 6.0 * (np.diff(v) / step - 0.5 * (a[1:] + a[:-1]))
@@ -89,7 +90,10 @@ def _column(h: Array, p: Array, v: Array, a: Array, rounding: float) -> _Column:
         wanted = (v[k + 1] - v[k], p[k + 1] - p[k] - h[k] * v[k])
         nodes = _jump(float(h[k]), _lines(h, a, k), wanted, doubt)
         if nodes is None and over[k] > EXCESS * scale:
-            nodes = _least_range(float(h[k]), *_range(h, a, k), float(a[k]), float(a[k + 1]), wanted, doubt)
+            low, high = _range(h, a, k)
+            for wider in WIDER:
+                reach = (low - wider * (high - low), high + wider * (high - low))
+                nodes = nodes or _least_range(float(h[k]), *reach, float(a[k]), float(a[k + 1]), wanted, doubt)
             if nodes is None:
                 found.unclear.append(k)
         if nodes is not None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from decimal import Decimal
-from itertools import pairwise
 from math import factorial
 
 import numpy as np
@@ -20,6 +19,7 @@ from bellcrank.motion.waypoints import derivative, second_derivatives
 
 RISE = 6.0  # times the differences beside it: differences around a jump are larger than this
 TYPICAL = 8.0  # times the median: what rounding changes nowhere by more
+FEW = 12  # so many residuals come from jumps, not from rounding
 LEAST = 1e-4  # of the largest acceleration: smaller jumps are left to the spline
 
 
@@ -45,34 +45,52 @@ def smooth_pieces(time: Array, values: Array, order: int, rounding: float) -> li
     Each has at least order + 1 samples, so that it determines that derivative. Where jumps are closer, the largest are
     kept.
     """
+    if len(time) < order + 4:
+        return [slice(0, len(time))]
+    # Rounding by ± q changes a difference over equal steps h by at most 2^width q.
+    width = order + 2
+    most = 2.0**width * rounding / (float(time[-1] - time[0]) / (len(time) - 1)) ** order
+    noise = typical_noise(_scaled_differences(time, values, width, order), most) / most if most > 0.0 else 0.0
+    least = LEAST * np.abs(_scaled_differences(time, values, order, order)).max(initial=0.0)
+    found, open_ranges = [], [slice(0, len(time))]
+    while open_ranges:
+        piece = open_ranges.pop()
+        split = _split(time[piece], values[piece], order, least, noise * rounding)
+        if split is None:
+            found.append(piece)
+        else:
+            open_ranges += [slice(piece.start, piece.start + split), slice(piece.start + split, piece.stop)]
+    return sorted(found, key=lambda piece: piece.start)
+
+
+def _split(time: Array, values: Array, order: int, least: float, rounding: float) -> int | None:
+    """Number of samples before the most distinct jump; None where there is none."""
     n, width = len(time), order + 2
     if n < width + 2:
-        return [slice(0, n)]
+        return None
     difference = np.abs(_scaled_differences(time, values, width, order))
-    least = np.abs(_scaled_differences(time, values, order, order)).max(initial=0.0) * LEAST
-    # Rounding by ± q changes a difference over equal steps h by at most 2^width q; numbers that are exact though they
-    # have few decimals show much less than that in most places.
     span = (time[width:] - time[:-width]) / width
-    floor = least + np.minimum(2.0**width * rounding / span**order, TYPICAL * np.median(difference))
-    score = np.zeros(n - 1)
-    for k in range(n - 1):
-        inside = slice(max(0, k - width + 1), min(len(difference), k + 1))
-        if inside.stop <= inside.start:
-            continue
-        beside = [j for j in (k - width, k + 1) if 0 <= j < len(difference)]
-        quiet = max((difference[j] for j in beside), default=np.inf)
-        score[k] = difference[inside].max() / max(quiet, floor[inside].max())
-    return _ranges(score, n, order + 1)
+    floor = least + 2.0**width * rounding / span**order
+    inside, around = _sliding(difference, width), _sliding(floor, width)  # of all differences across each step
+    padded = np.pad(difference, width + 3)
+    place = np.arange(n - 1) + 3  # of the difference that ends with a step's first sample
+    left, right = padded[place], padded[place + width + 1]
+    # At an end there is one side, where a difference may be 0 by chance: look further.
+    further = np.maximum.reduce([padded[place - j] for j in (1, 2, 3)] + [padded[place + width + 1 + j] for j in (1, 2)])
+    one_sided = (np.arange(n - 1) < width) | (np.arange(n - 1) + width >= n - 1)
+    quiet = np.maximum(np.maximum(left, right), np.where(one_sided, further, 0.0))
+    score = inside / np.maximum(quiet, around)
+    score[:order] = score[n - 1 - order :] = 0.0
+    k = int(np.argmax(score))
+    if k + width >= n - 1:  # nothing beyond: several steps have the same differences across them, the last has the jump
+        k = int(np.flatnonzero(score > 0.5 * score[k])[-1])
+    return k + 1 if score[k] > RISE else None
 
 
-def _ranges(score: Array, n: int, shortest: int) -> list[slice]:
-    edges = [0, n]  # first samples of the ranges
-    for k in np.argsort(-score, kind="stable").tolist():
-        if score[k] <= RISE:
-            break
-        if min(abs(k + 1 - edge) for edge in edges) >= shortest:
-            edges.append(k + 1)
-    return [slice(a, b) for a, b in pairwise(sorted(edges))]
+def _sliding(difference: Array, width: int) -> Array:
+    """Largest of the differences (m,) across each of the m + width − 1 steps."""
+    padded = np.pad(difference, width - 1)
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, width).max(axis=1))
 
 
 def _scaled_differences(time: Array, values: Array, width: int, order: int) -> Array:
@@ -82,6 +100,15 @@ def _scaled_differences(time: Array, values: Array, width: int, order: int) -> A
         table = np.diff(table) / (time[level:] - time[:-level])
     span = (time[width:] - time[:-width]) / width
     return np.asarray(table * factorial(width) * span ** (width - order))
+
+
+def typical_noise(residuals: Array, most: float) -> float:
+    """What rounding may change residuals by, at most `most`: numbers that are exact though they have few decimals leave
+    residuals of 0 but for a few.
+    """
+    size = np.abs(residuals)
+    size = size[size > 1e-3 * most]
+    return min(most, TYPICAL * float(np.median(size))) if len(size) >= FEW else 0.0
 
 
 def rounding_of(columns: Sequence[Array]) -> float:
