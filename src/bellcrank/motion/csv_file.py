@@ -8,19 +8,17 @@ from __future__ import annotations
 import csv
 import io
 import re
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bellcrank.errors import InputError, among
-from bellcrank.motion.coordinates import Array, JointLike, continuous, position_labels, rates, velocity_labels
-from bellcrank.motion.jumps import with_jumps
-from bellcrank.motion.motion import POSITION_GAP, Motion, limit_notes
-from bellcrank.motion.smooth_pieces import positions_differentiated, rounding_of, velocity_differentiated
-from bellcrank.motion.waypoints import interpolate
+from bellcrank.motion.coordinates import Array, JointLike, position_labels, velocity_labels
+from bellcrank.motion.disagreement import disagreement
+from bellcrank.motion.motion import Motion, limit_notes
+from bellcrank.motion.sampled import sampled_motion
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -96,7 +94,8 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: s
     Positions of every joint are needed. Velocities and accelerations may be left out (all of one kind):
     missing velocities come from the quintic spline through the positions, missing accelerations from the one
     through the velocities (not-a-knot, so nothing is assumed of the ends). A time that stands twice marks a
-    jump of acceleration. `text` is what the file holds, where it was read before. Raises InputError, in one sentence
+    jump of acceleration; jumps that show in the columns are found, and the motion has rows for them (sampled.py).
+    `text` is what the file holds, where it was read before. Raises InputError, in one sentence
     with file and line, for whatever does not fit.
     """
     file = Path(path)
@@ -121,29 +120,20 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: s
     if acceleration is not None and velocity is None:
         raise InputError(f"{file}: there are acceleration columns but no velocity columns; give both or leave both out")
     title = file.stem if name is None else name
-    notes: tuple[str, ...] = ()
-    given = velocity is not None
-    rounding = rounding_of([position[:, joint.q] for joint in joints if joint.nq == 1])
     derived = "positions" if velocity is None else "velocities" if acceleration is None else ""
     try:
-        if velocity is None:
-            velocity, acceleration = _from_positions(joints, time, position, rounding)
-        elif acceleration is None:
-            acceleration = _piecewise_derivative(time, velocity, rounding_of(list(velocity.T)))
+        motion = sampled_motion(joints, time, position, velocity, acceleration, title)
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
-    assert acceleration is not None
-    if given:
-        notes = _disagreement(joints, title, time, position, velocity, acceleration)
+    notes = motion.notes
+    if velocity is not None:
+        notes = (*disagreement(motion, time, position, velocity, acceleration), *notes)
     if derived:
         notes += (
             f"motion '{title}': accelerations come from differentiating the {derived}; noise in them is amplified",
         )
     notes += limit_notes(robot, title, time, position, "give the column the unit [deg]")
-    try:
-        return with_jumps(Motion(joints, time, position, velocity, acceleration, title, notes), rounding)
-    except InputError as error:
-        raise InputError(f"{file}: {error}") from None
+    return replace(motion, notes=notes)
 
 
 def motion_text(file: Path) -> str:
@@ -252,62 +242,3 @@ def _complete(file: Path, values: dict[str, Array], labels: list[tuple[str, str]
                 f"give the {what} of every joint or of none"
             )
     return np.column_stack([values[label] for label, _ in labels])
-
-
-def _pieces(time: Array) -> list[slice]:
-    edges = [0, *(np.flatnonzero(np.diff(time) == 0.0) + 1).tolist(), len(time)]
-    return [slice(a, b) for a, b in pairwise(edges)]
-
-
-def _from_positions(
-    joints: tuple[JointLike, ...], time: Array, position: Array, rounding: float
-) -> tuple[Array, Array]:
-    parts = []
-    for piece in _pieces(time):
-        knots, rows = time[piece], position[piece]
-        if len(knots) < 2:  # refused by Motion later
-            knots, rows = np.array([0.0, 1.0]), np.repeat(rows, 2, axis=0)
-        _, v, a = interpolate(joints, knots, rows, knots, rest=False)
-        for joint in joints:
-            if joint.nv == 1:
-                v[:, joint.v], a[:, joint.v] = positions_differentiated(knots, rows[:, joint.q], rounding)
-        parts.append((v[: piece.stop - piece.start], a[: piece.stop - piece.start]))
-    return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
-
-
-def _piecewise_derivative(time: Array, velocity: Array, rounding: float) -> Array:
-    acceleration = np.zeros_like(velocity)
-    for piece in _pieces(time):
-        if piece.stop - piece.start > 1:
-            for column in range(velocity.shape[1]):
-                acceleration[piece, column] = velocity_differentiated(time[piece], velocity[piece, column], rounding)
-    return acceleration
-
-
-def _disagreement(
-    joints: tuple[JointLike, ...],
-    name: str,
-    time: Array,
-    position: Array,
-    velocity: Array,
-    acceleration: Array,
-) -> tuple[str, ...]:
-    """A sentence where the velocity columns do not integrate to the positions (Hermite rule of order 4 a
-    step).
-    """
-    smooth = position * continuous(joints, position)
-    qd, qdd = rates(joints, smooth, velocity, acceleration)
-    h = np.diff(time)[:, None]
-    change = 0.5 * h * (qd[1:] + qd[:-1]) - h * h / 12.0 * (qdd[1:] - qdd[:-1])
-    wrong = np.abs(np.diff(smooth, axis=0) - change)
-    size = np.max(np.abs(h * qd[1:]), axis=0, initial=0.0)
-    excess = wrong - 0.01 * size - POSITION_GAP
-    if excess.size == 0 or np.max(excess) <= 0.0:
-        return ()
-    row, column = np.unravel_index(int(np.argmax(excess)), excess.shape)
-    joint = next(joint for joint in joints if joint.q <= column < joint.q + joint.nq)
-    return (
-        f"motion '{name}': the velocity of joint '{joint.name}' does not agree with its position: between "
-        f"{time[row]:g} s and {time[row + 1]:g} s the position changes by "
-        f"{smooth[row + 1, column] - smooth[row, column]:.4g}, the velocity says {change[row, column]:.4g}",
-    )

@@ -15,6 +15,7 @@ problem, A. A. Markov; M. G. Krein, A. A. Nudel'man, The Markov Moment Problem a
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -26,14 +27,23 @@ from bellcrank.motion.smooth_pieces import typical_noise
 SURPRISE = 1e-3  # of a joint's largest acceleration: less than this from what the neighbours say is smooth
 EXCESS = 5e-3  # of a joint's largest acceleration: the quintic may exceed the samples by this without more questions
 MISFIT = 4e-3  # of a jump: the two integrals agree with one time of the jump to this (a ramp is 4e-2 away)
-WIDER = (0.0, 0.002, 0.005, 0.01)  # of the range of the samples: what derived speeds that are a little off may need
+WIDER = (
+    0.0,
+    0.002,
+    0.005,
+    0.01,
+    0.03,
+    0.1,
+    0.3,
+)  # of the samples' range: derived speeds that are a little off need some
 AT_END = 1e-3  # of the step: a jump this close to a sample is at the sample
+BACK = 5e-4  # of a joint's largest acceleration, times h²: how far a step may lead a moved position back
 EDGES = np.linspace(0.0, 1.0, 17)
 
 
 @dataclass(frozen=True)
 class Node:
-    """Where, within a step, the acceleration changes its line: time after the step's start, its limits on both sides."""
+    """Where, within a step, the acceleration changes its line: s after its start, and the limits on both sides."""
 
     time: float
     before: float
@@ -43,19 +53,19 @@ class Node:
 @dataclass
 class _Column:
     """One joint: its acceleration at the samples, how far each position is moved within rounding, and the nodes of the
-    steps with jumps. `unclear` are steps in which no acceleration within the samples' agrees with speeds and positions.
+    steps with jumps.
     """
 
     acceleration: Array
     shift: Array
     nodes: dict[int, list[Node]] = field(default_factory=dict)
-    unclear: list[int] = field(default_factory=list)
 
 
-def with_jumps(motion: Motion, rounding: float = 0.0) -> Motion:
+def with_jumps(motion: Motion, rounding: float = 0.0, steps: Mapping[int, Sequence[int]] | None = None) -> Motion:
     """The motion with two rows of one time wherever the acceleration of a one-degree-of-freedom joint jumps.
 
     Positions are known to ± `rounding` (rad or m), and may change by that, so that rounding makes no accelerations.
+    `steps` says, by the joint's place in the velocity, after which rows a jump may be; left out, after any.
     """
     h = np.diff(motion.time)
     columns = {}
@@ -63,15 +73,20 @@ def with_jumps(motion: Motion, rounding: float = 0.0) -> Motion:
     for joint in motion.joints:
         if joint.nv == 1:
             rows = (motion.position[:, joint.q], motion.velocity[:, joint.v], motion.acceleration[:, joint.v])
-            columns[joint.v] = column = _column(h, *rows, rounding)
+            columns[joint.v] = column = _column(h, *rows, rounding, None if steps is None else steps.get(joint.v, ()))
             position[:, joint.q] += column.shift
     if not any(column.nodes or column.shift.any() for column in columns.values()):
         return motion
     return _with_rows(replace(motion, position=position), h, columns)
 
 
-def _column(h: Array, p: Array, v: Array, a: Array, rounding: float) -> _Column:
+def _column(h: Array, p: Array, v: Array, a: Array, rounding: float, steps: Sequence[int] | None) -> _Column:
     there = h > 0.0
+    if steps is not None:
+        doubtful = np.zeros(len(h), dtype=bool)
+        doubtful[list(steps)] = True
+    else:
+        doubtful = there
     step = np.where(there, h, 1.0)
     r = np.where(there, np.diff(p) - 0.5 * h * (v[1:] + v[:-1]) + h * h * np.diff(a) / 12.0, 0.0)
     doubt = typical_noise(r, 4.0 * rounding)
@@ -86,23 +101,28 @@ def _column(h: Array, p: Array, v: Array, a: Array, rounding: float) -> _Column:
     shape = a[:-1] + np.diff(a) * s + s * (1.0 - s) * (alpha + beta * (s - 0.5))
     over = np.maximum(shape.max(axis=0) - np.maximum(a[1:], a[:-1]), np.minimum(a[1:], a[:-1]) - shape.min(axis=0))
     found = _Column(a, np.zeros_like(p))
-    for k in np.flatnonzero(there & (surprise > SURPRISE * scale)).tolist():
+    for k in np.flatnonzero(doubtful & there & (surprise > SURPRISE * scale)).tolist():
         wanted = (v[k + 1] - v[k], p[k + 1] - p[k] - h[k] * v[k])
         nodes = _jump(float(h[k]), _lines(h, a, k), wanted, doubt)
         if nodes is None and over[k] > EXCESS * scale:
             low, high = _range(h, a, k)
             for wider in WIDER:
                 reach = (low - wider * (high - low), high + wider * (high - low))
-                nodes = nodes or _least_range(float(h[k]), *reach, float(a[k]), float(a[k + 1]), wanted, doubt)
-            if nodes is None:
-                found.unclear.append(k)
+                if nodes is None and wider * (high - low) < 0.5 * over[k]:  # else the quintic is the better guess
+                    nodes = _least_range(float(h[k]), *reach, float(a[k]), float(a[k + 1]), wanted, doubt)
         if nodes is not None:
             found.nodes[k] = nodes
             taken = h[k] * v[k] + _integrals(float(h[k]), float(a[k]), float(a[k + 1]), nodes)[1]
             change[k] = taken if abs(taken - (p[k + 1] - p[k])) <= doubt else p[k + 1] - p[k]
-    shift = np.concatenate([[0.0], np.cumsum(change - np.diff(p))])
-    if np.abs(shift).max() <= 4.0 * rounding:
-        found.shift = shift
+    drift = change - np.diff(p)
+    if drift.any():
+        back = BACK * scale * h**2
+        back[list(found.nodes)] = 0.0
+        for k, (moved, most) in enumerate(zip(drift.tolist(), back.tolist(), strict=True)):
+            shift = found.shift[k] + moved
+            found.shift[k + 1] = shift - min(max(shift, -most), most)
+        if np.abs(found.shift).max() > 4.0 * rounding:
+            found.shift[:] = 0.0
     return found
 
 

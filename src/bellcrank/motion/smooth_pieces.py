@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from decimal import Decimal
+from itertools import pairwise
 from math import factorial
 
 import numpy as np
@@ -20,15 +21,45 @@ from bellcrank.motion.waypoints import derivative, second_derivatives
 RISE = 6.0  # times the differences beside it: differences around a jump are larger than this
 TYPICAL = 8.0  # times the median: what rounding changes nowhere by more
 FEW = 12  # so many residuals come from jumps, not from rounding
+DIGITS = 2.0**-52  # of the largest number: what numbers of double precision round to
+NEAR = 12  # samples on either side of a jump that say where it is
 LEAST = 1e-4  # of the largest acceleration: smaller jumps are left to the spline
 
 
-def positions_differentiated(time: Array, position: Array, rounding: float) -> tuple[Array, Array]:
-    """Velocity and acceleration (n,) at the samples of a position (n,), which is known to ± `rounding`."""
+def positions_differentiated(time: Array, position: Array, rounding: float) -> tuple[Array, Array, list[int]]:
+    """Velocity and acceleration (n,) at the samples of a position (n,), which is known to ± `rounding`, and the samples
+    after which the acceleration jumps.
+    """
     velocity, acceleration = np.zeros_like(position), np.zeros_like(position)
-    for piece in smooth_pieces(time, position, 2, rounding):
+    edges = [0, *(piece.stop for piece in smooth_pieces(time, position, 2, rounding))]
+    for place in range(1, len(edges) - 1):
+        edges[place] = _best_edge(time, position, edges[place - 1], edges[place], edges[place + 1])
+    for piece in (slice(a, b) for a, b in pairwise(edges)):
         velocity[piece], acceleration[piece] = second_derivatives(time[piece], position[piece])
-    return velocity, acceleration
+    return velocity, acceleration, [edge - 1 for edge in edges[1:-1]]
+
+
+def _best_edge(time: Array, position: Array, first: int, edge: int, last: int) -> int:
+    """The first sample after a jump: this one, or one of its neighbours, where rounding hides on which side one lies.
+
+    It is that for which one jump between both sides' accelerations agrees best with speeds and positions there.
+    """
+    best, least = edge, np.inf
+    for k in (edge, edge - 1, edge + 1):
+        if k - first < 3 or last - k < 3:
+            continue
+        sides = (slice(max(first, k - NEAR), k), slice(k, min(last, k + NEAR)))
+        (v0, a0), (v1, a1) = (second_derivatives(time[side], position[side]) for side in sides)
+        h, jump = time[k] - time[k - 1], a0[-1] - a1[0]
+        if jump == 0.0:
+            continue
+        until = (v1[0] - v0[-1] - a1[0] * h) / jump  # of the step, when the acceleration jumps
+        place = position[k - 1] + h * v0[-1] + 0.5 * a1[0] * h * h + jump * until * (h - 0.5 * until)
+        outside = max(-until, until - h, 0.0) / h
+        miss = outside + abs(position[k] - place) / (abs(jump) * h * h)
+        if miss < 0.5 * least:  # the neighbours only where they are clearly better
+            best, least = k, miss
+    return best
 
 
 def velocity_differentiated(time: Array, velocity: Array, rounding: float) -> Array:
@@ -50,12 +81,14 @@ def smooth_pieces(time: Array, values: Array, order: int, rounding: float) -> li
     # Rounding by ± q changes a difference over equal steps h by at most 2^width q.
     width = order + 2
     most = 2.0**width * rounding / (float(time[-1] - time[0]) / (len(time) - 1)) ** order
-    noise = typical_noise(_scaled_differences(time, values, width, order), most) / most if most > 0.0 else 0.0
-    least = LEAST * np.abs(_scaled_differences(time, values, order, order)).max(initial=0.0)
+    noise = typical_noise(differences(time, values, width, order), most) / most if most > 0.0 else 0.0
+    least = LEAST * np.abs(differences(time, values, order, order)).max(initial=0.0)
     found, open_ranges = [], [slice(0, len(time))]
     while open_ranges:
         piece = open_ranges.pop()
-        split = _split(time[piece], values[piece], order, least, noise * rounding)
+        split = _split(
+            time[piece], values[piece], order, least, noise * rounding + DIGITS * float(np.abs(values).max())
+        )
         if split is None:
             found.append(piece)
         else:
@@ -68,7 +101,7 @@ def _split(time: Array, values: Array, order: int, least: float, rounding: float
     n, width = len(time), order + 2
     if n < width + 2:
         return None
-    difference = np.abs(_scaled_differences(time, values, width, order))
+    difference = np.abs(differences(time, values, width, order))
     span = (time[width:] - time[:-width]) / width
     floor = least + 2.0**width * rounding / span**order
     inside, around = _sliding(difference, width), _sliding(floor, width)  # of all differences across each step
@@ -76,15 +109,26 @@ def _split(time: Array, values: Array, order: int, least: float, rounding: float
     place = np.arange(n - 1) + 3  # of the difference that ends with a step's first sample
     left, right = padded[place], padded[place + width + 1]
     # At an end there is one side, where a difference may be 0 by chance: look further.
-    further = np.maximum.reduce([padded[place - j] for j in (1, 2, 3)] + [padded[place + width + 1 + j] for j in (1, 2)])
+    further = np.maximum.reduce(
+        [padded[place - j] for j in (1, 2, 3)] + [padded[place + width + 1 + j] for j in (1, 2)]
+    )
     one_sided = (np.arange(n - 1) < width) | (np.arange(n - 1) + width >= n - 1)
     quiet = np.maximum(np.maximum(left, right), np.where(one_sided, further, 0.0))
-    score = inside / np.maximum(quiet, around)
+    score = inside / np.maximum(np.maximum(quiet, around), 1e-300)
     score[:order] = score[n - 1 - order :] = 0.0
     k = int(np.argmax(score))
     if k + width >= n - 1:  # nothing beyond: several steps have the same differences across them, the last has the jump
         k = int(np.flatnonzero(score > 0.5 * score[k])[-1])
     return k + 1 if score[k] > RISE else None
+
+
+def rounding_noise(time: Array, values: Array, order: int, rounding: float) -> bool:
+    """Whether rounding shows in differences of samples (n,): exact numbers may have few decimals too."""
+    width = order + 2
+    if rounding == 0.0 or len(time) < width + FEW:
+        return False
+    most = 2.0**width * rounding / (float(time[-1] - time[0]) / (len(time) - 1)) ** order
+    return typical_noise(differences(time, values, width, order), most) > 0.0
 
 
 def _sliding(difference: Array, width: int) -> Array:
@@ -93,8 +137,10 @@ def _sliding(difference: Array, width: int) -> Array:
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, width).max(axis=1))
 
 
-def _scaled_differences(time: Array, values: Array, width: int, order: int) -> Array:
-    """Divided differences over width + 1 samples, as changes of the derivative of this order over one step."""
+def differences(time: Array, values: Array, width: int, order: int) -> Array:
+    """Divided differences (n − width,) of samples (n,) over width + 1 of them, as changes of the derivative of this
+    order over one step; with width = order the derivative itself.
+    """
     table = values
     for level in range(1, width + 1):
         table = np.diff(table) / (time[level:] - time[:-level])
