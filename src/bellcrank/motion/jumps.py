@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 
 import numpy as np
 
@@ -36,29 +37,48 @@ WIDER = (
     0.1,
     0.3,
 )  # of the samples' range: derived speeds that are a little off need some
+TOGETHER = 5e-3  # of the step: joints that jump this close to each other jump at one time
 AT_END = 1e-3  # of the step: a jump this close to a sample is at the sample
 BACK = 5e-4  # of a joint's largest acceleration, times h²: how far a step may lead a moved position back
 EDGES = np.linspace(0.0, 1.0, 17)
 
 
 @dataclass(frozen=True)
-class Node:
-    """Where, within a step, the acceleration changes its line: s after its start, and the limits on both sides."""
+class Part:
+    """A part of a step: from `begin` (s after the step's start) on, the acceleration is c0 + c1 t + c2 t², t from the
+    step's start.
+    """
 
-    time: float
-    before: float
-    after: float
+    begin: float
+    c0: float
+    c1: float = 0.0
+    c2: float = 0.0
+
+    def at(self, t: float) -> float:
+        """Acceleration."""
+        return self.c0 + t * (self.c1 + t * self.c2)
+
+    def integrals(self, begin: float, end: float) -> tuple[float, float]:
+        """∫ a dt and ∫ (end − t) a dt from begin to end."""
+        b, e = begin, end
+        first = (e * (self.c0 + e * (self.c1 / 2.0 + e * self.c2 / 3.0))) - (
+            b * (self.c0 + b * (self.c1 / 2.0 + b * self.c2 / 3.0))
+        )
+        until = b * (self.c0 + b * (self.c1 / 2.0 + b * self.c2 / 3.0))
+        second = e * e * (self.c0 / 2.0 + e * (self.c1 / 6.0 + e * self.c2 / 12.0))
+        second -= b * b * (self.c0 / 2.0 + b * (self.c1 / 6.0 + b * self.c2 / 12.0))
+        return first, second - until * (e - b)
 
 
 @dataclass
 class _Column:
-    """One joint: its acceleration at the samples, how far each position is moved within rounding, and the nodes of the
+    """One joint: its acceleration at the samples, how far each position is moved within rounding, and the parts of the
     steps with jumps.
     """
 
     acceleration: Array
     shift: Array
-    nodes: dict[int, list[Node]] = field(default_factory=dict)
+    parts: dict[int, list[Part]] = field(default_factory=dict)
 
 
 def with_jumps(motion: Motion, rounding: float = 0.0, steps: Mapping[int, Sequence[int]] | None = None) -> Motion:
@@ -75,7 +95,7 @@ def with_jumps(motion: Motion, rounding: float = 0.0, steps: Mapping[int, Sequen
             rows = (motion.position[:, joint.q], motion.velocity[:, joint.v], motion.acceleration[:, joint.v])
             columns[joint.v] = column = _column(h, *rows, rounding, None if steps is None else steps.get(joint.v, ()))
             position[:, joint.q] += column.shift
-    if not any(column.nodes or column.shift.any() for column in columns.values()):
+    if not any(column.parts or column.shift.any() for column in columns.values()):
         return motion
     return _with_rows(replace(motion, position=position), h, columns)
 
@@ -94,30 +114,43 @@ def _column(h: Array, p: Array, v: Array, a: Array, rounding: float, steps: Sequ
     change, r = np.diff(p) - settled, r - settled
     alpha = 6.0 * (np.diff(v) / step - 0.5 * (a[1:] + a[:-1]))
     beta = -120.0 * r / step**2
-    expected_alpha, expected_beta = _expected(h, a)
-    surprise = 0.25 * np.abs(alpha - expected_alpha) + 0.05 * np.abs(beta - expected_beta)
+    surprise = _surprise(h, a, alpha, beta)
     scale = float(np.abs(a).max(initial=0.0))
     s = EDGES[:, None]
     shape = a[:-1] + np.diff(a) * s + s * (1.0 - s) * (alpha + beta * (s - 0.5))
     over = np.maximum(shape.max(axis=0) - np.maximum(a[1:], a[:-1]), np.minimum(a[1:], a[:-1]) - shape.min(axis=0))
     found = _Column(a, np.zeros_like(p))
+    slopes = np.diff(a) + alpha - 0.5 * beta, np.diff(a) - alpha - 0.5 * beta  # of the quintic at both ends, times h
+    bends = -2.0 * alpha + 3.0 * beta, -2.0 * alpha - 3.0 * beta
     for k in np.flatnonzero(doubtful & there & (surprise > SURPRISE * scale)).tolist():
         wanted = (v[k + 1] - v[k], p[k + 1] - p[k] - h[k] * v[k])
-        nodes = _jump(float(h[k]), _lines(h, a, k), wanted, doubt)
-        if nodes is None and over[k] > EXCESS * scale:
-            low, high = _range(h, a, k)
+        before, after = [(0.0, 0.0)], [(0.0, 0.0)]  # slopes and second derivatives of what comes from either side
+        if k > 0 and there[k - 1]:
+            before += [
+                ((a[k] - a[k - 1]) / h[k - 1], 0.0),
+                (slopes[1][k - 1] / h[k - 1], bends[1][k - 1] / h[k - 1] ** 2),
+            ]
+        if k + 1 < len(h) and there[k + 1]:
+            after += [
+                ((a[k + 2] - a[k + 1]) / h[k + 1], 0.0),
+                (slopes[0][k + 1] / h[k + 1], bends[0][k + 1] / h[k + 1] ** 2),
+            ]
+        low, high = _range(h, a, k)
+        ends = (float(a[k]), float(a[k + 1]))
+        parts = _jump(float(h[k]), ends, before, after, (low, high), wanted, doubt)
+        if parts is None and over[k] > EXCESS * scale:
             for wider in WIDER:
                 reach = (low - wider * (high - low), high + wider * (high - low))
-                if nodes is None and wider * (high - low) < 0.5 * over[k]:  # else the quintic is the better guess
-                    nodes = _least_range(float(h[k]), *reach, float(a[k]), float(a[k + 1]), wanted, doubt)
-        if nodes is not None:
-            found.nodes[k] = nodes
-            taken = h[k] * v[k] + _integrals(float(h[k]), float(a[k]), float(a[k + 1]), nodes)[1]
+                if parts is None and wider * (high - low) < 0.5 * over[k]:  # else the quintic is the better guess
+                    parts = _least_range(float(h[k]), *reach, wanted, doubt)
+        if parts is not None:
+            found.parts[k] = parts
+            taken = h[k] * v[k] + _integrals(float(h[k]), parts)[1]
             change[k] = taken if abs(taken - (p[k + 1] - p[k])) <= doubt else p[k + 1] - p[k]
     drift = change - np.diff(p)
     if drift.any():
         back = BACK * scale * h**2
-        back[list(found.nodes)] = 0.0
+        back[list(found.parts)] = 0.0
         for k, (moved, most) in enumerate(zip(drift.tolist(), back.tolist(), strict=True)):
             shift = found.shift[k] + moved
             found.shift[k + 1] = shift - min(max(shift, -most), most)
@@ -126,30 +159,34 @@ def _column(h: Array, p: Array, v: Array, a: Array, rounding: float, steps: Sequ
     return found
 
 
-def _expected(h: Array, a: Array) -> tuple[Array, Array]:
-    """α and β (n − 1,) of each step as the neighbouring accelerations (n,) say; 0 where there are none."""
-    n = len(h)
-    bend = np.zeros(n + 1)  # second derivative of the acceleration at inner samples
-    known = np.zeros(n + 1, dtype=bool)
-    known[1:-1] = (h[1:] > 0.0) & (h[:-1] > 0.0)
+def _surprise(h: Array, a: Array, alpha: Array, beta: Array) -> Array:
+    """How far the acceleration within each step (n − 1,) is from what neighbouring samples (n,) say, on the side that
+    says it best: beside a jump one side knows nothing.
+    """
     step = np.where(h > 0.0, h, 1.0)
-    slope = np.diff(a) / step
-    bend[1:-1] = np.where(known[1:-1], 2.0 * np.diff(slope) / (step[1:] + step[:-1]), 0.0)
-    count = known[1:].astype(float) + known[:-1]
-    mean = (bend[1:] + bend[:-1]) / np.maximum(count, 1.0)
+    known = np.zeros(len(a), dtype=bool)  # second derivatives of the acceleration at samples
+    known[1:-1] = (h[1:] > 0.0) & (h[:-1] > 0.0)
+    bend = np.zeros(len(a))
+    bend[1:-1] = np.where(known[1:-1], 2.0 * np.diff(np.diff(a) / step) / (step[1:] + step[:-1]), 0.0)
     both = known[1:] & known[:-1]
-    apart = np.ones(n)  # between the middles of three samples each
-    apart[1:-1] = (step[2:] + step[1:-1] + step[:-2]) / 3.0
-    third = np.where(both, (bend[1:] - bend[:-1]) / apart, 0.0)
-    return -0.5 * step**2 * mean, -(step**3) * third / 6.0
-
-
-def _lines(h: Array, a: Array, k: int) -> list[tuple[float, float, float, float]]:
-    """Lines (value, slope) from before and from after step k: level ones, and those through one more sample each."""
-    before = (a[k] - a[k - 1]) / h[k - 1] if k > 0 and h[k - 1] > 0.0 else 0.0
-    after = (a[k + 2] - a[k + 1]) / h[k + 1] if k + 1 < len(h) and h[k + 1] > 0.0 else 0.0
-    pairs = {(0.0, 0.0), (before, 0.0), (0.0, after), (before, after)}
-    return [(float(a[k]), float(b), float(a[k + 1]), float(c)) for b, c in sorted(pairs)]
+    third = np.where(both, np.diff(bend) / step, 0.0)
+    before, after = np.append(0.0, third[:-1]), np.append(third[1:], 0.0)
+    sides = [
+        (np.where(known[:-1], bend[:-1] + 0.5 * step * before, 0.0), before, known[:-1]),
+        (np.where(known[1:], bend[1:] - 0.5 * step * after, 0.0), after, known[1:]),
+        (0.5 * (bend[1:] + bend[:-1]), third, both),
+    ]
+    off = [
+        np.where(
+            there,
+            0.25 * np.abs(alpha + 0.5 * step**2 * second) + 0.05 * np.abs(beta + step**3 * slope / 6.0),
+            np.inf,
+        )
+        for second, slope, there in sides
+    ]
+    alone = ~(known[1:] | known[:-1])
+    off.append(np.where(alone, 0.25 * np.abs(alpha) + 0.05 * np.abs(beta), np.inf))
+    return np.asarray(np.minimum.reduce(off))
 
 
 def _range(h: Array, a: Array, k: int) -> tuple[float, float]:
@@ -160,48 +197,61 @@ def _range(h: Array, a: Array, k: int) -> tuple[float, float]:
     return float(around.min()), float(around.max())
 
 
-def _integrals(h: float, first: float, last: float, nodes: list[Node]) -> tuple[float, float]:
-    """∫ a dt and ∫ (h − t) a dt over a step of the acceleration that is linear between its nodes."""
-    speed = place = begin = 0.0
-    value = first
-    for node in [*nodes, Node(h, last, last)]:
-        d = node.time - begin
-        place += speed * d + d * d * (2.0 * value + node.before) / 6.0
-        speed += 0.5 * d * (value + node.before)
-        begin, value = node.time, node.after
+def _integrals(h: float, parts: list[Part], until: float | None = None) -> tuple[float, float]:
+    """∫ a dt and ∫ (end − t) a dt of the parts, up to `until` (s after the step's start), or the step's end."""
+    end = h if until is None else until
+    speed = place = 0.0
+    for part, following in zip(parts, [*(later.begin for later in parts[1:]), h], strict=True):
+        first, last = min(part.begin, end), min(following, end)
+        change, moved = part.integrals(first, last)
+        place += speed * (last - first) + moved
+        speed += change
     return speed, place
 
 
 def _jump(
-    h: float, lines: list[tuple[float, float, float, float]], wanted: tuple[float, float], doubt: float
-) -> list[Node] | None:
-    """One node between two lines that has both integrals, the one that fits best; None where none fits."""
-    best: tuple[float, list[Node]] | None = None
-    for first, rise, last, fall in lines:
-        # from before: first + rise t; from after: last − fall (h − t); their difference integrated up to the jump
-        whole = last * h - 0.5 * fall * h * h
-        quadratic = [0.5 * (rise - fall), first - last + fall * h, whole - wanted[0]]
-        corner = (last - fall * h - first) / (rise - fall) if rise != fall else -1.0
-        roots = np.roots(quadratic) if any(quadratic[:2]) else np.zeros(0)
-        for time in [*(float(root.real) for root in roots if abs(root.imag) <= 1e-6 * h), corner]:
-            if not -AT_END * h <= time <= (1.0 + AT_END) * h:
+    h: float,
+    ends: tuple[float, float],
+    before: list[tuple[float, float]],
+    after: list[tuple[float, float]],
+    reach: tuple[float, float],
+    wanted: tuple[float, float],
+    doubt: float,
+) -> list[Part] | None:
+    """Two parabolas that meet at the time at which they have both integrals, of those with these values at the step's
+    ends and these slopes and second derivatives there; the two that fit best, None where none fit.
+    """
+    best: tuple[float, list[Part]] | None = None
+    beyond = 0.25 * (reach[1] - reach[0])
+    for (rise, bend), (fall, curve) in product(before, after):
+        left = Part(0.0, ends[0], rise, 0.5 * bend)
+        right = Part(0.0, ends[1] - fall * h + 0.5 * curve * h * h, fall - curve * h, 0.5 * curve)
+        gap = [left.c2 - right.c2, left.c1 - right.c1, left.c0 - right.c0]
+        times = [*_roots(gap), *_roots([gap[0] / 3.0, gap[1] / 2.0, gap[2], right.integrals(0.0, h)[0] - wanted[0]])]
+        for time in times:
+            if not -0.05 * h <= time <= 1.05 * h:
                 continue
-            time = min(max(time, 0.0), h)
-            node = Node(time, first + rise * time, last - fall * (h - time))
-            nodes = [node] if time > 0.0 else [Node(0.0, first, node.after)]
-            if time == h:
-                nodes = [Node(h, node.before, last)]
-            speed, place = _integrals(h, first, last, nodes)
-            size = max(abs(node.after - node.before), abs(node.before - first), abs(last - node.after), 1e-300)
-            gap = max(abs(speed - wanted[0]) / h, max(abs(place - wanted[1]) - doubt, 0.0) / (h * h)) / size
-            if gap <= MISFIT and (best is None or gap < best[0]):
-                best = gap, nodes
+            time = 0.0 if time < AT_END * h else h if time > (1.0 - AT_END) * h else time
+            low, high = sorted((left.at(time), right.at(time)))
+            if not reach[0] - beyond <= low <= high <= reach[1] + beyond:
+                continue
+            parts = [left, replace(right, begin=time)]
+            speed, place = _integrals(h, parts)
+            size = max(high - low, abs(left.at(time) - ends[0]), abs(ends[1] - right.at(time)), 1e-300)
+            miss = max(abs(speed - wanted[0]) / h, max(abs(place - wanted[1]) - doubt, 0.0) / (h * h)) / size
+            if miss <= MISFIT and (best is None or miss < best[0]):
+                best = miss, parts
     return None if best is None else best[1]
 
 
-def _least_range(
-    h: float, low: float, high: float, first: float, last: float, wanted: tuple[float, float], doubt: float
-) -> list[Node] | None:
+def _roots(coefficients: list[float]) -> list[float]:
+    """Real roots of a polynomial, highest power first."""
+    while coefficients and coefficients[0] == 0.0:
+        coefficients = coefficients[1:]
+    return [float(root.real) for root in np.roots(coefficients) if abs(root.imag) <= 1e-6 * abs(root)]
+
+
+def _least_range(h: float, low: float, high: float, wanted: tuple[float, float], doubt: float) -> list[Part] | None:
     """The acceleration that is low, high, low and has both integrals; None where none within the range has them."""
     if high <= low:
         return None
@@ -214,26 +264,21 @@ def _least_range(
         return None
     begin = min(max(centre - 0.5 * share, 0.0), 1.0 - share)
     begin, end = (0.0 if begin < AT_END else begin), (1.0 if begin + share > 1.0 - AT_END else begin + share)
-    nodes = [Node(0.0, first, high if begin == 0.0 else low)]
-    nodes += [Node(begin * h, low, high)] if begin > 0.0 else []
-    nodes += [Node(end * h, high, low)] if end < 1.0 else []
-    nodes.append(Node(h, low if end < 1.0 else high, last))
-    return nodes
+    parts = [Part(0.0, low), Part(begin * h, high), Part(end * h, low)]
+    return [part for part in parts if part.begin < h][1 if begin == 0.0 else 0 :]
 
 
 def _with_rows(motion: Motion, h: Array, columns: dict[int, _Column]) -> Motion:
-    """The motion with the rows that the nodes need: two where the acceleration of a joint jumps, one at a corner."""
+    """The motion with the rows that the parts need: two where the acceleration of a joint jumps, one where it bends."""
     before, after = motion.acceleration.copy(), motion.acceleration.copy()  # limits at the samples
     inner: dict[int, list[float]] = {}
-    for v, column in columns.items():
-        for k, nodes in column.nodes.items():
-            for node in nodes:
-                if node.time <= AT_END * h[k]:
-                    after[k, v] = node.after
-                elif node.time >= (1.0 - AT_END) * h[k]:
-                    before[k + 1, v] = node.before
-                else:
-                    inner.setdefault(k, []).append(node.time)
+    for k in sorted({k for column in columns.values() for k in column.parts}):
+        here = {v: column.parts[k] for v, column in columns.items() if k in column.parts}
+        inner[k] = _settle_together(float(h[k]), here)
+        for v, parts in here.items():
+            after[k, v] = next(part for part in reversed(parts) if part.begin <= 0.0).at(0.0)
+            before[k + 1, v] = next(part for part in reversed(parts) if part.begin < h[k]).at(float(h[k]))
+            columns[v].parts[k] = parts
     twin = np.append(h == 0.0, False)  # the first of two rows of one time
     second = np.insert(h == 0.0, 0, False)
     only_before, only_after = twin.copy(), second.copy()
@@ -247,32 +292,45 @@ def _with_rows(motion: Motion, h: Array, columns: dict[int, _Column]) -> Motion:
             rows.append((*state, after[k]))
         else:
             rows += [(*state, before[k]), (*state, after[k])]
-        if k in inner:
+        if inner.get(k):
             rows += _inner_rows(motion, k, float(h[k]), inner[k], columns)
     time, position, velocity, acceleration = (np.array(part) for part in zip(*rows, strict=True))
     return replace(motion, time=time, position=position, velocity=velocity, acceleration=acceleration)
 
 
-def _inner_rows(
-    motion: Motion, k: int, h: float, times: list[float], columns: dict[int, _Column]
-) -> list[tuple[float, Array, Array, Array]]:
-    """Rows (time, position, velocity, acceleration) within step k, two a time, at the distinct ones of these times."""
+def _settle_together(h: float, columns: dict[int, list[Part]]) -> list[float]:
+    """Times within a step at which rows are needed; begins of parts that are close to each other are made one, as joints
+    that move each other jump together. The parts are moved in place.
+    """
+    begins = sorted(part.begin for parts in columns.values() for part in parts[1:])
+    ends = [place for place in (0.0, h) if any(abs(begin - place) <= AT_END * h for begin in begins)]
     places: list[float] = []
-    for time in sorted(times):
-        if not places or time - places[-1] > AT_END * h:
-            places.append(time)
+    for begin in begins:
+        if all(abs(begin - place) > TOGETHER * h for place in (*ends, *places)):
+            places.append(begin)
+    for parts in columns.values():
+        for j, part in enumerate(parts[1:], 1):
+            parts[j] = replace(part, begin=min((*ends, *places), key=lambda place: abs(place - part.begin)))
+    return places
+
+
+def _inner_rows(
+    motion: Motion, k: int, h: float, places: list[float], columns: dict[int, _Column]
+) -> list[tuple[float, Array, Array, Array]]:
+    """Rows (time, position, velocity, acceleration) within step k at these times after its start, two where there is a
+    jump.
+    """
     begin = float(motion.time[k])
     q, v, a = motion.at(begin + np.array(places))
     sides = (a.copy(), a.copy())
     for joint in motion.joints:
-        if joint.nv != 1 or k not in columns[joint.v].nodes:
+        if joint.nv != 1 or k not in columns[joint.v].parts:
             continue
-        nodes = [_moved(node, places, h) for node in columns[joint.v].nodes[k]]
+        parts = columns[joint.v].parts[k]
         start, end = ((motion.position[row, joint.q], motion.velocity[row, joint.v]) for row in (k, k + 1))
-        first, last = float(motion.acceleration[k, joint.v]), float(motion.acceleration[k + 1, joint.v])
         for j, time in enumerate(places):
             q[j, joint.q], v[j, joint.v], sides[0][j, joint.v], sides[1][j, joint.v] = _state(
-                h, time, (*start, first), (*end, last), nodes
+                h, time, start, end, parts
             )
     rows = []
     for j, time in enumerate(places):
@@ -281,32 +339,18 @@ def _inner_rows(
     return rows
 
 
-def _moved(node: Node, places: list[float], h: float) -> Node:
-    """The node at the nearest of the times that rows stand at."""
-    return replace(node, time=min([0.0, *places, h], key=lambda place: abs(place - node.time)))
-
-
 def _state(
-    h: float, time: float, start: tuple[float, float, float], end: tuple[float, float, float], nodes: list[Node]
+    h: float, time: float, start: tuple[float, float], end: tuple[float, float], parts: list[Part]
 ) -> tuple[float, float, float, float]:
-    """Position, velocity and acceleration before and after a time within a step, of the acceleration that is linear
-    between its nodes; what its integrals miss at the end is made up by the quintic of least degree, zero at both ends.
+    """Position, velocity and acceleration before and after a time within a step, of the parts' acceleration; what its
+    integrals miss at the end is made up by a cubic that is 0 at both ends.
     """
-    p, v, begin, value = start[0], start[1], 0.0, start[2]
-    nodes = [*nodes, Node(h, end[2], end[2])]
-    speed, place = _integrals(h, start[2], end[2], nodes[:-1])
-    missing_speed, missing_place = end[1] - v - speed, end[0] - p - h * v - place
-    before = after = value
-    for node in nodes:
-        d = min(node.time, time) - begin
-        slope = (node.before - value) / (node.time - begin) if node.time > begin else 0.0
-        p += v * d + d * d * (0.5 * value + slope * d / 6.0)
-        v += d * (value + 0.5 * slope * d)
-        before = after = value + slope * d
-        if node.time >= time:
-            after = node.after if node.time == time else after
-            break
-        begin, value = node.time, node.after
+    speed, place = _integrals(h, parts)
+    missing_speed, missing_place = end[1] - start[1] - speed, end[0] - start[0] - h * start[1] - place
+    speed, place = _integrals(h, parts, time)
+    p, v = start[0] + start[1] * time + place, start[1] + speed
+    before = next(part for part in reversed(parts) if part.begin < time).at(time)
+    after = next(part for part in reversed(parts) if part.begin <= time).at(time)
     # acceleration s (1 − s) (α + β (s − ½)) with ∫ = α/6 and ∫ (1 − s) = α/12 − β/120, its integrals and second ones
     s = time / h
     alpha = 6.0 * missing_speed / h
