@@ -81,7 +81,8 @@ class ShaftSizing:
 class JointSizing:
     """What one joint's motor must deliver, over all motions.
 
-    `peaks` holds max_torque, min_torque (signed), peak_torque (the larger magnitude), peak_speed,
+    `peaks` holds max_torque, min_torque (signed), peak_torque (the larger magnitude), sampled_torque (the same at the
+    rows of the motions, without what lies between them), peak_speed,
     peak_motoring_power, peak_regenerating_power (both positive), largest_inertia (M_ii, without a drive's
     rotor, kg m² or kg), peak_bearing_force (N) and peak_tilting_moment (N m), each a Peak and each also an
     attribute.
@@ -114,6 +115,11 @@ class JointSizing:
     def peak_torque(self) -> float:
         """Largest magnitude of the torque."""
         return abs(self.peaks["peak_torque"].value)
+
+    @property
+    def sampled_torque(self) -> float:
+        """Largest magnitude of the torque at the rows of the motions; more between them rests on interpolation."""
+        return self.peaks["sampled_torque"].value
 
     @property
     def max_torque(self) -> float:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from bellcrank.errors import InputError, among
 from bellcrank.motion.motion import Motion
+from bellcrank.sizing.between import between_warnings, peaks_at_rows
 from bellcrank.sizing.drive import Drive
 from bellcrank.sizing.holding import holding_torques
 from bellcrank.sizing.linkage import Linkage, motors_of, static_torques
@@ -90,6 +91,7 @@ def size(
     warnings = list(robot.findings)
     warnings += [warning for motion in motions for warning in motion.warnings]
     warnings += [f"drive of joint '{name}': {doubt}" for name, drive in drives.items() for doubt in drive.doubts]
+    warnings += between_warnings(lines)
     warnings += holding.notes
     if others := ", ".join(f"'{joint.name}' ({joint.kind})" for joint in robot.joints if joint.nv != 1):
         warnings.append(f"joints with several degrees of freedom have no single motor and are not sized: {others}")
@@ -216,6 +218,7 @@ def _size_one(loads: Loads, motion: Motion) -> tuple[dict[str, list[Peak]], list
             Peak(float(value), float(time), motion.name, tuple(map(float, posture)))
             for value, time, posture in zip(top, when, postures, strict=True)
         ]
+    peaks["sampled_torque"] = peaks_at_rows(loads, motion)
     return peaks, _cycles(loads, motion, grid, values)
 
 
