@@ -187,7 +187,7 @@ def _reason(run: Trajectory) -> str:
     if run.status is Status.EVENT:
         end = next(event.name for event in run.events if event.stopped)
         return "" if end in wanted else f"event '{end}' ended the run at {run.time[-1]:.6g} s"
-    return "" if run.success else run.status.advice
+    return "" if run.success else run.reason
 
 
 class _Pool:

@@ -143,7 +143,7 @@ def _contact_of(run: Trajectory, course: Course, disk: RollingDisk) -> Point:
 def _marks(run: Trajectory, events: Sequence[Event], end: float) -> tuple[Mark, ...]:
     marks = [Mark(event.time, _event_text(run, event)) for event in events[:MOST_MARKS]]
     if not run.success:
-        marks.append(Mark(end, f"{run.status}: {run.status.advice}"))
+        marks.append(Mark(end, f"{run.status}: {run.reason}"))
     return tuple(marks)
 
 

@@ -8,6 +8,7 @@ from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bellcrank.motion.motion import FAR_OUT, MOST_TURNED
 from bellcrank.scene.control import PD
@@ -19,7 +20,9 @@ if TYPE_CHECKING:
     from bellcrank.dynamics.signals import Signal
     from bellcrank.scene.scene import Scene
 
+Array = NDArray[np.float64]
 MOVED = 1e-6  # rad, m or a share of the largest number: what closures may change of a saved state without a note
+MOVING = 1e-4  # of a motion's largest speed: slower than this it is at rest
 OVERSHOOT = 3.0  # times the range of a table's values: what a cubic spline may reach without a note
 
 
@@ -31,6 +34,7 @@ def scene_notes(scene: Scene, duration: float) -> tuple[str, ...]:
         *_limits(scene),
         *_targets(scene),
         *_signals(scene, duration),
+        *_drives(scene, duration),
         *_events(scene),
     )
 
@@ -139,12 +143,37 @@ def _signals(scene: Scene, duration: float) -> Iterator[str]:
         who = f"{part.owner} '{part.name}': its {'table' if table else 'motion'}"
         if last < duration:
             after = "the last value is held" if table else "the last posture is the target, at rest"
-            yield f"{who} ends at {last:.6g} s and the run at {duration:.6g} s; in between {after}"
+            moving = "" if table else _moving(signal, np.array([signal.breaks[-1]]))
+            yield f"{who} ends at {last:.6g} s{moving} and the run at {duration:.6g} s; in between {after}"
         if first > 0.0:
             before = "the first value is held" if table else "the first posture is the target, at rest"
-            yield f"{who} begins at {first:.6g} s; until then {before}"
+            moving = "" if table else _moving(signal, np.array([signal.breaks[0]]))
+            yield f"{who} begins at {first:.6g} s{moving}; until then {before}"
         if isinstance(part, Torque) and not signal.kinked:
             yield from _overshoot(who, part, signal)
+
+
+def _moving(signal: Signal, time: Array) -> str:
+    """ ", moving, …" where the target's velocity jumps to or from rest there."""
+    width = signal.coefficients.shape[2]
+    if signal.derivatives == 0:
+        return ""
+    speeds, all_speeds = (np.abs(signal.at(t)[:, width : 2 * width]).max() for t in (time, signal.breaks))
+    return f" while it still moves at up to {speeds:.4g} rad/s or m/s," if speeds > MOVING * all_speeds else ""
+
+
+def _drives(scene: Scene, duration: float) -> Iterator[str]:
+    """Motions of drives that do not cover the run and are held; where they cannot be, the run ends."""
+    end = scene.drive_end
+    until = duration if end is None else min(duration, end.time)
+    for closure in scene.closures:
+        if closure.kind != "drive" or closure.source is None:
+            continue
+        breaks = closure.source.signal.breaks - scene.initial.clock
+        if breaks[-1] < until:
+            yield f"drive '{closure.name}': its motion ends at {breaks[-1]:.6g} s; then its last position is held"
+        if 0.0 < breaks[0] <= until:
+            yield f"drive '{closure.name}': its motion begins at {breaks[0]:.6g} s; before, its first position is held"
 
 
 def _span(part: Part, signal: Signal) -> tuple[float, float]:

@@ -23,6 +23,7 @@ from bellcrank.card.motions import csv_texts
 from bellcrank.card.yaml_file import read_yaml
 from bellcrank.constraints.closures import read_closures
 from bellcrank.constraints.constraint import Constraint
+from bellcrank.constraints.drive_end import DriveEnd, drive_end
 from bellcrank.constraints.formula import Own, own_constraint
 from bellcrank.constraints.frame_joints import refuse_joints_off_paths
 from bellcrank.dynamics.signals import Signal, values_at
@@ -165,6 +166,11 @@ class Scene:
         """Times (k,) s at which signals jump, besides the breaks of kinked ones: no step should cross them."""
         stops = [later_stops(source, self.initial.clock) for source in self.signal_sources]
         return np.unique(np.concatenate([np.zeros(0), *stops]))
+
+    @cached_property
+    def drive_end(self) -> DriveEnd | None:
+        """Where the speed of a drive's motion jumps first, its end among them: no run goes on there."""
+        return drive_end(self)
 
     def signals_at(self, times: Array) -> Array:
         """All signals (n, nu) at times (n,) s."""

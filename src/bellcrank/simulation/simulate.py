@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank._step import integrate
+from bellcrank.constraints.drive_end import signals_until
 from bellcrank.constraints.gains import automatic_gains
 from bellcrank.dynamics.system import LARGEST_STAGED
 from bellcrank.errors import InputError
@@ -98,6 +99,9 @@ def _integrate(
     scene: Scene, settings: Settings, times: Array, every_step: bool, progress: Callable[[float], None] | None
 ) -> Trajectory:
     system, signals, p = scene.system, scene.signals, scene.system_parameters
+    end, duration = scene.drive_end, settings.duration
+    if end is not None and end.time <= duration:
+        duration, signals, times = end.time, signals_until(scene, end.time), times[times <= end.time]
     if system.may_be_massless:
         _refuse_massless_motion(scene)
     x0 = np.zeros(system.size)
@@ -114,7 +118,7 @@ def _integrate(
         (system.stage if staged else system.rhs).address("scalar"),
         settings.solver,
         0.0,
-        settings.duration,
+        duration,
         x0,
         p,
         norm_size=system.size if any(c.source is not None for c in scene.closures) else system.nq + system.nv,
@@ -145,6 +149,8 @@ def _integrate(
         nq=system.nq,
     )
     status = tuple(Status)[result.status]
+    if status is Status.FINISHED and duration < settings.duration:
+        status = Status.DRIVE_ENDED
     if status is Status.NON_FINITE and result.accepted == 0:
         _refuse_infinite_start(scene, p, x0)
     time, state = result.time, result.state

@@ -14,6 +14,7 @@ class Status(StrEnum):
     NON_FINITE = "non_finite"
     EVALUATIONS_SPENT = "evaluations_spent"
     INTERRUPTED = "interrupted"
+    DRIVE_ENDED = "drive_ended"  # not the stepper's: the run is as long as its drives' motions allow
 
     @property
     def success(self) -> bool:
@@ -35,5 +36,7 @@ _ADVICE = {
     "for a fixed step try a smaller one",
     Status.EVALUATIONS_SPENT: "the evaluations allowed are spent; allow more (max_evaluations), loosen the "
     "tolerances, or try solver Radau if the scene is stiff",
+    Status.DRIVE_ENDED: "the motion of a drive ends, or its speed jumps, while the joint moves; let the motion go on, "
+    "or shorten the run",
     Status.INTERRUPTED: "it was interrupted; what was computed until then is kept",
 }

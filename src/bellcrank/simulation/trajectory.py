@@ -72,10 +72,16 @@ class Trajectory:
     @property
     def message(self) -> str:
         """One sentence: why the run ended, when, and what to do about it."""
-        what = self.status.advice
+        return f"{self.scene.name}: {self.status} at {self.time[-1]:.9g} s: {self.reason}"
+
+    @property
+    def reason(self) -> str:
+        """Why the run ended, and what to do about it, as a clause."""
         if self.status is Status.EVENT:
-            what = f"event '{next(e.name for e in self.events if e.stopped)}' ended the run"
-        return f"{self.scene.name}: {self.status} at {self.time[-1]:.9g} s: {what}"
+            return f"event '{next(e.name for e in self.events if e.stopped)}' ended the run"
+        if self.status is Status.DRIVE_ENDED and self.scene.drive_end is not None:
+            return self.scene.drive_end.sentence
+        return self.status.advice
 
     @property
     def position(self) -> Array:
