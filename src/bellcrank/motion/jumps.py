@@ -29,6 +29,7 @@ SURPRISE = 1e-3  # of a joint's largest acceleration: less than this from what t
 EXCESS = 5e-3  # of a joint's largest acceleration: the quintic may exceed the samples by this without more questions
 MISFIT = 4e-3  # of a jump: the two integrals agree with one time of the jump to this (a ramp is 4e-2 away)
 TOGETHER = 5e-3  # of the step: joints that jump this close to each other jump at one time
+EQUAL = 1e-9  # of a joint's largest acceleration: limits that differ by less are one
 AT_END = 1e-3  # of the step: a jump this close to a sample is at the sample
 BACK = 5e-4  # of a joint's largest acceleration, times h²: how far a step may lead a moved position back
 EDGES = np.linspace(0.0, 1.0, 17)
@@ -257,17 +258,18 @@ def _with_rows(motion: Motion, h: Array, columns: dict[int, _Column]) -> Motion:
     second = np.insert(h == 0.0, 0, False)
     only_before, only_after = twin.copy(), second.copy()
     only_before[-1] = only_after[0] = True
+    small = EQUAL * np.abs(motion.acceleration).max(axis=0)
     rows = []
     for k in range(len(motion)):
         state = (motion.time[k], motion.position[k], motion.velocity[k])
         if only_before[k]:
             rows.append((*state, before[k]))
-        elif only_after[k] or np.array_equal(before[k], after[k]):
+        elif only_after[k] or np.all(np.abs(after[k] - before[k]) <= small):
             rows.append((*state, after[k]))
         else:
             rows += [(*state, before[k]), (*state, after[k])]
         if inner.get(k):
-            rows += _inner_rows(motion, k, float(h[k]), inner[k], columns)
+            rows += _inner_rows(motion, k, float(h[k]), inner[k], columns, small)
     time, position, velocity, acceleration = (np.array(part) for part in zip(*rows, strict=True))
     return replace(motion, time=time, position=position, velocity=velocity, acceleration=acceleration)
 
@@ -289,10 +291,10 @@ def _settle_together(h: float, columns: dict[int, list[Part]]) -> list[float]:
 
 
 def _inner_rows(
-    motion: Motion, k: int, h: float, places: list[float], columns: dict[int, _Column]
+    motion: Motion, k: int, h: float, places: list[float], columns: dict[int, _Column], small: Array
 ) -> list[tuple[float, Array, Array, Array]]:
     """Rows (time, position, velocity, acceleration) within step k at these times after its start, two where there is a
-    jump.
+    jump of more than `small` (nv,).
     """
     begin = float(motion.time[k])
     q, v, a = motion.at(begin + np.array(places))
@@ -308,7 +310,7 @@ def _inner_rows(
             )
     rows = []
     for j, time in enumerate(places):
-        for side in sides[: 1 if np.array_equal(sides[0][j], sides[1][j]) else 2]:
+        for side in sides[: 1 if np.all(np.abs(sides[1][j] - sides[0][j]) <= small) else 2]:
             rows.append((begin + time, q[j], v[j], side[j]))
     return rows
 
