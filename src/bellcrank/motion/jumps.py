@@ -28,6 +28,8 @@ from bellcrank.motion.smooth_pieces import typical_noise
 SURPRISE = 1e-3  # of a joint's largest acceleration: less than this from what the neighbours say is smooth
 EXCESS = 5e-3  # of a joint's largest acceleration: the quintic may exceed the samples by this without more questions
 MISFIT = 4e-3  # of a jump: the two integrals agree with one time of the jump to this (a ramp is 4e-2 away)
+EXACT = 1e-6  # of a jump: so well it fits only where it is there
+RISE = 6.0  # times the surprise of the steps beside it: a jump stands out by this
 TOGETHER = 5e-3  # of the step: joints that jump this close to each other jump at one time
 EQUAL = 1e-9  # of a joint's largest acceleration: limits that differ by less are one
 AT_END = 1e-3  # of the step: a jump this close to a sample is at the sample
@@ -106,7 +108,7 @@ def _column(h: Array, p: Array, v: Array, a: Array, rounding: float, steps: Sequ
     change, r = np.diff(p) - settled, r - settled
     alpha = 6.0 * (np.diff(v) / step - 0.5 * (a[1:] + a[:-1]))
     beta = -120.0 * r / step**2
-    surprise = _surprise(h, a, alpha, beta)
+    surprise, beside = _surprise(h, a, alpha, beta)
     scale = float(np.abs(a).max(initial=0.0))
     s = EDGES[:, None]
     shape = a[:-1] + np.diff(a) * s + s * (1.0 - s) * (alpha + beta * (s - 0.5))
@@ -129,8 +131,10 @@ def _column(h: Array, p: Array, v: Array, a: Array, rounding: float, steps: Sequ
             ]
         low, high = _range(h, a, k)
         ends = (float(a[k]), float(a[k + 1]))
-        most = 0.5 * float(over[k]) if over[k] > EXCESS * scale else 0.0
-        parts = _jump(float(h[k]), ends, before, after, (low, high), wanted, doubt, most)
+        distinct = surprise[k] > RISE * beside[k]
+        most = 0.5 * float(over[k]) if distinct and over[k] > EXCESS * scale else 0.0
+        misfit = MISFIT if distinct else EXACT
+        parts = _jump(float(h[k]), ends, before, after, (low, high), wanted, doubt * distinct, misfit, most)
         if parts is not None:
             found.parts[k] = parts
             taken = h[k] * v[k] + _integrals(float(h[k]), parts)[1]
@@ -147,9 +151,10 @@ def _column(h: Array, p: Array, v: Array, a: Array, rounding: float, steps: Sequ
     return found
 
 
-def _surprise(h: Array, a: Array, alpha: Array, beta: Array) -> Array:
+def _surprise(h: Array, a: Array, alpha: Array, beta: Array) -> tuple[Array, Array]:
     """How far the acceleration within each step (n − 1,) is from what neighbouring samples (n,) say, on the side that
-    says it best: beside a jump one side knows nothing.
+    says it best, as beside a jump one side knows nothing; and the larger of the same two steps beside it, each by the
+    samples of its own side: where a motion is smooth, both are of one size.
     """
     step = np.where(h > 0.0, h, 1.0)
     known = np.zeros(len(a), dtype=bool)  # second derivatives of the acceleration at samples
@@ -172,9 +177,11 @@ def _surprise(h: Array, a: Array, alpha: Array, beta: Array) -> Array:
         )
         for second, slope, there in sides
     ]
-    alone = ~(known[1:] | known[:-1])
-    off.append(np.where(alone, 0.25 * np.abs(alpha) + 0.05 * np.abs(beta), np.inf))
-    return np.asarray(np.minimum.reduce(off))
+    off.append(np.where(known[1:] | known[:-1], np.inf, 0.25 * np.abs(alpha) + 0.05 * np.abs(beta)))
+    least = np.minimum.reduce(off)
+    left, right = (np.where(np.isfinite(side), side, least) for side in off[:2])
+    beside = np.maximum(np.append(0.0, left[:-1]), np.append(right[1:], 0.0))
+    return np.asarray(least), np.asarray(beside)
 
 
 def _range(h: Array, a: Array, k: int) -> tuple[float, float]:
@@ -205,11 +212,12 @@ def _jump(
     reach: tuple[float, float],
     wanted: tuple[float, float],
     doubt: float,
+    misfit: float,
     most: float,
 ) -> list[Part] | None:
     """Two parabolas that meet at the time at which they have both integrals, of those with these values at the step's
-    ends and these slopes and second derivatives there; the two that fit best, None where none fit to MISFIT, or so well
-    that making up for what they miss takes less acceleration than `most`.
+    ends and these slopes and second derivatives there: the two that fit best. None where none fit to `misfit`, nor so
+    well that making up for what they miss takes less acceleration than `most`.
     """
     best: tuple[float, list[Part]] | None = None
     beyond = 0.25 * (reach[1] - reach[0])
@@ -230,7 +238,7 @@ def _jump(
             size = max(high - low, abs(left.at(time) - ends[0]), abs(ends[1] - right.at(time)), 1e-300)
             missed = abs(speed - wanted[0]) / h, max(abs(place - wanted[1]) - doubt, 0.0) / (h * h)
             miss = max(missed)
-            fits = miss <= MISFIT * size or 1.5 * missed[0] + 6.0 * missed[1] < most
+            fits = miss <= misfit * size or 1.5 * missed[0] + 6.0 * missed[1] < most
             if fits and (best is None or miss < best[0]):
                 best = miss, parts
     return None if best is None else best[1]

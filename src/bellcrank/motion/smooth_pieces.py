@@ -22,6 +22,8 @@ RISE = 6.0  # times the differences beside it: differences around a jump are lar
 TYPICAL = 8.0  # times the median: what rounding changes nowhere by more
 FEW = 12  # so many residuals come from jumps, not from rounding
 DIGITS = 2.0**-52  # of the largest number: what numbers of double precision round to
+AGREES = 0.05  # of a jump times h²: what a jump found in positions may miss
+GOOD = 0.01  # and what leaves no doubt of where it is
 NEAR = 12  # samples on either side of a jump that say where it is
 LEAST = 1e-4  # of the largest acceleration: smaller jumps are left to the spline
 
@@ -31,43 +33,60 @@ def positions_differentiated(time: Array, position: Array, rounding: float) -> t
     after which the acceleration jumps.
     """
     velocity, acceleration = np.zeros_like(position), np.zeros_like(position)
-    edges = [0, *(piece.stop for piece in smooth_pieces(time, position, 2, rounding))]
-    for place in range(1, len(edges) - 1):
-        edges[place] = _best_edge(time, position, edges[place - 1], edges[place], edges[place + 1])
-    for piece in (slice(a, b) for a, b in pairwise(edges)):
+    pieces = _pieces_that_agree(time, position, 2, rounding)
+    for piece in pieces:
         velocity[piece], acceleration[piece] = second_derivatives(time[piece], position[piece])
-    return velocity, acceleration, [edge - 1 for edge in edges[1:-1]]
-
-
-def _best_edge(time: Array, position: Array, first: int, edge: int, last: int) -> int:
-    """The first sample after a jump: this one, or one of its neighbours, where rounding hides on which side one lies.
-
-    It is that for which one jump between both sides' accelerations agrees best with speeds and positions there.
-    """
-    best, least = edge, np.inf
-    for k in (edge, edge - 1, edge + 1):
-        if k - first < 3 or last - k < 3:
-            continue
-        sides = (slice(max(first, k - NEAR), k), slice(k, min(last, k + NEAR)))
-        (v0, a0), (v1, a1) = (second_derivatives(time[side], position[side]) for side in sides)
-        h, jump = time[k] - time[k - 1], a0[-1] - a1[0]
-        if jump == 0.0:
-            continue
-        until = (v1[0] - v0[-1] - a1[0] * h) / jump  # of the step, when the acceleration jumps
-        place = position[k - 1] + h * v0[-1] + 0.5 * a1[0] * h * h + jump * until * (h - 0.5 * until)
-        outside = max(-until, until - h, 0.0) / h
-        miss = outside + abs(position[k] - place) / (abs(jump) * h * h)
-        if miss < 0.5 * least:  # the neighbours only where they are clearly better
-            best, least = k, miss
-    return best
+    return velocity, acceleration, [piece.stop - 1 for piece in pieces[:-1]]
 
 
 def velocity_differentiated(time: Array, velocity: Array, rounding: float) -> Array:
     """Acceleration (n,) at the samples of a velocity (n,), which is known to ± `rounding`."""
     acceleration = np.zeros_like(velocity)
-    for piece in smooth_pieces(time, velocity, 1, rounding):
+    for piece in _pieces_that_agree(time, velocity, 1, rounding):
         acceleration[piece] = derivative(time[piece], velocity[piece, None])[:, 0]
     return acceleration
+
+
+def _pieces_that_agree(time: Array, values: Array, order: int, rounding: float) -> list[slice]:
+    """The smooth pieces without those whose accelerations do not meet in a jump: samples that are too far apart for
+    what they show look like jumps, and are taken to be smooth.
+    """
+    edges = [0, *(piece.stop for piece in smooth_pieces(time, values, order, rounding))]
+    for place in range(len(edges) - 2, 0, -1):
+        edge = _best_edge(time, values, order, edges[place - 1], edges[place], edges[place + 1])
+        edges[place : place + 1] = [] if edge is None else [edge]
+    return [slice(a, b) for a, b in pairwise(edges)]
+
+
+def _best_edge(time: Array, values: Array, order: int, first: int, edge: int, last: int) -> int | None:
+    """The first sample after a jump: this one, or one of its neighbours, where rounding hides on which side one lies.
+
+    It is that for which one jump between both sides' accelerations agrees best with speeds and positions there; None
+    where none does.
+    """
+    best, least = None, 2.0 * AGREES
+    for k in (edge, edge - 1, edge + 1):
+        if least < GOOD:
+            break
+        if k - first < order + 1 or last - k < order + 1:
+            continue
+        sides = (slice(max(first, k - NEAR), k), slice(k, min(last, k + NEAR)))
+        if order == 2:
+            (v0, a0), (v1, a1) = (second_derivatives(time[side], values[side]) for side in sides)
+        else:
+            v0, v1 = (values[side] for side in sides)
+            a0, a1 = (derivative(time[side], values[side, None])[:, 0] for side in sides)
+        h, jump = time[k] - time[k - 1], a0[-1] - a1[0]
+        if jump == 0.0:
+            continue
+        until = (v1[0] - v0[-1] - a1[0] * h) / jump  # of the step, when the acceleration jumps
+        miss = max(-until, until - h, 0.0) / h
+        if order == 2:
+            place = values[k - 1] + h * v0[-1] + 0.5 * a1[0] * h * h + jump * until * (h - 0.5 * until)
+            miss += abs(values[k] - place) / (abs(jump) * h * h)
+        if miss < 0.5 * least:  # neighbours only where they are clearly better
+            best, least = k, miss
+    return best
 
 
 def smooth_pieces(time: Array, values: Array, order: int, rounding: float) -> list[slice]:
