@@ -276,3 +276,12 @@ def test_rounding_is_half_of_the_last_decimal_of_the_largest_numbers():
     assert rounding_of([values]) == 0.0
     assert rounding_of([np.array([float(f"{value:.6g}") for value in values])]) == pytest.approx(5e-6, rel=0.01)
     assert rounding_of([np.zeros(5)]) == 0.0
+
+
+@pytest.mark.parametrize("samples", [51, 201, 401])
+def test_a_smooth_run_with_few_rows_gets_no_jumps(samples):
+    """A swinging arm whose elbow snaps over: accelerations change by their own size within a row, yet smoothly."""
+    run = bellcrank.simulate("planar_2r", duration=3.0, samples=samples, overrides={"initial": {"shoulder": 1.0}})
+    assert np.abs(run.acceleration).max() > 20.0
+    motion = Motion(run.robot.joints, run.time, run.position, run.velocity, run.acceleration, "run")
+    assert with_jumps(motion) is motion

@@ -30,6 +30,7 @@ EXCESS = 5e-3  # of a joint's largest acceleration: the quintic may exceed the s
 MISFIT = 4e-3  # of a jump: the two integrals agree with one time of the jump to this (a ramp is 4e-2 away)
 EXACT = 1e-6  # of a jump: so well it fits only where it is there
 RISE = 6.0  # times the surprise of the steps beside it: a jump stands out by this
+MANY = 200  # steps of one joint that surprise: more than this are noise
 TOGETHER = 5e-3  # of the step: joints that jump this close to each other jump at one time
 EQUAL = 1e-9  # of a joint's largest acceleration: limits that differ by less are one
 AT_END = 1e-3  # of the step: a jump this close to a sample is at the sample
@@ -100,7 +101,7 @@ def _column(h: Array, p: Array, v: Array, a: Array, rounding: float, steps: Sequ
         doubtful = np.zeros(len(h), dtype=bool)
         doubtful[list(steps)] = True
     else:
-        doubtful = there
+        doubtful = there.copy()
     step = np.where(there, h, 1.0)
     r = np.where(there, np.diff(p) - 0.5 * h * (v[1:] + v[:-1]) + h * h * np.diff(a) / 12.0, 0.0)
     doubt = typical_noise(r, 4.0 * rounding)
@@ -116,7 +117,10 @@ def _column(h: Array, p: Array, v: Array, a: Array, rounding: float, steps: Sequ
     found = _Column(a, np.zeros_like(p))
     slopes = np.diff(a) + alpha - 0.5 * beta, np.diff(a) - alpha - 0.5 * beta  # of the quintic at both ends, times h
     bends = -2.0 * alpha + 3.0 * beta, -2.0 * alpha - 3.0 * beta
-    for k in np.flatnonzero(doubtful & there & (surprise > SURPRISE * scale)).tolist():
+    doubtful &= there & (surprise > SURPRISE * scale)
+    if np.count_nonzero(doubtful) > MANY:  # noise: what does not stand out of it is not looked at
+        doubtful &= surprise > RISE * beside
+    for k in np.flatnonzero(doubtful).tolist():
         wanted = (v[k + 1] - v[k], p[k + 1] - p[k] - h[k] * v[k])
         before, after = [(0.0, 0.0)], [(0.0, 0.0)]  # slopes and second derivatives of what comes from either side
         if k > 0 and there[k - 1]:

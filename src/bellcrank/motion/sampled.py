@@ -166,8 +166,8 @@ def _unsettled(motion: Motion, time: Array, values: Array, order: int) -> tuple[
             unit = "m/s²" if joint.kind == "prismatic" else "rad/s²"
             what = "positions" if order == 2 else "velocities"
             notes.append(
-                f"motion '{motion.name}': its rows are too far apart to settle the acceleration of joint "
-                f"'{joint.name}': differences of the {what} reach {known:.4g} {unit}, the curve through them "
+                f"motion '{motion.name}': its rows are too far apart, or too noisy, to settle the acceleration of "
+                f"joint '{joint.name}': differences of the {what} reach {known:.4g} {unit}, the curve through them "
                 f"{size.max():.4g} {unit} at {times[size.argmax()]:.4g} s; give accelerations, or more rows"
             )
     return tuple(notes)
