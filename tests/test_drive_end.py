@@ -7,6 +7,7 @@ import pytest
 
 import bellcrank
 from bellcrank.cli import main
+from bellcrank.errors import InputError
 from bellcrank.motion.csv_file import write_motion
 from bellcrank.motion.motion import Motion, join
 from bellcrank.simulation.status import Status
@@ -144,3 +145,14 @@ def test_a_controller_holds_the_end_of_a_moving_motion_and_says_so(arm, tmp_path
         "control 'servo': its motion ends at 2 s while it still moves at up to 1.3 rad/s or m/s, and the run at 3 s; "
         "in between the last posture is the target, at rest"
     ) in run.scene.notes
+
+
+def test_a_run_that_goes_on_from_a_saved_one_meets_the_end_of_the_motion_by_the_same_clock(arm, tmp_path):
+    file = scene_file(tmp_path, accelerated(arm, 0.0, 2.0, 0.65))
+    bellcrank.simulate(file, duration=0.75).save(tmp_path / "first.npz")
+    later = bellcrank.simulate(file, overrides={"initial": {"run": "first.npz", "clock": "continue"}})
+    assert later.status is Status.DRIVE_ENDED and later.time[-1] == pytest.approx(1.25, abs=1e-12)
+    assert later.velocity[-1, 0] == pytest.approx(1.3, abs=1e-9) and later.energy_drift() < 1e-8
+    bellcrank.simulate(file).save(tmp_path / "first.npz")
+    with pytest.raises(InputError, match="ends where the run starts, while joint 'shoulder' still moves at 1"):
+        bellcrank.simulate(file, overrides={"initial": {"run": "first.npz", "clock": "continue"}})
