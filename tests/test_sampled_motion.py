@@ -79,7 +79,7 @@ def written(path, header, rows, digits=None):
 
 def exact_motion(shape):
     """The exact motion at many times, none of them at a jump."""
-    fine = (np.arange(20000) + 0.37) / 20000
+    fine = (np.arange(6000) + 0.37) / 6000
     return fine, SHAPES[shape](fine)
 
 
@@ -102,6 +102,7 @@ def test_peak_acceleration_and_torque_are_those_of_the_exact_profile_or_told(arm
     sizing = bellcrank.size(arm, motion)
     sized = np.array([joint.peak_torque for joint in sizing.joints])
     told = any(word in warning for word in TELLS for warning in sizing.warnings)
+    assert not any("does not agree" in warning for warning in sizing.warnings)
     if kinds == 3 or (dt != 0.05 and shape != "s_curve"):
         assert not any("too far apart" in warning for warning in sizing.warnings)
         assert found == pytest.approx(np.abs(exact[2]).max(), rel=0.02)
@@ -235,14 +236,6 @@ def test_accelerations_that_contradict_the_velocities_are_told(arm, tmp_path, fa
     notes = read_motion(arm, written(tmp_path / "m.csv", header, rows)).notes
     assert any("the acceleration of joint 'elbow' does not agree with its velocity" in note for note in notes)
     assert not any("of joint 'shoulder'" in note for note in notes)
-
-
-@pytest.mark.parametrize("shape", list(SHAPES))
-@pytest.mark.parametrize("dt", [0.001, 0.005, 0.02, 0.05, "uneven"])
-def test_columns_that_agree_are_not_accused(arm, tmp_path, shape, dt):
-    for kinds in (2, 3):
-        notes = read_motion(arm, written(tmp_path / "m.csv", *columns(times(dt), shape, kinds))).notes
-        assert not any("does not agree" in note for note in notes)
 
 
 def test_a_jump_at_a_row_is_found_whatever_side_the_row_is_of(arm):
