@@ -10,8 +10,10 @@ import numpy as np
 
 from bellcrank.motion.motion import FAR_OUT, MOST_TURNED
 from bellcrank.scene.control import PD
+from bellcrank.scene.frame_forces import Wrench
 from bellcrank.scene.joint_forces import Torque
 from bellcrank.scene.part import Part, joint_unit
+from bellcrank.scene.torque_table import COMPONENTS
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.signals import Signal
@@ -79,8 +81,8 @@ def _signals(scene: Scene, duration: float) -> Iterator[str]:
     for part in parts:
         if part.source is None:
             continue
-        signal, table = part.source.signal, isinstance(part, Torque)
-        first, last = _span(part, signal)
+        signal, table = part.source.signal, isinstance(part, Torque | Wrench)
+        first, last = table_span(part) if table else (float(signal.breaks[0]), float(signal.breaks[-1]))
         who = f"{part.owner} '{part.name}': its {'table' if table else 'motion'}"
         if last < duration:
             after = "the last value is held" if table else "the last posture is the target, at rest"
@@ -89,24 +91,29 @@ def _signals(scene: Scene, duration: float) -> Iterator[str]:
             before = "the first value is held" if table else "the first posture is the target, at rest"
             yield f"{who} begins at {first:.6g} s; until then {before}"
         if isinstance(part, Torque) and not signal.kinked:
-            yield from _overshoot(who, part, signal)
+            yield from _overshoot(who, signal, 0, f"values of {{}} {joint_unit(part.joint, 'torque')}")
+        elif isinstance(part, Wrench) and not signal.kinked:
+            for k, (name, unit) in enumerate(COMPONENTS.items()):
+                yield from _overshoot(who, signal, k, f"{name} values of {{}} {unit}")
 
 
-def _span(part: Part, signal: Signal) -> tuple[float, float]:
-    """First and last time of a signal's data, s."""
-    held = isinstance(part, Torque) and signal.kinked and signal.coefficients.shape[1] == 1
+def table_span(part: Part) -> tuple[float, float]:
+    """First and last time of the table of a torque or wrench, s."""
+    assert part.source is not None
+    signal = part.source.signal
+    held = signal.kinked and signal.coefficients.shape[1] == 1
     return float(signal.breaks[0]), float(signal.breaks[-2 if held else -1])  # held values have a piece beyond the last
 
 
-def _overshoot(who: str, part: Torque, signal: Signal) -> Iterator[str]:
+def _overshoot(who: str, signal: Signal, column: int, values: str) -> Iterator[str]:
     fine = np.linspace(signal.breaks[:-1], signal.breaks[1:], 17).T.ravel()
-    rows, between = signal.at(signal.breaks)[:, 0], signal.at(fine)[:, 0]
+    rows, between = signal.at(signal.breaks)[:, column], signal.at(fine)[:, column]
     low, high = float(rows.min()), float(rows.max())
     if max(between.max() - high, low - between.min()) > OVERSHOOT * (high - low) > 0.0:
         far = float(between[np.abs(between).argmax()])
         yield (
-            f"{who} has values of {low:.4g} to {high:.4g} {joint_unit(part.joint, 'torque')}, and its cubic spline "
-            f"reaches {far:.4g} between them; rows that are very close do that, interpolation: linear does not"
+            f"{who} has {values.format(f'{low:.4g} to {high:.4g}')}, and its cubic spline reaches {far:.4g} between "
+            "them; rows that are very close do that, interpolation: linear does not"
         )
 
 

@@ -1,7 +1,7 @@
 """Largest values and integrals of quantities along a motion, refined between its samples.
 
 The time between samples is divided into parts, at the reversals of every joint too, where friction and the
-losses of a gear jump. Integrals are Gauss-Legendre sums over the three inner points of each part; the local
+losses of a gear jump, and at the rows of tables of forces, where these may jump. Integrals are Gauss-Legendre sums over the three inner points of each part; the local
 maxima of all points are brackets that are narrowed until the value no longer changes.
 """
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from bellcrank.motion.motion import Motion
 
 Array = NDArray[np.float64]
-Quantities = Callable[[Array, Array, Array], Mapping[str, Array]]  # (q, v, a) -> name: (n, k)
+Quantities = Callable[[Array, Array, Array, Array], Mapping[str, Array]]  # (t, q, v, a) -> name: (n, k)
 
 FINEST = 300  # parts of a whole motion that the grid has at least
 CANDIDATES = 6  # local maxima that are refined for each quantity
@@ -30,27 +30,32 @@ NARROWINGS = 13  # each divides the bracket by (PROBES − 1) / 2
 @dataclass(frozen=True)
 class Grid:
     """Points along a motion: time (n,), states q (n, nq), v (n, nv), a (n, nv), and weights (n,) in s of the
-    integral."""
+    integral. `force_time` (n,) is the time at which forces are meant: just before `time` where a part ends, so that a
+    force that jumps there has its limit from before.
+    """
 
     time: Array
+    force_time: Array
     position: Array
     velocity: Array
     acceleration: Array
     weight: Array
 
 
-def grid_along(motion: Motion, probes: Array | None = None) -> Grid:
-    """The grid of a motion; both limits of every jump of acceleration are in it.
+def grid_along(motion: Motion, probes: Array | None = None, breaks: Array | None = None) -> Grid:
+    """The grid of a motion; both limits of every jump of acceleration are in it, and of forces at `breaks` (s).
 
     `probes` are times (s) to be looked at besides, for instance just beside a reversal; they carry no weight.
     """
-    low, high = _parts(motion)
-    length = high - low
+    low, high = _parts(motion, np.zeros(0) if breaks is None else breaks)
+    length, last = high - low, len(_NODES) - 1
     time = (low[:, None] + length[:, None] * _NODES).ravel()
     weight = (length[:, None] * _WEIGHTS).ravel()
+    force_time = time.copy()
+    time[last :: last + 1] = high
+    force_time[last :: last + 1] = np.nextafter(high, -np.inf)
     position, velocity, acceleration = motion.at(time)
     # A part that starts (ends) at a row of the motion takes that row's limit from after (before) a jump.
-    last = len(_NODES) - 1
     for place, edge, side in ((0, low, "right"), (last, high, "left")):
         row = np.searchsorted(motion.time, edge, side="right" if side == "right" else "left")
         row = np.clip(row - 1 if side == "right" else row, 0, len(motion.time) - 1)
@@ -64,21 +69,23 @@ def grid_along(motion: Motion, probes: Array | None = None) -> Grid:
         at = np.searchsorted(time, probes)
         extra = motion.at(probes)
         time, weight = np.insert(time, at, probes), np.insert(weight, at, 0.0)
+        force_time = np.insert(force_time, at, probes)
         position, velocity, acceleration = (
             np.insert(old, at, new, axis=0) for old, new in zip((position, velocity, acceleration), extra, strict=True)
         )
-    return Grid(time, position, velocity, acceleration, weight)
+    return Grid(time, force_time, position, velocity, acceleration, weight)
 
 
-def _parts(motion: Motion) -> tuple[Array, Array]:
-    """Starts and ends (m,), s, of the parts of the grid: samples, divided further, and reversals of any
+def _parts(motion: Motion, breaks: Array) -> tuple[Array, Array]:
+    """Starts and ends (m,), s, of the parts of the grid: samples, divided further, breaks, and reversals of any
     velocity."""
     starts = np.flatnonzero(np.diff(motion.time) > 0.0)
     length = motion.time[starts + 1] - motion.time[starts]
     count = np.maximum(1, np.ceil(FINEST * length / motion.duration - 1e-9)).astype(int)
     place = np.concatenate([np.arange(many) for many in count])
     step = np.repeat(length / count, count)
-    edges = np.unique(np.concatenate([np.repeat(motion.time[starts], count) + place * step, motion.time]))
+    breaks = breaks[(breaks > motion.time[0]) & (breaks < motion.time[-1])]
+    edges = np.unique(np.concatenate([np.repeat(motion.time[starts], count) + place * step, motion.time, breaks]))
     speed = motion.at(edges)[1]
     row, column = np.nonzero(speed[:-1] * speed[1:] < 0.0)
     low, high = edges[row].copy(), edges[row + 1].copy()
@@ -90,11 +97,13 @@ def _parts(motion: Motion) -> tuple[Array, Array]:
     return edges[:-1], edges[1:]
 
 
-def reversal_times(motion: Motion, columns: Sequence[int], width: float) -> Array:
-    """Times just before and after the named velocities change sign: 1, 3, … 100 friction widths away in
-    speed."""
+def reversal_times(motion: Motion, rough: Sequence[tuple[int, float]]) -> Array:
+    """Times just before and after velocities change sign: 0.3, 1, … 100 friction widths away in speed.
+
+    `rough` are pairs of a velocity coordinate and the width of its friction, rad/s or m/s.
+    """
     found = []
-    for column in columns:
+    for column, width in rough:
         speed = motion.velocity[:, column]
         for k in np.flatnonzero((speed[:-1] * speed[1:] < 0.0) & (np.diff(motion.time) > 0.0)):
             low, high = float(motion.time[k]), float(motion.time[k + 1])
@@ -112,9 +121,9 @@ def maxima(
 ) -> tuple[dict[str, Array], dict[str, tuple[Array, Array]]]:
     """(values on the grid, and for each quantity the (k,) largest values and their (k,) times), refined.
 
-    `quantities(q, v, a)` gives arrays (n, k); what is wanted of a quantity is its maximum.
+    `quantities(t, q, v, a)` gives arrays (n, k); what is wanted of a quantity is its maximum.
     """
-    values = dict(quantities(grid.position, grid.velocity, grid.acceleration))
+    values = dict(quantities(grid.force_time, grid.position, grid.velocity, grid.acceleration))
     names = list(values)
     widths = [values[name].shape[1] for name in names]
     table = np.concatenate([values[name] for name in names], axis=1)
@@ -123,7 +132,7 @@ def maxima(
     column, low, high = _brackets(grid.time, table)
     for _ in range(NARROWINGS if column.size else 0):
         times = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, PROBES)
-        found = np.concatenate([part for _, part in _ordered(quantities(*motion.at(times.ravel())), names)], axis=1)
+        found = np.concatenate([part for _, part in _ordered(quantities(times.ravel(), *motion.at(times.ravel())), names)], axis=1)
         line = found.reshape(len(column), PROBES, -1)[np.arange(len(column)), :, column]
         here = line.argmax(axis=1)
         each = np.arange(len(column))

@@ -1,7 +1,7 @@
 """Size a robot's motors over one or several motions: at the joint, at the motor shaft and at the supply.
 
-Torque at a joint is inverse dynamics, τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction (Ghosal, lecture 18;
-robot.inverse_dynamics). Where a joint has a drive, that is the torque at the gear's output: the rotor's
+Torque at a joint is inverse dynamics, τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction − the forces of the scene (Ghosal,
+lecture 18; dynamics/inverse.py), and of a linkage what its motors feel of it (constraints/chain.py). Where a joint has a drive, that is the torque at the gear's output: the rotor's
 inertia counts at the shaft. A mass tolerance scales each massive link and payload as a whole, mass and inertia
 together, by one factor of its own within 1 ± tolerance. Torque is linear in these factors, so it changes by at
 most tolerance · Σ|share of each link|, and that bound is reached: peaks are exact worst cases, RMS and energies
@@ -18,17 +18,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.constraints.elements import (
+    coulomb_widths,
+    elements,
+    force_breaks,
+    mechanism_notes,
+    motion_notes,
+    parameter_values,
+)
+from bellcrank.constraints.mechanism import Mechanism, mechanism_of
 from bellcrank.errors import InputError, among
 from bellcrank.motion.motion import Motion
 from bellcrank.sizing.drive import Drive
-from bellcrank.sizing.holding import holding_torques
-from bellcrank.sizing.linkage import Linkage, motors_of, static_torques
+from bellcrank.sizing.holding_forces import holding_of
 from bellcrank.sizing.loads import Loads
 from bellcrank.sizing.peaks import Grid, grid_along, maxima, reversal_times
 from bellcrank.sizing.result import Cycle, JointSizing, Peak, ShaftSizing, Sizing
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint
+    from bellcrank.scene.scene import Scene
 
 __all__ = ["JointSizing", "Peak", "ShaftSizing", "Sizing", "size"]
 
@@ -40,7 +49,7 @@ _SIGNED = {
 
 
 def size(
-    robot: Robot,
+    robot: Robot | Scene | Mechanism,
     motions: Motion | Sequence[Motion],
     drives: Mapping[str, Drive] | None = None,
     mass_tolerance: float = 0.0,
@@ -48,6 +57,8 @@ def size(
     """Size every one-degree-of-freedom joint of a robot, or every motor of a Linkage, over one or several motions: the
     worst of them counts.
 
+    With a Scene (or a Linkage of one) all of its forces and parameters count, at the times of each motion; its control
+    does not, which a warning says.
     `drives` gives motor and gear by joint name; `mass_tolerance` is a share: with 0.1 each link as
     a whole, its mass and inertia together, is scaled by one factor within 1 ± 0.1. Each motion counts as a cycle
     that repeats, for RMS and mean. Raises InputError where a drive names no joint or gives its rotor another
@@ -56,9 +67,10 @@ def size(
     mass_tolerance = _tolerance(mass_tolerance)
     motions = _renamed(_motions(motions))
     drives = _drives(drives)
-    joints = motors_of(robot)
+    mechanism = mechanism_of(robot)
+    robot, joints = mechanism.robot, mechanism.motors
     _check(robot, joints, motions, drives)
-    loads = Loads(robot, joints, drives, mass_tolerance)
+    loads = Loads(mechanism, drives, mass_tolerance)
     found: list[dict[str, list[Peak]]] = []
     cycles: list[list[Cycle]] = []
     for motion in motions:
@@ -71,10 +83,7 @@ def size(
         ]
         for name in found[0]
     }
-    if isinstance(robot, Linkage):
-        holding = static_torques(robot, motions, mass_tolerance)
-    else:
-        holding = holding_torques(robot, mass_tolerance=mass_tolerance)
+    holding = holding_of(mechanism, motions, mass_tolerance)
     lines = tuple(
         _joint_line(
             loads,
@@ -89,6 +98,8 @@ def size(
     )
     warnings = list(robot.findings)
     warnings += [warning for motion in motions for warning in motion.warnings]
+    warnings += mechanism_notes(mechanism)
+    warnings += [note for motion in motions for note in motion_notes(mechanism, motion)]
     warnings += [f"drive of joint '{name}': {doubt}" for name, drive in drives.items() for doubt in drive.doubts]
     warnings += holding.notes
     if others := ", ".join(f"'{joint.name}' ({joint.kind})" for joint in robot.joints if joint.nv != 1):
@@ -103,7 +114,9 @@ def size(
         tuple(dict.fromkeys(warnings)),
         tuple(map(float, robot.gravity)),
         tuple((float(payload.mass), payload.frame) for payload in robot.payloads),
-        (robot, tuple(motions), drives),
+        (mechanism, tuple(motions), drives),
+        elements(mechanism),
+        parameter_values(mechanism),
     )
 
 
@@ -203,9 +216,8 @@ def _renamed(motions: list[Motion]) -> list[Motion]:
 
 
 def _size_one(loads: Loads, motion: Motion) -> tuple[dict[str, list[Peak]], list[Cycle]]:
-    robot = loads.robot
-    rough = [joint.v for joint in loads.joints if robot.coulomb[joint.v] > 0.0]
-    grid = grid_along(motion, reversal_times(motion, rough, float(np.max(robot.friction_width))) if rough else None)
+    mechanism = loads.mechanism
+    grid = grid_along(motion, reversal_times(motion, coulomb_widths(mechanism)), force_breaks(mechanism))
     values, largest = maxima(motion, grid, loads.forces)
     for more in (loads.reactions, loads.inertia):
         largest |= maxima(motion, grid, more)[1]
@@ -251,14 +263,15 @@ def _joint_line(
     holding: float,
     holding_position: Array,
 ) -> JointSizing:
-    robot, joint = loads.robot, loads.joints[k]
+    robot, joint = loads.mechanism.robot, loads.joints[k]
     for name in _SIGNED:
         peak = worst[name]
         worst[name] = Peak(_SIGNED[name] * peak.value, peak.time, peak.motion, peak.position)
     worst["peak_torque"] = max((worst["max_torque"], worst["min_torque"]), key=lambda peak: abs(peak.value))
     peak = worst["peak_torque"]
     motion = next(motion for motion in motions if motion.name == peak.motion)
-    rubbing = abs(float(np.asarray(robot.friction_torque(motion.at(peak.time)[1]))[joint.v]))
+    at, (q, v, _) = np.array([peak.time]), motion.at(np.array([peak.time]))
+    rubbing = abs(float(loads.mechanism.equations.friction(at, q, v)[0, joint.v]))
     reach = (-worst.pop("lower").value, worst.pop("upper").value)
     shaft_peak, curve = worst.pop("shaft_torque"), worst.pop("curve_use")
     drive = loads.drives.get(joint.name)

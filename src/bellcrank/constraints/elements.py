@@ -1,0 +1,111 @@
+"""The forces of a scene as sizing sees them: which ones count, what does not, and when and where they are not smooth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.scene.frame_forces import Spring
+from bellcrank.scene.joint_forces import Friction, JointForce, Torque
+from bellcrank.scene.notes import table_span
+
+if TYPE_CHECKING:
+    from bellcrank.constraints.mechanism import Mechanism
+    from bellcrank.motion.motion import Motion
+    from bellcrank.scene.part import Part
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Element:
+    """A force of a scene that counts: its name, its kind, and what it acts on, such as "joint 'elbow'"."""
+
+    name: str
+    kind: str
+    on: str
+
+
+def elements(mechanism: Mechanism) -> tuple[Element, ...]:
+    """The forces of the scene that count, all of them, in its order."""
+    return tuple(Element(force.name, force.kind, _acts_on(force)) for force in mechanism.equations.forces)
+
+
+def _acts_on(force: Part) -> str:
+    if isinstance(force, JointForce):
+        return f"joint '{force.joint.name}'"
+    if isinstance(force, Spring):
+        other = f"frame '{force.frame_b}'" if len(force.frames) == 2 else "the world"
+        return f"frame '{force.frame_a}' and {other}"
+    return ", ".join(f"frame '{name}'" for name in force.frames)
+
+
+def parameter_values(mechanism: Mechanism) -> tuple[tuple[str, float, str], ...]:
+    """(name, value, unit) of the scene's parameters, all of which count."""
+    scene = mechanism.equations.scene
+    return () if scene is None else tuple((name, p.value, p.unit) for name, p in scene.parameters.items())
+
+
+def mechanism_notes(mechanism: Mechanism) -> tuple[str, ...]:
+    """A sentence for each torque that acts beside a motor, and for each part of the scene that does not count."""
+    found = [
+        f"torque '{force.name}' of the scene acts on joint '{force.joint.name}' besides the motor"
+        for force in mechanism.equations.forces
+        if isinstance(force, Torque)
+    ]
+    if mechanism.scene is not None:
+        found += [
+            f"control '{part.name}' of the scene does not count: motors give what the motion and the other forces need"
+            for part in mechanism.scene.control
+        ]
+    return tuple(found)
+
+
+def motion_notes(mechanism: Mechanism, motion: Motion) -> Iterator[str]:
+    """A sentence for each table that does not cover a motion."""
+    begin, end = float(motion.time[0]), float(motion.time[-1])
+    for force in mechanism.equations.forces:
+        if force.source is None:
+            continue
+        first, last = table_span(force)
+        who = f"{force.kind} '{force.name}': its table"
+        if last < end:
+            yield (
+                f"{who} ends at {last:.6g} s and motion '{motion.name}' at {end:.6g} s; in between the last value is held"
+            )
+        if first > begin:
+            yield (
+                f"{who} begins at {first:.6g} s and motion '{motion.name}' at {begin:.6g} s; in between the first value "
+                "is held"
+            )
+
+
+def force_breaks(mechanism: Mechanism) -> Array:
+    """Times (m,) s at which a table of the scene has a row: its value or a derivative may jump there."""
+    sources = [force.source for force in mechanism.equations.forces if force.source is not None]
+    return np.unique(np.concatenate([np.zeros(0), *[source.signal.breaks for source in sources]]))
+
+
+def coulomb_widths(mechanism: Mechanism) -> list[tuple[int, float]]:
+    """(velocity coordinate, width in rad/s or m/s) of every Coulomb friction, the robot's and the scene's."""
+    robot = mechanism.robot
+    found = [(int(column), robot.friction_width) for column in np.flatnonzero(robot.coulomb > 0.0)]
+    set_by = {target: value for name, value, _ in parameter_values(mechanism) for target in _targets(mechanism, name)}
+    for force in mechanism.equations.forces:
+        if isinstance(force, Friction):
+            coulomb, width = (
+                set_by.get(f"force.{force.name}.{key}", getattr(force, key)) for key in ("coulomb", "width")
+            )
+            if coulomb > 0.0:
+                found.append((force.joint.v, float(width)))
+    return found
+
+
+def _targets(mechanism: Mechanism, name: str) -> tuple[str, ...]:
+    scene = mechanism.equations.scene
+    assert scene is not None
+    return scene.parameters[name].sets
