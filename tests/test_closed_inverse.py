@@ -8,8 +8,8 @@ import pytest
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.constraints.inverse import closed_inverse_dynamics
-from bellcrank.motion.motion import Motion
 from bellcrank.constraints.linkage import Linkage
+from bellcrank.motion.motion import Motion
 
 FOUR_BAR = """
 name: Four-bar

@@ -55,7 +55,9 @@ class Chain:
         drives = [closure for closure in scene.closures if isinstance(closure, Drive)]
         loops = tuple(closure for closure in scene.closures if not isinstance(closure, Drive))
         if not loops:
-            raise InputError(f"{scene.source}: nothing closes a loop; use bc.scene_inverse_dynamics, which takes open chains")
+            raise InputError(
+                f"{scene.source}: nothing closes a loop; use bc.scene_inverse_dynamics, which takes open chains"
+            )
         self.given = scene
         self.loaded = replace(scene, closures=loops, control=(), events=(), outputs={})
         self.scene = replace(self.loaded, forces=())  # what the kinematics need

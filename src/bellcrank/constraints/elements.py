@@ -1,4 +1,4 @@
-"""The forces of a scene as sizing sees them: which ones count, what does not, and when and where they are not smooth."""
+"""The forces of a scene as sizing sees them: which ones count, what does not, and where they are not smooth."""
 
 from __future__ import annotations
 
@@ -75,12 +75,13 @@ def motion_notes(mechanism: Mechanism, motion: Motion) -> Iterator[str]:
         who = f"{force.kind} '{force.name}': its table"
         if last < end:
             yield (
-                f"{who} ends at {last:.6g} s and motion '{motion.name}' at {end:.6g} s; in between the last value is held"
+                f"{who} ends at {last:.6g} s and motion '{motion.name}' at {end:.6g} s; in between the last value is "
+                "held"
             )
         if first > begin:
             yield (
-                f"{who} begins at {first:.6g} s and motion '{motion.name}' at {begin:.6g} s; in between the first value "
-                "is held"
+                f"{who} begins at {first:.6g} s and motion '{motion.name}' at {begin:.6g} s; in between the first "
+                "value is held"
             )
 
 

@@ -1,4 +1,4 @@
-"""What each joint passes on: the tree's reaction, less what closures and forces at frames put on the links beyond it."""
+"""What each joint passes on: the tree's reaction, less what closures and forces at frames put on links beyond it."""
 
 from __future__ import annotations
 

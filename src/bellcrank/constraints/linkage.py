@@ -56,7 +56,9 @@ class Linkage:
         """A motion with all joints following the independent ones of it. Raises BellcrankError."""
         return self.along(motion)[0]
 
-    def along(self, motion: Motion | str | Path, independent: Sequence[str] | None = None) -> tuple[Motion, tuple[str, ...]]:
+    def along(
+        self, motion: Motion | str | Path, independent: Sequence[str] | None = None
+    ) -> tuple[Motion, tuple[str, ...]]:
         """The motion of all joints, and the independent joints it was given by. Raises BellcrankError."""
         return guided_motion(self.chain, motion, independent)
 
@@ -66,12 +68,12 @@ class Linkage:
 
     def link_torques(self, q: Array, v: Array, a: Array) -> Array:
         """How much of the motors' torques each link's mass and inertia cause, (n, links, k)."""
-        return np.einsum("nkv,nlv->nlk", self._shares(q, v), self.equations.link_torques(q, v, a))
+        return np.asarray(np.einsum("nkv,nlv->nlk", self._shares(q, v), self.equations.link_torques(q, v, a)))
 
     def inertia(self, q: Array) -> Array:
         """The diagonal of P M Pᵀ (n, k), rotors in it."""
         shares = self._shares(q, np.zeros((len(q), self.robot.nv)))
-        return np.einsum("nkv,nvw,nkw->nk", shares, self.equations.mass_matrix(q), shares)
+        return np.asarray(np.einsum("nkv,nvw,nkw->nk", shares, self.equations.mass_matrix(q), shares))
 
     def _shares(self, q: Array, v: Array) -> Array:
         return self.chain.shares(self.chain.closed(np.zeros(len(q)), q, v)[2])

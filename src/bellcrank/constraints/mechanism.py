@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +52,9 @@ class Mechanism(Protocol):
     def multiplier_names(self) -> tuple[tuple[str, str], ...]:
         """(closure, what it is) of each multiplier."""
 
-    def along(self, motion: Motion | str | Path, independent: Sequence[str] | None = None) -> tuple[Motion, tuple[str, ...]]:
+    def along(
+        self, motion: Motion | str | Path, independent: Sequence[str] | None = None
+    ) -> tuple[Motion, tuple[str, ...]]:
         """The motion of all joints, and the independent joints that it was given by. Raises BellcrankError."""
 
     def torques(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
@@ -68,11 +70,13 @@ class Mechanism(Protocol):
         """The wrench (n, joints, 6) through each joint of the tree, as `Robot.joint_reactions`."""
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array) -> tuple[float, float]:
-        """The largest violation of a closure, m or rad, and of the equations of motion, a share of the largest force."""
+        """The largest violation of a closure, m or rad, and of the equations of motion, as a share of all."""
 
 
 def mechanism_of(
-    given: Robot | Scene | OpenChain | Linkage | Mechanism, robot: Robot | None = None, actuated: Sequence[str] | None = None
+    given: Robot | Scene | Mechanism,
+    robot: Robot | None = None,
+    actuated: Sequence[str] | None = None,
 ) -> Mechanism:
     """The mechanism of a robot alone or of a scene: a closed linkage where closures other than drives tie joints.
 
@@ -82,16 +86,18 @@ def mechanism_of(
     from bellcrank.constraints.open_chain import OpenChain
     from bellcrank.scene.scene import Scene
 
+    if isinstance(given, OpenChain | Linkage):
+        return given
     if not isinstance(given, Scene):
-        return given if isinstance(given, OpenChain | Linkage) else OpenChain(given)
+        return OpenChain(cast(Robot, given))
     if any(not isinstance(closure, Drive) for closure in given.closures):
         return Linkage(given, robot, actuated)
     return OpenChain(given.robot if robot is None else robot, given, actuated)
 
 
 def force_times(time: Array) -> Array:
-    """Times (n,) at which the forces of a motion's rows are meant: where a time stands twice, the first row is the limit
-    from before, so that a table that jumps there is read before its jump.
+    """Times (n,) at which the forces of a motion's rows are meant: where a time stands twice, the first row is the
+    limit from before, so that a table that jumps there is read before its jump.
     """
     twins = np.append(np.diff(time) == 0.0, False)
     return np.where(twins, np.nextafter(time, -np.inf), time)

@@ -25,8 +25,8 @@ Array = NDArray[np.float64]
 
 
 class OpenChain:
-    """A robot alone, or a scene that no closure but drives ties, as a Mechanism. Whatever holds joints of several degrees
-    of freedom (a free base) is not looked at.
+    """A robot alone, or a scene that no closure but drives ties, as a Mechanism. Whatever holds joints of several
+    degrees of freedom (a free base) is not looked at.
 
     Raises InputError where `actuated` leaves out a joint, which nothing would hold.
     """
@@ -45,11 +45,13 @@ class OpenChain:
             left = [joint.name for joint in self.motors if joint.name not in actuated]
             if left:
                 raise InputError(
-                    f"{robot.name}: actuated leaves out {', '.join(left)}: no closure ties the joints of an open chain, "
-                    "so each needs a motor to follow a motion; leave actuated out"
+                    f"{robot.name}: actuated leaves out {', '.join(left)}: no closure ties the joints of an open "
+                    "chain, so each needs a motor to follow a motion; leave actuated out"
                 )
 
-    def along(self, motion: Motion | str | Path, independent: Sequence[str] | None = None) -> tuple[Motion, tuple[str, ...]]:
+    def along(
+        self, motion: Motion | str | Path, independent: Sequence[str] | None = None
+    ) -> tuple[Motion, tuple[str, ...]]:
         """The motion: a Motion, a motion of the scene by name, or a CSV file. Raises BellcrankError."""
         every = tuple(joint.name for joint in self.motors)
         if independent is not None and set(independent) != set(every):
@@ -115,8 +117,8 @@ class OpenChain:
         return self.robot.compiled("joint wrenches " + scene.physics_key(), lambda: joint_wrenches(scene))
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array) -> tuple[float, float]:
-        """0, as no closure can be violated, and what acts at joints without a motor (a free base), a share of the largest
-        force.
+        """0, as no closure can be violated, and what acts at joints without a motor (a free base), a share of the
+        largest force.
         """
         need = np.abs(self.equations.needed(t, q, v, a))
         left = np.delete(need, self._columns, axis=1)

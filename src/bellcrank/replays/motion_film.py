@@ -30,7 +30,7 @@ from bellcrank.sizing.table import verdict
 if TYPE_CHECKING:
     from bellcrank.machine_code.compile import Compiled
     from bellcrank.motion.motion import Motion
-    from bellcrank.robot.robot import Robot, RobotJoint
+    from bellcrank.robot.robot import Robot
     from bellcrank.sizing.drive import Drive
     from bellcrank.sizing.result import JointSizing, Sizing
 
@@ -55,7 +55,15 @@ def film_of_motion(
     if title is not None:
         facts.append(("motion", f"{robot.name}: {motion.name}"))
     return _film(
-        mechanism_of(robot), [motion], {}, trace, detail, title or f"{robot.name}: {motion.name}", facts, motion.warnings, progress
+        mechanism_of(robot),
+        [motion],
+        {},
+        trace,
+        detail,
+        title or f"{robot.name}: {motion.name}",
+        facts,
+        motion.warnings,
+        progress,
     )
 
 
@@ -84,7 +92,9 @@ def film_of_sizing(
     name = title or f"{sizing.robot}: sizing"
     if sizing.robot not in name:
         facts.append(("robot", sizing.robot))
-    return _film(mechanism, motions, drives, trace, detail, name, facts, sizing.warnings, progress, marks, sizing.inside)
+    return _film(
+        mechanism, motions, drives, trace, detail, name, facts, sizing.warnings, progress, marks, sizing.inside
+    )
 
 
 def _needs(joint: JointSizing) -> str:

@@ -126,13 +126,13 @@ class Spring(Part):
 
 @dataclass(frozen=True)
 class Wrench(Part):
-    """A force (N) at a frame's origin and a torque (N m), in the axes of the world or of the frame: constant, or a table
-    over time in a CSV `file` beside the scene.
+    """A force (N) at a frame's origin and a torque (N m), in the axes of the world or of the frame: constant, or a
+    table over time in a CSV `file` beside the scene.
 
-    The table has the column "time [s]" and one or more of "force x [N]", "force y [N]", "force z [N]", "torque x [N m]",
-    "torque y [N m]" and "torque z [N m]"; components without a column are 0. It is read `linear` (the default), `cubic`
-    (a not-a-knot spline) or `hold` (each value until the next), and its first and last values are held before and after
-    it. Its power counts as work.
+    The table has the column "time [s]" and one or more of "force x [N]", "force y [N]", "force z [N]",
+    "torque x [N m]", "torque y [N m]" and "torque z [N m]"; components without a column are 0. It is read `linear` (the
+    default), `cubic` (a not-a-knot spline) or `hold` (each value until the next), and its first and last values are
+    held before and after it. Its power counts as work.
     """
 
     frame: str

@@ -101,8 +101,8 @@ class Part:
         raise NotImplementedError
 
     def wrenches(self, symbols: Symbols) -> tuple[tuple[str, casadi.SX], ...]:
-        """(frame, force (3) N and moment (3) N m about its origin, world axes) on the body of each frame it acts on; none
-        of a force between joint coordinates.
+        """(frame, force (3) N and moment (3) N m about its origin, world axes) on the body of each frame it acts on;
+        none of a force between joint coordinates.
         """
         return ()
 

@@ -41,8 +41,8 @@ def read_torque_table(read: Fields, file: str, column: str, unit: str, interpola
 
 
 def read_wrench_table(read: Fields, file: str, interpolation: str) -> tuple[SignalSource, str]:
-    """The table of a wrench, six values wide (force, torque), as `read_torque_table`. Columns that are no component of a
-    wrench are refused.
+    """The table of a wrench, six values wide (force, torque), as `read_torque_table`. Columns that are no component of
+    a wrench are refused.
     """
     path = Path(read.where).parent / file
     try:
@@ -126,8 +126,8 @@ def _label(title: str) -> str:
 
 
 def table_signal(time: Array, values: Array, interpolation: str) -> tuple[Signal, Array]:
-    """Values (n, width) at times (n,) as piecewise polynomials (straight lines, a cubic spline, or steps), and the times at
-    which they are not smooth besides the breaks of a kinked one.
+    """Values (n, width) at times (n,) as piecewise polynomials (straight lines, a cubic spline, or steps), and the
+    times at which they are not smooth besides the breaks of a kinked one.
     """
     if interpolation == "cubic":
         from scipy.interpolate import CubicSpline

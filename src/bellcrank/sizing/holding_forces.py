@@ -60,8 +60,8 @@ def holding_of(mechanism: Mechanism, motions: Sequence[Motion], mass_tolerance: 
         sprung = [force.name for force in acting if isinstance(force, JointSpring) and force.joint == joint]
         if without and sprung and joint.kind == "revolute":
             notes.append(
-                f"joint '{joint.name}' turns without limits: the holding torque counts spring '{sprung[0]}' over one turn, "
-                "and over the motions"
+                f"joint '{joint.name}' turns without limits: the holding torque counts spring '{sprung[0]}' over one "
+                "turn, and over the motions"
             )
     return Holding(
         over_ranges.joints,
@@ -104,6 +104,7 @@ def _searched(chain: OpenChain, tolerance: float) -> Holding:
     lowest, highest = static.torques(first)
     for k in range(len(joints)):
         for sign, values in ((1.0, highest[:, k]), (-1.0, -lowest[:, k])):
+
             def value(x: Array, k: int = k, sign: float = sign) -> Array:
                 low, high = static.torques(x)
                 return high[:, k] if sign > 0.0 else -low[:, k]
@@ -175,7 +176,10 @@ def _by_coordinates(value: Value, x: Array, lower: Array, upper: Array) -> tuple
         for k in range(count):
             if lower[k] == upper[k]:
                 continue
-            points, width = np.tile(np.linspace(lower[k], upper[k], POINTS), (m, 1)), (upper[k] - lower[k]) / (POINTS - 1)
+            points, width = (
+                np.tile(np.linspace(lower[k], upper[k], POINTS), (m, 1)),
+                (upper[k] - lower[k]) / (POINTS - 1),
+            )
             for _ in range(6):
                 trial = np.repeat(x[:, None], points.shape[1], axis=1)
                 trial[:, :, k] = points

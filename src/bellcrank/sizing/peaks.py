@@ -1,8 +1,9 @@
 """Largest values and integrals of quantities along a motion, refined between its samples.
 
 The time between samples is divided into parts, at the reversals of every joint too, where friction and the
-losses of a gear jump, and at the rows of tables of forces, where these may jump. Integrals are Gauss-Legendre sums over the three inner points of each part; the local
-maxima of all points are brackets that are narrowed until the value no longer changes.
+losses of a gear jump, and at the rows of tables of forces, where these may jump. Integrals are Gauss-Legendre sums
+over the three inner points of each part; the local maxima of all points are brackets that are narrowed until the value
+no longer changes.
 """
 
 from __future__ import annotations
@@ -132,7 +133,9 @@ def maxima(
     column, low, high = _brackets(grid.time, table)
     for _ in range(NARROWINGS if column.size else 0):
         times = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, PROBES)
-        found = np.concatenate([part for _, part in _ordered(quantities(times.ravel(), *motion.at(times.ravel())), names)], axis=1)
+        found = np.concatenate(
+            [part for _, part in _ordered(quantities(times.ravel(), *motion.at(times.ravel())), names)], axis=1
+        )
         line = found.reshape(len(column), PROBES, -1)[np.arange(len(column)), :, column]
         here = line.argmax(axis=1)
         each = np.arange(len(column))

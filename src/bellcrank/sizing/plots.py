@@ -94,7 +94,12 @@ def drawn_states(motion: Motion) -> tuple[Array, Array, Array, Array]:
 
 
 def _over_time(
-    mechanism: Mechanism, joints: Sequence[RobotJoint], motion: Motion, drives: Mapping[str, Drive], title: str, note: str
+    mechanism: Mechanism,
+    joints: Sequence[RobotJoint],
+    motion: Motion,
+    drives: Mapping[str, Drive],
+    title: str,
+    note: str,
 ) -> Figure:
     time, q, v, a = drawn_states(motion)
     torque = joint_torques(mechanism, joints, drives, time, q, v, a)
