@@ -81,7 +81,9 @@ class Symbols:
 
         rates = [casadi.SX(0, 1)]
         for source, u in self._groups.items():
-            rates += [u[source.width :], casadi.SX.zeros(source.width, 1)]
+            if source.derivatives:  # of a single entry an empty slice is a row
+                rates.append(u[source.width :])
+            rates.append(casadi.SX.zeros(source.width, 1))
         return casadi.vertcat(*rates)
 
     def signal(self, source: SignalSource) -> casadi.SX:

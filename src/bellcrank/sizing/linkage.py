@@ -15,7 +15,7 @@ __all__ = ["Linkage", "Mechanism", "mechanism_of", "mechanism_of_card"]
 
 
 def mechanism_of_card(card: Card, robot: Robot) -> Mechanism:
-    """The mechanism of a card's file with its closures, forces and parameters, for its robot with payloads. InputError."""
+    """The mechanism of a card's file with its closures, forces and parameters, for its robot with payloads."""
     from bellcrank.card.yaml_file import read_yaml
     from bellcrank.scene.scene import load_scene
 

@@ -1,8 +1,8 @@
 """Size a robot's motors over one or several motions: at the joint, at the motor shaft and at the supply.
 
 Torque at a joint is inverse dynamics, τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction − the forces of the scene (Ghosal,
-lecture 18; dynamics/inverse.py), and of a linkage what its motors feel of it (constraints/chain.py). Where a joint has a
-drive, that is the torque at the gear's output: the rotor's inertia counts at the shaft. A mass tolerance scales each
+lecture 18; dynamics/inverse.py), and of a linkage what its motors feel of it (constraints/chain.py). Where a joint has
+a drive, that is the torque at the gear's output: the rotor's inertia counts at the shaft. A mass tolerance scales each
 massive link and payload as a whole, mass and inertia together, by one factor of its own within 1 ± tolerance. Torque is
 linear in these factors, so it changes by at most tolerance · Σ|share of each link|, and that bound is reached: peaks
 are exact worst cases, RMS and energies are upper bounds. Reactions and inertias stay nominal.
