@@ -24,8 +24,12 @@ ARM = (
     '<robot name="arm"><link name="base"/>'
     + LINK.format(name="upper", at="0.2 0.05 0", mass="3")
     + LINK.format(name="rod", at="0.1 0 0.02", mass="2")
-    + JOINT.format(name="turn", kind="revolute", parent="base", child="upper", at="0 0 0.3", rpy="0.2 0 0", axis="0 1 0")
-    + JOINT.format(name="slide", kind="prismatic", parent="upper", child="rod", at="0.4 0 0", rpy="0 0.1 0.3", axis="1 0 0")
+    + JOINT.format(
+        name="turn", kind="revolute", parent="base", child="upper", at="0 0 0.3", rpy="0.2 0 0", axis="0 1 0"
+    )
+    + JOINT.format(
+        name="slide", kind="prismatic", parent="upper", child="rod", at="0.4 0 0", rpy="0 0.1 0.3", axis="1 0 0"
+    )
     + "</robot>"
 )
 # A slider-crank in a vertical plane: crank 0.2 m, rod 0.7 m, slider along x.
@@ -34,7 +38,9 @@ CRANK = (
     + LINK.format(name="crank_link", at="0.1 0 0", mass="1.5")
     + LINK.format(name="rod_link", at="0.35 0.02 0", mass="2")
     + LINK.format(name="slider_link", at="0 0 0", mass="3")
-    + JOINT.format(name="crank", kind="continuous", parent="base", child="crank_link", at="0 0 0", rpy="0 0 0", axis="0 0 1")
+    + JOINT.format(
+        name="crank", kind="continuous", parent="base", child="crank_link", at="0 0 0", rpy="0 0 0", axis="0 0 1"
+    )
     + JOINT.format(
         name="rod", kind="continuous", parent="crank_link", child="rod_link", at="0.2 0 0", rpy="0 0 0", axis="0 0 1"
     )
@@ -72,8 +78,12 @@ drives: {{crank: {DRIVE}}}
 }
 MOTORS = {"open": ("turn", "slide"), "closed": ("crank",)}
 JOINT_OF = {"open": "slide", "closed": "rod"}  # one that the linkage moves without a motor
-TORQUE_CSV = "time [s],turn torque [N m],slide torque [N],rod torque [N m]\n0.1,5,3,3\n0.7,-20,8,8\n1.3,9,-6,-6\n1.6,1,2,2\n"
-WRENCH_CSV = "time [s],force x [N],force z [kN],torque z [N m]\n0,10,0.02,1\n0.7,-20,0.08,3\n1.3,90,-0.06,0\n2.5,1,0.02,8\n"
+TORQUE_CSV = (
+    "time [s],turn torque [N m],slide torque [N],rod torque [N m]\n0.1,5,3,3\n0.7,-20,8,8\n1.3,9,-6,-6\n1.6,1,2,2\n"
+)
+WRENCH_CSV = (
+    "time [s],force x [N],force z [kN],torque z [N m]\n0,10,0.02,1\n0.7,-20,0.08,3\n1.3,90,-0.06,0\n2.5,1,0.02,8\n"
+)
 KINDS: dict[str, dict[str, Any]] = {
     "joint_spring": {"kind": "joint_spring", "joint": "J", "stiffness": 40.0, "rest": 0.3, "preload": 7.0, "damping": 2.0},
     "spring_to_world": {"kind": "spring", "frame_a": "side", "frame_b": "world", "point": [0.5, 0.3, -0.4],
@@ -163,3 +173,183 @@ def test_drives_that_hold_a_simulated_scene_give_what_inverse_dynamics_finds(
     path = write_motion(moving.motion, tmp_path / "go.csv")
     again = bc.scene_inverse_dynamics(scene, path)
     np.testing.assert_allclose(again.torque, moving.torque, rtol=0, atol=1e-8 * np.abs(moving.torque).max())
+
+
+EVERY = ("joint_spring", "spring_to_world", "spring_between", "damper", "friction", "torque_hold", "wrench_frame",
+         "wrench_linear")  # fmt: skip
+PARAMETERS = {
+    "mass": {"value": 3.5, "sets": ["link.rod.mass"]},
+    "factor": {"value": 1.3, "sets": ["link.upper.scale"]},
+    "length": {"value": 0.55, "sets": ["joint.slide.origin.x"]},
+    "stiffness": {"value": 90.0, "sets": ["force.joint_spring.stiffness"]},
+    "push": {"value": -70.0, "sets": ["force.wrench_frame.force.y"]},
+}
+
+
+def test_parameters_count_at_their_values_with_all_forces_together(folder: Path) -> None:
+    scene = loaded(folder, "open", *EVERY, parameters=PARAMETERS)
+    found = bc.scene_inverse_dynamics(scene, "go")
+    wanted = held(scene, "open", "go", TIMES)
+    at_times = found.mechanism.torques(TIMES, *found.motion.at(TIMES))[0]
+    np.testing.assert_allclose(at_times, wanted, rtol=0, atol=1e-8 * np.abs(wanted).max())
+    plain = bc.scene_inverse_dynamics(loaded(folder, "open", *EVERY), "go").torque
+    assert np.abs(plain - found.torque).max() > 0.1 * np.abs(plain).max()
+    q, v, a = found.position, found.velocity, found.acceleration
+    shares = found.mechanism.link_torques(q, v, a)
+    rest = found.mechanism.equations.friction(found.time, q, v) - scene.robot.friction_torque(v)
+    without = bc.scene_inverse_dynamics(
+        scene.with_overrides({"forces": [], "parameters": dict(list(PARAMETERS.items())[:3])}), "go"
+    )
+    assert np.abs(rest).max() > 1.0  # friction elements are part of the share of friction
+    rotor = scene.robot.rotor_inertia * a
+    np.testing.assert_allclose(shares.sum(axis=1), without.torque - scene.robot.friction_torque(v) - rotor, atol=1e-9)
+    mass = without.mechanism.inertia(q)
+    assert np.abs(mass - bc.scene_inverse_dynamics(loaded(folder, "open"), "go").mechanism.inertia(q)).max() > 1.0
+
+
+def test_a_parameter_of_a_linkage_counts_in_sizing(folder: Path) -> None:
+    values = {
+        "radius": {"value": 0.25, "sets": ["joint.rod.origin.x"]},
+        "heavy": {"value": 9.0, "sets": ["link.rod_link.mass"]},
+    }
+    scene = loaded(folder, "closed", "damper", "wrench_cubic", parameters=values)
+    found = bc.scene_inverse_dynamics(scene, "go")
+    rows = np.searchsorted(found.time, TIMES - 1e-9)
+    wanted = held(scene, "closed", "go", TIMES)
+    np.testing.assert_allclose(found.torque[rows], wanted, rtol=0, atol=1e-8 * np.abs(wanted).max())
+    sizing = bc.size(scene, found.motion, scene.card.drives)
+    assert sizing.parameters == (("radius", 0.25, "m"), ("heavy", 9.0, "kg"))
+    rotor = scene.robot.rotor_inertia[0] * found.acceleration[:, 0]
+    assert sizing.joint("crank").max_torque == pytest.approx((found.torque[:, 0] - rotor).max(), rel=1e-3)
+
+
+def test_reactions_of_an_open_chain_are_pinocchio_s_with_external_forces(folder: Path) -> None:
+    import pinocchio as pin
+
+    scene = loaded(folder, "open", "spring_to_world", "spring_between", "wrench_frame", "wrench_linear", "joint_spring")
+    found = bc.scene_inverse_dynamics(scene, "go")
+    rows = np.arange(3, len(found.time), 17)
+    model, robot, names = scene.robot.model, scene.robot, scene.robot.all_joint_names
+    data = model.createData()
+    for row in rows:
+        t, q, v, a = found.time[row], found.position[row], found.velocity[row], found.acceleration[row]
+        pose = {name: robot.frame_pose(name, q) for name in ("tip", "side")}
+        speed = {name: robot.frame_velocity(name, q, v)[0] for name in ("tip", "side")}
+        forces = {"tip": np.zeros(6), "side": np.zeros(6)}
+        way = np.array([0.5, 0.3, -0.4]) - pose["side"][0]
+        length = np.linalg.norm(way)
+        forces["side"][:3] += (300.0 * (length - 0.2) + 9.0 * (way @ -speed["side"]) / length) * way / length
+        way = pose["side"][0] - pose["tip"][0]
+        length = np.linalg.norm(way)
+        pull = 200.0 * (length - 0.1) * way / length
+        forces["tip"][:3] += pull
+        forces["side"][:3] -= pull
+        turn = pose["tip"][1]
+        forces["tip"] += np.concatenate([turn @ [30, -20, 50], turn @ [1, 2, 3]])
+        table = np.loadtxt(folder / "wrench.csv", delimiter=",", skiprows=1)
+        for column, place, unit in ((1, 0, 1.0), (2, 2, 1000.0), (3, 5, 1.0)):
+            forces["tip"][place] += unit * np.interp(t, table[:, 0], table[:, column])
+        pin.forwardKinematics(model, data, q)
+        external = [pin.Force.Zero() for _ in range(model.njoints)]
+        for frame, joint in (("tip", "slide"), ("side", "turn")):
+            k = model.getJointId(joint)
+            place, force = data.oMi[k], forces[frame]
+            moment = force[3:] + np.cross(pose[frame][0] - place.translation, force[:3])
+            external[k] = pin.Force(place.rotation.T @ force[:3], place.rotation.T @ moment)
+        pin.rnea(model, data, q, v, a, external)
+        for k, name in enumerate(names):
+            wrench = data.f[model.getJointId(name)].vector
+            np.testing.assert_allclose(found.reactions[row, k], wrench, rtol=0, atol=1e-9 * np.abs(wrench).max())
+
+
+def test_what_the_ground_gives_a_loaded_linkage_balances_its_momentum_and_all_forces(folder: Path) -> None:
+    import pinocchio as pin
+
+    scene = loaded(folder, "closed", *EVERY)
+    found = bc.scene_inverse_dynamics(scene, "go")
+    robot, model = scene.robot, scene.robot.model
+    data, names = model.createData(), list(robot.all_joint_names)
+    applied = found.applied
+    # a hinge without a motor passes what its own elements and friction give about its axis, and nothing else
+    rod = robot.joint("rod").v
+    own = bc.scene_inverse_dynamics(
+        loaded(folder, "closed", "joint_spring", "damper", "friction", "torque_hold"), "go"
+    ).applied
+    passed = own[:, rod] - robot.friction_torque(found.velocity)[:, rod]
+    np.testing.assert_allclose(found.reactions[:, names.index("rod"), 5], passed, atol=1e-8 * np.abs(applied).max())
+    table = np.loadtxt(folder / "wrench.csv", delimiter=",", skiprows=1)
+    for row in range(4, len(found.time), 23):
+        t, q, v, a = found.time[row], found.position[row], found.velocity[row], found.acceleration[row]
+        pin.computeCentroidalMomentumTimeVariation(model, data, q, v, a)
+        rate = data.dhg.vector  # about the centre of mass
+        pose = {name: robot.frame_pose(name, q) for name in ("tip", "side", "crank", "slider")}
+        total = np.zeros(6)
+
+        def act(place: Any, force: Any, moment: Any, total: Any = total) -> None:
+            total[:3] += force
+            total[3:] += moment + np.cross(place - data.com[0], force)
+
+        act(data.com[0], sum(i.mass for i in model.inertias) * np.asarray(model.gravity.linear), np.zeros(3))
+        for base in ("crank", "slider"):
+            wrench, turn = found.reactions[row, names.index(base)], pose[base][1]
+            act(pose[base][0], turn @ wrench[:3], turn @ wrench[3:])
+        way = np.array([0.5, 0.3, -0.4]) - pose["side"][0]
+        length = np.linalg.norm(way)
+        slope = way @ -robot.frame_velocity("side", q, v)[0] / length
+        act(pose["side"][0], (300.0 * (length - 0.2) + 9.0 * slope) * way / length, np.zeros(3))
+        turn = pose["tip"][1]
+        act(pose["tip"][0], turn @ [30, -20, 50], turn @ [1, 2, 3])
+        fx, fz, mz = (np.interp(t, table[:, 0], table[:, k]) for k in (1, 2, 3))
+        act(pose["tip"][0], np.array([fx, 0.0, 1000.0 * fz]), np.array([0.0, 0.0, mz]))
+        np.testing.assert_allclose(total, rate, rtol=0, atol=1e-9 * np.abs(found.reactions[row]).max())
+
+
+# ---- holding
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 0.25])
+@pytest.mark.parametrize(
+    "kinds",
+    [("joint_spring", "damper"), ("spring_to_world", "friction"), ("wrench_frame", "torque"), ("spring_between", "wrench_hold", "torque_cubic")],
+)  # fmt: skip
+def test_holding_torques_with_forces_are_the_worst_of_a_dense_grid_of_postures_and_times(
+    folder: Path, kinds: tuple[str, ...], tolerance: float
+) -> None:
+    scene = loaded(folder, "open", *kinds)
+    sizing = bc.size(scene, scene.motion("stay"), mass_tolerance=tolerance)
+    mechanism = bc.scene_inverse_dynamics(scene, "stay").mechanism
+    both = np.stack(np.meshgrid(np.linspace(-1.5, 2.5, 161), np.linspace(-1.5, 2.5, 161)), axis=-1).reshape(-1, 2)
+    still = np.zeros_like(both)
+    worst = np.zeros(2)
+    times = np.linspace(0.0, 3.0, 61) if scene.signal_sources else np.zeros(1)
+    for t in times:
+        torque = np.abs(mechanism.torques(np.full(len(both), t), both, still, still)[0])
+        torque += tolerance * np.abs(scene.robot.link_torques(both, still, still)).sum(axis=1)
+        worst = np.maximum(worst, torque.max(axis=0))
+    found = np.array([line.holding_torque for line in sizing.joints])
+    assert np.all(found >= worst * (1.0 - 1e-12))
+    np.testing.assert_allclose(found, worst, rtol=2e-3)  # a grid of 0.025 rad or m and 0.05 s stops short
+    quiet = bc.size(loaded(folder, "open"), scene.motion("stay"), mass_tolerance=tolerance)
+    assert not np.allclose(found, [line.holding_torque for line in quiet.joints], rtol=1e-3)
+
+
+def test_dampers_and_friction_hold_nothing(folder: Path) -> None:
+    scene = loaded(folder, "open", "damper", "friction")
+    sizing, quiet = (bc.size(each, scene.motion("go")) for each in (scene, loaded(folder, "open")))
+    for line, other in zip(sizing.joints, quiet.joints, strict=True):
+        assert line.holding_torque == pytest.approx(other.holding_torque, rel=1e-12)
+        assert line.name == "turn" or line.peak_torque > 1.3 * other.peak_torque
+
+
+def test_a_linkage_s_holding_torque_counts_springs_and_wrenches_at_the_postures_of_its_motion(folder: Path) -> None:
+    scene = loaded(folder, "closed", "spring_to_world", "wrench_world", "damper")
+    found = bc.scene_inverse_dynamics(scene, "go")
+    energy = scene.robot.energy(found.position, np.zeros_like(found.velocity))[1]
+    side, tip = scene.robot.frame_pose("side", found.position)[0], scene.robot.frame_pose("tip", found.position)
+    length = np.linalg.norm(side - [0.5, 0.3, -0.4], axis=1)
+    energy = energy + 0.5 * 300.0 * (length - 0.2) ** 2 - tip[0] @ [30.0, -20.0, 50.0]
+    angle = found.position[:, scene.robot.joint("crank").q]
+    rod = angle + found.position[:, scene.robot.joint("rod").q]
+    slope = np.gradient(energy - 3.0 * rod, angle)[2:-2]  # the wrench's moment of 3 N m turns the rod by that
+    held_by = bc.size(scene, found.motion).joint("crank").holding_torque
+    assert held_by == pytest.approx(np.nanmax(np.abs(slope[np.isfinite(slope)])), rel=5e-3)

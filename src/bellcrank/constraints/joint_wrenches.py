@@ -27,7 +27,9 @@ def joint_wrenches(scene: Scene) -> casadi.Function:
     import casadi
 
     s = Symbols(scene.robot, scene.parameters, scene.frames)
-    given = [item for force in scene.forces for item in force.wrenches(s)]  # first: so signals keep the scene's order
+    for source in scene.signal_sources:  # all of them, in the order of the scene's signals
+        s.signal(source)
+    given = [item for force in scene.forces for item in force.wrenches(s)]
     kept = rows_that_bind(scene, s).kept if scene.closures else ()
     a, multipliers = casadi.SX.sym("a", scene.robot.nv), casadi.SX.sym("lambda", len(kept))
     tree = s.algorithm("reactions")(s.q, s.v, a, s.tracer_parameters)
