@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,10 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
+from bellcrank.cli import main
+from bellcrank.constraints.mechanism import mechanism_of
 from bellcrank.motion.csv_file import write_motion
+from bellcrank.sizing.table import table
 
 LINK = (
     '<link name="{name}"><inertial><origin xyz="{at}"/><mass value="{mass}"/><inertia ixx="0.02" iyy="0.05" izz="0.04" '
@@ -49,7 +53,7 @@ CRANK = (
     )
     + "</robot>"
 )
-DRIVE = "{ratio: 50, rated_torque: 1, peak_torque: 4, rated_speed: 300, max_speed: 500, rotor_inertia: 1.0e-4}"
+DRIVE = "{ratio: 50, rated_torque: 4, peak_torque: 9, rated_speed: 300, max_speed: 500, rotor_inertia: 1.0e-4}"
 SCENES = {
     "open": f"""
 urdf: arm.urdf
@@ -353,3 +357,188 @@ def test_a_linkage_s_holding_torque_counts_springs_and_wrenches_at_the_postures_
     slope = np.gradient(energy - 3.0 * rod, angle)[2:-2]  # the wrench's moment of 3 N m turns the rod by that
     held_by = bc.size(scene, found.motion).joint("crank").holding_torque
     assert held_by == pytest.approx(np.nanmax(np.abs(slope[np.isfinite(slope)])), rel=5e-3)
+
+
+# ---- sizing
+
+
+def test_size_over_a_run_made_with_forces_gives_the_actuators_of_that_run(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for shape in ("open", "closed"):
+        kinds = ("joint_spring", "spring_to_world", "damper", "torque_cubic", "wrench_frame")
+        scene = loaded(folder, shape, *kinds)
+        drives = [{"name": f"drive_{j}", "kind": "drive", "joint": j, "motion": "go"} for j in MOTORS[shape]]
+        closures = [*scene.data.get("closures", []), *drives]
+        at_start = {"initial": {"turn": 0.2, "slide": 0.1}} if shape == "open" else {}
+        run = bc.simulate(scene.with_overrides({"closures": closures, **at_start}), duration=2.0, rtol=1e-11, atol=1e-11,
+                          samples=401)  # fmt: skip
+        run.to_csv(tmp_path / "run.csv")
+        import yaml
+
+        path = folder / f"{shape}_driven.yaml"
+        path.write_text(yaml.safe_dump({**scene.data, "closures": closures, **at_start}))
+        monkeypatch.chdir(tmp_path)
+        assert main(["size", str(path), "--motion", "run.csv", "--no-plots", "--out", shape]) == 0
+        out = capsys.readouterr().out
+        assert "forces joint_spring 'joint_spring', spring 'spring_to_world', damper 'damper'" in out
+        assert f"torque 'torque_cubic' of the scene acts on joint '{JOINT_OF[shape]}' besides the motor" in out
+        assert "its table ends at 1.6 s and motion 'run' at 2 s; in between the last value is held" in out
+        report = json.loads((tmp_path / shape / "sizing.json").read_text(encoding="utf-8"))
+        assert [force["name"] for force in report["forces"]] == list(kinds)
+        names = [name for name, _ in run.scene.system.multiplier_names]
+        for joint in report["joints"]:
+            v = scene.robot.joint(joint["name"]).v
+            wanted = run.multipliers[:, names.index(f"drive_{joint['name']}")]
+            wanted = wanted - scene.robot.rotor_inertia[v] * run.acceleration[:, v]
+            assert joint["peaks"]["max_torque"]["value"] == pytest.approx(wanted.max(), rel=2e-3)
+            assert joint["peaks"]["min_torque"]["value"] == pytest.approx(wanted.min(), rel=2e-3)
+            history = (tmp_path / shape / "history_run.csv").read_text().splitlines()
+            column = [title.split(" [")[0] for title in history[0].split(",")].index(f"{joint['name']} torque")
+            table = np.loadtxt(history[1:], delimiter=",")
+            np.testing.assert_allclose(table[:, column], wanted, rtol=0, atol=1e-6 * np.abs(wanted).max())
+
+
+SLIDER = (
+    '<robot name="slider"><link name="base"/><link name="block"><inertial><mass value="2"/><inertia ixx="1" iyy="1" '
+    'izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="slide" type="prismatic"><parent link="base"/>'
+    '<child link="block"/><axis xyz="1 0 0"/><limit lower="-2" upper="2" effort="100" velocity="9"/></joint></robot>'
+)
+
+
+def slider(path: Path, *forces: dict[str, Any], motion: str = "") -> bc.Scene:
+    (path / "slider.urdf").write_text(SLIDER)
+    motion = motion or "{kind: waypoints, times: [0, 4], positions: [{slide: 0}, {slide: 1}], samples: 5}"
+    text = f"urdf: slider.urdf\nmotions:\n  go: {motion}\n  stay: {{kind: dwell, position: {{}}, duration: 4}}\n"
+    (path / "slider.yaml").write_text(text)
+    return bc.load_scene(path / "slider.yaml", {"forces": list(forces)})
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "hold"])
+def test_jumps_of_tables_between_the_rows_of_a_motion_are_seen_from_both_sides(
+    tmp_path: Path, interpolation: str
+) -> None:
+    (tmp_path / "push.csv").write_text("time [s],force x [N]\n0,3\n1.234,3\n1.235,40\n1.2351,-70\n3.3,5\n")
+    push = {"name": "push", "kind": "wrench", "frame": "block", "file": "push.csv", "interpolation": interpolation}
+    scene = slider(tmp_path, push)
+    line = bc.size(scene, scene.motion("stay")).joint("slide")
+    assert (line.max_torque, line.min_torque) == (70.0, -40.0) and line.holding_torque == 70.0
+    if interpolation == "hold":
+        square = 1.235 * 9.0 + 1e-4 * 1600.0 + (3.3 - 1.2351) * 4900.0 + 0.7 * 25.0
+    else:
+        pieces = [(1.234, 3, 3), (1e-3, 3, 40), (1e-4, 40, -70), (3.3 - 1.2351, -70, 5), (0.7, 5, 5)]
+        square = sum(h * (a * a + a * b + b * b) / 3.0 for h, a, b in pieces)
+    assert line.rms_torque == pytest.approx(np.sqrt(square / 4.0), rel=1e-12)
+
+
+def test_a_friction_element_s_jump_at_a_reversal_is_resolved(tmp_path: Path) -> None:
+    rub = {"name": "rub", "kind": "friction", "joint": "slide", "coulomb": 30.0, "width": 1e-4}
+    back = "{kind: waypoints, times: [0, 1.1, 2], positions: [{slide: 0}, {slide: 1}, {slide: 0.2}], samples: 41}"
+    scene = slider(tmp_path, rub, motion=back)
+    motion = scene.motion("go")
+    line = bc.size(scene, motion).joint("slide")
+    t = np.linspace(0.0, 2.0, 2_000_001)
+    _, v, a = motion.at(t)
+    force = 2.0 * a[:, 0] + 30.0 * v[:, 0] / np.sqrt(v[:, 0] ** 2 + 1e-8)
+    assert line.max_torque == pytest.approx(force.max(), rel=1e-6) and line.min_torque == pytest.approx(
+        force.min(), rel=1e-6
+    )
+    assert line.rms_torque == pytest.approx(np.sqrt(np.mean(force**2)), rel=1e-4)
+    assert 0.0 < line.friction_share <= 1.0
+
+
+def test_a_wrench_s_table_pushes_a_simulated_block_as_its_polynomials_say(tmp_path: Path) -> None:
+    (tmp_path / "push.csv").write_text("time [s],force x [kN],torque y [N m]\n0,0,5\n2,0.004,5\n")
+    push = {"name": "push", "kind": "wrench", "frame": "block", "file": "push.csv"}
+    run = bc.simulate(slider(tmp_path, push), duration=3.0, rtol=1e-11, atol=1e-11, samples=7)
+    t = run.time  # F = 2 t up to 2 s, then 4 N, on 2 kg
+    x = np.where(t <= 2.0, t**3 / 6.0, 8.0 / 6.0 + 2.0 * (t - 2.0) + (t - 2.0) ** 2)
+    np.testing.assert_allclose(run.position[:, 0], x, atol=1e-9)
+    assert any("its table ends at 2 s and the run at" in note for note in run.scene.notes)
+
+
+@pytest.mark.parametrize(
+    ("table", "keys", "message"),
+    [
+        ("time [s],force_x [N]\n0,1\n1,2\n", {}, "no column of a wrench 'force_x'; did you mean 'force x'"),
+        ("time [s],force x [N],temperature [C]\n0,1,2\n1,2,2\n", {}, "no column of a wrench 'temperature'"),
+        ("time [s]\n0\n1\n", {}, "there is no column of a wrench; expected one of force x"),
+        ("time [s],force x\n0,1\n1,2\n", {}, "column 'force x' has no unit; write 'force x \\[N\\]'"),
+        ("time [s],force x [N m]\n0,1\n1,2\n", {}, "column 'force x' is in 'N m', expected"),
+        ("time [s],torque z [N]\n0,1\n1,2\n", {}, "column 'torque z' is in 'N', expected"),
+        ("time [s],force x [N]\n0,1\n0,2\n", {}, "time must increase"),
+        ("time [s],force x [N]\n0,1\n1,nan\n", {}, "line 3, column 'force x \\[N\\]': 'nan' is not a finite number"),
+        ("time [s],force x [N],force x [N]\n0,1,1\n1,2,1\n", {}, "stands twice"),
+        ("time [s],force x [N]\n0,1\n1,2\n", {"force": [1, 0, 0]}, "takes its force from the 'file'"),
+        (None, {"file": None, "force": [1, 0, 0], "interpolation": "hold"}, "a constant wrench has no interpolation"),
+        (None, {}, "cannot be read"),
+    ],
+)  # fmt: skip
+def test_a_wrench_s_table_that_cannot_be_meant_is_refused(
+    tmp_path: Path, table: str | None, keys: dict[str, Any], message: str
+) -> None:
+    if table is not None:
+        (tmp_path / "w.csv").write_text(table)
+    force = {"name": "w", "kind": "wrench", "frame": "block", "file": "w.csv", **keys}
+    with pytest.raises(bc.InputError, match=message):
+        slider(tmp_path, {key: value for key, value in force.items() if value is not None})
+
+
+def test_a_controller_does_not_count_and_is_named(folder: Path) -> None:
+    control = [{"name": "keep", "kind": "pd", "joints": ["turn"], "target": {"turn": 1.0}, "kp": 500.0, "kd": 20.0}]
+    scene = loaded(folder, "open", "damper", control=control)
+    with_control, without = (bc.scene_inverse_dynamics(s, "go") for s in (scene, loaded(folder, "open", "damper")))
+    assert np.array_equal(with_control.torque, without.torque)
+    (note,) = with_control.notes
+    assert (
+        note.startswith("control 'keep' of the scene does not count")
+        and note in bc.size(scene, scene.motion("go")).warnings
+    )
+
+
+def test_payloads_and_forces_count_together(folder: Path) -> None:
+    scene = loaded(folder, "open", "spring_between", "wrench_linear")
+    heavy = scene.with_overrides({"payloads": [{"mass": 4.0, "frame": "tip"}]})
+    sized = bc.size(
+        mechanism_of(scene, scene.card.robot([bc.Payload(4.0, "tip")])), scene.motion("go"), scene.card.drives
+    )
+    wanted = held(heavy, "open", "go", TIMES)
+    found = bc.scene_inverse_dynamics(heavy, "go")
+    at_times = found.mechanism.torques(TIMES, *found.motion.at(TIMES))[0]
+    np.testing.assert_allclose(at_times, wanted, rtol=0, atol=1e-8 * np.abs(wanted).max())
+    assert sized.joint("slide").max_torque == pytest.approx(found.torque[:, 1].max(), rel=1e-3)
+    assert sized.payloads == ((4.0, "tip"),)
+
+
+def test_a_free_base_s_joints_are_sized_under_forces_and_the_base_is_named(tmp_path: Path) -> None:
+    (tmp_path / "slider.urdf").write_text(SLIDER)
+    text = "urdf: slider.urdf\nfloating_base: true\nmotions: {stay: {kind: dwell, position: {}, duration: 1}}\n"
+    (tmp_path / "free.yaml").write_text(text)
+    force = {"name": "w", "kind": "wrench", "frame": "block", "force": [7, 0, 3]}
+    scene = bc.load_scene(tmp_path / "free.yaml", {"forces": [force]})
+    found = bc.scene_inverse_dynamics(scene, "stay")
+    assert found.actuated == ("slide",)
+    np.testing.assert_allclose(found.torque, -7.0, atol=1e-12)
+    assert found.equation_residual() > 0.5  # nothing holds the base against weight and push
+    assert any("several degrees of freedom" in warning for warning in bc.size(scene, found.motion).warnings)
+
+
+def test_a_counterbalance_spring_and_process_forces_change_the_sizing(tmp_path: Path) -> None:
+    scene = bc.load_scene("planar_2r")
+    spring = {"name": "balance", "kind": "joint_spring", "joint": "shoulder", "stiffness": 200.0}
+    sprung = bc.load_scene("planar_2r", {"forces": [spring]})
+    for name in ("elbow_up", "elbow_down"):
+        plain, found = (bc.scene_inverse_dynamics(each, name) for each in (scene, sprung))
+        np.testing.assert_allclose(found.torque - plain.torque, found.position * [200.0, 0.0], atol=1e-9)
+    sizing = bc.size(sprung, [sprung.motion("elbow_up")], sprung.card.drives)
+    assert sizing.joint("shoulder").peak_torque > 1.5 * 168.3 and "forces joint_spring 'balance'" in table(sizing)
+
+
+def test_the_mechanism_of_an_unknown_motion_or_joint_is_refused(folder: Path) -> None:
+    scene = loaded(folder, "open", "damper")
+    with pytest.raises(bc.InputError, match="did you mean 'stay'"):
+        bc.scene_inverse_dynamics(scene, "stya")
+    with pytest.raises(bc.InputError, match="all are independent: turn, slide; leave it out"):
+        bc.scene_inverse_dynamics(scene, "stay", independent=["turn"])
+    with pytest.raises(bc.InputError, match="actuated leaves out slide"):
+        bc.scene_inverse_dynamics(scene, "stay", actuated=["turn"])

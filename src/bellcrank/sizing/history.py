@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 def joint_torques(
-    mechanism: Mechanism,
+    robot: Robot | Mechanism,
     joints: Sequence[RobotJoint],
     drives: Mapping[str, Drive],
     time: Array,
@@ -35,6 +35,7 @@ def joint_torques(
     drive that of the gear's output, without the rotor's own inertia. Where a time stands twice, its first row is the
     limit from before.
     """
+    mechanism = mechanism_of(robot)
     every = mechanism.torques(force_times(time), q, v, a)[0]
     places = {joint.name: k for k, joint in enumerate(mechanism.motors)}
     found = np.zeros((len(time), len(joints)))
