@@ -66,7 +66,13 @@ def mechanism_notes(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def motion_notes(mechanism: Mechanism, motion: Motion) -> Iterator[str]:
-    """A sentence for each table that does not cover a motion."""
+    """A sentence for each table that does not cover a motion, and for a frame's path where parameters change lengths."""
+    moved = _changed_lengths(mechanism)
+    if moved and _follows_frame(mechanism, motion.name):
+        yield (
+            f"motion '{motion.name}' was made from a frame's path with the lengths of the URDF, which the parameters "
+            f"{', '.join(moved)} change: the frame's path is another; write the motion in joint positions"
+        )
     begin, end = float(motion.time[0]), float(motion.time[-1])
     for force in mechanism.equations.forces:
         if force.source is None:
@@ -83,6 +89,34 @@ def motion_notes(mechanism: Mechanism, motion: Motion) -> Iterator[str]:
                 f"{who} begins at {first:.6g} s and motion '{motion.name}' at {begin:.6g} s; in between the first "
                 "value is held"
             )
+
+
+def _changed_lengths(mechanism: Mechanism) -> list[str]:
+    """The parameters that give a joint or frame another place than the URDF or the card."""
+    scene = mechanism.equations.scene
+    if scene is None:
+        return []
+    frames = scene.robot.equations.tree.frames
+    found = []
+    for name, parameter in scene.parameters.items():
+        for frame, what in parameter.places:
+            if what < 6:
+                now = [*frames[frame]["in_parent"]["translation"], *frames[frame]["rpy"]][what]
+                if abs(parameter.value - now) > 1e-9 * max(1.0, abs(now)) and name not in found:
+                    found.append(name)
+    return found
+
+
+def _follows_frame(mechanism: Mechanism, name: str) -> bool:
+    """Whether a motion of the scene is made from the path of a frame, wholly or in part."""
+    entries = {} if mechanism.scene is None else mechanism.scene.card.motions
+    if name not in entries:
+        return False
+    entry = entries[name]
+    if entry.kind == "join":
+        parts = [entries[part] if isinstance(part, str) else part for part in entry.arguments["parts"]]
+        return any(part.kind in ("circle", "line") for part in parts)
+    return entry.kind in ("circle", "line")
 
 
 def force_breaks(mechanism: Mechanism) -> Array:

@@ -1,9 +1,10 @@
 """Largest values and integrals of quantities along a motion, refined between its samples.
 
 The time between samples is divided into parts, at the reversals of every joint too, where friction and the
-losses of a gear jump, and at the rows of tables of forces, where these may jump. Integrals are Gauss-Legendre sums
-over the three inner points of each part; the local maxima of all points are brackets that are narrowed until the value
-no longer changes.
+losses of a gear jump, at the rows of tables of forces, where these may jump, and further where torques change fast
+(friction, stiff springs), until halving a part no longer changes the integral of their squares. Integrals are
+Gauss-Legendre sums over the three inner points of each part; the local maxima of all points are brackets that are
+narrowed until the value no longer changes.
 """
 
 from __future__ import annotations
@@ -19,12 +20,18 @@ from bellcrank.motion.motion import Motion
 Array = NDArray[np.float64]
 Quantities = Callable[[Array, Array, Array, Array], Mapping[str, Array]]  # (t, q, v, a) -> name: (n, k)
 
+Torque = Callable[[Array, Array, Array, Array], Array]  # (t, q, v, a) -> (n, k)
+
 FINEST = 300  # parts of a whole motion that the grid has at least
 CANDIDATES = 6  # local maxima that are refined for each quantity
 PROBES = 9  # points that divide a bracket
 _GAUSS = 0.5 * np.sqrt(0.6)
 _NODES = np.array([0.0, 0.5 - _GAUSS, 0.5, 0.5 + _GAUSS, 1.0])
 _WEIGHTS = np.array([0.0, 5.0, 8.0, 5.0, 0.0]) / 18.0
+HALVINGS = 16  # of a part, at most
+SETTLED = 1e-9  # of the whole integral of a squared torque: a part that halving changes by less is fine enough
+NOISE = 1e-12  # of the largest integral of a squared torque: smaller ones need not settle
+MOST_PARTS = 30_000  # of a motion's grid that halving may lead to
 NARROWINGS = 13  # each divides the bracket by (PROBES − 1) / 2
 
 
@@ -43,12 +50,18 @@ class Grid:
     weight: Array
 
 
-def grid_along(motion: Motion, probes: Array | None = None, breaks: Array | None = None) -> Grid:
+def grid_along(
+    motion: Motion, probes: Array | None = None, breaks: Array | None = None, torque: Torque | None = None
+) -> Grid:
     """The grid of a motion; both limits of every jump of acceleration are in it, and of forces at `breaks` (s).
+
+    Its parts are halved where `torque` changes too fast for them.
 
     `probes` are times (s) to be looked at besides, for instance just beside a reversal; they carry no weight.
     """
     low, high = _parts(motion, np.zeros(0) if breaks is None else breaks)
+    if torque is not None:
+        low, high = _halved(motion, torque, low, high)
     length, last = high - low, len(_NODES) - 1
     time = (low[:, None] + length[:, None] * _NODES).ravel()
     weight = (length[:, None] * _WEIGHTS).ravel()
@@ -96,6 +109,34 @@ def _parts(motion: Motion, breaks: Array) -> tuple[Array, Array]:
         low, high = np.where(before, middle, low), np.where(before, high, middle)
     edges = np.unique(np.concatenate([edges, low]))
     return edges[:-1], edges[1:]
+
+
+def _halved(motion: Motion, torque: Torque, low: Array, high: Array) -> tuple[Array, Array]:
+    """The parts, halved until the Gauss-Legendre sum of each squared torque over a part is that over its halves."""
+
+    def squares(low: Array, high: Array) -> Array:
+        time = (low[:, None] + (high - low)[:, None] * _NODES[1:-1]).ravel()
+        values = torque(time, *motion.at(time)).reshape(len(low), 3, -1)
+        return np.asarray((high - low)[:, None] * np.einsum("j,njk->nk", _WEIGHTS[1:-1], values**2))
+
+    sums = squares(low, high)
+    whole = sums.sum(axis=0)
+    whole = np.maximum(whole, NOISE * whole.max(initial=0.0) + 1e-300)
+    done: list[tuple[Array, Array]] = []
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        left, right = squares(low, middle), squares(middle, high)
+        coarse = (np.abs(left + right - sums) > SETTLED * whole).any(axis=1) & (low < middle) & (middle < high)
+        done.append((low[~coarse], high[~coarse]))
+        low, middle, high = low[coarse], middle[coarse], high[coarse]
+        if not len(low) or sum(len(part) for part, _ in done) + 2 * len(low) > MOST_PARTS:
+            break
+        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+        sums = np.concatenate([left[coarse], right[coarse]])
+    done.append((low, high))
+    low, high = (np.concatenate([part[k] for part in done]) for k in (0, 1))
+    order = np.argsort(low)
+    return low[order], high[order]
 
 
 def reversal_times(motion: Motion, rough: Sequence[tuple[int, float]]) -> Array:

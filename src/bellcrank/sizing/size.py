@@ -217,7 +217,8 @@ def _renamed(motions: list[Motion]) -> list[Motion]:
 
 def _size_one(loads: Loads, motion: Motion) -> tuple[dict[str, list[Peak]], list[Cycle]]:
     mechanism = loads.mechanism
-    grid = grid_along(motion, reversal_times(motion, coulomb_widths(mechanism)), force_breaks(mechanism))
+    probes = reversal_times(motion, coulomb_widths(mechanism))
+    grid = grid_along(motion, probes, force_breaks(mechanism), loads.nominal)
     values, largest = maxima(motion, grid, loads.forces)
     for more in (loads.reactions, loads.inertia):
         largest |= maxima(motion, grid, more)[1]
