@@ -14,6 +14,7 @@ from bellcrank.scene.joint_forces import Friction, JointForce, Torque
 from bellcrank.scene.notes import table_span
 
 if TYPE_CHECKING:
+    from bellcrank.card.motions import MotionEntry
     from bellcrank.constraints.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
     from bellcrank.scene.part import Part
@@ -66,7 +67,7 @@ def mechanism_notes(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def motion_notes(mechanism: Mechanism, motion: Motion) -> Iterator[str]:
-    """A sentence for each table that does not cover a motion, and for a frame's path where parameters change lengths."""
+    """A sentence for each table that does not cover a motion, and for a frame's path if parameters change lengths."""
     moved = _changed_lengths(mechanism)
     if moved and _follows_frame(mechanism, motion.name):
         yield (
@@ -110,13 +111,13 @@ def _changed_lengths(mechanism: Mechanism) -> list[str]:
 def _follows_frame(mechanism: Mechanism, name: str) -> bool:
     """Whether a motion of the scene is made from the path of a frame, wholly or in part."""
     entries = {} if mechanism.scene is None else mechanism.scene.card.motions
-    if name not in entries:
-        return False
-    entry = entries[name]
-    if entry.kind == "join":
-        parts = [entries[part] if isinstance(part, str) else part for part in entry.arguments["parts"]]
-        return any(part.kind in ("circle", "line") for part in parts)
-    return entry.kind in ("circle", "line")
+
+    def follows(entry: MotionEntry) -> bool:
+        if entry.kind != "join":
+            return entry.kind in ("circle", "line")
+        return any(follows(entries[part] if isinstance(part, str) else part) for part in entry.arguments["parts"])
+
+    return name in entries and follows(entries[name])
 
 
 def force_breaks(mechanism: Mechanism) -> Array:
