@@ -275,7 +275,7 @@ def test_size_of_a_linkage_is_its_motor_along_its_motions(tmp_path, monkeypatch,
     assert crank["holding"]["torque"] == pytest.approx(np.abs(slope).max(), rel=0.01)
     kinetic = scene.robot.energy(found.position, found.velocity)[0][100]
     inertia = 2.0 * kinetic / found.velocity[100, 0] ** 2
-    assert Linkage(scene).inertia(found.position)[100] == pytest.approx([inertia], rel=1e-9)
+    assert Linkage(scene).inertia(found.time, found.position)[100] == pytest.approx([inertia], rel=1e-9)
     assert crank["peaks"]["largest_inertia"]["value"] >= inertia * (1.0 - 1e-9)
     names = {path.name for path in (tmp_path / "sized").iterdir()}
     assert {"history_unfold.csv", "over_time_unfold.png", "torque_speed.png"} <= names
@@ -302,7 +302,7 @@ def test_heavier_links_and_payloads_make_the_worst_case_of_a_linkage(tmp_path):
     motion = linkage.motion("unfold")
     nominal, worst = bc.size(linkage, motion), bc.size(linkage, motion, mass_tolerance=0.1)
     q, v, a = motion.position, motion.velocity, motion.acceleration
-    shares = linkage.link_torques(q, v, a)
+    shares = linkage.link_torques(motion.time, q, v, a)
     torque = linkage.torques(motion.time, q, v, a)[0]
     np.testing.assert_allclose(shares.sum(axis=1), torque, atol=1e-9)
     bound = np.abs(torque) + 0.1 * np.abs(shares).sum(axis=1)

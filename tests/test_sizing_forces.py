@@ -200,7 +200,7 @@ def test_parameters_count_at_their_values_with_all_forces_together(folder: Path)
     plain = bc.scene_inverse_dynamics(loaded(folder, "open", *EVERY), "go").torque
     assert np.abs(plain - found.torque).max() > 0.1 * np.abs(plain).max()
     q, v, a = found.position, found.velocity, found.acceleration
-    shares = found.mechanism.link_torques(q, v, a)
+    shares = found.mechanism.link_torques(found.time, q, v, a)
     rest = found.mechanism.equations.friction(found.time, q, v) - scene.robot.friction_torque(v)
     without = bc.scene_inverse_dynamics(
         scene.with_overrides({"forces": [], "parameters": dict(list(PARAMETERS.items())[:3])}), "go"
@@ -208,8 +208,11 @@ def test_parameters_count_at_their_values_with_all_forces_together(folder: Path)
     assert np.abs(rest).max() > 1.0  # friction elements are part of the share of friction
     rotor = scene.robot.rotor_inertia * a
     np.testing.assert_allclose(shares.sum(axis=1), without.torque - scene.robot.friction_torque(v) - rotor, atol=1e-9)
-    mass = without.mechanism.inertia(q)
-    assert np.abs(mass - bc.scene_inverse_dynamics(loaded(folder, "open"), "go").mechanism.inertia(q)).max() > 1.0
+    mass = without.mechanism.inertia(found.time, q)
+    assert (
+        np.abs(mass - bc.scene_inverse_dynamics(loaded(folder, "open"), "go").mechanism.inertia(found.time, q)).max()
+        > 1.0
+    )
 
 
 def test_a_parameter_of_a_linkage_counts_in_sizing(folder: Path) -> None:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from bellcrank.constraints.chain import Chain
 from bellcrank.constraints.guided import guided_motion
 from bellcrank.constraints.joint_wrenches import joint_wrenches
-from bellcrank.errors import InputError
 from bellcrank.motion.motion import Motion
 from bellcrank.robot.robot import Robot, RobotJoint
 
@@ -66,17 +65,17 @@ class Linkage:
         """The motors' torques (n, k), rotors in them, and the closures' multipliers (n, rows)."""
         return self.chain.torques(t, q, v, a)
 
-    def link_torques(self, q: Array, v: Array, a: Array) -> Array:
+    def link_torques(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """How much of the motors' torques each link's mass and inertia cause, (n, links, k)."""
-        return np.asarray(np.einsum("nkv,nlv->nlk", self._shares(q, v), self.equations.link_torques(q, v, a)))
+        return np.asarray(np.einsum("nkv,nlv->nlk", self._shares(t, q), self.equations.link_torques(q, v, a)))
 
-    def inertia(self, q: Array) -> Array:
+    def inertia(self, t: Array, q: Array) -> Array:
         """The diagonal of P M Pᵀ (n, k), rotors in it."""
-        shares = self._shares(q, np.zeros((len(q), self.robot.nv)))
+        shares = self._shares(t, q)
         return np.asarray(np.einsum("nkv,nvw,nkw->nk", shares, self.equations.mass_matrix(q), shares))
 
-    def _shares(self, q: Array, v: Array) -> Array:
-        return self.chain.shares(self.chain.closed(np.zeros(len(q)), q, v)[2])
+    def _shares(self, t: Array, q: Array) -> Array:
+        return self.chain.shares(self.chain.closed(t, q, np.zeros((len(q), self.robot.nv)))[2], t)
 
     def reactions(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """The wrench (n, joints, 6) through each joint of the tree, what closures and forces put on the links in it."""
@@ -97,8 +96,3 @@ class Linkage:
         left[:, self._columns] -= torque
         worst, scale = float(np.abs(left).max()), float(np.abs(need).max())
         return float(np.abs(gap).max(initial=0.0)), worst / scale if scale else (0.0 if worst == 0.0 else float("inf"))
-
-    def refuse_moving_closures(self) -> None:
-        """Refuse closures that move with time, whose torques at a posture depend on it (InputError)."""
-        if self.chain.scene.signal_sources:
-            raise InputError(f"{self.scene.source}: sizing takes closures that do not move with time")

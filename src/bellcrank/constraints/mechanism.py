@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.constraints.joint_relations import Drive
+from bellcrank.errors import InputError
 from bellcrank.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -60,10 +61,10 @@ class Mechanism(Protocol):
     def torques(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         """The motors' torques (n, k), rotors in them, and the closures' multipliers (n, rows)."""
 
-    def link_torques(self, q: Array, v: Array, a: Array) -> Array:
+    def link_torques(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """How much of the motors' torques each link's mass and inertia cause, (n, links, k)."""
 
-    def inertia(self, q: Array) -> Array:
+    def inertia(self, t: Array, q: Array) -> Array:
         """The inertia (n, k) that each motor feels when the others do not turn it: M_ii, rotors in it."""
 
     def reactions(self, t: Array, q: Array, v: Array, a: Array) -> Array:
@@ -89,6 +90,10 @@ def mechanism_of(
     if isinstance(given, OpenChain | Linkage):
         return given
     if not isinstance(given, Scene):
+        if not hasattr(given, "joints"):
+            raise InputError(
+                f"expected a robot, a scene or a linkage, found a {type(given).__name__}; bc.load_scene reads one"
+            )
         return OpenChain(cast(Robot, given))
     if any(not isinstance(closure, Drive) for closure in given.closures):
         return Linkage(given, robot, actuated)

@@ -76,11 +76,11 @@ class OpenChain:
         """The motors' torques (n, k), and no multipliers (n, 0)."""
         return self.equations.needed(t, q, v, a)[:, self._columns], np.zeros((len(t), 0))
 
-    def link_torques(self, q: Array, v: Array, a: Array) -> Array:
+    def link_torques(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """How much of the motors' torques each link's mass and inertia cause, (n, links, k)."""
         return self.equations.link_torques(q, v, a)[:, :, self._columns]
 
-    def inertia(self, q: Array) -> Array:
+    def inertia(self, t: Array, q: Array) -> Array:
         """M_ii (n, k), rotors in it."""
         return np.diagonal(self.equations.mass_matrix(q), axis1=-2, axis2=-1)[:, self._columns]
 

@@ -78,7 +78,7 @@ def along_motions(mechanism: Mechanism, motions: Sequence[Motion], mass_toleranc
         none = np.zeros_like(v)
         torque = np.abs(mechanism.torques(t, q, none, none)[0])
         if mass_tolerance:
-            torque = torque + mass_tolerance * np.abs(mechanism.link_torques(q, none, none)).sum(axis=1)
+            torque = torque + mass_tolerance * np.abs(mechanism.link_torques(t, q, none, none)).sum(axis=1)
         return {"holding": torque}
 
     breaks = force_breaks(mechanism)
@@ -158,7 +158,7 @@ class _Static:
                 low = np.minimum(low, base + more.min(axis=1))
                 high = np.maximum(high, base + more.max(axis=1))
         if self.tolerance:
-            spread = self.tolerance * np.abs(self.chain.link_torques(q, still, still)).sum(axis=1)
+            spread = self.tolerance * np.abs(self.chain.link_torques(now, q, still, still)).sum(axis=1)
             low, high = low - spread, high + spread
         return low, high
 

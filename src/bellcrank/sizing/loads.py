@@ -52,7 +52,7 @@ class Loads:
         nominal = self.nominal(t, q, v, a)
         if self.tolerance == 0.0:
             return nominal, nominal
-        spread = self.tolerance * np.abs(self.mechanism.link_torques(q, v, a)).sum(axis=1)
+        spread = self.tolerance * np.abs(self.mechanism.link_torques(t, q, v, a)).sum(axis=1)
         return nominal - spread, nominal + spread
 
     def forces(self, t: Array, q: Array, v: Array, a: Array) -> dict[str, Array]:
@@ -107,4 +107,4 @@ class Loads:
 
     def inertia(self, t: Array, q: Array, v: Array, a: Array) -> dict[str, Array]:
         """M_ii (n, k), a drive's rotor left out."""
-        return {"largest_inertia": self.mechanism.inertia(q) - self.rotor}
+        return {"largest_inertia": self.mechanism.inertia(t, q) - self.rotor}
