@@ -575,3 +575,37 @@ def test_a_frame_s_path_is_said_to_be_another_where_parameters_change_lengths() 
         assert (
             any("'elbow_up' was made from a frame's path" in note and "reach" in note for note in found.notes) == told
         )
+
+
+def test_a_saved_run_keeps_the_table_of_its_wrench(tmp_path: Path) -> None:
+    (tmp_path / "push.csv").write_text("time [s],force x [N]\n0,1\n1,5\n2,-3\n")
+    push = {"name": "push", "kind": "wrench", "frame": "block", "file": "push.csv", "interpolation": "cubic"}
+    scene = slider(tmp_path, push)
+    bc.simulate(scene, duration=1.0, samples=11).save(tmp_path / "run.npz")
+    (tmp_path / "push.csv").unlink()
+    run = bc.load_run(tmp_path / "run.npz")
+    assert run.scene.forces[0].source is not None
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline([0.0, 1.0, 2.0], [1.0, 5.0, -3.0])
+    np.testing.assert_allclose(run.acceleration[:, 0], spline(run.time) / 2.0, atol=1e-12)
+
+
+def test_histories_have_both_sides_of_a_table_s_jump_and_are_the_same_motion(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "push.csv").write_text("time [s],force x [N]\n0,3\n1.0,40\n1.235,-70\n3.3,5\n")
+    push = {"name": "push", "kind": "wrench", "frame": "block", "file": "push.csv", "interpolation": "hold"}
+    scene = slider(tmp_path, push)
+    with (tmp_path / "slider.yaml").open("a") as file:
+        file.write(f"forces: [{json.dumps(push)}]\n")
+    assert main(["size", "slider.yaml", "--motion", "go", "--no-plots", "--out", "o"]) == 0
+    table = np.loadtxt(tmp_path / "o" / "history_go.csv", delimiter=",", skiprows=1)
+    time, force = table[:, 0], table[:, 4] - 2.0 * table[:, 3]
+    assert time.tolist() == [0.0, 1.0, 1.0, 1.235, 1.235, 2.0, 3.0, 3.3, 3.3, 4.0]
+    np.testing.assert_allclose(force, [-3, -3, -40, -40, 70, 70, 70, 70, -5, -5], atol=1e-9)
+    again, motion = bc.read_motion(scene.robot, tmp_path / "o" / "history_go.csv"), scene.motion("go")
+    t = np.linspace(0.0, 4.0, 1001)
+    for found, wanted in zip(again.at(t), motion.at(t), strict=True):
+        np.testing.assert_allclose(found, wanted, atol=1e-9)

@@ -69,11 +69,13 @@ def run(arguments: argparse.Namespace) -> int:
     for warning in sizing.warnings:
         print(f"note: {warning}")
     earlier = earlier_files(folder)
-    files = write_histories(robot, motions, folder, card.drives)
+    assert sizing.study is not None
+    robot, over, _ = sizing.study
+    files = write_histories(robot, over, folder, card.drives)
     if not arguments.no_plots:
         from bellcrank.sizing.plots import write_plots
 
-        files += write_plots(robot, motions, folder, card.drives, title=card.name, mass_tolerance=tolerance)
+        files += write_plots(robot, over, folder, card.drives, title=card.name, mass_tolerance=tolerance)
     files = write_reports(sizing, folder, files) + files
     remove_stale(folder, earlier, files)
     print(f"\n{verdict(sizing)}\nwrote {', '.join(path.name for path in files)} in {folder}")

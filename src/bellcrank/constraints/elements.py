@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from bellcrank.scene.frame_forces import Spring
 from bellcrank.scene.joint_forces import Friction, JointForce, Torque
 from bellcrank.scene.notes import table_span
+from bellcrank.scene.signal_source import SMALL_JUMP
 
 if TYPE_CHECKING:
     from bellcrank.card.motions import MotionEntry
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from bellcrank.scene.part import Part
 
 Array = NDArray[np.float64]
+SAME_TIME = 1e-12  # s, or of a time beyond 1 s: a row of a motion and one of a table that rounding set apart
+LEAST_APART = 1e-9  # the same, for a row of a motion that a row of a table adds
 
 
 @dataclass(frozen=True)
@@ -124,6 +127,50 @@ def force_breaks(mechanism: Mechanism) -> Array:
     """Times (m,) s at which a table of the scene has a row: its value or a derivative may jump there."""
     sources = [force.source for force in mechanism.equations.forces if force.source is not None]
     return np.unique(np.concatenate([np.zeros(0), *[source.signal.breaks for source in sources]]))
+
+
+def with_force_rows(mechanism: Mechanism, motion: Motion) -> Motion:
+    """The same motion with rows where tables of the scene have theirs, two of them, before and after, where one jumps.
+
+    What is written or drawn of it at its rows then shows what such forces do.
+    """
+    breaks = force_breaks(mechanism)
+    breaks = breaks[(breaks > motion.time[0]) & (breaks < motion.time[-1])]
+    row = np.searchsorted(motion.time, breaks)
+    near = np.where(
+        breaks - motion.time[np.maximum(row - 1, 0)] < motion.time[row] - breaks, np.maximum(row - 1, 0), row
+    )
+    apart = np.abs(motion.time[near] - breaks) / np.maximum(1.0, breaks)
+    there, jumps = apart <= SAME_TIME, _jumps(mechanism, breaks)
+    rows = np.unique(near[there & jumps])  # that are to stand twice
+    rows = rows[(rows > 0) & (rows < len(motion) - 1) & ~np.isin(motion.time[rows], _twins(motion))]
+    new = apart > LEAST_APART
+    added = np.concatenate([motion.time[rows], breaks[new], breaks[new & jumps]])
+    if not len(added):
+        return motion
+    added = np.sort(added)
+    at = np.searchsorted(motion.time, added, side="right")
+    time = np.insert(motion.time, at, added)
+    states = zip((motion.position, motion.velocity, motion.acceleration), motion.at(added), strict=True)
+    q, v, a = (np.insert(old, at, more, axis=0) for old, more in states)
+    return replace(motion, time=time, position=q, velocity=v, acceleration=a)
+
+
+def _twins(motion: Motion) -> Array:
+    """The times that stand twice."""
+    return np.asarray(motion.time[1:][np.diff(motion.time) == 0.0])
+
+
+def _jumps(mechanism: Mechanism, times: Array) -> NDArray[np.bool_]:
+    """Whether a table jumps at each of these times."""
+    found = np.zeros(len(times), dtype=bool)
+    for force in mechanism.equations.forces:
+        if force.source is not None:
+            signal = force.source.signal
+            before, after = signal.at(np.nextafter(times, -np.inf)), signal.at(times)
+            scale = np.abs(signal.at(signal.breaks)).max(initial=0.0)
+            found |= (np.abs(after - before) > SMALL_JUMP * scale).any(axis=1)
+    return found
 
 
 def coulomb_widths(mechanism: Mechanism) -> list[tuple[int, float]]:

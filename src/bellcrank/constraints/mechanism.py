@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.constraints.elements import SAME_TIME
 from bellcrank.constraints.joint_relations import Drive
 from bellcrank.errors import InputError
 from bellcrank.robot.robot import Robot
@@ -102,7 +103,8 @@ def mechanism_of(
 
 def force_times(time: Array) -> Array:
     """Times (n,) at which the forces of a motion's rows are meant: where a time stands twice, the first row is the
-    limit from before, so that a table that jumps there is read before its jump.
+    limit from before, so that a table that jumps there is read before its jump, and the second after it.
     """
-    twins = np.append(np.diff(time) == 0.0, False)
-    return np.where(twins, np.nextafter(time, -np.inf), time)
+    twins = np.diff(time) == 0.0
+    width = SAME_TIME * np.maximum(1.0, np.abs(time))
+    return np.asarray(time - width * np.append(twins, False) + width * np.insert(twins, 0, False))

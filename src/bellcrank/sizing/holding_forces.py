@@ -51,7 +51,9 @@ def holding_of(mechanism: Mechanism, motions: Sequence[Motion], mass_tolerance: 
     assert isinstance(mechanism, OpenChain)
     acting = [force for force in mechanism.equations.forces if not isinstance(force, Damper | Friction)]
     if not acting:
-        return holding_torques(mechanism.robot, mass_tolerance=mass_tolerance, statics=mechanism)
+        return holding_torques(
+            mechanism.robot, mass_tolerance=mass_tolerance, statics=mechanism if mechanism.equations.sets_tree else None
+        )
     over_ranges, over_motions = _searched(mechanism, mass_tolerance), along_motions(mechanism, motions, mass_tolerance)
     seen = over_motions.torque > over_ranges.torque  # joints without limits may go further than a turn
     notes = list(over_ranges.notes)

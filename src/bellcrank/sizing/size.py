@@ -25,6 +25,7 @@ from bellcrank.constraints.elements import (
     mechanism_notes,
     motion_notes,
     parameter_values,
+    with_force_rows,
 )
 from bellcrank.constraints.mechanism import Mechanism, mechanism_of
 from bellcrank.errors import InputError, among
@@ -70,6 +71,7 @@ def size(
     mechanism = mechanism_of(robot)
     robot, joints = mechanism.robot, mechanism.motors
     _check(robot, joints, motions, drives)
+    motions = [with_force_rows(mechanism, motion) for motion in motions]
     loads = Loads(mechanism, drives, mass_tolerance)
     found: list[dict[str, list[Peak]]] = []
     cycles: list[list[Cycle]] = []
