@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 from bellcrank import load_run, load_scene, shipped, simulate
 from bellcrank.constraints.foreign import read_gepetto
-from bellcrank.constraints.start import consistent_start
+from bellcrank.constraints.start import consistent_posture, consistent_velocity
 from bellcrank.errors import InputError
 from bellcrank.scene.settings import Settings, Stabilisation, stabilisation
 
@@ -82,7 +82,8 @@ def test_accelerations_and_forces_of_a_loop_are_those_of_pinocchios_jacobians(fo
     model = scene.robot.model
     data, frame = model.createData(), model.getFrameId("l6")
     held = np.zeros(7, dtype=bool)
-    q, v = consistent_start(scene, POSTURE, np.random.default_rng(3).normal(size=7), held, held)
+    q = consistent_posture(scene, POSTURE, held)
+    v = consistent_velocity(scene, q, np.random.default_rng(3).normal(size=7), held)
     pin.computeJointJacobians(model, data, q)
     jacobian = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
     pin.forwardKinematics(model, data, q, v, np.zeros(7))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -609,3 +610,13 @@ def test_histories_have_both_sides_of_a_table_s_jump_and_are_the_same_motion(
     t = np.linspace(0.0, 4.0, 1001)
     for found, wanted in zip(again.at(t), motion.at(t), strict=True):
         np.testing.assert_allclose(found, wanted, atol=1e-9)
+
+
+@pytest.mark.parametrize("shape", ["open", "closed"])
+def test_tables_are_read_at_the_times_of_the_motion_whatever_the_clock_of_the_scene_s_start(
+    folder: Path, shape: str
+) -> None:
+    scene = loaded(folder, shape, "wrench_linear", "torque_cubic")
+    later = replace(scene, initial=replace(scene.initial, clock=0.7))
+    found, wanted = (bc.scene_inverse_dynamics(each, "go") for each in (later, scene))
+    assert np.array_equal(found.torque, wanted.torque) and np.array_equal(found.reactions, wanted.reactions)

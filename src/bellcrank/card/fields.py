@@ -125,6 +125,10 @@ class Fields:
             text = f"override '{overrides[key]}': {_place(self.where, path)}: {message}"
         return InputError(" ".join(text.splitlines()))
 
+    def overridden(self, key: str) -> bool:
+        """Whether an override set the key."""
+        return key in getattr(self._data, "overrides", {})
+
     def raw(self, key: str, default: Any = _REQUIRED) -> Any:
         """The value as the file has it; InputError where it is missing and no default is given."""
         self._asked[key] = None
@@ -187,6 +191,10 @@ class Fields:
             raise self.error(key, f"expected at most {maximum:g}{suffix}, found {shown(value)}")
         return number
 
+    def parsed(self, key: str, value: object, unit: str = "") -> float:
+        """The SI value of one entry of what stands under a key; InputError naming the key otherwise."""
+        return self._number(key, value, unit, False, False, math.inf)
+
     def integer(self, key: str, default: int | object = _REQUIRED, *, minimum: int = 0) -> int:
         """A whole number of at least `minimum`; InputError otherwise."""
         value = self.raw(key, default)
@@ -234,6 +242,15 @@ class Fields:
         if not isinstance(value, str) or not value.strip():
             raise self.error(key, f"expected a text, found {shown(value)}")
         return value
+
+    def unit(self, key: str = "unit") -> str:
+        """A unit as a text; "1", also where it is missing, or written as the number 1. InputError otherwise."""
+        value = self.raw(key, "1")
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            if value != 1:
+                raise self.error(key, f"expected a unit such as 'm/s', or 1 for a plain number, found {shown(value)}")
+            return "1"
+        return self.text(key, "1")
 
     def flag(self, key: str, default: bool) -> bool:
         """true or false; InputError otherwise."""

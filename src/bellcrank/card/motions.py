@@ -2,7 +2,7 @@
 
 Kinds and their keys, units as elsewhere (m, rad or "… deg", s): circle {frame, center, radius, normal, turns}
 and line {frame, end, begin}, both with {start, duration, speed, acceleration, jerk, profile, orientation,
-samples}; waypoints {times, positions, samples}; dwell {position, duration}; csv {file}; join {parts: names
+samples, coordinates}; waypoints {times, positions, samples}; dwell {position, duration}; csv {file}; join {parts: names
 of motions, or motions in place}. In a join a part without `start` or `position` starts where the part before
 it ended.
 """
@@ -20,7 +20,9 @@ from bellcrank.card.yaml_file import shown
 from bellcrank.errors import BellcrankError, InputError, among
 
 if TYPE_CHECKING:
+    from bellcrank.motion.coordinates import Array
     from bellcrank.motion.motion import Motion
+    from bellcrank.motion.path import FramePath
     from bellcrank.robot.robot import Robot
 
 KINDS = ("circle", "line", "waypoints", "dwell", "csv", "join")
@@ -124,9 +126,18 @@ def _read_timing(fields: Fields, profile: str) -> dict[str, Any]:
     if "orientation" in fields:
         held = fields.raw("orientation") == "hold"
         values["orientation"] = "hold" if held else fields.vector("orientation", 3, "rad")
-    fields.known("start", "orientation")
+    if "coordinates" in fields:
+        values["coordinates"] = _read_coordinates(fields)
+    fields.known("start", "orientation", "coordinates")
     values["frame"] = fields.text("frame")
     return values
+
+
+def _read_coordinates(fields: Fields) -> tuple[str, ...]:
+    given = fields.raw("coordinates")
+    if not isinstance(given, (list, tuple)) or not given or not {"x", "y", "z"}.issuperset(map(str, given)):
+        raise fields.error("coordinates", f"expected a list of some of x, y, z, found {shown(given)}")
+    return tuple(dict.fromkeys(map(str, given)))
 
 
 def _read_circle(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
@@ -195,6 +206,19 @@ def _read_join(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
         else:
             raise fields.error("parts", f"expected names of motions or mappings, found {shown(entry)}")
     return {"parts": tuple(parts)}
+
+
+def frame_path(entry: MotionEntry, here: Array) -> FramePath:
+    """The path of an entry of kind circle or line, from a frame that is `here` (3,) m. Raises InputError."""
+    from bellcrank.motion import path
+
+    given = dict(entry.arguments)
+    timing = (given.get("duration"), given.get("speed"), given.get("acceleration"), given.get("jerk"))
+    last = (given.get("orientation"), given["samples"], given.get("coordinates", path.AXES), entry.name)
+    if entry.kind == "circle":
+        shape = (given["center"], given["radius"], given["normal"], given["turns"])
+        return path.circle_path(given["frame"], *shape, timing, given["profile"], *last)
+    return path.line_path(given["frame"], here, given["end"], given.get("begin"), timing, given["profile"], *last)
 
 
 def _build_path(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEntry], previous: Any) -> Motion:

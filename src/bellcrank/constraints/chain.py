@@ -52,6 +52,7 @@ class Chain:
     """
 
     def __init__(self, scene: Scene, actuated: Sequence[str] | None = None) -> None:
+        scene = replace(scene, initial=replace(scene.initial, clock=0.0))  # times are those of the motion
         drives = [closure for closure in scene.closures if isinstance(closure, Drive)]
         loops = tuple(closure for closure in scene.closures if not isinstance(closure, Drive))
         if not loops:
@@ -100,7 +101,7 @@ class Chain:
         from bellcrank.dynamics.closed import close, rows_that_bind
         from bellcrank.scene.symbols import Symbols
 
-        s = Symbols(self.robot, self.scene.parameters, self.scene.frames)
+        s = Symbols(self.robot, self.scene.parameters, self.scene.frames, self.scene.initial.clock)
         closed = close(self.scene.closures, rows_that_bind(self.scene, s), s)
         outputs = [closed.position, closed.speed, casadi.vec(closed.jacobian), closed.drift]
         return casadi.Function("linkage", [s.t, s.q, s.v, s.u, s.p], [casadi.densify(x) for x in outputs])
@@ -142,15 +143,24 @@ class Chain:
             if len(chosen) < freedoms and _rank(jacobian[:, without]) == rank:
                 left, chosen = without, [*chosen, joint]
         if len(chosen) < freedoms:
-            listed = ", ".join(joint.name for joint in candidates) or "no joint"
+            set_by = ", ".join(joint.name for joint in chosen)
+            others = ", ".join(joint.name for joint in candidates if joint not in chosen)
             raise InputError(
-                f"motion '{name}': {listed} can set {len(chosen)} of the {freedoms} freedoms that the closures of "
-                f"{self.robot.name} leave; let it move {freedoms - len(chosen)} more independent joint(s)"
+                f"motion '{name}': the mechanism has {freedoms} degree(s) of freedom and this motion prescribes "
+                f"{len(chosen)}{f' ({set_by})' if set_by else ''}{f', on which {others} depend(s)' if others else ''}; "
+                f"prescribe {freedoms - len(chosen)} more: name a joint that stays where it is too, with its value"
             )
         return tuple(chosen)
 
-    def follow(self, motion: Motion, joints: Sequence[RobotJoint]) -> Motion:
-        """The motion with all other joints following these (independent) ones; the branch is that of the scene's start.
+    def are_independent(self, columns: Sequence[int]) -> bool:
+        """Whether these degrees of freedom can be chosen at will at the start posture."""
+        jacobian = self._gap(0.0, self.start)[1]
+        left = [v for v in range(self.robot.nv) if v not in columns]
+        return _rank(jacobian[:, left]) == _rank(jacobian)
+
+    def follow(self, motion: Motion, joints: Sequence[RobotJoint], start: Array | None = None) -> Motion:
+        """The motion with all other joints following these (independent) ones; the branch is that of the posture
+        `start` (nq,), else of the scene's start.
 
         Raises UnreachableError where the closures cannot follow, or lose their hold on the others (dead point).
         """
@@ -159,7 +169,7 @@ class Chain:
         places = [joint.q for joint in joints]
         wanted = motion.position[:, places]
         q = np.empty((n, self.robot.nq))
-        here = self.start
+        here = self.start if start is None else start
         for k in range(n):
             t = float(time[k])
             steps = max(1, int(np.ceil(np.abs(wanted[k] - here[places]).max() / STEP)))

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.constraints.frame_joints import frames_drawn
 from bellcrank.scene.frame_forces import Spring
 from bellcrank.scene.joint_forces import Friction, JointForce, Torque
 from bellcrank.scene.notes import table_span
 from bellcrank.scene.signal_source import SMALL_JUMP
 
 if TYPE_CHECKING:
-    from bellcrank.card.motions import MotionEntry
     from bellcrank.constraints.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
     from bellcrank.scene.part import Part
+    from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
 SAME_TIME = 1e-12  # s, or of a time beyond 1 s: a row of a motion and one of a table that rounding set apart
@@ -71,12 +72,9 @@ def mechanism_notes(mechanism: Mechanism) -> tuple[str, ...]:
 
 def motion_notes(mechanism: Mechanism, motion: Motion) -> Iterator[str]:
     """A sentence for each table that does not cover a motion, and for a frame's path if parameters change lengths."""
-    moved = _changed_lengths(mechanism)
+    moved = [] if mechanism.closed or mechanism.scene is None else changed_lengths(mechanism.scene)
     if moved and _follows_frame(mechanism, motion.name):
-        yield (
-            f"motion '{motion.name}' was made from a frame's path with the lengths of the URDF, which the parameters "
-            f"{', '.join(moved)} change: the frame's path is another; write the motion in joint positions"
-        )
+        yield path_note(motion.name, moved)
     begin, end = float(motion.time[0]), float(motion.time[-1])
     for force in mechanism.equations.forces:
         if force.source is None:
@@ -95,11 +93,16 @@ def motion_notes(mechanism: Mechanism, motion: Motion) -> Iterator[str]:
             )
 
 
-def _changed_lengths(mechanism: Mechanism) -> list[str]:
+def path_note(name: str, moved: Sequence[str]) -> str:
+    """What is said of a motion that was made from a frame's path by other lengths than those of the parameters."""
+    return (
+        f"motion '{name}' was made from a frame's path with the lengths of the URDF, which the parameters "
+        f"{', '.join(moved)} change: the frame's path is another; write the motion in joint positions"
+    )
+
+
+def changed_lengths(scene: Scene) -> list[str]:
     """The parameters that give a joint or frame another place than the URDF or the card."""
-    scene = mechanism.equations.scene
-    if scene is None:
-        return []
     frames = scene.robot.equations.tree.frames
     found = []
     for name, parameter in scene.parameters.items():
@@ -114,13 +117,7 @@ def _changed_lengths(mechanism: Mechanism) -> list[str]:
 def _follows_frame(mechanism: Mechanism, name: str) -> bool:
     """Whether a motion of the scene is made from the path of a frame, wholly or in part."""
     entries = {} if mechanism.scene is None else mechanism.scene.card.motions
-
-    def follows(entry: MotionEntry) -> bool:
-        if entry.kind != "join":
-            return entry.kind in ("circle", "line")
-        return any(follows(entries[part] if isinstance(part, str) else part) for part in entry.arguments["parts"])
-
-    return name in entries and follows(entries[name])
+    return name in entries and any(frames_drawn(entries[name], entries))
 
 
 def force_breaks(mechanism: Mechanism) -> Array:

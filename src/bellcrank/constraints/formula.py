@@ -43,7 +43,7 @@ class Formula(Constraint):
             raise read.error("expression", str(error)) from None
         if any(leaf.operation == "joint" and leaf.value[1] == "acceleration" for leaf in expression.term.leaves()):
             raise read.error("expression", "a constraint is written in positions or velocities, not accelerations")
-        return cls(name, read, expression, read.text("unit", "1"))
+        return cls(name, read, expression, read.unit())
 
     @property
     def frames(self) -> tuple[str, ...]:
@@ -78,7 +78,12 @@ class Own(Constraint):
     kind: ClassVar[str] = "own"
 
     def residual(self, symbols: Symbols) -> Residual:
-        """As the function says."""
+        """As the function says. Raises InputError where the scene's clock does not start at 0, as its t does."""
+        if symbols.clock:
+            raise InputError(
+                f"closure '{self.name}' is a Python function whose t starts at 0, and the scene's clock starts at "
+                f"{symbols.clock:.6g} s; take initial.clock away"
+            )
         return one_row(self.name, _column(self.function(symbols)), symbols)
 
     def labels(self, robot: Robot) -> tuple[str, ...]:

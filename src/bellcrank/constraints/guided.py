@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from bellcrank.card.motions import MotionEntry
-from bellcrank.errors import InputError, among
+from bellcrank.card.motions import MotionEntry, frame_path
+from bellcrank.constraints.elements import changed_lengths, path_note
+from bellcrank.constraints.frame_follow import FrameFollower
+from bellcrank.constraints.frame_joints import carrying, frames_drawn
+from bellcrank.constraints.start import consistent_posture
+from bellcrank.errors import BellcrankError, InputError, among
 from bellcrank.motion.csv_file import read_motion
-from bellcrank.motion.motion import Motion
-from bellcrank.scene.symbols import frame_index
+from bellcrank.motion.motion import Motion, dwell, join
 
 if TYPE_CHECKING:
     from bellcrank.constraints.chain import Array, Chain
@@ -33,11 +36,17 @@ def guided_motion(
         whole = motion
     elif str(motion) in card.motions:
         entry = card.motions[str(motion)]
+        along = _frame_motion(chain, entry, card.motions)
+        if along is not None:
+            return along, _independent(chain, along, independent)
         given = _given(entry, robot, card.motions)
         if entry.kind == "csv":
             whole = read_partial_motion(robot, entry.arguments["path"], entry.name)
         else:
             whole = chain.given.motion(str(motion))
+            moved = changed_lengths(chain.given)
+            if moved and any(frames_drawn(entry, card.motions)):
+                whole = replace(whole, notes=(*whole.notes, path_note(whole.name, moved)))
     elif Path(motion).suffix or "/" in str(motion):
         whole = read_partial_motion(robot, Path(motion), Path(motion).stem)
         given = _columns(robot, Path(motion))
@@ -58,6 +67,90 @@ def guided_motion(
     if given is not None and independent is None:
         _check_agreement(whole, found, [joint for joint in candidates if joint not in joints])
     return found, tuple(joint.name for joint in joints)
+
+
+def _frame_motion(
+    chain: Chain, entry: MotionEntry, entries: Mapping[str, MotionEntry], previous: Array | None = None
+) -> Motion | None:
+    """The motion of an entry that draws a frame along a path, or joins such motions to others, from the posture
+    `previous` (nq,); None for any other, and where the path leaves freedoms open. Raises BellcrankError.
+    """
+    if entry.kind == "join":
+        parts = [entries[part] if isinstance(part, str) else part for part in entry.arguments["parts"]]
+        if not any(frames_drawn(entry, entries)):
+            return None
+        motions: list[Motion] = []
+        for part in parts:
+            last = motions[-1].position[-1] if motions else previous
+            one = _frame_motion(chain, part, entries, last)
+            if one is None:
+                one = _part(chain, part, entries, last)
+            motions.append(one)
+        return join(*motions, name=entry.name)
+    if entry.kind not in ("circle", "line"):
+        return None
+    try:
+        start = chain.start if previous is None else previous
+        if "start" in entry.arguments:
+            start = _started(chain, entry.arguments["start"], start)
+        here = chain.robot.frame_pose(entry.arguments["frame"], start)[0]
+        follower = FrameFollower(chain, frame_path(entry, here), start)
+        freedoms, prescribed = follower.prescribed()
+        if prescribed == freedoms:
+            return follower.motion()
+        if "coordinates" in entry.arguments or not _led_by_joints(chain, entry.arguments["frame"]):
+            raise InputError(follower.refusal())
+        return None
+    except BellcrankError as error:
+        raise type(error)(f"{entry.fields.error('', str(error))}") from None
+
+
+def _led_by_joints(chain: Chain, frame: str) -> bool:
+    """Whether the joints that carry a frame can all be chosen at will, so that an open chain's posture will do."""
+    names = carrying(chain.robot, frame)
+    columns = [joint.v for joint in chain.robot.joints if joint.name in names]
+    return chain.are_independent(columns)
+
+
+def _part(chain: Chain, entry: MotionEntry, entries: Mapping[str, MotionEntry], previous: Array | None) -> Motion:
+    """A part of a join that is no path: its joints lead, the others follow from the posture `previous` (nq,)."""
+    if entry.kind == "dwell" and "position" not in entry.arguments:
+        if previous is None:
+            raise InputError(f"{entry.fields.error('', 'a dwell that comes first needs a position')}")
+        return dwell(chain.robot, previous, entry.arguments["duration"], name=entry.name)
+    given = _given(entry, chain.robot, entries)
+    whole = (
+        read_partial_motion(chain.robot, entry.arguments["path"], entry.name)
+        if entry.kind == "csv"
+        else entry.build(chain.robot, entries, previous)
+    )
+    candidates = [joint for joint in chain.robot.joints if joint.nv == 1 and joint.name in given]
+    candidates.sort(key=lambda joint: joint not in chain.actuated)
+    joints = chain.independent(candidates, whole.name)
+    found = chain.follow(whole, joints, previous)
+    _check_agreement(whole, found, [joint for joint in candidates if joint not in joints])
+    return found
+
+
+def _started(chain: Chain, posture: Any, near: Array) -> Array:
+    """The posture (nq,) on the closures nearest to `near` with the joints of a start posture where they are given."""
+    q = near.copy()
+    if isinstance(posture, Mapping):
+        for name, value in posture.items():
+            q[chain.robot.one_degree_joint(name, "start").q] = value
+    else:
+        q = chain.robot.posture(posture)
+    held = np.zeros(chain.robot.nv, dtype=bool)
+    return consistent_posture(chain.scene, q, held)
+
+
+def _independent(chain: Chain, motion: Motion, names: Sequence[str] | None) -> tuple[str, ...]:
+    """Joints that the posture of a motion follows from: those named, else motors first."""
+    candidates = [joint for joint in chain.robot.joints if joint.nv == 1]
+    candidates.sort(key=lambda joint: joint not in chain.actuated)
+    if names is not None:
+        candidates = [chain.robot.one_degree_joint(name, f"motion '{motion.name}'") for name in names]
+    return tuple(joint.name for joint in chain.independent(candidates, motion.name))
 
 
 def _check_agreement(wanted: Motion, found: Motion, joints: Sequence[RobotJoint]) -> None:
@@ -81,7 +174,7 @@ def _given(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEntry])
     """
     one = {joint.name for joint in robot.joints if joint.nv == 1}
     if entry.kind in ("circle", "line"):
-        return one & set(_carrying(robot, entry.arguments["frame"]))
+        return one & set(carrying(robot, entry.arguments["frame"]))
     if entry.kind == "csv":
         return _columns(robot, entry.arguments["path"])
     if entry.kind == "join":
@@ -92,16 +185,6 @@ def _given(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEntry])
     if not all(isinstance(posture, Mapping) for posture in postures):
         return one
     return {str(name) for posture in postures for name in posture}
-
-
-def _carrying(robot: Robot, frame: str) -> list[str]:
-    """The joints between a frame and the world."""
-    tree = robot.equations.tree
-    at, names = int(tree.frames[frame_index(robot, frame)]["parent_joint"]), []
-    while at > 0:
-        names.append(robot.all_joint_names[at - 1])
-        at = int(tree.joints[at - 1]["parent"])
-    return names
 
 
 @dataclass(frozen=True)

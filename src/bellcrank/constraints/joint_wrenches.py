@@ -26,7 +26,7 @@ def joint_wrenches(scene: Scene) -> casadi.Function:
     """
     import casadi
 
-    s = Symbols(scene.robot, scene.parameters, scene.frames)
+    s = Symbols(scene.robot, scene.parameters, scene.frames, scene.initial.clock)
     for source in scene.signal_sources:  # all of them, in the order of the scene's signals
         s.signal(source)
     given = [item for force in scene.forces for item in force.wrenches(s)]

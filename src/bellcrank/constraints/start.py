@@ -14,30 +14,52 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Axes = list[tuple[slice, Array]]  # (degrees of freedom, rotation body to parent)
 CLOSED = 1e-13  # m or rad: Newton's method ends below it
 ROUNDED = 1e-6  # m or rad: what held values may miss by, as rounded digits do; then all of them move
 MOST_STEPS = 200
 
 
-def consistent_start(scene: Scene, q: Array, v: Array, held_q: Mask, held_v: Mask) -> tuple[Array, Array]:
-    """Position (nq,) and velocity (nv,) on the closures, nearest to the given ones.
+def consistent_posture(scene: Scene, q: Array, held: Mask) -> Array:
+    """The position (nq,) on the closures, nearest to the given one.
 
-    `held_q` and `held_v` (nv) are masks over the degrees of freedom whose positions and velocities stay. Raises
-    InputError where no posture, or no velocity, with the held values closes, with the nearest reached.
+    `held` (nv) is a mask over the degrees of freedom whose positions stay, a free joint's along its parent's axes.
+    Raises InputError where no posture with the held values closes, with the nearest reached.
     """
-    q, gap = _posture(scene, q, ~held_q)
+    q, gap = _posture(scene, q, ~held)
     if gap > CLOSED and gap <= ROUNDED:
-        q, gap = _posture(scene, q, np.ones_like(held_q))
+        q, gap = _posture(scene, q, np.ones_like(held))
     if gap > 1e3 * CLOSED:
         name, label = _worst(scene, q)
-        held = [j.name for j in scene.robot.joints if held_q[j.v : j.v + j.nv].all()]
+        names = [j.name for j in scene.robot.joints if held[j.v : j.v + j.nv].any()]
         raise InputError(
-            f"{scene.source}: initial: the closures do not close with {', '.join(held) or 'nothing'} held: "
+            f"{scene.source}: initial: the closures do not close with {', '.join(names) or 'nothing'} held: "
             f"'{name}' stays {gap:.3g} (m or rad) apart ({label}); hold less, write a guess nearer to the branch that "
             "is meant ({guess: …}), or change lengths"
         )
     _refuse_flat_disks(scene, q)
-    return q, _velocity(scene, q, v, ~held_v)
+    return q
+
+
+def consistent_velocity(scene: Scene, q: Array, v: Array, held: Mask) -> Array:
+    """The velocity (nv,) on the closures at the position q (nq,), nearest to the given one.
+
+    `held` (nv) is a mask over the degrees of freedom whose velocities stay, a free joint's along the axes that its
+    velocity is given in. Raises InputError where no velocity with the held values keeps the closures.
+    """
+    speed, jacobian = _linearised(scene, q, v)[1:]
+    axes = scene.initial.axes(scene.robot, q)[1]
+    change = np.zeros_like(v)
+    change[~held] = np.linalg.lstsq(_along(jacobian, axes)[:, ~held], -speed, rcond=1e-10)[0]
+    change = _in_body(change, axes)
+    left = np.abs(speed + jacobian @ change)
+    if left.max(initial=0.0) > 1e-9 * max(1.0, float(np.abs(v).max(initial=0.0))):
+        name, label = scene.system.multiplier_names[int(np.argmax(left))]
+        raise InputError(
+            f"{scene.source}: initial: the velocities that are given break closure '{name}' ({label}) by "
+            f"{left.max():.3g} (m/s or rad/s); give fewer of them, the rest follow"
+        )
+    return v + change
 
 
 def _refuse_flat_disks(scene: Scene, q: Array) -> None:
@@ -67,7 +89,9 @@ def _posture(scene: Scene, q: Array, free: Mask) -> tuple[Array, float]:
         if size <= CLOSED or not free.any():
             break
         step = np.zeros(scene.robot.nv)
-        step[free] = np.linalg.lstsq(jacobian[:, free], -gap, rcond=1e-10)[0]
+        axes = scene.initial.axes(scene.robot, q)[0]
+        step[free] = np.linalg.lstsq(_along(jacobian, axes)[:, free], -gap, rcond=1e-10)[0]
+        step = _in_body(step, axes)
         step *= min(1.0, 0.5 / max(float(np.abs(step).max()), 1e-300))  # half a radian: further is another branch
         for _ in range(30):
             there = moved(scene, q, step)
@@ -81,18 +105,20 @@ def _posture(scene: Scene, q: Array, free: Mask) -> tuple[Array, float]:
     return q, float(np.abs(gap).max(initial=0.0))
 
 
-def _velocity(scene: Scene, q: Array, v: Array, free: Mask) -> Array:
-    speed, jacobian = _linearised(scene, q, v)[1:]
-    change = np.zeros_like(v)
-    change[free] = np.linalg.lstsq(jacobian[:, free], -speed, rcond=1e-10)[0]
-    left = np.abs(speed + jacobian @ change)
-    if left.max(initial=0.0) > 1e-9 * max(1.0, float(np.abs(v).max(initial=0.0))):
-        name, label = scene.system.multiplier_names[int(np.argmax(left))]
-        raise InputError(
-            f"{scene.source}: initial: the velocities that are given break closure '{name}' ({label}) by "
-            f"{left.max():.3g} (m/s or rad/s); give fewer of them, the rest follow"
-        )
-    return v + change
+def _along(jacobian: Array, axes: Axes) -> Array:
+    """The Jacobian (rows, nv) of velocities whose parts named by `axes` are in the parents' axes."""
+    turned = jacobian.copy()
+    for part, rotation in axes:
+        turned[:, part] = jacobian[:, part] @ rotation.T
+    return turned
+
+
+def _in_body(step: Array, axes: Axes) -> Array:
+    """A velocity or small step (nv,), those parts turned back into the bodies' axes."""
+    turned = step.copy()
+    for part, rotation in axes:
+        turned[part] = rotation.T @ step[part]
+    return turned
 
 
 def moved(scene: Scene, q: Array, step: Array) -> Array:

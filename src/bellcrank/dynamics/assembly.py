@@ -97,7 +97,7 @@ def assemble(scene: Scene) -> Assembly:
     import casadi
 
     robot = scene.robot
-    s = Symbols(robot, scene.parameters, scene.frames)
+    s = Symbols(robot, scene.parameters, scene.frames, scene.initial.clock)
     actuator, passive = casadi.SX.zeros(robot.nv, 1), casadi.SX.zeros(robot.nv, 1)
     potential, power = casadi.SX(0), casadi.SX(0)
     for item in (*scene.forces, *scene.control):

@@ -39,14 +39,16 @@ Array = NDArray[np.float64]
 
 class InverseEquations:
     """The functions of a batch of times (n,) s and states q (n, nq), v and a (n, nv) that inverse dynamics is made of,
-    for a robot under a scene's forces and parameters (its closures and control aside), or for the robot alone.
+    for a robot under a scene's forces and parameters (its closures and control aside), or for the robot alone. Tables
+    are read at these times, whatever the clock of the scene's start.
     """
 
     def __init__(self, robot: Robot, scene: Scene | None = None) -> None:
         self.robot = robot
-        self.scene = None if scene is None else replace(
-            scene, robot=robot, closures=(), control=(), events=(), outputs={}
-        )  # fmt: skip
+        self.scene = None
+        if scene is not None:
+            bare = replace(scene, robot=robot, closures=(), control=(), events=(), outputs={})
+            self.scene = replace(bare, initial=replace(scene.initial, clock=0.0))
         self.forces: tuple[Part, ...] = () if scene is None else scene.forces
         self.parameters: Array = np.zeros(0) if scene is None else scene.parameter_values
         self.sets_tree = scene is not None and any(p.places for p in scene.parameters.values())

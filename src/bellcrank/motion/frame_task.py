@@ -10,6 +10,7 @@ where it began).
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -30,8 +31,8 @@ class FrameTask:
     """Equations for a frame of a robot: `value(z) = target`, with z (k,) and target (k,) or batches (n, k).
 
     `active` are the columns of q that move the frame; `position_basis` (3, r) and `rotation_basis` (3, s)
-    span the directions (world) in which the frame can move and turn; `rotation` (3, 3) is the orientation
-    wanted or None.
+    span the directions (world) in which the frame can move, among the `coordinates` that are prescribed, and
+    turn; `rotation` (3, 3) is the orientation wanted or None.
     """
 
     robot: Robot
@@ -41,6 +42,7 @@ class FrameTask:
     active: tuple[int, ...]
     position_basis: Array
     rotation_basis: Array
+    coordinates: tuple[str, ...] = ("x", "y", "z")
 
     @property
     def equations(self) -> int:
@@ -121,9 +123,16 @@ class FrameTask:
         return casadi.Function("curvature", [z, direction, w], [twice])
 
 
-def frame_task(robot: Robot, frame: str, start: Array, rotation: Array | None, title: str) -> FrameTask:
-    """The task of putting `frame` on positions (and, with `rotation` (3, 3), that orientation), from `start`
-    (nq,).
+def frame_task(
+    robot: Robot,
+    frame: str,
+    start: Array,
+    rotation: Array | None,
+    title: str,
+    coordinates: Sequence[str] = ("x", "y", "z"),
+) -> FrameTask:
+    """The task of putting `frame` on positions, or `coordinates` of them (and, with `rotation` (3, 3), that
+    orientation), from `start` (nq,).
 
     Directions in which the frame cannot move at all (z of a planar arm) are left out. A floating or planar
     base and the joints that do not move the frame stay where `start` has them. Raises InputError where the
@@ -135,9 +144,10 @@ def frame_task(robot: Robot, frame: str, start: Array, rotation: Array | None, t
         np.any(np.abs(angular) > 1e-9, axis=(0, 1)) & (rotation is not None)
     )
     active = tuple(joint.q for joint, moves in zip(single, moved, strict=True) if moves)
+    linear[:, [k for k, axis in enumerate("xyz") if axis not in coordinates]] = 0.0
     position_basis = _span(linear)
     rotation_basis = np.zeros((3, 0)) if rotation is None else _span(angular)
-    task = FrameTask(robot, frame, start, rotation, active, position_basis, rotation_basis)
+    task = FrameTask(robot, frame, start, rotation, active, position_basis, rotation_basis, tuple(coordinates))
     if task.equations == 0:
         raise InputError(f"{title}: no joint of '{robot.name}' moves frame '{frame}'; choose a frame further out")
     if task.equations > len(active):
@@ -153,10 +163,11 @@ def frame_task(robot: Robot, frame: str, start: Array, rotation: Array | None, t
 
 def check_plane(task: FrameTask, points: Array, times: Array, title: str) -> None:
     """Raise UnreachableError where points (n, 3) leave the line or plane in which the frame can move."""
-    if task.position_basis.shape[1] == 3:
+    if task.position_basis.shape[1] == len(task.coordinates):
         return
     origin = task.robot.frame_pose(task.frame, task.start)[0]
-    away = (points - origin) - (points - origin) @ task.position_basis @ task.position_basis.T
+    asked = (points - origin) * [axis in task.coordinates for axis in "xyz"]
+    away = asked - asked @ task.position_basis @ task.position_basis.T
     distance = np.linalg.norm(away, axis=1)
     row = int(np.argmax(distance))
     if distance[row] > FLAT * (1.0 + float(np.max(np.abs(points - origin)))):

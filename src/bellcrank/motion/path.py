@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +27,23 @@ __all__ = ["circle", "dwell", "join", "line", "waypoints"]
 Vector = Sequence[float] | Array
 Posture = Mapping[str, float] | Sequence[float] | Array
 Orientation = str | Sequence[float] | Sequence[Sequence[float]] | Array
+Limits = tuple[float | None, float | None, float | None, float | None]
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class FramePath:
+    """Where a frame goes, and when: a curve in the world over its length, its timing, the orientation wanted, the
+    number of rows, and which coordinates of the position it prescribes.
+    """
+
+    name: str
+    frame: str
+    curve: Curve
+    timing: Profile
+    orientation: Orientation | None
+    samples: int
+    coordinates: tuple[str, ...]
 
 
 def circle(
@@ -43,6 +61,7 @@ def circle(
     speed: float | None = None,
     acceleration: float | None = None,
     jerk: float | None = None,
+    coordinates: Sequence[str] = AXES,
     name: str = "circle",
 ) -> Motion:
     """Draw a frame along a circle (center (3,), radius in m, world frame), from the branch of the `start`
@@ -53,9 +72,29 @@ def circle(
     Time comes from `duration` (s) or the limits `speed`, `acceleration`, `jerk` along the path (m/s, m/s²,
     m/s³) and the profile (see `bellcrank.motion.profile`); with "constant" the rows lie at equal angles.
     `orientation`: None (free), "hold" (as in the start posture), rpy (3,) in rad, or a rotation matrix (3,
-    3), frame to world. With joints to spare the posture is the one nearest to `start`. Raises InputError, and
+    3), frame to world. `coordinates` are those of the frame's position (world) that the path prescribes, the
+    others are free. With joints to spare the posture is the one nearest to `start`. Raises InputError, and
     UnreachableError naming time, pose and by how much.
     """
+    timing = (duration, speed, acceleration, jerk)
+    path = circle_path(frame, center, radius, normal, turns, timing, profile, orientation, samples, coordinates, name)
+    return _along(robot, path, _posture(robot, start))
+
+
+def circle_path(
+    frame: str,
+    center: Vector,
+    radius: float,
+    normal: Vector,
+    turns: float,
+    timing: Limits,
+    profile: str,
+    orientation: Orientation | None,
+    samples: int,
+    coordinates: Sequence[str],
+    name: str,
+) -> FramePath:
+    """The path of `circle`, with `timing` its duration, speed, acceleration and jerk. Raises InputError."""
     title = f"motion '{name}'"
     middle = _vector(title, "center", center)
     radius, turns = _number(title, "radius", radius), _number(title, "turns", turns)
@@ -72,15 +111,14 @@ def circle(
         e1 = np.eye(3)[1] - axis[1] * axis
     e1 = e1 / np.linalg.norm(e1)
     e2 = np.cross(axis, e1) * np.sign(turns)
-    timing = make_profile(profile, 2.0 * np.pi * radius * abs(turns), duration, speed, acceleration, jerk)
+    times = make_profile(profile, 2.0 * np.pi * radius * abs(turns), *timing)
 
     def curve(s: Array) -> tuple[Array, Array, Array]:
         cos, sin = np.cos(s / radius)[:, None], np.sin(s / radius)[:, None]
         outward = cos * e1 + sin * e2
         return middle + radius * outward, cos * e2 - sin * e1, -outward / radius
 
-    posture = _posture(robot, start)
-    return _along(robot, frame, curve, timing, posture, orientation, checked_samples(title, samples), name)
+    return FramePath(name, frame, curve, times, orientation, checked_samples(title, samples), _axes(title, coordinates))
 
 
 def line(
@@ -96,6 +134,7 @@ def line(
     speed: float | None = None,
     acceleration: float | None = None,
     jerk: float | None = None,
+    coordinates: Sequence[str] = AXES,
     name: str = "line",
 ) -> Motion:
     """Draw a frame along the straight line to `end` (3,) in m, world frame, from where the `start` posture
@@ -104,36 +143,46 @@ def line(
     With `begin` (3,) the line starts there, and `start` only selects the branch. The other arguments, the
     posture with joints to spare, and the errors are those of `circle`.
     """
-    title = f"motion '{name}'"
     posture = _posture(robot, start)
+    here = robot.frame_pose(frame, posture)[0]
+    timing = (duration, speed, acceleration, jerk)
+    path = line_path(frame, here, end, begin, timing, profile, orientation, samples, coordinates, name)
+    return _along(robot, path, posture)
+
+
+def line_path(
+    frame: str,
+    here: Array,
+    end: Vector,
+    begin: Vector | None,
+    timing: Limits,
+    profile: str,
+    orientation: Orientation | None,
+    samples: int,
+    coordinates: Sequence[str],
+    name: str,
+) -> FramePath:
+    """The path of `line`, from `here` (3,) m where `begin` is None; `timing` as in `circle_path`. Raises InputError."""
+    title = f"motion '{name}'"
     last = _vector(title, "end", end)
-    first = robot.frame_pose(frame, posture)[0] if begin is None else _vector(title, "begin", begin)
+    first = here if begin is None else _vector(title, "begin", begin)
     length = float(np.linalg.norm(last - first))
     if length < 1e-9:
         raise InputError(f"{title}: the line begins where it ends; use dwell to stand still")
     direction = (last - first) / length
-    timing = make_profile(profile, length, duration, speed, acceleration, jerk)
+    times = make_profile(profile, length, *timing)
 
     def curve(s: Array) -> tuple[Array, Array, Array]:
         return first + s[:, None] * direction, np.tile(direction, (len(s), 1)), np.zeros((len(s), 3))
 
-    return _along(robot, frame, curve, timing, posture, orientation, checked_samples(title, samples), name)
+    return FramePath(name, frame, curve, times, orientation, checked_samples(title, samples), _axes(title, coordinates))
 
 
-def _along(
-    robot: Robot,
-    frame: str,
-    curve: Curve,
-    timing: Profile,
-    start: Array,
-    orientation: Orientation | None,
-    samples: int,
-    name: str,
-) -> Motion:
-    title = f"motion '{name}'"
-    time, s, speed, growth = timing.rows(samples)
-    rotation = _rotation(title, orientation, robot.frame_pose(frame, start)[1])
-    task = frame_task(robot, frame, start, rotation, title)
+def _along(robot: Robot, path: FramePath, start: Array) -> Motion:
+    title, frame, curve, name = f"motion '{path.name}'", path.frame, path.curve, path.name
+    time, s, speed, growth = path.timing.rows(path.samples)
+    rotation = wanted_rotation(path, robot.frame_pose(frame, start)[1])
+    task = frame_task(robot, frame, start, rotation, title, path.coordinates)
     check_plane(task, curve(s)[0], time, title)
     found = follow(task, curve, s, time, title)
     velocity, acceleration = np.zeros((len(s), robot.nv)), np.zeros((len(s), robot.nv))
@@ -173,8 +222,17 @@ def _vector(title: str, what: str, value: Any) -> Array:
     return vector
 
 
-def _rotation(title: str, orientation: Orientation | None, held: Array) -> Array | None:
-    """The rotation matrix (3, 3) wanted, frame to world, or None."""
+def _axes(title: str, coordinates: Sequence[str]) -> tuple[str, ...]:
+    """The coordinates that a path prescribes, in the order x, y, z."""
+    found = tuple(axis for axis in AXES if axis in coordinates)
+    if not found or len(found) != len(coordinates):
+        raise InputError(f"{title}: coordinates must be some of x, y, z, each once, got {list(coordinates)}")
+    return found
+
+
+def wanted_rotation(path: FramePath, held: Array) -> Array | None:
+    """The rotation matrix (3, 3) that a path asks for, frame to world, or None; `held` is the present one."""
+    title, orientation = f"motion '{path.name}'", path.orientation
     if orientation is None:
         return None
     if isinstance(orientation, str):

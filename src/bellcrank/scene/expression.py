@@ -64,6 +64,11 @@ class Expression:
         """The frames in it."""
         return tuple(dict.fromkeys(leaf.value[0] for leaf in self.term.leaves() if leaf.operation == "frame"))
 
+    @property
+    def operations(self) -> set[str]:
+        """The kinds of numbers and names in it: "number", "time", "parameter", "joint", "frame"."""
+        return {leaf.operation for leaf in self.term.leaves()}
+
     def apply(self, symbols: Symbols) -> casadi.SX:
         """The formula over the symbols of a scene."""
         import casadi
@@ -196,7 +201,7 @@ def _build(term: Term, s: Symbols) -> Any:
     if term.operation == "number":
         return casadi.SX(term.value)
     if term.operation == "time":
-        return s.t
+        return s.t + s.clock if s.clock else s.t
     if term.operation == "parameter":
         return s.parameter(term.value)
     if term.operation == "joint":

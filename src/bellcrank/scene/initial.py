@@ -2,22 +2,28 @@
 
 initial: {shoulder: -90 deg, elbow: {guess: 45 deg}, velocity: {shoulder: 0.2}}; joints that are not named start at 0
 and at rest. `motion: NAME` starts on a motion of the card, at time 0, joints that are named besides keep what they are
-given. The keys `velocity` and `motion` stand for a joint of that name where their value is a position. A `guess` is a
-plain value as long as nothing closes a loop.
+given. `run: FILE.npz` starts where a saved run was (run_start.py), likewise. The keys `velocity`, `motion` and `run`
+stand for a joint of that name where their value is a position, `time` and `clock` wherever there is such a joint. A
+`guess` is a plain value as long as nothing closes a loop. A floating or planar joint has a mapping, in the words of
+`base` (free_joint_start.py).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.card.fields import Fields, parse_number
+from bellcrank.card.yaml_file import shown
 from bellcrank.errors import among
+from bellcrank.scene.free_joint_start import FreeJointStart, read_free_joint_start
 from bellcrank.scene.part import joint_named, joint_unit
+from bellcrank.scene.run_start import SavedState, read_clock, read_run_start
 
 if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
@@ -25,93 +31,101 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class BaseStart:
-    """A free base: position (3) m and quaternion x y z w (4, unit) in the world, and its velocity.
-
-    linear_velocity (3) m/s of the base's origin and angular_velocity (3) rad/s in the axes of `expressed_in`, "world"
-    or "body".
-    """
-
-    position: tuple[float, ...] = (0.0, 0.0, 0.0)
-    quaternion_xyzw: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0)
-    linear_velocity: tuple[float, ...] = (0.0, 0.0, 0.0)
-    angular_velocity: tuple[float, ...] = (0.0, 0.0, 0.0)
-    expressed_in: str = "world"
-    given: tuple[str, ...] = ()  # the keys that were written
+Axes = list[tuple[slice, Array]]
 
 
 @dataclass(frozen=True)
 class Initial:
-    """Positions (rad or m) and velocities of joints by name, those of them that are `guesses`, and a free base."""
+    """Positions (rad or m) and velocities of joints by name, those of them that are `guesses`, and the starts of joints
+    with several degrees of freedom, a free base among them. `clock` is what t, tables and motions read at time 0, s.
+    """
 
     position: Mapping[str, float] = field(default_factory=dict)
     velocity: Mapping[str, float] = field(default_factory=dict)
     guesses: tuple[str, ...] = ()
     motion: str | None = None
-    base: BaseStart | None = None
+    free: Mapping[str, FreeJointStart] = field(default_factory=dict)
+    saved: SavedState | None = None
+    clock: float = 0.0
 
-    def state(self, robot: Robot, motion: Motion | None = None) -> tuple[Array, Array]:
-        """Position (nq,) and velocity (nv,) at the start, a free base's velocity in its own frame.
-
-        `motion` is the one that `motion` names.
-        """
-        q, v = robot.neutral.copy(), np.zeros(robot.nv)
+    def posture(self, robot: Robot, motion: Motion | None = None) -> Array:
+        """The position (nq,) that is given; `motion` is the one that the field `motion` names."""
+        q = robot.neutral.copy()
+        if self.saved is not None:
+            self.saved.place(robot, q)
         if motion is not None:
-            start, rate, _ = motion.at(np.clip(0.0, motion.time[0], motion.time[-1]))
+            start = motion.at(np.clip(self.clock, motion.time[0], motion.time[-1]))[0]
             for j in robot.joints:
                 if j.nv == 1:
-                    q[j.q], v[j.v] = start[j.q], rate[j.v]
+                    q[j.q] = start[j.q]
         for name, value in self.position.items():
             q[robot.joint(name).q] = value
+        for name, free in self.free.items():
+            free.place(robot.joint(name), q)
+        return q
+
+    def rates(self, robot: Robot, q: Array, motion: Motion | None = None) -> Array:
+        """The velocity (nv,) that is given, a free joint's in the axes that its body has at the position q (nq,)."""
+        v = np.zeros(robot.nv)
+        if self.saved is not None:
+            self.saved.move(robot, v)
+        if motion is not None:
+            rate = motion.at(np.clip(self.clock, motion.time[0], motion.time[-1]))[1]
+            for j in robot.joints:
+                if j.nv == 1:
+                    v[j.v] = rate[j.v]
         for name, value in self.velocity.items():
             v[robot.joint(name).v] = value
-        if self.base is not None:
-            linear, angular = np.array(self.base.linear_velocity), np.array(self.base.angular_velocity)
-            if self.base.expressed_in == "world":
-                turn = _matrix(self.base.quaternion_xyzw)
-                linear, angular = turn.T @ linear, turn.T @ angular
-            q[:3], q[3:7] = self.base.position, self.base.quaternion_xyzw
-            v[:3], v[3:6] = linear, angular
-        return q, v
+        for name, start in self.free.items():
+            start.move(robot.joint(name), q, v)
+        return v
 
     def held(self, robot: Robot) -> tuple[Mask, Mask]:
-        """Which degrees of freedom (nv) keep their position, and which their velocity, on the way to closures.
-
-        Those that were written as plain values; a free base's by the keys that were written.
+        """Which degrees of freedom (nv) keep their position, and which their velocity, on the way to closures: those
+        that were written as plain values, of free joints along the axes of `axes`.
         """
         q, v = np.zeros(robot.nv, dtype=bool), np.zeros(robot.nv, dtype=bool)
         for name in self.position:
             q[robot.joint(name).v] = name not in self.guesses
         for name in self.velocity:
             v[robot.joint(name).v] = True
-        if self.base is not None:
-            given = self.base.given
-            q[:3], q[3:6] = "position" in given, "rpy" in given or "quaternion_xyzw" in given
-            v[:3], v[3:6] = "linear_velocity" in given, "angular_velocity" in given
+        for name, start in self.free.items():
+            start.hold(robot.joint(name), q, v)
         return q, v
 
+    def axes(self, robot: Robot, q: Array) -> tuple[Axes, Axes]:
+        """(degrees of freedom, rotation body to parent) of what free joints hold in their parents' axes: positions, and
+        velocities.
+        """
+        pairs = [(start, robot.joint(name)) for name, start in self.free.items()]
+        return (
+            [entry for start, joint in pairs for entry in start.position_axes(joint, q)],
+            [entry for start, joint in pairs for entry in start.velocity_axes(joint, q)],
+        )
 
-def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any]) -> Initial:
-    """The keys `initial` and `base` of a scene; InputError naming file and key."""
+
+def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any], folder: Path) -> Initial:
+    """The keys `initial` and `base` of a scene in a folder; InputError naming file and key."""
     start = read.mapping("initial", {})
-    position, guesses = {}, []
+    position, guesses, free = dict[str, float](), list[str](), dict[str, FreeJointStart]()
     motion: str | None = None
+    saved: SavedState | None = None
     velocity: Mapping[str, float] = {}
+    times = {"time", "clock"}.difference(robot.all_joint_names)
     for key in start:
         given = start.raw(key)
         if key == "velocity" and isinstance(given, Mapping):
-            rates = start.mapping(key)
-            velocity = {
-                name: rates.number(name, joint_unit(joint_named(rates, name, name, robot), "velocity"))
-                for name in rates
-            }
+            velocity = _read_rates(start.mapping(key), robot)
         elif key == "motion" and isinstance(given, str) and not _is_position(given):
             motion = given
             if motion not in motions:
                 raise start.error(key, among("motion", motion, motions))
+        elif key == "run" and isinstance(given, str) and not _is_position(given):
+            saved = read_run_start(start, robot, folder, "time" in times)
+        elif key in times:
+            continue
+        elif (of_free := _read_free(start, key, robot)) is not None:
+            free[key] = of_free
         else:
             joint = joint_named(start, key, key, robot)
             unit = joint_unit(joint, "position")
@@ -122,37 +136,49 @@ def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any]) -> Init
                 guesses.append(key)
             else:
                 position[key] = start.number(key, unit)
-    return Initial(position, velocity, tuple(guesses), motion, _read_base(read, robot))
+    if saved is not None and motion is not None:
+        raise start.error("run", "expected 'run' or 'motion', found both: each says where all joints start")
+    if saved is None and "time" in start and "time" in times:
+        raise start.error("time", "'time' says at which time of a saved run to start; name it as run: FILE.npz")
+    clock = read_clock(start, saved) if "clock" in times else 0.0
+    return Initial(position, velocity, tuple(guesses), motion, free | _read_base(read, robot), saved, clock)
 
 
-def _read_base(read: Fields, robot: Robot) -> BaseStart | None:
+def _read_rates(rates: Fields, robot: Robot) -> dict[str, float]:
+    """The mapping `initial.velocity`."""
+    for name in rates:
+        if any(joint.name == name and joint.nv > 1 for joint in robot.joints):
+            raise rates.error(
+                name,
+                "this joint has several degrees of freedom; write initial: "
+                f"{{{name}: {{linear_velocity: …, angular_velocity: …}}}}, or base: {{…}} for a free base",
+            )
+    return {name: rates.number(name, joint_unit(joint_named(rates, name, name, robot), "velocity")) for name in rates}
+
+
+def _read_free(start: Fields, key: str, robot: Robot) -> FreeJointStart | None:
+    """The start of a floating or planar joint under a key of `initial`; None where no such joint has that name."""
+    joint = next((j for j in robot.joints if j.name == key and j.nv > 1), None)
+    if joint is None:
+        return None
+    if robot.floating_base and joint is robot.joints[0]:
+        raise start.error(key, "this is the robot's free base; its start stands under the scene's key 'base'")
+    if not isinstance(start.raw(key), Mapping):
+        pose = "position: [x, y], angle: …" if joint.kind == "planar" else "position: [x, y, z], rpy: […]"
+        raise start.error(
+            key, f"joint '{key}' is {joint.kind}; expected a mapping {{{pose}}}, found {shown(start.raw(key))}"
+        )
+    return read_free_joint_start(start.mapping(key), joint)
+
+
+def _read_base(read: Fields, robot: Robot) -> dict[str, FreeJointStart]:
     if "base" not in read:
         read.known("base")
-        return None
+        return {}
     base = read.mapping("base")
     if not robot.floating_base:
         raise read.error("base", "the robot's base is fixed; write floating_base: true to set it free")
-    if "rpy" in base and "quaternion_xyzw" in base:
-        raise base.error("rpy", "expected 'rpy' or 'quaternion_xyzw', found both")
-    none = (0.0, 0.0, 0.0)
-    quaternion = np.array(base.vector("quaternion_xyzw", 4, "", (0.0, 0.0, 0.0, 1.0)))
-    length = float(np.linalg.norm(quaternion))
-    if not 0.999 <= length <= 1.001:
-        raise base.error("quaternion_xyzw", f"expected a quaternion x y z w of length 1, found length {length:.6g}")
-    quaternion /= length
-    if "rpy" in base:
-        quaternion = _quaternion(base.vector("rpy", 3, "rad"))
-    base.known("rpy")
-    start = BaseStart(
-        base.vector("position", 3, "m", none),
-        tuple(quaternion.tolist()),
-        base.vector("linear_velocity", 3, "m/s", none),
-        base.vector("angular_velocity", 3, "rad/s", none),
-        base.choice("expressed_in", ("world", "body"), "world"),
-        tuple(base.keys()),
-    )
-    base.done()
-    return start
+    return {robot.joints[0].name: read_free_joint_start(base, robot.joints[0], "world")}
 
 
 def _is_position(text: str) -> bool:
@@ -161,28 +187,3 @@ def _is_position(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _quaternion(rpy: tuple[float, ...]) -> Array:
-    """The quaternion x y z w of roll, pitch, yaw (rad) about the fixed x, y, z axes in that order."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(np.array(rpy) / 2.0), np.sin(np.array(rpy) / 2.0)
-    return np.array(
-        [
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-            cr * cp * cy + sr * sp * sy,
-        ]
-    )
-
-
-def _matrix(quaternion: tuple[float, ...]) -> Array:
-    """The rotation matrix (3, 3) of a unit quaternion x y z w."""
-    x, y, z, w = quaternion
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )

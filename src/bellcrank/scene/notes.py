@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
+from dataclasses import fields, is_dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bellcrank.motion.motion import FAR_OUT, MOST_TURNED
 from bellcrank.scene.control import PD
+from bellcrank.scene.expression import Expression
 from bellcrank.scene.frame_forces import Wrench
 from bellcrank.scene.joint_forces import Torque
 from bellcrank.scene.part import Part, joint_unit
@@ -19,12 +21,20 @@ if TYPE_CHECKING:
     from bellcrank.dynamics.signals import Signal
     from bellcrank.scene.scene import Scene
 
+MOVED = 1e-6  # rad, m or a share of the largest number: what closures may change of a saved state without a note
 OVERSHOOT = 3.0  # times the range of a table's values: what a cubic spline may reach without a note
 
 
 def scene_notes(scene: Scene, duration: float) -> tuple[str, ...]:
     """The notes on a scene that is simulated for a duration, s. Motions are made for it, and its events compiled."""
-    return (*_start(scene), *_limits(scene), *_targets(scene), *_signals(scene, duration), *_events(scene))
+    return (
+        *_start(scene),
+        *_saved(scene),
+        *_limits(scene),
+        *_targets(scene),
+        *_signals(scene, duration),
+        *_events(scene),
+    )
 
 
 def _start(scene: Scene) -> Iterator[str]:
@@ -37,6 +47,51 @@ def _start(scene: Scene) -> Iterator[str]:
                 f"joint '{j.name}' starts at {q[j.q]:.6g} {unit}, outside its range of {robot.lower[j.q]:.6g} to "
                 f"{robot.upper[j.q]:.6g} {unit}; the simulation knows no stops"
             )
+
+
+def _saved(scene: Scene) -> Iterator[str]:
+    """What differs from the saved run that the scene starts from: the closures' correction, and the clock."""
+    saved, robot = scene.initial.saved, scene.robot
+    if saved is None:
+        return
+    q = scene.initial.posture(robot)
+    v = scene.initial.rates(robot, q)
+    for what, before, after in (("position", q, scene.start[0]), ("velocity", v, scene.start[1])):
+        moved = np.abs(after - before)
+        if moved.max(initial=0.0) > MOVED * max(1.0, float(np.abs(before).max(initial=0.0))):
+            k = int(moved.argmax())
+            joint = next(j for j in reversed(robot.joints) if (j.q if what == "position" else j.v) <= k)
+            yield (
+                f"the closures do not fit the state of {saved.name}: the {what} of joint '{joint.name}' starts "
+                f"{moved[k]:.3g} (SI units) away from it; a changed velocity is no impact, which a latch would give"
+            )
+    if saved.clock != scene.initial.clock and (moving := ", ".join(_with_time(scene))):
+        yield (
+            f"{saved.name} ends where its clock reads {saved.clock:.6g} s, and this run starts there with a clock of "
+            f"{scene.initial.clock:.6g} s, which matters to {moving}; initial.clock: continue goes on with the clock"
+        )
+
+
+def _with_time(scene: Scene) -> Iterator[str]:
+    """What in a scene depends on time by itself: tables, motions and formulas with t."""
+    for source in scene.signal_sources:
+        yield source.name
+    whole: list[tuple[str, Any]] = [(f"closure '{part.name}'", part) for part in scene.closures]
+    whole += [(f"event '{event.name}'", event) for event in scene.events]
+    whole += [(f"output '{name}'", output) for name, output in scene.outputs.items()]
+    yield from (name for name, part in whole if any("time" in e.operations for e in _expressions(part)))
+
+
+def _expressions(value: Any) -> Iterator[Expression]:
+    """The formulas in an entry of a scene."""
+    if isinstance(value, Expression):
+        yield value
+    elif isinstance(value, (list, tuple)):
+        for entry in value:
+            yield from _expressions(entry)
+    elif is_dataclass(value):
+        for entry in fields(value):
+            yield from _expressions(getattr(value, entry.name))
 
 
 def _limits(scene: Scene) -> Iterator[str]:
@@ -83,6 +138,7 @@ def _signals(scene: Scene, duration: float) -> Iterator[str]:
             continue
         signal, table = part.source.signal, isinstance(part, Torque | Wrench)
         first, last = table_span(part) if table else (float(signal.breaks[0]), float(signal.breaks[-1]))
+        first, last = first - scene.initial.clock, last - scene.initial.clock
         who = f"{part.owner} '{part.name}': its {'table' if table else 'motion'}"
         if last < duration:
             after = "the last value is held" if table else "the last posture is the target, at rest"

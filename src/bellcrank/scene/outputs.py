@@ -311,7 +311,7 @@ def read_outputs(read: Fields, robot: Robot, parameters: Mapping[str, Any], part
         return ContactOutput(chosen) if what == "contact_point" else DemandOutput(chosen)
 
     def expression(entry: Fields) -> Quantity:
-        return ExpressionOutput(read_expression(entry, robot, parameters), entry.text("unit", "1"))
+        return ExpressionOutput(read_expression(entry, robot, parameters), entry.unit())
 
     kinds: dict[str, Callable[[Fields], Quantity]] = {
         "frame": frame, "joint": joint, "energy": energy, "momentum": momentum, "force": force,

@@ -16,6 +16,7 @@ import numpy as np
 from bellcrank.card.card import CARD_KEYS, SCENE_KEYS
 from bellcrank.card.yaml_file import Lines, shown
 from bellcrank.errors import InputError, among
+from bellcrank.scene.free_joint_start import START_KEYS
 from bellcrank.scene.part import entry_names
 from bellcrank.scene.settings import Settings
 
@@ -163,8 +164,10 @@ def _longest(at: Mapping[str, Any], keys: list[str]) -> int:
 
 def _new(inside: str, keys: list[str]) -> int:
     """How many of the keys, joined by dots, make the key to add to the mapping that stands under the key `inside`."""
-    if inside == "" or (inside == "initial" and keys[0] == "velocity"):
+    if inside == "" or (inside == "initial" and keys[0] == "velocity") or keys[0] in START_KEYS:
         return 1
+    if inside == "initial" and (inner := next((k for k, key in enumerate(keys) if key in START_KEYS), 0)):
+        return inner  # the joint's name; what follows is of its start
     table = inside in _TABLES or (inside == "initial" and keys[-1] == "guess")
     return max(len(keys) - 1, 1) if table else len(keys)
 

@@ -24,6 +24,7 @@ from bellcrank.card.yaml_file import read_yaml
 from bellcrank.constraints.closures import read_closures
 from bellcrank.constraints.constraint import Constraint
 from bellcrank.constraints.formula import Own, own_constraint
+from bellcrank.constraints.frame_joints import refuse_joints_off_paths
 from bellcrank.dynamics.signals import Signal, values_at
 from bellcrank.errors import InputError
 from bellcrank.robot.robot import Robot, RobotJoint
@@ -39,7 +40,7 @@ from bellcrank.scene.overrides import apply_overrides, marked, plain
 from bellcrank.scene.parameters import Parameter, read_parameters
 from bellcrank.scene.part import Part
 from bellcrank.scene.settings import Settings, check_rows, read_settings
-from bellcrank.scene.signal_source import SignalSource
+from bellcrank.scene.signal_source import SignalSource, later_signal, later_stops
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.system import System
@@ -114,12 +115,15 @@ class Scene:
     def start(self) -> tuple[Array, Array]:
         """Position (nq,) and velocity (nv,) at time 0, a free base's velocity in its own frame."""
         name = self.initial.motion
-        q, v = self.initial.state(self.robot, None if name is None else self.motion(name))
+        motion = None if name is None else self.motion(name)
+        q = self.initial.posture(self.robot, motion)
         if not self.closures:
-            return q, v
-        from bellcrank.constraints.start import consistent_start
+            return q, self.initial.rates(self.robot, q, motion)
+        from bellcrank.constraints.start import consistent_posture, consistent_velocity
 
-        return consistent_start(self, q, v, *self.initial.held(self.robot))
+        held_q, held_v = self.initial.held(self.robot)
+        q = consistent_posture(self, q, held_q)
+        return q, consistent_velocity(self, q, self.initial.rates(self.robot, q, motion), held_v)
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
@@ -157,12 +161,13 @@ class Scene:
     @cached_property
     def signals(self) -> tuple[Signal, ...]:
         """The signals u(t); InputError or UnreachableError where a motion cannot be made."""
-        return tuple(source.signal for source in self.signal_sources)
+        return tuple(later_signal(source, self.initial.clock) for source in self.signal_sources)
 
     @cached_property
     def stops(self) -> Array:
         """Times (k,) s at which signals jump, besides the breaks of kinked ones: no step should cross them."""
-        return np.unique(np.concatenate([np.zeros(0), *[source.stops for source in self.signal_sources]]))
+        stops = [later_stops(source, self.initial.clock) for source in self.signal_sources]
+        return np.unique(np.concatenate([np.zeros(0), *stops]))
 
     def signals_at(self, times: Array) -> Array:
         """All signals (n, nu) at times (n,) s."""
@@ -192,6 +197,8 @@ class Scene:
         targets = [[name, parameter.sets] for name, parameter in self.parameters.items()]
         baumgarte = bool(self.closures) and self.settings.stabilisation.kind == "baumgarte"
         parts = [baumgarte, self.closures, self.forces, self.control, targets, self.events, list(self.outputs.values())]
+        if self.initial.clock:
+            parts.append(["clock", self.initial.clock])
         return json.dumps(_content(parts, places))
 
 
@@ -223,7 +230,8 @@ def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> S
     loop_files = {str(name): (source.parent / name).read_text() for name in _named_files(closures)}
     forces = read_forces(read, robot)
     control = read_control(read, robot, card.motions, motion_of)
-    initial = read_initial(read, robot, card.motions)
+    refuse_joints_off_paths(closures, control, robot, card.motions)
+    initial = read_initial(read, robot, card.motions, source.parent)
     parts: tuple[Part, ...] = (*forces, *control, *closures)
     parameters = read_parameters(read, robot, parts)
     events = read_events(read, robot, parameters, closures)

@@ -7,7 +7,7 @@ cache, before any motion is computed.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -54,6 +54,20 @@ class SignalSource:
     @cached_property
     def _made(self) -> tuple[Signal, Array]:
         return self.make()
+
+
+def later_signal(source: SignalSource, clock: float) -> Signal:
+    """A source's signal over a time that is 0 where the signal's own is `clock` (s)."""
+    signal = source.signal
+    return replace(signal, breaks=signal.breaks - clock) if clock else signal
+
+
+def later_stops(source: SignalSource, clock: float) -> Array:
+    """A source's stops (k,) over that time; one that lies just behind the signal's end still does."""
+    if not clock:
+        return source.stops
+    last = source.signal.breaks[-1]
+    return np.where(source.stops > last, np.nextafter(last - clock, np.inf), source.stops - clock)
 
 
 def motion_source(

@@ -41,8 +41,8 @@ class Symbols:
     """Time t, position q (nq), velocity v (nv), signals u and parameters p, and what follows from them by kinematics.
 
     Whatever the parameters set is a symbol in every traced algorithm. `frames` may name the frames that will be asked
-    for, so that they are traced together. `acceleration` (nv), `joint_torque` (nv), `kinetic` and `potential` (J) are
-    set by whoever assembles the equations, before outputs and events are written.
+    for, so that they are traced together. A formula's t is t + `clock` (s). `acceleration` (nv), `joint_torque` (nv),
+    `kinetic` and `potential` (J) are set by whoever assembles the equations, before outputs and events are written.
     """
 
     acceleration: casadi.SX
@@ -51,10 +51,17 @@ class Symbols:
     potential: casadi.SX
     reactions: Reactions  # of a scene with closures
 
-    def __init__(self, robot: Robot, parameters: Mapping[str, Parameter] | None = None, frames: Iterable[str] = ()):
+    def __init__(
+        self,
+        robot: Robot,
+        parameters: Mapping[str, Parameter] | None = None,
+        frames: Iterable[str] = (),
+        clock: float = 0.0,
+    ):
         import casadi
 
         self.robot = robot
+        self.clock = clock
         self.parameters = dict(parameters or {})
         self.t, self.q, self.v = (casadi.SX.sym(n, k) for n, k in (("t", 1), ("q", robot.nq), ("v", robot.nv)))
         self.p = casadi.SX.sym("p", len(self.parameters))
@@ -81,9 +88,8 @@ class Symbols:
 
         rates = [casadi.SX(0, 1)]
         for source, u in self._groups.items():
-            if source.derivatives:  # of a single entry an empty slice is a row
-                rates.append(u[source.width :])
-            rates.append(casadi.SX.zeros(source.width, 1))
+            rates += [u[source.width :]] if source.derivatives else []  # an empty slice of one number is a row
+            rates += [casadi.SX.zeros(source.width, 1)]
         return casadi.vertcat(*rates)
 
     def signal(self, source: SignalSource) -> casadi.SX:

@@ -29,6 +29,7 @@ from bellcrank.constraints.formula import Own
 from bellcrank.dynamics.signals import Signal
 from bellcrank.errors import InputError
 from bellcrank.machine_code import machine
+from bellcrank.scene.run_start import SavedState, explicit_start
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.settings import Settings, Stabilisation
 from bellcrank.simulation.record import Statistics
@@ -39,6 +40,7 @@ from bellcrank.simulation.trajectory import Trajectory
 Array = NDArray[np.float64]
 FORMAT = "bellcrank run"
 VERSION = 1
+SAME_TIME = 1e-12  # share of a time by which a row may miss it
 _DAMAGE = (
     OSError, ValueError, TypeError, KeyError, AttributeError, EOFError, RuntimeError, OverflowError, MemoryError,
     zipfile.BadZipFile, zlib.error, struct.error,
@@ -143,6 +145,32 @@ def load_run(path: str | Path) -> Trajectory:
     )  # fmt: skip
 
 
+def saved_state(path: str | Path, time: float | None = None) -> SavedState:
+    """A row of a run that `Trajectory.save` wrote: the last, or that at a time (s); after a latch, behind its impact.
+
+    Raises InputError as `load_run`, and where the run has no row at that time, or no finite state there.
+    """
+    file = Path(path)
+    about, arrays = _contents(file)
+    try:
+        scene = load_scene(_unpacked(json.dumps(about["files"], sort_keys=True)) / _plain(about["scene"]))
+        robot, times, state = scene.robot, arrays["time"], arrays["state"]
+        k = len(times) - 1 if time is None else int(np.abs(times - time).argmin())
+        if time is not None and abs(times[k] - time) > SAME_TIME * max(1.0, abs(time)):
+            near = ", ".join(f"{t:.12g}" for t in np.sort(times[np.argsort(np.abs(times - time))[:2]]))
+            raise InputError(f"{file}: the run has no row at {time:.12g} s; the nearest are at {near} s")
+        q, v = state[k, : robot.nq], state[k, robot.nq : robot.nq + robot.nv]
+        last = about["events"][-1]["name"] if k == len(times) - 1 and about["status"] == Status.EVENT else None
+        if any(rule.latch and rule.name == last for rule in scene.events):
+            latch = load_run(file).events[-1].latch
+            v = v if latch is None else latch.velocity
+    except _DAMAGE as error:
+        raise _damaged(file, error) from None
+    if not (np.isfinite(q).all() and np.isfinite(v).all()):
+        raise InputError(f"{file}: the state at {times[k]:.6g} s is not finite; start from an earlier `time`")
+    return SavedState(file.name, robot.joints, q, v, float(times[k]) + scene.initial.clock)
+
+
 def _contents(file: Path) -> tuple[dict[str, Any], dict[str, Array]]:
     """The JSON text and the float64 arrays of a run's file; InputError for any other file."""
     try:
@@ -204,6 +232,8 @@ def _scene_files(scene: Scene) -> tuple[str, dict[str, str]]:
         return value
 
     data = gathered(scene.data)
+    if scene.initial.saved is not None:
+        data |= explicit_start(scene)  # the state itself: the run that it came from may be gone
     data |= {"name": scene.name, "urdf": _add(files, scene.robot.source, scene.robot.urdf.text)}
     text = yaml.safe_dump(data, allow_unicode=True, sort_keys=False)
     return _add(files, scene.source.with_suffix(".yaml"), text), files

@@ -11,8 +11,7 @@ are exact worst cases, RMS and energies are upper bounds. Reactions and inertias
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +29,7 @@ from bellcrank.constraints.elements import (
 from bellcrank.constraints.mechanism import Mechanism, mechanism_of
 from bellcrank.errors import InputError, among
 from bellcrank.motion.motion import Motion
+from bellcrank.sizing.arguments import drives_of, motions_of, renamed, tolerance_of
 from bellcrank.sizing.drive import Drive
 from bellcrank.sizing.holding_forces import holding_of
 from bellcrank.sizing.loads import Loads
@@ -65,9 +65,9 @@ def size(
     that repeats, for RMS and mean. Raises InputError where a drive names no joint or gives its rotor another
     inertia than the robot has, a motion belongs to another robot, there is no motion, or a type is wrong.
     """
-    mass_tolerance = _tolerance(mass_tolerance)
-    motions = _renamed(_motions(motions))
-    drives = _drives(drives)
+    mass_tolerance = tolerance_of(mass_tolerance)
+    motions = renamed(motions_of(motions))
+    drives = drives_of(drives)
     mechanism = mechanism_of(robot)
     robot, joints = mechanism.robot, mechanism.motors
     _check(robot, joints, motions, drives)
@@ -117,8 +117,8 @@ def size(
         tuple(map(float, robot.gravity)),
         tuple((float(payload.mass), payload.frame) for payload in robot.payloads),
         (mechanism, tuple(motions), drives),
-        elements(mechanism),
-        parameter_values(mechanism),
+        forces=elements(mechanism),
+        parameters=parameter_values(mechanism),
     )
 
 
@@ -154,67 +154,6 @@ def _check(
             f"gear_inertia) is {drive.reflected_inertia:.6g} {unit}; load the robot without rotor_inertia for this "
             "joint, or with the drive's reflected_inertia"
         )
-
-
-def _tolerance(value: object) -> float:
-    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-    if not number or not 0.0 <= float(value) < 1.0:  # type: ignore[arg-type]
-        raise InputError(f"mass tolerance: expected a share of at least 0 and below 1, such as 0.1, found {value!r}")
-    return float(value)  # type: ignore[arg-type]
-
-
-def _motions(given: object) -> list[Motion]:
-    if isinstance(given, Motion):
-        return [given]
-    if isinstance(given, (str, bytes, Mapping)) or not isinstance(given, Iterable):
-        raise InputError(f"motions: expected a Motion or a list of them, found {_kind(given)}{_of_run(given)}")
-    motions = list(given)
-    for motion in motions:
-        if not isinstance(motion, Motion):
-            raise InputError(
-                f"motions: expected a Motion or a list of them, found {_kind(motion)} in the list{_of_run(motion)}"
-            )
-    return motions
-
-
-def _of_run(given: object) -> str:
-    """What to do with a run of a simulation, where one is given instead of a motion."""
-    from bellcrank.simulation.trajectory import Trajectory
-
-    remedy = "; write the run with run.to_csv(path) and read it with read_motion(robot, path)"
-    return remedy if isinstance(given, Trajectory) else ""
-
-
-def _drives(given: object) -> dict[str, Drive]:
-    if given is None:
-        return {}
-    if not isinstance(given, Mapping):
-        raise InputError(f"drives: expected a mapping of joint names to Drives, found {_kind(given)}")
-    for name, drive in given.items():
-        if not isinstance(name, str) or not isinstance(drive, Drive):
-            raise InputError(
-                f"drives: expected a mapping of joint names to Drives, found {_kind(drive)} under {name!r}"
-            )
-    return dict(given)
-
-
-def _kind(value: object) -> str:
-    return f"{value!r}"[:60] if isinstance(value, (str, int, float)) else f"a {type(value).__name__}"
-
-
-def _renamed(motions: list[Motion]) -> list[Motion]:
-    """The motions with names of their own: the second "circle" becomes "circle (2)"."""
-    names: list[str] = []
-    for motion in motions:
-        name, number = motion.name, 1
-        while name in names:
-            number += 1
-            name = f"{motion.name} ({number})"
-        names.append(name)
-    return [
-        motion if motion.name == name else replace(motion, name=name)
-        for motion, name in zip(motions, names, strict=True)
-    ]
 
 
 def _size_one(loads: Loads, motion: Motion) -> tuple[dict[str, list[Peak]], list[Cycle]]:

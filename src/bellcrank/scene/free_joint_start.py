@@ -1,0 +1,219 @@
+"""The start of a joint with several degrees of freedom: a free base, and floating and planar joints of the URDF.
+
+Floating: {position: [x, y, z], rpy | quaternion_xyzw, linear_velocity, angular_velocity, expressed_in}; planar:
+{position: [x, y], angle, linear_velocity: [x, y], angular_velocity: RATE, expressed_in}. The pose is that of the child
+link's frame in the joint's frame on the parent link, which is the world for a base. Velocities are of the child
+relative to the parent, linear at the child's origin, in the axes of `expressed_in`: "parent" ("world" for a base) or
+"body". A vector may name some components only, as [0, ~, 0.1] or {z: 0.1}: these keep their values on the way to
+closures, all others follow; without closures these others are 0. {guess: VALUE} in place of a position, rpy,
+quaternion or angle is where the search begins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.card.fields import Fields
+from bellcrank.card.yaml_file import shown
+
+if TYPE_CHECKING:
+    from bellcrank.robot.robot import RobotJoint
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+START_KEYS = ("position", "rpy", "quaternion_xyzw", "angle", "linear_velocity", "angular_velocity")
+
+
+@dataclass(frozen=True)
+class Components:
+    """A vector of which some components are given, and of these some keep their values on the way to closures."""
+
+    values: tuple[float, ...]
+    given: tuple[bool, ...]
+    held: tuple[bool, ...]
+
+    def over(self, before: Array) -> Array:
+        """The vector with the components that are not given from another."""
+        return np.where(self.given, self.values, before)
+
+
+@dataclass(frozen=True)
+class FreeJointStart:
+    """Where a floating or planar joint starts, in SI units; what is not given stays as it was before.
+
+    position (3 or 2) m in the parent's axes; rotation: quaternion x y z w (unit), or cosine and sine, or None; linear
+    (3 or 2) m/s and angular (3 or 1) rad/s in the body's axes where `in_body`, else in the parent's.
+    """
+
+    position: Components
+    rotation: tuple[float, ...] | None
+    rotation_held: bool
+    linear: Components
+    angular: Components
+    in_body: bool
+
+    def place(self, joint: RobotJoint, q: Array) -> None:
+        """Write the pose into a position (nq,)."""
+        middle = joint.q + len(self.position.values)
+        q[joint.q : middle] = self.position.over(q[joint.q : middle])
+        if self.rotation is not None:
+            q[middle : joint.q + joint.nq] = self.rotation
+
+    def move(self, joint: RobotJoint, q: Array, v: Array) -> None:
+        """Write the velocity into v (nv,), in the axes that the body has at the position q (nq,)."""
+        middle = joint.v + len(self.linear.values)
+        for part, entry in ((slice(joint.v, middle), self.linear), (slice(middle, joint.v + joint.nv), self.angular)):
+            if not any(entry.given):
+                continue
+            turn = np.eye(len(entry.given)) if self.in_body or len(entry.given) == 1 else body_axes(joint, q)
+            v[part] = turn.T @ entry.over(turn @ v[part])
+
+    def hold(self, joint: RobotJoint, held_q: Mask, held_v: Mask) -> None:
+        """Mark the degrees of freedom (nv) that keep their positions and velocities: those of the position along the
+        parent's axes, those of the velocity along the axes that it is given in.
+        """
+        turning = (self.rotation_held,) * len(self.angular.held)
+        held_q[joint.v : joint.v + joint.nv] = (*self.position.held, *turning)
+        held_v[joint.v : joint.v + joint.nv] = (*self.linear.held, *self.angular.held)
+
+    def position_axes(self, joint: RobotJoint, q: Array) -> list[tuple[slice, Array]]:
+        """(degrees of freedom, rotation body to parent) of the linear part."""
+        size = len(self.position.values)
+        return [(slice(joint.v, joint.v + size), body_axes(joint, q))]
+
+    def velocity_axes(self, joint: RobotJoint, q: Array) -> list[tuple[slice, Array]]:
+        """The same of each vector of the velocity that is given in the parent's axes."""
+        if self.in_body:
+            return []
+        turn = body_axes(joint, q)
+        firsts = (joint.v, joint.v + 3) if joint.kind == "floating" else (joint.v,)
+        return [(slice(first, first + len(turn)), turn) for first in firsts]
+
+
+def read_free_joint_start(read: Fields, joint: RobotJoint, axes: str = "parent") -> FreeJointStart:
+    """The start of a floating or planar joint; `axes` is what its parent's axes are called. InputError."""
+    planar = joint.kind == "planar"
+    names = "xy" if planar else "xyz"
+    rotation, rotation_held = _angle(read) if planar else _attitude(read)
+    start = FreeJointStart(
+        _components(read, "position", names, "m", guess=True),
+        rotation,
+        rotation_held,
+        _components(read, "linear_velocity", names, "m/s"),
+        _rate(read) if planar else _components(read, "angular_velocity", names, "rad/s"),
+        read.choice("expressed_in", (axes, "body"), axes) == "body",
+    )
+    read.done()
+    return start
+
+
+def body_axes(joint: RobotJoint, q: Array) -> Array:
+    """The rotation matrix, body to parent, of a floating joint (3, 3) or of a planar one in its plane (2, 2)."""
+    if joint.kind == "planar":
+        cos, sin = q[joint.q + 2 : joint.q + 4]
+        return np.array([[cos, -sin], [sin, cos]])
+    return rotation_matrix(q[joint.q + 3 : joint.q + 7])
+
+
+def _components(read: Fields, key: str, names: str, unit: str, guess: bool = False) -> Components:
+    """The vector under a key: a list, entries of which may be ~, a mapping by component, or {guess: list}."""
+    written = read.raw(key, None)
+    none = (False,) * len(names)
+    if written is None:
+        return Components((0.0,) * len(names), none, none)
+    if isinstance(written, Mapping):
+        inner = read.mapping(key)
+        if guess and "guess" in inner:
+            found = _components(inner, "guess", names, unit)
+            inner.done()
+            return Components(found.values, found.given, none)
+        inner.known(*names)
+        values = [None if c not in inner or written[c] is None else inner.number(c, unit) for c in names]
+        inner.done()
+    elif isinstance(written, (list, tuple)) and len(written) == len(names):
+        values = [None if entry is None else read.parsed(key, entry, unit) for entry in written]
+    else:
+        raise read.error(
+            key,
+            f"expected a list of {len(names)} numbers in {unit}, ~ for those that follow, or a mapping such as "
+            f"{{{names[0]}: 0.1}}, found {shown(written)}",
+        )
+    given = tuple(x is not None for x in values)
+    return Components(tuple(x or 0.0 for x in values), given, given)
+
+
+def _attitude(read: Fields) -> tuple[tuple[float, ...] | None, bool]:
+    """The quaternion x y z w under `rpy` or `quaternion_xyzw`, if any, and whether it keeps its value."""
+    if "rpy" in read and "quaternion_xyzw" in read:
+        raise read.error("rpy", "expected 'rpy' or 'quaternion_xyzw', found both")
+    read.known("rpy", "quaternion_xyzw")
+    key = next((key for key in ("rpy", "quaternion_xyzw") if key in read), None)
+    if key is None:
+        return None, False
+    place, place_key, held = _guessed(read, key)
+    if key == "rpy":
+        quaternion = quaternion_of(place.vector(place_key, 3, "rad"))
+    else:
+        quaternion = np.array(place.vector(place_key, 4))
+        length = float(np.linalg.norm(quaternion))
+        if not 0.999 <= length <= 1.001:
+            raise place.error(place_key, f"expected a quaternion x y z w of length 1, found length {length:.6g}")
+        quaternion = quaternion / length
+    if place is not read:
+        place.done()
+    return tuple(quaternion.tolist()), held
+
+
+def _angle(read: Fields) -> tuple[tuple[float, ...] | None, bool]:
+    """Cosine and sine of the angle of a planar joint, if given, and whether it keeps its value."""
+    if "angle" not in read:
+        read.known("angle")
+        return None, False
+    place, key, held = _guessed(read, "angle")
+    angle = place.number(key, "rad")
+    if place is not read:
+        place.done()
+    return (float(np.cos(angle)), float(np.sin(angle))), held
+
+
+def _guessed(read: Fields, key: str) -> tuple[Fields, str, bool]:
+    """Where the value under a key stands: there, or under `guess` in a mapping there; and whether it is held."""
+    written: Any = read.raw(key)
+    return (read.mapping(key), "guess", False) if isinstance(written, Mapping) else (read, key, True)
+
+
+def _rate(read: Fields) -> Components:
+    """The angular velocity of a planar joint."""
+    if read.raw("angular_velocity", None) is None:
+        return Components((0.0,), (False,), (False,))
+    return Components((read.number("angular_velocity", "rad/s"),), (True,), (True,))
+
+
+def quaternion_of(rpy: tuple[float, ...]) -> Array:
+    """The quaternion x y z w of roll, pitch, yaw (rad) about the fixed x, y, z axes in that order."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(np.array(rpy) / 2.0), np.sin(np.array(rpy) / 2.0)
+    return np.array(
+        [
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+            cr * cp * cy + sr * sp * sy,
+        ]
+    )
+
+
+def rotation_matrix(quaternion: Array) -> Array:
+    """The rotation matrix (3, 3) of a unit quaternion x y z w."""
+    x, y, z, w = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
