@@ -232,8 +232,8 @@ class Sizing:
 
     `gravity` (m/s², in the world) and `payloads`, each (mass in kg, frame), are those sized with. `study` is what was
     sized, for pictures and replays: the mechanism, its motions (with rows where tables of forces have theirs), and
-    drives by joint. `forces` are the elements of the
-    scene that counted besides the motors, `parameters` its (name, value, unit).
+    drives by joint. `forces` are the elements of the scene that counted besides the motors, `parameters` its (name,
+    value, unit).
     """
 
     robot: str
