@@ -298,7 +298,7 @@ def test_a_sizing_plays_its_motions_one_after_the_other_with_its_torques_and_lim
     first, second = sizing.study[1]
     assert film.time[-1] == pytest.approx(first.duration + GAP + second.duration)
     assert [mark.text for mark in film.marks] == ["motion elbow_up begins", "motion elbow_down begins"]
-    robot = sizing.study[0]
+    robot = sizing.study[0].robot
     late = film.time > first.duration + GAP / 2
     times = film.time[late] - first.duration - GAP
     k = [body.name for body in film.bodies].index("link_2")
@@ -323,7 +323,8 @@ def test_where_a_limit_is_exceeded_a_sizing_has_a_mark():
 
 
 def test_a_motion_needs_its_own_robot(sizing):
-    robot, (motion, _), _ = sizing.study
+    mechanism, (motion, _), _ = sizing.study
+    robot = mechanism.robot
     film = film_of_motion(motion, robot)
     check(film)
     (trace,) = film.traces

@@ -258,7 +258,7 @@ def test_a_motions_jumps_are_stops():
     [("linear", [1, 1, 2, 2.5, 4, 4]), ("hold", [1, 1, 1, 3, 4, 4]), ("cubic", [1, 1, 2.1875, 2.6875, 4, 4])],
 )
 def test_torque_tables_are_interpolated_and_held_beyond_their_ends(interpolation, expected):
-    signal, _ = table_signal(np.array([0, 1.0, 3.0]), np.array([1.0, 3.0, 4.0]), interpolation)
+    signal, _ = table_signal(np.array([0, 1.0, 3.0]), np.array([[1.0], [3.0], [4.0]]), interpolation)
     if interpolation == "cubic":  # three points: the parabola through them, 1 + 2.5 t - 0.5 t²
         expected = [1, 1, 1 + 2.5 * 0.5 - 0.5 * 0.25, 1 + 2.5 * 1.5 - 0.5 * 2.25, 4, 4]
     else:

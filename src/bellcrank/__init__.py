@@ -36,8 +36,9 @@ _HOME = {
     "load_run": "simulation.run_file",
     "sweep": "designs.sweep",
     "Sweep": "designs.sweep",
+    "scene_inverse_dynamics": "constraints.inverse",
     "closed_inverse_dynamics": "constraints.inverse",
-    "Linkage": "sizing.linkage",
+    "Linkage": "constraints.linkage",
     "plot": "simulation.run_plot:plot_run",
     "replay": "replays.replay",
     "show": "replays.replay",
@@ -48,7 +49,8 @@ __all__ = ["__version__", *_HOME]
 
 if TYPE_CHECKING:
     from bellcrank.card.card import Card, load_card
-    from bellcrank.constraints.inverse import closed_inverse_dynamics
+    from bellcrank.constraints.inverse import closed_inverse_dynamics, scene_inverse_dynamics
+    from bellcrank.constraints.linkage import Linkage
     from bellcrank.designs.sweep import Sweep, sweep
     from bellcrank.errors import BellcrankError, CompileError, InputError, UnreachableError
     from bellcrank.motion.csv_file import read_motion, write_motion
@@ -66,7 +68,6 @@ if TYPE_CHECKING:
     from bellcrank.simulation.simulate import simulate
     from bellcrank.simulation.trajectory import Trajectory
     from bellcrank.sizing.drive import Drive
-    from bellcrank.sizing.linkage import Linkage
     from bellcrank.sizing.size import Sizing, size
     from bellcrank.urdf.check import check_urdf
 

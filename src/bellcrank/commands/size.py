@@ -13,6 +13,7 @@ from bellcrank.robot.payload import Payload
 
 if TYPE_CHECKING:
     from bellcrank.card.card import Card
+    from bellcrank.constraints.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import Robot
 
@@ -61,36 +62,38 @@ def run(arguments: argparse.Namespace) -> int:
     payloads = [parse_payload(text) for text in arguments.payload]
     tolerance = parse_share(arguments.mass_tolerance)
     card = load_card(arguments.robot)
-    robot = card.robot(payloads)
-    robot, motions = chosen(card, robot, arguments.motion)
+    robot, motions = chosen(card, card.robot(payloads), arguments.motion)
     sizing = replace(size(robot, motions, card.drives, tolerance), robot=card.name)
     folder = arguments.out or Path(f"{Path(arguments.robot).stem}_sizing")
     print(table(sizing))
     for warning in sizing.warnings:
         print(f"note: {warning}")
     earlier = earlier_files(folder)
-    files = write_histories(robot, motions, folder, card.drives)
+    assert sizing.study is not None
+    robot, over, _ = sizing.study
+    files = write_histories(robot, over, folder, card.drives)
     if not arguments.no_plots:
         from bellcrank.sizing.plots import write_plots
 
-        files += write_plots(robot, motions, folder, card.drives, title=card.name, mass_tolerance=tolerance)
+        files += write_plots(robot, over, folder, card.drives, title=card.name, mass_tolerance=tolerance)
     files = write_reports(sizing, folder, files) + files
     remove_stale(folder, earlier, files)
     print(f"\n{verdict(sizing)}\nwrote {', '.join(path.name for path in files)} in {folder}")
     return 0 if sizing.inside else 1
 
 
-def chosen(card: Card, robot: Robot, names: list[str]) -> tuple[Robot, list[Motion]]:
-    """What is sized, the robot or the linkage that the card closes it to, and the motions: named, or all of the card's.
+def chosen(card: Card, robot: Robot, names: list[str]) -> tuple[Mechanism, list[Motion]]:
+    """What is sized, the robot under the forces and closures of the card's file, and the motions: named, or all of the
+    card's.
 
     Raises InputError where there are none.
     """
-    from bellcrank.sizing.linkage import linkage_of
+    from bellcrank.sizing.linkage import mechanism_of_card
 
-    linkage = linkage_of(card, robot)
-    if linkage is None:
-        return robot, chosen_motions(card, robot, names)
-    return linkage, [linkage.motion(name) for name in _names(card, names)]
+    mechanism = mechanism_of_card(card, robot)
+    if not mechanism.closed:
+        return mechanism, chosen_motions(card, robot, names)
+    return mechanism, [mechanism.along(name)[0] for name in _names(card, names)]
 
 
 def chosen_motions(card: Card, robot: Robot, names: list[str]) -> list[Motion]:

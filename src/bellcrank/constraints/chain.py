@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from bellcrank.constraints.joint_relations import Drive
 from bellcrank.constraints.start import moved
+from bellcrank.dynamics.inverse import InverseEquations
 from bellcrank.errors import InputError, UnreachableError
 from bellcrank.motion.motion import Motion
 from bellcrank.robot.robot import RobotJoint
@@ -51,13 +52,18 @@ class Chain:
     """
 
     def __init__(self, scene: Scene, actuated: Sequence[str] | None = None) -> None:
+        scene = replace(scene, initial=replace(scene.initial, clock=0.0))  # times are those of the motion
         drives = [closure for closure in scene.closures if isinstance(closure, Drive)]
         loops = tuple(closure for closure in scene.closures if not isinstance(closure, Drive))
         if not loops:
-            raise InputError(f"{scene.source}: nothing closes a loop; use the robot's inverse_dynamics")
+            raise InputError(
+                f"{scene.source}: nothing closes a loop; use bc.scene_inverse_dynamics, which takes open chains"
+            )
         self.given = scene
-        self.scene = replace(scene, closures=loops, control=(), events=(), outputs={})
+        self.loaded = replace(scene, closures=loops, control=(), events=(), outputs={})
+        self.scene = replace(self.loaded, forces=())  # what the kinematics need
         self.robot = scene.robot
+        self.equations = InverseEquations(scene.robot, scene)
         rows = self.multiplier_names
         if self._position_rows < len(rows):
             raise InputError(
@@ -79,16 +85,13 @@ class Chain:
 
     @cached_property
     def _position_rows(self) -> int:
-        return int(self.terms.output_sizes[1])
+        return int(self.terms.output_sizes[0])
 
     # ---- equations
 
     @cached_property
     def terms(self) -> Compiled:
-        """(t, q, v, u, p, a) -> Q (nv), φ (h), (φ̇, ψ) (m), J column after column, γ (m).
-
-        Q = M a + bias + friction − the scene's passive forces (springs, dampers, wrenches).
-        """
+        """(t, q, v, u, p) -> φ (h), (φ̇, ψ) (m), J column after column, γ (m)."""
         key = "linkage " + self.scene.physics_key()
         return self.robot.compiled(key, self._build)
 
@@ -99,27 +102,25 @@ class Chain:
         from bellcrank.scene.symbols import Symbols
 
         s = Symbols(self.robot, self.scene.parameters, self.scene.frames, self.scene.initial.clock)
-        passive = casadi.SX.zeros(self.robot.nv, 1)
-        for force in self.scene.forces:
-            applied = force.apply(s)
-            passive += casadi.SX(self.robot.nv, 1) if applied.actuator else applied.force
         closed = close(self.scene.closures, rows_that_bind(self.scene, s), s)
-        a = casadi.SX.sym("a", self.robot.nv)
-        need = s.inverse_dynamics(s.q, s.v, a) + self.robot.equations.friction(s.v) - passive
-        outputs = [need, closed.position, closed.speed, casadi.vec(closed.jacobian), closed.drift]
-        return casadi.Function("linkage", [s.t, s.q, s.v, s.u, s.p, a], [casadi.densify(x) for x in outputs])
+        outputs = [closed.position, closed.speed, casadi.vec(closed.jacobian), closed.drift]
+        return casadi.Function("linkage", [s.t, s.q, s.v, s.u, s.p], [casadi.densify(x) for x in outputs])
 
     def at(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Q (n, nv), φ (n, h), (φ̇, ψ) (n, m), J (n, m, nv), γ (n, m) at n states and times (n,) s."""
-        u = self.scene.signals_at(t)
-        need, gap, speed, flat, drift = self.terms(t[:, None], q, v, u, self.scene.parameter_values, a)
-        jacobian = flat.reshape(len(t), self.robot.nv, -1).transpose(0, 2, 1)
-        return need, gap, speed, jacobian, drift
+        """Q (n, nv), φ (n, h), (φ̇, ψ) (n, m), J (n, m, nv), γ (n, m) at n states and times (n,) s.
+
+        Q = M a + bias + friction − all forces of the scene (dynamics/inverse.py).
+        """
+        return self.equations.needed(t, q, v, a), *self.closed(t, q, v)
+
+    def closed(self, t: Array, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
+        """φ (n, h), (φ̇, ψ) (n, m), J (n, m, nv), γ (n, m) at n states and times (n,) s."""
+        gap, speed, flat, drift = self.terms(t[:, None], q, v, self.scene.signals_at(t), self.scene.parameter_values)
+        return gap, speed, flat.reshape(len(t), self.robot.nv, -1).transpose(0, 2, 1), drift
 
     def _gap(self, t: float, q: Array) -> tuple[Array, Array]:
         still, time = np.zeros(self.robot.nv), np.array([t])
-        u = self.scene.signals_at(time)[0]
-        _, gap, _, flat, _ = self.terms(time, q, still, u, self.scene.parameter_values, still)
+        gap, _, flat, _ = self.terms(time, q, still, self.scene.signals_at(time)[0], self.scene.parameter_values)
         return gap, flat.reshape(self.robot.nv, -1).T
 
     # ---- kinematics
@@ -179,7 +180,7 @@ class Chain:
         dep = np.setdiff1d(np.arange(self.robot.nv), ind)
         v, a = np.zeros((n, self.robot.nv)), np.zeros((n, self.robot.nv))
         v[:, ind], a[:, ind] = motion.velocity[:, ind], motion.acceleration[:, ind]
-        _, _, speed, jacobian, _ = self.at(time, q, v, a)
+        _, speed, jacobian, _ = self.closed(time, q, v)
         singular = np.linalg.svd(jacobian[:, :, dep], compute_uv=False)
         worst = int(np.argmin(singular[:, -1] / singular[:, 0])) if len(dep) else 0
         if len(dep) and singular[worst, -1] < DEAD * singular[worst, 0]:
@@ -189,7 +190,7 @@ class Chain:
             )
         inverse = _inverse(jacobian[:, :, dep])
         v[:, dep] = -_times(inverse, speed)
-        drift = self.at(time, q, v, a)[4]
+        drift = self.closed(time, q, v)[3]
         a[:, dep] = -_times(inverse, drift + _times(jacobian[:, :, ind], a[:, ind]))
         return Motion(self.robot.joints, time, q, v, a, motion.name, motion.notes)
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from bellcrank.card.motions import MotionEntry, frame_path
+from bellcrank.constraints.elements import changed_lengths, path_note
 from bellcrank.constraints.frame_follow import FrameFollower
 from bellcrank.constraints.frame_joints import carrying, frames_drawn
 from bellcrank.constraints.start import consistent_posture
@@ -43,6 +44,9 @@ def guided_motion(
             whole = read_partial_motion(robot, entry.arguments["path"], entry.name)
         else:
             whole = chain.given.motion(str(motion))
+            moved = changed_lengths(chain.given)
+            if moved and any(frames_drawn(entry, card.motions)):
+                whole = replace(whole, notes=(*whole.notes, path_note(whole.name, moved)))
     elif Path(motion).suffix or "/" in str(motion):
         whole = read_partial_motion(robot, Path(motion), Path(motion).stem)
         given = _columns(robot, Path(motion))

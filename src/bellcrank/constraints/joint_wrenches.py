@@ -1,4 +1,4 @@
-"""What each joint of a closed linkage passes on: the tree's reaction, less what closures put on the links beyond it."""
+"""What each joint passes on: the tree's reaction, less what closures and forces at frames put on links beyond it."""
 
 from __future__ import annotations
 
@@ -19,22 +19,25 @@ def joint_wrenches(scene: Scene) -> casadi.Function:
     parent link exerts on the child link, in the joint's own (child) frame, about its origin.
 
     A virtual displacement δ of a frame changes φ by G δ (a virtual velocity changes ψ so), hence closures put the
-    wrench Gᵀ λ on the frame's link. What acts between joint coordinates (couplings, motors, friction) passes across
+    wrench Gᵀ λ on the frame's link; springs and wrenches of the scene put theirs on the links of their frames. What the
+    parent gives a joint's child is what the motion of all links beyond needs (recursive Newton-Euler), less all that
+    others give them. What acts between joint coordinates (couplings, motors, joint springs, friction) passes across
     joints and not through them.
     """
     import casadi
 
     s = Symbols(scene.robot, scene.parameters, scene.frames, scene.initial.clock)
-    kept = rows_that_bind(scene, s).kept
+    for source in scene.signal_sources:  # all of them, in the order of the scene's signals
+        s.signal(source)
+    given = [item for force in scene.forces for item in force.wrenches(s)]
+    kept = rows_that_bind(scene, s).kept if scene.closures else ()
     a, multipliers = casadi.SX.sym("a", scene.robot.nv), casadi.SX.sym("lambda", len(kept))
     tree = s.algorithm("reactions")(s.q, s.v, a, s.tracer_parameters)
-    description = scene.robot.equations.tree
-    wrenches = [
-        (_joints_below(scene, name), s.frame(name).position, w) for name, w in _loads(scene, s, kept, multipliers)
-    ]
+    if scene.closures:
+        given += _loads(scene, s, kept, multipliers)
+    wrenches = [(_joints_below(scene, name), s.frame(name).position, w) for name, w in given]
     columns = []
-    for k, joint in enumerate(description.joints):
-        own = s.frame(joint["name"])
+    for k, own in enumerate(s.joint_frames()):
         force, moment = tree[6 * k : 6 * k + 3], tree[6 * k + 3 : 6 * k + 6]
         for beyond, point, wrench in wrenches:
             if k + 1 in beyond:

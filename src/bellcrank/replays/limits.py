@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from bellcrank.replays.charts import joined, joined_times
 from bellcrank.replays.film import Plane
 from bellcrank.replays.thinning import MOST_POINTS, series_rows
-from bellcrank.sizing.history import joint_torque
-from bellcrank.sizing.linkage import motors_of
+from bellcrank.sizing.history import joint_torques
 from bellcrank.sizing.plots import drawn_states
 
 if TYPE_CHECKING:
+    from bellcrank.constraints.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import Robot, RobotJoint
     from bellcrank.sizing.drive import Drive
@@ -29,17 +29,17 @@ RPM = 30.0 / math.pi
 
 
 def torque_speed_planes(
-    robot: Robot, motions: Sequence[Motion], drives: Mapping[str, Drive], shifts: Sequence[float]
+    mechanism: Mechanism, motions: Sequence[Motion], drives: Mapping[str, Drive], shifts: Sequence[float]
 ) -> tuple[Plane, ...]:
     """Each motor's torque against its speed over motions that begin `shifts` s later: at the shaft, times the safety
     factor, with the motor's limits; at the joint, with the URDF's, where there is no drive.
     """
     states = [drawn_states(motion) for motion in motions]
     planes = []
-    for joint in motors_of(robot):
+    for joint in mechanism.motors:
         times, speeds, torques = [], [], []
         for (time, q, v, a), shift in zip(states, shifts, strict=True):
-            speed, torque = v[:, joint.v], joint_torque(robot, joint, q, v, a, joint.name in drives)
+            speed, torque = v[:, joint.v], joint_torques(mechanism, [joint], drives, time, q, v, a)[:, 0]
             if drive := drives.get(joint.name):
                 torque = drive.safety_factor * drive.shaft_torque(torque, speed, a[:, joint.v])
                 speed = drive.ratio * RPM * speed
@@ -47,7 +47,7 @@ def torque_speed_planes(
             times.append(time[rows] + shift)
             speeds.append(speed[rows])
             torques.append(torque[rows])
-        labels, limits = _of_joint(robot, joint) if drive is None else _of_shaft(joint, drive)
+        labels, limits = _of_joint(mechanism.robot, joint) if drive is None else _of_shaft(joint, drive)
         planes.append(Plane(*labels, joined_times(times), joined(speeds), joined(torques), limits))
     return tuple(planes)
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import __version__
+from bellcrank.constraints.mechanism import Mechanism, mechanism_of
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 from bellcrank.replays.arrows import motor_arrow
@@ -22,14 +23,14 @@ from bellcrank.replays.meshes import Detail
 from bellcrank.replays.subject import film_axes, filmed_bodies, frame_points, scenery, traced_frames
 from bellcrank.simulation.run_csv import torque_unit
 from bellcrank.simulation.run_panels import by_unit, titled_apart
-from bellcrank.sizing.linkage import motors_of
+from bellcrank.sizing.history import joint_torques
 from bellcrank.sizing.plots import drawn_states
 from bellcrank.sizing.table import verdict
 
 if TYPE_CHECKING:
     from bellcrank.machine_code.compile import Compiled
     from bellcrank.motion.motion import Motion
-    from bellcrank.robot.robot import Robot, RobotJoint
+    from bellcrank.robot.robot import Robot
     from bellcrank.sizing.drive import Drive
     from bellcrank.sizing.result import JointSizing, Sizing
 
@@ -54,7 +55,15 @@ def film_of_motion(
     if title is not None:
         facts.append(("motion", f"{robot.name}: {motion.name}"))
     return _film(
-        robot, [motion], {}, trace, detail, title or f"{robot.name}: {motion.name}", facts, motion.warnings, progress
+        mechanism_of(robot),
+        [motion],
+        {},
+        trace,
+        detail,
+        title or f"{robot.name}: {motion.name}",
+        facts,
+        motion.warnings,
+        progress,
     )
 
 
@@ -71,7 +80,7 @@ def film_of_sizing(
     """
     if sizing.study is None:
         raise InputError(f"sizing of {sizing.robot}: it does not hold its motions; make it with bellcrank.size")
-    robot, motions, drives = sizing.study
+    mechanism, motions, drives = sizing.study
     starts = _starts(motions)
     begins = {motion.name: start - float(motion.time[0]) for motion, start in zip(motions, starts, strict=True)}
     marks = [
@@ -83,7 +92,9 @@ def film_of_sizing(
     name = title or f"{sizing.robot}: sizing"
     if sizing.robot not in name:
         facts.append(("robot", sizing.robot))
-    return _film(robot, motions, drives, trace, detail, name, facts, sizing.warnings, progress, marks, sizing.inside)
+    return _film(
+        mechanism, motions, drives, trace, detail, name, facts, sizing.warnings, progress, marks, sizing.inside
+    )
 
 
 def _needs(joint: JointSizing) -> str:
@@ -92,7 +103,7 @@ def _needs(joint: JointSizing) -> str:
 
 
 def _film(
-    robot: Robot,
+    mechanism: Mechanism,
     motions: Sequence[Motion],
     drives: Mapping[str, Drive],
     trace: Iterable[str],
@@ -104,6 +115,7 @@ def _film(
     marks: Sequence[Mark] = (),
     good: bool = True,
 ) -> Film:
+    robot = mechanism.robot
     wanted = traced_frames(robot, trace)
     bodies, notes = filmed_bodies(robot, detail)
     frames = tuple(dict.fromkeys([*(body.name for body in bodies), *wanted]))
@@ -120,7 +132,7 @@ def _film(
         shots.append(footage(course, bodies, frame_points(course, wanted), progress=heard))
     shifts = [start - float(motion.time[0]) for motion, start in zip(motions, starts, strict=True)]
     time = np.concatenate([shot.time + shift for shot, shift in zip(shots, shifts, strict=True)])
-    arrows = _arrows(robot, motions, drives, shots)
+    arrows = _arrows(mechanism, motions, drives, shots)
     views = [scenery(shot, arrows if k == 0 else ()) for k, shot in enumerate(shots)]  # arrows are of all motions
     view = views[0]._replace(
         points=np.concatenate([each.points for each in views]), poses=np.concatenate([each.poses for each in views])
@@ -131,7 +143,7 @@ def _film(
         ground_for([], view, not robot.floating_base), _joined_traces(shots, shifts),
         arrows, (), film_axes(robot, bodies),
         tuple(sorted([*(begun if len(motions) > 1 else ()), *marks], key=lambda mark: mark.time)),
-        _charts(robot, motions, drives, shifts), torque_speed_planes(robot, motions, drives, shifts),
+        _charts(mechanism, motions, drives, shifts), torque_speed_planes(mechanism, motions, drives, shifts),
         (*facts, ("bellcrank", __version__)), good, (*notes, *warnings),
     )  # fmt: skip
 
@@ -169,23 +181,18 @@ def _joined_traces(shots: Sequence[Footage], shifts: Sequence[float]) -> tuple[T
 # ---- torques
 
 
-def _torques(
-    robot: Robot, joints: Sequence[RobotJoint], drives: Mapping[str, Drive], q: Array, v: Array, a: Array
-) -> Array:
-    """Joint torques (n, joints), N m or N; with a drive without the rotor's own inertia."""
-    rotor = np.array([robot.rotor_inertia[joint.v] * (joint.name in drives) for joint in joints])
-    columns = [joint.v for joint in joints]
-    return np.asarray(np.asarray(robot.inverse_dynamics(q, v, a))[:, columns] - rotor * a[:, columns])
-
-
 def _arrows(
-    robot: Robot, motions: Sequence[Motion], drives: Mapping[str, Drive], shots: Sequence[Footage]
+    mechanism: Mechanism, motions: Sequence[Motion], drives: Mapping[str, Drive], shots: Sequence[Footage]
 ) -> tuple[Arrow, ...]:
-    joints = motors_of(robot)
+    robot, joints = mechanism.robot, mechanism.motors
     parts = [
         [
             motor_arrow(robot, joint, torque, shot.placed)
-            for joint, torque in zip(joints, _torques(robot, joints, drives, *motion.at(shot.time)).T, strict=True)
+            for joint, torque in zip(
+                joints,
+                joint_torques(mechanism, joints, drives, shot.time, *motion.at(shot.time)).T,
+                strict=True,
+            )
         ]
         for motion, shot in zip(motions, shots, strict=True)
     ]
@@ -199,13 +206,14 @@ def _arrows(
 
 
 def _charts(
-    robot: Robot, motions: Sequence[Motion], drives: Mapping[str, Drive], shifts: Sequence[float]
+    mechanism: Mechanism, motions: Sequence[Motion], drives: Mapping[str, Drive], shifts: Sequence[float]
 ) -> tuple[Chart, ...]:
-    motors = motors_of(robot)
+    robot, motors = mechanism.robot, mechanism.motors
     rows: list[list[Array]] = [[], [], [], [], []]
     for motion, shift in zip(motions, shifts, strict=True):
         time, q, v, a = drawn_states(motion)
-        for column, values in zip(rows, (time + shift, q, v, a, _torques(robot, motors, drives, q, v, a)), strict=True):
+        torque = joint_torques(mechanism, motors, drives, time, q, v, a)
+        for column, values in zip(rows, (time + shift, q, v, a, torque), strict=True):
             column.append(values)
     time = joined_times(rows[0])
     q, v, a, torque = (joined(parts) for parts in rows[1:])

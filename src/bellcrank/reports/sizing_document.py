@@ -76,8 +76,8 @@ def _table(title: str, content: tuple[list[str], list[list[str]]], note: str = "
 def _pictures(sizing: Sizing) -> list[Picture]:
     if sizing.study is None:
         return []
-    robot, motions, drives = sizing.study
-    figures = draw(robot, motions, drives, sizing.robot, sizing.mass_tolerance)
+    mechanism, motions, drives = sizing.study
+    figures = draw(mechanism, motions, drives, sizing.robot, sizing.mass_tolerance)
     return [
         Picture(name.removesuffix(".png").replace("_", " ").capitalize(), svg_of(figure))
         for name, figure in figures.items()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Self
 
 from bellcrank.card.fields import Fields
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.part import NONNEGATIVE, Applied, Part, Settable, number, read_frame
+from bellcrank.scene.signal_source import SignalSource
+from bellcrank.scene.torque_table import INTERPOLATIONS, read_wrench_table
 
 if TYPE_CHECKING:
     import casadi
@@ -87,6 +89,15 @@ class Spring(Part):
         potential = 0.5 * self.value(symbols, "stiffness") * stretch * stretch
         return Applied(force, potential, -self.value(symbols, "damping") * slope * slope, False)
 
+    def wrenches(self, symbols: Symbols) -> tuple[tuple[str, casadi.SX], ...]:
+        """What it does to the bodies of its ends: forces along the way between them, and no moments about them."""
+        import casadi
+
+        way, _, _, _, pull = self._geometry(symbols)
+        on_a, none = pull * way, casadi.SX.zeros(3, 1)
+        found = ((self.frame_a, casadi.vertcat(on_a, none)), (self.frame_b, casadi.vertcat(-on_a, none)))
+        return found[: len(self.frames)]
+
     def labels(self, robot: Robot) -> tuple[str, ...]:
         """The tension."""
         return ("[N]",)
@@ -115,33 +126,55 @@ class Spring(Part):
 
 @dataclass(frozen=True)
 class Wrench(Part):
-    """A force (N) at a frame's origin and a torque (N m), constant in the axes of the world or of the frame.
+    """A force (N) at a frame's origin and a torque (N m), in the axes of the world or of the frame: constant, or a
+    table over time in a CSV `file` beside the scene.
 
-    Its power counts as work.
+    The table has the column "time [s]" and one or more of "force x [N]", "force y [N]", "force z [N]",
+    "torque x [N m]", "torque y [N m]" and "torque z [N m]"; components without a column are 0. It is read `linear` (the
+    default), `cubic` (a not-a-knot spline) or `hold` (each value until the next), and its first and last values are
+    held before and after it. Its power counts as work.
     """
 
     frame: str
     force: tuple[float, ...]
     torque: tuple[float, ...]
     expressed_in: str
+    table: SignalSource | None = None
+    text: str = field(default="", repr=False, compare=False)  # of the table's file, as it was read
     kind: ClassVar[str] = "wrench"
 
     @classmethod
     def read(cls, name: str, read: Fields, robot: Robot) -> Self:
         """From its mapping; InputError naming file and key."""
-        read.known("frame", "force", "torque", "expressed_in")
+        read.known("frame", "force", "torque", "expressed_in", "file", "interpolation")
         nothing = (0.0, 0.0, 0.0)
         frame, axes = read_frame(read, robot), read.choice("expressed_in", (WORLD, "frame"), WORLD)
+        if "file" in read:
+            for key in ("force", "torque"):
+                if key in read:
+                    raise read.error(key, f"a wrench takes its {key} from the 'file'; leave out one of them")
+            interpolation = read.choice("interpolation", INTERPOLATIONS, "linear")
+            table, text = read_wrench_table(read, read.text("file"), interpolation)
+            return cls(name, read, frame, nothing, nothing, axes, table, text)
+        if "interpolation" in read:
+            raise read.error("interpolation", "a constant wrench has no interpolation; it belongs to a 'file'")
         if "force" not in read and "torque" not in read:
-            raise read.error("", "the key 'force' or 'torque' is missing: a wrench needs one of them")
+            raise read.error("", "the key 'force' or 'torque' is missing: a wrench needs one of them, or a 'file'")
         return cls(
             name, read, frame, read.vector("force", 3, "N", nothing), read.vector("torque", 3, "N m", nothing), axes
         )
 
     @property
     def settable(self) -> dict[str, Settable]:
-        """Every component can be set."""
+        """Every component of a constant wrench can be set."""
+        if self.table is not None:
+            return {}
         return {f"force.{c}": Settable("N") for c in "xyz"} | {f"torque.{c}": Settable("N m") for c in "xyz"}
+
+    @property
+    def source(self) -> SignalSource | None:
+        """The table."""
+        return self.table
 
     @property
     def frames(self) -> tuple[str, ...]:
@@ -158,6 +191,10 @@ class Wrench(Part):
         force = casadi.jtimes(velocity, symbols.v, wrench, True)
         return Applied(force, symbols.zero, casadi.dot(wrench, velocity), False)
 
+    def wrenches(self, symbols: Symbols) -> tuple[tuple[str, casadi.SX], ...]:
+        """What it does to the frame's body: itself."""
+        return ((self.frame, self.measure(symbols)),)
+
     def labels(self, robot: Robot) -> tuple[str, ...]:
         """Force and torque, world axes."""
         return (*(f"{c} [N]" for c in "xyz"), *(f"r{c} [N m]" for c in "xyz"))
@@ -166,7 +203,11 @@ class Wrench(Part):
         """Force (3) N and torque (3) N m in the world's axes."""
         import casadi
 
-        force, torque = self.vector(symbols, "force"), self.vector(symbols, "torque")
+        if self.table is None:
+            force, torque = self.vector(symbols, "force"), self.vector(symbols, "torque")
+        else:
+            both = symbols.signal(self.table)[:, 0]
+            force, torque = both[:3], both[3:]
         if self.expressed_in == WORLD:
             return casadi.vertcat(force, torque)
         turn = symbols.frame(self.frame).rotation

@@ -146,7 +146,8 @@ class Torque(JointForce):
 
     The table has the columns "time [s]" and "JOINT torque [N m]" (or the one that `column` names) and is read
     `linear` (the default), `cubic` (a not-a-knot spline) or `hold` (each value until the next). Before its first and
-    after its last time the first and last value are held.
+    after its last time the first and last value are held. In inverse dynamics and sizing it is a load that acts beside
+    the joint's motor.
     """
 
     constant: float

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from bellcrank.motion.motion import FAR_OUT, MOST_TURNED
 from bellcrank.scene.control import PD
 from bellcrank.scene.expression import Expression
+from bellcrank.scene.frame_forces import Wrench
 from bellcrank.scene.joint_forces import Torque
 from bellcrank.scene.part import Part, joint_unit
+from bellcrank.scene.torque_table import COMPONENTS
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.signals import Signal
@@ -138,8 +140,9 @@ def _signals(scene: Scene, duration: float) -> Iterator[str]:
     for part in parts:
         if part.source is None:
             continue
-        signal, table = part.source.signal, isinstance(part, Torque)
-        first, last = (x - scene.initial.clock for x in _span(part, signal))
+        signal, table = part.source.signal, isinstance(part, Torque | Wrench)
+        first, last = table_span(part) if table else (float(signal.breaks[0]), float(signal.breaks[-1]))
+        first, last = first - scene.initial.clock, last - scene.initial.clock
         who = f"{part.owner} '{part.name}': its {'table' if table else 'motion'}"
         if last < duration:
             after = "the last value is held" if table else "the last posture is the target, at rest"
@@ -150,7 +153,10 @@ def _signals(scene: Scene, duration: float) -> Iterator[str]:
             moving = "" if table else _moving(signal, np.array([signal.breaks[0]]))
             yield f"{who} begins at {first:.6g} s{moving}; until then {before}"
         if isinstance(part, Torque) and not signal.kinked:
-            yield from _overshoot(who, part, signal)
+            yield from _overshoot(who, signal, 0, f"values of {{}} {joint_unit(part.joint, 'torque')}")
+        elif isinstance(part, Wrench) and not signal.kinked:
+            for k, (name, unit) in enumerate(COMPONENTS.items()):
+                yield from _overshoot(who, signal, k, f"{name} values of {{}} {unit}")
 
 
 def _moving(signal: Signal, time: Array) -> str:
@@ -176,21 +182,23 @@ def _drives(scene: Scene, duration: float) -> Iterator[str]:
             yield f"drive '{closure.name}': its motion begins at {breaks[0]:.6g} s; before, its first position is held"
 
 
-def _span(part: Part, signal: Signal) -> tuple[float, float]:
-    """First and last time of a signal's data, s."""
-    held = isinstance(part, Torque) and signal.kinked and signal.coefficients.shape[1] == 1
+def table_span(part: Part) -> tuple[float, float]:
+    """First and last time of the table of a torque or wrench, s."""
+    assert part.source is not None
+    signal = part.source.signal
+    held = signal.kinked and signal.coefficients.shape[1] == 1
     return float(signal.breaks[0]), float(signal.breaks[-2 if held else -1])  # held values have a piece beyond the last
 
 
-def _overshoot(who: str, part: Torque, signal: Signal) -> Iterator[str]:
+def _overshoot(who: str, signal: Signal, column: int, values: str) -> Iterator[str]:
     fine = np.linspace(signal.breaks[:-1], signal.breaks[1:], 17).T.ravel()
-    rows, between = signal.at(signal.breaks)[:, 0], signal.at(fine)[:, 0]
+    rows, between = signal.at(signal.breaks)[:, column], signal.at(fine)[:, column]
     low, high = float(rows.min()), float(rows.max())
     if max(between.max() - high, low - between.min()) > OVERSHOOT * (high - low) > 0.0:
         far = float(between[np.abs(between).argmax()])
         yield (
-            f"{who} has values of {low:.4g} to {high:.4g} {joint_unit(part.joint, 'torque')}, and its cubic spline "
-            f"reaches {far:.4g} between them; rows that are very close do that, interpolation: linear does not"
+            f"{who} has {values.format(f'{low:.4g} to {high:.4g}')}, and its cubic spline reaches {far:.4g} between "
+            "them; rows that are very close do that, interpolation: linear does not"
         )
 
 

@@ -100,6 +100,12 @@ class Part:
         """Its expressions."""
         raise NotImplementedError
 
+    def wrenches(self, symbols: Symbols) -> tuple[tuple[str, casadi.SX], ...]:
+        """(frame, force (3) N and moment (3) N m about its origin, world axes) on the body of each frame it acts on;
+        none of a force between joint coordinates.
+        """
+        return ()
+
     def labels(self, robot: Robot) -> tuple[str, ...]:
         """What follows an output's name in the titles of the columns of `measure`, such as "[N m]"."""
         raise NotImplementedError

@@ -32,6 +32,7 @@ from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.control import Controller, read_control
 from bellcrank.scene.events import EventRule, read_events
 from bellcrank.scene.forces import read_forces
+from bellcrank.scene.frame_forces import Wrench
 from bellcrank.scene.initial import Initial, read_initial
 from bellcrank.scene.joint_forces import Torque
 from bellcrank.scene.notes import scene_notes
@@ -134,7 +135,9 @@ class Scene:
     def files(self) -> dict[str, str]:
         """What the tables and motions held when they were read, by what is written under `file`."""
         found = dict(csv_texts(self.card.motions.values())) | self.loop_files
-        return found | {str(p.place.raw("file")): p.text for p in self.forces if isinstance(p, Torque) and p.text}
+        return found | {
+            str(p.place.raw("file")): p.text for p in self.forces if isinstance(p, Torque | Wrench) and p.text
+        }
 
     @property
     def parameter_values(self) -> Array:

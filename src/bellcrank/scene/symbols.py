@@ -136,6 +136,16 @@ class Symbols:
                 self._frames[each] = FrameSymbols(x[:3], casadi.reshape(x[3:12], 3, 3).T, x[12:15], x[15:18])
         return self._frames[name]
 
+    def joint_frames(self) -> list[FrameSymbols]:
+        """The frames of all joints of the tree, mimicking ones too, in the order of `Robot.all_joint_names`."""
+        import casadi
+
+        frames, names = self.robot.equations.tree.frames, self.robot.all_joint_names
+        places = {frame["name"]: k for k, frame in enumerate(frames) if frame["is_joint"]}
+        rows = _function(self._tree.frames([places[name] for name in names]))(self.q, self.v, self.tracer_parameters)
+        parts = [rows[_FRAME * k : _FRAME * (k + 1)] for k in range(len(names))]
+        return [FrameSymbols(x[:3], casadi.reshape(x[3:12], 3, 3).T, x[12:15], x[15:18]) for x in parts]
+
     def local_frame(self, name: str) -> tuple[FrameSymbols, casadi.SX]:
         """A frame's placement from the axes' origin, and velocity, in axes B in which they are short; and B (3, 3).
 

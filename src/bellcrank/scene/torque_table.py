@@ -1,4 +1,6 @@
-"""Torques over time in CSV files: a column "time [s]", and one "JOINT torque [N m]" (or [N]) for each joint."""
+"""Forces over time in CSV files: a column "time [s]", and one "JOINT torque [N m]" (or [N]) for each joint, or the
+components of a wrench, "force x [N]" to "torque z [N m]".
+"""
 
 from __future__ import annotations
 
@@ -19,6 +21,7 @@ from bellcrank.scene.signal_source import SignalSource
 Array = NDArray[np.float64]
 INTERPOLATIONS = ("linear", "cubic", "hold")
 CLOSEST = 1e-9  # s between the rows of a cubic table: a spline through nearer ones overshoots without bounds
+COMPONENTS = {f"{what} {c}": unit for what, unit in (("force", "N"), ("torque", "N m")) for c in "xyz"}  # of a wrench
 _HEADER = re.compile(r"^(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]$")
 
 
@@ -32,6 +35,37 @@ def read_torque_table(read: Fields, file: str, column: str, unit: str, interpola
         time, torque = read_table(path, text, column, unit)
     except InputError as error:
         raise read.error("file", str(error)) from None
+    _check_spacing(read, path, time, interpolation)
+    name = f"table {path}: {column}, {interpolation}"
+    return SignalSource(name, 1, 0, lambda: table_signal(time, torque[:, None], interpolation)), text
+
+
+def read_wrench_table(read: Fields, file: str, interpolation: str) -> tuple[SignalSource, str]:
+    """The table of a wrench, six values wide (force, torque), as `read_torque_table`. Columns that are no component of
+    a wrench are refused.
+    """
+    path = Path(read.where).parent / file
+    try:
+        text = table_text(path)
+        header, _ = _rows(path, text)
+        there = [_label(title) for title in header if _label(title) != "time"]
+        if not there:
+            raise InputError(f"{path}: there is no column of a wrench; expected one of {', '.join(COMPONENTS)}")
+        for label in there:
+            if label not in COMPONENTS:
+                raise InputError(f"{path}: {among('column of a wrench', label, COMPONENTS)}")
+        found = {label: read_table(path, text, label, COMPONENTS[label]) for label in there}
+    except InputError as error:
+        raise read.error("file", str(error)) from None
+    time = next(iter(found.values()))[0]
+    _check_spacing(read, path, time, interpolation)
+    nothing = np.zeros(len(time))
+    values = np.stack([found[label][1] if label in found else nothing for label in COMPONENTS], axis=1)
+    name = f"table {path}: wrench, {interpolation}"
+    return SignalSource(name, 6, 0, lambda: table_signal(time, values, interpolation)), text
+
+
+def _check_spacing(read: Fields, path: Path, time: Array, interpolation: str) -> None:
     if interpolation == "cubic" and np.diff(time).min() < CLOSEST:
         k = int(np.diff(time).argmin())
         raise read.error(
@@ -39,8 +73,6 @@ def read_torque_table(read: Fields, file: str, column: str, unit: str, interpola
             f"a cubic spline needs times at least {CLOSEST:g} s apart, {path} has {time[k]!r} s and {time[k + 1]!r} s; "
             "use linear, which takes jumps",
         )
-    name = f"table {path}: {column}, {interpolation}"
-    return SignalSource(name, 1, 0, lambda: table_signal(time, torque, interpolation)), text
 
 
 def table_text(path: Path) -> str:
@@ -59,7 +91,7 @@ def read_table(path: Path, text: str, column: str, unit: str) -> tuple[Array, Ar
     Other columns are passed over. Raises InputError, one sentence with file and line.
     """
     header, rows = _rows(path, text)
-    labels = [match["name"] if (match := _HEADER.match(text)) else text for text in header]
+    labels = [_label(title) for title in header]
     for label in ("time", column):
         if label not in labels:
             if label == column and "torque" in labels:
@@ -87,19 +119,25 @@ def read_table(path: Path, text: str, column: str, unit: str) -> tuple[Array, Ar
     return time, torque
 
 
-def table_signal(time: Array, torque: Array, interpolation: str) -> tuple[Signal, Array]:
-    """Values (n,) at times (n,) as piecewise polynomials (straight lines, a cubic spline, or steps), and the times at
-    which they are not smooth besides the breaks of a kinked one.
+def _label(title: str) -> str:
+    """The title of a column without its unit."""
+    match = _HEADER.match(title)
+    return match["name"] if match else title
+
+
+def table_signal(time: Array, values: Array, interpolation: str) -> tuple[Signal, Array]:
+    """Values (n, width) at times (n,) as piecewise polynomials (straight lines, a cubic spline, or steps), and the
+    times at which they are not smooth besides the breaks of a kinked one.
     """
     if interpolation == "cubic":
         from scipy.interpolate import CubicSpline
 
-        spline = CubicSpline(time, torque)
-        return Signal(time, np.ascontiguousarray(spline.c[::-1].T)[:, :, None], 0, False), time[[0, -1]]
+        spline = CubicSpline(time, values)  # c: (4, m, width), descending powers
+        return Signal(time, np.ascontiguousarray(spline.c[::-1].transpose(1, 0, 2)), 0, False), time[[0, -1]]
     if interpolation == "hold":  # the last value needs a piece of its own, beyond which it is held
-        return Signal(np.append(time, time[-1] + 1.0), torque[:, None, None], 0, True), np.zeros(0)
-    slope = np.diff(torque) / np.diff(time)
-    return Signal(time, np.stack([torque[:-1], slope], axis=1)[:, :, None], 0, True), np.zeros(0)
+        return Signal(np.append(time, time[-1] + 1.0), values[:, None], 0, True), np.zeros(0)
+    slope = np.diff(values, axis=0) / np.diff(time)[:, None]
+    return Signal(time, np.stack([values[:-1], slope], axis=1), 0, True), np.zeros(0)
 
 
 def _rows(path: Path, text: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
@@ -109,7 +147,7 @@ def _rows(path: Path, text: str) -> tuple[list[str], list[tuple[int, list[str]]]
         raise InputError(f"{path}: not a CSV file: {error}") from None
     if len(lines) < 3:
         raise InputError(
-            f"{path}: expected a header 'time [s],JOINT torque [N m]' and at least 2 rows of numbers, "
+            f"{path}: expected a header such as 'time [s],JOINT torque [N m]' and at least 2 rows of numbers, "
             f"found {max(len(lines) - 1, 0)} rows"
         )
     header = [" ".join(cell.split()) for cell in lines[0][1]]

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.constraints.mechanism import force_times, mechanism_of
 from bellcrank.motion.csv_file import write_motion
 
 if TYPE_CHECKING:
+    from bellcrank.constraints.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import Robot, RobotJoint
     from bellcrank.sizing.drive import Drive
@@ -20,27 +22,46 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-def joint_torque(robot: Robot, joint: RobotJoint, q: Array, v: Array, a: Array, driven: bool) -> Array:
-    """The torque (n,) that a joint must be given, N m or N; with a drive that of the gear's output, without the
-    rotor's own inertia."""
-    torque = np.asarray(robot.inverse_dynamics(q, v, a))[:, joint.v]
-    return torque - robot.rotor_inertia[joint.v] * a[:, joint.v] if driven else torque
+def joint_torques(
+    robot: Robot | Mechanism,
+    joints: Sequence[RobotJoint],
+    drives: Mapping[str, Drive],
+    time: Array,
+    q: Array,
+    v: Array,
+    a: Array,
+) -> Array:
+    """The torques (n, len(joints)) that motors must give at times (n,) s, N m or N, 0 at joints without a motor; with a
+    drive that of the gear's output, without the rotor's own inertia. Where a time stands twice, its first row is the
+    limit from before.
+    """
+    mechanism = mechanism_of(robot)
+    every = mechanism.torques(force_times(time), q, v, a)[0]
+    places = {joint.name: k for k, joint in enumerate(mechanism.motors)}
+    found = np.zeros((len(time), len(joints)))
+    for k, joint in enumerate(joints):
+        if joint.name in places:
+            rotor = mechanism.robot.rotor_inertia[joint.v] if joint.name in drives else 0.0
+            found[:, k] = every[:, places[joint.name]] - rotor * a[:, joint.v]
+    return found
 
 
 def write_histories(
-    robot: Robot, motions: Sequence[Motion], folder: str | Path, drives: Mapping[str, Drive]
+    robot: Robot | Mechanism, motions: Sequence[Motion], folder: str | Path, drives: Mapping[str, Drive]
 ) -> list[Path]:
     """Write history_<motion>.csv for each motion: its rows with the joint torques of the sizing; their paths.
 
     Such a file can be read as a motion again. Raises InputError where the folder cannot be written.
     """
-    joints = [joint for joint in robot.joints if joint.nv == 1]  # those without a motor have torque 0
+    mechanism = mechanism_of(robot)
+    joints = [joint for joint in mechanism.robot.joints if joint.nv == 1]
     names = file_names(motions)
     paths = []
     for motion, name in zip(motions, names, strict=True):
-        states = (motion.position, motion.velocity, motion.acceleration)
-        torque = [joint_torque(robot, joint, *states, joint.name in drives) for joint in joints]
-        paths.append(write_motion(motion, Path(folder) / f"history_{name}.csv", np.column_stack(torque)))
+        torque = joint_torques(
+            mechanism, joints, drives, motion.time, motion.position, motion.velocity, motion.acceleration
+        )
+        paths.append(write_motion(motion, Path(folder) / f"history_{name}.csv", torque))
     return paths
 
 

@@ -12,7 +12,7 @@ import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,16 @@ KEPT = 6
 GRID = 49  # points along a coordinate that others follow (mimic), where no closed form holds
 
 
+class Statics(Protocol):
+    """What holds a robot at rest, and each link's share of it: a Robot, or one with parameters."""
+
+    def gravity_torque(self, q: Array) -> Array:
+        """The torques (n, nv) that hold the robot at rest at q (n, nq)."""
+
+    def link_gravity_torques(self, q: Array) -> Array:
+        """Each link's share of them, (n, links, nv)."""
+
+
 @dataclass(frozen=True)
 class Holding:
     """For each one-degree-of-freedom joint: the largest static |torque| (k,), N m or N, and its posture (k,
@@ -44,17 +54,21 @@ class Holding:
     notes: tuple[str, ...]
 
 
-def holding_torques(robot: Robot, starts: int = STARTS, seed: int = 0, mass_tolerance: float = 0.0) -> Holding:
+def holding_torques(
+    robot: Robot, starts: int = STARTS, seed: int = 0, mass_tolerance: float = 0.0, statics: Statics | None = None
+) -> Holding:
     """The worst static gravity torque of every joint, without friction.
 
     Revolute joints without limits range over one turn; prismatic ones without limits are held at 0 and
     `notes` says so; a free base and planar joints keep their neutral posture. With a mass tolerance each link
     or payload as a whole, mass and inertia, is scaled by a factor of its own within 1 ± tolerance, and the worst
-    of all factors and postures is found: the largest |τ| + tolerance · Σ|share of a link|.
+    of all factors and postures is found: the largest |τ| + tolerance · Σ|share of a link|. `statics` stands for the
+    robot's own masses.
     """
+    statics = robot if statics is None else statics
     joints = tuple(joint for joint in robot.joints if joint.nv == 1)
     count = len(joints)
-    lower, upper, notes = _ranges(robot, joints)
+    lower, upper, notes = joint_ranges(robot, joints)
     leaders = {leader for _, leader, _, _ in robot.mimics()}
     generator = np.random.default_rng(seed)
     places = [joint.q for joint in joints]
@@ -63,14 +77,14 @@ def holding_torques(robot: Robot, starts: int = STARTS, seed: int = 0, mass_tole
     def torque(postures: Array, rows: Rows) -> Array:
         """Signed gravity torque of each row's own joint; postures (r, m, nq) -> (r, m)."""
         count, m, nq = postures.shape
-        every = np.asarray(robot.gravity_torque(postures.reshape(count * m, nq))).reshape(count, m, -1)
+        every = np.asarray(statics.gravity_torque(postures.reshape(count * m, nq))).reshape(count, m, -1)
         return np.asarray(sign[rows, None] * every[np.arange(count), :, columns[target[rows]]])
 
     # One row for each (joint to maximise, sign, start): `target` and `sign` say which.
     target = np.repeat(np.arange(count), 2 * starts)
     sign = np.tile(np.repeat([1.0, -1.0], starts), count)
     random = lower + (upper - lower) * generator.random((len(target), count))
-    matters = _dependence(robot, places, random[:: max(1, len(target) // 8)])[columns]
+    matters = _dependence(robot, statics, places, random[:: max(1, len(target) // 8)])[columns]
     q = np.tile(np.asarray(robot.neutral, dtype=np.float64), (len(target), 1))
     q[:, places] = np.where(matters[target], random, np.clip(q[:, places], lower, upper))
     value = torque(q[:, None], np.arange(len(q)))[:, 0]
@@ -104,25 +118,28 @@ def holding_torques(robot: Robot, starts: int = STARTS, seed: int = 0, mass_tole
     if mass_tolerance > 0.0:
         best_few = np.argsort(-table, axis=1)[:, :2]
         starts_of = q.reshape(count, 2 * starts, -1)[np.arange(count)[:, None], best_few]
-        result, posture = worst_of_masses(robot, joints, leaders, (lower, upper), starts_of, mass_tolerance, generator)
+        result, posture = worst_of_masses(
+            robot, statics, joints, leaders, (lower, upper), starts_of, mass_tolerance, generator
+        )
     return Holding(tuple(joint.name for joint in joints), result, posture, notes)
 
 
-def _dependence(robot: Robot, places: list[int], samples: Array) -> NDArray[np.bool_]:
+def _dependence(robot: Robot, statics: Statics, places: list[int], samples: Array) -> NDArray[np.bool_]:
     """Whether the gravity torque (nv, k) of each velocity coordinate depends on each joint's position."""
     q = np.tile(np.asarray(robot.neutral, dtype=np.float64), (len(samples), 1))
     q[:, places] = samples
-    here = np.asarray(robot.gravity_torque(q))
+    here = np.asarray(statics.gravity_torque(q))
     scale = 1e-12 * max(1e-300, float(np.max(np.abs(here))))
     result = np.zeros((robot.nv, len(places)), dtype=bool)
     for k, place in enumerate(places):
         moved = q.copy()
         moved[:, place] = np.roll(q[:, place], 1)
-        result[:, k] = np.max(np.abs(np.asarray(robot.gravity_torque(moved)) - here), axis=0) > scale
+        result[:, k] = np.max(np.abs(np.asarray(statics.gravity_torque(moved)) - here), axis=0) > scale
     return result
 
 
-def _ranges(robot: Robot, joints: tuple[RobotJoint, ...]) -> tuple[Array, Array, tuple[str, ...]]:
+def joint_ranges(robot: Robot, joints: tuple[RobotJoint, ...]) -> tuple[Array, Array, tuple[str, ...]]:
+    """Lower and upper ends (k,) within which joints are held, rad or m, and what is said about those without limits."""
     lower, upper, notes = np.zeros(len(joints)), np.zeros(len(joints)), []
     for k, joint in enumerate(joints):
         low, high = float(robot.lower[joint.q]), float(robot.upper[joint.q])

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint
+    from bellcrank.sizing.holding import Statics
 
 Array = NDArray[np.float64]
 
@@ -34,6 +35,7 @@ BATCH = 4096  # postures whose shares are evaluated at once
 
 def worst_of_masses(
     robot: Robot,
+    statics: Statics,
     joints: tuple[RobotJoint, ...],
     leaders: AbstractSet[str],
     ranges: tuple[Array, Array],
@@ -61,7 +63,7 @@ def worst_of_masses(
         parts = []
         for k in range(0, len(rows), BATCH):
             some = slice(k, k + BATCH)
-            every = np.asarray(robot.link_gravity_torques(postures[some]))
+            every = np.asarray(statics.link_gravity_torques(postures[some]))
             parts.append(every[np.arange(len(every)), :, target[rows[some]]])
         return sign[rows, None] * np.concatenate(parts)
 
@@ -71,7 +73,7 @@ def worst_of_masses(
     def value_of(postures: Array, rows: NDArray[np.intp]) -> Array:
         return worth(shares(postures, rows))
 
-    matters = _dependence(robot, places, random[0])
+    matters = _dependence(statics, places, random[0])
     every_row = np.arange(len(q))
     value = worth(shares(q, every_row))
     active = np.ones(len(q), dtype=bool)
@@ -109,13 +111,13 @@ def worst_of_masses(
     return np.maximum(value[row], 0.0), q[row]
 
 
-def _dependence(robot: Robot, places: list[int], postures: Array) -> NDArray[np.bool_]:
+def _dependence(statics: Statics, places: list[int], postures: Array) -> NDArray[np.bool_]:
     """Whether any link's share of the torque of each velocity coordinate depends on each joint's position, (nv, k)."""
-    here = np.asarray(robot.link_gravity_torques(postures))
+    here = np.asarray(statics.link_gravity_torques(postures))
     scale = 1e-13 * max(1e-300, float(np.max(np.abs(here), initial=0.0)))
     columns = []
     for place in places:
-        there = robot.link_gravity_torques(_moved(postures, place, np.roll(postures[:, place], 1)))
+        there = statics.link_gravity_torques(_moved(postures, place, np.roll(postures[:, place], 1)))
         columns.append(np.max(np.abs(np.asarray(there) - here), axis=(0, 1), initial=0.0) > scale)
     return np.stack(columns, axis=1)
 

@@ -1,4 +1,4 @@
-"""What acts on a robot's joints, shafts and supply in a state of motion: what sizing looks at."""
+"""What acts on a mechanism's joints, shafts and supply in a state of motion: what sizing looks at."""
 
 from __future__ import annotations
 
@@ -12,20 +12,24 @@ from numpy.typing import NDArray
 from bellcrank.sizing.drive import Drive
 
 if TYPE_CHECKING:
-    from bellcrank.robot.robot import Robot, RobotJoint
+    from bellcrank.constraints.mechanism import Mechanism
+    from bellcrank.robot.robot import RobotJoint
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Loads:
-    """The quantities whose maxima are wanted, as functions of the state, for the joints that can have a
-    motor."""
+    """The quantities whose maxima are wanted, as functions of time t (n,) and the state, for the joints with motors."""
 
-    robot: Robot
-    joints: tuple[RobotJoint, ...]
+    mechanism: Mechanism
     drives: Mapping[str, Drive]
     tolerance: float
+
+    @property
+    def joints(self) -> tuple[RobotJoint, ...]:
+        """The joints with motors."""
+        return self.mechanism.motors
 
     @property
     def columns(self) -> list[int]:
@@ -35,23 +39,26 @@ class Loads:
     @property
     def rotor(self) -> Array:
         """Rotor inertia (k,) in the robot's mass matrix that belongs to the shaft side of a drive."""
-        return np.array(
-            [self.robot.rotor_inertia[joint.v] if joint.name in self.drives else 0.0 for joint in self.joints]
-        )
+        given = self.mechanism.robot.rotor_inertia
+        return np.array([given[joint.v] if joint.name in self.drives else 0.0 for joint in self.joints])
 
-    def torque(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+    def nominal(self, t: Array, q: Array, v: Array, a: Array) -> Array:
+        """Torques (n, k) with the masses as they are given, a drive's rotor left out: what the gear's output gives."""
+        return self.mechanism.torques(t, q, v, a)[0] - self.rotor * a[:, self.columns]
+
+    def torque(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         """Lowest and highest torque (n, k) within the mass tolerance (each link or payload as a whole,
         mass and inertia scaled by one factor within 1 ± tolerance), a drive's rotor left out."""
-        nominal = np.asarray(self.robot.inverse_dynamics(q, v, a))[:, self.columns] - self.rotor * a[:, self.columns]
+        nominal = self.nominal(t, q, v, a)
         if self.tolerance == 0.0:
             return nominal, nominal
-        spread = self.tolerance * np.abs(self.robot.link_torques(q, v, a)).sum(axis=1)[:, self.columns]
+        spread = self.tolerance * np.abs(self.mechanism.link_torques(t, q, v, a)).sum(axis=1)
         return nominal - spread, nominal + spread
 
-    def forces(self, q: Array, v: Array, a: Array) -> dict[str, Array]:
+    def forces(self, t: Array, q: Array, v: Array, a: Array) -> dict[str, Array]:
         """Torques, speeds, powers, shaft torque, curve use and supply power; names that end in _ are no
         peaks."""
-        low, high = self.torque(q, v, a)
+        low, high = self.torque(t, q, v, a)
         speed, rate = v[:, self.columns], a[:, self.columns]
         most, least = np.maximum(low * speed, high * speed), np.minimum(low * speed, high * speed)
         supply, back = most.copy(), least.copy()
@@ -80,13 +87,14 @@ class Loads:
             "regeneration": np.maximum(-back.sum(axis=1, keepdims=True), 0.0),
         }
 
-    def reactions(self, q: Array, v: Array, a: Array) -> dict[str, Array]:
+    def reactions(self, t: Array, q: Array, v: Array, a: Array) -> dict[str, Array]:
         """Bearing force and tilting moment (n, k) of each joint."""
-        wrench = self.robot.joint_reactions(q, v, a)
-        names = list(self.robot.all_joint_names)
+        robot = self.mechanism.robot
+        wrench = self.mechanism.reactions(t, q, v, a)
+        names = list(robot.all_joint_names)
         force, moment = (np.zeros((len(q), len(self.joints))) for _ in range(2))
         for k, joint in enumerate(self.joints):
-            axis = np.asarray(self.robot.joint_axis(joint.name))
+            axis = np.asarray(robot.joint_axis(joint.name))
             both = wrench[:, names.index(joint.name)]
             across = 0 if joint.kind == "prismatic" else 3
             both = both.copy()
@@ -97,7 +105,6 @@ class Loads:
             )
         return {"peak_bearing_force": force, "peak_tilting_moment": moment}
 
-    def inertia(self, q: Array, v: Array, a: Array) -> dict[str, Array]:
+    def inertia(self, t: Array, q: Array, v: Array, a: Array) -> dict[str, Array]:
         """M_ii (n, k), a drive's rotor left out."""
-        diagonal = np.diagonal(self.robot.mass_matrix(q), axis1=-2, axis2=-1)
-        return {"largest_inertia": np.asarray(diagonal[:, self.columns] - self.rotor)}
+        return {"largest_inertia": self.mechanism.inertia(t, q) - self.rotor}

@@ -1,8 +1,10 @@
 """Largest values and integrals of quantities along a motion, refined between its samples.
 
 The time between samples is divided into parts, at the reversals of every joint too, where friction and the
-losses of a gear jump. Integrals are Gauss-Legendre sums over the three inner points of each part; the local
-maxima of all points are brackets that are narrowed until the value no longer changes.
+losses of a gear jump, at the rows of tables of forces, where these may jump, and further where torques change fast
+(friction, stiff springs), until halving a part no longer changes the integral of their squares. Integrals are
+Gauss-Legendre sums over the three inner points of each part; the local maxima of all points are brackets that are
+narrowed until the value no longer changes.
 """
 
 from __future__ import annotations
@@ -16,7 +18,9 @@ from numpy.typing import NDArray
 from bellcrank.motion.motion import Motion
 
 Array = NDArray[np.float64]
-Quantities = Callable[[Array, Array, Array], Mapping[str, Array]]  # (q, v, a) -> name: (n, k)
+Quantities = Callable[[Array, Array, Array, Array], Mapping[str, Array]]  # (t, q, v, a) -> name: (n, k)
+
+Torque = Callable[[Array, Array, Array, Array], Array]  # (t, q, v, a) -> (n, k)
 
 FINEST = 300  # parts of a whole motion that the grid has at least
 CANDIDATES = 6  # local maxima that are refined for each quantity
@@ -24,33 +28,48 @@ PROBES = 9  # points that divide a bracket
 _GAUSS = 0.5 * np.sqrt(0.6)
 _NODES = np.array([0.0, 0.5 - _GAUSS, 0.5, 0.5 + _GAUSS, 1.0])
 _WEIGHTS = np.array([0.0, 5.0, 8.0, 5.0, 0.0]) / 18.0
+HALVINGS = 16  # of a part, at most
+SETTLED = 1e-9  # of the whole integral of a squared torque: a part that halving changes by less is fine enough
+NOISE = 1e-12  # of the largest integral of a squared torque: smaller ones need not settle
+MOST_PARTS = 30_000  # of a motion's grid that halving may lead to
 NARROWINGS = 13  # each divides the bracket by (PROBES − 1) / 2
 
 
 @dataclass(frozen=True)
 class Grid:
     """Points along a motion: time (n,), states q (n, nq), v (n, nv), a (n, nv), and weights (n,) in s of the
-    integral."""
+    integral. `force_time` (n,) is the time at which forces are meant: just before `time` where a part ends, so that a
+    force that jumps there has its limit from before.
+    """
 
     time: Array
+    force_time: Array
     position: Array
     velocity: Array
     acceleration: Array
     weight: Array
 
 
-def grid_along(motion: Motion, probes: Array | None = None) -> Grid:
-    """The grid of a motion; both limits of every jump of acceleration are in it.
+def grid_along(
+    motion: Motion, probes: Array | None = None, breaks: Array | None = None, torque: Torque | None = None
+) -> Grid:
+    """The grid of a motion; both limits of every jump of acceleration are in it, and of forces at `breaks` (s).
+
+    Its parts are halved where `torque` changes too fast for them.
 
     `probes` are times (s) to be looked at besides, for instance just beside a reversal; they carry no weight.
     """
-    low, high = _parts(motion)
-    length = high - low
+    low, high = _parts(motion, np.zeros(0) if breaks is None else breaks)
+    if torque is not None:
+        low, high = _halved(motion, torque, low, high)
+    length, last = high - low, len(_NODES) - 1
     time = (low[:, None] + length[:, None] * _NODES).ravel()
     weight = (length[:, None] * _WEIGHTS).ravel()
+    force_time = time.copy()
+    time[last :: last + 1] = high
+    force_time[last :: last + 1] = np.nextafter(high, -np.inf)
     position, velocity, acceleration = motion.at(time)
     # A part that starts (ends) at a row of the motion takes that row's limit from after (before) a jump.
-    last = len(_NODES) - 1
     for place, edge, side in ((0, low, "right"), (last, high, "left")):
         row = np.searchsorted(motion.time, edge, side="right" if side == "right" else "left")
         row = np.clip(row - 1 if side == "right" else row, 0, len(motion.time) - 1)
@@ -64,21 +83,23 @@ def grid_along(motion: Motion, probes: Array | None = None) -> Grid:
         at = np.searchsorted(time, probes)
         extra = motion.at(probes)
         time, weight = np.insert(time, at, probes), np.insert(weight, at, 0.0)
+        force_time = np.insert(force_time, at, probes)
         position, velocity, acceleration = (
             np.insert(old, at, new, axis=0) for old, new in zip((position, velocity, acceleration), extra, strict=True)
         )
-    return Grid(time, position, velocity, acceleration, weight)
+    return Grid(time, force_time, position, velocity, acceleration, weight)
 
 
-def _parts(motion: Motion) -> tuple[Array, Array]:
-    """Starts and ends (m,), s, of the parts of the grid: samples, divided further, and reversals of any
+def _parts(motion: Motion, breaks: Array) -> tuple[Array, Array]:
+    """Starts and ends (m,), s, of the parts of the grid: samples, divided further, breaks, and reversals of any
     velocity."""
     starts = np.flatnonzero(np.diff(motion.time) > 0.0)
     length = motion.time[starts + 1] - motion.time[starts]
     count = np.maximum(1, np.ceil(FINEST * length / motion.duration - 1e-9)).astype(int)
     place = np.concatenate([np.arange(many) for many in count])
     step = np.repeat(length / count, count)
-    edges = np.unique(np.concatenate([np.repeat(motion.time[starts], count) + place * step, motion.time]))
+    breaks = breaks[(breaks > motion.time[0]) & (breaks < motion.time[-1])]
+    edges = np.unique(np.concatenate([np.repeat(motion.time[starts], count) + place * step, motion.time, breaks]))
     speed = motion.at(edges)[1]
     row, column = np.nonzero(speed[:-1] * speed[1:] < 0.0)
     low, high = edges[row].copy(), edges[row + 1].copy()
@@ -90,11 +111,41 @@ def _parts(motion: Motion) -> tuple[Array, Array]:
     return edges[:-1], edges[1:]
 
 
-def reversal_times(motion: Motion, columns: Sequence[int], width: float) -> Array:
-    """Times just before and after the named velocities change sign: 1, 3, … 100 friction widths away in
-    speed."""
+def _halved(motion: Motion, torque: Torque, low: Array, high: Array) -> tuple[Array, Array]:
+    """The parts, halved until the Gauss-Legendre sum of each squared torque over a part is that over its halves."""
+
+    def squares(low: Array, high: Array) -> Array:
+        time = (low[:, None] + (high - low)[:, None] * _NODES[1:-1]).ravel()
+        values = torque(time, *motion.at(time)).reshape(len(low), 3, -1)
+        return np.asarray((high - low)[:, None] * np.einsum("j,njk->nk", _WEIGHTS[1:-1], values**2))
+
+    sums = squares(low, high)
+    whole = sums.sum(axis=0)
+    whole = np.maximum(whole, NOISE * whole.max(initial=0.0) + 1e-300)
+    done: list[tuple[Array, Array]] = []
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        left, right = squares(low, middle), squares(middle, high)
+        coarse = (np.abs(left + right - sums) > SETTLED * whole).any(axis=1) & (low < middle) & (middle < high)
+        done.append((low[~coarse], high[~coarse]))
+        low, middle, high = low[coarse], middle[coarse], high[coarse]
+        if not len(low) or sum(len(part) for part, _ in done) + 2 * len(low) > MOST_PARTS:
+            break
+        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+        sums = np.concatenate([left[coarse], right[coarse]])
+    done.append((low, high))
+    low, high = (np.concatenate([part[k] for part in done]) for k in (0, 1))
+    order = np.argsort(low)
+    return low[order], high[order]
+
+
+def reversal_times(motion: Motion, rough: Sequence[tuple[int, float]]) -> Array:
+    """Times just before and after velocities change sign: 0.3, 1, … 100 friction widths away in speed.
+
+    `rough` are pairs of a velocity coordinate and the width of its friction, rad/s or m/s.
+    """
     found = []
-    for column in columns:
+    for column, width in rough:
         speed = motion.velocity[:, column]
         for k in np.flatnonzero((speed[:-1] * speed[1:] < 0.0) & (np.diff(motion.time) > 0.0)):
             low, high = float(motion.time[k]), float(motion.time[k + 1])
@@ -112,9 +163,9 @@ def maxima(
 ) -> tuple[dict[str, Array], dict[str, tuple[Array, Array]]]:
     """(values on the grid, and for each quantity the (k,) largest values and their (k,) times), refined.
 
-    `quantities(q, v, a)` gives arrays (n, k); what is wanted of a quantity is its maximum.
+    `quantities(t, q, v, a)` gives arrays (n, k); what is wanted of a quantity is its maximum.
     """
-    values = dict(quantities(grid.position, grid.velocity, grid.acceleration))
+    values = dict(quantities(grid.force_time, grid.position, grid.velocity, grid.acceleration))
     names = list(values)
     widths = [values[name].shape[1] for name in names]
     table = np.concatenate([values[name] for name in names], axis=1)
@@ -123,7 +174,9 @@ def maxima(
     column, low, high = _brackets(grid.time, table)
     for _ in range(NARROWINGS if column.size else 0):
         times = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, PROBES)
-        found = np.concatenate([part for _, part in _ordered(quantities(*motion.at(times.ravel())), names)], axis=1)
+        found = np.concatenate(
+            [part for _, part in _ordered(quantities(times.ravel(), *motion.at(times.ravel())), names)], axis=1
+        )
         line = found.reshape(len(column), PROBES, -1)[np.arange(len(column)), :, column]
         here = line.argmax(axis=1)
         each = np.arange(len(column))

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import atomic
+from bellcrank.constraints.mechanism import Mechanism, mechanism_of
 from bellcrank.motion.motion import Motion
 from bellcrank.plot_style import DPI, colour, dash, literal, new_figure, plain
 from bellcrank.sizing.drive import Drive
-from bellcrank.sizing.history import file_names, joint_torque
-from bellcrank.sizing.linkage import motors_of
+from bellcrank.sizing.history import file_names, joint_torques
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,7 +31,7 @@ CURVE = "#1a1a1a"
 
 
 def write_plots(
-    robot: Robot,
+    robot: Robot | Mechanism,
     motions: Sequence[Motion],
     folder: str | Path,
     drives: Mapping[str, Drive] | None = None,
@@ -53,22 +53,23 @@ def write_plots(
 
 
 def draw(
-    robot: Robot,
+    robot: Robot | Mechanism,
     motions: Sequence[Motion],
     drives: Mapping[str, Drive] | None = None,
     title: str | None = None,
     mass_tolerance: float = 0.0,
 ) -> dict[str, Figure]:
     """The figures that `write_plots` writes, by file name."""
-    drives, title = dict(drives or {}), title or robot.name
+    mechanism = mechanism_of(robot)
+    drives, title = dict(drives or {}), title or mechanism.robot.name
     note = " (nominal masses)" if mass_tolerance else ""
-    joints, motors = [joint for joint in robot.joints if joint.nv == 1], motors_of(robot)
+    joints, motors = [joint for joint in mechanism.robot.joints if joint.nv == 1], mechanism.motors
     figures: dict[str, Figure] = {}
     for motion, name in zip(motions, file_names(motions), strict=True):
-        figures[f"over_time_{name}.png"] = _over_time(robot, joints, motion, drives, title, note)
-    figures["torque_speed.png"] = _joint_plane(robot, motors, motions, drives, title, note)
+        figures[f"over_time_{name}.png"] = _over_time(mechanism, joints, motion, drives, title, note)
+    figures["torque_speed.png"] = _joint_plane(mechanism, motors, motions, drives, title, note)
     if driven := [joint for joint in motors if joint.name in drives]:
-        figures["motor_torque_speed.png"] = _shaft_plane(robot, driven, motions, drives, title, note)
+        figures["motor_torque_speed.png"] = _shaft_plane(mechanism, driven, motions, drives, title, note)
     return figures
 
 
@@ -93,13 +94,15 @@ def drawn_states(motion: Motion) -> tuple[Array, Array, Array, Array]:
 
 
 def _over_time(
-    robot: Robot, joints: Sequence[RobotJoint], motion: Motion, drives: Mapping[str, Drive], title: str, note: str
+    mechanism: Mechanism,
+    joints: Sequence[RobotJoint],
+    motion: Motion,
+    drives: Mapping[str, Drive],
+    title: str,
+    note: str,
 ) -> Figure:
     time, q, v, a = drawn_states(motion)
-    rotor = np.zeros(robot.nv)
-    for joint in joints:
-        rotor[joint.v] = robot.rotor_inertia[joint.v] if joint.name in drives else 0.0
-    torque = np.asarray(robot.inverse_dynamics(q, v, a)) - rotor * a
+    torque = joint_torques(mechanism, joints, drives, time, q, v, a)
     slides, turns = ({joint.kind == kind for joint in joints} != {False} for kind in ("prismatic", "revolute"))
     unit = (
         {"rad": "rad | m", "N m": "N m | N"}
@@ -117,7 +120,7 @@ def _over_time(
     )
     for axis, (label, what, values) in zip(axes[:, 0], rows, strict=True):
         for k, joint in enumerate(joints):
-            column = joint.q if values is q else joint.v
+            column = joint.q if values is q else k if values is torque else joint.v
             axis.plot(
                 time, values[:, column], color=colour(k), linestyle=dash(k), linewidth=1.3, label=literal(joint.name)
             )
@@ -138,7 +141,7 @@ def _over_time(
 
 
 def _joint_plane(
-    robot: Robot,
+    mechanism: Mechanism,
     joints: Sequence[RobotJoint],
     motions: Sequence[Motion],
     drives: Mapping[str, Drive],
@@ -148,8 +151,10 @@ def _joint_plane(
     figure, axes = _panels(len(joints))
     for axis, joint in zip(axes, joints, strict=False):
         for k, motion in enumerate(motions):
-            _, q, v, a = drawn_states(motion)
-            _trace(axis, v[:, joint.v], joint_torque(robot, joint, q, v, a, joint.name in drives), k, motion.name)
+            states = drawn_states(motion)
+            torque = joint_torques(mechanism, [joint], drives, *states)[:, 0]
+            _trace(axis, states[2][:, joint.v], torque, k, motion.name)
+        robot = mechanism.robot
         effort, speed = float(robot.effort_limit[joint.v]), float(robot.velocity_limit[joint.v])
         _limit_box(axis, speed, effort)
         linear = joint.kind == "prismatic"
@@ -163,7 +168,7 @@ def _joint_plane(
 
 
 def _shaft_plane(
-    robot: Robot,
+    mechanism: Mechanism,
     joints: Sequence[RobotJoint],
     motions: Sequence[Motion],
     drives: Mapping[str, Drive],
@@ -175,8 +180,9 @@ def _shaft_plane(
     for axis, joint in zip(axes, joints, strict=False):
         drive = drives[joint.name]
         for k, motion in enumerate(motions):
-            _, q, v, a = drawn_states(motion)
-            torque = drive.shaft_torque(joint_torque(robot, joint, q, v, a, True), v[:, joint.v], a[:, joint.v])
+            time, q, v, a = drawn_states(motion)
+            load = joint_torques(mechanism, [joint], drives, time, q, v, a)[:, 0]
+            torque = drive.shaft_torque(load, v[:, joint.v], a[:, joint.v])
             _trace(axis, drive.ratio * v[:, joint.v] * rpm, drive.safety_factor * torque, k, motion.name)
         axis.plot(
             drive.outline[:, 0] * rpm,

@@ -76,6 +76,8 @@ def json_text(sizing: Sizing, files: Iterable[str] = REPORTS) -> str:
         "motions": list(sizing.motions),
         "gravity": list(sizing.gravity),
         "payloads": [{"mass": mass, "frame": frame} for mass, frame in sizing.payloads],
+        "forces": [{"name": force.name, "kind": force.kind, "on": force.on} for force in sizing.forces],
+        "parameters": {name: {"value": value, "unit": unit or "1"} for name, value, unit in sizing.parameters},
         "mass_tolerance": sizing.mass_tolerance,
         "mass_tolerance_percent": float(f"{100.0 * sizing.mass_tolerance:.10g}"),
         "joints_without_drive": list(sizing.undriven),

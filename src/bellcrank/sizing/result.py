@@ -12,12 +12,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from bellcrank.constraints.elements import Element
 from bellcrank.errors import InputError, among
 from bellcrank.sizing.drive import Drive
 
 if TYPE_CHECKING:
+    from bellcrank.constraints.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
-    from bellcrank.robot.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -236,7 +237,9 @@ class Sizing:
     at one instant.
 
     `gravity` (m/s², in the world) and `payloads`, each (mass in kg, frame), are those sized with. `study` is what was
-    sized, for pictures and replays: the robot, its motions, and drives by joint.
+    sized, for pictures and replays: the mechanism, its motions (with rows where tables of forces have theirs), and
+    drives by joint. `forces` are the elements of the scene that counted besides the motors, `parameters` its (name,
+    value, unit).
     """
 
     robot: str
@@ -248,7 +251,11 @@ class Sizing:
     warnings: tuple[str, ...] = field(default=())
     gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
     payloads: tuple[tuple[float, str], ...] = ()
-    study: tuple[Robot, tuple[Motion, ...], Mapping[str, Drive]] | None = field(default=None, repr=False, compare=False)
+    study: tuple[Mechanism, tuple[Motion, ...], Mapping[str, Drive]] | None = field(
+        default=None, repr=False, compare=False
+    )
+    forces: tuple[Element, ...] = ()
+    parameters: tuple[tuple[str, float, str], ...] = ()
 
     def __repr__(self) -> str:
         told = f"{len(self.exceeded)} limits exceeded" if self.exceeded else "all inside"

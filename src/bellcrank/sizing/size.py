@@ -1,35 +1,45 @@
 """Size a robot's motors over one or several motions: at the joint, at the motor shaft and at the supply.
 
-Torque at a joint is inverse dynamics, τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction (Ghosal, lecture 18;
-robot.inverse_dynamics). Where a joint has a drive, that is the torque at the gear's output: the rotor's
-inertia counts at the shaft. A mass tolerance scales each massive link and payload as a whole, mass and inertia
-together, by one factor of its own within 1 ± tolerance. Torque is linear in these factors, so it changes by at
-most tolerance · Σ|share of each link|, and that bound is reached: peaks are exact worst cases, RMS and energies
-are upper bounds. Reactions and inertias stay nominal.
+Torque at a joint is inverse dynamics, τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction − the forces of the scene (Ghosal,
+lecture 18; dynamics/inverse.py), and of a linkage what its motors feel of it (constraints/chain.py). Where a joint has
+a drive, that is the torque at the gear's output: the rotor's inertia counts at the shaft. A mass tolerance scales each
+massive link and payload as a whole, mass and inertia together, by one factor of its own within 1 ± tolerance. Torque is
+linear in these factors, so it changes by at most tolerance · Σ|share of each link|, and that bound is reached: peaks
+are exact worst cases, RMS and energies are upper bounds. Reactions and inertias stay nominal.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.constraints.elements import (
+    coulomb_widths,
+    elements,
+    force_breaks,
+    mechanism_notes,
+    motion_notes,
+    parameter_values,
+    with_force_rows,
+)
+from bellcrank.constraints.mechanism import Mechanism, mechanism_of
 from bellcrank.errors import InputError, among
 from bellcrank.motion.motion import Motion
+from bellcrank.sizing.arguments import drives_of, motions_of, renamed, tolerance_of
 from bellcrank.sizing.between import between_warnings, peaks_at_rows
 from bellcrank.sizing.drive import Drive
-from bellcrank.sizing.holding import holding_torques
-from bellcrank.sizing.linkage import Linkage, motors_of, static_torques
+from bellcrank.sizing.holding_forces import holding_of
 from bellcrank.sizing.loads import Loads
 from bellcrank.sizing.peaks import Grid, grid_along, maxima, reversal_times
 from bellcrank.sizing.result import Cycle, JointSizing, Peak, ShaftSizing, Sizing
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint
+    from bellcrank.scene.scene import Scene
 
 __all__ = ["JointSizing", "Peak", "ShaftSizing", "Sizing", "size"]
 
@@ -41,7 +51,7 @@ _SIGNED = {
 
 
 def size(
-    robot: Robot,
+    robot: Robot | Scene | Mechanism,
     motions: Motion | Sequence[Motion],
     drives: Mapping[str, Drive] | None = None,
     mass_tolerance: float = 0.0,
@@ -49,17 +59,21 @@ def size(
     """Size every one-degree-of-freedom joint of a robot, or every motor of a Linkage, over one or several motions: the
     worst of them counts.
 
+    With a Scene (or a Linkage of one) all of its forces and parameters count, at the times of each motion; its control
+    does not, which a warning says.
     `drives` gives motor and gear by joint name; `mass_tolerance` is a share: with 0.1 each link as
     a whole, its mass and inertia together, is scaled by one factor within 1 ± 0.1. Each motion counts as a cycle
     that repeats, for RMS and mean. Raises InputError where a drive names no joint or gives its rotor another
     inertia than the robot has, a motion belongs to another robot, there is no motion, or a type is wrong.
     """
-    mass_tolerance = _tolerance(mass_tolerance)
-    motions = _renamed(_motions(motions))
-    drives = _drives(drives)
-    joints = motors_of(robot)
+    mass_tolerance = tolerance_of(mass_tolerance)
+    motions = renamed(motions_of(motions))
+    drives = drives_of(drives)
+    mechanism = mechanism_of(robot)
+    robot, joints = mechanism.robot, mechanism.motors
     _check(robot, joints, motions, drives)
-    loads = Loads(robot, joints, drives, mass_tolerance)
+    motions = [with_force_rows(mechanism, motion) for motion in motions]
+    loads = Loads(mechanism, drives, mass_tolerance)
     found: list[dict[str, list[Peak]]] = []
     cycles: list[list[Cycle]] = []
     for motion in motions:
@@ -72,10 +86,7 @@ def size(
         ]
         for name in found[0]
     }
-    if isinstance(robot, Linkage):
-        holding = static_torques(robot, motions, mass_tolerance)
-    else:
-        holding = holding_torques(robot, mass_tolerance=mass_tolerance)
+    holding = holding_of(mechanism, motions, mass_tolerance)
     lines = tuple(
         _joint_line(
             loads,
@@ -90,6 +101,8 @@ def size(
     )
     warnings = list(robot.findings)
     warnings += [warning for motion in motions for warning in motion.warnings]
+    warnings += mechanism_notes(mechanism)
+    warnings += [note for motion in motions for note in motion_notes(mechanism, motion)]
     warnings += [f"drive of joint '{name}': {doubt}" for name, drive in drives.items() for doubt in drive.doubts]
     warnings += between_warnings(lines)
     warnings += holding.notes
@@ -105,7 +118,9 @@ def size(
         tuple(dict.fromkeys(warnings)),
         tuple(map(float, robot.gravity)),
         tuple((float(payload.mass), payload.frame) for payload in robot.payloads),
-        (robot, tuple(motions), drives),
+        (mechanism, tuple(motions), drives),
+        forces=elements(mechanism),
+        parameters=parameter_values(mechanism),
     )
 
 
@@ -143,71 +158,10 @@ def _check(
         )
 
 
-def _tolerance(value: object) -> float:
-    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-    if not number or not 0.0 <= float(value) < 1.0:  # type: ignore[arg-type]
-        raise InputError(f"mass tolerance: expected a share of at least 0 and below 1, such as 0.1, found {value!r}")
-    return float(value)  # type: ignore[arg-type]
-
-
-def _motions(given: object) -> list[Motion]:
-    if isinstance(given, Motion):
-        return [given]
-    if isinstance(given, (str, bytes, Mapping)) or not isinstance(given, Iterable):
-        raise InputError(f"motions: expected a Motion or a list of them, found {_kind(given)}{_of_run(given)}")
-    motions = list(given)
-    for motion in motions:
-        if not isinstance(motion, Motion):
-            raise InputError(
-                f"motions: expected a Motion or a list of them, found {_kind(motion)} in the list{_of_run(motion)}"
-            )
-    return motions
-
-
-def _of_run(given: object) -> str:
-    """What to do with a run of a simulation, where one is given instead of a motion."""
-    from bellcrank.simulation.trajectory import Trajectory
-
-    remedy = "; write the run with run.to_csv(path) and read it with read_motion(robot, path)"
-    return remedy if isinstance(given, Trajectory) else ""
-
-
-def _drives(given: object) -> dict[str, Drive]:
-    if given is None:
-        return {}
-    if not isinstance(given, Mapping):
-        raise InputError(f"drives: expected a mapping of joint names to Drives, found {_kind(given)}")
-    for name, drive in given.items():
-        if not isinstance(name, str) or not isinstance(drive, Drive):
-            raise InputError(
-                f"drives: expected a mapping of joint names to Drives, found {_kind(drive)} under {name!r}"
-            )
-    return dict(given)
-
-
-def _kind(value: object) -> str:
-    return f"{value!r}"[:60] if isinstance(value, (str, int, float)) else f"a {type(value).__name__}"
-
-
-def _renamed(motions: list[Motion]) -> list[Motion]:
-    """The motions with names of their own: the second "circle" becomes "circle (2)"."""
-    names: list[str] = []
-    for motion in motions:
-        name, number = motion.name, 1
-        while name in names:
-            number += 1
-            name = f"{motion.name} ({number})"
-        names.append(name)
-    return [
-        motion if motion.name == name else replace(motion, name=name)
-        for motion, name in zip(motions, names, strict=True)
-    ]
-
-
 def _size_one(loads: Loads, motion: Motion) -> tuple[dict[str, list[Peak]], list[Cycle]]:
-    robot = loads.robot
-    rough = [joint.v for joint in loads.joints if robot.coulomb[joint.v] > 0.0]
-    grid = grid_along(motion, reversal_times(motion, rough, float(np.max(robot.friction_width))) if rough else None)
+    mechanism = loads.mechanism
+    probes = reversal_times(motion, coulomb_widths(mechanism))
+    grid = grid_along(motion, probes, force_breaks(mechanism), loads.nominal)
     values, largest = maxima(motion, grid, loads.forces)
     for more in (loads.reactions, loads.inertia):
         largest |= maxima(motion, grid, more)[1]
@@ -254,14 +208,15 @@ def _joint_line(
     holding: float,
     holding_position: Array,
 ) -> JointSizing:
-    robot, joint = loads.robot, loads.joints[k]
+    robot, joint = loads.mechanism.robot, loads.joints[k]
     for name in _SIGNED:
         peak = worst[name]
         worst[name] = Peak(_SIGNED[name] * peak.value, peak.time, peak.motion, peak.position)
     worst["peak_torque"] = max((worst["max_torque"], worst["min_torque"]), key=lambda peak: abs(peak.value))
     peak = worst["peak_torque"]
     motion = next(motion for motion in motions if motion.name == peak.motion)
-    rubbing = abs(float(np.asarray(robot.friction_torque(motion.at(peak.time)[1]))[joint.v]))
+    at, (q, v, _) = np.array([peak.time]), motion.at(np.array([peak.time]))
+    rubbing = abs(float(loads.mechanism.equations.friction(at, q, v)[0, joint.v]))
     reach = (-worst.pop("lower").value, worst.pop("upper").value)
     shaft_peak, curve = worst.pop("shaft_torque"), worst.pop("curve_use")
     drive = loads.drives.get(joint.name)

@@ -54,6 +54,12 @@ def sized_with(sizing: Sizing) -> list[tuple[str, str]]:
         ("gravity", f"({', '.join(f'{x:g}' for x in sizing.gravity)}) m/s²"),
         ("payload", payloads or "none"),
     ]
+    if sizing.forces:
+        rows.append(("forces", ", ".join(f"{force.kind} '{force.name}'" for force in sizing.forces)))
+    if sizing.parameters:
+        rows.append(
+            ("parameters", ", ".join(f"{n} = {value:.6g} {unit}".rstrip() for n, value, unit in sizing.parameters))
+        )
     if sizing.mass_tolerance:
         rows.append(("mass tolerance", f"±{100.0 * sizing.mass_tolerance:.10g} %: each link as a whole"))
     if len(sizing.undriven) == len(sizing.joints):
