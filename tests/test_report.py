@@ -67,7 +67,7 @@ def test_a_sound_run_is_ok_and_says_by_how_much_and_what_was_run(stopped):
 def test_energy_out_of_balance_is_no_ok_and_warned_of(tmp_path):
     coarse = simulated(tmp_path, ARM, solver="RK4", step=0.2)
     document = run_document(coarse)
-    assert not document.good and document.word == "Look here" and len(document.verdict) == 1
+    assert not document.good and document.word == "Warnings" and len(document.verdict) == 1
     assert any("energy is not in balance" in text for text in document.warnings)
 
 
@@ -99,7 +99,8 @@ def test_a_limit_that_is_exceeded_is_the_verdict_and_the_still(sizing):
     robot, motions, _ = sizing.study
     weak = {"elbow": bc.Drive(ratio=1, rated_torque=0.1, peak_torque=0.2, rated_speed=50.0, max_speed=100.0)}
     document = sizing_document(found := bc.size(robot, motions, weak), film_of(found))
-    assert document.word == "Exceeded" and not document.good and len(document.verdict) == len(found.exceeded)
+    assert document.word == "Exceeded" and not document.good and document.verdict[0] == "EXCEEDED: 3 limits"
+    assert document.verdict[1:] == found.exceeded
     assert "elbow exceeds its motor's" in document.still.caption
 
 

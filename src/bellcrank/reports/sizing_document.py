@@ -32,7 +32,7 @@ def sizing_document(sizing: Sizing, film: Film) -> Document:
     )
     made = made_with()
     parts += [Facts("Made with", made), *_pictures(sizing)]
-    lines = tuple(line.removeprefix("  - ") for line in verdict(sizing).split("\n") if line != "EXCEEDED:")
+    lines = tuple(line.removeprefix("  - ") for line in verdict(sizing).split("\n"))
     asked = f"{len(sizing.motions)} motion{'' if len(sizing.motions) == 1 else 's'}"
     return Document(
         sizing.robot, _word(sizing), sizing.inside, lines, ("motor sizing", asked, *about(made)), sizing.warnings, (),
@@ -41,6 +41,8 @@ def sizing_document(sizing: Sizing, film: Film) -> Document:
 
 
 def _word(sizing: Sizing) -> str:
+    if sizing.unsizable:
+        return "Cannot be sized"
     if not sizing.inside:
         return "Exceeded"
     return "OK" if any(_limited(sizing)) else "No limits"

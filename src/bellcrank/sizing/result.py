@@ -230,7 +230,9 @@ class Sizing:
     at one instant.
 
     `gravity` (m/s², in the world) and `payloads`, each (mass in kg, frame), are those sized with. `study` is what was
-    sized, for pictures and replays: the robot, its motions, and drives by joint.
+    sized, for pictures and replays: the robot, its motions, and drives by joint. `unsizable` has a sentence for each
+    motor that moves nothing with mass, `allowed_massless` the joints for which that was allowed, and `urdf_errors` the
+    errors of the URDF that change torques.
     """
 
     robot: str
@@ -243,9 +245,14 @@ class Sizing:
     gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
     payloads: tuple[tuple[float, str], ...] = ()
     study: tuple[Robot, tuple[Motion, ...], Mapping[str, Drive]] | None = field(default=None, repr=False, compare=False)
+    unsizable: tuple[str, ...] = ()
+    urdf_errors: tuple[str, ...] = ()
+    allowed_massless: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         told = f"{len(self.exceeded)} limits exceeded" if self.exceeded else "all inside"
+        if self.unsizable:
+            told = f"{len(self.unsizable)} joints cannot be sized, {told}" if self.exceeded else "cannot be sized"
         return f"Sizing('{self.robot}', {len(self.joints)} joints over {', '.join(self.motions)}: {told})"
 
     def joint(self, name: str) -> JointSizing:
@@ -277,8 +284,8 @@ class Sizing:
 
     @property
     def inside(self) -> bool:
-        """Whether every limit that is given is kept."""
-        return not self.exceeded
+        """Whether every joint can be sized and every limit that is given is kept."""
+        return not self.exceeded and not self.unsizable
 
 
 def _margin(used: float, limit: float | None) -> float | None:

@@ -24,6 +24,7 @@ from bellcrank.sizing.drive import Drive
 from bellcrank.sizing.holding import holding_torques
 from bellcrank.sizing.linkage import Linkage, motors_of, static_torques
 from bellcrank.sizing.loads import Loads
+from bellcrank.sizing.massless import massless_motors
 from bellcrank.sizing.peaks import Grid, grid_along, maxima, reversal_times
 from bellcrank.sizing.result import Cycle, JointSizing, Peak, ShaftSizing, Sizing
 
@@ -44,13 +45,16 @@ def size(
     motions: Motion | Sequence[Motion],
     drives: Mapping[str, Drive] | None = None,
     mass_tolerance: float = 0.0,
+    *,
+    allow_massless: Iterable[str] = (),
 ) -> Sizing:
     """Size every one-degree-of-freedom joint of a robot, or every motor of a Linkage, over one or several motions: the
     worst of them counts.
 
     `drives` gives motor and gear by joint name; `mass_tolerance` is a share: with 0.1 each link as
     a whole, its mass and inertia together, is scaled by one factor within 1 ± 0.1. Each motion counts as a cycle
-    that repeats, for RMS and mean. Raises InputError where a drive names no joint or gives its rotor another
+    that repeats, for RMS and mean. A motor that moves nothing with mass is not sized (`Sizing.unsizable` says why)
+    unless `allow_massless` names the links that it moves. Raises InputError where a drive names no joint or gives its rotor another
     inertia than the robot has, a motion belongs to another robot, there is no motion, or a type is wrong.
     """
     mass_tolerance = _tolerance(mass_tolerance)
@@ -87,7 +91,12 @@ def size(
         )
         for k, _ in enumerate(joints)
     )
-    warnings = list(robot.findings)
+    refused, allowed = massless_motors(robot, joints, motions, allow_massless)
+    errors = list(robot.findings)
+    if not isinstance(robot, Linkage):  # a loop can give a joint the inertia that its own links do not have
+        told = {*refused, *allowed}
+        errors += [text for name, text in robot.singular_joints.items() if name not in told]
+    warnings = [*errors, *robot.inertia_warnings, *allowed.values()]
     warnings += [warning for motion in motions for warning in motion.warnings]
     warnings += [f"drive of joint '{name}': {doubt}" for name, drive in drives.items() for doubt in drive.doubts]
     warnings += holding.notes
@@ -104,6 +113,9 @@ def size(
         tuple(map(float, robot.gravity)),
         tuple((float(payload.mass), payload.frame) for payload in robot.payloads),
         (robot, tuple(motions), drives),
+        unsizable=tuple(refused.values()),
+        urdf_errors=tuple(errors),
+        allowed_massless=tuple(allowed),
     )
 
 

@@ -1,0 +1,135 @@
+"""`bc.size`: sizing of a robot over motions, or of a robot configuration over the motions that it holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bellcrank.errors import InputError, among
+from bellcrank.motion.motion import Motion
+from bellcrank.robot.payload import Payload
+from bellcrank.robot.robot import Robot
+from bellcrank.sizing.drive import Drive
+from bellcrank.sizing.linkage import Linkage, linkage_of
+from bellcrank.sizing.result import Sizing
+from bellcrank.sizing.size import size as size_robot
+
+if TYPE_CHECKING:
+    from bellcrank.card.card import Card
+    from bellcrank.scene.scene import Scene
+
+OneMotion = Motion | str | Path
+
+
+def size(
+    robot: Robot | Card | Scene | str | Path,
+    motions: OneMotion | Sequence[OneMotion] | None = None,
+    drives: Mapping[str, Drive] | None = None,
+    mass_tolerance: float = 0.0,
+    *,
+    payloads: Iterable[Payload] = (),
+    allow_massless: Iterable[str] = (),
+) -> Sizing:
+    """Size every one-degree-of-freedom joint of a robot, or every motor of a linkage, over one or several motions.
+
+    Args:
+        robot: A Robot or Linkage; or a robot configuration: the path or name of a YAML file or URDF, a Card or a Scene.
+        motions: Motions; with a configuration also names of its motions and paths of CSV files, by default all of its
+            motions. Each counts as a cycle that repeats, and the worst of them counts.
+        drives: Motor and gear by joint name; by default those of the configuration.
+        mass_tolerance: A share: with 0.1 each link as a whole, its mass and inertia together, is scaled by one factor
+            within 1 ± 0.1.
+        payloads: Payloads besides those that the robot carries.
+        allow_massless: Links without mass that motors may move; a motor that moves nothing with mass is otherwise not
+            sized, and `Sizing.unsizable` says why.
+
+    Returns:
+        The Sizing; `print` shows its table, `Sizing.inside` is the verdict.
+
+    Raises:
+        InputError: For an unknown robot, motion, joint or link, a missing motion, or an argument of the wrong type.
+
+    Example:
+        >>> sizing = bc.size("ur5", mass_tolerance=0.1)
+        >>> sizing.joint("elbow_joint").peak_torque
+    """
+    from bellcrank.card.card import Card, load_card
+    from bellcrank.scene.scene import Scene
+
+    loads = _payloads(payloads)
+    links = _links(allow_massless)
+    if isinstance(robot, Robot) or not isinstance(robot, (Card, Scene, str, Path)):
+        if loads and isinstance(robot, Linkage):
+            raise InputError(f"sizing of {robot.name}: payloads of a Linkage belong to its robot; give them to load_robot")
+        carrying = robot.with_payloads(loads) if loads else robot
+        given: object = () if motions is None else motions
+        return size_robot(carrying, given, drives, mass_tolerance, allow_massless=links)  # type: ignore[arg-type]
+    card = robot if isinstance(robot, Card) else robot.card if isinstance(robot, Scene) else load_card(robot)
+    if drives is not None:
+        if not isinstance(drives, Mapping):
+            raise InputError(f"drives: expected a mapping of joint names to Drives, found {drives!r:.60}")
+        card = replace(card, drives=dict(drives))
+    plain = card.robot(loads)
+    if isinstance(robot, Scene):
+        linkage = Linkage(robot, plain) if robot.closures else None
+    else:
+        linkage = linkage_of(card, plain)
+    chosen = [_motion(card, plain, linkage, one) for one in _listed(card, motions)]
+    sized = plain if linkage is None else linkage
+    sizing = size_robot(sized, chosen, card.drives, mass_tolerance, allow_massless=links)
+    return replace(sizing, robot=card.name)
+
+
+def _payloads(given: object) -> tuple[Payload, ...]:
+    if isinstance(given, Payload):
+        return (given,)
+    if isinstance(given, (str, bytes, Mapping)) or not isinstance(given, Iterable):
+        raise InputError(f"payloads: expected a list of Payloads, found {given!r:.60}")
+    loads = tuple(given)
+    for load in loads:
+        if not isinstance(load, Payload):
+            raise InputError(f"payloads: expected a list of Payloads, found {load!r:.60} in it")
+    return loads
+
+
+def _links(given: object) -> tuple[str, ...]:
+    links = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Iterable) else (given,)
+    for link in links:
+        if not isinstance(link, str):
+            raise InputError(f"allow_massless: expected names of links, found {link!r:.60}")
+    return links
+
+
+def _listed(card: Card, given: object) -> list[OneMotion]:
+    """The motions that are asked for, by default all of the configuration; InputError where there are none."""
+    if given is None:
+        if not card.motions:
+            raise InputError(
+                f"{card.source}: there is no motion to size over; name a CSV file with --motion FILE, "
+                "or write a robot card with motions"
+            )
+        return list(card.motions)
+    if isinstance(given, (Motion, str, Path)):
+        return [given]
+    listed = list(given) if isinstance(given, Iterable) else [given]
+    for one in listed:
+        if not isinstance(one, (Motion, str, Path)):
+            raise InputError(f"motions: expected Motions, names of motions or paths of CSV files, found {one!r:.60}")
+    return listed
+
+
+def _motion(card: Card, robot: Robot, linkage: Linkage | None, one: OneMotion) -> Motion:
+    from bellcrank.motion.csv_file import read_motion
+
+    if linkage is not None:
+        return linkage.motion(one)
+    if isinstance(one, Motion):
+        return one
+    if str(one) in card.motions:
+        return card.motion(robot, str(one))
+    path = Path(one)
+    if path.suffix or "/" in str(one):
+        return read_motion(robot, path, name=path.stem)
+    raise InputError(f"{card.source}: {among('motion', str(one), card.motions)}, nor a file of that name")
