@@ -179,8 +179,8 @@ def test_histories_hold_the_torques_and_can_be_read_as_motions(tmp_path: Path) -
         path = tmp_path / "out" / f"history_{name}.csv"
         motion = read_motion(robot, path)
         header, *rows = path.read_text().splitlines()
-        assert header.split(",")[-1] == "shoulder torque [N m]"
-        written = np.array([float(row.split(",")[-1]) for row in rows])
+        column = header.split(",").index("shoulder torque [N m]")
+        written = np.array([float(row.split(",")[column]) for row in rows])
         # 2 kg at 0.5 m by hand; the drive's rotor is not part of the joint's torque
         by_hand = 2.0 * 0.5**2 * motion.acceleration[:, 0] + 2.0 * 9.81 * 0.5 * np.sin(motion.position[:, 0])
         np.testing.assert_allclose(written, by_hand, atol=1e-11)

@@ -83,7 +83,9 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.no_plots:
         from bellcrank.sizing.plots import write_plots
 
-        files += write_plots(robot, motions, folder, drives, title=card.name, mass_tolerance=tolerance)
+        files += write_plots(
+            robot, motions, folder, drives, title=card.name, mass_tolerance=tolerance, lines=sizing.joints
+        )
     files = write_reports(sizing, folder, files) + files
     remove_stale(folder, earlier, files)
     print(f"\n{verdict(sizing)}\nwrote {', '.join(path.name for path in files)} in {folder}")

@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -36,6 +37,7 @@ UNITS: dict[str, dict[str, float]] = {
     "m/s^2": {"m/s^2": 1.0, "mm/s^2": 1e-3},
     "N m": {"N m": 1.0},
     "N": {"N": 1.0},
+    "W": {"W": 1.0},
 }
 ENERGIES = "kinetic energy [J]"
 _HEADER = re.compile(r"^(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]$")
@@ -50,6 +52,13 @@ class _Columns:
     acceleration: list[tuple[str, str]]
     torque: list[tuple[str, str]]  # of one-degree-of-freedom joints; results have them, and reading passes them over
 
+    @property
+    def shaft(self) -> list[tuple[str, str]]:
+        """Those of motor shafts, which results have, and reading passes over."""
+        joints = [name.removesuffix(" torque") for name, _ in self.torque]
+        kinds = (("torque", "N m"), ("speed", "rad/s"), ("power", "W"))
+        return [(f"{joint} shaft {what}", unit) for joint in joints for what, unit in kinds]
+
     @classmethod
     def of(cls, joints: tuple[JointLike, ...]) -> _Columns:
         torques = [(f"{j.name} torque", "N" if j.kind == "prismatic" else "N m") for j in joints if j.nv == 1]
@@ -58,12 +67,20 @@ class _Columns:
     @property
     def units(self) -> dict[str, str]:
         actuators = [(name.removesuffix("torque") + "actuator torque", unit) for name, unit in self.torque]
-        return dict([("time", "s"), *self.position, *self.velocity, *self.acceleration, *self.torque, *actuators])
+        return dict(
+            [("time", "s"), *self.position, *self.velocity, *self.acceleration, *self.torque, *actuators, *self.shaft]
+        )
 
 
-def write_motion(motion: Motion, path: str | Path, torque: Array | None = None) -> Path:
+def write_motion(
+    motion: Motion,
+    path: str | Path,
+    torque: Array | None = None,
+    more: Mapping[tuple[str, str], Array] | None = None,
+) -> Path:
     """Write a motion as CSV (s, rad or m, and per s and s²), every number with the digits that give it back
-    exactly; with `torque` (n, one-degree-of-freedom joints), in N m or N, columns for it too.
+    exactly; with `torque` (n, one-degree-of-freedom joints), in N m or N, columns for it too, and those of `more`:
+    (title, unit) and values (n,).
 
     The file is replaced in one step, or not at all. Raises InputError where the folder cannot be written.
     """
@@ -75,6 +92,9 @@ def write_motion(motion: Motion, path: str | Path, torque: Array | None = None) 
     if torque is not None:
         labels += columns.torque
         parts.append(torque)
+    for label, values in (more or {}).items():
+        labels.append(label)
+        parts.append(values)
     table = np.column_stack(parts)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

@@ -1,4 +1,4 @@
-"""The report of a run: whether it came to its end and passed its self-checks, events, closures, the end, and the pictures."""
+"""The report of a run: whether it finished and passed its self-checks, events, closures, the end, and the pictures."""
 
 from __future__ import annotations
 

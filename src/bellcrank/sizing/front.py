@@ -62,7 +62,9 @@ def size(
     links = _links(allow_massless)
     if isinstance(robot, Robot) or not isinstance(robot, (Card, Scene, str, Path)):
         if loads and isinstance(robot, Linkage):
-            raise InputError(f"sizing of {robot.name}: payloads of a Linkage belong to its robot; give them to load_robot")
+            raise InputError(
+                f"sizing of {robot.name}: payloads of a Linkage belong to its robot; give them to load_robot"
+            )
         carrying = robot.with_payloads(loads) if loads else robot
         given: object = () if motions is None else motions
         return size_robot(carrying, given, drives, mass_tolerance, allow_massless=links)  # type: ignore[arg-type]
@@ -113,10 +115,11 @@ def _listed(card: Card, given: object) -> list[OneMotion]:
         return list(card.motions)
     if isinstance(given, (Motion, str, Path)):
         return [given]
-    listed = list(given) if isinstance(given, Iterable) else [given]
-    for one in listed:
+    listed: list[OneMotion] = []
+    for one in given if isinstance(given, Iterable) else [given]:
         if not isinstance(one, (Motion, str, Path)):
             raise InputError(f"motions: expected Motions, names of motions or paths of CSV files, found {one!r:.60}")
+        listed.append(one)
     return listed
 
 

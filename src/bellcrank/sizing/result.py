@@ -10,14 +10,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bellcrank import atomic
 from bellcrank.errors import InputError, among
 from bellcrank.sizing.drive import Drive
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import Robot
+    from bellcrank.sizing.histories import MotionHistory
 
 
 @dataclass(frozen=True)
@@ -255,6 +261,54 @@ class Sizing:
             told = f"{len(self.unsizable)} joints cannot be sized, {told}" if self.exceeded else "cannot be sized"
         return f"Sizing('{self.robot}', {len(self.joints)} joints over {', '.join(self.motions)}: {told})"
 
+    def __str__(self) -> str:
+        from bellcrank.sizing.table import table, verdict
+
+        return "\n".join([table(self), *(f"note: {text}" for text in self.warnings), "", verdict(self)])
+
+    def _repr_html_(self) -> str:
+        from bellcrank.sizing.notebook import sizing_html
+
+        return sizing_html(self)
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write one line a joint, units in the header; the path. Raises InputError where it cannot be written."""
+        from bellcrank.sizing.report import csv_text
+
+        return _written(path, csv_text(self))
+
+    def to_json(self, path: str | Path) -> Path:
+        """Write the whole sizing, SI units, peaks with time and posture; the path. Raises InputError where it cannot be
+        written.
+        """
+        from bellcrank.sizing.report import json_text
+
+        return _written(path, json_text(self, ()))
+
+    def plot(self, path: str | Path | None = None, what: str | None = None, motion: str | None = None) -> Figure:
+        """Draw the sizing: a matplotlib Figure, written to `path` in the format of its suffix (PNG without one).
+
+        `what` is "motors" (torque and speed at the shafts, the default where there are drives), "joints" (the same at
+        the joints) or "time" (a motion over time, `motion` by name, by default the first). Raises InputError for
+        anything else, and where the file cannot be written.
+        """
+        from bellcrank.sizing.plots import plot_sizing
+
+        return plot_sizing(self, path, what, motion)
+
+    @cached_property
+    def histories(self) -> Mapping[str, MotionHistory]:
+        """By motion what each sized joint does over its rows: position, velocity, acceleration, torque and power at the
+        joint, and torque, speed and power at the motor's shaft; SI units, nominal masses. InputError where the sizing
+        does not hold its motions.
+
+        Example:
+            >>> sizing.histories["pick"].joint("elbow").shaft.torque
+        """
+        from bellcrank.sizing.history import sizing_histories
+
+        return sizing_histories(self)
+
     def joint(self, name: str) -> JointSizing:
         """The line of one joint; InputError for an unknown name."""
         for joint in self.joints:
@@ -286,6 +340,12 @@ class Sizing:
     def inside(self) -> bool:
         """Whether every joint can be sized and every limit that is given is kept."""
         return not self.exceeded and not self.unsizable
+
+
+def _written(path: str | Path, text: str) -> Path:
+    target = Path(path)
+    atomic.write_text(target, text)
+    return target
 
 
 def _margin(used: float, limit: float | None) -> float | None:

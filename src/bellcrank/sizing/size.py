@@ -54,8 +54,8 @@ def size(
     `drives` gives motor and gear by joint name; `mass_tolerance` is a share: with 0.1 each link as
     a whole, its mass and inertia together, is scaled by one factor within 1 ± 0.1. Each motion counts as a cycle
     that repeats, for RMS and mean. A motor that moves nothing with mass is not sized (`Sizing.unsizable` says why)
-    unless `allow_massless` names the links that it moves. Raises InputError where a drive names no joint or gives its rotor another
-    inertia than the robot has, a motion belongs to another robot, there is no motion, or a type is wrong.
+    unless `allow_massless` names the links that it moves. Raises InputError where a drive names no joint or gives its
+    rotor another inertia than the robot has, a motion belongs to another robot, there is no motion, or a type is wrong.
     """
     mass_tolerance = _tolerance(mass_tolerance)
     motions = _renamed(_motions(motions))
