@@ -19,6 +19,7 @@ import numpy as np
 from bellcrank.errors import InputError, among
 from bellcrank.motion.coordinates import Array, JointLike, continuous, position_labels, rates, velocity_labels
 from bellcrank.motion.motion import POSITION_GAP, Motion, limit_notes
+from bellcrank.motion.resolution import end_speed_noise, half_unit
 from bellcrank.motion.waypoints import derivative, interpolate
 
 if TYPE_CHECKING:
@@ -122,7 +123,7 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: s
     columns = _Columns.of(joints)
     header, table = _table(file, motion_text(file) if text is None else text)
     _refuse_free_base(file, robot, header)
-    values = _converted(file, header, table, columns.units)
+    values, unknown = _converted(file, header, table, columns.units)
     for label, _ in [("time", "s"), *columns.position]:
         if label not in values:
             raise InputError(
@@ -150,15 +151,21 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: s
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
     assert acceleration is not None
+    position_noise = [unknown[label] for label, _ in columns.position]
+    speed_noise = [unknown.get(label, 0.0) for label, _ in columns.velocity]
     if given:
-        notes = _disagreement(joints, title, time, position, velocity, acceleration)
+        notes = _disagreement(joints, title, time, position, velocity, acceleration, (position_noise, speed_noise))
+    elif len(position_noise) == len(speed_noise):  # one coordinate a joint
+        speed_noise = end_speed_noise(time, position_noise)
     if derived:
         notes += (
             f"motion '{title}': accelerations come from differentiating the {derived}; noise in them is amplified",
         )
-    notes += limit_notes(robot, title, time, position, "give the column the unit [deg]")
+    notes += limit_notes(robot, title, time, position, "give the column the unit [deg]", position_noise)
     try:
-        return Motion(joints, time, position, velocity, acceleration, title, notes)
+        return Motion(
+            joints, time, position, velocity, acceleration, title, notes, tuple(position_noise), tuple(speed_noise)
+        )
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
 
@@ -215,8 +222,12 @@ def _refuse_free_base(file: Path, robot: Robot, header: list[str]) -> None:
         )
 
 
-def _converted(file: Path, header: list[str], table: Array, units: dict[str, str]) -> dict[str, Array]:
+def _converted(
+    file: Path, header: list[str], table: Array, units: dict[str, str]
+) -> tuple[dict[str, Array], dict[str, float]]:
+    """Columns in SI units by their labels, and how much is unknown of their numbers, which have so many digits."""
     values: dict[str, Array] = {}
+    unknown: dict[str, float] = {}
     if ENERGIES in header:  # a run's file: its energies and outputs stand last, and are no motion
         header = header[: header.index(ENERGIES)]
     for column, text in enumerate(header):
@@ -231,8 +242,9 @@ def _converted(file: Path, header: list[str], table: Array, units: dict[str, str
             raise InputError(f"{file}: column '{label}' is in '{match['unit']}', expected {' or '.join(known)}")
         if label in values:
             raise InputError(f"{file}: column '{label}' stands twice")
-        values[label] = table[:, column] * known[match["unit"].strip()]
-    return values
+        factor = known[match["unit"].strip()]
+        values[label], unknown[label] = table[:, column] * factor, half_unit(table[:, column]) * factor
+    return values, unknown
 
 
 def _check_time(file: Path, time: Array) -> None:
@@ -307,9 +319,10 @@ def _disagreement(
     position: Array,
     velocity: Array,
     acceleration: Array,
+    noise: tuple[list[float], list[float]],
 ) -> tuple[str, ...]:
-    """A sentence where the velocity columns do not integrate to the positions (Hermite rule of order 4 a
-    step).
+    """A sentence where the velocity columns do not integrate to the positions (Hermite rule of order 4 a step), by more
+    than is unknown of positions and velocities.
     """
     smooth = position * continuous(joints, position)
     qd, qdd = rates(joints, smooth, velocity, acceleration)
@@ -318,6 +331,8 @@ def _disagreement(
     wrong = np.abs(np.diff(smooth, axis=0) - change)
     size = np.max(np.abs(h * qd[1:]), axis=0, initial=0.0)
     excess = wrong - 0.01 * size - POSITION_GAP
+    if position.shape[1] == velocity.shape[1]:  # one coordinate a joint
+        excess -= 2.0 * np.array(noise[0]) + h * np.array(noise[1])
     if excess.size == 0 or np.max(excess) <= 0.0:
         return ()
     row, column = np.unravel_index(int(np.argmax(excess)), excess.shape)

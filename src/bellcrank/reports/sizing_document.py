@@ -5,6 +5,7 @@ from __future__ import annotations
 from bellcrank.plot_style import svg_of
 from bellcrank.replays.film import Film
 from bellcrank.reports.document import Document, Facts, Picture, Still, Table
+from bellcrank.reports.inputs import drive_table, joint_table, motion_table, robot_facts
 from bellcrank.reports.machine_facts import about, made_with
 from bellcrank.sizing.plots import draw
 from bellcrank.sizing.result import Sizing
@@ -31,7 +32,7 @@ def sizing_document(sizing: Sizing, film: Film) -> Document:
         )
     )
     made = made_with()
-    parts += [Facts("Made with", made), *_pictures(sizing)]
+    parts += [*_inputs(sizing), Facts("Made with", made), *_pictures(sizing)]
     lines = tuple(line.removeprefix("  - ") for line in verdict(sizing).split("\n"))
     asked = f"{len(sizing.motions)} motion{'' if len(sizing.motions) == 1 else 's'}"
     return Document(
@@ -70,6 +71,15 @@ def _still(sizing: Sizing, film: Film) -> Still:
     )
 
 
+def _inputs(sizing: Sizing) -> list[Facts | Table]:
+    """What the sizing rests on, besides what it was sized for."""
+    if sizing.study is None:
+        return []
+    robot, motions, drives = sizing.study
+    parts: list[Facts | Table] = [Facts("Robot", tuple(robot_facts(robot))), joint_table(robot), motion_table(motions)]
+    return [*parts, drive_table(drives)] if drives else parts
+
+
 def _table(title: str, content: tuple[list[str], list[list[str]]], note: str = "") -> Table:
     header, rows = content
     return Table(title, tuple(header), tuple(map(tuple, rows)), note)
@@ -79,8 +89,7 @@ def _pictures(sizing: Sizing) -> list[Picture]:
     if sizing.study is None:
         return []
     robot, motions, drives = sizing.study
-    figures = draw(robot, motions, drives, sizing.robot, sizing.mass_tolerance)
-    return [
-        Picture(name.removesuffix(".png").replace("_", " ").capitalize(), svg_of(figure))
-        for name, figure in figures.items()
-    ]
+    figures = draw(robot, motions, drives, sizing.robot, sizing.mass_tolerance, sizing.joints)
+    titles = [f"Motion '{motion.name}' over time" for motion in motions]
+    titles += ["Torque and speed at the joints", "Torque and speed at the motor shafts"]
+    return [Picture(title, svg_of(figure)) for title, figure in zip(titles, figures.values(), strict=False)]

@@ -54,7 +54,7 @@ class JointHistory:
 
 @dataclass(frozen=True, eq=False)
 class MotionHistory:
-    """All sized joints over the rows of a motion, time (n,) in s; a time that stands twice has both limits of a jump."""
+    """All sized joints over the rows of a motion, time (n,) in s; a time that stands twice has both sides of a jump."""
 
     motion: str
     time: Array

@@ -90,7 +90,7 @@ class JointSizing:
     `peaks` holds max_torque, min_torque (signed), peak_torque (the larger magnitude), peak_speed,
     peak_motoring_power, peak_regenerating_power (both positive), largest_inertia (M_ii, without a drive's
     rotor, kg m² or kg), peak_bearing_force (N) and peak_tilting_moment (N m), each a Peak and each also an
-    attribute.
+    attribute. `position_noise` (rad or m) is unknown of positions that were read from a file with few digits.
     """
 
     name: str
@@ -105,6 +105,7 @@ class JointSizing:
     position_range: tuple[float, float]
     position_limits: tuple[float | None, float | None]
     shaft: ShaftSizing | None = None
+    position_noise: float = 0.0
 
     @property
     def torque_unit(self) -> str:
@@ -218,7 +219,7 @@ class JointSizing:
                 f"joint '{self.name}' reaches {self.peak_speed:.4g} {self.speed_unit}, "
                 f"the URDF's velocity limit is {self.velocity_limit:.4g} {self.speed_unit}"
             )
-        if self.position_margin is not None and self.position_margin < -1e-9:
+        if self.position_margin is not None and self.position_margin < -(1e-9 + self.position_noise):
             unit = self.speed_unit[:-2]
             found.append(f"joint '{self.name}' leaves its position range by {-self.position_margin:.4g} {unit}")
         if self.shaft is not None:

@@ -292,6 +292,7 @@ def _joint_line(
         reach,
         (_given(robot.lower[joint.q]), _given(robot.upper[joint.q])),
         shaft,
+        max(motion.position_noise[joint.q] for motion in motions),
     )
 
 
