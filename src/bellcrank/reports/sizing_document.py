@@ -25,7 +25,7 @@ def sizing_document(sizing: Sizing, film: Film) -> Document:
             "Sized for",
             (
                 ("motions", ", ".join(sizing.motions)),
-                *sized_with(sizing),
+                *((name.removesuffix(":"), value) for name, value in sized_with(sizing)),
                 ("largest power from the supply", f"{supply.value:.4g} W at {supply.time:.4g} s of {supply.motion}"),
                 ("largest power given back", f"{back.value:.4g} W at {back.time:.4g} s of {back.motion}"),
             ),
