@@ -12,6 +12,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.errors import InputError
+from bellcrank.replays.replay import film_of
 from bellcrank.sizing.histories import MotionHistory
 from bellcrank.sizing.plots import draw
 from bellcrank.sizing.result import Sizing
@@ -233,6 +234,20 @@ def test_torque_speed_pictures_show_the_rms_at_mean_speed(sizing: Sizing) -> Non
     np.testing.assert_allclose(diamonds(axis), expected, rtol=1e-12)
     legend = [text.get_text() for text in figures["torque_speed.png"].legends[0].get_texts()]
     assert legend.count("RMS at mean speed") == 1
+
+
+def test_planes_of_the_page_show_the_rms_at_mean_speed(sizing: Sizing) -> None:
+    motor, slide = film_of(sizing).planes
+    found = {name: points for plane in (motor, slide) for name, points in plane.limits if len(points) == 1}
+    assert list(found) == ["RMS at mean speed, reach", "RMS at mean speed, hold"]
+    for plane, joint in ((motor, sizing.joint("turn")), (slide, sizing.joint("slide"))):
+        points = [points[0] for _, points in plane.limits if len(points) == 1]
+        for point, cycle in zip(points, joint.cycles, strict=True):
+            if joint.shaft is None:
+                assert tuple(point) == (cycle.mean_speed, cycle.rms_torque)
+            else:
+                assert point[0] == pytest.approx(60.0 * 30.0 / math.pi * cycle.mean_speed, rel=1e-12)
+                assert point[1] == pytest.approx(1.2 * (cycle.rms_shaft_torque or 0.0), rel=1e-12)
 
 
 def test_no_axis_of_a_sizing_mixes_units(sizing: Sizing) -> None:

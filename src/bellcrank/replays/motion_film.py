@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,7 @@ from bellcrank.replays.film import Arrow, Chart, Film, Mark, Trace
 from bellcrank.replays.footage import Footage, footage
 from bellcrank.replays.limits import exceeded_peaks, torque_speed_planes
 from bellcrank.replays.meshes import Detail
+from bellcrank.replays.rms_points import with_rms_points
 from bellcrank.replays.subject import film_axes, filmed_bodies, frame_points, scenery, traced_frames
 from bellcrank.simulation.run_csv import torque_unit
 from bellcrank.simulation.run_panels import by_unit, titled_apart
@@ -84,7 +86,8 @@ def film_of_sizing(
         facts.append(("robot", sizing.robot))
     told = {text for _, text in facts}
     warnings = [text for text in sizing.warnings if text not in told]
-    return _film(robot, motions, drives, trace, detail, name, facts, warnings, progress, marks, sizing.inside)
+    film = _film(robot, motions, drives, trace, detail, name, facts, warnings, progress, marks, sizing.inside)
+    return replace(film, planes=with_rms_points(film.planes, sizing.joints))
 
 
 def sizing_facts(sizing: Sizing) -> list[tuple[str, str]]:
