@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from bellcrank.sizing.histories import MotionHistory
 
 
+CURVE = 4.0  # times what is unknown of positions at the rows of a file: the curve through them may leave them by this
+
+
 @dataclass(frozen=True)
 class Peak:
     """A largest value, the time (s) and motion in which it occurs, and the robot's position (nq,) there."""
@@ -219,7 +222,7 @@ class JointSizing:
                 f"joint '{self.name}' reaches {self.peak_speed:.4g} {self.speed_unit}, "
                 f"the URDF's velocity limit is {self.velocity_limit:.4g} {self.speed_unit}"
             )
-        if self.position_margin is not None and self.position_margin < -(1e-9 + self.position_noise):
+        if self.position_margin is not None and self.position_margin < -(1e-9 + CURVE * self.position_noise):
             unit = self.speed_unit[:-2]
             found.append(f"joint '{self.name}' leaves its position range by {-self.position_margin:.4g} {unit}")
         if self.shaft is not None:
