@@ -84,3 +84,18 @@ def test_what_is_unknown_of_a_motion_stays_with_it_when_it_is_joined(arm, tmp_pa
     assert rest.speed_noise == (0.0, 0.0) and rest.position_noise == (0.0, 0.0)
     exact = bc.read_motion(arm, bc.write_motion(bc.waypoints(arm, [0, 1], [{}, {"elbow": 1}]), tmp_path / "e.csv"))
     assert exact.position_noise == (0.0, 0.0)
+
+
+def test_a_linkage_that_follows_a_file_with_few_digits_does_not_start_moving(tmp_path):
+    scene = bc.load_scene("five_bar")
+    motion = bc.Linkage(scene).motion("pick")
+    names = ("left_motor", "right_motor")
+    columns = [motion.position[:, scene.robot.joint(name).q] for name in names]
+    rows = [",".join([f"{t:.4f}", *(f"{x:.6f}" for x in row)]) for t, *row in zip(motion.time, *columns, strict=True)]
+    header = "time [s]," + ",".join(f"{name} position [rad]" for name in names)
+    (tmp_path / "pick.csv").write_text("\n".join([header, *rows]) + "\n")
+    sizing = bc.size("five_bar", tmp_path / "pick.csv")
+    exact = bc.size("five_bar", "pick")
+    assert not [text for text in exact.warnings if "moving" in text]
+    told = [text for text in sizing.warnings if "moving" in text]
+    assert all("the digits of its file leave" in text for text in told), told

@@ -109,8 +109,8 @@ def _listed(card: Card, given: object) -> list[OneMotion]:
     if given is None:
         if not card.motions:
             raise InputError(
-                f"{card.source}: there is no motion to size over; name a CSV file with --motion FILE, "
-                "or write a robot card with motions"
+                f"{card.source}: there is no motion to size over; give a CSV file (--motion FILE), or write a robot "
+                "configuration with motions"
             )
         return list(card.motions)
     if isinstance(given, (Motion, str, Path)):
