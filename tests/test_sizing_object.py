@@ -64,6 +64,10 @@ def test_a_configuration_sizes_as_its_robot_and_motions_do(card: Path, sizing: S
     assert sizing.joints == by_hand.joints and sizing.motions == ("reach", "hold") and sizing.robot == "Slider"
     for same in (config, str(card), bc.load_scene(card)):
         assert bc.size(same) == sizing
+    weightless = bc.size(bc.load_scene(card).with_overrides({"gravity": [0, 0, 0]}), "hold")
+    assert weightless.gravity == (0.0, 0.0, 0.0) and weightless.joint("turn").peak_torque == pytest.approx(
+        0.0, abs=1e-12
+    )
     assert bc.size("planar_2r").joint("shoulder").max_torque == pytest.approx(242.272603138, rel=1e-8)
 
 

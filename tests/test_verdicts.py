@@ -149,6 +149,9 @@ def test_a_moving_link_without_mass_is_warned_of_by_check_size_report_page_and_r
     assert any(text.startswith(words) for text in sizing_document(sizing, film).warnings)
     assert [value[: len(words)] for name, value in film.facts if name == "warning"] == [words]
     assert not any(words in note for note in film.notes)
+    assert sizing.study is not None
+    swing = film_of(sizing.study[1][0], bc.load_robot(tmp_path / "arm.urdf"))
+    assert any(name == "warning" and value.startswith(words) for name, value in swing.facts)
     run = bc.simulate(card)
     document = run_document(run)
     assert document.word == "OK" and any(text.startswith(words) for text in document.warnings)

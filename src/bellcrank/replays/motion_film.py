@@ -52,7 +52,7 @@ def film_of_motion(
     """The film of a robot's motion, with the torques (N m or N) that it takes. Raises InputError for an unknown frame
     to trace, and for a motion of another robot.
     """
-    facts = [("lasts", f"{motion.duration:.6g} s")]
+    facts = [("lasts", f"{motion.duration:.6g} s"), *(("warning", text) for text in robot.inertia_warnings)]
     if title is not None:
         facts.append(("motion", f"{robot.name}: {motion.name}"))
     return _film(

@@ -44,8 +44,8 @@ def massless_motors(
             continue
         if set(links) <= permitted:
             let_pass[joint.name] = (
-                f"joint '{joint.name}' moves no mass ({_names(links)}), as allowed: its torque holds no inertia and no "
-                "weight"
+                f"joint '{joint.name}' moves no mass ({_names(links)}), as allowed: its torque includes no inertia and "
+                "no weight"
             )
             continue
         roots = [robot.urdf.joints[name].child for name in movers if name in robot.urdf.joints]
