@@ -183,6 +183,19 @@ CASES = {
         "transmission 't'",
         "drives a joint 'jj' that is not there",
     ),
+    "a massless link with something heavy on it": (
+        arm("", body(), origin='<origin xyz="1 0 0"/>'),
+        "warning",
+        "link 'l0'",
+        "moves with a joint and has no mass (no <inertial>)",
+    ),
+    "links without any mass": (arm("", ""), "warning", "links 'l0', 'l1'", "move with a joint and have no mass"),
+    "an inertial of mass 0": (
+        arm(body(mass=0.0, **POINT), body(), origin='<origin xyz="1 0 0"/>'),
+        "warning",
+        "link 'l0'",
+        "has no mass (an <inertial> of mass 0)",
+    ),
     "truncated": (arm(body())[:-20], "error", "file", "is it truncated?"),
     "empty": ("", "error", "file", "the file is empty"),
 }
@@ -198,7 +211,15 @@ def test_each_fault_is_found(name: str, tmp_path: Path) -> None:
 SOUND = {
     "an arm": arm(body(), body(), origin='<origin xyz="1 0 0"/>'),
     "a point mass off the axis": arm(body(xyz="0.2 0 0", **POINT)),
-    "a massless link with something heavy on it": arm("", body(), origin='<origin xyz="1 0 0"/>'),
+    "a massless frame fixed to a link": arm(body()).replace(
+        "</robot>",
+        '<link name="tool"/><joint name="t" type="fixed"><parent link="l0"/><child link="tool"/></joint></robot>',
+    ),
+    "a link whose mass is in a part fixed to it": arm("").replace(
+        "</robot>",
+        f'<link name="part">{body()}</link><joint name="t" type="fixed"><parent link="l0"/><child link="part"/></joint>'
+        "</robot>",
+    ),
     "a thin plate, where the triangle is an equality": arm(body(izz=2.0)),
     "right angles in few digits that are cleaned": arm(body(), origin='<origin rpy="1.57079632679 0 3.14159265359"/>'),
     "friction of a fifth": arm(body(), inside=LIMIT + '<dynamics friction="1" damping="0.5"/>'),

@@ -67,7 +67,7 @@ def test_a_sound_run_is_ok_and_says_by_how_much_and_what_was_run(stopped):
 def test_energy_out_of_balance_is_no_ok_and_warned_of(tmp_path):
     coarse = simulated(tmp_path, ARM, solver="RK4", step=0.2)
     document = run_document(coarse)
-    assert not document.good and document.word == "Look here" and len(document.verdict) == 1
+    assert not document.good and document.word == "Warnings" and len(document.verdict) == 1
     assert any("energy is not in balance" in text for text in document.warnings)
 
 
@@ -99,8 +99,52 @@ def test_a_limit_that_is_exceeded_is_the_verdict_and_the_still(sizing):
     robot, motions, _ = sizing.study
     weak = {"elbow": bc.Drive(ratio=1, rated_torque=0.1, peak_torque=0.2, rated_speed=50.0, max_speed=100.0)}
     document = sizing_document(found := bc.size(robot, motions, weak), film_of(found))
-    assert document.word == "Exceeded" and not document.good and len(document.verdict) == len(found.exceeded)
+    assert document.word == "Exceeded" and not document.good and document.verdict[0] == "EXCEEDED: 3 limits"
+    assert document.verdict[1:] == found.exceeded
     assert "elbow exceeds its motor's" in document.still.caption
+
+
+def test_a_page_and_a_report_count_all_that_is_exceeded(sizing):
+    robot, motions, _ = sizing.study
+    weak = {"elbow": bc.Drive(ratio=1, rated_torque=0.1, peak_torque=0.2, rated_speed=50.0, max_speed=100.0)}
+    found = bc.size(robot, motions, weak)
+    film = film_of(found)
+    assert len(found.exceeded) == 3 and film.facts[0][0] == "verdict"
+    assert film.facts[0][1] == f"3 limits exceeded; the first: {found.exceeded[0]}"
+    assert tuple(value for name, value in film.facts if name == "exceeded") == found.exceeded[1:]
+    assert "EXCEEDED: 3 limits" in "".join(document_html(sizing_document(found, film)))
+
+
+def test_a_report_of_a_sizing_holds_its_inputs_under_headings_of_words(tmp_path):
+    card = (
+        "name: Loaded\nurdf: geared_pendulum\ngravity: [0, -9.81, 0]\n"
+        "friction: {shoulder: {viscous: 0.25, coulomb: 0.75}}"
+        "\nframes: {hook: {link: %s, xyz: [0, 0, 0]}}\npayloads: [{mass: 1.75, frame: hook, cg: [0.01, 0.02, 0.03]}]\n"
+        "motions: {lift_slowly: {kind: waypoints, times: [0, 2.5], positions: [{}, {shoulder: 1}]}}\n"
+        "drives: {shoulder: {ratio: 87.5, efficiency: 0.83, rotor_inertia: 3.1e-5, gear_inertia: 1.7e-6, rated_torque: "
+        "1.23, peak_torque: 4.56, rated_speed: 2900 rpm, max_speed: 4100 rpm, "
+        "safety_factor: 1.35, motor_efficiency: 0.91}}"
+    )
+    link = bc.load_robot("geared_pendulum").urdf.joints["shoulder"].child
+    (tmp_path / "loaded.yaml").write_text(card % link, encoding="utf-8")
+    sizing = bc.size(tmp_path / "loaded.yaml", mass_tolerance=0.15)
+    document = sizing_document(sizing, film_of(sizing))
+    text = "".join(document_html(document))
+    for value in (
+        "geared_pendulum.urdf", "(0, -9.81, 0) m/s²", "1.75 kg @ hook, centre of gravity at (0.01, 0.02, 0.03) m",
+        "±15 %", "0.25 N m s/rad", "0.75 N m", "87.5", "0.83", "1.23", "4.56", "2900", "4100", "3.1e-05", "1.7e-06",
+        "1.35", "0.91", "lift_slowly", "2.5",
+    ):  # fmt: skip
+        assert value in text, value
+    titles = [part.title for part in document.parts]
+    assert "Motion 'lift_slowly' over time" in titles and "Torque and speed at the motor shafts" in titles
+    assert not any("_" in title.replace("lift_slowly", "") or ".png" in title for title in titles)
+
+
+def test_a_report_of_a_run_holds_its_inputs(stopped):
+    text = "".join(document_html(run_document(stopped)))
+    assert "planar_2r.urdf" in text and "(0, -9.81, 0) m/s²" in text and "effort limit" in text
+    assert "Robot and scene" in [part.title for part in run_document(stopped).parts]
 
 
 def test_a_report_needs_a_result(sizing, tmp_path):

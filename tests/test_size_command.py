@@ -179,8 +179,8 @@ def test_histories_hold_the_torques_and_can_be_read_as_motions(tmp_path: Path) -
         path = tmp_path / "out" / f"history_{name}.csv"
         motion = read_motion(robot, path)
         header, *rows = path.read_text().splitlines()
-        assert header.split(",")[-1] == "shoulder torque [N m]"
-        written = np.array([float(row.split(",")[-1]) for row in rows])
+        column = header.split(",").index("shoulder torque [N m]")
+        written = np.array([float(row.split(",")[column]) for row in rows])
         # 2 kg at 0.5 m by hand; the drive's rotor is not part of the joint's torque
         by_hand = 2.0 * 0.5**2 * motion.acceleration[:, 0] + 2.0 * 9.81 * 0.5 * np.sin(motion.position[:, 0])
         np.testing.assert_allclose(written, by_hand, atol=1e-11)
@@ -241,7 +241,7 @@ def test_pictures_with_a_mass_tolerance_are_said_to_be_nominal_and_hold_all_thei
     assert all("nominal masses" not in text for text in seen[0]) and all("nominal masses" in text for text in seen[1])
 
 
-def test_findings_of_the_robot_are_printed_as_notes(
+def test_errors_of_the_urdf_are_printed_and_stand_in_the_verdict(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     original = Card.robot
@@ -253,5 +253,7 @@ def test_findings_of_the_robot_are_printed_as_notes(
 
     monkeypatch.setattr(Card, "robot", with_finding)
     assert main(["size", "planar_2r", "--no-plots", "--motion", "elbow_up", "--out", str(tmp_path)]) == 0
-    assert "note: link 'tip' is heavier than lead\n" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert "error: link 'tip' is heavier than lead\n" in text
+    assert "`bellcrank check` finds" in text.partition("All inside")[2] and text.count("heavier than lead") == 2
     assert "link 'tip' is heavier than lead" in json.loads((tmp_path / "sizing.json").read_text())["warnings"]

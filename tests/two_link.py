@@ -50,11 +50,17 @@ class TwoLink:
         self.friction_width = 1e-3
         self.rotor_inertia = np.array(rotor)
         self.findings: tuple[str, ...] = ()
+        self.inertia_warnings: tuple[str, ...] = ()
+        self.singular_joints: dict[str, str] = {}
         self.gravity, self.payloads = np.array([0.0, -G, 0.0]), ()
 
     def mimics(self) -> tuple[Any, ...]:
         """No joint follows another."""
         return ()
+
+    def moved_by(self, joints: Any) -> tuple[tuple[str, ...], float]:
+        """The shoulder moves both links, the elbow the second."""
+        return (("upper", "fore"), M1 + M2) if "shoulder" in joints else (("fore",), M2)
 
     def posture(self, given: Any) -> Any:
         """(2,) posture."""

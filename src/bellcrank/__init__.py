@@ -26,8 +26,8 @@ _HOME = {
     "Card": "card.card",
     "load_card": "card.card",
     "Drive": "sizing.drive",
-    "Sizing": "sizing.size",
-    "size": "sizing.size",
+    "Sizing": "sizing.result",
+    "size": "sizing.front",
     "Scene": "scene.scene",
     "load_scene": "scene.scene",
     "Settings": "scene.settings",
@@ -68,7 +68,8 @@ if TYPE_CHECKING:
     from bellcrank.simulation.simulate import simulate
     from bellcrank.simulation.trajectory import Trajectory
     from bellcrank.sizing.drive import Drive
-    from bellcrank.sizing.size import Sizing, size
+    from bellcrank.sizing.front import size
+    from bellcrank.sizing.result import Sizing
     from bellcrank.urdf.check import check_urdf
 
 

@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bellcrank.commands.size import add_allow_massless
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ def add_shown(parser: argparse.ArgumentParser) -> None:
         "--motion", action="append", default=[], metavar="FILE", help="size RUN, a card or URDF, over this motion of "
         "the card or CSV file; may be repeated",
     )  # fmt: skip
+    add_allow_massless(parser)
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--simulate", action="store_true", help="simulate a card that has both drives and a start")
     what.add_argument("--size", action="store_true", help="size a scene that has motions")
@@ -63,27 +65,25 @@ def shown(arguments: argparse.Namespace) -> Trajectory | Sizing:
     if arguments.motion and simulated:
         raise InputError("--motion is to size over; leave --simulate out")
     if path.is_dir() or path.suffix.lower() == ".npz":
-        if simulated or sized:
-            option = "simulate" if simulated else "motion" if arguments.motion else "size"
+        if simulated or sized or arguments.allow_massless:
+            option = (
+                "simulate" if simulated else "motion" if arguments.motion else "size" if sized else "allow-massless"
+            )
             raise InputError(f"--{option} is for a scene or card; {name} is a run already")
         return load_run(find_run(path))
     source, urdf = find_card(name)
     data = {} if urdf else read_yaml(source)
     if sized or (not simulated and "motions" in data and ("drives" in data or data.keys().isdisjoint(_MOVED))):
-        return _sized(name, arguments.motion)
+        return _sized(name, arguments.motion, arguments.allow_massless)
+    if arguments.allow_massless:
+        raise InputError(f"--allow-massless is for sizing; {name} is simulated")
     return _simulated(name)
 
 
-def _sized(name: str, motions: list[str]) -> Sizing:
-    from dataclasses import replace
+def _sized(name: str, motions: list[str], allow_massless: list[str]) -> Sizing:
+    from bellcrank.sizing.front import size
 
-    from bellcrank.card.card import load_card
-    from bellcrank.commands.size import chosen
-    from bellcrank.sizing.size import size
-
-    card = load_card(name)
-    robot, over = chosen(card, card.robot(), motions)
-    return replace(size(robot, over, card.drives), robot=card.name)
+    return size(name, motions or None, allow_massless=allow_massless)
 
 
 def _simulated(name: str) -> Trajectory:

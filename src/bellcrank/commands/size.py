@@ -3,19 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from bellcrank.card.fields import parse_number
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
 from bellcrank.robot.payload import Payload
-
-if TYPE_CHECKING:
-    from bellcrank.card.card import Card
-    from bellcrank.constraints.mechanism import Mechanism
-    from bellcrank.motion.motion import Motion
-    from bellcrank.robot.robot import Robot
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,16 +34,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="size for the worst case with each link as a whole, mass and inertia by one factor, up to this far "
         "off, such as 10%%",
     )
+    add_allow_massless(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for the files (default: ROBOT_sizing, here)")
     parser.add_argument("--no-plots", action="store_true", help="write no pictures")
 
 
+def add_allow_massless(parser: argparse.ArgumentParser) -> None:
+    """The option that lets motors move links without mass."""
+    parser.add_argument(
+        "--allow-massless",
+        action="append",
+        default=[],
+        metavar="LINK",
+        help="size motors though all that they move, from this link on, has no mass; may be repeated",
+    )
+
+
 def run(arguments: argparse.Namespace) -> int:
-    """Size a robot; 0 where all limits are kept, 1 where one is exceeded. BellcrankError for bad input."""
+    """Size a robot; 0 where all limits are kept, 1 where one is exceeded or a motor cannot be sized. BellcrankError for
+    bad input.
+    """
     from bellcrank.card.card import load_card
+    from bellcrank.sizing.front import size
     from bellcrank.sizing.history import write_histories
     from bellcrank.sizing.report import earlier_files, remove_stale, write_reports
-    from bellcrank.sizing.size import size
     from bellcrank.sizing.table import table, verdict
 
     if Path(arguments.robot).suffix.lower() == ".csv":
@@ -62,64 +68,28 @@ def run(arguments: argparse.Namespace) -> int:
     payloads = [parse_payload(text) for text in arguments.payload]
     tolerance = parse_share(arguments.mass_tolerance)
     card = load_card(arguments.robot)
-    robot, motions = chosen(card, card.robot(payloads), arguments.motion)
-    sizing = replace(size(robot, motions, card.drives, tolerance), robot=card.name)
+    sizing = size(
+        card, arguments.motion or None, None, tolerance, payloads=payloads, allow_massless=arguments.allow_massless
+    )
+    assert sizing.study is not None
+    mechanism, motions, drives = sizing.study
     folder = arguments.out or Path(f"{Path(arguments.robot).stem}_sizing")
     print(table(sizing))
+    kinds = dict.fromkeys(sizing.urdf_errors, "error") | dict.fromkeys(mechanism.robot.inertia_warnings, "warning")
     for warning in sizing.warnings:
-        print(f"note: {warning}")
+        print(f"{kinds.get(warning, 'note')}: {warning}")
     earlier = earlier_files(folder)
-    assert sizing.study is not None
-    robot, over, _ = sizing.study
-    files = write_histories(robot, over, folder, card.drives)
+    files = write_histories(mechanism, motions, folder, drives)
     if not arguments.no_plots:
         from bellcrank.sizing.plots import write_plots
 
-        files += write_plots(robot, over, folder, card.drives, title=card.name, mass_tolerance=tolerance)
+        files += write_plots(
+            mechanism, motions, folder, drives, title=card.name, mass_tolerance=tolerance, lines=sizing.joints
+        )
     files = write_reports(sizing, folder, files) + files
     remove_stale(folder, earlier, files)
     print(f"\n{verdict(sizing)}\nwrote {', '.join(path.name for path in files)} in {folder}")
     return 0 if sizing.inside else 1
-
-
-def chosen(card: Card, robot: Robot, names: list[str]) -> tuple[Mechanism, list[Motion]]:
-    """What is sized, the robot under the forces and closures of the card's file, and the motions: named, or all of the
-    card's.
-
-    Raises InputError where there are none.
-    """
-    from bellcrank.sizing.linkage import mechanism_of_card
-
-    mechanism = mechanism_of_card(card, robot)
-    if not mechanism.closed:
-        return mechanism, chosen_motions(card, robot, names)
-    return mechanism, [mechanism.along(name)[0] for name in _names(card, names)]
-
-
-def chosen_motions(card: Card, robot: Robot, names: list[str]) -> list[Motion]:
-    """The motions named on the command line: of the card, or CSV files; all of the card's where none is
-    named."""
-    return [_motion(card, robot, name) for name in _names(card, names)]
-
-
-def _names(card: Card, names: list[str]) -> list[str]:
-    if not names and not card.motions:
-        raise InputError(
-            f"{card.source}: there is no motion to size over; name a CSV file with --motion FILE, "
-            "or write a robot card with motions"
-        )
-    return names or list(card.motions)
-
-
-def _motion(card: Card, robot: Robot, name: str) -> Motion:
-    from bellcrank.motion.csv_file import read_motion
-
-    if name in card.motions:
-        return card.motion(robot, name)
-    path = Path(name)
-    if path.suffix or "/" in name:
-        return read_motion(robot, path, name=path.stem)
-    raise InputError(f"--motion: {among('motion', name, card.motions)}, nor a file of that name")
 
 
 def parse_payload(text: str) -> Payload:

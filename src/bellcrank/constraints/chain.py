@@ -192,7 +192,11 @@ class Chain:
         v[:, dep] = -_times(inverse, speed)
         drift = self.closed(time, q, v)[3]
         a[:, dep] = -_times(inverse, drift + _times(jacobian[:, :, ind], a[:, ind]))
-        return Motion(self.robot.joints, time, q, v, a, motion.name, motion.notes)
+        follows = np.abs(inverse @ jacobian[:, :, ind]).max(axis=0)  # what is unknown goes through q̇_d = −J_d⁺ J_i q̇_i
+        noise = [np.array(motion.position_noise), np.array(motion.speed_noise)]
+        for each in noise if self.robot.nq == self.robot.nv else ():
+            each[dep] = follows @ each[ind]
+        return Motion(self.robot.joints, time, q, v, a, motion.name, motion.notes, tuple(noise[0]), tuple(noise[1]))
 
     def _reach(
         self, q: Array, target: Array, places: list[int], ind: list[int], t: float, name: str, depth: int

@@ -211,7 +211,12 @@ def read_partial_motion(robot: Robot, path: Path, name: str) -> Motion:
     position = np.tile(robot.neutral, (len(found), 1))
     velocity, acceleration = np.zeros((len(found), robot.nv)), np.zeros((len(found), robot.nv))
     position[:, q], velocity[:, v], acceleration[:, v] = found.position, found.velocity, found.acceleration
-    return Motion(robot.joints, found.time, position, velocity, acceleration, name, found.notes)
+    position_noise, speed_noise = np.zeros(robot.nq), np.zeros(robot.nv)
+    position_noise[q], speed_noise[v] = found.position_noise, found.speed_noise
+    return Motion(
+        robot.joints, found.time, position, velocity, acceleration, name, found.notes,
+        tuple(position_noise), tuple(speed_noise),
+    )  # fmt: skip
 
 
 def _columns(robot: Robot, path: Path) -> set[str]:

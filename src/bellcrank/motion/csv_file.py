@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +19,7 @@ from bellcrank.errors import InputError, among
 from bellcrank.motion.coordinates import Array, JointLike, position_labels, velocity_labels
 from bellcrank.motion.disagreement import disagreement
 from bellcrank.motion.motion import Motion, limit_notes
+from bellcrank.motion.resolution import end_speed_noise, half_unit
 from bellcrank.motion.sampled import sampled_motion
 
 if TYPE_CHECKING:
@@ -36,6 +38,7 @@ UNITS: dict[str, dict[str, float]] = {
     "m/s^2": {"m/s^2": 1.0, "mm/s^2": 1e-3},
     "N m": {"N m": 1.0},
     "N": {"N": 1.0},
+    "W": {"W": 1.0},
 }
 ENERGIES = "kinetic energy [J]"
 _HEADER = re.compile(r"^(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]$")
@@ -50,6 +53,13 @@ class _Columns:
     acceleration: list[tuple[str, str]]
     torque: list[tuple[str, str]]  # of one-degree-of-freedom joints; results have them, and reading passes them over
 
+    @property
+    def shaft(self) -> list[tuple[str, str]]:
+        """Those of motor shafts, which results have, and reading passes over."""
+        joints = [name.removesuffix(" torque") for name, _ in self.torque]
+        kinds = (("torque", "N m"), ("speed", "rad/s"), ("power", "W"))
+        return [(f"{joint} shaft {what}", unit) for joint in joints for what, unit in kinds]
+
     @classmethod
     def of(cls, joints: tuple[JointLike, ...]) -> _Columns:
         torques = [(f"{j.name} torque", "N" if j.kind == "prismatic" else "N m") for j in joints if j.nv == 1]
@@ -58,12 +68,20 @@ class _Columns:
     @property
     def units(self) -> dict[str, str]:
         actuators = [(name.removesuffix("torque") + "actuator torque", unit) for name, unit in self.torque]
-        return dict([("time", "s"), *self.position, *self.velocity, *self.acceleration, *self.torque, *actuators])
+        return dict(
+            [("time", "s"), *self.position, *self.velocity, *self.acceleration, *self.torque, *actuators, *self.shaft]
+        )
 
 
-def write_motion(motion: Motion, path: str | Path, torque: Array | None = None) -> Path:
+def write_motion(
+    motion: Motion,
+    path: str | Path,
+    torque: Array | None = None,
+    more: Mapping[tuple[str, str], Array] | None = None,
+) -> Path:
     """Write a motion as CSV (s, rad or m, and per s and s²), every number with the digits that give it back
-    exactly; with `torque` (n, one-degree-of-freedom joints), in N m or N, columns for it too.
+    exactly; with `torque` (n, one-degree-of-freedom joints), in N m or N, columns for it too, and those of `more`:
+    (title, unit) and values (n,).
 
     The file is replaced in one step, or not at all. Raises InputError where the folder cannot be written.
     """
@@ -75,6 +93,9 @@ def write_motion(motion: Motion, path: str | Path, torque: Array | None = None) 
     if torque is not None:
         labels += columns.torque
         parts.append(torque)
+    for label, values in (more or {}).items():
+        labels.append(label)
+        parts.append(values)
     table = np.column_stack(parts)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -103,7 +124,7 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: s
     columns = _Columns.of(joints)
     header, table = _table(file, motion_text(file) if text is None else text)
     _refuse_free_base(file, robot, header)
-    values = _converted(file, header, table, columns.units)
+    values, unknown = _converted(file, header, table, columns.units)
     for label, _ in [("time", "s"), *columns.position]:
         if label not in values:
             raise InputError(
@@ -125,6 +146,11 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: s
         motion = sampled_motion(joints, time, position, velocity, acceleration, title)
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
+    position_noise = [unknown[label] for label, _ in columns.position]
+    speed_noise = [unknown.get(label, 0.0) for label, _ in columns.velocity]
+    if velocity is None and len(position_noise) == len(speed_noise):  # one coordinate a joint
+        speed_noise = end_speed_noise(time, position_noise)
+    motion = replace(motion, position_noise=tuple(position_noise), speed_noise=tuple(speed_noise))
     notes = motion.notes
     if velocity is not None:
         notes = (*disagreement(motion, time, position, velocity, acceleration), *notes)
@@ -132,7 +158,7 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: s
         notes += (
             f"motion '{title}': accelerations come from differentiating the {derived}; noise in them is amplified",
         )
-    notes += limit_notes(robot, title, time, position, "give the column the unit [deg]")
+    notes += limit_notes(robot, title, time, position, "give the column the unit [deg]", position_noise)
     return replace(motion, notes=notes)
 
 
@@ -188,8 +214,12 @@ def _refuse_free_base(file: Path, robot: Robot, header: list[str]) -> None:
         )
 
 
-def _converted(file: Path, header: list[str], table: Array, units: dict[str, str]) -> dict[str, Array]:
+def _converted(
+    file: Path, header: list[str], table: Array, units: dict[str, str]
+) -> tuple[dict[str, Array], dict[str, float]]:
+    """Columns in SI units by their labels, and how much is unknown of their numbers, which have so many digits."""
     values: dict[str, Array] = {}
+    unknown: dict[str, float] = {}
     if ENERGIES in header:  # a run's file: its energies and outputs stand last, and are no motion
         header = header[: header.index(ENERGIES)]
     for column, text in enumerate(header):
@@ -204,8 +234,9 @@ def _converted(file: Path, header: list[str], table: Array, units: dict[str, str
             raise InputError(f"{file}: column '{label}' is in '{match['unit']}', expected {' or '.join(known)}")
         if label in values:
             raise InputError(f"{file}: column '{label}' stands twice")
-        values[label] = table[:, column] * known[match["unit"].strip()]
-    return values
+        factor = known[match["unit"].strip()]
+        values[label], unknown[label] = table[:, column] * factor, half_unit(table[:, column]) * factor
+    return values, unknown
 
 
 def _check_time(file: Path, time: Array) -> None:

@@ -34,6 +34,8 @@ def _of_velocity(motion: Motion, time: Array, position: Array, velocity: Array, 
     wrong = np.abs(np.diff(smooth, axis=0) - change)
     size = np.max(np.abs(h * qd[1:]), axis=0, initial=0.0)
     excess = wrong - SLIGHT * size - POSITION_GAP - h * h / 8.0 * np.abs(qdd[1:] - qdd[:-1])
+    if position.shape[1] == velocity.shape[1]:  # one coordinate a joint
+        excess -= 2.0 * np.array(motion.position_noise) + h * np.array(motion.speed_noise)
     if excess.size == 0 or np.max(excess) <= 0.0:
         return ()
     row, column = np.unravel_index(int(np.argmax(excess)), excess.shape)

@@ -25,6 +25,7 @@ POSITION_GAP = 1e-6  # rad or m: two rows of one time, or two joined motions, ma
 MOST_TURNED = 4.0 * np.pi  # rad: a joint that turns further than this from 0 may be in degrees
 FAR_OUT = 6.0  # rad: and so may one that leaves its range by more than this
 AT_REST = 1e-6  # of the motion's largest speed: slower than this counts as rest
+NOISE = 1e-2  # of the motion's largest speed: so much may be unknown of a speed that counts as rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +35,8 @@ class Motion:
     Shapes: time (n,) in s; position (n, nq) in rad or m; velocity (n, nv) in rad/s or m/s; acceleration (n,
     nv) in rad/s² or m/s²; n >= 2. A time that stands twice marks a jump of acceleration: the two rows are its
     limits from before and from after, with the same position. `joints` says which column belongs to which
-    joint. `notes` are warnings from whoever made the motion. The arrays are read-only. Raises InputError
+    joint. `notes` are warnings from whoever made the motion; `position_noise` (nq,) and `speed_noise` (nv,) say how
+    much is unknown of numbers that were read from a file with few digits. The arrays are read-only. Raises InputError
     where the data are not a motion.
     """
 
@@ -45,9 +47,16 @@ class Motion:
     acceleration: Array
     name: str = "motion"
     notes: tuple[str, ...] = field(default=())
+    position_noise: Sequence[float] = ()
+    speed_noise: Sequence[float] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "joints", tuple(self.joints))
+        for key, count in zip(("position_noise", "speed_noise"), sizes(self.joints), strict=True):
+            noise = tuple(map(float, getattr(self, key))) or (0.0,) * count
+            if len(noise) != count or not all(0.0 <= x < np.inf for x in noise):
+                raise InputError(f"{self._title}: {key}: expected {count} numbers of 0 or more, found {noise}")
+            object.__setattr__(self, key, noise)
         object.__setattr__(self, "notes", tuple(self.notes))
         nq, nv = sizes(self.joints)
         n = np.size(self.time)
@@ -150,24 +159,29 @@ class Motion:
         """What a motor would not forgive: no rest at the ends, jumps of velocity, and the maker's notes."""
         found = list(self.notes)
         peak = float(np.max(np.abs(self.velocity), initial=0.0))
+        rest = np.maximum(AT_REST * peak, np.minimum(self.speed_noise, NOISE * peak))
         for row, what in ((0, "starts"), (-1, "ends")):
             speed = np.abs(self.velocity[row])
-            if np.any(speed > AT_REST * peak):
-                column = int(np.argmax(speed))
+            if np.any(speed > rest):
+                column = int(np.argmax(np.where(speed > rest, speed, 0.0)))
                 name, unit = velocity_labels(self.joints)[column]
+                unknown = self.speed_noise[column]
+                doubt = (
+                    f" (the digits of its file leave ±{unknown:.2g} {unit} unknown)" if speed[column] <= unknown else ""
+                )
                 found.append(
                     f"{self._title} {what} moving: {name} {self.velocity[row, column]:.4g} {unit} at "
-                    f"{self.time[row]:g} s; the effort of {'starting' if row == 0 else 'stopping'} is not "
-                    "counted"
+                    f"{self.time[row]:g} s{doubt}; the torque to {'reach' if row == 0 else 'lose'} this speed is not "
+                    "included"
                 )
         for piece in self.pieces[1:]:
             jump = np.abs(self.velocity[piece.start] - self.velocity[piece.start - 1])
-            if np.any(jump > AT_REST * peak):
+            if np.any(jump > rest):
                 column = int(np.argmax(jump))
                 name, unit = velocity_labels(self.joints)[column]
                 found.append(
                     f"{self._title} jumps in velocity at {self.time[piece.start]:g} s: {name} by "
-                    f"{jump[column]:.4g} {unit}; the effort of the jump is not counted"
+                    f"{jump[column]:.4g} {unit}; the torque of the jump is not included"
                 )
         return tuple(found)
 
@@ -269,7 +283,8 @@ def join(*motions: Motion, name: str | None = None) -> Motion:
     time, position, velocity, acceleration = (np.concatenate(part) for part in zip(*rows, strict=True))
     notes = tuple(dict.fromkeys(note for motion in motions for note in motion.notes))
     title = " + ".join(motion.name for motion in motions) if name is None else name
-    return Motion(first.joints, time, position, velocity, acceleration, title, notes)
+    noise = (np.max([getattr(motion, key) for motion in motions], axis=0) for key in ("position_noise", "speed_noise"))
+    return Motion(first.joints, time, position, velocity, acceleration, title, notes, *map(tuple, noise))
 
 
 def _layout(motion: Motion) -> list[tuple[str, str, int, int]]:
@@ -282,10 +297,16 @@ def _facing(before: Motion, after: Motion) -> Array:
 
 
 def limit_notes(
-    robot: Robot, name: str, time: Array, position: Array, remedy: str = "write '45 deg'"
+    robot: Robot,
+    name: str,
+    time: Array,
+    position: Array,
+    remedy: str = "write '45 deg'",
+    noise: Sequence[float] | None = None,
 ) -> tuple[str, ...]:
     """A sentence for each one-degree-of-freedom joint whose position (n, nq) leaves the URDF's range, and one where
-    it is so far out, or so many turns, that degrees may have been meant; `remedy` says how to write them.
+    it is so far out, or so many turns, that degrees may have been meant; `remedy` says how to write them. `noise` (nq,)
+    is unknown of the positions.
     """
     notes = []
     for joint in robot.joints:
@@ -294,7 +315,7 @@ def limit_notes(
         column, lower, upper = position[:, joint.q], float(robot.lower[joint.q]), float(robot.upper[joint.q])
         excess = np.maximum(column - upper, lower - column)
         row = int(np.argmax(excess))
-        if excess[row] > 1e-9:
+        if excess[row] > 1e-9 + (noise[joint.q] if noise else 0.0):
             unit = "m" if joint.kind == "prismatic" else "rad"
             notes.append(
                 f"motion '{name}' leaves the range of joint '{joint.name}' ({lower:.6g} to {upper:.6g} "

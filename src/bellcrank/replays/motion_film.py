@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,7 @@ from bellcrank.replays.film import Arrow, Chart, Film, Mark, Trace
 from bellcrank.replays.footage import Footage, footage
 from bellcrank.replays.limits import exceeded_peaks, torque_speed_planes
 from bellcrank.replays.meshes import Detail
+from bellcrank.replays.rms_points import with_rms_points
 from bellcrank.replays.subject import film_axes, filmed_bodies, frame_points, scenery, traced_frames
 from bellcrank.simulation.run_csv import torque_unit
 from bellcrank.simulation.run_panels import by_unit, titled_apart
@@ -51,7 +53,7 @@ def film_of_motion(
     """The film of a robot's motion, with the torques (N m or N) that it takes. Raises InputError for an unknown frame
     to trace, and for a motion of another robot.
     """
-    facts = [("lasts", f"{motion.duration:.6g} s")]
+    facts = [("lasts", f"{motion.duration:.6g} s"), *(("warning", text) for text in robot.inertia_warnings)]
     if title is not None:
         facts.append(("motion", f"{robot.name}: {motion.name}"))
     return _film(
@@ -86,15 +88,37 @@ def film_of_sizing(
     marks = [
         Mark(begins[peak.motion] + peak.time, text) for joint in sizing.joints for peak, text in exceeded_peaks(joint)
     ]
-    facts = [("verdict", f"exceeded: {sizing.exceeded[0]}" if sizing.exceeded else verdict(sizing))]
-    facts += [("exceeded", text) for text in sizing.exceeded[1:]]
+    facts = sizing_facts(sizing)
     facts += [("motions", ", ".join(sizing.motions)), *((joint.name, _needs(joint)) for joint in sizing.joints)]
     name = title or f"{sizing.robot}: sizing"
     if sizing.robot not in name:
         facts.append(("robot", sizing.robot))
-    return _film(
-        mechanism, motions, drives, trace, detail, name, facts, sizing.warnings, progress, marks, sizing.inside
-    )
+    told = {text for _, text in facts}
+    warnings = [text for text in sizing.warnings if text not in told]
+    film = _film(mechanism, motions, drives, trace, detail, name, facts, warnings, progress, marks, sizing.inside)
+    return replace(film, planes=with_rms_points(film.planes, sizing.joints))
+
+
+def sizing_facts(sizing: Sizing) -> list[tuple[str, str]]:
+    """The answer of a sizing with the count of all that speaks against it; then each of these, errors and warnings."""
+    against = [
+        *(("cannot be sized", text) for text in sizing.unsizable),
+        *(("exceeded", text) for text in sizing.exceeded),
+    ]
+    if len(against) > 1:
+        counts = [
+            (len(sizing.unsizable), "joint cannot be sized", "joints cannot be sized"),
+            (len(sizing.exceeded), "limit exceeded", "limits exceeded"),
+        ]
+        answer = ", ".join(f"{count} {one if count == 1 else many}" for count, one, many in counts if count)
+        facts = [("verdict", f"{answer}; the first: {against[0][1]}"), *against[1:]]
+    elif against:
+        facts = [("verdict", f"{against[0][0]}: {against[0][1]}")]
+    else:
+        facts = [("verdict", verdict(sizing).partition("\n")[0])]
+    facts += [("error", text) for text in sizing.urdf_errors]
+    warnings = () if sizing.study is None else sizing.study[0].robot.inertia_warnings
+    return facts + [("warning", text) for text in warnings]
 
 
 def _needs(joint: JointSizing) -> str:

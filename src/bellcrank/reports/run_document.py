@@ -1,4 +1,4 @@
-"""The report of a run: whether it came to its end and proves itself, events, closures, the end, and the pictures."""
+"""The report of a run: whether it finished and passed its self-checks, events, closures, the end, and the pictures."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from bellcrank.plot_style import svg_of
 from bellcrank.reports.document import Document, Facts, Picture, Still, Table
+from bellcrank.reports.inputs import drive_table, joint_table, robot_facts, scene_facts
 from bellcrank.reports.machine_facts import about, made_with
 from bellcrank.simulation.run_plot import run_pages
 from bellcrank.simulation.summary import END_HEADER, JOINTS, end_rows, run_facts, run_notes, run_warnings
@@ -22,10 +23,15 @@ NOTES = 8  # notes listed
 
 def run_document(run: Trajectory) -> Document:
     """The report of a run. SI units; what is listed is shortened where it is long."""
-    warnings, notes = (*_gaps(run), *run_warnings(run)), run_notes(run)
+    against, notes = (*_gaps(run), *run_warnings(run)), run_notes(run)
+    warnings = (*against, *run.robot.inertia_warnings)
     more = len(notes) - NOTES
     facts = tuple((name, text) for name, text in run_facts(run) if name not in ("warning", "note"))
     parts: list[Facts | Table | Picture] = [Facts("The run", facts), *_events(run), *_closures(run), _end(run)]
+    inputs = (*robot_facts(run.robot), *scene_facts(run))
+    parts += [Facts("Robot and scene", inputs), joint_table(run.robot)]
+    if run.scene.card.drives:
+        parts.append(drive_table(run.scene.card.drives))
     made = made_with()
     parts.append(Facts("Made with", (("scene", run.scene.source.name), *made)))
     pages = run_pages(run)
@@ -33,7 +39,7 @@ def run_document(run: Trajectory) -> Document:
         title = "Everything over time" + (f", {k + 1} of {len(pages)}" if len(pages) > 1 else "")
         parts.append(Picture(title, svg_of(figure)))
     return Document(
-        run.scene.name, "Look here" if warnings else "OK", not warnings, _verdict(run, warnings),
+        run.scene.name, "Warnings" if against else "OK", not against, _verdict(run, against),
         ("simulation", run.scene.source.name, facts[0][1], *about(made)), warnings,
         (*notes[:NOTES], *([f"… and {more} more joints that leave their range"] if more > 0 else ())),
         _still(run), tuple(parts),
@@ -50,7 +56,7 @@ def _verdict(run: Trajectory, warnings: tuple[str, ...]) -> tuple[str, ...]:
     lines = [run.message.removeprefix(f"{run.scene.name}: ")]
     if not warnings:
         drift, residual = run.energy_drift(), run.equation_residual()
-        text = f"It proves itself: energy is in balance to {drift:.1e}, the equations of motion to {residual:.1e}"
+        text = f"Self-checks passed: energy is in balance to {drift:.1e}, the equations of motion to {residual:.1e}"
         if run.scene.closures:
             text += f", and closures are closed to {run.constraint_residual():.1e} m or rad"
         lines.append(text + ".")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from bellcrank.plot_style import svg_of
 from bellcrank.replays.film import Film
 from bellcrank.reports.document import Document, Facts, Picture, Still, Table
+from bellcrank.reports.inputs import drive_table, joint_table, motion_table, robot_facts
 from bellcrank.reports.machine_facts import about, made_with
 from bellcrank.sizing.plots import draw
 from bellcrank.sizing.result import Sizing
@@ -24,15 +25,15 @@ def sizing_document(sizing: Sizing, film: Film) -> Document:
             "Sized for",
             (
                 ("motions", ", ".join(sizing.motions)),
-                *sized_with(sizing),
+                *((name.removesuffix(":"), value) for name, value in sized_with(sizing)),
                 ("largest power from the supply", f"{supply.value:.4g} W at {supply.time:.4g} s of {supply.motion}"),
                 ("largest power given back", f"{back.value:.4g} W at {back.time:.4g} s of {back.motion}"),
             ),
         )
     )
     made = made_with()
-    parts += [Facts("Made with", made), *_pictures(sizing)]
-    lines = tuple(line.removeprefix("  - ") for line in verdict(sizing).split("\n") if line != "EXCEEDED:")
+    parts += [*_inputs(sizing), Facts("Made with", made), *_pictures(sizing)]
+    lines = tuple(line.removeprefix("  - ") for line in verdict(sizing).split("\n"))
     asked = f"{len(sizing.motions)} motion{'' if len(sizing.motions) == 1 else 's'}"
     return Document(
         sizing.robot, _word(sizing), sizing.inside, lines, ("motor sizing", asked, *about(made)), sizing.warnings, (),
@@ -41,6 +42,8 @@ def sizing_document(sizing: Sizing, film: Film) -> Document:
 
 
 def _word(sizing: Sizing) -> str:
+    if sizing.unsizable:
+        return "Cannot be sized"
     if not sizing.inside:
         return "Exceeded"
     return "OK" if any(_limited(sizing)) else "No limits"
@@ -68,6 +71,16 @@ def _still(sizing: Sizing, film: Film) -> Still:
     )
 
 
+def _inputs(sizing: Sizing) -> list[Facts | Table]:
+    """What the sizing rests on, besides what it was sized for."""
+    if sizing.study is None:
+        return []
+    mechanism, motions, drives = sizing.study
+    robot = mechanism.robot
+    parts: list[Facts | Table] = [Facts("Robot", tuple(robot_facts(robot))), joint_table(robot), motion_table(motions)]
+    return [*parts, drive_table(drives)] if drives else parts
+
+
 def _table(title: str, content: tuple[list[str], list[list[str]]], note: str = "") -> Table:
     header, rows = content
     return Table(title, tuple(header), tuple(map(tuple, rows)), note)
@@ -77,8 +90,7 @@ def _pictures(sizing: Sizing) -> list[Picture]:
     if sizing.study is None:
         return []
     mechanism, motions, drives = sizing.study
-    figures = draw(mechanism, motions, drives, sizing.robot, sizing.mass_tolerance)
-    return [
-        Picture(name.removesuffix(".png").replace("_", " ").capitalize(), svg_of(figure))
-        for name, figure in figures.items()
-    ]
+    figures = draw(mechanism, motions, drives, sizing.robot, sizing.mass_tolerance, sizing.joints)
+    titles = [f"Motion '{motion.name}' over time" for motion in motions]
+    titles += ["Torque and speed at the joints", "Torque and speed at the motor shafts"]
+    return [Picture(title, svg_of(figure)) for title, figure in zip(titles, figures.values(), strict=False)]

@@ -98,7 +98,8 @@ def _read(
 ) -> dict[str, Any]:
     """Everything of the file that a robot needs, as data that JSON can hold."""
     from bellcrank.robot.tree import lay_out, pinocchio_model
-    from bellcrank.urdf.check import element_findings
+    from bellcrank.urdf.articulated import articulated_inertias
+    from bellcrank.urdf.check import element_findings, moving_without_mass, vanishing_inertia
     from bellcrank.urdf.read import Urdf
 
     urdf = Urdf.from_text(text, source)
@@ -125,6 +126,10 @@ def _read(
 
     _tighten_by_followers(tree, urdf, lower, upper, velocity)
 
+    # A free base and the joints' own model have the same tree beyond the base, which the URDF alone describes.
+    loaded = full if not floating_base else pinocchio_model(urdf, False, payloads, frames, clean, mimic=False)[0]
+    inertias = articulated_inertias(urdf, loaded)
+
     def finite(values: list[float]) -> list[float | None]:
         return [float(x) if np.isfinite(x) else None for x in values]
 
@@ -132,7 +137,29 @@ def _read(
         "name": urdf.name, "tree": asdict(tree), "lower": finite(lower), "upper": finite(upper),
         "effort": finite(effort), "velocity": finite(velocity), "friction": friction,
         "findings": [f"{f.where}: {f.message}" for f in element_findings(urdf) if f.severity == "error"],
+        "inertia_warnings": [
+            f"{f.where}: {f.message}" for f in moving_without_mass(urdf, _carriers(full, urdf, payloads))
+        ],
+        "singular_joints": {
+            name: f"joint '{name}': {vanishing_inertia(urdf, name, least)}"
+            for name, (least, threshold) in inertias.items()
+            if abs(least) <= threshold
+        },
     }  # fmt: skip
+
+
+def _carriers(model: Any, urdf: Urdf, payloads: tuple[Payload, ...]) -> list[str]:
+    """The links that payloads are fixed to, those of frames that are no links included."""
+    from bellcrank.robot.tree import frame_index
+
+    found = []
+    for load in payloads:
+        frame = frame_index(model, load.frame, "frame")
+        while frame and model.frames[frame].name not in urdf.links:
+            frame = model.frames[frame].parentFrame
+        if frame:
+            found.append(model.frames[frame].name)
+    return found
 
 
 def _tighten_by_followers(

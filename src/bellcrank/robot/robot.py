@@ -70,6 +70,8 @@ class Robot:
         self.name: str = data["name"]
         self.gravity = _frozen(gravity)
         self.findings: tuple[str, ...] = tuple(data["findings"])  # errors that `bellcrank check` finds in the elements
+        self.inertia_warnings: tuple[str, ...] = tuple(data["inertia_warnings"])  # links that move and have no mass
+        self.singular_joints: Mapping[str, str] = data["singular_joints"]  # nothing has inertia about their axes: why
         self.floating_base, self.payloads, self._clean = floating_base, payloads, clean
         self.user_frames = frames  # those that the URDF does not have: name to (link, xyz m, rpy rad)
         self._friction = friction if isinstance(friction, str) else dict(friction)
@@ -193,6 +195,19 @@ class Robot:
         """(follower, leader, multiplier, offset) of each mimicking joint: q_follower = multiplier q_leader + offset."""
         names = self.all_joint_names
         return tuple((names[f - 1], names[g - 1], m, o) for f, g, m, o in self._tree.mimics)
+
+    def moved_by(self, joints: Iterable[str]) -> tuple[tuple[str, ...], float]:
+        """The links that move when these joints do, and the mass of all that moves, payloads included (kg)."""
+        names = set(joints)
+        frames, mass = self._tree.moved_with([k for k, name in enumerate(self.all_joint_names, 1) if name in names])
+        return tuple(name for name in frames if name in self.urdf.links), mass
+
+    def carrier(self, link: str) -> str | None:
+        """The joint that the link moves with, or None for a link of the world. Raises InputError for an unknown one."""
+        if link not in self.urdf.links:
+            raise InputError(f"{self.name}: " + among("link", link, self.urdf.links))
+        number = next(f["parent_joint"] for f in self._tree.frames if f["is_body"] and f["name"] == link)
+        return self.all_joint_names[number - 1] if number else None
 
     def posture(self, values: Mapping[str, float] | Sequence[float] | Array | None = None) -> Array:
         """A position (nq,): the neutral one with these joints set, or the given array, checked."""

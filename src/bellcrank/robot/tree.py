@@ -85,6 +85,16 @@ class Tree:
             if f["parent_joint"] > 0 and (f["mass"] > 0.0 or any(x != 0.0 for x in f["inertia"]))
         ]
 
+    def moved_with(self, joints: list[int]) -> tuple[list[str], float]:
+        """The body frames that move when these joints (numbered from 1) do, their followers too, and their mass, kg."""
+        moving = {*joints, *(f for f, leader, ratio, _ in self.mimics if leader in joints and ratio != 0.0)}
+        mass = 0.0
+        for k, joint in enumerate(self.joints, 1):  # a parent comes before its children
+            if k in moving or joint["parent"] in moving:
+                moving.add(k)
+                mass += joint["mass"]
+        return [f["name"] for f in self.frames if f["is_body"] and f["parent_joint"] in moving], mass
+
 
 def pinocchio_model(
     urdf: Urdf, floating_base: bool, payloads: tuple[Payload, ...], frames: FrameTable, clean: bool, mimic: bool

@@ -175,7 +175,7 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
     rows += [("note", text) for text in notes[:LEAVING]]
     if len(notes) > LEAVING:
         rows.append(("", f"… and {_count(len(notes) - LEAVING, 'more joint')} that leave their range"))
-    return rows + [("warning", text) for text in run_warnings(run)]
+    return rows + [("warning", text) for text in (*run_warnings(run), *run.robot.inertia_warnings)]
 
 
 def _closures(run: Trajectory) -> list[tuple[str, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -11,13 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.constraints.mechanism import force_times, mechanism_of
+from bellcrank.errors import InputError
 from bellcrank.motion.csv_file import write_motion
+from bellcrank.sizing.histories import MotionHistory, motion_history
 
 if TYPE_CHECKING:
     from bellcrank.constraints.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import Robot, RobotJoint
     from bellcrank.sizing.drive import Drive
+    from bellcrank.sizing.result import Sizing
 
 Array = NDArray[np.float64]
 
@@ -46,10 +50,21 @@ def joint_torques(
     return found
 
 
+def sizing_histories(sizing: Sizing) -> dict[str, MotionHistory]:
+    """The histories of the joints that a sizing sized, by motion. Raises InputError where it does not hold motions."""
+    if sizing.study is None:
+        raise InputError(f"sizing of {sizing.robot}: it does not hold its motions; make it with bellcrank.size")
+    mechanism, motions, drives = sizing.study
+    joints = mechanism.motors
+    torques = functools.partial(joint_torques, mechanism, joints, drives)
+    return {motion.name: motion_history(motion, joints, drives, torques) for motion in motions}
+
+
 def write_histories(
     robot: Robot | Mechanism, motions: Sequence[Motion], folder: str | Path, drives: Mapping[str, Drive]
 ) -> list[Path]:
-    """Write history_<motion>.csv for each motion: its rows with the joint torques of the sizing; their paths.
+    """Write history_<motion>.csv for each motion: its rows with the joint torques of the sizing and, with drives, what
+    the motors' shafts deliver; their paths.
 
     Such a file can be read as a motion again. Raises InputError where the folder cannot be written.
     """
@@ -58,11 +73,21 @@ def write_histories(
     names = file_names(motions)
     paths = []
     for motion, name in zip(motions, names, strict=True):
-        torque = joint_torques(
-            mechanism, joints, drives, motion.time, motion.position, motion.velocity, motion.acceleration
-        )
-        paths.append(write_motion(motion, Path(folder) / f"history_{name}.csv", torque))
+        history = motion_history(motion, joints, drives, functools.partial(joint_torques, mechanism, joints, drives))
+        torque = np.column_stack([line.torque for line in history.joints])
+        paths.append(write_motion(motion, Path(folder) / f"history_{name}.csv", torque, _shaft_columns(history)))
     return paths
+
+
+def _shaft_columns(history: MotionHistory) -> dict[tuple[str, str], Array]:
+    """The columns of the motors' shafts: (title, unit) and values (n,)."""
+    columns: dict[tuple[str, str], Array] = {}
+    for joint in history.joints:
+        if joint.shaft is not None:
+            columns[f"{joint.name} shaft torque", "N m"] = joint.shaft.torque
+            columns[f"{joint.name} shaft speed", "rad/s"] = joint.shaft.speed
+            columns[f"{joint.name} shaft power", "W"] = joint.shaft.power
+    return columns
 
 
 def file_names(motions: Iterable[Motion]) -> list[str]:

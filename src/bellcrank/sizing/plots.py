@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from bellcrank import atomic
 from bellcrank.constraints.mechanism import Mechanism, mechanism_of
+from bellcrank.errors import InputError, among
 from bellcrank.motion.motion import Motion
 from bellcrank.plot_style import DPI, colour, dash, literal, new_figure, plain
 from bellcrank.sizing.drive import Drive
@@ -22,12 +23,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from bellcrank.robot.robot import Robot, RobotJoint
+    from bellcrank.sizing.result import Cycle, JointSizing, Sizing
 
 Array = NDArray[np.float64]
 POINTS = 1001  # a motion with fewer rows is drawn from this many points besides them
 LEAST_WIDTH = 8.5  # inches: title and legend need it where there is one panel only
 LIMIT = "#b30000"
 CURVE = "#1a1a1a"
+KINDS = ("motors", "joints", "time")
+OVER_TIME = {
+    "revolute": ("angle [rad]", "speed [rad/s]", "acceleration [rad/s²]", "joint torque [N m]"),
+    "prismatic": ("position [m]", "speed [m/s]", "acceleration [m/s²]", "joint force [N]"),
+}
 
 
 def write_plots(
@@ -37,15 +44,17 @@ def write_plots(
     drives: Mapping[str, Drive] | None = None,
     title: str | None = None,
     mass_tolerance: float = 0.0,
+    lines: Sequence[JointSizing] = (),
 ) -> list[Path]:
     """Write PNGs: over_time_<motion>.png, torque_speed.png and, with drives, motor_torque_speed.png; their
     paths.
 
     Angles in rad (m), speeds rad/s (m/s), accelerations rad/s² (m/s²), torques N m (N). All are for the
-    nominal masses, and with a mass tolerance the titles say so. InputError where the folder cannot be written.
+    nominal masses, and with a mass tolerance the titles say so. `lines`, a sizing's joints, give the RMS torques at
+    mean speed. InputError where the folder cannot be written.
     """
     folder = Path(folder)
-    figures = draw(robot, motions, drives, title, mass_tolerance)
+    figures = draw(robot, motions, drives, title, mass_tolerance, lines)
     for name, figure in figures.items():
         with atomic.writing(folder / name) as temporary:
             figure.savefig(temporary, format="png", dpi=DPI)
@@ -58,6 +67,7 @@ def draw(
     drives: Mapping[str, Drive] | None = None,
     title: str | None = None,
     mass_tolerance: float = 0.0,
+    lines: Sequence[JointSizing] = (),
 ) -> dict[str, Figure]:
     """The figures that `write_plots` writes, by file name."""
     mechanism = mechanism_of(robot)
@@ -67,10 +77,43 @@ def draw(
     figures: dict[str, Figure] = {}
     for motion, name in zip(motions, file_names(motions), strict=True):
         figures[f"over_time_{name}.png"] = _over_time(mechanism, joints, motion, drives, title, note)
-    figures["torque_speed.png"] = _joint_plane(mechanism, motors, motions, drives, title, note)
+    cycles = {line.name: line.cycles for line in lines}
+    bound = " (largest within the mass tolerance)" if mass_tolerance else ""
+    figures["torque_speed.png"] = _joint_plane(mechanism, motors, motions, drives, title, note, cycles, bound)
     if driven := [joint for joint in motors if joint.name in drives]:
-        figures["motor_torque_speed.png"] = _shaft_plane(mechanism, driven, motions, drives, title, note)
+        figures["motor_torque_speed.png"] = _shaft_plane(mechanism, driven, motions, drives, title, note, cycles, bound)
     return figures
+
+
+def plot_sizing(sizing: Sizing, path: str | Path | None, what: str | None, motion: str | None) -> Figure:
+    """One figure of a sizing (see `Sizing.plot`), written to `path` where one is given."""
+    if sizing.study is None:
+        raise InputError(f"sizing of {sizing.robot}: it does not hold its motions; make it with bellcrank.size")
+    mechanism, motions, drives = sizing.study
+    kind = what or ("motors" if drives else "joints")
+    if kind not in KINDS:
+        raise InputError(f"plot of a sizing: {among('picture', kind, KINDS)}")
+    if kind == "motors" and not drives:
+        raise InputError(f"sizing of {sizing.robot}: no joint has a drive, so there is nothing to draw at motor shafts")
+    if motion is not None and kind != "time":
+        raise InputError(f"plot of a sizing: 'motion' is for the picture 'time'; '{kind}' shows all motions")
+    names = [each.name for each in motions]
+    if motion is not None and motion not in names:
+        raise InputError(f"sizing of {sizing.robot}: {among('motion', motion, names)}")
+    shown = [motions[names.index(motion)] if motion else motions[0]] if kind == "time" else motions
+    figures = draw(
+        mechanism, shown, drives, sizing.robot, sizing.mass_tolerance, () if kind == "time" else sizing.joints
+    )
+    figure = {"motors": figures.get("motor_torque_speed.png"), "joints": figures["torque_speed.png"]}.get(kind)
+    figure = next(iter(figures.values())) if figure is None else figure
+    if path is not None:
+        form = Path(path).suffix.removeprefix(".").lower() or "png"
+        known = figure.canvas.get_supported_filetypes()
+        if form not in known:
+            raise InputError(f"{path}: {among('picture format', form, sorted(known))}")
+        with atomic.writing(path) as temporary:
+            figure.savefig(temporary, format=form, dpi=DPI)
+    return figure
 
 
 def _new(columns: int, rows: int, width: float, height: float) -> tuple[Figure, Any]:
@@ -103,35 +146,24 @@ def _over_time(
 ) -> Figure:
     time, q, v, a = drawn_states(motion)
     torque = joint_torques(mechanism, joints, drives, time, q, v, a)
-    slides, turns = ({joint.kind == kind for joint in joints} != {False} for kind in ("prismatic", "revolute"))
-    unit = (
-        {"rad": "rad | m", "N m": "N m | N"}
-        if slides and turns
-        else {"rad": "m", "N m": "N"}
-        if slides
-        else {"rad": "rad", "N m": "N m"}
-    )
-    figure, axes = _new(1, 4, 9.5, 10.5)
-    rows = (
-        ("angle", unit["rad"], q),
-        ("speed", _per(unit["rad"], "s"), v),
-        ("acceleration", _per(unit["rad"], "s²"), a),
-        ("joint torque", unit["N m"], torque),
-    )
-    for axis, (label, what, values) in zip(axes[:, 0], rows, strict=True):
+    kinds = [kind for kind in ("revolute", "prismatic") if any(joint.kind == kind for joint in joints)]
+    rows = [(row, kind) for row in range(4) for kind in kinds]  # an axis each: rad and m do not share one
+    figure, axes = _new(1, len(rows), 9.5, 2.5 * len(rows) + 0.5)
+    for axis, (row, kind) in zip(axes[:, 0], rows, strict=True):
         for k, joint in enumerate(joints):
-            column = joint.q if values is q else k if values is torque else joint.v
-            axis.plot(
-                time, values[:, column], color=colour(k), linestyle=dash(k), linewidth=1.3, label=literal(joint.name)
-            )
-        axis.set_ylabel(f"{label} [{what}]")
+            if joint.kind == kind:
+                values = (q[:, joint.q], v[:, joint.v], a[:, joint.v], torque[:, k])[row]
+                axis.plot(time, values, color=colour(k), linestyle=dash(k), linewidth=1.3, label=literal(joint.name))
+        axis.set_ylabel(OVER_TIME[kind][row])
         axis.margins(x=0.0)
         plain(axis)
     axes[-1, 0].set_xlabel("time [s]")
     figure.suptitle(literal(f"{title}: {motion.name}{note}", 90))
     columns = _columns([joint.name for joint in joints], figure)
+    found = [axis.get_legend_handles_labels() for axis in axes[: len(kinds), 0]]
     figure.legend(
-        *axes[0, 0].get_legend_handles_labels(),
+        [handle for handles, _ in found for handle in handles],
+        [label for _, labels in found for label in labels],
         loc="outside lower center",
         ncols=columns,
         frameon=False,
@@ -147,6 +179,8 @@ def _joint_plane(
     drives: Mapping[str, Drive],
     title: str,
     note: str,
+    cycles: Mapping[str, Sequence[Cycle]],
+    bound: str,
 ) -> Figure:
     figure, axes = _panels(len(joints))
     for axis, joint in zip(axes, joints, strict=False):
@@ -154,6 +188,8 @@ def _joint_plane(
             states = drawn_states(motion)
             torque = joint_torques(mechanism, [joint], drives, *states)[:, 0]
             _trace(axis, states[2][:, joint.v], torque, k, motion.name)
+        for k, cycle in enumerate(cycles.get(joint.name, ())):
+            _rms_point(axis, cycle.mean_speed, cycle.rms_torque, k, bound)
         robot = mechanism.robot
         effort, speed = float(robot.effort_limit[joint.v]), float(robot.velocity_limit[joint.v])
         _limit_box(axis, speed, effort)
@@ -174,6 +210,8 @@ def _shaft_plane(
     drives: Mapping[str, Drive],
     title: str,
     note: str,
+    cycles: Mapping[str, Sequence[Cycle]],
+    bound: str,
 ) -> Figure:
     figure, axes = _panels(len(joints))
     rpm = 30.0 / math.pi
@@ -184,6 +222,9 @@ def _shaft_plane(
             load = joint_torques(mechanism, [joint], drives, time, q, v, a)[:, 0]
             torque = drive.shaft_torque(load, v[:, joint.v], a[:, joint.v])
             _trace(axis, drive.ratio * v[:, joint.v] * rpm, drive.safety_factor * torque, k, motion.name)
+        for k, cycle in enumerate(cycles.get(joint.name, ())):
+            speed = drive.ratio * cycle.mean_speed * rpm
+            _rms_point(axis, speed, drive.safety_factor * (cycle.rms_shaft_torque or 0.0), k, bound)
         axis.plot(
             drive.outline[:, 0] * rpm,
             drive.outline[:, 1],
@@ -260,6 +301,15 @@ def _trace(axis: Axes, speed: Array, torque: Array, k: int, name: str) -> None:
     axis.plot(speed[:1], torque[:1], color=colour(k), marker="o", markersize=3.5, linestyle="none")
 
 
+def _rms_point(axis: Axes, speed: float, torque: float, k: int, bound: str) -> None:
+    """The RMS torque of one motion at its mean speed."""
+    axis.plot(
+        [speed], [torque], color=colour(k), marker="D", markersize=5.5, markeredgecolor="white", markeredgewidth=0.8,
+        linestyle="none", zorder=4,
+    )  # fmt: skip
+    axis.plot([], [], color="0.35", marker="D", markersize=5.5, linestyle="none", label=f"RMS at mean speed{bound}")
+
+
 def _limit_box(axis: Axes, speed: float, effort: float) -> None:
     label: str | None = "URDF limits"
     for sign in (1.0, -1.0):
@@ -269,7 +319,3 @@ def _limit_box(axis: Axes, speed: float, effort: float) -> None:
         if math.isfinite(speed):
             axis.axvline(sign * speed, color=LIMIT, linestyle="--", linewidth=1.0, label=label)
             label = None
-
-
-def _per(unit: str, per: str) -> str:
-    return " | ".join(f"{part}/{per}" for part in unit.split(" | "))

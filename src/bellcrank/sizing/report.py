@@ -84,6 +84,9 @@ def json_text(sizing: Sizing, files: Iterable[str] = REPORTS) -> str:
         "files": list(files),
         "inside": sizing.inside,
         "exceeded": list(sizing.exceeded),
+        "cannot_be_sized": list(sizing.unsizable),
+        "urdf_errors": list(sizing.urdf_errors),
+        "joints_allowed_without_mass": list(sizing.allowed_massless),
         "warnings": list(sizing.warnings),
         "units": {
             "gravity": "m/s^2, in the world",

@@ -10,15 +10,24 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bellcrank import atomic
 from bellcrank.constraints.elements import Element
 from bellcrank.errors import InputError, among
 from bellcrank.sizing.drive import Drive
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from bellcrank.constraints.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
+    from bellcrank.sizing.histories import MotionHistory
+
+
+CURVE = 4.0  # times what is unknown of positions at the rows of a file: the curve through them may leave them by this
 
 
 @dataclass(frozen=True)
@@ -86,7 +95,7 @@ class JointSizing:
     rows of the motions, without what lies between them), peak_speed,
     peak_motoring_power, peak_regenerating_power (both positive), largest_inertia (M_ii, without a drive's
     rotor, kg m² or kg), peak_bearing_force (N) and peak_tilting_moment (N m), each a Peak and each also an
-    attribute.
+    attribute. `position_noise` (rad or m) is unknown of positions that were read from a file with few digits.
     """
 
     name: str
@@ -101,6 +110,7 @@ class JointSizing:
     position_range: tuple[float, float]
     position_limits: tuple[float | None, float | None]
     shaft: ShaftSizing | None = None
+    position_noise: float = 0.0
 
     @property
     def torque_unit(self) -> str:
@@ -219,7 +229,7 @@ class JointSizing:
                 f"joint '{self.name}' reaches {self.peak_speed:.4g} {self.speed_unit}, "
                 f"the URDF's velocity limit is {self.velocity_limit:.4g} {self.speed_unit}"
             )
-        if self.position_margin is not None and self.position_margin < -1e-9:
+        if self.position_margin is not None and self.position_margin < -(1e-9 + CURVE * self.position_noise):
             unit = self.speed_unit[:-2]
             found.append(f"joint '{self.name}' leaves its position range by {-self.position_margin:.4g} {unit}")
         if self.shaft is not None:
@@ -239,7 +249,8 @@ class Sizing:
     `gravity` (m/s², in the world) and `payloads`, each (mass in kg, frame), are those sized with. `study` is what was
     sized, for pictures and replays: the mechanism, its motions (with rows where tables of forces have theirs), and
     drives by joint. `forces` are the elements of the scene that counted besides the motors, `parameters` its (name,
-    value, unit).
+    value, unit). `unsizable` has a sentence for each motor that moves nothing with mass, `allowed_massless` the joints
+    for which that was allowed, and `urdf_errors` the errors of the URDF that change torques.
     """
 
     robot: str
@@ -256,10 +267,63 @@ class Sizing:
     )
     forces: tuple[Element, ...] = ()
     parameters: tuple[tuple[str, float, str], ...] = ()
+    unsizable: tuple[str, ...] = ()
+    urdf_errors: tuple[str, ...] = ()
+    allowed_massless: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         told = f"{len(self.exceeded)} limits exceeded" if self.exceeded else "all inside"
+        if self.unsizable:
+            told = f"{len(self.unsizable)} joints cannot be sized, {told}" if self.exceeded else "cannot be sized"
         return f"Sizing('{self.robot}', {len(self.joints)} joints over {', '.join(self.motions)}: {told})"
+
+    def __str__(self) -> str:
+        from bellcrank.sizing.table import table, verdict
+
+        return "\n".join([table(self), *(f"note: {text}" for text in self.warnings), "", verdict(self)])
+
+    def _repr_html_(self) -> str:
+        from bellcrank.sizing.notebook import sizing_html
+
+        return sizing_html(self)
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write one line a joint, units in the header; the path. Raises InputError where it cannot be written."""
+        from bellcrank.sizing.report import csv_text
+
+        return _written(path, csv_text(self))
+
+    def to_json(self, path: str | Path) -> Path:
+        """Write the whole sizing, SI units, peaks with time and posture; the path. Raises InputError where it cannot be
+        written.
+        """
+        from bellcrank.sizing.report import json_text
+
+        return _written(path, json_text(self, ()))
+
+    def plot(self, path: str | Path | None = None, what: str | None = None, motion: str | None = None) -> Figure:
+        """Draw the sizing: a matplotlib Figure, written to `path` in the format of its suffix (PNG without one).
+
+        `what` is "motors" (torque and speed at the shafts, the default where there are drives), "joints" (the same at
+        the joints) or "time" (a motion over time, `motion` by name, by default the first). Raises InputError for
+        anything else, and where the file cannot be written.
+        """
+        from bellcrank.sizing.plots import plot_sizing
+
+        return plot_sizing(self, path, what, motion)
+
+    @cached_property
+    def histories(self) -> Mapping[str, MotionHistory]:
+        """By motion what each sized joint does over its rows: position, velocity, acceleration, torque and power at the
+        joint, and torque, speed and power at the motor's shaft; SI units, nominal masses. InputError where the sizing
+        does not hold its motions.
+
+        Example:
+            >>> sizing.histories["pick"].joint("elbow").shaft.torque
+        """
+        from bellcrank.sizing.history import sizing_histories
+
+        return sizing_histories(self)
 
     def joint(self, name: str) -> JointSizing:
         """The line of one joint; InputError for an unknown name."""
@@ -290,8 +354,14 @@ class Sizing:
 
     @property
     def inside(self) -> bool:
-        """Whether every limit that is given is kept."""
-        return not self.exceeded
+        """Whether every joint can be sized and every limit that is given is kept."""
+        return not self.exceeded and not self.unsizable
+
+
+def _written(path: str | Path, text: str) -> Path:
+    target = Path(path)
+    atomic.write_text(target, text)
+    return target
 
 
 def _margin(used: float, limit: float | None) -> float | None:

@@ -11,7 +11,7 @@ are exact worst cases, RMS and energies are upper bounds. Reactions and inertias
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +34,7 @@ from bellcrank.sizing.between import between_warnings, peaks_at_rows
 from bellcrank.sizing.drive import Drive
 from bellcrank.sizing.holding_forces import holding_of
 from bellcrank.sizing.loads import Loads
+from bellcrank.sizing.massless import massless_motors
 from bellcrank.sizing.peaks import Grid, grid_along, maxima, reversal_times
 from bellcrank.sizing.result import Cycle, JointSizing, Peak, ShaftSizing, Sizing
 
@@ -55,6 +56,8 @@ def size(
     motions: Motion | Sequence[Motion],
     drives: Mapping[str, Drive] | None = None,
     mass_tolerance: float = 0.0,
+    *,
+    allow_massless: Iterable[str] = (),
 ) -> Sizing:
     """Size every one-degree-of-freedom joint of a robot, or every motor of a Linkage, over one or several motions: the
     worst of them counts.
@@ -63,8 +66,9 @@ def size(
     does not, which a warning says.
     `drives` gives motor and gear by joint name; `mass_tolerance` is a share: with 0.1 each link as
     a whole, its mass and inertia together, is scaled by one factor within 1 ± 0.1. Each motion counts as a cycle
-    that repeats, for RMS and mean. Raises InputError where a drive names no joint or gives its rotor another
-    inertia than the robot has, a motion belongs to another robot, there is no motion, or a type is wrong.
+    that repeats, for RMS and mean. A motor that moves nothing with mass is not sized (`Sizing.unsizable` says why)
+    unless `allow_massless` names the links that it moves. Raises InputError where a drive names no joint or gives its
+    rotor another inertia than the robot has, a motion belongs to another robot, there is no motion, or a type is wrong.
     """
     mass_tolerance = tolerance_of(mass_tolerance)
     motions = renamed(motions_of(motions))
@@ -99,7 +103,12 @@ def size(
         )
         for k, _ in enumerate(joints)
     )
-    warnings = list(robot.findings)
+    refused, allowed = massless_motors(mechanism, motions, allow_massless)
+    errors = list(robot.findings)
+    if not mechanism.closed:  # a loop can give a joint the inertia that its own links do not have
+        told = {*refused, *allowed}
+        errors += [text for name, text in robot.singular_joints.items() if name not in told]
+    warnings = [*errors, *robot.inertia_warnings, *allowed.values()]
     warnings += [warning for motion in motions for warning in motion.warnings]
     warnings += mechanism_notes(mechanism)
     warnings += [note for motion in motions for note in motion_notes(mechanism, motion)]
@@ -121,6 +130,9 @@ def size(
         (mechanism, tuple(motions), drives),
         forces=elements(mechanism),
         parameters=parameter_values(mechanism),
+        unsizable=tuple(refused.values()),
+        urdf_errors=tuple(errors),
+        allowed_massless=tuple(allowed),
     )
 
 
@@ -238,6 +250,7 @@ def _joint_line(
         reach,
         (_given(robot.lower[joint.q]), _given(robot.upper[joint.q])),
         shaft,
+        max(motion.position_noise[joint.q] for motion in motions),
     )
 
 

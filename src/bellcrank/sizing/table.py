@@ -34,9 +34,25 @@ def table(sizing: Sizing) -> str:
 
 
 def verdict(sizing: Sizing) -> str:
-    """One paragraph: what is exceeded, or that nothing is, and how many limits are not given."""
+    """What cannot be sized, what is exceeded, or that nothing is; errors of the URDF; and what was allowed."""
+    lines = []
+    if sizing.unsizable:
+        lines += ["cannot be sized:", *(f"  - {text}" for text in sizing.unsizable)]
     if sizing.exceeded:
-        return "\n".join(["EXCEEDED:", *(f"  - {text}" for text in sizing.exceeded)])
+        count = len(sizing.exceeded)
+        lines += [f"EXCEEDED: {count} limit{'' if count == 1 else 's'}", *(f"  - {text}" for text in sizing.exceeded)]
+    if sizing.inside:
+        lines.append(_kept(sizing))
+    if sizing.urdf_errors:
+        lines.append("The URDF has errors that `bellcrank check` finds, and the torques rest on them:")
+        lines += [f"  - {text}" for text in sizing.urdf_errors]
+    if sizing.allowed_massless:
+        lines.append(f"Joints that move no mass, as allowed: {', '.join(sizing.allowed_massless)}.")
+    return "\n".join(lines)
+
+
+def _kept(sizing: Sizing) -> str:
+    """That all limits are kept, and which are not given."""
     margins = [(margin, f"{joint.name}'s {what}") for joint in sizing.joints for margin, what in _margins(joint)]
     if not margins:
         return "Nothing to compare with: neither the URDF nor a drive gives a limit."

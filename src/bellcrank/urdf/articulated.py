@@ -13,24 +13,26 @@ RELATIVE = 1e-10  # of the joint's entry of the mass matrix: below this, nothing
 ABSOLUTE = 1e-14  # of the robot's mass (times its squared size for a turning joint)
 
 
-def articulated_inertias(urdf: Urdf) -> dict[str, tuple[float, float]]:
+def articulated_inertias(urdf: Urdf, model: Any = None) -> dict[str, tuple[float, float]]:
     """Per independent moving joint its articulated inertia about its axis, and what counts as zero beside it.
 
     The articulated inertia is D = Sᵀ I_A S of Featherstone's articulated-body algorithm (Rigid Body Dynamics
     Algorithms, 2008, section 7.3), kg m² (kg for sliding joints), here the pivots of eliminating the mass
     matrix from the tips to the base. Given is the one of the largest magnitude over some seeded random
     postures: where that vanishes, forward dynamics is undefined. For a planar or floating joint it is the
-    least of its coordinates. Raises InputError where Pinocchio does not accept the robot.
+    least of its coordinates. `model` is the pinocchio.Model of the URDF with more bodies on it, such as payloads; it
+    has a fixed base and no mimic joints. Raises InputError where Pinocchio does not accept the robot.
     """
     import numpy as np
     import pinocchio as pin
 
-    try:
-        model = pin.buildModelFromXML(urdf.pinocchio_xml())
-    except Exception as error:
-        raise InputError(
-            f"{urdf.source}: Pinocchio does not accept the robot ({' '.join(str(error).split())})"
-        ) from None
+    if model is None:
+        try:
+            model = pin.buildModelFromXML(urdf.pinocchio_xml())
+        except Exception as error:
+            raise InputError(
+                f"{urdf.source}: Pinocchio does not accept the robot ({' '.join(str(error).split())})"
+            ) from None
     if model.nv == 0:
         return {}
     data = model.createData()

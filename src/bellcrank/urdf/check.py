@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -54,6 +54,8 @@ def check_urdf(path: str | Path) -> list[Finding]:
         findings.extend(_joint_findings(joint))
     findings.extend(_mesh_findings(reading.links, source))
     findings.extend(_massless_findings(reading.links, reading.joints))
+    if reading.urdf is not None:
+        findings.extend(moving_without_mass(reading.urdf))
     if reading.links:
         findings.extend(_element_findings(parse_xml(text, source), reading.joints))
     if reading.urdf is not None:
@@ -235,14 +237,47 @@ def _element_findings(robot: Element, joints: dict[str, Joint]) -> Iterator[Find
 
 
 def _massless_findings(links: dict[str, Link], joints: dict[str, Joint]) -> Iterator[Finding]:
-    moving = {joint.child for joint in joints.values() if joint.type != "fixed"}
-    massless = [link for link in links.values() if link.inertial is None or link.inertial.mass == 0.0]
-    zero = [link.name for link in massless if link.inertial is not None]
-    shapes = [link.name for link in massless if link.name in moving and link.meshes]
+    zero = [link.name for link in links.values() if link.inertial is not None and link.inertial.mass == 0.0]
     if zero:
         yield Finding("note", _these("link", zero), "an <inertial> of mass 0 is the same as none")
-    if shapes:
-        yield Finding("note", _these("link", shapes), "with a mesh and moved by a joint, but without mass")
+
+
+def moving_without_mass(urdf: Urdf, loaded: Iterable[str] = ()) -> list[Finding]:
+    """The warning about links that a joint moves and that have no mass, those fixed to them counted in.
+
+    `loaded` are links that carry a payload, which counts as mass.
+    """
+    carried: dict[str, float] = {name: 1.0 for name in loaded}
+    order = [urdf.root]
+    children: dict[str, list[Joint]] = {}
+    for joint in urdf.joints.values():
+        children.setdefault(joint.parent, []).append(joint)
+    for name in order:
+        order.extend(joint.child for joint in children.get(name, ()))
+    for name in reversed(order):
+        inertial = urdf.links[name].inertial
+        fixed = (joint.child for joint in children.get(name, ()) if joint.type == "fixed")
+        carried[name] = carried.get(name, 0.0) + (inertial.mass if inertial else 0.0) + sum(carried[x] for x in fixed)
+    moved = {joint.child for joint in urdf.joints.values() if joint.type != "fixed"}
+    bare = [name for name in order if name in moved and carried[name] == 0.0]
+    if not bare:
+        return []
+    one = len(bare) == 1
+    missing = "no <inertial>" if all(urdf.links[name].inertial is None for name in bare) else "an <inertial> of mass 0"
+    text = (
+        f"{'moves' if one else 'move'} with a joint and {'has' if one else 'have'} no mass ({missing}): torques leave "
+        f"{'its' if one else 'their'} weight and inertia out; write the <inertial> unless the real part has none"
+    )
+    return [Finding("warning", _these("link", bare), text)]
+
+
+def vanishing_inertia(urdf: Urdf, name: str, least: float) -> str:
+    """The sentence about a joint about whose axis nothing has inertia (kg m² or kg)."""
+    what = "mass" if urdf.joints[name].type == "prismatic" else "inertia"
+    return (
+        f"the {what} that it moves about its axis vanishes ({least:.2g}): its acceleration is undefined; give a link "
+        "beyond it a mass (off the axis) or an inertia"
+    )
 
 
 def _articulated_findings(urdf: Urdf, already_wrong: bool) -> Iterator[Finding]:
@@ -256,13 +291,7 @@ def _articulated_findings(urdf: Urdf, already_wrong: bool) -> Iterator[Finding]:
     for name, (least, threshold) in inertias.items():
         what = "mass" if urdf.joints[name].type == "prismatic" else "inertia"
         if abs(least) <= threshold:
-            yield Finding(
-                "error",
-                f"joint '{name}'",
-                f"the {what} that it moves about its axis vanishes ({least:.2g}): its acceleration is "
-                f"undefined; "
-                "give a link beyond it a mass (off the axis) or an inertia",
-            )
+            yield Finding("error", f"joint '{name}'", vanishing_inertia(urdf, name, least))
         elif least < 0.0 and not already_wrong:
             yield Finding(
                 "error",

@@ -106,6 +106,7 @@ function drawPlane(u, { x, y, limits }) {
   pen.clip();
   pen.lineJoin = "round";
   limits.forEach(({ points }, k) => {
+    if (points.length === 2) return;
     path(points.length / 2, (i) => [points[2 * i], points[2 * i + 1]], true);
     pen.strokeStyle = pen.fillStyle = paletteColour(k + 1);
     pen.globalAlpha = 0.07;
@@ -120,5 +121,15 @@ function drawPlane(u, { x, y, limits }) {
   pen.strokeStyle = paletteColour(0);
   pen.lineWidth = 1.5 * devicePixelRatio;
   pen.stroke();
+  limits.forEach(({ points }, k) => { // one point: a diamond
+    if (points.length !== 2) return;
+    const [a, b] = to(points[0], points[1]);
+    const half = 5 * devicePixelRatio;
+    pen.beginPath();
+    for (const [dx, dy] of [[half, 0], [0, half], [-half, 0], [0, -half]]) pen.lineTo(a + dx, b + dy);
+    pen.closePath();
+    pen.fillStyle = paletteColour(k + 1);
+    pen.fill();
+  });
   pen.restore();
 }

@@ -1,0 +1,133 @@
+"""`bc.size`: sizing of a robot over motions, or of a robot configuration over the motions that it holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bellcrank.errors import InputError, among
+from bellcrank.motion.motion import Motion
+from bellcrank.robot.payload import Payload
+from bellcrank.robot.robot import Robot
+from bellcrank.sizing.drive import Drive
+from bellcrank.sizing.linkage import Mechanism, mechanism_of, mechanism_of_card
+from bellcrank.sizing.result import Sizing
+from bellcrank.sizing.size import size as size_robot
+
+if TYPE_CHECKING:
+    from bellcrank.card.card import Card
+    from bellcrank.scene.scene import Scene
+
+OneMotion = Motion | str | Path
+
+
+def size(
+    robot: Robot | Mechanism | Card | Scene | str | Path,
+    motions: OneMotion | Sequence[OneMotion] | None = None,
+    drives: Mapping[str, Drive] | None = None,
+    mass_tolerance: float = 0.0,
+    *,
+    payloads: Iterable[Payload] = (),
+    allow_massless: Iterable[str] = (),
+) -> Sizing:
+    """Size every one-degree-of-freedom joint of a robot, or every motor of a linkage, over one or several motions.
+
+    Args:
+        robot: A Robot or Linkage; or a robot configuration: the path or name of a YAML file or URDF, a Card or a Scene.
+        motions: Motions; with a configuration also names of its motions and paths of CSV files, by default all of its
+            motions. Each counts as a cycle that repeats, and the worst of them counts.
+        drives: Motor and gear by joint name; by default those of the configuration.
+        mass_tolerance: A share: with 0.1 each link as a whole, its mass and inertia together, is scaled by one factor
+            within 1 ± 0.1.
+        payloads: Payloads besides those that the robot carries.
+        allow_massless: Links without mass that motors may move; a motor that moves nothing with mass is otherwise not
+            sized, and `Sizing.unsizable` says why.
+
+    Returns:
+        The Sizing; `print` shows its table, `Sizing.inside` is the verdict.
+
+    Raises:
+        InputError: For an unknown robot, motion, joint or link, a missing motion, or an argument of the wrong type.
+
+    Example:
+        >>> sizing = bc.size("ur5", mass_tolerance=0.1)
+        >>> sizing.joint("elbow_joint").peak_torque
+    """
+    from bellcrank.card.card import Card, load_card
+    from bellcrank.scene.scene import Scene
+
+    loads = _payloads(payloads)
+    links = _links(allow_massless)
+    if not isinstance(robot, (Card, Scene, str, Path)):
+        if loads and not isinstance(robot, Robot):
+            raise InputError("payloads: they belong to the robot of a Linkage; load it with them")
+        carrying = robot.with_payloads(loads) if isinstance(robot, Robot) and loads else robot
+        given: object = () if motions is None else motions
+        return size_robot(carrying, given, drives, mass_tolerance, allow_massless=links)  # type: ignore[arg-type]
+    card = robot if isinstance(robot, Card) else robot.card if isinstance(robot, Scene) else load_card(robot)
+    if drives is not None:
+        if not isinstance(drives, Mapping):
+            raise InputError(f"drives: expected a mapping of joint names to Drives, found {drives!r:.60}")
+        card = replace(card, drives=dict(drives))
+    plain = card.robot(loads)
+    sized = mechanism_of(robot, plain) if isinstance(robot, Scene) else mechanism_of_card(card, plain)
+    chosen = [_motion(card, sized, one) for one in _listed(card, motions)]
+    sizing = size_robot(sized, chosen, card.drives, mass_tolerance, allow_massless=links)
+    return replace(sizing, robot=card.name)
+
+
+def _payloads(given: object) -> tuple[Payload, ...]:
+    if isinstance(given, Payload):
+        return (given,)
+    if isinstance(given, (str, bytes, Mapping)) or not isinstance(given, Iterable):
+        raise InputError(f"payloads: expected a list of Payloads, found {given!r:.60}")
+    loads = tuple(given)
+    for load in loads:
+        if not isinstance(load, Payload):
+            raise InputError(f"payloads: expected a list of Payloads, found {load!r:.60} in it")
+    return loads
+
+
+def _links(given: object) -> tuple[str, ...]:
+    links = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Iterable) else (given,)
+    for link in links:
+        if not isinstance(link, str):
+            raise InputError(f"allow_massless: expected names of links, found {link!r:.60}")
+    return links
+
+
+def _listed(card: Card, given: object) -> list[OneMotion]:
+    """The motions that are asked for, by default all of the configuration; InputError where there are none."""
+    if given is None:
+        if not card.motions:
+            raise InputError(
+                f"{card.source}: there is no motion to size over; give a CSV file (--motion FILE), or write a robot "
+                "configuration with motions"
+            )
+        return list(card.motions)
+    if isinstance(given, (Motion, str, Path)):
+        return [given]
+    listed: list[OneMotion] = []
+    for one in given if isinstance(given, Iterable) else [given]:
+        if not isinstance(one, (Motion, str, Path)):
+            raise InputError(f"motions: expected Motions, names of motions or paths of CSV files, found {one!r:.60}")
+        listed.append(one)
+    return listed
+
+
+def _motion(card: Card, mechanism: Mechanism, one: OneMotion) -> Motion:
+    from bellcrank.motion.csv_file import read_motion
+
+    robot = mechanism.robot
+    if mechanism.closed:
+        return mechanism.along(one)[0]
+    if isinstance(one, Motion):
+        return one
+    if str(one) in card.motions:
+        return card.motion(robot, str(one))
+    path = Path(one)
+    if path.suffix or "/" in str(one):
+        return read_motion(robot, path, name=path.stem)
+    raise InputError(f"{card.source}: {among('motion', str(one), card.motions)}, nor a file of that name")

@@ -1,0 +1,77 @@
+"""Motors that move nothing with mass, for which a torque says nothing about the motor that is needed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bellcrank.constraints.linkage import Linkage
+from bellcrank.errors import InputError
+
+if TYPE_CHECKING:
+    from bellcrank.constraints.mechanism import Mechanism
+    from bellcrank.motion.motion import Motion
+    from bellcrank.robot.robot import RobotJoint
+
+MOVES = 1e-9  # of the fastest joint's speed: a joint of a linkage that is slower does not move with the motor
+POSTURES = 7  # of a motion, at which a linkage is looked at
+SHOWN = 4  # links that are written out
+
+
+def massless_motors(
+    mechanism: Mechanism, motions: Sequence[Motion], allowed: Iterable[str] = ()
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Sentences by joint about the motors that move no mass: those that cannot be sized, and those that are allowed.
+
+    A payload is mass; a motor of a linkage moves all that its loops move. `allowed` names links without mass: with a
+    link goes all that is fixed to it or follows it. Raises InputError for a link that is unknown or moves mass.
+    """
+    robot = mechanism.robot
+    permitted: set[str] = set()
+    named = tuple(allowed)
+    for link in named:
+        carrier = robot.carrier(link)
+        links, mass = robot.moved_by([carrier] if carrier else [])
+        if carrier is None or mass > 0.0:
+            why = f"moves with {mass:.6g} kg" if carrier else "does not move"
+            raise InputError(f"allow massless: link '{link}' of {robot.name} {why}; leave it out")
+        permitted.update(links)
+    refused, let_pass = {}, {}
+    for k, joint in enumerate(mechanism.motors):
+        movers = _moving(mechanism, k, joint, motions)
+        links, mass = robot.moved_by(movers)
+        if mass > 0.0:
+            continue
+        if set(links) <= permitted:
+            let_pass[joint.name] = (
+                f"joint '{joint.name}' moves no mass ({_names(links)}), as allowed: its torque includes no inertia and "
+                "no weight"
+            )
+            continue
+        roots = [robot.urdf.joints[name].child for name in movers if name in robot.urdf.joints]
+        options = " ".join(f"--allow-massless {link}" for link in roots)
+        refused[joint.name] = (
+            f"joint '{joint.name}' moves no mass: {_names(links)} without <inertial>; write the <inertial> of what it "
+            f"moves, add a payload, or allow it with {options}"
+        )
+    return refused, let_pass
+
+
+def _moving(mechanism: Mechanism, k: int, joint: RobotJoint, motions: Sequence[Motion]) -> list[str]:
+    """The joints of the tree that turn or slide with the k-th motor alone."""
+    robot, found = mechanism.robot, {joint.name}
+    if isinstance(mechanism, Linkage):
+        q = np.concatenate([motion.position[:: max(1, len(motion) // POSTURES)] for motion in motions])
+        rest = np.zeros((len(q), robot.nv))
+        share = np.abs(mechanism.chain.shares(mechanism.chain.closed(np.zeros(len(q)), q, rest)[2])[:, k]).max(axis=0)
+        found |= {j.name for j in robot.joints if share[j.v : j.v + j.nv].max() > MOVES * share.max()}
+    leaders = {follower: leader for follower, leader, ratio, _ in robot.mimics() if ratio != 0.0}
+    return [name for name in robot.all_joint_names if name in found or leaders.get(name) in found]
+
+
+def _names(links: Sequence[str]) -> str:
+    shown = ", ".join(f"'{name}'" for name in links[:SHOWN])
+    more = f" and {len(links) - SHOWN} more" if len(links) > SHOWN else ""
+    return f"link{'' if len(links) == 1 else 's'} {shown}{more}"
