@@ -32,7 +32,7 @@ from bellcrank.machine_code import machine
 from bellcrank.scene.run_start import SavedState, explicit_start
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.settings import Settings, Stabilisation
-from bellcrank.simulation.record import Statistics
+from bellcrank.simulation.record import Statistics, Unresolved
 from bellcrank.simulation.simulate import event_at
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
@@ -110,7 +110,8 @@ def load_run(path: str | Path) -> Trajectory:
         settings = Settings(**about["settings"] | {"stabilisation": stabilisation})
         if settings.stabilisation != scene.settings.stabilisation:
             scene = replace(scene, settings=settings)
-        statistics = Statistics(**about["statistics"])
+        unresolved = tuple(Unresolved(**entry) for entry in about["statistics"].get("unresolved", ()))
+        statistics = Statistics(**about["statistics"] | {"unresolved": unresolved})
         status = Status(about["status"])
         nq, nv = scene.robot.nq, scene.robot.nv
         rows, size = len(arrays["time"]), nq + nv + scene.system.has_work

@@ -19,7 +19,7 @@ from bellcrank.machine_code import machine
 from bellcrank.scene.closure_conditions import ContactLost
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.settings import Settings, Stabilisation, check_rows
-from bellcrank.simulation.record import Event, Latch, Statistics
+from bellcrank.simulation.record import Event, Latch, Statistics, Unresolved
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
 
@@ -155,9 +155,19 @@ def _integrate(
         for k, t, x in zip(result.event_index, result.event_time, result.event_state, strict=True)
     )
     statistics = Statistics(
-        result.accepted, result.rejected, result.evaluations, result.jacobians, result.factorisations, result.seconds
-    )
+        result.accepted, result.rejected, result.evaluations, result.jacobians, result.factorisations, result.seconds,
+        _unresolved(scene, result.unresolved_index, result.unresolved_time),
+    )  # fmt: skip
     return Trajectory(scene, settings, time, state, p, signals, status, events, statistics, result.steps)
+
+
+def _unresolved(scene: Scene, index: NDArray[np.int32], time: Array) -> tuple[Unresolved, ...]:
+    """Events of which crossings may have been missed, from their numbers and the starts of the steps."""
+    found = []
+    for k in np.unique(index).tolist():
+        steps = time[index == k]
+        found.append(Unresolved(scene.events[k].name, len(steps), float(steps[0])))
+    return tuple(found)
 
 
 def with_gains(scene: Scene, settings: Settings) -> Settings:

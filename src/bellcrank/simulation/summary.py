@@ -79,7 +79,7 @@ def run_warnings(run: Trajectory) -> tuple[str, ...]:
         found.append("energy is not in balance: take smaller tolerances or steps")
     if least < -NOISE * np.abs(kinetic).max():
         found.append(f"kinetic energy falls to {least:.3g} J: a mass or inertia is not that of a body")
-    return (*found, *_open_closures(run), *_false_events(run))
+    return (*found, *_open_closures(run), *_false_events(run), *_missed_events(run))
 
 
 def _open_closures(run: Trajectory) -> list[str]:
@@ -123,6 +123,15 @@ def _false_events(run: Trajectory) -> list[str]:
         f"event '{name}' is not at its own zero (its function is {value:.4g} there): the steps are too large for it; "
         "use a smaller step or tighter tolerances"
         for name, value in first.items()
+    ]
+
+
+def _missed_events(run: Trajectory) -> list[str]:
+    """A clause for each event of which crossings may have been missed."""
+    return [
+        f"event '{it.event}' oscillates so fast that crossings may have been missed in {_count(it.steps, 'step')} from "
+        f"{it.first:.6g} s on: set simulate.max_step to a few periods of its function or less"
+        for it in run.statistics.unresolved
     ]
 
 
