@@ -89,13 +89,14 @@ class Events {
     return value_[e];
   }
 
+  // Samples by a finer and a coarser sketch in turns, so that what these are off shows like an oscillation.
   bool sample(bool again) {
     if (!again) {
       std::memcpy(g_, g_ + samples * count_, count_ * sizeof(double));
       if (!evaluate(stepper_.t, stepper_.state(), g_ + samples * count_)) return false;
     }
     for (int i = 1; i < samples; ++i) {
-      stepper_.sketch(at(i), x_);
+      stepper_.sketch(at(i), x_, i % 2 == 0);
       if (!evaluate(stepper_.t_old + length() * at(i), x_, g_ + i * count_)) return false;
     }
     return true;
