@@ -81,7 +81,7 @@ def save_run(run: Trajectory, path: str | Path) -> Path:
     arrays: dict[str, Any] = {
         "time": run.time,
         "state": run.state,
-        "parameters": run.parameters,
+        "parameters": run.scene.own_parameters,
         "steps": run.steps,
         "multipliers": run.multipliers,  # for other readers: they are computed anew
         "event_time": np.array([event.time for event in run.events], dtype=np.float64),
@@ -119,7 +119,7 @@ def load_run(path: str | Path) -> Trajectory:
         shapes = {
             "time": (rows,),
             "state": (rows, size),
-            "parameters": np.shape(scene.system_parameters),
+            "parameters": np.shape(scene.own_parameters),
             "steps": (len(arrays["steps"]),),
             "event_time": (count,),
             "event_position": (count, nq),
@@ -128,9 +128,10 @@ def load_run(path: str | Path) -> Trajectory:
         for name, shape in shapes.items():
             if arrays[name].shape != shape or rows == 0:
                 raise ValueError(f"'{name}' has the shape {arrays[name].shape}, expected {shape}")
+        p = np.concatenate([arrays["parameters"], scene.system_parameters[len(arrays["parameters"]) :]])
         rules = [rule.name for rule in scene.events]
         events = tuple(
-            event_at(scene, rules.index(e["name"]), float(t), q, v, arrays["parameters"])
+            event_at(scene, rules.index(e["name"]), float(t), q, v, p)
             for e, t, q, v in zip(
                 about["events"], arrays["event_time"], arrays["event_position"], arrays["event_velocity"], strict=True
             )
@@ -141,7 +142,7 @@ def load_run(path: str | Path) -> Trajectory:
     except _DAMAGE as error:
         raise _damaged(file, error) from None
     return Trajectory(
-        scene, settings, arrays["time"], arrays["state"], arrays["parameters"], signals, status, events, statistics,
+        scene, settings, arrays["time"], arrays["state"], p, signals, status, events, statistics,
         arrays["steps"],
     )  # fmt: skip
 

@@ -91,13 +91,27 @@ def simulate(
         raise InputError(f"times reach {wanted[-1]:.17g} s, beyond the duration of {settings.duration:.17g} s")
     else:
         wanted = np.minimum(wanted, settings.duration)
-    return _integrate(scene, settings, wanted, steps_wanted, progress)
+    projected = bool(scene.closures) and settings.stabilisation.kind == "projection"
+    return _integrate(scene, settings, wanted, steps_wanted, progress, scene.system_parameters, projected)
+
+
+def simulate_again(run: Trajectory, settings: Settings, times: Array, p: Array) -> Trajectory:
+    """A run's scene once more, with closures kept by projection: with other settings, at `times` (m,) s, and with
+    parameters `p` of its equations.
+    """
+    return _integrate(run.scene, settings, times, False, None, p, projected=bool(run.scene.closures))
 
 
 def _integrate(
-    scene: Scene, settings: Settings, times: Array, every_step: bool, progress: Callable[[float], None] | None
+    scene: Scene,
+    settings: Settings,
+    times: Array,
+    every_step: bool,
+    progress: Callable[[float], None] | None,
+    p: Array,
+    projected: bool,
 ) -> Trajectory:
-    system, signals, p = scene.system, scene.signals, scene.system_parameters
+    system, signals = scene.system, scene.signals
     if system.may_be_massless:
         _refuse_massless_motion(scene)
     x0 = np.zeros(system.size)
@@ -107,7 +121,6 @@ def _integrate(
     implicit = settings.solver == "Radau"
     staged = not implicit and system.size <= LARGEST_STAGED
     closed = bool(scene.closures)
-    projected = closed and settings.stabilisation.kind == "projection"
     # code for many states at once pays where evaluations are cheap beside it
     together = projected and not every_step and not signals and system.size <= LARGEST_STAGED and len(times) >= MANY
     result = integrate(

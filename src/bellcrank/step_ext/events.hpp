@@ -233,19 +233,28 @@ class Events {
     return s > step && along(e, s - step) == 0 && along(e, s) == 0;
   }
 
-  // Bisection for the first time at which g has left its side, over steps that end there; g has at b.
+  // Bisection for the first time at which g has left its side, over steps that end there; as the dense output, which
+  // gave a and b, is less exact than these, the stretch is widened until it holds the time.
   double earliest(int e, int before, double a, double b, double* x) {
     const double start = stepper_.t_old, h = length();
     const std::size_t bytes = p_.n * sizeof(double);
+    double room = larger(b - a, 1e-12);
+    while (b < 1 && stays(e, before, b)) a = b, b = smaller(1, b + room), room *= 4;
+    while (a > 0 && !stays(e, before, a)) b = a, a = larger(0, a - room), room *= 4;
     if (stepper_.redo(b * h, x_)) std::memcpy(x, x_, bytes);
     while (b - a > least()) {
       const double s = 0.5 * (a + b);
-      if (!stepper_.redo(s * h, x_)) break;
-      if (!evaluate(start + s * h, x_, value_)) failed_ = true;
-      if (sign(value_[e]) == before) a = s;
+      if (stays(e, before, s)) a = s;
       else b = s, std::memcpy(x, x_, bytes);
     }
     return start + b * h;
+  }
+
+  // Whether g is on the side `before` after a step to s, whose state is then x_; what is not finite says nothing.
+  bool stays(int e, int before, double s) {
+    if (!stepper_.redo(s * length(), x_)) return true;
+    if (!evaluate(stepper_.t_old + s * length(), x_, value_)) failed_ = true;
+    return sign(value_[e]) == before;
   }
 
   // Rounding of the time, as a fraction of the step.
