@@ -9,6 +9,7 @@ from __future__ import annotations
 import atexit
 import importlib.metadata
 import json
+import math
 import platform
 import shutil
 import struct
@@ -72,6 +73,7 @@ def save_run(run: Trajectory, path: str | Path) -> Path:
         "status": str(run.status),
         "settings": asdict(run.settings),
         "statistics": asdict(run.statistics),
+        "error_estimate": run.known_estimate if math.isfinite(run.known_estimate or 0.0) else None,
         "events": [{"name": event.name, "stopped": event.stopped} for event in run.events],
         "signals": [{k: v for k, v in vars(s).items() if not isinstance(v, np.ndarray)} for s in run.signals],
         "versions": {"bellcrank": __version__} | {p: _version(p) for p in ("pin", "casadi", "llvmlite", "numpy")},
@@ -110,6 +112,8 @@ def load_run(path: str | Path) -> Trajectory:
         settings = Settings(**about["settings"] | {"stabilisation": stabilisation})
         if settings.stabilisation != scene.settings.stabilisation:
             scene = replace(scene, settings=settings)
+        known = about.get("error_estimate")
+        estimate = None if known is None else float(known)
         unresolved = tuple(Unresolved(**entry) for entry in about["statistics"].get("unresolved", ()))
         statistics = Statistics(**about["statistics"] | {"unresolved": unresolved})
         status = Status(about["status"])
@@ -141,10 +145,13 @@ def load_run(path: str | Path) -> Trajectory:
         raise InputError(f"{file}: the scene in it cannot be rebuilt: {error}") from None
     except _DAMAGE as error:
         raise _damaged(file, error) from None
-    return Trajectory(
+    run = Trajectory(
         scene, settings, arrays["time"], arrays["state"], p, signals, status, events, statistics,
         arrays["steps"],
     )  # fmt: skip
+    if estimate is not None:
+        run.remember_estimate(estimate)
+    return run
 
 
 def saved_state(path: str | Path, time: float | None = None) -> SavedState:

@@ -223,7 +223,7 @@ class Trajectory:
         residual, bias = self.scene.system.residual(*self._arguments)
         return _share(np.abs(residual).max(), max(np.abs(self.torque).max(), np.abs(bias).max()))
 
-    @property
+    @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What speaks against trusting the run, a sentence each: it ended early, or its certificate is bad."""
         from bellcrank.simulation.summary import run_warnings
@@ -250,13 +250,24 @@ class Trajectory:
 
         Costs these runs, once; infinite where there is nothing to compare, or one of them ended earlier.
         """
-        return self._error
+        known = self.known_estimate
+        if known is None:
+            from bellcrank.simulation.second_run import error_estimate
 
-    @cached_property
-    def _error(self) -> float:
-        from bellcrank.simulation.second_run import error_estimate
+            known = error_estimate(self)
+            assert known is not None  # None is for a limit of time
+            self.remember_estimate(known)
+        return known
 
-        return error_estimate(self)
+    @property
+    def known_estimate(self) -> float | None:
+        """What `error_estimate` found, if it was computed."""
+        known: float | None = vars(self).get("_estimate")
+        return known
+
+    def remember_estimate(self, value: float) -> None:
+        """Keep what `error_estimate` found, such as in the file of the run."""
+        vars(self)["_estimate"] = value
 
     # ---- out of the house
 
