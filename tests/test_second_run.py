@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.validation.bench_problem import problem
 from bellcrank.validation.linkages import n_four_bar
 from bellcrank.validation.reduced import FourBars
-from bellcrank.validation.reference import reference
 
-LEAST, MOST = 0.8, 30.0  # what the estimate may be of the true error
+LEAST, MOST = 0.8, 40.0  # what the estimate may be of the true error
 
 
 def cranks(loops: int, times: NDArray[np.float64]) -> NDArray[np.longdouble]:
@@ -25,8 +25,8 @@ def cranks(loops: int, times: NDArray[np.float64]) -> NDArray[np.longdouble]:
     x, states, equations = np.array([0.0, -1.0], np.longdouble), [], FourBars(loops)
     states.append(x)
     for gap in np.diff(times.astype(np.longdouble)):
-        for _ in range(60):  # the classical method: each step errs by less than 1e-17
-            h, f = gap / 60, equations.derivative
+        for _ in range(15):  # the classical method: each step errs by less than 1e-17
+            h, f = gap / 15, equations.derivative
             a = f(x)
             b = f(x + h / 2 * a)
             c = f(x + h / 2 * b)
@@ -37,7 +37,7 @@ def cranks(loops: int, times: NDArray[np.float64]) -> NDArray[np.longdouble]:
 
 @pytest.fixture(scope="module")
 def parallel() -> Any:
-    times = np.linspace(0.0, 10.0, 101)
+    times = np.linspace(0.0, 10.0, 401)
     return {loops: (n_four_bar(loops), times, cranks(loops, times)) for loops in (2, 5)}
 
 
@@ -46,17 +46,21 @@ def parallel() -> Any:
 def test_the_error_estimate_knows_the_floor_that_singular_positions_leave(parallel, loops, tolerance):
     scene, times, angle = parallel[loops]
     run = bc.simulate(scene, times=times, rtol=tolerance, atol=tolerance)
-    places = [run.robot.joint(f"crank_{k}").q for k in range(loops + 1)]
-    true = float(np.abs(run.position[:, places] - angle[:, None]).max())
+    signs = np.array([1 if name.startswith("crank") else -1 for name in run.robot.joint_names])
+    true = float(np.abs(run.position - signs * angle[:, None]).max())
     assert LEAST * true < run.error_estimate() < MOST * true
 
 
 @pytest.mark.parametrize("name", ["bricard", "four_bar", "rolling_disk", "planar_2r_swing", "spring_pendulum"])
 def test_the_error_estimate_is_near_the_true_error_of_textbook_scenes(name):
-    chosen, known = problem(name), reference(name)
+    chosen = problem(name)
+    states = solve_ivp(
+        lambda _, x: chosen.equations.derivative(x), (0.0, chosen.duration), chosen.start, method="DOP853",
+        rtol=1e-13, atol=1e-15, t_eval=chosen.times,
+    ).y.T  # fmt: skip
     for tolerance in (1e-8, 1e-10):
         run = bc.simulate(name, duration=chosen.duration, times=chosen.times, rtol=tolerance, atol=tolerance)
-        true = known.error(chosen.own(run))
+        true = float(np.abs(chosen.own(run) - chosen.positions(states)).max())
         assert LEAST * true < run.error_estimate()
         if name in ("planar_2r_swing", "spring_pendulum"):  # the others are compared in some of their coordinates
             assert run.error_estimate() < 1.5 * true
@@ -64,7 +68,7 @@ def test_the_error_estimate_is_near_the_true_error_of_textbook_scenes(name):
 
 def test_an_estimate_where_the_largest_step_binds_is_not_zero(tmp_path):
     """A run again that takes the same steps would find no difference at all."""
-    run = bc.simulate("planar_2r_swing", rtol=1e-3, atol=1e-3, max_step=0.01)
+    run = bc.simulate("planar_2r_swing", solver="RK45", rtol=1e-2, atol=1e-2, max_step=0.01)
     fine = bc.simulate("planar_2r_swing", rtol=1e-13, atol=1e-15)
     true = float(np.abs(run.position - fine.position).max())
     assert 1e-13 < LEAST * true < run.error_estimate() < MOST * true

@@ -245,8 +245,9 @@ class Trajectory:
     def error_estimate(self) -> float:
         """How far the positions may be off (rad or m): the largest difference, on the same times, from runs made again
         with a hundredth of the tolerances (with a fixed step: half the step, by Richardson's rule), and with closures
-        also with ten times their regularisation, all of them projected; what rounding and singular positions leave is
-        in it (simulation/second_run.py). Where rtol < 2e-13 can be no finer, ten times the tolerances are taken.
+        also with ten times and a tenth of their regularisation, all of them projected; what rounding and singular
+        positions leave is in it (simulation/second_run.py). Where rtol < 2e-13 can be no finer, ten times the
+        tolerances are taken.
 
         Costs these runs, once; infinite where there is nothing to compare, or one of them ended earlier.
         """
