@@ -67,9 +67,16 @@ struct Shape {
   }
 
   double arc(int i) const { return larger(bend[i], bend[i + 1]); }
-  // Whether the function surely keeps its sign from sample i to the next, which have one sign.
-  bool keeps_off(int i, const double* v) const {
-    return smaller(std::fabs(v[i]), std::fabs(v[i + 1])) > arc(i) + miss;
+  // Whether the function surely keeps its sign from sample i to the next, which have one sign; with more `caution` where
+  // it is known to oscillate.
+  bool keeps_off(int i, const double* v, double caution) const {
+    return smaller(std::fabs(v[i]), std::fabs(v[i + 1])) > arc(i) + caution * miss;
+  }
+  // Whether the samples go up and down in turns, as no jump or kink makes them.
+  static bool oscillates(const double* v) {
+    int turns = 0;
+    for (int i = 1; i < parts; ++i) turns += (v[i] - v[i - 1]) * (v[i + 1] - v[i]) < 0;
+    return turns >= 3;
   }
   // Whether it runs one way from sample i to the next.
   bool runs(int i, const double* v) const { return std::fabs(v[i + 1] - v[i]) > 4 * (arc(i) + miss); }

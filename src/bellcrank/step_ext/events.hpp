@@ -66,7 +66,8 @@ class Events {
   Array<int> sign_, hint_, unresolved_;  // sign_: of the last value that was not zero; 0 until zero has been left
   Inputs in_;
   int found_ = 0, terminal_ = 0, now_ = 0;
-  std::int64_t needed_ = 0, spent_ = 0, limit_ = 0;
+  int oscillating_ = 0, forced_ = 0;  // how deep stretches of this step oscillate; to where all are sampled again
+  std::int64_t spent_ = 0, limit_ = 0;
   Growing<Crossing> crossings_;
   Growing<double> states_;
   bool failed_ = false, missed_ = false, done_ = false;
@@ -112,6 +113,8 @@ class Events {
 
   double at(int i) const { return samples == 2 ? 0.5 * i : place[i]; }
 
+  static double caution(int depth) { return depth ? 4 : 2; }
+
   // Whether one event surely has no crossing in this step, by its samples.
   bool keeps_off(int e) const {
     if (sign_[e] == 0 || hint_[e] > 0) return false;
@@ -123,7 +126,7 @@ class Events {
     if (samples == 2) return halves_keep_off(v);
     const Shape shape(v);
     for (int i = 0; i < parts; ++i)
-      if (!shape.keeps_off(i, v)) return false;
+      if (!shape.keeps_off(i, v, caution(0))) return false;
     return true;
   }
   static bool halves_keep_off(const double* v) {
@@ -132,7 +135,7 @@ class Events {
 
   // All crossings of one event in this step.
   void scan(int e, Record& record) {
-    needed_ = spent_ = 0, limit_ = unresolved_[e] < patience ? most_evaluations : few_evaluations, missed_ = done_ = false, now_ = sign_[e];
+    spent_ = 0, oscillating_ = 0, forced_ = hint_[e], limit_ = unresolved_[e] < patience ? most_evaluations : few_evaluations, missed_ = done_ = false, now_ = sign_[e];
     double v[parts + 1];
     for (int i = 0; i <= samples; ++i) v[i] = g(i, e);
     if (samples == parts) {
@@ -144,26 +147,28 @@ class Events {
     }
     sign_[e] = now_;
     effort += spent_;
-    // an oscillation that took all stretches of this step to that depth is looked for there in the next one
-    int depth = 0;
-    for (std::int64_t full = 40; needed_ >= full && depth < deepest - 1; full *= parts) ++depth;
-    hint_[e] = depth > hint_[e] ? depth : hint_[e] > 0 ? hint_[e] - 1 : 0;
+    hint_[e] = oscillating_;
     if (missed_) ++unresolved_[e], record.unresolved(e, stepper_.t_old);
   }
 
-  // The crossings between a and b, from samples at `place` between them.
+  // The crossings between a and b, from samples at `place` between them. Where they oscillate here, the stretches after
+  // them are sampled as closely, and those of the next step: an oscillation may look smooth in some stretch by chance.
   void stretch(int e, double a, double b, const double* v, int depth) {
     const Shape shape(v);
+    bool unclear[parts];
+    int count = 0;
+    for (int i = 0; i < parts; ++i) count += unclear[i] = doubtful(shape, i, v, depth);
+    if (2 * count > parts && Shape::oscillates(v) && depth + 1 < deepest) {
+      oscillating_ = depth + 1 > oscillating_ ? depth + 1 : oscillating_;
+      forced_ = depth + 1 > forced_ ? depth + 1 : forced_;
+    }
     for (int i = 0; i < parts && !done_; ++i) {
       const double left = a + (b - a) * place[i], right = i + 1 == parts ? b : a + (b - a) * place[i + 1];
-      const bool unclear = doubtful(shape, i, v, depth);
-      if (unclear && spent_ >= limit_) missed_ = true;
-      if (depth < deepest && spent_ < limit_ && (unclear || depth < hint_[e])) {
-        if (unclear) needed_ += parts - 1;
+      if (unclear[i] && spent_ >= limit_) missed_ = true;
+      if (depth < deepest && spent_ < limit_ && (unclear[i] || depth < forced_))
         again(e, left, v[i], right, v[i + 1], depth + 1);
-      } else {
-        part(e, left, v[i], right, v[i + 1], !shape.keeps_off(i, v));
-      }
+      else
+        part(e, left, v[i], right, v[i + 1], !shape.keeps_off(i, v, caution(depth)));
     }
   }
 
@@ -171,7 +176,7 @@ class Events {
   static bool doubtful(const Shape& shape, int i, const double* v, int depth) {
     if (shape.miss != shape.miss || (v[i] == 0 && v[i + 1] == 0 && shape.miss == 0)) return false;
     if (sign(v[i]) != sign(v[i + 1])) return !shape.runs(i, v);
-    return !shape.keeps_off(i, v) && (depth < 2 || !shape.parabola(i));
+    return !shape.keeps_off(i, v, caution(depth)) && (depth < 2 || !shape.parabola(i));
   }
 
   void again(int e, double a, double at_a, double b, double at_b, int depth) {
