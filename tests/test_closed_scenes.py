@@ -123,8 +123,8 @@ def test_six_coordinates_become_a_free_base_whose_frame_is_the_robots():
     q, v = random.uniform(-1, 1, (5, 6)), random.normal(0, 1, (5, 6))
     place, speed = free_base(q, v)
     nothing, t = np.zeros((5, 0)), np.zeros((5, 1))
-    six = scene.system.frame("disk")(t, np.hstack([q, v]), nothing, nothing)
-    one = free.system.frame("disk")(t, np.hstack([place, speed]), nothing, nothing)
+    six = scene.system.frame("disk")(t, np.hstack([q, v]), nothing, scene.system_parameters)
+    one = free.system.frame("disk")(t, np.hstack([place, speed]), nothing, free.system_parameters)
     np.testing.assert_allclose(one, six, atol=1e-14)
 
 

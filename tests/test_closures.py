@@ -103,8 +103,8 @@ def test_accelerations_and_forces_of_a_loop_are_those_of_pinocchios_jacobians(fo
     kkt = np.block([[mass, -rows.T], [rows, np.zeros((m, m))]])
     solved = np.linalg.solve(kkt, np.concatenate([-bias, -gamma]))
     x = np.concatenate([q, v])
-    multipliers = scene.system.closure(np.zeros(1), x, np.zeros(0), np.zeros(0))[0]
-    acceleration = scene.system.observation(np.zeros(1), x, np.zeros(0), np.zeros(0))[0]
+    multipliers = scene.system.closure(np.zeros(1), x, np.zeros(0), scene.system_parameters)[0]
+    acceleration = scene.system.observation(np.zeros(1), x, np.zeros(0), scene.system_parameters)[0]
     np.testing.assert_allclose(acceleration, solved[:7], rtol=0, atol=1e-8 * np.abs(solved[:7]).max())
     np.testing.assert_allclose(multipliers, solved[7:], atol=1e-7 * np.abs(solved[7:]).max())
 
@@ -324,7 +324,7 @@ def test_closeness_to_singular_is_the_ratio_of_singular_values_and_can_end_a_run
     run = simulate(four_bar, overrides={"events": event})
     near = run.events[-1]
     flat, mass = run.scene.system.metric(
-        np.array([near.time]), np.concatenate([near.position, near.velocity]), np.zeros(0), np.zeros(0)
+        np.array([near.time]), np.concatenate([near.position, near.velocity]), np.zeros(0), run.parameters
     )
     root = np.linalg.cholesky(mass.reshape(3, 3))
     values = np.linalg.svd(np.linalg.solve(root, flat.reshape(3, -1)), compute_uv=False)

@@ -48,6 +48,10 @@ class StepResult:
     def event_time(self) -> NDArray[np.float64]: ...
     @property
     def event_state(self) -> NDArray[np.float64]: ...
+    @property
+    def unresolved_index(self) -> NDArray[np.int32]: ...
+    @property
+    def unresolved_time(self) -> NDArray[np.float64]: ...
 
 def methods() -> dict[str, int]:
     """The methods and their orders."""
@@ -99,6 +103,7 @@ def integrate(
     correction of x and a guard, is Newton's step that every state that is handed on is corrected by, until it moves the
     first `nq` entries no more; `project_fallback` gives the correction where that guard is not positive, and
     `project_batch` many at once, for outputs.
-    `event_samples` is how often event functions are looked at in a step, at least twice.
+    `event_samples` is how often event functions are looked at in a step at first: 2, or else 8 times. Where crossings
+    may have been missed, `unresolved_index` and `unresolved_time` have the event and the start of the step.
     `signals`: (breaks (m + 1,), coefficients (m, powers, width), derivatives, kinked) pieces of u.
     """

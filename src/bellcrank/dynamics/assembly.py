@@ -115,10 +115,13 @@ def assemble(scene: Scene) -> Assembly:
     newton_euler = s.algorithm("inverse_dynamics")
     bias = newton_euler(s.q, s.v, casadi.SX(robot.nv, 1), s.tracer_parameters)
     gains = casadi.SX.sym("gains", 2 if scene.settings.stabilisation.kind == "baumgarte" else 0)
+    p = casadi.vertcat(s.p, gains)
     solution, reaction, plain_power = None, casadi.SX(robot.nv, 1), power
     if scene.closures:
         closed = close(scene.closures, rows_that_bind(scene, s), s)
-        solution = solve(mass_matrix(s), closed, torque - bias, gains)
+        share = casadi.SX.sym("regularisation")
+        solution = solve(mass_matrix(s), closed, torque - bias, gains, share)
+        p = casadi.vertcat(p, share)
         acceleration, reaction = solution.acceleration, closed.jacobian.T @ solution.multipliers
         power, plain_power = (
             power + closed.power(solution.multipliers),
@@ -139,7 +142,7 @@ def assemble(scene: Scene) -> Assembly:
         s.reactions = Reactions(scene.closures, solution, solution.quick_multipliers, s)
     events = casadi.vertcat(*[event.apply(s) for event in scene.events])
     return Assembly(
-        s.t, s.q, s.v, s.u, casadi.vertcat(s.p, gains), s.algorithm("configuration_rate")(s.q, s.v), acceleration,
+        s.t, s.q, s.v, s.u, p, s.algorithm("configuration_rate")(s.q, s.v), acceleration,
         actuator, passive, power, plain_power, energy[0], energy[1] + potential, residual, bias, outputs,
         casadi.SX(events), casadi.SX.sym("W"), s, solution,
     )  # fmt: skip

@@ -122,8 +122,9 @@ class Solution:
     plain_projection: tuple[casadi.SX, casadi.SX]
 
 
-def solve(mass: casadi.SX, closed: Closed, force: casadi.SX, gains: casadi.SX) -> Solution:
-    """Solve the constrained equations; `gains` is (α, β), or empty without Baumgarte's terms.
+def solve(mass: casadi.SX, closed: Closed, force: casadi.SX, gains: casadi.SX, share: casadi.SX) -> Solution:
+    """Solve the constrained equations; `gains` is (α, β), or empty without Baumgarte's terms; `share` is μ as a share
+    of a row's usual J M⁻¹ Jᵀ, a parameter of the equations, so that runs with two of them tell what it costs.
 
     Where M is singular, M + Jᵀ W J takes its place, W the inverse of the usual J M⁻¹ Jᵀ, and f + Jᵀ W J v̇ that of f,
     which changes neither v̇ nor λ.
@@ -136,7 +137,7 @@ def solve(mass: casadi.SX, closed: Closed, force: casadi.SX, gains: casadi.SX) -
         weighted = jacobian.T @ casadi.diag(1.0 / usual)
         mass, force = casadi.sparsify(mass + weighted @ jacobian), force + weighted @ right
     plain = Factor(mass, jacobian, casadi.SX(jacobian.size1(), 1))
-    mu = regularisation(mass, closed)
+    mu = regularisation(mass, closed, share)
     regular = Factor(mass, jacobian, mu)
     return Solution(
         closed, mass, regular, regular.solve(force, right)[1], *proximal(regular, force, right, REFINEMENTS),
@@ -161,7 +162,7 @@ def projected(factor: Factor, closed: Closed, refinements: int) -> tuple[casadi.
     return step, proximal(factor, still, -closed.speed - change, refinements)[0]
 
 
-def regularisation(mass: casadi.SX, closed: Closed) -> casadi.SX:
+def regularisation(mass: casadi.SX, closed: Closed, share: casadi.SX) -> casadi.SX:
     """μ (rows): a share of each row's usual J M⁻¹ Jᵀ, less where the row's J is less, but not while the linkage moves.
 
     At distance x from a posture in which J loses rank (a linkage that lies flat loses whole rows) the equations are as
@@ -174,7 +175,7 @@ def regularisation(mass: casadi.SX, closed: Closed) -> casadi.SX:
     usual, square = casadi.DM(closed.rows.scale), casadi.DM(closed.rows.square)
     now = casadi.sum2(closed.jacobian * closed.jacobian) / square
     speed = usual * casadi.dot(closed.v, mass @ closed.v)
-    return usual * (REGULARISATION * (now + speed / (1.0 + speed)) + LEAST)
+    return usual * (share * (now + speed / (1.0 + speed)) + LEAST)
 
 
 def rows_that_bind(scene: Scene, s: Symbols) -> Rows:

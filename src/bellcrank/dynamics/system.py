@@ -167,6 +167,11 @@ class System:
         return self._compiled(f"latch {k}", build)
 
     @property
+    def is_loaded(self) -> bool:
+        """Whether the code that steps has been asked for in this process."""
+        return not {"rhs", "stage"}.isdisjoint(vars(self))
+
+    @property
     def multiplier_names(self) -> tuple[tuple[str, str], ...]:
         """(closure, what it is) of each multiplier."""
         return tuple((name, label) for name, label in self._facts["rows"])

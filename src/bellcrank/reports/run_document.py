@@ -11,7 +11,7 @@ from bellcrank.reports.document import Document, Facts, Picture, Still, Table
 from bellcrank.reports.inputs import drive_table, joint_table, robot_facts, scene_facts
 from bellcrank.reports.machine_facts import about, made_with
 from bellcrank.simulation.run_plot import run_pages
-from bellcrank.simulation.summary import END_HEADER, JOINTS, end_rows, run_facts, run_notes, run_warnings
+from bellcrank.simulation.summary import END_HEADER, JOINTS, end_rows, run_facts, run_notes
 
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory
@@ -23,7 +23,7 @@ NOTES = 8  # notes listed
 
 def run_document(run: Trajectory) -> Document:
     """The report of a run. SI units; what is listed is shortened where it is long."""
-    against, notes = (*_gaps(run), *run_warnings(run)), run_notes(run)
+    against, notes = (*_gaps(run), *run.warnings), run_notes(run)
     warnings = (*against, *run.robot.inertia_warnings)
     more = len(notes) - NOTES
     facts = tuple((name, text) for name, text in run_facts(run) if name not in ("warning", "note"))

@@ -208,7 +208,7 @@ def _events(scene: Scene) -> Iterator[str]:
         return
     state = np.concatenate([*scene.start, np.zeros(scene.system.size - scene.robot.nq - scene.robot.nv)])
     inputs = scene.signals_at(np.zeros(1))[0]
-    values = scene.system.events(np.zeros(1), state, inputs, scene.parameter_values)
+    values = scene.system.events(np.zeros(1), state, inputs, scene.system_parameters)
     for event, value in zip(scene.events, np.atleast_1d(values).tolist(), strict=True):
         if math.isnan(value):
             yield f"event '{event.name}': its function is not a number at the start; no event is seen while that is so"

@@ -146,7 +146,15 @@ class Scene:
 
     @property
     def system_parameters(self) -> Array:
-        """The parameters p of the equations: the scene's, and Baumgarte's gains where they are used."""
+        """The parameters p of the equations: `own_parameters`, and with closures their regularisation, last."""
+        from bellcrank.dynamics.closed import REGULARISATION
+
+        own = self.own_parameters
+        return np.append(own, REGULARISATION) if self.closures else own
+
+    @property
+    def own_parameters(self) -> Array:
+        """The scene's parameters, and Baumgarte's gains where they are used."""
         s = self.settings.stabilisation
         gains = [s.alpha, s.beta] if self.closures and s.kind == "baumgarte" else []
         return np.append(self.parameter_values, gains)

@@ -50,9 +50,20 @@ class Event:
 
 
 @dataclass(frozen=True)
+class Unresolved:
+    """An event whose function oscillates so fast that crossings may have been missed: its name, in how many steps of
+    the solver, and when the first of them began, s.
+    """
+
+    event: str
+    steps: int
+    first: float
+
+
+@dataclass(frozen=True)
 class Statistics:
     """What the solver did: accepted and rejected steps, evaluations of the right-hand side and of its Jacobian, LU
-    factorisations, and the time in the stepping alone (s).
+    factorisations, the time in the stepping alone (s), and events that may have crossings that were not found.
     """
 
     steps: int
@@ -61,6 +72,7 @@ class Statistics:
     jacobians: int
     factorisations: int
     kernel_time: float
+    unresolved: tuple[Unresolved, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

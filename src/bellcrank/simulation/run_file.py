@@ -9,6 +9,7 @@ from __future__ import annotations
 import atexit
 import importlib.metadata
 import json
+import math
 import platform
 import shutil
 import struct
@@ -32,7 +33,7 @@ from bellcrank.machine_code import machine
 from bellcrank.scene.run_start import SavedState, explicit_start
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.settings import Settings, Stabilisation
-from bellcrank.simulation.record import Statistics
+from bellcrank.simulation.record import Statistics, Unresolved
 from bellcrank.simulation.simulate import event_at
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
@@ -72,6 +73,7 @@ def save_run(run: Trajectory, path: str | Path) -> Path:
         "status": str(run.status),
         "settings": asdict(run.settings),
         "statistics": asdict(run.statistics),
+        "error_estimate": run.known_estimate if math.isfinite(run.known_estimate or 0.0) else None,
         "events": [{"name": event.name, "stopped": event.stopped} for event in run.events],
         "signals": [{k: v for k, v in vars(s).items() if not isinstance(v, np.ndarray)} for s in run.signals],
         "versions": {"bellcrank": __version__} | {p: _version(p) for p in ("pin", "casadi", "llvmlite", "numpy")},
@@ -81,7 +83,7 @@ def save_run(run: Trajectory, path: str | Path) -> Path:
     arrays: dict[str, Any] = {
         "time": run.time,
         "state": run.state,
-        "parameters": run.parameters,
+        "parameters": run.scene.own_parameters,
         "steps": run.steps,
         "multipliers": run.multipliers,  # for other readers: they are computed anew
         "event_time": np.array([event.time for event in run.events], dtype=np.float64),
@@ -110,7 +112,10 @@ def load_run(path: str | Path) -> Trajectory:
         settings = Settings(**about["settings"] | {"stabilisation": stabilisation})
         if settings.stabilisation != scene.settings.stabilisation:
             scene = replace(scene, settings=settings)
-        statistics = Statistics(**about["statistics"])
+        known = about.get("error_estimate")
+        estimate = None if known is None else float(known)
+        unresolved = tuple(Unresolved(**entry) for entry in about["statistics"].get("unresolved", ()))
+        statistics = Statistics(**about["statistics"] | {"unresolved": unresolved})
         status = Status(about["status"])
         nq, nv = scene.robot.nq, scene.robot.nv
         rows, size = len(arrays["time"]), nq + nv + scene.system.has_work
@@ -118,7 +123,7 @@ def load_run(path: str | Path) -> Trajectory:
         shapes = {
             "time": (rows,),
             "state": (rows, size),
-            "parameters": np.shape(scene.system_parameters),
+            "parameters": np.shape(scene.own_parameters),
             "steps": (len(arrays["steps"]),),
             "event_time": (count,),
             "event_position": (count, nq),
@@ -127,9 +132,10 @@ def load_run(path: str | Path) -> Trajectory:
         for name, shape in shapes.items():
             if arrays[name].shape != shape or rows == 0:
                 raise ValueError(f"'{name}' has the shape {arrays[name].shape}, expected {shape}")
+        p = np.concatenate([arrays["parameters"], scene.system_parameters[len(arrays["parameters"]) :]])
         rules = [rule.name for rule in scene.events]
         events = tuple(
-            event_at(scene, rules.index(e["name"]), float(t), q, v, arrays["parameters"])
+            event_at(scene, rules.index(e["name"]), float(t), q, v, p)
             for e, t, q, v in zip(
                 about["events"], arrays["event_time"], arrays["event_position"], arrays["event_velocity"], strict=True
             )
@@ -139,10 +145,13 @@ def load_run(path: str | Path) -> Trajectory:
         raise InputError(f"{file}: the scene in it cannot be rebuilt: {error}") from None
     except _DAMAGE as error:
         raise _damaged(file, error) from None
-    return Trajectory(
-        scene, settings, arrays["time"], arrays["state"], arrays["parameters"], signals, status, events, statistics,
+    run = Trajectory(
+        scene, settings, arrays["time"], arrays["state"], p, signals, status, events, statistics,
         arrays["steps"],
     )  # fmt: skip
+    if estimate is not None:
+        run.remember_estimate(estimate)
+    return run
 
 
 def saved_state(path: str | Path, time: float | None = None) -> SavedState:

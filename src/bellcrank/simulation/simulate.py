@@ -20,7 +20,7 @@ from bellcrank.machine_code import machine
 from bellcrank.scene.closure_conditions import ContactLost
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.settings import Settings, Stabilisation, check_rows
-from bellcrank.simulation.record import Event, Latch, Statistics
+from bellcrank.simulation.record import Event, Latch, Statistics, Unresolved
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
 
@@ -92,13 +92,27 @@ def simulate(
         raise InputError(f"times reach {wanted[-1]:.17g} s, beyond the duration of {settings.duration:.17g} s")
     else:
         wanted = np.minimum(wanted, settings.duration)
-    return _integrate(scene, settings, wanted, steps_wanted, progress)
+    projected = bool(scene.closures) and settings.stabilisation.kind == "projection"
+    return _integrate(scene, settings, wanted, steps_wanted, progress, scene.system_parameters, projected)
+
+
+def simulate_again(run: Trajectory, settings: Settings, times: Array, p: Array) -> Trajectory:
+    """A run's scene once more, with closures kept by projection: with other settings, at `times` (m,) s, and with
+    parameters `p` of its equations.
+    """
+    return _integrate(run.scene, settings, times, False, None, p, projected=bool(run.scene.closures))
 
 
 def _integrate(
-    scene: Scene, settings: Settings, times: Array, every_step: bool, progress: Callable[[float], None] | None
+    scene: Scene,
+    settings: Settings,
+    times: Array,
+    every_step: bool,
+    progress: Callable[[float], None] | None,
+    p: Array,
+    projected: bool,
 ) -> Trajectory:
-    system, signals, p = scene.system, scene.signals, scene.system_parameters
+    system, signals = scene.system, scene.signals
     end, duration = scene.drive_end, settings.duration
     if end is not None and end.time <= duration:
         duration, signals, times = end.time, signals_until(scene, end.time), times[times <= end.time]
@@ -111,7 +125,6 @@ def _integrate(
     implicit = settings.solver == "Radau"
     staged = not implicit and system.size <= LARGEST_STAGED
     closed = bool(scene.closures)
-    projected = closed and settings.stabilisation.kind == "projection"
     # code for many states at once pays where evaluations are cheap beside it
     together = projected and not every_step and not signals and system.size <= LARGEST_STAGED and len(times) >= MANY
     result = integrate(
@@ -161,9 +174,19 @@ def _integrate(
         for k, t, x in zip(result.event_index, result.event_time, result.event_state, strict=True)
     )
     statistics = Statistics(
-        result.accepted, result.rejected, result.evaluations, result.jacobians, result.factorisations, result.seconds
-    )
+        result.accepted, result.rejected, result.evaluations, result.jacobians, result.factorisations, result.seconds,
+        _unresolved(scene, result.unresolved_index, result.unresolved_time),
+    )  # fmt: skip
     return Trajectory(scene, settings, time, state, p, signals, status, events, statistics, result.steps)
+
+
+def _unresolved(scene: Scene, index: NDArray[np.int32], time: Array) -> tuple[Unresolved, ...]:
+    """Events of which crossings may have been missed, from their numbers and the starts of the steps."""
+    found = []
+    for k in np.unique(index).tolist():
+        steps = time[index == k]
+        found.append(Unresolved(scene.events[k].name, len(steps), float(steps[0])))
+    return tuple(found)
 
 
 def with_gains(scene: Scene, settings: Settings) -> Settings:

@@ -10,6 +10,7 @@ import numpy as np
 
 from bellcrank.dynamics.signals import values_at
 from bellcrank.motion.coordinates import position_labels, velocity_labels
+from bellcrank.simulation.second_run import DRIFTED, departure, error_estimate, expected_cost
 
 if TYPE_CHECKING:
     from bellcrank.simulation.record import Event
@@ -24,6 +25,7 @@ EDGE = 1e-9  # rad or m beyond a range that is no leaving
 LEAVING = 5  # joints listed that leave their range
 NOISE = 1e-7  # share of the energies that is rounding and tolerance
 CLOSURES = 8  # closures listed
+UNASKED = 1.0  # s that an error estimate may take unasked
 MANY_TURNS = 1e6  # rad: beyond it, and where it is no number, degrees say nothing
 END_HEADER = ("at the end", "position", "", "velocity")
 
@@ -79,7 +81,7 @@ def run_warnings(run: Trajectory) -> tuple[str, ...]:
         found.append("energy is not in balance: take smaller tolerances or steps")
     if least < -NOISE * np.abs(kinetic).max():
         found.append(f"kinetic energy falls to {least:.3g} J: a mass or inertia is not that of a body")
-    return (*found, *_open_closures(run), *_false_events(run))
+    return (*found, *_open_closures(run), *_departure(run), *_false_events(run), *_missed_events(run))
 
 
 def _open_closures(run: Trajectory) -> list[str]:
@@ -92,6 +94,34 @@ def _open_closures(run: Trajectory) -> list[str]:
                 f"closure '{closure.name}' is {gap.max():.3g} m or rad apart at {run.time[gap.argmax()]:.4g} s: take "
                 "stabilisation: projection, or smaller tolerances; if it cannot close there, the motion is none"
             )
+    return found
+
+
+def _departure(run: Trajectory) -> list[str]:
+    """Clauses on a run whose closures are not projected: they drift far beyond its tolerances, or it leaves the motion
+    that a run with projection has.
+    """
+    s, found = run.settings, []
+    if not run.scene.closures or s.stabilisation.kind == "projection":
+        return []
+    open_, allowed = run.constraint_residual(), s.atol + s.rtol * float(np.abs(run.position).max())
+    if not s.step and open_ > DRIFTED * allowed:
+        found.append(
+            f"closures drift {open_:.3g} m or rad apart, {open_ / allowed:.2g} times the tolerance: take "
+            "stabilisation: projection"
+        )
+    gone = departure(run)
+    if gone is not None and gone.largest > 0.0:
+        found.append(
+            f"the run leaves the motion that projection gives: from {gone.time:.4g} s on it is elsewhere, "
+            f"by up to {gone.largest:.3g} rad or m; take stabilisation: projection (near positions in which closures "
+            "lose rank, drift decides along which branch a linkage goes on)"
+        )
+    if gone is not None and gone.ended is not None:
+        found.append(
+            f"with stabilisation: projection the run ends at {gone.ended:.4g} s: what follows may be no motion of the "
+            "linkage"
+        )
     return found
 
 
@@ -123,6 +153,15 @@ def _false_events(run: Trajectory) -> list[str]:
         f"event '{name}' is not at its own zero (its function is {value:.4g} there): the steps are too large for it; "
         "use a smaller step or tighter tolerances"
         for name, value in first.items()
+    ]
+
+
+def _missed_events(run: Trajectory) -> list[str]:
+    """A clause for each event of which crossings may have been missed."""
+    return [
+        f"event '{it.event}' oscillates so fast that crossings may have been missed in {_count(it.steps, 'step')} from "
+        f"{it.first:.6g} s on: set simulate.max_step to a few periods of its function or less"
+        for it in run.statistics.unresolved
     ]
 
 
@@ -168,6 +207,7 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
         ("energy at the end", f"kinetic {t:.6g} J, potential {v:.6g} J{work}"),
         *certificate,
     ]
+    rows.append(("error estimate", _error(run)))
     rows += _closures(run)
     if not run.scene.closures and any(joint.kind in ("floating", "planar") for joint in run.robot.joints):
         rows.append(("constraint residual", f"{run.constraint_residual():.1e} (unit length of rotations)"))
@@ -175,7 +215,28 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
     rows += [("note", text) for text in notes[:LEAVING]]
     if len(notes) > LEAVING:
         rows.append(("", f"… and {_count(len(notes) - LEAVING, 'more joint')} that leave their range"))
-    return rows + [("warning", text) for text in (*run_warnings(run), *run.robot.inertia_warnings)]
+    return rows + [("warning", text) for text in (*run.warnings, *run.robot.inertia_warnings)]
+
+
+def _error(run: Trajectory) -> str:
+    """The error estimate where it is known or costs less than a second, or why it was not computed."""
+    ask = "error_estimate(), or simulate --error-estimate"
+    value = run.known_estimate
+    if value is None:
+        if not run.success:
+            return "not computed (the run stopped early)"
+        if not run.scene.system.is_loaded:
+            return f"not computed (it takes code that is not loaded; {ask})"
+        cost = expected_cost(run)
+        value = error_estimate(run, UNASKED) if cost < UNASKED else None
+        if value is None:
+            return f"not computed (it takes more than {max(cost, UNASKED):.2g} s; {ask})"
+        run.remember_estimate(value)
+    return (
+        f"positions are off by about {value:.1e} (rad or m), by repeated runs"
+        if math.isfinite(value)
+        else "unknown (a repeated run ended earlier)"
+    )
 
 
 def _closures(run: Trajectory) -> list[tuple[str, str]]:

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank._step import methods
 from bellcrank.dynamics.signals import Signal, values_at
 from bellcrank.errors import InputError, among
 from bellcrank.simulation.record import ClosureHistory, Event, FrameHistory, JointHistory, Statistics
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
     from bellcrank.simulation.closure_rank import ClosureRank
 
 Array = NDArray[np.float64]
-SAME_END = 1e-6  # share of its duration by which a run may end earlier, at an event, and still be compared
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +229,7 @@ class Trajectory:
         residual, bias = self.scene.system.residual(*self._arguments)
         return _share(np.abs(residual).max(), max(np.abs(self.torque).max(), np.abs(bias).max()))
 
-    @property
+    @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What speaks against trusting the run, a sentence each: it ended early, or its certificate is bad."""
         from bellcrank.simulation.summary import run_warnings
@@ -251,27 +249,32 @@ class Trajectory:
         return float(np.abs(self._closure[2]).max(initial=0.0))
 
     def error_estimate(self) -> float:
-        """How far the positions may be off (rad or m): the largest difference, on the same times, from a run with a
-        tenth of the tolerances, or ten times them where rtol < 1e-12 can be no finer; with a fixed step 2ᵖ/(2ᵖ − 1) of
-        that from half the step, p being the method's order (Richardson). Costs that second run; infinite where there is
-        nothing to compare, or an event ended the second run earlier.
-        """
-        from bellcrank.simulation.simulate import simulate
+        """How far the positions may be off (rad or m): the largest difference, on the same times, from runs made again
+        with a hundredth of the tolerances (with a fixed step: half the step, by Richardson's rule), and with closures
+        also with ten times and a tenth of their regularisation, all of them projected; what rounding and singular
+        positions leave is in it (simulation/second_run.py). Where rtol < 2e-13 can be no finer, ten times the
+        tolerances are taken.
 
-        s, later = self.settings, self.time > 0.0
-        if not later.any():
-            return float("inf")
-        factor = 0.1 if s.rtol >= 1e-12 else 10.0
-        other: dict[str, Any] = {"step": s.step / 2} if s.step else {"rtol": s.rtol * factor, "atol": s.atol * factor}
-        again = simulate(
-            self.scene, duration=float(self.time[-1]), solver=s.solver, times=self.time[later], first_step=s.first_step,
-            max_step=s.max_step, max_evaluations=min(20 * s.max_evaluations, 2**62), **other,
-        )  # fmt: skip
-        mine = self.position[later]
-        if len(again) < len(mine) or again.time[-1] < self.time[-1] * (1.0 - SAME_END):
-            return float("inf")
-        left = 0.5 ** methods()[s.solver] if s.step else 0.0  # the share of the error that the second run has too
-        return float(np.abs(again.position[: len(mine)] - mine).max(initial=0.0)) / (1.0 - left)
+        Costs these runs, once; infinite where there is nothing to compare, or one of them ended earlier.
+        """
+        known = self.known_estimate
+        if known is None:
+            from bellcrank.simulation.second_run import error_estimate
+
+            known = error_estimate(self)
+            assert known is not None  # None is for a limit of time
+            self.remember_estimate(known)
+        return known
+
+    @property
+    def known_estimate(self) -> float | None:
+        """What `error_estimate` found, if it was computed."""
+        known: float | None = vars(self).get("_estimate")
+        return known
+
+    def remember_estimate(self, value: float) -> None:
+        """Keep what `error_estimate` found, such as in the file of the run."""
+        vars(self)["_estimate"] = value
 
     # ---- out of the house
 

@@ -60,7 +60,7 @@ class Run {
         }
         step(stepper_.t);
         output_step(stepper_.t);
-        until_look_ -= 1 + stepper_.rejected - rejected;
+        until_look_ -= 1 + stepper_.rejected - rejected + events_.effort / 8;
         if (until_look_ <= 0 && record_.look(stepper_.t, &until_look_)) return Status::interrupted;
       }
     }

@@ -1,10 +1,12 @@
-// Events: where a function g(t, x, u, p) changes sign. Each step is sampled at eight places (fewer where asked), so that two crossings in a
-// long step are found, and where g turns back towards zero between samples its extremum is looked at too. A root of g
-// on the dense output is then corrected by steps of the same method that end at the event: its time and state are as
-// exact as those of any step.
+// Events: where a function g(t, x, u, p) changes sign. Each step is sampled at nine places (three where g is dear); where
+// these cannot rule out more crossings than they show, the stretch between two of them is sampled again, and so on, until
+// each stretch has at most one. Where that would take more than `most_evaluations` in a step, the record is told that
+// crossings may have been missed. A root of g on the dense output is then corrected by steps of the same method that
+// end at the event: its time and state are as exact as those of any step.
 #pragma once
 
 #include "control.hpp"
+#include "event_samples.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
@@ -15,9 +17,8 @@ template <class Stepper>
 class Events {
  public:
   Events(Rhs& rhs, Stepper& stepper)
-      : rhs_(rhs), p_(rhs.problem), stepper_(stepper), samples(p_.event_samples), count_(p_.event_count), x_(p_.n + 16), value_(count_),
-        g_((samples + 1) * count_), sign_(count_), in_(x_, rhs), capacity_(count_ * (samples + 4)),
-        crossings_(capacity_), states_(static_cast<std::size_t>(capacity_) * p_.n) {}
+      : rhs_(rhs), p_(rhs.problem), stepper_(stepper), samples(p_.event_samples == 2 ? 2 : parts), count_(p_.event_count),
+        x_(p_.n + 16), value_(count_), g_((samples + 1) * count_), sign_(count_), hint_(count_), unresolved_(count_), in_(x_, rhs) {}
 
   bool begin(double t, const double* x) {
     if (!count_) return true;
@@ -28,17 +29,19 @@ class Events {
 
   // The events of the step just taken.
   Found search(Record& record) {
+    effort = 0;
     if (!sample(false)) return Found::failed;
-    bool interesting = false;
-    for (int e = 0; e < count_ && !interesting; ++e) interesting = scan(e, nullptr);
-    if (!interesting) return keep_signs(), Found::nothing;
+    bool clear = true;
+    for (int e = 0; e < count_ && clear; ++e) clear = keeps_off(e);
+    if (clear) return Found::nothing;
     if (stepper_.prepare() && !sample(true)) return Found::failed;
     found_ = 0;
-    for (int e = 0; e < count_; ++e) scan(e, this);
-    keep_signs();
+    for (int e = 0; e < count_; ++e) scan(e, record);
     if (failed_) return Found::failed;
     return report(record);
   }
+
+  std::int64_t effort = 0;  // evaluations of g beyond the usual in the last step
 
   double end_time() const { return crossings_[terminal_].time; }
   const double* end_state() const { return states_ + crossings_[terminal_].state * p_.n; }
@@ -50,18 +53,24 @@ class Events {
     std::size_t state;
   };
 
+  static constexpr int deepest = 6;  // stretches within stretches: 1e-6 of a step
+  static constexpr std::int64_t most_evaluations = 200000, few_evaluations = 2000;
+  static constexpr int patience = 50;  // steps of an event that may take most evaluations and yet leave crossings
+
   Rhs& rhs_;
   const Problem& p_;
   Stepper& stepper_;
   const int samples;  // of a step, its end among them
   int count_;
-  Buffer x_, value_, g_;  // g_: samples + 1 rows; the last is the step's end
-  Array<int> sign_;       // of the last value that was not zero; 0 until zero has been left
+  Buffer x_, value_, g_;     // g_: samples + 1 rows; the last is the step's end
+  Array<int> sign_, hint_, unresolved_;  // sign_: of the last value that was not zero; 0 until zero has been left
   Inputs in_;
-  int capacity_, found_ = 0, terminal_ = 0;
-  Array<Crossing> crossings_;
-  Buffer states_;
-  bool failed_ = false;
+  int found_ = 0, terminal_ = 0, now_ = 0;
+  int oscillating_ = 0, forced_ = 0;  // how deep stretches of this step oscillate; to where all are sampled again
+  std::int64_t spent_ = 0, limit_ = 0;
+  Growing<Crossing> crossings_;
+  Growing<double> states_;
+  bool failed_ = false, missed_ = false, done_ = false;
 
   static int sign(double v) { return v > 0 ? 1 : v < 0 ? -1 : 0; }
   double length() const { return stepper_.t - stepper_.t_old; }
@@ -81,22 +90,19 @@ class Events {
     return value_[e];
   }
 
+  // Samples by a finer and a coarser sketch in turns, so that what these are off shows like an oscillation.
   bool sample(bool again) {
     if (!again) {
       std::memcpy(g_, g_ + samples * count_, count_ * sizeof(double));
       if (!evaluate(stepper_.t, stepper_.state(), g_ + samples * count_)) return false;
     }
     for (int i = 1; i < samples; ++i) {
-      stepper_.sketch(i / double(samples), x_);
-      if (!evaluate(stepper_.t_old + length() * i / samples, x_, g_ + i * count_)) return false;
+      stepper_.sketch(at(i), x_, i % 2 == 0);
+      if (!evaluate(stepper_.t_old + length() * at(i), x_, g_ + i * count_)) return false;
     }
     return true;
   }
 
-  void keep_signs() {
-    for (int e = 0; e < count_; ++e)
-      for (int i = 1; i <= samples; ++i) pass(sign_[e], g(i, e));
-  }
   // Follows the sign; a value of exactly zero is a crossing and has no sign.
   static bool pass(int& sign_now, double v) {
     const int before = sign_now, now = sign(v);
@@ -105,42 +111,94 @@ class Events {
     return before != 0 && now != before;
   }
 
-  // Whether one event's samples need a closer look; with `keep`, its crossings are refined and kept.
-  bool scan(int e, Events* keep) {
-    int now = sign_[e];
-    bool any = false;
-    for (int i = 1; i <= samples; ++i) {
-      const int before = now;
-      if (pass(now, g(i, e))) {
-        any = true;
-        if (keep) crossing(e, before, (i - 1.0) / samples, g(i - 1, e), i / double(samples), g(i, e));
-      }
-      if (i < samples && turns(e, i)) {
-        any = true;
-        if (keep) dip(e, i);
-      }
+  double at(int i) const { return samples == 2 ? 0.5 * i : place[i]; }
+
+  static double caution(int depth) { return depth ? 4 : 2; }
+
+  // Whether one event surely has no crossing in this step, by its samples.
+  bool keeps_off(int e) const {
+    if (sign_[e] == 0 || hint_[e] > 0) return false;
+    double v[parts + 1];
+    for (int i = 0; i <= samples; ++i) {
+      v[i] = g(i, e);
+      if (sign(v[i]) != sign_[e]) return false;
     }
-    return any;
+    if (samples == 2) return halves_keep_off(v);
+    const Shape shape(v);
+    for (int i = 0; i < parts; ++i)
+      if (!shape.keeps_off(i, v, caution(0))) return false;
+    return true;
+  }
+  static bool halves_keep_off(const double* v) {
+    return smaller(std::fabs(v[0]), smaller(std::fabs(v[1]), std::fabs(v[2]))) > std::fabs(v[0] - 2 * v[1] + v[2]);
   }
 
-  // Whether the parabola through three samples of one sign turns between them near zero.
-  bool turns(int e, int i) const {
-    const double a = g(i - 1, e), b = g(i, e), c = g(i + 1, e);
-    const int side = sign(b);
-    if (side == 0 || sign(a) != side || sign(c) != side) return false;
-    const double slope = 0.5 * (c - a), curve = a - 2 * b + c;
-    if (!(curve * side > 0)) return false;
-    const double at = -slope / curve;
-    if (at < (i == 1 ? -1 : -0.5) || at > (i == samples - 1 ? 1 : 0.5)) return false;
-    const double lowest = side * (b - 0.5 * slope * slope / curve);
-    return lowest < 0.25 * (std::fabs(slope) + std::fabs(curve));
+  // All crossings of one event in this step.
+  void scan(int e, Record& record) {
+    spent_ = 0, oscillating_ = 0, forced_ = hint_[e], limit_ = unresolved_[e] < patience ? most_evaluations : few_evaluations, missed_ = done_ = false, now_ = sign_[e];
+    double v[parts + 1];
+    for (int i = 0; i <= samples; ++i) v[i] = g(i, e);
+    if (samples == parts) {
+      stretch(e, 0, 1, v, 0);
+    } else if (sign(v[0]) == now_ && sign(v[1]) == now_ && sign(v[2]) == now_ && halves_keep_off(v)) {
+    } else {
+      again(e, 0, v[0], 0.5, v[1], 1);
+      if (!done_) again(e, 0.5, v[1], 1, v[2], 1);
+    }
+    sign_[e] = now_;
+    effort += spent_;
+    hint_[e] = oscillating_;
+    if (missed_) ++unresolved_[e], record.unresolved(e, stepper_.t_old);
   }
 
-  // Golden-section search for the other sign around sample i, and the two crossings beside it.
-  void dip(int e, int i) {
-    const int side = sign(g(i, e));
-    double a = (i - 1.0) / samples, b = (i + 1.0) / samples;
-    const double left = a, right = b, ratio = 0.6180339887498949;
+  // The crossings between a and b, from samples at `place` between them. Where they oscillate here, the stretches after
+  // them are sampled as closely, and those of the next step: an oscillation may look smooth in some stretch by chance.
+  void stretch(int e, double a, double b, const double* v, int depth) {
+    const Shape shape(v);
+    bool unclear[parts];
+    int count = 0;
+    for (int i = 0; i < parts; ++i) count += unclear[i] = doubtful(shape, i, v, depth);
+    if (2 * count > parts && Shape::oscillates(v) && depth + 1 < deepest) {
+      oscillating_ = depth + 1 > oscillating_ ? depth + 1 : oscillating_;
+      forced_ = depth + 1 > forced_ ? depth + 1 : forced_;
+    }
+    for (int i = 0; i < parts && !done_; ++i) {
+      const double left = a + (b - a) * place[i], right = i + 1 == parts ? b : a + (b - a) * place[i + 1];
+      if (unclear[i] && spent_ >= limit_) missed_ = true;
+      if (depth < deepest && spent_ < limit_ && (unclear[i] || depth < forced_))
+        again(e, left, v[i], right, v[i + 1], depth + 1);
+      else
+        part(e, left, v[i], right, v[i + 1], !shape.keeps_off(i, v, caution(depth)));
+    }
+  }
+
+  // Whether there may be more crossings from sample i to the next than their signs say.
+  static bool doubtful(const Shape& shape, int i, const double* v, int depth) {
+    if (shape.miss != shape.miss || (v[i] == 0 && v[i + 1] == 0 && shape.miss == 0)) return false;
+    if (sign(v[i]) != sign(v[i + 1])) return !shape.runs(i, v);
+    return !shape.keeps_off(i, v, caution(depth)) && (depth < 2 || !shape.parabola(i));
+  }
+
+  void again(int e, double a, double at_a, double b, double at_b, int depth) {
+    double v[parts + 1];
+    v[0] = at_a, v[parts] = at_b;
+    for (int i = 1; i < parts; ++i) v[i] = along(e, a + (b - a) * place[i]);
+    spent_ += parts - 1;
+    stretch(e, a, b, v, depth);
+  }
+
+  // A stretch with one crossing, or none; or two about an extremum where it `may_dip`.
+  void part(int e, double a, double at_a, double b, double at_b, bool may_dip) {
+    const int before = now_;
+    if (pass(now_, at_b)) crossing(e, before, a, at_a, b, at_b);
+    else if (may_dip && before != 0 && sign(at_a) == before && sign(at_b) == before) dip(e, a, at_a, b, at_b);
+  }
+
+  // Golden-section search for the other sign between a and b, and the two crossings beside it.
+  void dip(int e, double left, double at_left, double right, double at_right) {
+    const int side = sign(at_left);
+    double a = left, b = right;
+    const double ratio = 0.6180339887498949;
     double c = b - ratio * (b - a), d = a + ratio * (b - a), at_c = side * along(e, c), at_d = side * along(e, d);
     for (int k = 0; k < 40 && at_c > 0 && at_d > 0; ++k) {
       if (at_c < at_d) {
@@ -152,23 +210,26 @@ class Events {
       }
     }
     if (at_c > 0 && at_d > 0) return;
-    const bool at_left = at_c <= 0;
-    const double m = at_left ? c : d, value = side * (at_left ? at_c : at_d);
-    crossing(e, side, left, g(i - 1, e), m, value);
-    if (value != 0) crossing(e, -side, m, value, right, g(i + 1, e));
+    const bool first = at_c <= 0;
+    const double m = first ? c : d, value = side * (first ? at_c : at_d);
+    crossing(e, side, left, at_left, m, value);
+    if (value != 0 && !done_) crossing(e, -side, m, value, right, at_right);
   }
 
   // One crossing between a and b, coming from the side `before`.
   void crossing(int e, int before, double a, double at_a, double b, double at_b) {
-    if (found_ == capacity_ || (p_.direction[e] != 0 && p_.direction[e] == before)) return;
+    if (p_.direction[e] != 0 && p_.direction[e] == before) return;
     const bool bracketed = sign(at_a) == before;
     double s = b;
     if (at_b != 0) s = bracketed ? root(e, a, at_a, b, at_b) : a;
+    crossings_.reserve(found_ + 1);
+    states_.reserve(static_cast<std::size_t>(found_ + 1) * p_.n);
     Crossing& c = crossings_[found_];
     c.event = e;
     c.state = found_++;
     double* x = states_ + c.state * p_.n;
-    c.time = bracketed && level(e, s) ? earliest(e, before, a, s, x) : refined(e, s, x);
+    c.time = bracketed && level(e, s) ? earliest(e, before, a, s, x) : refined(e, s, b - a, x);
+    done_ = p_.terminal[e];  // later ones are of no account
   }
 
   // Whether g is zero at s and was so before: it rests there, as max(x, 0) does.
@@ -177,19 +238,28 @@ class Events {
     return s > step && along(e, s - step) == 0 && along(e, s) == 0;
   }
 
-  // Bisection for the first time at which g has left its side, over steps that end there; g has at b.
+  // Bisection for the first time at which g has left its side, over steps that end there; as the dense output, which
+  // gave a and b, is less exact than these, the stretch is widened until it holds the time.
   double earliest(int e, int before, double a, double b, double* x) {
     const double start = stepper_.t_old, h = length();
     const std::size_t bytes = p_.n * sizeof(double);
+    double room = larger(b - a, 1e-12);
+    while (b < 1 && stays(e, before, b)) a = b, b = smaller(1, b + room), room *= 4;
+    while (a > 0 && !stays(e, before, a)) b = a, a = larger(0, a - room), room *= 4;
     if (stepper_.redo(b * h, x_)) std::memcpy(x, x_, bytes);
     while (b - a > least()) {
       const double s = 0.5 * (a + b);
-      if (!stepper_.redo(s * h, x_)) break;
-      if (!evaluate(start + s * h, x_, value_)) failed_ = true;
-      if (sign(value_[e]) == before) a = s;
+      if (stays(e, before, s)) a = s;
       else b = s, std::memcpy(x, x_, bytes);
     }
     return start + b * h;
+  }
+
+  // Whether g is on the side `before` after a step to s, whose state is then x_; what is not finite says nothing.
+  bool stays(int e, int before, double s) {
+    if (!stepper_.redo(s * length(), x_)) return true;
+    if (!evaluate(stepper_.t_old + s * length(), x_, value_)) failed_ = true;
+    return sign(value_[e]) == before;
   }
 
   // Rounding of the time, as a fraction of the step.
@@ -218,12 +288,13 @@ class Events {
   }
 
   // Corrects a root on the dense output by secant iterations over steps that end there; leaves the state at the event.
-  double refined(int e, double s, double* x) {
+  double refined(int e, double s, double stretch, double* x) {
     const double start = stepper_.t_old, h = length(), ulp = spacing(stepper_.t);
     const std::size_t bytes = p_.n * sizeof(double);
     if ((1 - s) * h <= ulp) return std::memcpy(x, stepper_.state(), bytes), stepper_.t;
     if (s * h <= ulp) return std::memcpy(x, stepper_.old_state(), bytes), start;
-    const double width = smaller(1e-3, smaller(s, 1 - s));
+    const double width = smaller(smaller(1e-3, larger(0.05 * stretch, 1e-7)), smaller(s, 1 - s));
+    const double most = smaller(0.1, larger(stretch, 1e-5)) * h;
     double slope = (along(e, s + width) - along(e, s - width)) / (2 * width * h);
     double now = s * h, before = 0, at_before = 0;
     for (int k = 0; k < 8; ++k) {
@@ -234,7 +305,7 @@ class Events {
       if (k > 0 && at_now != at_before) slope = (at_now - at_before) / (now - before);
       const double next = now - at_now / slope;
       if (at_now == 0 || std::fabs(next - now) <= 0.5 * ulp) return start + now;
-      if (!(std::fabs(next - s * h) < 0.1 * h) || next <= 0 || next >= h) break;
+      if (!(std::fabs(next - s * h) < most) || next <= 0 || next >= h) break;
       before = now, at_before = at_now;
       now = next;
     }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "control.hpp"
+#include "outline.hpp"
 #include "stages.hpp"
 
 namespace bellcrank {
@@ -76,9 +77,11 @@ class Explicit {
     return Outcome::accepted;
   }
 
-  // x at t_old + s (t - t_old) by what the step already knows: the dense output, or a cubic through both ends.
-  void sketch(double s, double* x) {
+  // x at t_old + s (t - t_old) by what the step already knows: the dense output, or a polynomial through both ends and
+  // slopes of stages, of degree 6, or 5 where not `finer`.
+  void sketch(double s, double* x, bool finer = true) {
     if (dense_ready_ || Method::fsal) interpolate(s, x);
+    else if constexpr (Method::extra == 3) outline(s, x, finer);
     else cubic(s, x);
   }
 
@@ -137,14 +140,14 @@ class Explicit {
   Room<4 * Blocks> x_, old_, tolerance_;
   Room<28 * Blocks> dense_;
   double next_ = 0;
-  bool dense_ready_ = false;
+  bool dense_ready_ = false, outlined_ = false;  // dense_: of the dense output, or else of the outline
 
   int blocks() const { return Blocks ? Blocks : blocks_; }
   std::size_t lanes() const { return 4 * static_cast<std::size_t>(blocks()); }
 
   void begin_step() {
     t_old = t;
-    dense_ready_ = false;
+    dense_ready_ = outlined_ = false;
     const double* f = main_.k + last * lanes();
     for (int b = 0; b < blocks(); ++b) {
       at(old_ + 4 * b) = at(x_ + 4 * b);
@@ -252,6 +255,45 @@ class Explicit {
     rhs_.normalise(x);
   }
 
+  // The cubic plus s^2 (1 - s)^2 times a polynomial, so that the slopes at three stages are met too (or at two of them);
+  // these stages are exact to the sixth power of the step.
+  void outline(double s, double* x, bool finer) {
+    const double h = t - t_old, v = s * s * (1 - s) * (1 - s);
+    const std::size_t w = lanes();
+    if (!outlined_) outline_terms(h);
+    const double* more = dense_ + (finer ? 2 : 0) * w;
+    for (int b = 0; b < blocks(); ++b) {
+      Lanes sum = at(more + w + 4 * b) * s;
+      if (finer) sum += at(more + 2 * w + 4 * b) * (s * s);
+      at(x + 4 * b) = at(old_ + 4 * b) + main_.hermite(old_, x_, h, s, b) + v * (at(more + 4 * b) + sum);
+    }
+    rhs_.normalise(x);
+  }
+
+  __attribute__((noinline)) void outline_terms(double h) {
+    constexpr auto stage = OutlineTerms<Method>::stage;
+    constexpr OutlineTerms<Method> terms;
+    const std::size_t w = lanes();
+    for (int b = 0; b < blocks(); ++b) {
+      const Lanes f = h * at(main_.k + 4 * b), g = h * at(main_.k + last * w + 4 * b);
+      const Lanes d = at(x_ + 4 * b) - at(old_ + 4 * b);
+      Lanes missing[3];
+      for (int i = 0; i < 3; ++i)
+        missing[i] = h * at(main_.k + stage[i] * w + 4 * b) - cubic_slope(Method::c[stage[i]], f, g, d);
+      for (int i = 0; i < 2; ++i)
+        at(dense_ + i * w + 4 * b) = terms.two[i][0] * missing[0] + terms.two[i][1] * missing[1];
+      for (int i = 0; i < 3; ++i)
+        at(dense_ + (2 + i) * w + 4 * b) =
+            terms.three[i][0] * missing[0] + terms.three[i][1] * missing[1] + terms.three[i][2] * missing[2];
+    }
+    outlined_ = true;
+  }
+
+  // Slope of the cubic through values d apart with the slopes f and g, all times the step's size.
+  static Lanes cubic_slope(double s, Lanes f, Lanes g, Lanes d) {
+    return d + (1 - 2 * s) * ((1 - s) * (f - d) - s * (g - d)) - s * (1 - s) * ((f - d) + (g - d));
+  }
+
   // Order 4 for the classical method: the cubic's slope is corrected at the abscissa where s^2 (1 - s)^2 is steepest
   // by one more evaluation there (bootstrapping: Hairer, Norsett, Wanner, Solving ODEs I, sec. II.6).
   void prepare_one() {
@@ -264,8 +306,7 @@ class Explicit {
     for (int b = 0; b < blocks(); ++b) {
       const Lanes f = h * at(main_.k + 4 * b), g = h * at(main_.k + last * lanes() + 4 * b);
       const Lanes d = at(x_ + 4 * b) - at(old_ + 4 * b);
-      const Lanes cubic_slope = d + (1 - 2 * s) * ((1 - s) * (f - d) - s * (g - d)) - s * (1 - s) * ((f - d) + (g - d));
-      at(dense_ + 4 * b) = 5.196152422706631880582339 * (h * at(slope + 4 * b) - cubic_slope);
+      at(dense_ + 4 * b) = 5.196152422706631880582339 * (h * at(slope + 4 * b) - cubic_slope(s, f, g, d));
     }
   }
 

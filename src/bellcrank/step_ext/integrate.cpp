@@ -55,6 +55,10 @@ class Result final : public Record {
     event_time.push_back(t);
     event_state.insert(event_state.end(), x, x + n);
   }
+  void unresolved(int index, double t) override {
+    unresolved_index.push_back(index);
+    unresolved_time.push_back(t);
+  }
   void end(double t, const double* x) override {
     end_time = t;
     end_state.assign(x, x + n);
@@ -63,8 +67,8 @@ class Result final : public Record {
 
   static constexpr std::size_t room = 1024;
   int n;
-  std::vector<double> time, state, end_state, steps, event_time, event_state;
-  std::vector<int> event_index;
+  std::vector<double> time, state, end_state, steps, event_time, event_state, unresolved_time;
+  std::vector<int> event_index, unresolved_index;
   double end_time = 0, seconds = 0;
   Status status = Status::finished;
   Counts counts;
@@ -259,6 +263,8 @@ void bind_integrate(nb::module_& m) {
       .def_prop_ro("steps", [](nb::handle h) { return view(h, nb::cast<Result&>(h).steps); })
       .def_prop_ro("event_index", [](nb::handle h) { return view(h, nb::cast<Result&>(h).event_index); })
       .def_prop_ro("event_time", [](nb::handle h) { return view(h, nb::cast<Result&>(h).event_time); })
+      .def_prop_ro("unresolved_index", [](nb::handle h) { return view(h, nb::cast<Result&>(h).unresolved_index); })
+      .def_prop_ro("unresolved_time", [](nb::handle h) { return view(h, nb::cast<Result&>(h).unresolved_time); })
       .def_prop_ro("event_state",
                    [](nb::handle h) { auto& r = nb::cast<Result&>(h); return view(h, r.event_state, r.n); });
   using namespace nb::literals;

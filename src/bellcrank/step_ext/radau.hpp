@@ -98,7 +98,7 @@ class Radau {
     return Outcome::accepted;
   }
 
-  void sketch(double s, double* x) { interpolate(s, x); }
+  void sketch(double s, double* x, bool = true) { interpolate(s, x); }
   void interpolate(double s, double* x) {
     for (int b = 0; b < blocks(); ++b) at(x + 4 * b) = at(base_ + 4 * b) + polynomial(s, b);
     if (quadratures_ready_)

@@ -37,6 +37,29 @@ class Array {
 };
 using Buffer = Array<double>;
 
+// Memory that grows, for plain data.
+template <class T>
+class Growing {
+ public:
+  Growing() = default;
+  ~Growing() { std::free(data_); }
+  Growing(const Growing&) = delete;
+  Growing& operator=(const Growing&) = delete;
+  void reserve(std::size_t size) {
+    if (size <= room_) return;
+    const std::size_t room = size > 2 * room_ ? size + 16 : 2 * room_;
+    void* data = std::realloc(data_, room * sizeof(T));
+    if (!data) throw std::bad_alloc();
+    data_ = static_cast<T*>(data), room_ = room;
+  }
+  operator T*() { return data_; }
+  operator const T*() const { return data_; }
+
+ private:
+  T* data_ = nullptr;
+  std::size_t room_ = 0;
+};
+
 inline double larger(double a, double b) { return a > b ? a : b; }
 inline double smaller(double a, double b) { return a < b ? a : b; }
 // From |t| to the next double.
