@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 from bellcrank import load_run, load_scene, shipped, simulate
 from bellcrank.constraints.foreign import read_gepetto
+from bellcrank.constraints.inverse import closed_inverse_dynamics
 from bellcrank.constraints.start import consistent_posture, consistent_velocity
 from bellcrank.errors import InputError
 from bellcrank.scene.settings import Settings, Stabilisation, stabilisation
@@ -439,6 +440,18 @@ def test_gepettos_yaml_says_which_joints_have_motors(tmp_path):
     (tmp_path / "robot.yaml").write_text("closed_loop: [[a, b], [c, d]]\ntype: [6D, 3d]\nname_mot: [m1, m2]\n")
     found = read_gepetto(tmp_path / "robot.yaml")
     assert found.loops == (("a", "b", "6d"), ("c", "d", "3d")) and found.motors == ("m1", "m2")
+
+
+def test_motors_of_gepettos_yaml_are_those_that_are_sized_unless_the_scene_names_others(beside):
+    scene = beside("gepetto")
+    assert load_scene(scene).card.actuated == ("crank",)
+    unfold = {"kind": "waypoints", "times": [0, 1], "positions": [{"crank": 0.1}, {"crank": 0.2}]}
+    data = json.loads(scene.read_text()) | {"motions": {"unfold": unfold}}
+    for given, motor in (({}, "crank"), ({"actuated": ["rocker"]}, "rocker")):
+        scene.write_text(json.dumps(data | given))
+        assert closed_inverse_dynamics(scene, "unfold").actuated == (motor,)
+    with pytest.raises(InputError, match="name_mot: there is no joint 'crnk'; did you mean 'crank'"):
+        load_scene(beside("gepetto", GEPETTO.replace("[crank]", "[crnk]")))
 
 
 def test_a_coupling_of_joints_in_mjcf_is_read_with_its_sign(beside):

@@ -11,7 +11,7 @@ no SDFormat, so a reader of its own takes poses of links in the model and of joi
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -73,6 +73,19 @@ def read_foreign(kind: str, name: str, read: Fields, robot: Robot) -> list[Const
     if not found:
         raise read.error("file", f"{path} closes no loops")
     return found
+
+
+def foreign_motors(closures: Sequence[Constraint], robot: Robot) -> tuple[str, ...]:
+    """The joints with motors (`name_mot`) of the Gepetto files that closures were read from; InputError naming file."""
+    files = {c.place.raw("file"): c.place for c in closures if c.place.raw("kind", None) == "gepetto"}
+    found: list[str] = []
+    for file, place in files.items():
+        path = Path(place.where).parent / str(file)
+        for name in read_gepetto(path).motors:
+            if name not in robot.joint_names:
+                raise place.error("file", f"{path}: name_mot: {among('joint', name, robot.joint_names)}")
+            found.append(name)
+    return tuple(dict.fromkeys(found))
 
 
 # ---- Gepetto

@@ -24,6 +24,7 @@ from bellcrank.card.yaml_file import read_yaml
 from bellcrank.constraints.closures import read_closures
 from bellcrank.constraints.constraint import Constraint
 from bellcrank.constraints.drive_end import DriveEnd, drive_end
+from bellcrank.constraints.foreign import foreign_motors
 from bellcrank.constraints.formula import Own, own_constraint
 from bellcrank.constraints.frame_joints import refuse_joints_off_paths
 from bellcrank.dynamics.signals import Signal, values_at
@@ -241,6 +242,8 @@ def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> S
     if motion_of is None:
         motion_of = cache(lambda name: card.motion(robot, name))
     closures = read_closures(read, robot, card.motions, motion_of)
+    if not card.actuated:
+        card = replace(card, actuated=foreign_motors(closures, robot))
     loop_files = {str(name): (source.parent / name).read_text() for name in _named_files(closures)}
     forces = read_forces(read, robot)
     control = read_control(read, robot, card.motions, motion_of)
