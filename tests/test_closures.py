@@ -420,7 +420,8 @@ def beside(tmp_path, four_bar):
         name, usual = FOREIGN[kind]
         (tmp_path / name).write_text(text or usual)
         data = four_bar.data | {"closures": [{"kind": kind, "file": name}], "urdf": "four_bar"}
-        (tmp_path / "scene.yaml").write_text(json.dumps({k: v for k, v in data.items() if k != "name"}))
+        kept = {k: v for k, v in data.items() if k not in ("name", "actuated")}
+        (tmp_path / "scene.yaml").write_text(json.dumps(kept))
         return tmp_path / "scene.yaml"
 
     return write

@@ -136,3 +136,10 @@ def test_units_of_a_card_are_read() -> None:
         Fields(GOOD | {"rated_speed": "3000 rpm", "max_speed": "6000 rpm", "rotor_inertia": "60 g cm^2"})
     )
     assert drive.rated_speed == pytest.approx(314.159265) and drive.rotor_inertia == pytest.approx(6e-6)
+
+
+def test_a_drive_that_holds_its_load_at_rest_carries_the_gears_losses_whatever_way_rounding_points() -> None:
+    drive = Drive(**GOOD)
+    held = [one(drive, 20.0, speed, 0.0) for speed in (0.0, 1e-17, -1e-17, -1e-12)]
+    assert held == [20.0 / (50.0 * 0.8)] * 4
+    assert one(drive, 20.0, -1e-3, 0.0) == pytest.approx(20.0 * 0.8 / 50.0)

@@ -26,6 +26,7 @@ from bellcrank.replays.film import (
     Mark,
     Mesh,
     Plane,
+    Rod,
     Shape,
     Spring,
     Trace,
@@ -152,6 +153,26 @@ def boxes(open_page, folder):
 
 
 # ---- what is seen
+
+
+def test_a_rod_is_drawn_between_its_ends_and_moves_with_them(open_page, folder):
+    places = kinematics(arm().time)[0]
+    ends = np.stack([0 * places[:, 0] + [-0.6, 0.0, 0.2], places[:, 2]], axis=1)
+    with_rod = open_page(
+        write_page(arm(**{**EMPTY, "rods": (Rod("coupler", ends),)}), folder / "rod.html", plots=False), "#still=1"
+    )
+    without = open_page(write_page(arm(**EMPTY), folder / "no_rod.html", plots=False), "#still=1")
+    for t in (0.7, 8.9):
+        changed = np.abs(picture(with_rod, t) - picture(without, t)).sum(axis=2) > 24
+        way = np.linspace(ends[0, 0], kinematics(t)[0][2], 50)[1:40]
+        seen = np.rint(seen_at(boxes_camera(), way, (640, 480))).astype(int)
+        assert np.mean([grown(changed, 1)[y, x] for x, y in seen]) > 0.9  # bodies hide what is behind them
+        outline = np.zeros_like(changed)
+        for x, y in np.rint(
+            seen_at(boxes_camera(), np.linspace(ends[0, 0], kinematics(t)[0][2], 2000), (640, 480))
+        ).astype(int):
+            outline[y, x] = True
+        assert not (changed & ~grown(outline, 6)).any()
 
 
 def test_a_page_opens_from_its_file_with_no_request_and_no_error_and_is_small(player, folder):

@@ -1,14 +1,15 @@
-"""Quintic Hermite interpolation: a polynomial of degree 5 a step that matches value, slope and curvature at
-both ends.
+"""Quintic Hermite interpolation: a polynomial of degree 5 a step that matches value, slope and curvature at both ends;
+and the states of a robot between rows that follow from it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from bellcrank.motion.coordinates import Array
+from bellcrank.motion.coordinates import Array, JointLike, continuous, from_rates, rates
 
 
 def quintic(
@@ -37,12 +38,16 @@ def quintic(
     return np.asarray(p), np.asarray(pd / h), np.asarray(pdd / (h * h))
 
 
-def cubic(knots: Array, value: Array, first: Array, at: Array, step: Any) -> Array:
-    """Value (m, k) at points (m,) of the cubics that match value and slope (n, k) at increasing knots (n,); `step` (m,)
-    says which interval each point lies in. The error is of order step⁴ (source as above).
+def smooth_between(joints: Sequence[JointLike], time: Array, q: Array, v: Array, a: Array) -> Callable[[Array], Any]:
+    """Positions and velocities at times between rows, by quintics that match position, velocity and acceleration at
+    either row; rotations are of unit length.
     """
-    h = (knots[step + 1] - knots[step])[:, None]
-    s = (at - knots[step])[:, None] / h
-    begin, end = value[step], value[step + 1]
-    bend = (1.0 - s) * (h * first[step] - (end - begin)) - s * (h * first[step + 1] - (end - begin))
-    return np.asarray(begin + s * (end - begin) + s * (1.0 - s) * bend)
+    smooth, a = q * continuous(joints, q), np.where(np.isfinite(a), a, 0.0)
+    slope, curvature = rates(joints, smooth, v, a)
+
+    def at(times: Array) -> tuple[Array, Array]:
+        step = np.clip(np.searchsorted(time, times, side="right") - 1, 0, len(time) - 2)
+        q, velocity, _ = from_rates(joints, *quintic(time, smooth, slope, curvature, times, step))
+        return q, velocity
+
+    return at

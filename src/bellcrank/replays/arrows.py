@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,8 @@ from bellcrank.constraints.joint_relations import Drive
 from bellcrank.constraints.loops import WORLD, Distance, Hinge, Loop, Point, Weld, perpendicular
 from bellcrank.constraints.rolling import RollingDisk
 from bellcrank.dynamics.signals import values_at
-from bellcrank.replays.film import Arrow, Spring
+from bellcrank.replays.film import Arrow, Rod, Spring
+from bellcrank.replays.footage import Placed
 from bellcrank.replays.rotations import multiplied, quaternions, turned
 from bellcrank.scene import frame_forces
 from bellcrank.scene.joint_forces import JointSpring
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-Placed = Callable[[str], tuple[Array, Array]]  # a frame's points (n, 3) m and quaternions (n, 4) in the world
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +114,7 @@ def run_arrows(moments: Moments) -> Iterator[Arrow]:
         elif isinstance(closure, Loop):
             yield from _loop_arrows(moments, closure)
     for joint in scene.robot.joints:
-        if joint.nv == 1 and np.any(moments.actuator_torque[:, joint.v]):
+        if joint.nv == 1 and np.any(moments.run.actuator_torque[:, joint.v]):
             yield motor_arrow(scene.robot, joint, moments.actuator_torque[:, joint.v], moments.placed)
     for force in scene.forces:
         if isinstance(force, frame_forces.Wrench):
@@ -147,6 +147,14 @@ def run_springs(moments: Moments) -> Iterator[Spring]:
             points, turns = moments.placed(child_link(robot, joint.name))
             way = moments.state[:, joint.q, None] * turned(turns, np.asarray(robot.joint_axis(joint.name)))
             yield Spring(force.name, np.stack([points - way, points], axis=1))
+
+
+def run_rods(moments: Moments) -> Iterator[Rod]:
+    """The rods of closures that keep two points at a distance."""
+    for closure in moments.run.scene.closures:
+        if isinstance(closure, Distance):
+            ends = [moments.side(closure, first)[0] for first in (True, False)]
+            yield Rod(closure.name, np.stack(ends, axis=1))
 
 
 def contact_points(moments: Moments, disk: RollingDisk) -> Array:
@@ -189,7 +197,7 @@ def _loop_arrows(moments: Moments, loop: Loop) -> Iterator[Arrow]:
         moment = sum(value[:, 3 + k, None] * np.cross(axis, n) for k, n in enumerate(across))
     elif isinstance(loop, Weld):
         moment = turned(_placed_turn(loop.at_b, turn_b), value[:, 3:])
-    if moment is not None and np.any(moment):
+    if moment is not None:
         yield Arrow(f"{loop.name} moment on {body}", "N m", a, np.asarray(moment), True)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 LARGEST = 2.0**31 - 1.0
+SMALL_CHANGE = 1e-3  # of a value: float32 has seven digits, of which the change is to have four
 LEVEL = 6  # of zlib: a higher one takes twice the time for 1 % of the size
 Reference = dict[str, Any]
 
@@ -38,6 +39,17 @@ class Block:
         """Store values (n, …) as float32, NaN and infinities included; what is beyond its range becomes infinite."""
         with np.errstate(over="ignore"):
             return self._add(np.ascontiguousarray(_table(values), dtype=np.float32).view(np.int32), 0.0)
+
+    def add_values(self, values: ArrayLike) -> Reference:
+        """Store values (n,) as `add_floats` does, by how far they are from their middle where they change by little of
+        themselves, so that float32 has the digits of the change.
+        """
+        table = _table(values)
+        some = table[np.isfinite(table)]
+        middle = 0.5 * (float(some.min()) + float(some.max())) if some.size else 0.0
+        if not some.size or not np.isfinite(middle) or np.ptp(some) >= SMALL_CHANGE * abs(middle):
+            return self.add_floats(table)
+        return {**self.add_floats(table - middle), "from": middle}
 
     def add_times(self, times: ArrayLike) -> Reference:
         """Store finite times (n,) to within 1e-9 of their span."""

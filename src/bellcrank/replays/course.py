@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.motion.coordinates import JointLike, continuous, rates
-from bellcrank.motion.hermite import cubic, quintic
+from bellcrank.motion.coordinates import continuous, rates
 from bellcrank.replays.rotations import continued, quaternions
 from bellcrank.replays.thinning import MOST_HALF_TURN, interpolation_error
 
@@ -84,25 +83,6 @@ def placing(robot: Robot, frames: Sequence[str], parameters: Mapping[str, Parame
 
     settings = [(name, parameter.places) for name, parameter in parameters.items()]
     return robot.compiled(f"places {list(frames)!r} {settings!r}", build)
-
-
-def smooth_between(joints: Sequence[JointLike], time: Array, q: Array, v: Array, a: Array) -> Callable[[Array], Any]:
-    """Positions and velocities at times between rows: quintics that match position, velocity and acceleration at either
-    row, with rotations of unit length again, and cubics that match velocity and acceleration.
-    """
-    smooth, a = q * continuous(joints, q), np.where(np.isfinite(a), a, 0.0)
-    slope, curvature = rates(joints, smooth, v, a)
-
-    def at(times: Array) -> tuple[Array, Array]:
-        step = np.clip(np.searchsorted(time, times, side="right") - 1, 0, len(time) - 2)
-        position = quintic(time, smooth, slope, curvature, times, step)[0]
-        for joint in joints:
-            if joint.kind in ("floating", "planar"):
-                part = position[:, joint.q + (3 if joint.kind == "floating" else 2) : joint.q + joint.nq]
-                part /= np.linalg.norm(part, axis=1, keepdims=True)
-        return position, cubic(time, v, a, times, step)
-
-    return at
 
 
 def densified(course: Course, bodies: Sequence[int], reach: Array, size: float, bound: float) -> Course:

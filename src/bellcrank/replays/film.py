@@ -12,6 +12,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.motion.resampling import SHARE
+
 Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
 Pose = tuple[float, float, float, float, float, float, float]
@@ -64,7 +66,8 @@ class Trace:
 class Arrow:
     """A force or torque, in `unit`, that acts at points (n, 3): vectors (n, 3), one a frame of the film.
 
-    `about` says that it turns about its vector, as a torque does.
+    `about` says that it turns about its vector, as a torque does. With `time` (n,), which does not go back, there is
+    one of each a time of its own instead.
     """
 
     name: str
@@ -72,11 +75,20 @@ class Arrow:
     points: Array
     vectors: Array
     about: bool = False
+    time: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Spring:
     """A spring between two points: ends (n, 2, 3), one pair a frame of the film."""
+
+    name: str
+    ends: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Rod:
+    """A thin rod between two points: ends (n, 2, 3), one pair a frame of the film."""
 
     name: str
     ends: Array
@@ -103,26 +115,34 @@ class Mark:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """Values (m,) of one name, over a chart's time."""
+    """Values (m,) of one name at times (m,) of its own that do not go back: a jump has its time twice; else over its
+    chart's time.
+    """
 
     name: str
     values: Array
+    time: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """Lines of one unit over time (m,)."""
+    """Lines of one unit over times (m,) that do not go back; `share` of its range is how far a line that goes straight
+    between its times may be off, None where there are only extremes, between which nothing is known.
+    """
 
     title: str
     unit: str
     time: Array
     lines: tuple[Line, ...]
     logarithmic: bool = False
+    share: float | None = SHARE
 
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """One quantity against another over time (m,), such as torque against speed, with closed limits (k, 2) around."""
+    """One quantity against another over times (m,), such as torque against speed, with closed limits (k, 2) around;
+    times, and `share`, are as a chart's.
+    """
 
     title: str
     x_label: str
@@ -131,6 +151,7 @@ class Plane:
     x: Array
     y: Array
     limits: tuple[tuple[str, Array], ...] = ()
+    share: float | None = SHARE
 
 
 @dataclass(frozen=True)
@@ -175,4 +196,5 @@ class Film:
     planes: tuple[Plane, ...] = ()
     facts: tuple[tuple[str, str], ...] = ()
     good: bool = True
+    rods: tuple[Rod, ...] = ()
     notes: tuple[str, ...] = field(default=())  # what a reader should know of the picture: simplified meshes, stand-ins

@@ -29,18 +29,25 @@ def check(film: Film) -> None:
         raise _wrong(film, "its camera looks nowhere", "give a position, a target apart from it, and an up across")
     if not film.bound >= 0.0:
         raise _wrong(film, f"its bound is {film.bound}", "give what frames are off at most, in m")
-    for spring in film.springs:
-        if spring.ends.shape != (n, 2, 3) or not np.isfinite(spring.ends).all():
-            raise _wrong(film, f"spring '{spring.name}' has no finite ends", f"expected {(n, 2, 3)} numbers")
+    for kind, name, ends in (
+        *(("spring", spring.name, spring.ends) for spring in film.springs),
+        *(("rod", rod.name, rod.ends) for rod in film.rods),
+    ):
+        if ends.shape != (n, 2, 3) or not np.isfinite(ends).all():
+            raise _wrong(film, f"{kind} '{name}' has no finite ends", f"expected {(n, 2, 3)} numbers")
     for arrow in film.arrows:
-        if arrow.points.shape != (n, 3) or arrow.vectors.shape != (n, 3):
-            raise _wrong(film, f"arrow '{arrow.name}' has another number of frames", f"expected {(n, 3)} numbers")
+        rows = n if arrow.time is None else len(arrow.time)
+        if arrow.points.shape != (rows, 3) or arrow.vectors.shape != (rows, 3) or not rows:
+            raise _wrong(film, f"arrow '{arrow.name}' has another number of frames", f"expected {(rows, 3)} numbers")
+        if arrow.time is not None:
+            _check_times(film, f"arrow '{arrow.name}'", arrow.time)
     for axis in film.axes:
         if not 0 <= axis.body < len(names):
             raise _wrong(film, f"axis '{axis.name}' is of body {axis.body}", f"there are {len(names)} bodies")
     for chart in film.charts:
         for line in chart.lines:
-            _check_times(film, f"line '{line.name}' of chart '{chart.title}'", chart.time, line.values)
+            time = chart.time if line.time is None else line.time
+            _check_times(film, f"line '{line.name}' of chart '{chart.title}'", time, line.values)
     for plane in film.planes:
         _check_times(film, f"plane '{plane.title}'", plane.time, plane.x, plane.y)
     for trace in film.traces:

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.motion.resampling import NOTHING, OUTSTANDING
+from bellcrank.motion.resampling import SHARE as VALUE_SHARE
 from bellcrank.replays.course import Course, densified
 from bellcrank.replays.extents import body_corners, cloud, reaches
-from bellcrank.replays.film import Body, Trace
-from bellcrank.replays.thinning import Rows, frame_rows
+from bellcrank.replays.film import Arrow, Body, Trace
+from bellcrank.replays.thinning import Rows, extreme_rows, frame_rows, series_rows
 
 Array = NDArray[np.float64]
 Point = Callable[[Array, Array], Array]  # points (n, frames, 3) and turns (n, frames, 4) -> a point (n, 3)
 SHARE = 1.0 / 2000.0  # of the size of what is shown: half a pixel where it fills a screen of 1,000 lines
 BETWEEN = 0.25  # of the bound: what lies between two rows
 TRACE = 0.25  # of the bound: traces stand still, and are looked at closely
-LEAST_FRAMES = 240  # where there are so many rows: arrows change between frames that hardly move
+LEAST_FRAMES = 240  # where there are so many rows
 BLOCK = 400_000  # poses in memory at a time
+Placed = Callable[[str], tuple[Array, Array]]  # a frame's points (n, 3) m and quaternions (n, 4) in the world
+Forces = Callable[[Array, Array, Array, Placed], Iterable[Arrow]]  # times, positions and velocities -> arrows there
+MOST_ARROWS = 20_000  # times of arrows, all together
 SAMPLED = 100  # rows from which the size is taken
 
 
@@ -38,6 +43,7 @@ class Footage:
     bodies: tuple[int, ...]
     corners: tuple[Array, ...]
     traces: tuple[Trace, ...]
+    arrows: tuple[Arrow, ...]
     bound: float
 
     @property
@@ -65,10 +71,13 @@ def footage(
     traced: Mapping[str, Point],
     keep: Iterable[float] = (),
     progress: Callable[[float], None] | None = None,
+    forces: Forces | None = None,
 ) -> Footage:
-    """The frames and traces that show a course, times of `keep` among them; `progress` hears the share that is done.
+    """The frames, traces and arrows that show a course, times of `keep` among those of the frames; `progress` hears the
+    share that is done.
 
-    At every row no point of a body is further than Footage.bound from where the film has it.
+    At every row no point of a body is further than Footage.bound from where the film has it, and arrows, at times of
+    their own, are off by SHARE of the longest at most.
     """
     corners = body_corners(bodies)
     reach, numbers = reaches(corners), tuple(course.index[body.name] for body in bodies)
@@ -82,6 +91,7 @@ def footage(
     rows: list[Rows] = []
     frames: list[tuple[Array, Array]] = []
     points_of: dict[str, list[Array]] = {name: [] for name in traced}
+    arrows: dict[str, list[Arrow]] = {}
     before = None
     for a in range(0, max(n - 1, 1), block):
         b = min(a + block, n - 1)
@@ -100,6 +110,10 @@ def footage(
             way = point(points, turns)
             some = frame_rows(time, way[:, None], np.zeros((len(way), 1, 4)), np.zeros(1), TRACE * bound)[a > 0 :]
             points_of[name].append(np.column_stack([time[some], way[some]]))
+        here = [] if forces is None else list(_forces_in(course, a, b, points, turns, forces))
+        for arrow in here:
+            part = _thinned(arrow, TRACE * bound, max(LEAST_FRAMES, MOST_ARROWS // len(here)))
+            arrows.setdefault(arrow.name, []).append(part)
         if progress is not None:
             progress((b + 1) / n)
     at = np.concatenate(rows)
@@ -107,8 +121,65 @@ def footage(
     points, turns = (np.concatenate(parts) for parts in zip(*frames, strict=True))
     return Footage(
         course, course.time[at], course.position[at], course.velocity[at], points, turns, numbers, tuple(corners),
-        traces, bound,
+        traces, _seen([joined_arrows(parts) for parts in arrows.values()]), bound,
     )  # fmt: skip
+
+
+def _forces_in(course: Course, a: int, b: int, points: Array, turns: Array, forces: Forces) -> Iterable[Arrow]:
+    """Arrows at rows a to b of a course, whose frames are at points and quaternions (b − a + 1, frames, …) there."""
+
+    def placed(name: str) -> tuple[Array, Array]:
+        return points[:, course.index[name]], turns[:, course.index[name]]
+
+    time = course.time[a : b + 1]
+    for arrow in forces(time, course.position[a : b + 1], course.velocity[a : b + 1], placed):
+        yield replace(arrow, time=time)
+
+
+def _thinned(arrow: Arrow, bound: float, most: int) -> Arrow:
+    """An arrow at the times that it takes for its point to be within a bound (m), and its vector within VALUE_SHARE of
+    the longest, or of OUTSTANDING times what is usual; within more where those are more than `most` times.
+    """
+    assert arrow.time is not None
+    with np.errstate(all="ignore"):
+        sizes = np.linalg.norm(arrow.vectors, axis=1)
+    sizes = sizes[np.isfinite(sizes)]
+    longest = float(sizes.max(initial=0.0))
+    usual = OUTSTANDING * float(np.percentile(sizes, 95.0)) if len(sizes) else 0.0
+    vector = VALUE_SHARE * (min(longest, usual) or longest)
+    table, bounds = np.hstack([arrow.points, arrow.vectors]), np.repeat([bound, vector], 3) / np.sqrt(3.0)
+    for coarser in (1.0, 4.0, 16.0, 64.0):
+        rows = series_rows(arrow.time, table, coarser * bounds, most)
+        if rows is not None:
+            break
+    else:  # it flies apart
+        rows = extreme_rows(table, most)
+    return replace(arrow, time=arrow.time[rows], points=arrow.points[rows], vectors=arrow.vectors[rows])
+
+
+def _seen(arrows: Sequence[Arrow]) -> tuple[Arrow, ...]:
+    """The arrows that are ever drawn; of one that is rounding beside others of its unit only the ends, as zero."""
+    peaks = [float(np.abs(np.nan_to_num(arrow.vectors)).max(initial=0.0)) for arrow in arrows]
+    found = []
+    for arrow, peak in zip(arrows, peaks, strict=True):
+        largest = max(p for other, p in zip(arrows, peaks, strict=True) if other.unit == arrow.unit)
+        if peak > NOTHING * largest:
+            found.append(arrow)
+        elif peak > 0.0 and arrow.time is not None:
+            ends = [0, -1]
+            found.append(replace(arrow, time=arrow.time[ends], points=arrow.points[ends], vectors=np.zeros((2, 3))))
+    return tuple(found)
+
+
+def joined_arrows(parts: Sequence[Arrow], shifts: Sequence[float] | None = None) -> Arrow:
+    """An arrow's parts one after the other, each so many s later."""
+    times = [part.time for part in parts if part.time is not None]
+    return replace(
+        parts[0],
+        time=np.concatenate([time + shift for time, shift in zip(times, shifts or [0.0] * len(parts), strict=True)]),
+        points=np.concatenate([part.points for part in parts]),
+        vectors=np.concatenate([part.vectors for part in parts]),
+    )
 
 
 def _size(course: Course, numbers: Sequence[int], corners: Sequence[Array]) -> float:

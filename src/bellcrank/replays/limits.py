@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.replays.charts import joined, joined_times
+from bellcrank.motion.resampling import ranges
+from bellcrank.replays.charts import kept_rows
 from bellcrank.replays.film import Plane
-from bellcrank.replays.thinning import MOST_POINTS, series_rows
-from bellcrank.sizing.history import joint_torques
-from bellcrank.sizing.plots import drawn_states
 
 if TYPE_CHECKING:
     from bellcrank.constraints.mechanism import Mechanism
-    from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import Robot, RobotJoint
     from bellcrank.sizing.drive import Drive
     from bellcrank.sizing.result import JointSizing, Peak
@@ -28,27 +25,32 @@ Limits = tuple[tuple[str, Array], ...]
 RPM = 30.0 / math.pi
 
 
-def torque_speed_planes(
-    mechanism: Mechanism, motions: Sequence[Motion], drives: Mapping[str, Drive], shifts: Sequence[float]
-) -> tuple[Plane, ...]:
-    """Each motor's torque against its speed over motions that begin `shifts` s later: at the shaft, times the safety
-    factor, with the motor's limits; at the joint, with the URDF's, where there is no drive.
+def motor_state(joint: RobotJoint, drive: Drive | None, torque: Array, v: Array, a: Array) -> tuple[Array, Array]:
+    """Speed and torque (n,), (n,) of a motor by the joint's `torque` (n,): at its shaft, in rpm and in N m times the
+    safety factor; at the joint, in rad/s and N m (m/s and N), where there is no drive.
     """
-    states = [drawn_states(motion) for motion in motions]
+    speed = v[:, joint.v]
+    if drive is not None:
+        torque = drive.safety_factor * drive.shaft_torque(torque, speed, a[:, joint.v])
+        speed = drive.ratio * RPM * speed
+    return speed, torque
+
+
+def torque_speed_planes(
+    mechanism: Mechanism, drives: Mapping[str, Drive], off: float, time: Array, speeds: Array, torques: Array
+) -> tuple[Plane, ...]:
+    """Each motor's torque against its speed over times (n,) s of the film, by the `motor_state` (n, motors) of all,
+    with its limits: the motor's, or the URDF's where there is no drive. `off` is as Panel has it.
+    """
     planes = []
-    for joint in mechanism.motors:
-        times, speeds, torques = [], [], []
-        for (time, q, v, a), shift in zip(states, shifts, strict=True):
-            speed, torque = v[:, joint.v], joint_torques(mechanism, [joint], drives, time, q, v, a)[:, 0]
-            if drive := drives.get(joint.name):
-                torque = drive.safety_factor * drive.shaft_torque(torque, speed, a[:, joint.v])
-                speed = drive.ratio * RPM * speed
-            rows = series_rows(np.column_stack([speed, torque]), MOST_POINTS // len(motions))
-            times.append(time[rows] + shift)
-            speeds.append(speed[rows])
-            torques.append(torque[rows])
+    reach = np.stack([ranges(speeds), ranges(torques)], axis=1)
+    for k, joint in enumerate(mechanism.motors):
+        table = np.stack([speeds[:, k], torques[:, k]], axis=1)
+        parts, share = kept_rows(time, table, off, reach[k])
+        rows = np.unique(np.concatenate(parts))
+        drive = drives.get(joint.name)
         labels, limits = _of_joint(mechanism.robot, joint) if drive is None else _of_shaft(joint, drive)
-        planes.append(Plane(*labels, joined_times(times), joined(speeds), joined(torques), limits))
+        planes.append(Plane(*labels, time[rows], table[rows, 0], table[rows, 1], limits, share))
     return tuple(planes)
 
 

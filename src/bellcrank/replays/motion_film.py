@@ -18,15 +18,16 @@ from bellcrank.replays.camera import camera_for, ground_for
 from bellcrank.replays.charts import chart, joined, joined_times
 from bellcrank.replays.course import Course, placing
 from bellcrank.replays.film import Arrow, Chart, Film, Mark, Trace
-from bellcrank.replays.footage import Footage, footage
-from bellcrank.replays.limits import exceeded_peaks, torque_speed_planes
+from bellcrank.replays.footage import Footage, Forces, Placed, footage, joined_arrows
+from bellcrank.replays.limits import exceeded_peaks, motor_state, torque_speed_planes
 from bellcrank.replays.meshes import Detail
+from bellcrank.replays.motion_series import motion_series
 from bellcrank.replays.rms_points import with_rms_points
 from bellcrank.replays.subject import film_axes, filmed_bodies, frame_points, scenery, traced_frames
+from bellcrank.simulation.run_between import signal_jumps
 from bellcrank.simulation.run_csv import torque_unit
 from bellcrank.simulation.run_panels import by_unit, titled_apart
 from bellcrank.sizing.history import joint_torques
-from bellcrank.sizing.plots import drawn_states
 from bellcrank.sizing.table import verdict
 
 if TYPE_CHECKING:
@@ -145,30 +146,57 @@ def _film(
     frames = tuple(dict.fromkeys([*(body.name for body in bodies), *wanted]))
     code = placing(robot, frames)
     starts = _starts(motions)
+    motors = mechanism.motors
+
+    def efforts(t: Array, q: Array, v: Array, a: Array) -> list[Array]:
+        torques = joint_torques(mechanism, motors, drives, t, q, v, a)
+        shafts = [
+            motor_state(joint, drives.get(joint.name), torque, v, a)
+            for joint, torque in zip(motors, torques.T, strict=True)
+        ]
+        return [
+            torques,
+            *(np.stack(each, axis=1) for each in zip(*shafts, strict=True)),
+        ]
+
+    def forces_of(motion: Motion) -> Forces:
+        def forces(t: Array, _q: Array, _v: Array, placed: Placed) -> list[Arrow]:
+            torques = joint_torques(mechanism, motors, drives, t, *motion.at(t))
+            return [motor_arrow(robot, joint, torque, placed) for joint, torque in zip(motors, torques.T, strict=True)]
+
+        return forces
+
+    courses = [_course(robot, motion, frames, code) for motion in motions]
+    jumps = np.zeros(0) if mechanism.scene is None else signal_jumps(mechanism.scene, mechanism.scene.signals)
+    series = motion_series(motions, [efforts] * len(motions), jumps)
     shots: list[Footage] = []
     for k, motion in enumerate(motions):
-        course = _course(robot, motion, frames, code)
+        course = courses[k].with_rows(series[k].time)
 
         def heard(share: float, k: int = k) -> None:
             if progress is not None:
                 progress((k + share) / len(motions))
 
-        shots.append(footage(course, bodies, frame_points(course, wanted), progress=heard))
+        shots.append(footage(course, bodies, frame_points(course, wanted), (), heard, forces_of(motion)))
     shifts = [start - float(motion.time[0]) for motion, start in zip(motions, starts, strict=True)]
     time = np.concatenate([shot.time + shift for shot, shift in zip(shots, shifts, strict=True)])
-    arrows = _arrows(mechanism, motions, drives, shots)
+    once = np.append(np.diff(time) > 0.0, True)  # of the two sides of a jump, which share a posture, the later
+    arrows = _arrows(shots, shifts)
     views = [scenery(shot, arrows if k == 0 else ()) for k, shot in enumerate(shots)]  # arrows are of all motions
     view = views[0]._replace(
         points=np.concatenate([each.points for each in views]), poses=np.concatenate([each.poses for each in views])
     )
+    during = joined_times([each.time + shift for each, shift in zip(series, shifts, strict=True)])
+    off = max(each.off for each in series)
+    groups = [joined(parts) for parts in zip(*(each.groups for each in series), strict=True)]
     begun = [Mark(start, f"motion {m.name} begins") for m, start in zip(motions, starts, strict=True)]
     return Film(
-        title, time, view.poses, bodies, camera_for(view), max(shot.bound for shot in shots),
+        title, time[once], view.poses[once], bodies, camera_for(view), max(shot.bound for shot in shots),
         ground_for([], view, not robot.floating_base), _joined_traces(shots, shifts),
         arrows, (), film_axes(robot, bodies),
         tuple(sorted([*(begun if len(motions) > 1 else ()), *marks], key=lambda mark: mark.time)),
-        _charts(mechanism, motions, drives, shifts), torque_speed_planes(mechanism, motions, drives, shifts),
-        (*facts, ("bellcrank", __version__)), good, (*notes, *warnings),
+        _charts(mechanism, off, during, *groups[:4]), torque_speed_planes(mechanism, drives, off, during, *groups[4:]),
+        (*facts, ("bellcrank", __version__)), good, (), (*notes, *warnings),
     )  # fmt: skip
 
 
@@ -205,44 +233,25 @@ def _joined_traces(shots: Sequence[Footage], shifts: Sequence[float]) -> tuple[T
 # ---- torques
 
 
-def _arrows(
-    mechanism: Mechanism, motions: Sequence[Motion], drives: Mapping[str, Drive], shots: Sequence[Footage]
-) -> tuple[Arrow, ...]:
-    robot, joints = mechanism.robot, mechanism.motors
-    parts = [
-        [
-            motor_arrow(robot, joint, torque, shot.placed)
-            for joint, torque in zip(
-                joints,
-                joint_torques(mechanism, joints, drives, shot.time, *motion.at(shot.time)).T,
-                strict=True,
-            )
-        ]
-        for motion, shot in zip(motions, shots, strict=True)
-    ]
-    return tuple(
-        Arrow(
-            same[0].name, same[0].unit, np.concatenate([arrow.points for arrow in same]),
-            np.concatenate([arrow.vectors for arrow in same]), same[0].about,
-        )
-        for same in zip(*parts, strict=True)
-    )  # fmt: skip
+def _arrows(shots: Sequence[Footage], shifts: Sequence[float]) -> tuple[Arrow, ...]:
+    names = dict.fromkeys(arrow.name for shot in shots for arrow in shot.arrows)
+    found = []
+    for name in names:
+        mine = [(arrow, shift) for shot, shift in zip(shots, shifts, strict=True) for arrow in shot.arrows]
+        mine = [(arrow, shift) for arrow, shift in mine if arrow.name == name]
+        found.append(joined_arrows([arrow for arrow, _ in mine], [shift for _, shift in mine]))
+    return tuple(found)
 
 
 def _charts(
-    mechanism: Mechanism, motions: Sequence[Motion], drives: Mapping[str, Drive], shifts: Sequence[float]
+    mechanism: Mechanism, off: float, time: Array, q: Array, v: Array, a: Array, torque: Array
 ) -> tuple[Chart, ...]:
-    robot, motors = mechanism.robot, mechanism.motors
-    rows: list[list[Array]] = [[], [], [], [], []]
-    for motion, shift in zip(motions, shifts, strict=True):
-        time, q, v, a = drawn_states(motion)
-        torque = joint_torques(mechanism, motors, drives, time, q, v, a)
-        for column, values in zip(rows, (time + shift, q, v, a, torque), strict=True):
-            column.append(values)
-    time = joined_times(rows[0])
-    q, v, a, torque = (joined(parts) for parts in rows[1:])
-    panels = by_unit("joint torque", [(joint.name, torque_unit(joint.kind)) for joint in motors], torque)
+    """Charts of positions, velocities, accelerations and torques over times (n,) of the film."""
+    robot = mechanism.robot
+    panels = by_unit("joint torque", [(joint.name, torque_unit(joint.kind)) for joint in mechanism.motors], torque)
     panels += by_unit("position", position_labels(robot.joints), q)
     panels += by_unit("velocity", velocity_labels(robot.joints), v)
     panels += by_unit("acceleration", velocity_labels(robot.joints, 2), a)
-    return tuple(chart(panel, time) for panel in titled_apart(panels))
+    for panel in panels:
+        panel.time, panel.off = time, off
+    return tuple(chart(panel) for panel in titled_apart(panels))

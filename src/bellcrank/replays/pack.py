@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from bellcrank.errors import InputError
+from bellcrank.motion.resampling import SHARE as VALUE_SHARE
 from bellcrank.replays.arrow_scale import arrow_scales
 from bellcrank.replays.block import Block, Reference
 from bellcrank.replays.film import Array, Axis, Chart, Film, Mesh, Plane, Shape, Trace
@@ -37,6 +38,7 @@ def pack(film: Film, *, plots: bool = True) -> tuple[str, str]:
         "good": film.good,
         "notes": film.notes,
         "bound": film.bound + rounding,
+        "share": VALUE_SHARE,
         "time": block.add_times(film.time),
         "places": block.add_steps(film.poses[:, :, :3], place),
         "turns": block.add_steps(_continuous(film.poses[:, :, 3:]), turn),
@@ -49,6 +51,7 @@ def pack(film: Film, *, plots: bool = True) -> tuple[str, str]:
         "traces": [{"name": t.name, "pieces": _pieces(block, t, place)} for t in film.traces],
         "arrows": [_arrow(block, film, k, place, scales) for k in range(len(film.arrows))],
         "scales": scales,
+        "rods": [{"name": r.name, "ends": block.add_steps(r.ends, place)} for r in film.rods],
         "springs": [{"name": s.name, "ends": block.add_steps(s.ends, place)} for s in film.springs],
         "axes": [_axis(a) for a in film.axes],
         "marks": [{"time": m.time, "text": m.text} for m in sorted(film.marks, key=lambda m: m.time)],
@@ -167,6 +170,7 @@ def _arrow(block: Block, film: Film, number: int, place: float, scales: list[dic
         "name": arrow.name,
         "about": arrow.about,
         "scale": next(k for k, scale in enumerate(scales) if number in scale["arrows"]),
+        "time": block.add_times(film.time if arrow.time is None else arrow.time),
         "points": block.add_steps(np.where(np.isfinite(points), points, 0.0), place),
         "vectors": block.add_floats(np.where(there[:, None], arrow.vectors, 0.0)),
     }
@@ -187,8 +191,15 @@ def _chart(block: Block, chart: Chart) -> dict[str, Any]:
         "title": chart.title,
         "unit": chart.unit,
         "logarithmic": chart.logarithmic,
-        "time": block.add_times(chart.time),
-        "lines": [{"name": line.name, "values": block.add_floats(line.values)} for line in chart.lines],
+        "share": chart.share,
+        "lines": [
+            {
+                "name": line.name,
+                "time": block.add_times(chart.time if line.time is None else line.time),
+                "values": block.add_values(line.values),
+            }
+            for line in chart.lines
+        ],
     }
 
 
@@ -197,8 +208,9 @@ def _plane(block: Block, plane: Plane) -> dict[str, Any]:
         "title": plane.title,
         "x_label": plane.x_label,
         "y_label": plane.y_label,
+        "share": plane.share,
         "time": block.add_times(plane.time),
-        "x": block.add_floats(plane.x),
-        "y": block.add_floats(plane.y),
+        "x": block.add_values(plane.x),
+        "y": block.add_values(plane.y),
         "limits": [{"name": name, "points": block.add_floats(points)} for name, points in plane.limits],
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,12 +13,13 @@ from bellcrank import __version__
 from bellcrank.constraints.rolling import RollingDisk
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import position_labels
-from bellcrank.replays.arrows import Moments, contact_points, run_arrows, run_springs, shown_frames
+from bellcrank.motion.hermite import smooth_between
+from bellcrank.replays.arrows import Moments, contact_points, run_arrows, run_rods, run_springs, shown_frames
 from bellcrank.replays.camera import camera_for, ground_for
 from bellcrank.replays.charts import run_charts
-from bellcrank.replays.course import Course, placing, smooth_between
-from bellcrank.replays.film import Film, Mark
-from bellcrank.replays.footage import Point, footage
+from bellcrank.replays.course import Course, placing
+from bellcrank.replays.film import Arrow, Film, Mark
+from bellcrank.replays.footage import Placed, Point, footage
 from bellcrank.replays.meshes import Detail
 from bellcrank.replays.subject import (
     film_axes,
@@ -29,6 +31,7 @@ from bellcrank.replays.subject import (
 )  # fmt: skip
 from bellcrank.scene.joint_forces import JointSpring
 from bellcrank.scene.outputs import FrameOutput
+from bellcrank.simulation.run_between import with_jumps
 from bellcrank.simulation.run_csv import titled
 from bellcrank.simulation.summary import event_consequence, run_facts
 
@@ -64,36 +67,48 @@ def film_of_run(
     bodies, more = filmed_bodies(robot, detail)
     wanted = traced_frames(robot, trace, _output_frames(run))
     frames = tuple(dict.fromkeys([*(body.name for body in bodies), *shown_frames(run), *wanted]))
-    time, q, v = run.time[:rows], run.position[:rows], run.velocity[:rows]
+    charts, shown = run_charts(run)
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
-        between = smooth_between(robot.joints, time, q, v, run.acceleration[:rows])
+        finite = with_jumps(run if rows == len(run) else replace(run, time=run.time[:rows], state=run.state[:rows]))
+        time, q, v = finite.time, finite.position, finite.velocity
+        between = smooth_between(robot.joints, time, q, v, finite.acceleration)
     course = Course(
         robot, time, q, v, between, frames, placing(robot, frames, scene.parameters),
         run.parameters[: len(scene.parameters)],
     )  # fmt: skip
     notes += _coarse(course)
+    course = course.with_rows(shown[shown <= time[-1]])
     events = [event for event in run.events if time[0] <= event.time <= time[-1]]
     disks = [closure for closure in scene.closures if isinstance(closure, RollingDisk)]
     points = frame_points(course, wanted)
     for disk in disks:
         points[f"{disk.name} contact"] = _contact_of(run, course, disk)
-    shots = footage(course, bodies, points, [event.time for event in events], progress)
-    state = np.zeros((len(shots.time), scene.system.size))
-    state[:, : robot.nq], state[:, robot.nq : robot.nq + robot.nv] = shots.position, shots.velocity
-    moments = Moments(run, shots.time, state, shots.placed)
+
+    def forces(t: Array, q: Array, v: Array, placed: Placed) -> Iterable[Arrow]:
+        return run_arrows(_moments(run, t, q, v, placed))
+
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
-        arrows, springs = tuple(run_arrows(moments)), tuple(run_springs(moments))
+        shots = footage(course, bodies, points, [event.time for event in events], progress, forces)
+        moments = _moments(run, shots.time, shots.position, shots.velocity, shots.placed)
+        springs, rods = tuple(run_springs(moments)), tuple(run_rods(moments))
         facts = [("ended", run.message.removeprefix(f"{scene.name}: ")), *named_facts(run_facts(run))]
     facts.sort(key=lambda fact: _FIRST.index(fact[0]) if fact[0] in _FIRST else len(_FIRST))
-    view = scenery(shots, arrows, [spring.ends.reshape(-1, 3) for spring in springs])
+    ends = [*(spring.ends for spring in springs), *(rod.ends for rod in rods)]
+    view = scenery(shots, shots.arrows, [each.reshape(-1, 3) for each in ends])
     planes = [(np.array(disk.normal), moments.number(disk, "height")) for disk in disks]
     return Film(
         title or scene.name, shots.time, shots.poses, bodies, camera_for(view), shots.bound,
-        ground_for(planes, view, not robot.floating_base), shots.traces, arrows, springs,
+        ground_for(planes, view, not robot.floating_base), shots.traces, shots.arrows, springs,
         film_axes(robot, bodies, {f.joint.name for f in scene.forces if isinstance(f, JointSpring)}),
-        _marks(run, events, float(time[-1])), run_charts(run), (), (*facts, ("bellcrank", __version__)), run.success,
-        (*more, *notes),
+        _marks(run, events, float(time[-1])), charts, (), (*facts, ("bellcrank", __version__)), run.success,
+        rods, (*more, *notes),
     )  # fmt: skip
+
+
+def _moments(run: Trajectory, time: Array, q: Array, v: Array, placed: Placed) -> Moments:
+    state = np.zeros((len(time), run.scene.system.size))
+    state[:, : run.robot.nq], state[:, run.robot.nq : run.robot.nq + run.robot.nv] = q, v
+    return Moments(run, time, state, placed)
 
 
 def _finite_rows(run: Trajectory) -> int:

@@ -1,6 +1,4 @@
-"""Fewer rows that show the same: frames between which straight lines and even turns stay within a bound, and series
-that keep their extremes.
-"""
+"""Fewer rows that show the same: rows between which straight lines, and even turns of bodies, stay within a bound."""
 
 from __future__ import annotations
 
@@ -15,16 +13,25 @@ MOST_HALF_TURN = (
     0.75  # rad: half of how far a body turns between frames; beyond it the shorter way may be the other one
 )
 LOOKS = np.arange(1, 8) / 8.0  # where a stretch is looked at, before it is checked at every row
-MOST_POINTS = 2000  # of a series: two a pixel on a wide screen
+MOST_ROWS = 12_000  # of series that are to be right; of more only the extremes are kept
+BLOCK = 500_000  # rows of series in memory at a time
 
 
-def frame_rows(time: Array, points: Array, turns: Array, reach: Array, bound: float, keep: Iterable[int] = ()) -> Rows:
+def frame_rows(
+    time: Array,
+    points: Array,
+    turns: Array,
+    reach: Array,
+    bound: float,
+    keep: Iterable[int] = (),
+    limit: int | None = None,
+) -> Rows:
     """Rows to keep of poses at increasing times (n,) s: first, last, those of `keep`, and as many as it takes so that
     `interpolation_error` is at most `bound` (m) at every row; increasing.
 
     points (n, k, 3) m and turns (n, k, 4), quaternions x y z w of one sign along time, of k bodies, whose points are
     within `reach` (k,) m of their origins. A stretch that is not within the bound is split where it is worst
-    (D. Douglas, T. Peucker, Cartographica 10, 1973).
+    (D. Douglas, T. Peucker, Cartographica 10, 1973). It gives up beyond `limit` rows.
     """
     n = len(time)
     kept = np.zeros(n, dtype=bool)
@@ -34,7 +41,7 @@ def frame_rows(time: Array, points: Array, turns: Array, reach: Array, bound: fl
     while True:
         long = last - first > 1
         first, last = first[long], last[long]
-        if not len(first):
+        if not len(first) or (limit is not None and kept.sum() > limit):
             return np.flatnonzero(kept)
         looks = first[:, None] + np.rint(LOOKS * (last - first)[:, None]).astype(np.intp)
         looks = np.clip(looks, first[:, None] + 1, last[:, None] - 1)
@@ -105,9 +112,54 @@ def _stretches(which: Rows, length: Rows, most: int = 100_000) -> list[Rows]:
     return np.split(which, np.flatnonzero(np.diff(groups)) + 1)
 
 
-def series_rows(table: Array, most: int = MOST_POINTS) -> Rows:
+def series_rows(
+    time: Array, table: Array, bound: Array, most: int = MOST_ROWS, keep: Rows | None = None
+) -> Rows | None:
+    """Rows to keep of columns (n, k) that belong together, at times (n,) that do not go back, increasing: as many as it
+    takes so that straight lines between them are off by `bound` (k,) at most at every row, and gaps, where a column is
+    not finite, begin and end where they do; `keep` among them, at which time may begin anew. None where
+    that is more than `most`.
+    """
+    there = np.isfinite(table)
+    gaps = np.flatnonzero((there[1:] != there[:-1]).any(axis=1))
+    scaled = np.where(there, table, 0.0) / np.where(bound > 0.0, bound, 1.0)
+    wanted = np.concatenate([gaps, gaps + 1, np.zeros(0, dtype=np.intp) if keep is None else keep])
+    nothing = np.zeros((0, 1, 4))
+    kept: list[Rows] = []
+    count = 0
+    for a in range(0, max(len(time) - 1, 1), BLOCK):
+        b = min(a + BLOCK, len(time) - 1)
+        mine = wanted[(wanted >= a) & (wanted <= b)] - a
+        rows = frame_rows(time[a : b + 1], scaled[a : b + 1, :, None], nothing, np.zeros(1), 1.0, mine, most - count)
+        kept.append(rows + a)
+        count += len(rows)
+        if count > most:
+            return None
+    return np.unique(np.concatenate(kept))
+
+
+def line_rows(time: Array, table: Array, bound: Array, most: int) -> list[Rows] | None:
+    """The same for each column (n,) on its own; None where that is more than `most` rows of all of them together."""
+    n, lines = table.shape
+    found: list[Rows] = []
+    together = max(1, BLOCK // max(n, 1))
+    for a in range(0, lines, together):  # several lines as one, end to end
+        some = table[:, a : a + together]
+        count = some.shape[1]
+        scaled = (some / np.where(bound > 0.0, bound, 1.0)[a : a + together]).T.reshape(-1, 1)
+        ends = n * np.arange(count)
+        kept = series_rows(np.tile(time, count), scaled, np.ones(1), most, np.concatenate([ends, ends + n - 1]))
+        if kept is None:
+            return None
+        found += [part - end for part, end in zip(np.split(kept, np.searchsorted(kept, ends[1:])), ends, strict=True)]
+        most -= len(kept)
+    return found
+
+
+def extreme_rows(table: Array, most: int = MOST_ROWS) -> Rows:
     """Rows to keep of a table (n, lines), increasing: the first, the last, and in each of equal stretches of rows every
-    line's least and largest, so that no peak is lost; at most `most`, or two a line and two where those are more.
+    line's least and largest, so that no peak is lost; at most `most`, or two a line and two where those are more. What
+    lies between them is not told.
     """
     n, lines = table.shape
     if n <= most:

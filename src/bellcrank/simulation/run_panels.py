@@ -4,26 +4,37 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bellcrank.motion.coordinates import position_labels, velocity_labels
+from bellcrank.motion.resampling import BETWEEN, SHARE, ranges, refined
+from bellcrank.simulation.run_between import between, with_jumps
 from bellcrank.simulation.run_csv import output_labels, titled, torque_unit
 
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Array, Trajectory
 
+CONSERVED = 1e-8  # of the largest of a unit: sums that stay the same are not known better between rows
+LEFT_OUT = 100  # rows by which it is found out which lines the smooth curve tells
+ENERGY, WORK, OUTPUTS = "energy", "work W", "outputs:"
+
 
 @dataclass
 class Panel:
-    """What one panel shows: a quantity, its unit, and the lines (n,) by name."""
+    """What one panel shows: a quantity, its unit, and the lines (n,) by name, over times (n,) s; `off` is by how much
+    of its `ranges` a line may be off that goes straight between the rows.
+    """
 
     title: str
     unit: str
     lines: list[tuple[str, Array]]
     logarithmic: bool = False
+    time: Array = field(default_factory=lambda: np.zeros(0))
+    off: float = 0.0
 
     @property
     def moves(self) -> bool:
@@ -33,27 +44,86 @@ class Panel:
 
 def run_panels(run: Trajectory) -> list[Panel]:
     """The panels of a run, no two of one title: positions, velocities, energies, torques, closures and outputs that
-    change, over the run's own rows, SI units.
+    change, SI units; over the run's rows, and as many times between them, on either side of jumps too, as lines need
+    that are straight between them. How far closures are apart is known at the rows alone.
     """
+    panels = _linear(run)
+    shown = [k == 0 or _shown(panel) for k, panel in enumerate(panels)]
+    time, table, off = _refined(run, panels)
+    column = 0
+    for panel in panels:
+        panel.time = time
+        panel.lines = [(name, table[:, column + k]) for k, (name, _) in enumerate(panel.lines)]
+        panel.off = float(off[column : column + len(panel.lines)].max(initial=0.0))
+        column += len(panel.lines)
+        if panel.title == ENERGY:
+            panel.title = f"{ENERGY} (drift {run.energy_drift():.1e})"
+            panel.lines = [line for line in panel.lines if line[0] != WORK or np.any(line[1])]
+    first_output = next((k for k, panel in enumerate(panels) if panel.title.startswith(OUTPUTS)), len(panels))
+    found = [panel for panel, there in zip(panels, shown, strict=True) if there]
+    place = sum(shown[:first_output])
+    return titled_apart([*found[:place], *_apart(run), *found[place:]])
+
+
+def _shown(panel: Panel) -> bool:
+    if panel.title.startswith(("joint torque", "joint force")):
+        return any(np.any(values) for _, values in panel.lines)
+    return panel.moves or not panel.title.startswith(("position", "orientation", "velocity"))
+
+
+def _linear(run: Trajectory) -> list[Panel]:
+    """All panels that go straight between rows, over the rows, whatever is in them."""
     joints = run.robot.joints
     one = [joint for joint in joints if joint.nv == 1]
     panels = by_unit("position", position_labels(joints), run.position)
-    panels = panels[:1] + [panel for panel in panels[1:] if panel.moves]
-    panels += [panel for panel in by_unit("velocity", velocity_labels(joints), run.velocity) if panel.moves]
+    panels += by_unit("velocity", velocity_labels(joints), run.velocity)
     energies = [("kinetic T", run.kinetic_energy), ("potential V", run.potential_energy), ("T + V", run.total_energy)]
-    if np.any(run.work):
-        energies.append(("work W", run.work))
-    panels.append(Panel(f"energy (drift {run.energy_drift():.1e})", "J", energies))
+    panels.append(Panel(ENERGY, "J", [*energies, (WORK, run.work)]))
     labels = [(joint.name, torque_unit(joint.kind)) for joint in one]
-    torques = by_unit("joint torque", labels, run.torque[:, [joint.v for joint in one]])
-    panels += [panel for panel in torques if any(np.any(values) for _, values in panel.lines)]
-    panels += _closure_panels(run)
+    panels += by_unit("joint torque", labels, run.torque[:, [joint.v for joint in one]])
+    if run.scene.closures:
+        names = [titled(f"{owner} {label}") for owner, label in run.scene.system.multiplier_names]
+        panels += by_unit("multiplier", names, run.multipliers)
     outputs = [(label, unit, column) for name in run.outputs for label, unit, column in _output_columns(run, name)]
     for unit in dict.fromkeys(unit for _, unit, _ in outputs):
         lines = [(label, column) for label, u, column in outputs if u == unit]
-        names = ", ".join(n for n, output in run.scene.outputs.items() if unit in [titled(x)[1] for x in output.labels])
-        panels.append(Panel(f"outputs: {textwrap.shorten(names, 60, placeholder='…')}", unit, lines))
-    return titled_apart(panels)
+        names_of = [n for n, output in run.scene.outputs.items() if unit in [titled(x)[1] for x in output.labels]]
+        panels.append(Panel(f"{OUTPUTS} {textwrap.shorten(', '.join(names_of), 60, placeholder='…')}", unit, lines))
+    return panels
+
+
+def _table(panels: Sequence[Panel]) -> Array:
+    return np.column_stack([values for panel in panels for _, values in panel.lines])
+
+
+def _refined(run: Trajectory, panels: Sequence[Panel]) -> tuple[Array, Array, Array]:
+    """Times, rows of the panels' lines, one a column, and each line's `Panel.off`, for straight lines to be right. Rows
+    from the first on that is not finite, or goes back, stay as they are.
+    """
+    table, lines = _table(panels), [len(panel.lines) for panel in panels]
+    good = np.isfinite(run.state).all(axis=1) & np.append(True, np.diff(run.time) > 0.0)
+    rows = len(good) if good.all() else int(good.argmin())
+    if rows < 2:
+        return run.time, table, np.zeros(table.shape[1])
+    head = run if rows == len(run) else replace(run, time=run.time[:rows], state=run.state[:rows])
+    jumps = with_jumps(head)
+    here = table[:rows] if len(jumps) == rows else _table(_linear(jumps))
+    ends = np.cumsum(lines)
+    reach = np.concatenate([ranges(here[:, b - n : b]) for b, n in zip(ends, lines, strict=True)])
+    units = np.repeat([panel.unit for panel in panels], [len(panel.lines) for panel in panels])
+    sizes = np.abs(np.where(np.isfinite(here), here, 0.0)).max(axis=0)
+    least = CONSERVED * np.array([sizes[units == unit].max() for unit in units])
+    bound = BETWEEN * SHARE * reach
+    curved = (bound > least) & _better_curved(jumps, here, bound)
+    at = between(jumps)
+    time, here, left = refined(
+        jumps.time, here, lambda times: _table(_linear(at(times))), np.where(curved, bound, np.inf)
+    )
+    known = np.isin(time, jumps.time)
+    for k in np.flatnonzero(~curved):
+        here[:, k] = np.interp(time, time[known], here[known, k])
+    off = np.where(curved, left, 0.0) / np.where(reach > 0.0, reach, 1.0)
+    return np.concatenate([time, run.time[rows:]]), np.concatenate([here, table[rows:]]), off
 
 
 def titled_apart(panels: list[Panel]) -> list[Panel]:
@@ -84,18 +154,40 @@ def shown_unit(unit: str) -> str:
     return unit.replace("^2", "²") or "1"
 
 
-def _closure_panels(run: Trajectory) -> list[Panel]:
-    """The multipliers of closures, one panel a unit, and how far they are apart."""
+def _better_curved(run: Trajectory, table: Array, bound: Array) -> NDArray[np.bool_]:
+    """Whether each line is better told by the smooth curve between rows than by a straight line, as found by leaving
+    out every other row: the curve misses most of those by less that a straight line misses by more than the bound. It
+    does not where a line is rounding, as a sum of energies that stays the same.
+    """
+    k = np.arange(1, len(run) - 1, 2)
+    k = k[np.unique(np.linspace(0, len(k) - 1, LEFT_OUT).astype(int))] if len(k) else k
+    rows = np.unique(np.concatenate([np.zeros(0, dtype=int), k - 1, k, k + 1]))
+    step = np.diff(run.time)
+    k = k[np.maximum(step[k - 1], step[k]) < 2.0 * np.minimum(step[k - 1], step[k])]  # none beside a jump
+    if not len(k):
+        return np.ones(table.shape[1], dtype=np.bool_)
+    some = np.setdiff1d(rows, k)
+    there = replace(run, time=run.time[some], state=run.state[some])
+    with np.errstate(all="ignore"):
+        curved = np.abs(_table(_linear(between(there)(run.time[k]))) - table[k])
+        share = ((run.time[k] - run.time[k - 1]) / (run.time[k + 1] - run.time[k - 1]))[:, None]
+        straight = np.abs(table[k - 1] + share * (table[k + 1] - table[k - 1]) - table[k])
+    missed = straight > bound
+    told = (curved / 64.0 < bound) | (straight > 0.1 * np.ptp(table, axis=0))  # the error is a sixth power of the step
+    better = missed & told & (curved < 0.5 * straight)
+    return np.asarray(better.sum(axis=0) >= 0.5 * missed.sum(axis=0), dtype=np.bool_)
+
+
+def _apart(run: Trajectory) -> list[Panel]:
+    """How far closures are apart."""
     if not run.scene.closures:
         return []
-    names = [titled(f"{owner} {label}") for owner, label in run.scene.system.multiplier_names]
-    panels = by_unit("multiplier", names, run.multipliers)
     apart = [run.closure(closure.name) for closure in run.scene.closures]
     lines = [
         ("position [m or rad]", np.max([each.residual for each in apart], axis=0)),
         ("velocity [m/s or rad/s]", np.max([each.velocity_residual for each in apart], axis=0)),
     ]
-    return [*panels, Panel("closures apart", "m or rad, and /s", lines, logarithmic=True)]
+    return [Panel("closures apart", "m or rad, and /s", lines, logarithmic=True, time=run.time)]
 
 
 def _output_columns(run: Trajectory, name: str) -> list[tuple[str, str, Array]]:

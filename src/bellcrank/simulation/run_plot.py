@@ -62,7 +62,7 @@ def _over_time(run: Trajectory, panels: Sequence[Panel]) -> Figure:
     figure = new_figure(10.0, 1.0 + 2.05 * len(panels))
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axis, panel in zip(axes, panels, strict=True):
-        _draw(axis, run.time, panel)
+        _draw(axis, panel.time, panel)
         _mark_events(axis, run, named=axis is axes[0])
         axis.legend(
             loc="upper left", bbox_to_anchor=(1.005, 1.03), frameon=False, fontsize="small", borderaxespad=0.0,

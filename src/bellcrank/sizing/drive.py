@@ -20,6 +20,7 @@ from bellcrank.card.fields import Fields
 from bellcrank.errors import InputError
 
 Array = NDArray[np.float64]
+STANDSTILL = 1e-6  # rad/s of the shaft: what is slower stands still; else rounding would choose the flow of power
 FASTEST = 1500.0  # rad/s: few motors turn faster, and many have a number above it as their rpm
 
 
@@ -153,7 +154,7 @@ class Drive:
     def shaft_torque(self, load_torque: Array, velocity: Array, acceleration: Array) -> Array:
         """Motor shaft torque (n,), N m, from joint load torque (N m or N), velocity and acceleration, all
         (n,)."""
-        motoring = load_torque * velocity >= 0.0
+        motoring = (load_torque * velocity >= 0.0) | (self.ratio * np.abs(velocity) <= STANDSTILL)
         through_gear = np.where(motoring, 1.0 / (self.ratio * self.efficiency), self.efficiency / self.ratio)
         return np.asarray(load_torque * through_gear + self.shaft_inertia * self.ratio * acceleration)
 

@@ -21,6 +21,10 @@ async function makePanel(panel, film, player, breathe) {
     if (high - low < least) return;
     zoomed.splice(0, 2, Math.max(low, range[0]), Math.min(high, range[1]));
     for (const { plot } of charts) plot.setScale("x", { min: zoomed[0], max: zoomed[1] });
+    queueMicrotask(() => {  // the scales are set by then: another time is under a pointer that stands still
+      const under = charts.find(({ plot }) => plot.over.matches(":hover"))?.plot;
+      if (under) under.setCursor({ left: under.cursor.left, top: under.cursor.top }, true, true);
+    });
   };
   const shared = { film, player, range, zoomed, zoomTo, bar, plots: charts, jumps, hover: null };
 
@@ -119,14 +123,14 @@ function makeRemarks(film) {
 /** Titles, a plot, and a legend whose entries switch lines and show values. */
 function makeChart(panel, before, chart, shared) {
   const { player, range, zoomed } = shared;
-  const lines = chart.lines.map(({ name, values }, k) => ({ name, values: chart.logarithmic ? values : gaps(values), raw: values, k, on: k < SHOWN }));
+  const lines = chart.lines.map(({ name, time, own, values }, k) => ({ name, time, own, values: chart.logarithmic ? values : gaps(values), raw: values, k, on: k < SHOWN }));
   const positive = chart.logarithmic ? floorOf(chart.lines) : 0;
   if (chart.logarithmic) for (const line of lines) line.values = raised(line.raw, positive);
-  const usual = chart.logarithmic ? 0 : usualOf(lines.map(({ raw }) => raw));
+  const usual = chart.logarithmic ? 0 : usualOf(chart.time, lines.map(({ raw }) => raw));
   const few = chart.time.length <= 3;
   const noise = NOISE * Math.max(...lines.map(({ raw }) => largest(raw)));
   const box = element("section", { className: "chart" }, element("header", {}, element("b", { textContent: chart.title }),
-    element("span", { textContent: `[${unitShown(chart.unit)}]${chart.logarithmic ? ", logarithmic" : usual ? `, logarithmic above ${shown(usual, 2)}` : ""}` })));
+    element("span", { textContent: `[${unitShown(chart.unit)}]${chart.logarithmic ? ", logarithmic" : usual ? `, logarithmic above ${shown(usual, 2)}` : ""}${inexact(chart.share, shared.film.share)}` })));
   panel.insertBefore(box, before);
   const twice = shared.film.charts.filter(({ title }) => title === chart.title).length > 1;
   shared.jumps.push([twice ? `${chart.title} [${unitShown(chart.unit)}]` : chart.title, box]);
@@ -161,6 +165,8 @@ function makeChart(panel, before, chart, shared) {
   plot.setScale("x", { min: zoomed[0], max: zoomed[1] });
   const playhead = element("div", { className: "playhead" });
   plot.over.append(playhead);
+  const follow = (t) => { playhead.style.transform = `translateX(${plot.valToPos(t, "x")}px)`; };
+  plot.hooks.draw = [() => follow(player.time)];  // the scale is new now, whatever changed it
   draggable(plot.over, player, (x) => plot.posToVal(x, "x"));
   plot.over.addEventListener("wheel", (event) => {
     if (!event.ctrlKey) return;  // else the panel scrolls
@@ -184,11 +190,11 @@ function makeChart(panel, before, chart, shared) {
       for (const axis of plot.axes) Object.assign(axis, { stroke: () => style.stroke(), grid: { ...axis.grid, ...style.grid } });
       for (const { swatch, line } of outputs) swatch.style.color = paletteColour(line.k);
     },
-    follow: (t) => { playhead.style.transform = `translateX(${plot.valToPos(t, "x")}px)`; },
+    follow,
     tell: (t) => {
       for (const { output, line } of outputs) {
-        const value = valueAt(chart.time, line.raw, t);
-        const text = line.on ? shown(Math.abs(value) < noise && !chart.logarithmic ? 0 : value) : "";
+        const value = valueAt(line.time, line.own, t);
+        const text = line.on ? `${chart.share === null ? "≈ " : ""}` + shown(Math.abs(value) < noise && !chart.logarithmic ? 0 : value) : "";
         if (output.textContent !== text) output.textContent = text;
       }
     },

@@ -6,6 +6,7 @@ function fillTexts(film, licences) {
   foldFacts();
   const notes = [
     `No point of a body is shown further than ${shown(film.bound * 1000, 2)} mm from a smooth curve through the rows of the run.`,
+    ...film.charts.length ? [`No value of a plot is shown further off than ${fraction(film.share)} of its line's range, unless the plot says so; both sides of a jump are there.`] : [],
     ...film.notes,
     "This page holds all it needs and fetches nothing.",
   ];
@@ -13,6 +14,14 @@ function fillTexts(film, licences) {
   byId("licences").querySelector("pre").textContent = licences;
   document.body.classList.toggle("alone", !film.charts.length && !film.planes.length);
 }
+
+/** A share as 1/n. */
+const fraction = (share) => `1/${Math.max(Math.floor(1 / share), 1).toLocaleString("en")}`;
+
+/** What a plot says of itself where it is not as good as the page's bound. */
+const inexact = (share, bound) => (share === null ? ", extremes only: values between are not told"
+  : share > 0.25 ? ", right at the run's rows only: it moves too fast between them"
+  : share > 1.01 * bound ? `, within ${fraction(share)} of a line's range` : "");
 
 /** The first fact, whatever else its lines hold, and all when asked. */
 function foldFacts() {

@@ -67,6 +67,29 @@ function addSpring(THREE, world, layers, film, { name, ends }) {
   };
 }
 
+/** A thin rod between two points. */
+function addRod(THREE, world, layers, stock, film, { name, ends }) {
+  const [cylinder] = stock.geometry({ kind: "cylinder", size: [1, 1] });
+  const rod = new THREE.Mesh(cylinder, stock.material(ROD));
+  const along = new THREE.Vector3();
+  const axis = new THREE.Vector3(0, 0, 1);
+  const group = new THREE.Group().add(rod);
+  world.add(group);
+  layers.push({ group: "Rods", name, colour: "#4a5560", objects: [group], on: true });
+  return (frame, part) => {
+    const start = mixed(ends, 6, 0, frame, part);
+    along.fromArray(mixed(ends, 6, 3, frame, part)).sub(rod.position.fromArray(start));
+    const length = along.length();
+    rod.visible = length > 1e-9;
+    if (!rod.visible) return;
+    rod.position.addScaledVector(along, 0.5);
+    rod.quaternion.setFromUnitVectors(axis, along.divideScalar(length));
+    const radius = Math.min(0.008 * film.size, 0.05 * length);
+    rod.scale.set(radius, radius, length);
+  };
+}
+const ROD = [0.29, 0.33, 0.38, 1];  // red, green, blue, opacity
+
 function addArrow(THREE, world, layers, stock, film, data, number) {
   const scale = film.scales[data.scale];
   const longest = Math.max(...film.scales.map(({ usual, length, decade, peak }) => arrowLength({ usual, length, decade }, peak)));
@@ -74,13 +97,14 @@ function addArrow(THREE, world, layers, stock, film, data, number) {
   const arrow = makeArrow(THREE, stock, data, colour, longest || 1);
   const group = new THREE.Group().add(arrow);
   world.add(group);
-    layers.push({ group: "Arrows", name: `${data.name} [${unitShown(scale.unit)}]`, colour, objects: [group], on: film.arrows.length <= MANY });
-  return (frame, part) => {
-    const [x, y, z] = mixed(data.vectors, 3, 0, frame, part);
+  layers.push({ group: "Arrows", name: `${data.name} [${unitShown(scale.unit)}]`, colour, objects: [group], on: film.arrows.length <= MANY });
+  return (frame, part, t) => {
+    const [row, share] = between(data.time, t);  // an arrow has times of its own: a force may jump while nothing moves
+    const [x, y, z] = mixed(data.vectors, 3, 0, row, share);
     const magnitude = Math.hypot(x, y, z);
     arrow.visible = magnitude > 1e-9 * scale.peak && Number.isFinite(magnitude);
     if (!arrow.visible) return;
-    arrow.position.fromArray(mixed(data.points, 3, 0, frame, part));
+    arrow.position.fromArray(mixed(data.points, 3, 0, row, share));
     arrow.shape(x, y, z, magnitude, arrowLength(scale, magnitude));
   };
 }

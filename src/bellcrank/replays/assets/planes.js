@@ -4,7 +4,8 @@
 function makePlane(panel, plane, shared) {
   const { player, jumps } = shared;
   const { x, y, time, limits } = plane;
-  const box = element("section", { className: "chart plane" }, element("header", {}, element("b", { textContent: plane.title })));
+  const box = element("section", { className: "chart plane" }, element("header", {}, element("b", { textContent: plane.title }),
+    ...[inexact(plane.share, shared.film.share).slice(2)].filter(Boolean).map((text) => element("span", { textContent: text }))));
   panel.append(box);
   jumps.push([plane.title, box]);
   const style = axisStyle();

@@ -52,10 +52,23 @@ function powers(u, axis, low, high) {
 }
 
 /** What most values stay below, where a few are far larger and would hide them on a straight scale; else 0. */
-function usualOf(all) {
+function usualOf(times, all) {
   const peak = Math.max(...all.map(largest));
-  const sizes = Float64Array.from(all.flatMap((values) => Array.from(values, Math.abs).filter((v) => v > NOISE * peak && v < Infinity)));
-  const usual = sizes.length > 20 ? sizes.sort()[Math.floor(0.95 * sizes.length)] : 0;
+  const spans = [];  // [size, how long]: samples lie where lines bend, so that their number says nothing
+  let total = 0;
+  for (const values of all) {
+    for (let i = 0; i < times.length; i++) {
+      const size = Math.abs(values[i]);
+      if (!(size > NOISE * peak && size < Infinity)) continue;
+      const long = times[Math.min(i + 1, times.length - 1)] - times[Math.max(i - 1, 0)];
+      spans.push([size, long]);
+      total += long;
+    }
+  }
+  if (spans.length <= 20) return 0;
+  spans.sort(([a], [b]) => a - b);
+  let left = 0.95 * total;
+  const usual = (spans.find(([, long]) => (left -= long) < 0) ?? spans.at(-1))[0];
   return peak > OUTSTANDING * usual ? usual : 0;
 }
 

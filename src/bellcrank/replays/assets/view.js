@@ -53,6 +53,7 @@ function makeView(pane, film) {
     follower.move,
     ...film.traces.map((trace, k) => addTrace(THREE, world, layers, trace, paletteColour(k + 1), size)),
     ...film.springs.map((spring) => addSpring(THREE, world, layers, film, spring)),
+    ...film.rods.map((rod) => addRod(THREE, world, layers, stock, film, rod)),
     ...film.arrows.map((arrow, k) => addArrow(THREE, world, layers, stock, film, arrow, k)),
     ...addAxes(THREE, world, bodies, layers, film, size),
   ];

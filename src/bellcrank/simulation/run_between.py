@@ -1,0 +1,140 @@
+"""A run between its rows: states on either side of what jumps, and on the smooth curve through the rows elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bellcrank.motion.coordinates import from_rates, rates
+from bellcrank.motion.hermite import smooth_between
+from bellcrank.motion.resampling import before
+
+if TYPE_CHECKING:
+    from bellcrank.dynamics.signals import Signal
+    from bellcrank.scene.scene import Scene
+    from bellcrank.simulation.trajectory import Array, Trajectory
+
+SMALL_JUMP = 1e-9  # of a signal's largest value: rounding
+MOST_JUMPS = 20_000  # that are looked at
+SUBSTEPS = 4  # of the integration from a row to a jump
+
+
+def with_jumps(run: Trajectory) -> Trajectory:
+    """The run, of finite states and increasing times, with two rows more for each time at which a force jumps between
+    two of its rows: the limits from before and from after.
+    """
+    jumps = jump_times(run)
+    early = before(jumps)
+    new = ~np.isin(early, run.time)
+    if new.any():
+        times = early[new]
+        at = np.searchsorted(run.time, times, side="right")
+        there = run.time[at] == jumps[new]  # a row is at the jump already, and states do not jump
+        state = run.state[at]
+        if not there.all():
+            state[~there] = _reached(run, times[~there])
+        run = _with_rows(run, times, state)
+    late = jumps[~np.isin(jumps, run.time)]
+    return _with_rows(run, late, run.state[np.searchsorted(run.time, late) - 1]) if len(late) else run
+
+
+def _with_rows(run: Trajectory, times: Array, state: Array) -> Trajectory:
+    at = np.searchsorted(run.time, times)
+    return replace(run, time=np.insert(run.time, at, times), state=np.insert(run.state, at, state, axis=0))
+
+
+def jump_times(run: Trajectory) -> Array:
+    """When, after the first row and before the last, tabulated torques and motions that controllers follow jump, s; no
+    more than MOST_JUMPS.
+    """
+    times = signal_jumps(run.scene, run.signals)
+    inside: Array = times[(times > run.time[0]) & (times < run.time[-1])][:MOST_JUMPS]
+    return inside
+
+
+def signal_jumps(scene: Scene, signals: Sequence[Signal]) -> Array:
+    """When tabulated torques of a scene, and motions that its controllers follow, jump, s, increasing."""
+    found = [np.asarray(scene.stops)]
+    for signal in signals:
+        if signal.kinked:
+            u = signal.at(signal.breaks)
+            jump = np.abs(u - signal.at(before(signal.breaks))) > SMALL_JUMP * np.abs(u).max(initial=0.0)
+            found.append(signal.breaks[jump.any(axis=1)])
+    return np.unique(np.concatenate(found))
+
+
+def between(run: Trajectory) -> Callable[[Array], Trajectory]:
+    """The run at other times (m,) s within it, of which none may be beyond a jump from a row beside it."""
+    smooth = smooth_between(run.robot.joints, run.time, run.position, run.velocity, run.acceleration)
+    nq, nv = run.robot.nq, run.robot.nv
+
+    def at(times: Array) -> Trajectory:
+        state = np.zeros((len(times), run.state.shape[1]))
+        state[:, :nq], state[:, nq : nq + nv] = smooth(times)
+        return replace(run, time=times, state=_with_work(run, times, state))
+
+    return at
+
+
+def _with_work(run: Trajectory, times: Array, state: Array) -> Array:
+    """States (m, size) with the work that energy takes for its balance to be what it is at the run's rows."""
+    if run.scene.system.has_work:
+        energy = replace(run, time=times, state=state).total_energy
+        state[:, -1] = energy - np.interp(times, run.time, run.total_energy - run.work)
+    return state
+
+
+def _reached(run: Trajectory, times: Array) -> Array:
+    """States (m, size) at increasing times that lie between rows, by Runge-Kutta steps of order 4 from the row before,
+    or from the time before where several lie between the same two rows.
+    """
+    row = np.searchsorted(run.time, times, side="right") - 1
+    rank = np.arange(len(times)) - np.searchsorted(row, row)
+    state = run.state[row]
+    for k in range(int(rank.max()) + 1):
+        mine = np.flatnonzero(rank == k)
+        begin = run.time[row[mine]] if k == 0 else np.nextafter(times[mine - 1], np.inf)  # after the jump there
+        start = run.state[row[mine]] if k == 0 else state[mine - 1]
+        state[mine] = _stepped(run, begin, start, times[mine])
+    after = run.state[row + 1]
+    span = np.abs(after - run.state[row]).max(axis=1) + np.abs(run.velocity[row]).max(axis=1) * (
+        run.time[row + 1] - run.time[row]
+    )
+    lost = ~(np.abs(state - run.state[row]).max(axis=1) <= 10.0 * span)  # stiff, beyond what such steps can follow
+    share = (times - run.time[row]) / (run.time[row + 1] - run.time[row])
+    state[lost] = (run.state[row] + share[:, None] * (after - run.state[row]))[lost]
+    return _with_work(run, times, state)
+
+
+def _stepped(run: Trajectory, begin: Array, state: Array, end: Array) -> Array:
+    """States at `end` (m,) s from those (m, size) at `begin`."""
+    h = (end - begin) / SUBSTEPS
+    scale = h[:, None]
+    with np.errstate(all="ignore"):
+        for k in range(SUBSTEPS):
+            t = begin + k * h
+            late = end if k == SUBSTEPS - 1 else t + h
+            k1 = _rate(run, t, state)
+            k2 = _rate(run, t + 0.5 * h, state + 0.5 * scale * k1)
+            k3 = _rate(run, t + 0.5 * h, state + 0.5 * scale * k2)
+            k4 = _rate(run, late, state + scale * k3)
+            state = state + scale / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+        q, v = state[:, : run.robot.nq], state[:, run.robot.nq : run.robot.nq + run.robot.nv]
+        state = state.copy()
+        state[:, : run.robot.nq] = from_rates(run.robot.joints, q, *rates(run.robot.joints, q, v, 0.0 * v))[0]
+    return state
+
+
+def _rate(run: Trajectory, t: Array, state: Array) -> Array:
+    """dx/dt (m, size) with the accelerations that the results have, and none of the work."""
+    there = replace(run, time=t, state=state)
+    q, v, a = there.position, there.velocity, there.acceleration
+    rate = np.zeros_like(state)
+    rate[:, : run.robot.nq], rate[:, run.robot.nq : run.robot.nq + run.robot.nv] = (
+        rates(run.robot.joints, q, v, a)[0],
+        a,
+    )
+    return rate
