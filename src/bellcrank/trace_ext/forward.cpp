@@ -1,5 +1,6 @@
 // Forward dynamics by Pinocchio's articulated-body algorithm.
 #include "symbolic.hpp"
+#include "workspace.hpp"
 
 #include "pinocchio/algorithm/aba.hpp"
 
@@ -9,7 +10,8 @@ namespace bellcrank {
   const Symbolic& s = *symbolic_;
   SX acceleration;
   if (!s.has_mimic()) {
-    Data data(s.model);
+    Workspace data(s.model);
+    data.Yaba.assign(s.model.njoints, Data::Inertia::Matrix6::Zero());
     VectorSX tau(s.model.nv);
     for (int i = 0; i < s.model.nv; ++i) tau[i] = s.multiplier[i] * s.tau(s.column[i]);
     pinocchio::aba(s.model, data, s.q_full, s.v_full, tau, pinocchio::Convention::LOCAL);

@@ -1,5 +1,6 @@
 // Inverse dynamics and joint reactions by Pinocchio's recursive Newton-Euler algorithm.
 #include "symbolic.hpp"
+#include "workspace.hpp"
 
 #include "pinocchio/algorithm/rnea.hpp"
 
@@ -7,14 +8,14 @@ namespace bellcrank {
 
 ::casadi::Function Tree::inverse_dynamics() const {
   const Symbolic& s = *symbolic_;
-  Data data(s.model);
+  Workspace data(s.model);
   pinocchio::rnea(s.model, data, s.q_full, s.v_full, s.a_full);
   return ::casadi::Function("inverse_dynamics", {s.q, s.v, s.a, s.p}, {s.reduce(data.tau)},
                             {"q", "v", "a", "p"}, {"tau"});
 }
 
 SX bias_force(const Symbolic& s) {
-  Data data(s.model);
+  Workspace data(s.model);
   const VectorSX rest = VectorSX::Constant(s.model.nv, SX(0.0));
   pinocchio::rnea(s.model, data, s.q_full, s.v_full, rest);
   return s.reduce(data.tau);
@@ -22,7 +23,7 @@ SX bias_force(const Symbolic& s) {
 
 ::casadi::Function Tree::reactions() const {
   const Symbolic& s = *symbolic_;
-  Data data(s.model);
+  Workspace data(s.model);
   pinocchio::rnea(s.model, data, s.q_full, s.v_full, s.a_full);
   std::vector<SX> rows;
   for (int j = 1; j < s.model.njoints; ++j)

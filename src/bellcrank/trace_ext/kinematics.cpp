@@ -1,5 +1,6 @@
 // Frame placements and velocities, kinetic and potential energy.
 #include "symbolic.hpp"
+#include "workspace.hpp"
 
 #include "pinocchio/algorithm/energy.hpp"
 #include "pinocchio/algorithm/kinematics.hpp"
@@ -8,16 +9,25 @@ namespace bellcrank {
 
 ::casadi::Function Tree::energy() const {
   const Symbolic& s = *symbolic_;
-  Data data(s.model);
+  Workspace data(s.model);
   pinocchio::forwardKinematics(s.model, data, s.q_full, s.v_full);
-  SX kinetic = pinocchio::computeKineticEnergy(s.model, data);
+  // Not Pinocchio's computeKineticEnergy, which leaves out the armature of joints along no coordinate axis.
+  SX twice = 0.0;
+  for (int j = 1; j < s.model.njoints; ++j) {
+    twice += s.model.inertias[j].vtiv(data.v[j]);
+    SX rotors = 0.0;
+    for (int i = s.model.idx_vs[j]; i < s.model.idx_vs[j] + s.model.nvs[j]; ++i)
+      rotors += s.model.armature[i] * (s.v_full[i] * s.v_full[i]);
+    twice += rotors;
+  }
+  const SX kinetic = 0.5 * twice;
   const SX potential = pinocchio::computePotentialEnergy(s.model, data);
   return ::casadi::Function("energy", {s.q, s.v, s.p}, {vertcat(kinetic, potential)}, {"q", "v", "p"}, {"energy"});
 }
 
 ::casadi::Function Tree::frames(const std::vector<int>& which) const {
   const Symbolic& s = *symbolic_;
-  Data data(s.model);
+  Workspace data(s.model);
   pinocchio::forwardKinematics(s.model, data, s.q_full, s.v_full);
   std::vector<SX> rows;
   for (const int f : which) {

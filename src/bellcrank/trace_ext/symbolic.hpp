@@ -21,10 +21,9 @@ struct Symbolic {
 
   // S' x: what acts on the joints, gathered on the independent coordinates.
   SX reduce(const VectorSX& full) const {
-    SX out = SX::zeros(v.size1(), 1);
-    for (Eigen::Index i = 0; i < full.size(); ++i)
-      out(column[i]) += SX(multiplier[i]) * full[i];
-    return out;
+    std::vector<SX> out(v.size1(), SX(0.0));
+    for (Eigen::Index i = 0; i < full.size(); ++i) out[column[i]] += SX(multiplier[i]) * full[i];
+    return vertcat(out);
   }
 };
 
