@@ -324,11 +324,10 @@ def test_closeness_to_singular_is_the_ratio_of_singular_values_and_can_end_a_run
     event = [{"name": "near", "when": {"singular_closure": 0.05}, "direction": "up", "stop": True}]
     run = simulate(four_bar, overrides={"events": event})
     near = run.events[-1]
-    flat, mass = run.scene.system.metric(
+    jacobian, mass = run.scene.system.closure_metric(
         np.array([near.time]), np.concatenate([near.position, near.velocity]), np.zeros(0), run.parameters
     )
-    root = np.linalg.cholesky(mass.reshape(3, 3))
-    values = np.linalg.svd(np.linalg.solve(root, flat.reshape(3, -1)), compute_uv=False)
+    values = np.linalg.svd(np.linalg.solve(np.linalg.cholesky(mass), jacobian.T), compute_uv=False)
     assert values[1] / values[0] == pytest.approx(0.05, rel=1e-6)
 
 

@@ -136,8 +136,7 @@ def _linearised(scene: Scene, q: Array, v: Array) -> tuple[Array, Array, Array]:
     system = scene.system
     x = np.zeros(system.size)
     x[: system.nq], x[system.nq : system.nq + system.nv] = q, v
-    gap, speed, flat = system.linearised(np.zeros(1), x, scene.signals_at(np.zeros(1))[0], scene.system_parameters)
-    return gap, speed, flat.reshape(system.nv, len(speed)).T
+    return system.linearised_closures(np.zeros(1), x, scene.signals_at(np.zeros(1))[0], scene.system_parameters)
 
 
 def _position(scene: Scene, q: Array) -> tuple[Array, Array]:

@@ -7,8 +7,9 @@ while the machine code lies in the cache.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,26 @@ LARGEST_STAGED = 16  # states: up to here the way through memory is a good part 
 _systems: dict[str, System] = {}
 
 
+class Places(NamedTuple):
+    """Where the entries of a sparse matrix lie: its rows and columns, and the row and the column of each entry."""
+
+    height: int
+    width: int
+    rows: Sequence[int]
+    columns: Sequence[int]
+
+    @staticmethod
+    def of(matrix: casadi.SX) -> Places:
+        """Those of an expression, column after column."""
+        return Places(*matrix.shape, *matrix.sparsity().get_triplet())
+
+    def matrix(self, entries: Array) -> Array:
+        """The matrix (…, height, width) with these entries (…, n)."""
+        whole = np.zeros((*entries.shape[:-1], self.height, self.width))
+        whole[..., self.rows, self.columns] = entries
+        return whole
+
+
 class System:
     """Compiled functions of (t, x, u, p): time (1), state x = q, v and maybe W (n), signals (nu), parameters (np).
 
@@ -48,6 +69,7 @@ class System:
         self.has_work: bool = self._facts["has_work"]
         self.may_be_massless: bool = self._facts["may_be_massless"]
         self.size = self.nq + self.nv + self.has_work
+        self._places = {name: Places(*places) for name, places in self._facts["places"].items()}
 
     def _find_facts(self) -> dict[str, Any]:
         a = self.assembly
@@ -60,6 +82,9 @@ class System:
             "rows": [rows[k] for k in solution.closed.kept] if solution is not None else [],
             "operations": rhs.n_instructions(),
             "outputs": {name: expression.numel() for name, expression in a.outputs.items()},
+            "places": {} if solution is None else {
+                "jacobian": Places.of(solution.closed.jacobian), "mass": Places.of(solution.mass)
+            },
         }
         disk.store("system-" + self._key, json.dumps(facts).encode())
         return facts
@@ -135,26 +160,36 @@ class System:
 
         return self._compiled("closure", build)
 
+    def linearised_closures(self, t: Array, x: Array, u: Array, p: Array) -> tuple[Array, Array, Array]:
+        """φ (h), (φ̇, ψ) (rows) and J (rows, nv) at a state, or at each state of a batch."""
+        position, speed, entries = self._linearised(t, x, u, p)
+        return position, speed, self._places["jacobian"].matrix(entries)
+
     @cached_property
-    def linearised(self) -> Compiled:
-        """(t, x, u, p) -> φ, (φ̇, ψ), and J column after column."""
+    def _linearised(self) -> Compiled:
+        """(t, x, u, p) -> φ, (φ̇, ψ), and the entries of J that are not always zero."""
 
         def build() -> casadi.Function:
             solution = self.assembly.solution
             assert solution is not None
             c = solution.closed
-            return self._state_function("linearised", [c.position, c.speed, _dense(c.jacobian)])
+            return self._state_function("linearised", [c.position, c.speed, _entries(c.jacobian)])
 
         return self._compiled("linearised", build)
 
+    def closure_metric(self, t: Array, x: Array, u: Array, p: Array) -> tuple[Array, Array]:
+        """J (rows, nv) and M (nv, nv) at a state, or at each state of a batch."""
+        jacobian, mass = self._metric(t, x, u, p)
+        return self._places["jacobian"].matrix(jacobian), self._places["mass"].matrix(mass)
+
     @cached_property
-    def metric(self) -> Compiled:
-        """(t, x, u, p) -> J and M column after column."""
+    def _metric(self) -> Compiled:
+        """(t, x, u, p) -> the entries of J and of M that are not always zero."""
 
         def build() -> casadi.Function:
             solution = self.assembly.solution
             assert solution is not None
-            return self._state_function("metric", [_dense(solution.closed.jacobian), _dense(solution.mass)])
+            return self._state_function("metric", [_entries(solution.closed.jacobian), _entries(solution.mass)])
 
         return self._compiled("metric", build)
 
@@ -266,6 +301,13 @@ def system_of(scene: Scene) -> System:
     if key not in _systems:
         _systems[key] = System(scene, key)
     return _systems[key]
+
+
+def _entries(matrix: casadi.SX) -> casadi.SX:
+    """The entries of a sparse matrix that are not always zero, in the order of their Places."""
+    import casadi
+
+    return casadi.vertcat(casadi.SX(0, 1), *matrix.nonzeros())
 
 
 def _dense(matrix: casadi.SX) -> casadi.SX:

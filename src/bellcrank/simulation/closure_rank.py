@@ -28,10 +28,8 @@ class ClosureRank:
 
 def rank_of(system: System, t: Array, x: Array, u: Array, p: Array) -> ClosureRank:
     """The rank of a system's closures at a time (1) s, state, signals and parameters."""
-    flat, mass = system.metric(t, x, u, p)
-    nv = system.nv
-    jacobian = flat.reshape(nv, -1).T
-    weighted = np.linalg.solve(np.linalg.cholesky(mass.reshape(nv, nv)), jacobian.T).T
+    jacobian, mass = system.closure_metric(t, x, u, p)
+    weighted = np.linalg.solve(np.linalg.cholesky(mass), jacobian.T).T
     length = np.linalg.norm(weighted, axis=1, keepdims=True)
     weighted = weighted / np.where(length > 0.0, length, 1.0)
     left, values, _ = np.linalg.svd(weighted)

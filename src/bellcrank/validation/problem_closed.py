@@ -200,8 +200,8 @@ def _dependence(run: Trajectory) -> float:
     """The largest share, over the rows of the run, that the least singular value of J is of the greatest."""
     system, shares = run.scene.system, []
     for t, x, u in zip(run.time, run.state, run.inputs, strict=True):
-        flat = system.linearised(np.array([t]), x, u, run.parameters)[2]
-        values = np.linalg.svd(flat.reshape(system.nv, -1).T, compute_uv=False)
+        jacobian = system.linearised_closures(np.array([t]), x, u, run.parameters)[2]
+        values = np.linalg.svd(jacobian, compute_uv=False)
         shares.append(values[-1] / values[0])
     return float(max(shares))
 
@@ -211,8 +211,8 @@ def judge_five_bar(run: Trajectory) -> list[Figure]:
     every motion that the closure allows.
     """
     system = run.scene.system
-    flat = system.linearised(run.time[-1:], run.state[-1], run.inputs[-1], run.parameters)[2]
-    free = np.linalg.svd(flat.reshape(system.nv, -1).T)[2][2:]
+    jacobian = system.linearised_closures(run.time[-1:], run.state[-1], run.inputs[-1], run.parameters)[2]
+    free = np.linalg.svd(jacobian)[2][2:]
     weight = run.robot.inverse_dynamics(run.position[-1], np.zeros(system.nv), np.zeros(system.nv))
     return [
         ended(run),
