@@ -60,11 +60,12 @@ def _inertia(scene: Scene, assembly: Assembly, q: Array) -> tuple[Array, Array]:
 
     a, nv = assembly, scene.robot.nv
     jacobian = casadi.SX(0, nv) if a.solution is None else a.solution.closed.jacobian
-    momenta = casadi.densify(casadi.gradient(a.kinetic, a.v))
-    f = casadi.Function("inertia", [a.t, a.state, a.u, a.p], [momenta, casadi.densify(jacobian)])
+    arguments = [a.t, a.state, a.u, a.p]
+    momenta = casadi.Function("momenta", arguments, [casadi.densify(casadi.gradient(a.kinetic, a.v))])
+    rows = casadi.Function("rows", arguments, [jacobian])
     states = np.vstack([np.tile(q[:, None], nv), np.eye(nv), np.zeros((int(a.has_work), nv))])
-    mass, rows = f(0.0, states, scene.signals_at(np.zeros(1))[0], scene.system_parameters)
-    return np.array(mass), np.array(rows)[:, :nv]
+    u, p = scene.signals_at(np.zeros(1))[0], scene.system_parameters
+    return np.array(momenta(0.0, states, u, p)), np.array(rows(0.0, states[:, :1], u, p).full())
 
 
 def _satisfied(scene: Scene, assembly: Assembly, q: Array, random: np.random.Generator) -> bool:

@@ -175,7 +175,7 @@ class System:
             c = solution.closed
             return self._state_function("linearised", [c.position, c.speed, _entries(c.jacobian)])
 
-        return self._compiled("linearised", build)
+        return self._compiled("linearised", build, seldom=True)
 
     def closure_metric(self, t: Array, x: Array, u: Array, p: Array) -> tuple[Array, Array]:
         """J (rows, nv) and M (nv, nv) at a state, or at each state of a batch."""
@@ -191,7 +191,7 @@ class System:
             assert solution is not None
             return self._state_function("metric", [_entries(solution.closed.jacobian), _entries(solution.mass)])
 
-        return self._compiled("metric", build)
+        return self._compiled("metric", build, seldom=True)
 
     def latch(self, k: int) -> Compiled:
         """(t, x, u, p) -> what happens where the lock of event k closes (dynamics/latch.py)."""
@@ -291,8 +291,8 @@ class System:
         a = self.assembly
         return casadi.Function(name, [a.t, a.state, a.u, a.p], [casadi.densify(o) for o in outputs])
 
-    def _compiled(self, what: str, build: Any) -> Compiled:
-        return self._scene.robot.compiled(f"{what} {self._key}", build)
+    def _compiled(self, what: str, build: Any, seldom: bool = False) -> Compiled:
+        return self._scene.robot.compiled(f"{what} {self._key}", build, seldom)
 
 
 def system_of(scene: Scene) -> System:

@@ -6,6 +6,8 @@ import ctypes
 import json
 import threading
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -69,28 +71,35 @@ class Compiled:
         if key not in self._loaded:
             with _making:
                 if key not in self._loaded:
-                    self._loaded[key] = self._load(kind)
+                    loaded = self._kept(kind)
+                    if loaded is None:
+                        ir = self.ir(kind)
+                        loaded = self._made(kind, ir, machine.object_code(ir, machine.target()))
+                    self._loaded[key] = loaded
         return self._loaded[key].address
 
-    def _load(self, kind: str) -> machine.Loaded:
+    def _hint(self, kind: str) -> str:
         chosen = machine.target()
-        hint = f"{kind}:{chosen.name}:{chosen.cpu}:{chosen.features}"
-        code = None
-        key = self._hints.get(hint)
-        if key:
-            code = disk.load(key)
+        return f"{kind}:{chosen.name}:{chosen.cpu}:{chosen.features}"
+
+    def _kept(self, kind: str) -> machine.Loaded | None:
+        """The code that lies in the cache, loaded; None where there is none."""
+        key = self._hints.get(self._hint(kind))
+        code = disk.load(key) if key else None
         if code is not None:
             try:
-                return machine.Loaded(self.name, code, chosen)
+                return machine.Loaded(self.name, code, machine.target())
             except (RuntimeError, KeyError):
-                code = None  # not an object this LLVM can load: make it anew
-        ir = self.ir(kind)
-        key = machine.object_key(ir, chosen)
-        code = machine.object_code(ir, chosen)
+                pass  # not an object this LLVM can load: make it anew
+        return None
+
+    def _made(self, kind: str, ir: str, code: bytes) -> machine.Loaded:
+        """New code, loaded and kept in the cache."""
+        key = machine.object_key(ir, machine.target())
         disk.store(key, code)
-        self._hints[hint] = key
+        self._hints[self._hint(kind)] = key
         self._remember(self._hints)
-        return machine.Loaded(self.name, code, chosen)
+        return machine.Loaded(self.name, code, machine.target())
 
     def prepared(self, arrays: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], int]:
         """A call of the batch code on these very arrays (C-contiguous, at least as many rows as lanes), bare."""
@@ -143,6 +152,26 @@ class Compiled:
         return outputs
 
 
+def make_ready(wanted: Sequence[tuple[Compiled, str]]) -> None:
+    """Make machine code (function, kind) where it is not there yet: LLVM compiles while the next IR is written."""
+    chosen, name = machine.target(), machine.target_name()
+    if all((kind, name) in function._loaded for function, kind in wanted):
+        return
+    with _making, ThreadPoolExecutor(1) as compiler:
+        making = []
+        for function, kind in wanted:
+            if (kind, name) in function._loaded:
+                continue
+            loaded = function._kept(kind)
+            if loaded is not None:
+                function._loaded[kind, name] = loaded
+                continue
+            ir = function.ir(kind)
+            making.append((function, kind, ir, compiler.submit(machine.object_code, ir, chosen)))
+        for function, kind, ir, code in making:
+            function._loaded[kind, name] = function._made(kind, ir, code.result())
+
+
 @cache
 def sources() -> str:
     """A digest of the package: whatever builds an expression or compiles it, a change makes cached recipes stale."""
@@ -151,18 +180,18 @@ def sources() -> str:
     return disk.digest(*[p.read_bytes() for p in paths])
 
 
-def compiled(name: str, key: Sequence[str], build: Callable[[], casadi.Function]) -> Compiled:
+def compiled(name: str, key: Sequence[str], build: Callable[[], casadi.Function], seldom: bool = False) -> Compiled:
     """The compiled function that `build` describes, from the cache where `key` is known there.
 
     `key` must say everything that `build` depends on; `build` is not called while machine code for
-    what is asked of the function lies in the cache.
+    what is asked of the function lies in the cache. `seldom` is the graph's.
     """
     recipe = "recipe-" + disk.digest(name, *key, sources())
     graphs: list[Graph] = []
 
     def graph() -> Graph:
         if not graphs:
-            graphs.append(graph_of(_serialized(build())))
+            graphs.append(replace(graph_of(_serialized(build())), seldom=seldom))
         return graphs[0]
 
     stored = _read_recipe(recipe)

@@ -27,11 +27,15 @@ class Node(NamedTuple):
 
 @dataclass(frozen=True)
 class Graph:
-    """Nodes in an order in which each reads only earlier ones; outputs[k] = (size, {entry: node})."""
+    """Nodes in an order in which each reads only earlier ones; outputs[k] = (size, {entry: node}).
+
+    `seldom`: it will be called a few times only, so that the time to compile it is what counts.
+    """
 
     nodes: tuple[Node, ...]
     input_sizes: tuple[int, ...]
     outputs: tuple[tuple[int, dict[int, int]], ...]
+    seldom: bool = False
 
     @property
     def operations(self) -> int:

@@ -56,7 +56,7 @@ def schedule(graph: Graph) -> Schedule:
     cuts = [len(steps) * k // count for k in range(count + 1)] if count else [0, 0]
     parts = tuple(tuple(steps[a:b]) for a, b in itertools.pairwise(cuts))
     slots, memory = _slots(graph, parts, sines)
-    if len(steps) <= WHOLE and memory <= WAITING:
+    if not graph.seldom and len(steps) <= WHOLE and memory <= WAITING:
         parts, slots, memory = (tuple(steps),), {}, 0
     places: dict[int, list[tuple[int, int]]] = {}
     for k, (_, entries) in enumerate(graph.outputs):

@@ -342,9 +342,12 @@ class Robot:
         """The machine code of "inverse_dynamics" or "forward_dynamics", for callers that drive it themselves."""
         return self._code(algorithm, lambda: self.equations.dynamics(algorithm))
 
-    def compiled(self, key: str, build: Callable[[], casadi.Function]) -> Compiled:
-        """The machine code of a function that `build` makes; `key` says all it depends on besides the robot."""
-        return compiled(key, (self._key,), build)
+    def compiled(self, key: str, build: Callable[[], casadi.Function], seldom: bool = False) -> Compiled:
+        """The machine code of a function that `build` makes; `key` says all it depends on besides the robot.
+
+        A function that is called `seldom` compiles faster and runs slower.
+        """
+        return compiled(key, (self._key,), build, seldom)
 
     def trace_frames(self, names: Iterable[str]) -> casadi.Function:
         """(q, v, p of length 0) -> per frame position 3, rotation 9 (row major), linear and angular velocity, world."""

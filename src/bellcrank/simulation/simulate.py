@@ -17,6 +17,7 @@ from bellcrank.constraints.gains import automatic_gains
 from bellcrank.dynamics.system import LARGEST_STAGED
 from bellcrank.errors import InputError
 from bellcrank.machine_code import machine
+from bellcrank.machine_code.compile import make_ready
 from bellcrank.scene.closure_conditions import ContactLost
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.settings import Settings, Stabilisation, check_rows
@@ -127,8 +128,23 @@ def _integrate(
     closed = bool(scene.closures)
     # code for many states at once pays where evaluations are cheap beside it
     together = projected and not every_step and not signals and system.size <= LARGEST_STAGED and len(times) >= MANY
+    code = {"rhs": (system.stage if staged else system.rhs, "scalar")}
+    if scene.events:
+        code["events"] = (system.events, "scalar")
+    if implicit and system.whole_jacobian:
+        code["jacobian"] = (system.jacobian, "scalar")
+    elif implicit:
+        code["tangent"] = (system.tangent, "batch")
+    if closed:
+        code["fallback"] = (system.fallback_stage if staged else system.fallback, "scalar")
+    if projected:
+        code["project"], code["project_fallback"] = (system.project, "scalar"), (system.project_fallback, "scalar")
+    if together:
+        code["project_batch"] = (system.project, "batch")
+    make_ready(tuple(code.values()))
+    address = {name: function.address(kind) for name, (function, kind) in code.items()}
     result = integrate(
-        (system.stage if staged else system.rhs).address("scalar"),
+        address["rhs"],
         settings.solver,
         0.0,
         duration,
@@ -145,20 +161,20 @@ def _integrate(
         unit=unit_parts(scene),
         signals=[(s.breaks, s.coefficients, s.derivatives, s.kinked) for s in signals],
         stops=scene.stops,
-        events=system.events.address("scalar") if scene.events else 0,
+        events=address.get("events", 0),
         terminal=[event.stop for event in scene.events],
         direction=[event.direction for event in scene.events],
         event_samples=2 if all(isinstance(event.when, ContactLost) for event in scene.events) else 8,
-        jacobian=system.jacobian.address("scalar") if implicit and system.whole_jacobian else 0,
-        tangent=system.tangent.address("batch") if implicit and not system.whole_jacobian else 0,
+        jacobian=address.get("jacobian", 0),
+        tangent=address.get("tangent", 0),
         lanes=machine.target().lanes if implicit or together else 1,
         max_evaluations=settings.max_evaluations,
         progress=progress,
         staged=staged,
-        fallback=(system.fallback_stage if staged else system.fallback).address("scalar") if closed else 0,
-        project=system.project.address("scalar") if projected else 0,
-        project_fallback=system.project_fallback.address("scalar") if projected else 0,
-        project_batch=system.project.address("batch") if together else 0,
+        fallback=address.get("fallback", 0),
+        project=address.get("project", 0),
+        project_fallback=address.get("project_fallback", 0),
+        project_batch=address.get("project_batch", 0),
         nq=system.nq,
     )
     status = tuple(Status)[result.status]
