@@ -12,6 +12,7 @@ degree by Tinney & Walker, Proc. IEEE 55 (1967).
 
 from __future__ import annotations
 
+from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -85,15 +86,22 @@ def elimination_order(mass: Pattern, jacobian: Pattern) -> list[int]:
         near[n + i].add(int(j))
         near[j].add(n + int(i))
         waits[n + i].add(int(j))
-    left, order = set(range(n + m)), []
-    while left:
-        k = min((k for k in left if not waits[k]), key=lambda k: (len(near[k]), k))
+    ready = [(len(near[k]), k) for k in range(n + m) if not waits[k]]  # may hold outdated sizes beside the right ones
+    heapify(ready)
+    done = np.zeros(n + m, dtype=bool)
+    order: list[int] = []
+    while ready:
+        size, k = heappop(ready)
+        if done[k] or size != len(near[k]):
+            continue
+        done[k] = True
         order.append(k)
-        left.discard(k)
         for a in near[k]:
             near[a].discard(k)
             near[a] |= near[k] - {a}
             waits[a].discard(k)
+            if not waits[a]:
+                heappush(ready, (len(near[a]), a))
     return order
 
 

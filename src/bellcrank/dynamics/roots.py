@@ -42,6 +42,7 @@ class Turning(Symbols):
         self.__dict__.update(s.__dict__)
         self.turn = casadi.SX.sym("turn", 3, 3)
         self._frames = {}
+        self._local: dict[str, FrameSymbols] = {}
 
     def frame(self, name: str) -> FrameSymbols:
         """A frame's placement and velocity in the world."""
@@ -55,15 +56,17 @@ class Turning(Symbols):
 
     def local_frame(self, name: str) -> tuple[FrameSymbols, casadi.SX]:
         """A frame's placement from the base, and its velocity, in the base's axes; and these axes."""
-        import casadi
-
-        index = frame_index(self.robot, name)
-        if self.robot.equations.tree.frames[index]["parent_joint"] == 0:
+        if self._on_world(name):
             return super().local_frame(name)
-        q = _neutral(self, {self.robot.joints[0].name})
-        traced = casadi.Function.deserialize(self._tree.frames([index]).decode("latin-1"))
-        x = traced(q, self.v, self.tracer_parameters)
-        return FrameSymbols(x[:3], casadi.reshape(x[3:12], 3, 3).T, x[12:15], x[15:18]), self.turn
+        if name not in self._local:
+            wanted = [n for n in dict.fromkeys([*self._gathered, name]) if n not in self._local]
+            q = _neutral(self, {self.robot.joints[0].name})
+            self._local |= self._named_frames([n for n in wanted if not self._on_world(n)], q)
+        return self._local[name], self.turn
+
+    def _on_world(self, name: str) -> bool:
+        index = frame_index(self.robot, name)
+        return bool(self.robot.equations.tree.frames[index]["parent_joint"] == 0)
 
     def expand(self, expression: casadi.SX) -> casadi.SX:
         """An expression with the rotation written in the quaternion (x, y, z, w)."""

@@ -53,15 +53,24 @@ class _Builder:
 
     def __init__(self) -> None:
         self.nodes: list[Node] = []
-        self._known: dict[tuple[object, ...], int] = {}
+        self._known: dict[object, int] = {}
 
-    def add(self, op: str, args: tuple[int, ...] = (), value: float = 0.0, place: tuple[int, int] = (0, 0)) -> int:
+    def add(self, op: str, args: tuple[int, ...]) -> int:
+        """An operation."""
         if op in ("add", "mul") and args[0] > args[1]:
             args = (args[1], args[0])
-        key = (op, args, value.hex() if op == "const" else place)
-        index = self._known.setdefault(key, len(self.nodes))
-        if index == len(self.nodes):
-            self.nodes.append(Node(op, args, value, place))
+        index = self._known.get((op, args))
+        return self._new((op, args), Node(op, args)) if index is None else index
+
+    def leaf(self, node: Node) -> int:
+        """A constant or an input."""
+        key = node.value.hex() if node.op == "const" else node.place
+        index = self._known.get(key)
+        return self._new(key, node) if index is None else index
+
+    def _new(self, key: object, node: Node) -> int:
+        index = self._known[key] = len(self.nodes)
+        self.nodes.append(node)
         return index
 
 
@@ -84,9 +93,9 @@ def graph_of(serialized: bytes) -> Graph:
         elif op == "assign":
             register[result] = register[first]
         elif op == "const":
-            register[result] = builder.add(op, value=value)
+            register[result] = builder.leaf(Node(op, value=value))
         elif op == "input":
-            register[result] = builder.add(op, place=(first, second))
+            register[result] = builder.leaf(Node(op, place=(first, second)))
         elif op in _UNARY or second < 0:
             register[result] = builder.add(op, (register[first],))
         else:
@@ -102,11 +111,15 @@ def _with_shared_reciprocals(graph: Graph) -> Graph:
     builder = _Builder()
     new: list[int] = []  # index by old index
     for node in graph.nodes:
-        args = tuple(new[a] for a in node.args)
-        if node.op == "div" and divisors[node.args[1]] > 1:
-            new.append(builder.add("mul", (args[0], builder.add("inv", args[1:]))))
+        if not node.args:
+            new.append(builder.leaf(node))
+        elif len(node.args) == 1:
+            new.append(builder.add(node.op, (new[node.args[0]],)))
+        elif node.op == "div" and divisors[node.args[1]] > 1:
+            inverse = builder.add("inv", (new[node.args[1]],))
+            new.append(builder.add("mul", (new[node.args[0]], inverse)))
         else:
-            new.append(builder.add(node.op, args, node.value, node.place))
+            new.append(builder.add(node.op, (new[node.args[0]], new[node.args[1]])))
     outputs = tuple((size, {i: new[n] for i, n in entries.items()}) for size, entries in graph.outputs)
     return Graph(tuple(builder.nodes), graph.input_sizes, outputs)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -69,6 +69,7 @@ class Symbols:
         self._setters = {target: k for k, (_, p) in enumerate(self.parameters.items()) for target in p.sets}
         self._settings = [(*place, k) for k, p in enumerate(self.parameters.values()) for place in p.places]
         self._groups: dict[SignalSource, casadi.SX] = {}
+        self._algorithms: dict[str, casadi.Function] = {}
         self._frames: dict[str, FrameSymbols] = {}
         self._gathered = list(dict.fromkeys(frames))
 
@@ -125,25 +126,26 @@ class Symbols:
 
     def frame(self, name: str) -> FrameSymbols:
         """A frame's placement and velocity in the world. Raises InputError with what there is."""
-        import casadi
-
         if name not in self._frames:
             wanted = [n for n in dict.fromkeys([*self._gathered, name]) if n not in self._frames]
-            indices = [frame_index(self.robot, n) for n in wanted]
-            rows = _function(self._tree.frames(indices))(self.q, self.v, self.tracer_parameters)
-            for k, each in enumerate(wanted):
-                x = rows[_FRAME * k : _FRAME * (k + 1)]
-                self._frames[each] = FrameSymbols(x[:3], casadi.reshape(x[3:12], 3, 3).T, x[12:15], x[15:18])
+            self._frames |= self._named_frames(wanted, self.q)
         return self._frames[name]
 
     def joint_frames(self) -> list[FrameSymbols]:
         """The frames of all joints of the tree, mimicking ones too, in the order of `Robot.all_joint_names`."""
+        frames = self.robot.equations.tree.frames
+        places = {frame["name"]: k for k, frame in enumerate(frames) if frame["is_joint"]}
+        return self._traced_frames([places[name] for name in self.robot.all_joint_names], self.q)
+
+    def _named_frames(self, names: Sequence[str], q: casadi.SX) -> dict[str, FrameSymbols]:
+        """Frames at the position q, traced together."""
+        return dict(zip(names, self._traced_frames([frame_index(self.robot, n) for n in names], q), strict=True))
+
+    def _traced_frames(self, indices: Sequence[int], q: casadi.SX) -> list[FrameSymbols]:
         import casadi
 
-        frames, names = self.robot.equations.tree.frames, self.robot.all_joint_names
-        places = {frame["name"]: k for k, frame in enumerate(frames) if frame["is_joint"]}
-        rows = _function(self._tree.frames([places[name] for name in names]))(self.q, self.v, self.tracer_parameters)
-        parts = [rows[_FRAME * k : _FRAME * (k + 1)] for k in range(len(names))]
+        rows = _function(self._tree.frames(list(indices)))(q, self.v, self.tracer_parameters)
+        parts = [rows[_FRAME * k : _FRAME * (k + 1)] for k in range(len(indices))]
         return [FrameSymbols(x[:3], casadi.reshape(x[3:12], 3, 3).T, x[12:15], x[15:18]) for x in parts]
 
     def local_frame(self, name: str) -> tuple[FrameSymbols, casadi.SX]:
@@ -166,7 +168,9 @@ class Symbols:
 
     def algorithm(self, name: str) -> casadi.Function:
         """A traced algorithm with its last argument p: "forward_dynamics" (q, v, tau, p), "energy" (q, v, p), …"""
-        return _function(getattr(self._tree, name)())
+        if name not in self._algorithms:
+            self._algorithms[name] = _function(getattr(self._tree, name)())
+        return self._algorithms[name]
 
     def inverse_dynamics(self, q: casadi.SX, v: casadi.SX, a: casadi.SX, scale: casadi.SX | float = 1.0) -> casadi.SX:
         """Joint forces (nv) without friction, of a robot whose links have `scale` times their mass and inertia.

@@ -1,6 +1,5 @@
 // Forward dynamics by Pinocchio's articulated-body algorithm.
 #include "symbolic.hpp"
-#include "workspace.hpp"
 
 #include "pinocchio/algorithm/aba.hpp"
 

@@ -1,6 +1,5 @@
 // Inverse dynamics and joint reactions by Pinocchio's recursive Newton-Euler algorithm.
 #include "symbolic.hpp"
-#include "workspace.hpp"
 
 #include "pinocchio/algorithm/rnea.hpp"
 

@@ -1,6 +1,5 @@
 // The mass matrix by Pinocchio's composite-rigid-body algorithm.
 #include "symbolic.hpp"
-#include "workspace.hpp"
 
 #include "pinocchio/algorithm/crba.hpp"
 

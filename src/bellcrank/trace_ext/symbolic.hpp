@@ -1,8 +1,11 @@
 // What tree.cpp builds and the algorithms' files read: model, symbols and the mimic map.
 #pragma once
 
+#include <memory>
+
 #include "joints.hpp"
 #include "tree.hpp"
+#include "workspace.hpp"
 
 namespace bellcrank {
 
@@ -17,6 +20,8 @@ struct Symbolic {
   std::vector<int> column;
   std::vector<double> multiplier;
 
+  std::unique_ptr<const Workspace> placed;  // of kinematics(), once it has run
+
   bool has_mimic() const { return !description.mimics.empty(); }
 
   // S' x: what acts on the joints, gathered on the independent coordinates.
@@ -27,6 +32,7 @@ struct Symbolic {
   }
 };
 
+const Workspace& kinematics(Symbolic& s);   // placements and velocities of all joints
 SX reduced_mass_matrix(const Symbolic& s);  // of the independent coordinates
 SX bias_force(const Symbolic& s);           // C(q, v) v + g(q) on the independent coordinates
 
