@@ -82,9 +82,9 @@ class System:
             "rows": [rows[k] for k in solution.closed.kept] if solution is not None else [],
             "operations": rhs.n_instructions(),
             "outputs": {name: expression.numel() for name, expression in a.outputs.items()},
-            "places": {} if solution is None else {
-                "jacobian": Places.of(solution.closed.jacobian), "mass": Places.of(solution.mass)
-            },
+            "places": {}
+            if solution is None
+            else {"jacobian": Places.of(solution.closed.jacobian), "mass": Places.of(solution.mass)},
         }
         disk.store("system-" + self._key, json.dumps(facts).encode())
         return facts
@@ -305,9 +305,8 @@ def system_of(scene: Scene) -> System:
 
 def _entries(matrix: casadi.SX) -> casadi.SX:
     """The entries of a sparse matrix that are not always zero, in the order of their Places."""
-    import casadi
-
-    return casadi.vertcat(casadi.SX(0, 1), *matrix.nonzeros())
+    column: casadi.SX = matrix.nz[:]
+    return column
 
 
 def _dense(matrix: casadi.SX) -> casadi.SX:

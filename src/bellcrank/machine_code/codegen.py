@@ -244,17 +244,12 @@ class Body:
             whole = result
 
 
-def metadata(outputs: int) -> str:
-    """What loads and stores refer to: !1 all outputs, !5{k} output k, !6{k} the others; !2 the odds of a branch.
-
-    Stores to different outputs may pass each other, as do loads of inputs: otherwise LLVM orders each two of them.
-    """
-    scopes = [f"!4{k}" for k in range(outputs)]
-    lines = ["!0 = distinct !{!0}", f"!1 = !{{{', '.join(scopes)}}}", '!2 = !{!"branch_weights", i32 1, i32 100000}']
-    for k, scope in enumerate(scopes):
-        others = ", ".join(scopes[:k] + scopes[k + 1 :])
-        lines += [f"{scope} = distinct !{{{scope}, !0}}", f"!5{k} = !{{{scope}}}", f"!6{k} = !{{{others}}}"]
-    return "\n" + "\n".join(lines) + "\n"
+METADATA = """
+!0 = distinct !{!0}
+!1 = !{!3}
+!2 = !{!"branch_weights", i32 1, i32 100000}
+!3 = distinct !{!3, !0}
+"""
 
 
 def declarations(library: set[str], lanes: Lanes) -> list[str]:

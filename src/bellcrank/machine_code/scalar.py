@@ -5,7 +5,7 @@ i32 evaluate(const double *const *inputs, double *const *outputs)
 
 from __future__ import annotations
 
-from bellcrank.machine_code.codegen import metadata, operations
+from bellcrank.machine_code.codegen import METADATA, operations
 from bellcrank.machine_code.graph import Graph
 from bellcrank.machine_code.vector_math import Lanes
 
@@ -28,9 +28,9 @@ def scalar_ir(graph: Graph, width: int, fused: bool) -> str:
         graph, lanes, fused,
         "{name}.p = getelementptr double, ptr %in{k}, i64 {i}\n  {name} = load double, ptr {name}.p, !noalias !1",
         "%out{k}.{i}.p = getelementptr double, ptr %out{k}, i64 {i}\n"
-        "  store double {name}, ptr %out{k}.{i}.p, !alias.scope !5{k}, !noalias !6{k}",
+        "  store double {name}, ptr %out{k}.{i}.p, !alias.scope !1",
         pointers, min(width, 4),
     )  # fmt: skip
     text = ["define i32 @evaluate(ptr noalias %in, ptr noalias %out) {", "entry:", *code.allocas, *entry]
     text += ["  br label %body", "body:", *code.lines, "  ret i32 0", "}"]
-    return "\n".join(code.before + text) + metadata(len(graph.outputs))
+    return "\n".join(code.before + text) + METADATA

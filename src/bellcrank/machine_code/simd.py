@@ -9,7 +9,7 @@ into a buffer with one vector an entry, so that the body reads and writes whole 
 
 from __future__ import annotations
 
-from bellcrank.machine_code.codegen import metadata, operations
+from bellcrank.machine_code.codegen import METADATA, operations
 from bellcrank.machine_code.graph import Graph
 from bellcrank.machine_code.vector_math import Lanes
 
@@ -176,4 +176,4 @@ def batch_ir(graph: Graph, width: int, fused: bool) -> str:
         f"declare {d} @llvm.masked.load.{lanes.suffix}.p0(ptr, {mask}, {d})",
         f"declare void @llvm.masked.store.{lanes.suffix}.p0({d}, ptr, {mask})",
     ]
-    return "\n".join(code.before + declared + head + code.lines + tail) + metadata(len(graph.outputs))
+    return "\n".join(code.before + declared + head + code.lines + tail) + METADATA
