@@ -7,9 +7,8 @@ while the machine code lies in the cache.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from bellcrank.dynamics.assembly import Assembly, assemble
 from bellcrank.dynamics.closed import row_names
 from bellcrank.dynamics.determined import massless_motion
 from bellcrank.dynamics.latch import latch
+from bellcrank.dynamics.sparse import Places, entries
 from bellcrank.machine_code import cache as disk
 from bellcrank.machine_code.compile import Compiled, sources
 
@@ -32,26 +32,6 @@ Array = NDArray[np.float64]
 LARGEST_JACOBIAN = 3_000
 LARGEST_STAGED = 16  # states: up to here the way through memory is a good part of an evaluation
 _systems: dict[str, System] = {}
-
-
-class Places(NamedTuple):
-    """Where the entries of a sparse matrix lie: its rows and columns, and the row and the column of each entry."""
-
-    height: int
-    width: int
-    rows: Sequence[int]
-    columns: Sequence[int]
-
-    @staticmethod
-    def of(matrix: casadi.SX) -> Places:
-        """Those of an expression, column after column."""
-        return Places(*matrix.shape, *matrix.sparsity().get_triplet())
-
-    def matrix(self, entries: Array) -> Array:
-        """The matrix (…, height, width) with these entries (…, n)."""
-        whole = np.zeros((*entries.shape[:-1], self.height, self.width))
-        whole[..., self.rows, self.columns] = entries
-        return whole
 
 
 class System:
@@ -162,8 +142,8 @@ class System:
 
     def linearised_closures(self, t: Array, x: Array, u: Array, p: Array) -> tuple[Array, Array, Array]:
         """φ (h), (φ̇, ψ) (rows) and J (rows, nv) at a state, or at each state of a batch."""
-        position, speed, entries = self._linearised(t, x, u, p)
-        return position, speed, self._places["jacobian"].matrix(entries)
+        position, speed, numbers = self._linearised(t, x, u, p)
+        return position, speed, self._places["jacobian"].matrix(numbers)
 
     @cached_property
     def _linearised(self) -> Compiled:
@@ -173,7 +153,7 @@ class System:
             solution = self.assembly.solution
             assert solution is not None
             c = solution.closed
-            return self._state_function("linearised", [c.position, c.speed, _entries(c.jacobian)])
+            return self._state_function("linearised", [c.position, c.speed, entries(c.jacobian)])
 
         return self._compiled("linearised", build, seldom=True)
 
@@ -189,7 +169,7 @@ class System:
         def build() -> casadi.Function:
             solution = self.assembly.solution
             assert solution is not None
-            return self._state_function("metric", [_entries(solution.closed.jacobian), _entries(solution.mass)])
+            return self._state_function("metric", [entries(solution.closed.jacobian), entries(solution.mass)])
 
         return self._compiled("metric", build, seldom=True)
 
@@ -301,12 +281,6 @@ def system_of(scene: Scene) -> System:
     if key not in _systems:
         _systems[key] = System(scene, key)
     return _systems[key]
-
-
-def _entries(matrix: casadi.SX) -> casadi.SX:
-    """The entries of a sparse matrix that are not always zero, in the order of their Places."""
-    column: casadi.SX = matrix.nz[:]
-    return column
 
 
 def _dense(matrix: casadi.SX) -> casadi.SX:
