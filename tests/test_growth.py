@@ -162,7 +162,7 @@ def test_code_is_cut_where_many_values_wait_or_it_is_called_seldom(waiting, seld
 def test_functions_made_ready_together_are_compiled_once_each_and_kept(fresh_cache, monkeypatch):
     made = []
     compile_ir = machine.object_code
-    monkeypatch.setattr(machine, "object_code", lambda ir, chosen: made.append(ir) or compile_ir(ir, chosen))
+    monkeypatch.setattr(machine, "object_code", lambda ir, *how: made.append(ir) or compile_ir(ir, *how))
 
     def functions():
         x = casadi.SX.sym("x", 2)

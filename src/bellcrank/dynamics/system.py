@@ -138,7 +138,7 @@ class System:
             c = solution.closed
             return self._state_function("closure", [solution.multipliers, c.position, c.speed])
 
-        return self._compiled("closure", build)
+        return self._compiled("closure", build, seldom=True)
 
     def linearised_closures(self, t: Array, x: Array, u: Array, p: Array) -> tuple[Array, Array, Array]:
         """φ (h), (φ̇, ψ) (rows) and J (rows, nv) at a state, or at each state of a batch."""
@@ -204,7 +204,7 @@ class System:
                 "observation", [a.acceleration, energy, a.actuator, a.passive, *a.outputs.values()]
             )
 
-        return self._compiled("observation", build)
+        return self._compiled("observation", build, seldom=True)
 
     @cached_property
     def residual(self) -> Compiled:
@@ -215,7 +215,7 @@ class System:
         def build() -> casadi.Function:
             return self._state_function("residual", [self.assembly.residual, self.assembly.bias])
 
-        return self._compiled("residual", build)
+        return self._compiled("residual", build, seldom=True)
 
     @cached_property
     def events(self) -> Compiled:

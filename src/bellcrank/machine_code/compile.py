@@ -74,9 +74,14 @@ class Compiled:
                     loaded = self._kept(kind)
                     if loaded is None:
                         ir = self.ir(kind)
-                        loaded = self._made(kind, ir, machine.object_code(ir, machine.target()))
+                        loaded = self._made(kind, ir, machine.object_code(ir, machine.target(), self._level))
                     self._loaded[key] = loaded
         return self._loaded[key].address
+
+    @property
+    def _level(self) -> int:
+        """LLVM's optimisation level."""
+        return 0 if self.graph.soon_compiled else 2
 
     def _hint(self, kind: str) -> str:
         chosen = machine.target()
@@ -95,7 +100,7 @@ class Compiled:
 
     def _made(self, kind: str, ir: str, code: bytes) -> machine.Loaded:
         """New code, loaded and kept in the cache."""
-        key = machine.object_key(ir, machine.target())
+        key = machine.object_key(ir, machine.target(), self._level)
         disk.store(key, code)
         self._hints[self._hint(kind)] = key
         self._remember(self._hints)
@@ -167,7 +172,7 @@ def make_ready(wanted: Sequence[tuple[Compiled, str]]) -> None:
                 function._loaded[kind, name] = loaded
                 continue
             ir = function.ir(kind)
-            making.append((function, kind, ir, compiler.submit(machine.object_code, ir, chosen)))
+            making.append((function, kind, ir, compiler.submit(machine.object_code, ir, chosen, function._level)))
         for function, kind, ir, code in making:
             function._loaded[kind, name] = function._made(kind, ir, code.result())
 

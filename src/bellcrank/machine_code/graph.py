@@ -10,6 +10,9 @@ from typing import NamedTuple
 from bellcrank.trace import extension
 
 
+LONG = 2_000  # operations: below, code is compiled well in a tenth of a second
+
+
 @cache
 def _names() -> dict[int, str]:
     names: dict[int, str] = extension().operations()
@@ -29,13 +32,18 @@ class Node(NamedTuple):
 class Graph:
     """Nodes in an order in which each reads only earlier ones; outputs[k] = (size, {entry: node}).
 
-    `seldom`: it will be called a few times only, so that the time to compile it is what counts.
+    `seldom`: it will be called for some rows only and not at each step of a run, so that the time to compile it counts.
     """
 
     nodes: tuple[Node, ...]
     input_sizes: tuple[int, ...]
     outputs: tuple[tuple[int, dict[int, int]], ...]
     seldom: bool = False
+
+    @property
+    def soon_compiled(self) -> bool:
+        """Whether the time to compile it counts for more than its speed."""
+        return self.seldom and self.operations > LONG
 
     @property
     def operations(self) -> int:

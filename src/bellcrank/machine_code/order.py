@@ -22,6 +22,8 @@ def local_order(graph: Graph, operations: Sequence[int]) -> list[int]:
     outputs = [place[n] for _, entries in graph.outputs for n in entries.values() if n in place]
     orders = [list(range(len(reads))), _depth_first(reads, outputs)]
     costs = [_cost(reads, order) for order in orders]
+    if graph.soon_compiled:
+        return [operations[i] for i in orders[costs.index(min(costs))]]
     base = orders[costs.index(min(costs))]
     orders += [_greedy(reads, base, newest_first=False), _greedy(reads, base, newest_first=True)]
     costs += [_cost(reads, order) for order in orders[2:]]

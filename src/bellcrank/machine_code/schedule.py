@@ -19,7 +19,7 @@ from bellcrank.machine_code.order import local_order
 
 WHOLE = 16_000  # the most operations that stay in one function
 PART = 400  # operations a function of a graph that is cut
-WAITING = 800  # the most values that wait at once in a graph that stays in one function
+WAITING = 750  # the most values that wait at once in a graph that stays in one function
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def schedule(graph: Graph) -> Schedule:
     cuts = [len(steps) * k // count for k in range(count + 1)] if count else [0, 0]
     parts = tuple(tuple(steps[a:b]) for a, b in itertools.pairwise(cuts))
     slots, memory = _slots(graph, parts, sines)
-    if not graph.seldom and len(steps) <= WHOLE and memory <= WAITING:
+    if not graph.soon_compiled and len(steps) <= WHOLE and memory <= WAITING:
         parts, slots, memory = (tuple(steps),), {}, 0
     places: dict[int, list[tuple[int, int]]] = {}
     for k, (_, entries) in enumerate(graph.outputs):

@@ -345,7 +345,7 @@ class Robot:
     def compiled(self, key: str, build: Callable[[], casadi.Function], seldom: bool = False) -> Compiled:
         """The machine code of a function that `build` makes; `key` says all it depends on besides the robot.
 
-        A function that is called `seldom` compiles faster and runs slower.
+        One that is called `seldom` is compiled faster where it is long, and runs slower.
         """
         return compiled(key, (self._key,), build, seldom)
 
