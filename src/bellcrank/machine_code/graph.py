@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 from bellcrank.trace import extension
 
-
 LONG = 2_000  # operations: below, code is compiled well in a tenth of a second
 
 
