@@ -7,6 +7,7 @@ from test_robot import SOUND, gathered
 
 import bellcrank as bc
 from bellcrank.simulation.simulate import simulate
+from bellcrank.urdf.articulated import mass_matrix
 from bellcrank.validation.bench import random_states
 from bellcrank.validation.problem_base import scene_of
 from bellcrank.validation.problem_urdf import joint, link, robot
@@ -108,3 +109,18 @@ def test_a_run_with_rotors_on_skew_axes_keeps_its_energy():
     assert np.ptp(run.kinetic_energy) > 1.0 and run.energy_drift() < 1e-10
     quadratic = np.einsum("ni,nij,nj->n", run.velocity, run.robot.mass_matrix(run.position), run.velocity) / 2
     np.testing.assert_allclose(run.kinetic_energy, quadratic, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["ur5", "talos", "solo12", "panda"])
+@pytest.mark.parametrize("floating", [False, True])
+def test_the_mass_matrix_by_composite_inertias_is_pinocchios_and_placements_are_where_joints_stand(name, floating):
+    model = bc.load_robot(name, friction="none", floating_base=floating).model
+    random = np.random.default_rng(2)
+    model.armature = random.uniform(0, 1, model.nv)
+    data, q = model.createData(), pin.integrate(model, pin.neutral(model), random.uniform(-2, 2, model.nv))
+    expected = np.triu(pin.crba(model, data, q)) + np.triu(data.M, 1).T
+    matrix, placements = mass_matrix(model, q)
+    np.testing.assert_allclose(matrix, expected, atol=1e-12)
+    pin.forwardKinematics(model, data, q)
+    for ours, theirs in zip(placements, data.oMi, strict=True):
+        np.testing.assert_allclose(ours.homogeneous, theirs.homogeneous, atol=1e-13)

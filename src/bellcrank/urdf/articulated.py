@@ -35,7 +35,6 @@ def articulated_inertias(urdf: Urdf, model: Any = None) -> dict[str, tuple[float
             ) from None
     if model.nv == 0:
         return {}
-    data = model.createData()
     names = [""] * model.nv
     for name in urdf.joints:
         if model.existJointName(name):
@@ -51,10 +50,9 @@ def articulated_inertias(urdf: Urdf, model: Any = None) -> dict[str, tuple[float
                 step[index] = random.uniform(-0.1, 0.1)
         # mimic followers take their leader's angle: not at their own random one
         q = pin.integrate(model, pin.neutral(model), _followed(urdf, names, step))
-        mass_matrix = pin.crba(model, data, q)
-        mass_matrix = np.triu(mass_matrix) + np.triu(mass_matrix, 1).T
-        reduced = reduction.T @ mass_matrix @ reduction
-        size = max([size, *(float(np.linalg.norm(placement.translation)) for placement in data.oMi)])
+        matrix, placements = mass_matrix(model, q)
+        reduced = reduction.T @ matrix @ reduction
+        size = max([size, *(float(np.linalg.norm(placement.translation)) for placement in placements)])
         diagonals.append(np.diag(reduced).copy())
         pivots.append(_pivots(reduced))
     magnitude = np.max(np.abs(pivots), axis=0)
@@ -68,6 +66,37 @@ def articulated_inertias(urdf: Urdf, model: Any = None) -> dict[str, tuple[float
         if name not in found or magnitude[index] < abs(found[name][0]):
             found[name] = (float(chosen[index]), threshold)
     return found
+
+
+def mass_matrix(model: Any, q: Any) -> tuple[Any, list[Any]]:
+    """The mass matrix (nv, nv) of a pinocchio.Model without mimic joints, and the placements of its joints.
+
+    By composite inertias in world axes (Featherstone 2008, section 6.2). Pinocchio's own function needs its Data, which
+    holds four arrays of nv x nv x nv numbers: 2 GB for 400 joints.
+    """
+    import numpy as np
+    import pinocchio as pin
+
+    placements = [pin.SE3.Identity()]
+    axes, owner = np.zeros((6, model.nv)), np.zeros(model.nv, dtype=int)
+    inertias = np.zeros((model.njoints, 6, 6))
+    carries = np.eye(model.njoints, dtype=bool)  # whether a joint (row) carries another one, or is it
+    for k in range(1, model.njoints):
+        joint, parent = model.joints[k], model.parents[k]
+        state = joint.createData()
+        joint.calc(state, q)
+        placements.append(placements[parent] * model.jointPlacements[k] * state.M)
+        columns = slice(joint.idx_v, joint.idx_v + joint.nv)
+        axes[:, columns] = placements[k].action @ np.reshape(state.S, (6, joint.nv))
+        owner[columns] = k
+        inertias[k] = placements[k].act(model.inertias[k]).matrix()
+        carries[:, k] |= carries[:, parent]
+    for k in range(model.njoints - 1, 0, -1):
+        inertias[model.parents[k]] += inertias[k]
+    forces = np.einsum("kij,jk->ik", inertias[owner], axes)
+    above = carries[np.ix_(owner, owner)]
+    half = np.where(above, axes.T @ forces, 0.0)
+    return np.where(above, half, half.T) + np.diag(model.armature), placements
 
 
 def _independent(urdf: Urdf, names: list[str]) -> tuple[Any, list[int]]:
