@@ -47,7 +47,7 @@ class Reactions:
 
         c, mass = self._solution.closed, self._solution.mass
         m = c.jacobian.size1()
-        inverse = Factor(mass, c.jacobian, FLOOR * casadi.SX(casadi.DM(c.rows.scale)))
+        inverse = Factor(mass, c.jacobian, FLOOR * c.rows.scale)
         inertia = Factor(mass, casadi.SX(0, mass.size1()), casadi.SX(0, 1))
 
         def times(x: casadi.SX) -> casadi.SX:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import casadi
 
 Array = NDArray[np.float64]
-_making = threading.RLock()  # casadi and LLVM work on one thread at a time; calls of finished code do not wait
+making = threading.RLock()  # casadi and LLVM work on one thread at a time; calls of finished code do not wait
 _BATCH = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
 
 
@@ -67,7 +67,7 @@ class Compiled:
         """The address of the machine code; its signature is in scalar.py or simd.py."""
         key = (kind, machine.target_name())
         if key not in self._loaded:
-            with _making:
+            with making:
                 if key not in self._loaded:
                     self._loaded[key] = self._load(kind)
         return self._loaded[key].address
