@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from bellcrank.dynamics.binding import FIXED, ROUNDING
 from bellcrank.machine_code import cache as disk
+from bellcrank.machine_code.compile import making
 from bellcrank.robot.postures import lengths_in_velocity, random_posture
 
 if TYPE_CHECKING:
@@ -31,7 +32,8 @@ def massless_motion(scene: Scene) -> str | None:
     key = "massless-" + disk.digest(scene.structure_key, scene.parameter_values.tobytes())
     stored = disk.load(key)
     if stored is None:
-        stored = (_massless_motion(scene, scene.system.assembly) or "").encode()
+        with making:
+            stored = (_massless_motion(scene, scene.system.assembly) or "").encode()
         disk.store(key, stored)
     return stored.decode() or None
 
