@@ -173,12 +173,13 @@ def _integrate(
     if not len(time) or (status is not Status.FINISHED and time[-1] < result.end_time):
         time, state = np.append(time, result.end_time), np.vstack([state, result.end_state[None]])
     whole = _unturned(scene, time, state, p)
+    last = math.inf
     if whole < len(time):
-        time, state, status = time[:whole], state[:whole], Status.TURNED_OVER
+        time, state, status, last = time[:whole], state[:whole], Status.TURNED_OVER, float(time[whole - 1])
     events = tuple(
         event_at(scene, int(k), float(t), x[: system.nq], x[system.nq : system.nq + system.nv], p)
         for k, t, x in zip(result.event_index, result.event_time, result.event_state, strict=True)
-        if t <= time[-1]
+        if t <= last
     )
     statistics = Statistics(
         result.accepted, result.rejected, result.evaluations, result.jacobians, result.factorisations, result.seconds,
