@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from bellcrank import load_robot
-from bellcrank.dynamics.closed import close, flow, random_posture
+from bellcrank.dynamics.closed import close, flow
 from bellcrank.dynamics.roots import Turning, mass_matrix
+from bellcrank.robot.postures import random_posture
 from bellcrank.scene.scene import load_scene
 from bellcrank.scene.symbols import Symbols
 

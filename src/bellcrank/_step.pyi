@@ -93,6 +93,7 @@ def integrate(
     project_batch: int = 0,
     nq: int = 0,
     event_samples: int = 8,
+    weights: NDArray[np.float64] | None = None,
 ) -> StepResult:
     """Step x' = rhs(t, x, u, p) from t0 to t1 (s); ValueError where arguments do not fit together.
 
@@ -102,7 +103,7 @@ def integrate(
     `fallback` takes over where a second output of `rhs`, a guard, is not positive. `project`, (t, x, u, p) -> a
     correction of x and a guard, is Newton's step that every state that is handed on is corrected by, until it moves the
     first `nq` entries no more; `project_fallback` gives the correction where that guard is not positive, and
-    `project_batch` many at once, for outputs.
+    `project_batch` many at once, for outputs. `weights` (nq,) tell how much 1 is in each of these entries.
     `event_samples` is how often event functions are looked at in a step at first: 2, or else 8 times. Where crossings
     may have been missed, `unresolved_index` and `unresolved_time` have the event and the start of the step.
     `signals`: (breaks (m + 1,), coefficients (m, powers, width), derivatives, kinked) pieces of u.

@@ -22,9 +22,11 @@ from numpy.typing import NDArray
 
 from bellcrank.constraints.joint_relations import Drive
 from bellcrank.constraints.start import moved
+from bellcrank.constraints.turns import cosines_along, turning
 from bellcrank.dynamics.inverse import InverseEquations
 from bellcrank.errors import InputError, UnreachableError
 from bellcrank.motion.motion import Motion
+from bellcrank.robot.postures import lengths_in_velocity
 from bellcrank.robot.robot import RobotJoint
 
 if TYPE_CHECKING:
@@ -34,10 +36,10 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
-CLOSED = 1e-13  # m or rad: Newton's method ends below it
-ROUNDED = 1e-11  # m or rad: and may end below this one, where rounding ends it
-STEP = 0.05  # rad or m that independent joints move in one step of continuation
-LEAP = 0.1  # rad or m by which a posture may miss its prediction: more is another branch
+CLOSED = 1e-13  # rad, or of the mechanism's length: Newton's method ends below it
+ROUNDED = 1e-11  # the same: and may end below this one, where rounding ends it
+STEP = 0.05  # rad, or of the mechanism's length, that independent joints move in one step of continuation
+LEAP = 0.1  # the same, by which a posture may miss its prediction: more is another branch
 FINEST = 14  # halvings of a step before it counts as unreachable
 DEAD = 1e-6  # a singular value below this share of the largest is a dead point: postures there are right to its root
 SINGULAR = 1e-8  # a singular value below this share of the largest counts as 0
@@ -92,17 +94,17 @@ class Chain:
     @cached_property
     def terms(self) -> Compiled:
         """(t, q, v, u, p) -> φ (h), (φ̇, ψ) (m), J column after column, γ (m)."""
-        key = "linkage " + self.scene.physics_key()
+        key = f"linkage {self.scene.physics_key()} {self.scene.binding.signature}"
         return self.robot.compiled(key, self._build)
 
     def _build(self) -> casadi.Function:
         import casadi
 
-        from bellcrank.dynamics.closed import close, rows_that_bind
+        from bellcrank.dynamics.closed import Rows, close
         from bellcrank.scene.symbols import Symbols
 
         s = Symbols(self.robot, self.scene.parameters, self.scene.frames, self.scene.initial.clock)
-        closed = close(self.scene.closures, rows_that_bind(self.scene, s), s)
+        closed = close(self.scene.closures, Rows.plain(self.scene.binding.kept), s)
         outputs = [closed.position, closed.speed, casadi.vec(closed.jacobian), closed.drift]
         return casadi.Function("linkage", [s.t, s.q, s.v, s.u, s.p], [casadi.densify(x) for x in outputs])
 
@@ -119,9 +121,24 @@ class Chain:
         return gap, speed, flat.reshape(len(t), self.robot.nv, -1).transpose(0, 2, 1), drift
 
     def _gap(self, t: float, q: Array) -> tuple[Array, Array]:
+        """φ (h) and J (h, nv), in rad and lengths of the mechanism."""
         still, time = np.zeros(self.robot.nv), np.array([t])
         gap, _, flat, _ = self.terms(time, q, still, self.scene.signals_at(time)[0], self.scene.parameter_values)
-        return gap, flat.reshape(self.robot.nv, -1).T
+        return gap / self.scene.binding.unit, self._scaled(flat.reshape(self.robot.nv, -1).T)
+
+    def _scaled(self, jacobian: Array) -> Array:
+        """J (…, rows, nv) in rad and lengths of the mechanism."""
+        return jacobian / self.scene.binding.unit[:, None] * self.columns
+
+    @cached_property
+    def columns(self) -> Array:
+        """How large 1 is in each degree of freedom (nv): the mechanism's length, m, or 1 rad."""
+        return np.where(lengths_in_velocity(self.robot), self.length, 1.0)
+
+    @property
+    def length(self) -> float:
+        """The mechanism's own length, m."""
+        return self.scene.binding.length
 
     # ---- kinematics
 
@@ -172,7 +189,7 @@ class Chain:
         here = self.start if start is None else start
         for k in range(n):
             t = float(time[k])
-            steps = max(1, int(np.ceil(np.abs(wanted[k] - here[places]).max() / STEP)))
+            steps = max(1, int(np.ceil(np.abs((wanted[k] - here[places]) / self.columns[ind]).max() / STEP)))
             for target in here[places] + np.arange(1, steps + 1)[:, None] / steps * (wanted[k] - here[places]):
                 here = self._reach(here, target, places, ind, t, motion.name, 0)
             here[places] = wanted[k]
@@ -181,22 +198,36 @@ class Chain:
         v, a = np.zeros((n, self.robot.nv)), np.zeros((n, self.robot.nv))
         v[:, ind], a[:, ind] = motion.velocity[:, ind], motion.acceleration[:, ind]
         _, speed, jacobian, _ = self.closed(time, q, v)
-        singular = np.linalg.svd(jacobian[:, :, dep], compute_uv=False)
+        scaled = self._scaled(jacobian)[:, :, dep]
+        singular = np.linalg.svd(scaled, compute_uv=False)
         worst = int(np.argmin(singular[:, -1] / singular[:, 0])) if len(dep) else 0
         if len(dep) and singular[worst, -1] < DEAD * singular[worst, 0]:
             raise UnreachableError(
                 f"motion '{motion.name}' passes a dead point of the linkage at {time[worst]:.6g} s: there "
                 f"{_listed(joints, wanted[worst])} no longer says where the others are; end it before"
             )
-        inverse = _inverse(jacobian[:, :, dep])
+        inverse = self.columns[dep][:, None] * _inverse(scaled) / self.scene.binding.unit
         v[:, dep] = -_times(inverse, speed)
         drift = self.closed(time, q, v)[3]
         a[:, dep] = -_times(inverse, drift + _times(jacobian[:, :, ind], a[:, ind]))
+        self._refuse_turned(motion.name, time, q)
         follows = np.abs(inverse @ jacobian[:, :, ind]).max(axis=0)  # what is unknown goes through q̇_d = −J_d⁺ J_i q̇_i
         noise = [np.array(motion.position_noise), np.array(motion.speed_noise)]
         for each in noise if self.robot.nq == self.robot.nv else ():
             each[dep] = follows @ each[ind]
         return Motion(self.robot.joints, time, q, v, a, motion.name, motion.notes, tuple(noise[0]), tuple(noise[1]))
+
+    def _refuse_turned(self, name: str, time: Array, q: Array) -> None:
+        """UnreachableError where a weld or hinge is closed with its sides turned half around."""
+        state = np.zeros((len(time), self.scene.system.size))
+        state[:, : self.robot.nq] = q
+        found = cosines_along(self.scene, time, state, self.scene.signals_at(time), self.scene.system_parameters)
+        for closure, cosine in zip(turning(self.scene), found.T, strict=False):
+            if not cosine.min() > 0.0:
+                raise UnreachableError(
+                    f"motion '{name}' closes closure '{closure}' with its sides turned half around at "
+                    f"{time[np.argmin(cosine)]:.6g} s; the linkage cannot follow it there"
+                )
 
     def _reach(
         self, q: Array, target: Array, places: list[int], ind: list[int], t: float, name: str, depth: int
@@ -219,9 +250,9 @@ class Chain:
         dep = np.setdiff1d(np.arange(self.robot.nv), ind)
         gap, jacobian = self._gap(t, q)
         step = np.zeros(self.robot.nv)
-        step[ind] = target - q[places]
+        step[ind] = (target - q[places]) / self.columns[ind]
         step[dep] = np.linalg.lstsq(jacobian[:, dep], -gap - jacobian[:, ind] @ step[ind], rcond=SINGULAR)[0]
-        q = moved(self.scene, q, step)
+        q = moved(self.scene, q, self.columns * step)
         strayed, before = np.zeros(self.robot.nv), np.inf
         for _ in range(12):
             q[places] = target
@@ -235,7 +266,7 @@ class Chain:
             strayed += step
             if not np.abs(strayed).max() <= LEAP:
                 return None
-            q = moved(self.scene, q, step)
+            q = moved(self.scene, q, self.columns * step)
         return None
 
     # ---- forces
@@ -245,6 +276,7 @@ class Chain:
 
         Raises UnreachableError where the motors cannot move the linkage, with its time (s) where `time` (n,) is given.
         """
+        jacobian = self._scaled(jacobian)
         rank = int(max(_rank(jacobian[k]) for k in np.linspace(0, len(jacobian) - 1, 7).astype(int)))
         _, _, vt = np.linalg.svd(jacobian)
         null = vt[:, rank:, :]  # rows: an orthonormal basis of the motions allowed
@@ -261,7 +293,8 @@ class Chain:
                 f"{null.shape[1]} freedom(s) of {self.robot.name}{when}; actuate "
                 f"{'more joints' if too_few else 'another joint, or keep away from that posture'}"
             )
-        return np.asarray(np.linalg.pinv(grip) @ null)
+        null = null * self.columns
+        return np.asarray(np.linalg.pinv(null[:, :, [joint.v for joint in self.actuated]]) @ null)
 
     def torques(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         """τ (n, k) of the motors and λ (n, m), the least ones where closures are redundant, at n states."""
@@ -269,8 +302,8 @@ class Chain:
         torque = _times(self.shares(jacobian, t), need)
         left = need.copy()
         left[:, [joint.v for joint in self.actuated]] -= torque
-        multipliers = _times(_inverse(jacobian.transpose(0, 2, 1)), left)
-        return torque, multipliers
+        inverse = _inverse(self._scaled(jacobian).transpose(0, 2, 1))
+        return torque, _times(inverse, left * self.columns) / self.scene.binding.unit
 
 
 def _rank(jacobian: Array) -> int:

@@ -33,3 +33,29 @@ class Constraint(Part):
     def residual(self, symbols: Symbols) -> Residual:
         """Its residuals; multipliers come in the same order, those of `position` first."""
         raise NotImplementedError
+
+    def reach(self, symbols: Symbols) -> casadi.SX:
+        """Velocities, m/s, whose derivatives by joint rates are lever arms of what it closes, besides those of its
+        rows; none as a rule.
+        """
+        import casadi
+
+        return casadi.SX(0, 1)
+
+    def lengths(self, symbols: Symbols) -> casadi.SX:
+        """Lengths of its own, m, which say how large what it closes is; none as a rule."""
+        import casadi
+
+        return casadi.SX(0, 1)
+
+    def facing(self, symbols: Symbols) -> casadi.SX:
+        """The cosine of the angle between its sides (1), where its rows vanish at half a turn too; else none (0)."""
+        import casadi
+
+        return casadi.SX(0, 1)
+
+    def way(self, symbols: Symbols) -> casadi.SX:
+        """What vanishes where `facing` is 1 and nowhere else, and leads there from any angle below half a turn."""
+        import casadi
+
+        return casadi.SX(0, 1)

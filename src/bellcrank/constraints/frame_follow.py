@@ -111,7 +111,8 @@ class FrameFollower:
         _, _, speed, jacobian, _ = chain.at(time, q, still, still)
         position, _, flat, _ = self.code(q, still, chain.scene.parameter_values)
         frame = flat.reshape(n, robot.nv, 6).transpose(0, 2, 1)[:, self.rows]
-        whole = np.concatenate([jacobian, frame], axis=1)
+        units = np.concatenate([chain.scene.binding.unit, self._sizes])
+        whole = np.concatenate([jacobian, frame], axis=1) / units[:, None] * chain.columns
         sizes = np.linalg.svd(whole, compute_uv=False)
         worst = int(np.argmin(sizes[:, -1] / sizes[:, 0]))
         if sizes[worst, -1] < DEAD * sizes[worst, 0]:
@@ -120,7 +121,7 @@ class FrameFollower:
                 f"'{self.path.frame}' at {vector_text(position[worst])} m: there its path does not determine the "
                 "speeds of all joints; move the path"
             )
-        inverse = np.linalg.pinv(whole)
+        inverse = chain.columns[:, None] * np.linalg.pinv(whole) / units
         wanted = np.concatenate([velocity, turning], axis=1)[:, self.rows]
         v = (inverse @ np.concatenate([-speed, wanted], axis=1)[:, :, None])[:, :, 0]
         drift = chain.at(time, q, v, still)[4]
@@ -168,7 +169,7 @@ class FrameFollower:
     def _newton(self, q: Array, position: Array, rotation: Array, t: float) -> Array | None:
         """The posture at a pose near that of q; None where it is not near, or there is none."""
         strayed: Array = np.zeros(self.robot.nv)
-        before, rounded = np.inf, ROUNDED * max(1.0, float(np.abs(position).max()))
+        before, rounded = np.inf, ROUNDED * max(1.0, float(np.abs(position).max()) / self.chain.length)
         for k in range(14):
             missing, jacobian = self._system(t, q, position, rotation)
             size = float(np.abs(missing).max())
@@ -180,14 +181,22 @@ class FrameFollower:
             strayed = strayed + step if k else strayed  # the first step is the way itself
             if not (np.abs(step).max() <= LEAP and np.abs(strayed).max() <= LEAP):
                 return None
-            q = moved(self.chain.scene, q, step)
+            q = moved(self.chain.scene, q, self.chain.columns * step)
         return None
 
     def _system(self, t: float, q: Array, position: Array, rotation: Array) -> tuple[Array, Array]:
-        """What is missing to closures and pose (rows,), and [J; F] (rows, nv)."""
+        """What is missing to closures and pose (rows,), and [J; F] (rows, nv), in rad and lengths of the mechanism."""
         gap, jacobian = self.chain._gap(t, q)
         at, turn, flat, _ = self.code(q, np.zeros(self.robot.nv), self.chain.scene.parameter_values)
         turned = 0.5 * np.cross(turn.reshape(3, 3).T, rotation.T).sum(axis=0)
         missing = np.concatenate([position - at, turned])[self.rows]
         frame = flat.reshape(self.robot.nv, 6).T[self.rows]
-        return np.concatenate([-gap, missing]), np.vstack([jacobian, frame])
+        sizes = self._sizes
+        return np.concatenate([-gap, missing / sizes]), np.vstack(
+            [jacobian, frame / sizes[:, None] * self.chain.columns]
+        )
+
+    @property
+    def _sizes(self) -> Array:
+        """How large 1 is in each of the frame's coordinates: the mechanism's length, m, or 1 rad."""
+        return np.where(np.array(self.rows) < 3, self.chain.length, 1.0)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from bellcrank.constraints.chain import Array, Chain
     from bellcrank.robot.robot import Robot, RobotJoint
 
-AGREEMENT = 1e-5  # rad or m: what files round off
+AGREEMENT = 1e-5  # rad, or of the mechanism's length: what files round off
 
 
 def guided_motion(
@@ -65,7 +65,7 @@ def guided_motion(
     joints = chain.independent(candidates, whole.name)
     found = chain.follow(whole, joints)
     if given is not None and independent is None:
-        _check_agreement(whole, found, [joint for joint in candidates if joint not in joints])
+        _check_agreement(chain, whole, found, [joint for joint in candidates if joint not in joints])
     return found, tuple(joint.name for joint in joints)
 
 
@@ -128,7 +128,7 @@ def _part(chain: Chain, entry: MotionEntry, entries: Mapping[str, MotionEntry], 
     candidates.sort(key=lambda joint: joint not in chain.actuated)
     joints = chain.independent(candidates, whole.name)
     found = chain.follow(whole, joints, previous)
-    _check_agreement(whole, found, [joint for joint in candidates if joint not in joints])
+    _check_agreement(chain, whole, found, [joint for joint in candidates if joint not in joints])
     return found
 
 
@@ -153,12 +153,12 @@ def _independent(chain: Chain, motion: Motion, names: Sequence[str] | None) -> t
     return tuple(joint.name for joint in chain.independent(candidates, motion.name))
 
 
-def _check_agreement(wanted: Motion, found: Motion, joints: Sequence[RobotJoint]) -> None:
+def _check_agreement(chain: Chain, wanted: Motion, found: Motion, joints: Sequence[RobotJoint]) -> None:
     """Refuse a motion that moves more joints than can be chosen, unless the closures move them so anyway."""
     for joint in joints:
         gap = found.position[:, joint.q] - wanted.position[:, joint.q]
         gap = np.abs(np.remainder(gap + np.pi, 2.0 * np.pi) - np.pi if joint.kind == "revolute" else gap)
-        if gap.max() > AGREEMENT:
+        if gap.max() > AGREEMENT * (1.0 if joint.kind == "revolute" else chain.scene.binding.length):
             row = int(gap.argmax())
             raise InputError(
                 f"motion '{wanted.name}' wants joint '{joint.name}' at {wanted.position[row, joint.q]:.6g} at "

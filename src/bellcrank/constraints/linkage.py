@@ -86,7 +86,8 @@ class Linkage:
     @cached_property
     def _wrenches(self) -> Compiled:
         scene = self.chain.loaded
-        return self.robot.compiled("joint wrenches " + scene.physics_key(), lambda: joint_wrenches(scene))
+        key = f"joint wrenches {scene.physics_key()} {scene.binding.signature}"
+        return self.robot.compiled(key, lambda: joint_wrenches(scene))
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array) -> tuple[float, float]:
         """The largest violation of a closure, m or rad, and the largest |S τ + Jᵀλ − Q|, a share of the largest |Q|."""

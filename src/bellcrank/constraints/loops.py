@@ -94,7 +94,8 @@ class Hinge(Loop):
     """The origins coincide, and an axis that both frames have, `axis` in each one's own axes, does too: five equations.
 
     φ = a − b (m, world axes), then n₁·k and n₂·k: k is the axis of a, n₁ and n₂ are perpendicular to that of b. Their
-    multipliers are moments on the body of frame a, N m, about k × n₁ and k × n₂ (turned to face it).
+    multipliers are moments on the body of frame a, N m, about k × n₁ and k × n₂ (turned to face it). φ vanishes with
+    the axes opposed too, which no start is and no run keeps (`facing`).
     """
 
     axis: tuple[float, ...]
@@ -114,6 +115,20 @@ class Hinge(Loop):
         across = [casadi.dot(b.rotation @ casadi.DM(n), k) for n in perpendicular(self.axis)]
         return Residual(casadi.vertcat(a.position - b.position, *across), _none())
 
+    def facing(self, symbols: Symbols) -> casadi.SX:
+        """The cosine of the angle between the two sides' axes."""
+        import casadi
+
+        a, b = self.sides(symbols)
+        return casadi.dot(a.rotation @ casadi.DM(self.axis), b.rotation @ casadi.DM(self.axis))
+
+    def way(self, symbols: Symbols) -> casadi.SX:
+        """The difference of the axes (3)."""
+        import casadi
+
+        a, b = self.sides(symbols)
+        return (a.rotation - b.rotation) @ casadi.DM(self.axis)
+
     def labels(self, robot: Robot) -> tuple[str, ...]:
         """Force components in world axes, and two moments."""
         return (*(f"{c} [N]" for c in "xyz"), "moment 1 [N m]", "moment 2 [N m]")
@@ -124,6 +139,7 @@ class Weld(Loop):
     """Two frames coincide: φ = a − b (m, world axes), then half the vector part of Rᵦᵀ Rₐ − Rₐᵀ Rᵦ (axes of b).
 
     The multipliers are the force on the body of frame a in world axes, N, and the moment on it in the axes of b, N m.
+    The angle's part of φ is its sine, which vanishes at half a turn too; no start is there and no run stays (`facing`).
     """
 
     kind: ClassVar[str] = "weld"
@@ -141,6 +157,20 @@ class Weld(Loop):
         turn = b.rotation.T @ a.rotation
         angle = [0.5 * (turn[j, i] - turn[i, j]) for i, j in ((1, 2), (2, 0), (0, 1))]
         return Residual(casadi.vertcat(a.position - b.position, *angle), _none())
+
+    def facing(self, symbols: Symbols) -> casadi.SX:
+        """The cosine of the angle θ that the frames are turned by: tr Rᵦᵀ Rₐ = 1 + 2 cos θ."""
+        import casadi
+
+        a, b = self.sides(symbols)
+        return 0.5 * (casadi.trace(b.rotation.T @ a.rotation) - 1.0)
+
+    def way(self, symbols: Symbols) -> casadi.SX:
+        """Rᵦᵀ Rₐ − 1 (9), of the length 2 √(1 − cos θ)."""
+        import casadi
+
+        a, b = self.sides(symbols)
+        return casadi.vec(b.rotation.T @ a.rotation - casadi.SX.eye(3))
 
     def labels(self, robot: Robot) -> tuple[str, ...]:
         """Force and moment components."""
@@ -174,6 +204,17 @@ class Distance(Loop):
         a, b = self.sides(symbols)
         way, length = a.position - b.position, self.value(symbols, "length")
         return Residual((casadi.dot(way, way) - length * length) / (2.0 * length), _none())
+
+    def reach(self, symbols: Symbols) -> casadi.SX:
+        """How fast its ends move against each other."""
+        a, b = self.sides(symbols)
+        return a.linear - b.linear
+
+    def lengths(self, symbols: Symbols) -> casadi.SX:
+        """The rod's."""
+        import casadi
+
+        return casadi.SX(self.value(symbols, "length"))
 
     def labels(self, robot: Robot) -> tuple[str, ...]:
         """The rod's force."""

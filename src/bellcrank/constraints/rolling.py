@@ -73,6 +73,12 @@ class RollingDisk(Constraint):
         )
         return Residual(gap, slip)
 
+    def lengths(self, symbols: Symbols) -> casadi.SX:
+        """The radius."""
+        import casadi
+
+        return casadi.SX(self.value(symbols, "radius"))
+
     def contact_point(self, symbols: Symbols) -> casadi.SX:
         """The rim's lowest point (3) m in the world."""
         import casadi

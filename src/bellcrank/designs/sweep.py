@@ -170,7 +170,7 @@ def _check(scene: Scene, axis: Axis) -> None:
         except InputError as error:
             refused.append(error)
             continue
-        if design.system is not scene.system:
+        if design.structure_key != scene.structure_key:
             raise InputError(
                 f"sweep over '{axis.path}': it changes the equations, which would be compiled for every value; make it "
                 f"a parameter of the scene (parameters: {{NAME: {{value: …, sets: […]}}}}) and vary that"

@@ -14,9 +14,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bellcrank.dynamics.closed import Solution, close, rows_that_bind, solve
+from bellcrank.dynamics.closed import Rows, Solution, close, solve
 from bellcrank.dynamics.reactions import Reactions
 from bellcrank.dynamics.roots import mass_matrix
+from bellcrank.robot.postures import lengths_in_velocity
 from bellcrank.scene.symbols import Symbols
 
 if TYPE_CHECKING:
@@ -118,10 +119,11 @@ def assemble(scene: Scene) -> Assembly:
     p = casadi.vertcat(s.p, gains)
     solution, reaction, plain_power = None, casadi.SX(robot.nv, 1), power
     if scene.closures:
-        closed = close(scene.closures, rows_that_bind(scene, s), s)
+        rows, sizes = _rows(scene)
+        closed = close(scene.closures, rows, s)
         share = casadi.SX.sym("regularisation")
         solution = solve(mass_matrix(s), closed, torque - bias, gains, share)
-        p = casadi.vertcat(p, share)
+        p = casadi.vertcat(p, sizes, share)
         acceleration, reaction = solution.acceleration, closed.jacobian.T @ solution.multipliers
         power, plain_power = (
             power + closed.power(solution.multipliers),
@@ -146,3 +148,18 @@ def assemble(scene: Scene) -> Assembly:
         actuator, passive, power, plain_power, energy[0], energy[1] + potential, residual, bias, outputs,
         casadi.SX(events), casadi.SX.sym("W"), s, solution,
     )  # fmt: skip
+
+
+def _rows(scene: Scene) -> tuple[Rows, casadi.SX]:
+    """The rows that bind, and what of them are parameters: all numbers where any depends on the scene's parameters."""
+    import casadi
+
+    found, count = scene.binding, len(scene.binding.kept)
+    sizes = casadi.SX.sym("rows", len(found.parameters))
+    if found.parametric:
+        scale, square, unit, length = casadi.vertsplit(sizes, [0, count, 2 * count, 3 * count, 3 * count + 1])
+    else:
+        scale, square, unit = (casadi.SX(casadi.DM(x)) for x in (found.scale, found.square, found.unit))
+        length = casadi.SX(found.length)
+    columns = casadi.vertcat(*[length if far else casadi.SX(1.0) for far in lengths_in_velocity(scene.robot)])
+    return Rows(found.kept, scale, square, unit, columns, found.singular), sizes

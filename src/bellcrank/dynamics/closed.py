@@ -15,42 +15,43 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bellcrank.constraints.constraint import Constraint
 from bellcrank.constraints.kkt import Factor, proximal
 from bellcrank.dynamics.roots import Turning
-from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
     import casadi
 
-    from bellcrank.robot.robot import Robot
-    from bellcrank.scene.scene import Scene
     from bellcrank.scene.symbols import Symbols
-
-Array = NDArray[np.float64]
-DEAD = 1e-5  # of the largest entry of a closure's J: a row below it is dead, or alive by rounded angles alone
-IMPOSSIBLE = 1e-5  # of the largest gap of a closure, that such a row may be apart
 
 REFINEMENTS = 3  # passes of the proximal solve after the first; what they leave of a regular row is μ⁴
 PROJECTING = 1  # the same for projections, whose corrections are small
 REGULARISATION = 1e-9  # μ, as a share of a row's J M⁻¹ Jᵀ
 LEAST = 1e-14  # the same at rest where the row vanishes
-SPREAD = 1e3  # a row's J M⁻¹ Jᵀ, which light links raise, counts up to so many times what it is while the others hold
 NEAR_SINGULAR = 1e-4  # a pivot below this share of its usual value calls for the proximal solve
 
 
 class Rows(NamedTuple):
-    """The rows of constraints that bind; for each, as powers of ten, its usual J M⁻¹ Jᵀ (`scale`) and its usual square
-    of J (`square`). `massless`: M is singular, as some joint moves nothing but what closures hold.
+    """The rows of constraints that bind; for each its usual J M⁻¹ Jᵀ (`scale`), its usual square of J with columns as
+    in `columns` (`square`), and how large 1 is in it (`unit`). `columns` (nv): the mechanism's length, m, for
+    coordinates in m, 1 for others. Numbers or symbols. `singular`: M is, as some joint moves nothing but what closures
+    hold.
     """
 
     kept: tuple[int, ...]
-    scale: tuple[float, ...]
-    square: tuple[float, ...]
-    massless: bool = False
+    scale: casadi.SX
+    square: casadi.SX
+    unit: casadi.SX
+    columns: casadi.SX
+    singular: bool = False
+
+    @classmethod
+    def plain(cls, kept: Sequence[int]) -> Rows:
+        """Rows whose size is not asked for."""
+        import casadi
+
+        ones = casadi.SX.ones(len(kept), 1)
+        return cls(tuple(kept), ones, ones, ones, casadi.SX.ones(1, 1))
 
 
 @dataclass(frozen=True)
@@ -131,9 +132,9 @@ def solve(mass: casadi.SX, closed: Closed, force: casadi.SX, gains: casadi.SX, s
     """
     import casadi
 
-    jacobian, usual = closed.jacobian, casadi.DM(closed.rows.scale)
+    jacobian, usual = closed.jacobian, closed.rows.scale
     right = closed.required(*casadi.vertsplit(gains)) if gains.numel() else closed.required(0.0, 0.0)
-    if closed.rows.massless:
+    if closed.rows.singular:
         weighted = jacobian.T @ casadi.diag(1.0 / usual)
         mass, force = casadi.sparsify(mass + weighted @ jacobian), force + weighted @ right
     plain = Factor(mass, jacobian, casadi.SX(jacobian.size1(), 1))
@@ -141,7 +142,7 @@ def solve(mass: casadi.SX, closed: Closed, force: casadi.SX, gains: casadi.SX, s
     regular = Factor(mass, jacobian, mu)
     return Solution(
         closed, mass, regular, regular.solve(force, right)[1], *proximal(regular, force, right, REFINEMENTS),
-        *plain.solve(force, right), plain.slack(casadi.SX(NEAR_SINGULAR * usual)),
+        *plain.solve(force, right), plain.slack(NEAR_SINGULAR * usual),
         projected(regular, closed, PROJECTING), projected(plain, closed, 0),
     )  # fmt: skip
 
@@ -168,57 +169,14 @@ def regularisation(mass: casadi.SX, closed: Closed, share: casadi.SX) -> casadi.
     At distance x from a posture in which J loses rank (a linkage that lies flat loses whole rows) the equations are as
     good as anywhere at rest, but a motion at speed w amplifies what rounding leaves by w/x²; there a share of the usual
     value ends the amplification, and inertia carries the motion through. w² is about the usual value times twice the
-    kinetic energy; 1 m/s, or 1 rad/s, counts as moving.
+    kinetic energy; the mechanism's own length a second, or 1 rad/s, counts as moving.
     """
     import casadi
 
-    usual, square = casadi.DM(closed.rows.scale), casadi.DM(closed.rows.square)
-    now = casadi.sum2(closed.jacobian * closed.jacobian) / square
-    speed = usual * casadi.dot(closed.v, mass @ closed.v)
+    _, usual, square, unit, columns, _ = closed.rows
+    now = (closed.jacobian * closed.jacobian) @ (columns * columns) / square
+    speed = usual * casadi.dot(closed.v, mass @ closed.v) / (unit * unit)
     return usual * (share * (now + speed / (1.0 + speed)) + LEAST)
-
-
-def rows_that_bind(scene: Scene, s: Symbols) -> Rows:
-    """The rows of a scene's closures (all φ, then all ψ) that say anything, by their Jacobians at random postures.
-
-    A planar loop's row across the plane is 0 = 0 and is left out, also where the drawing rounds right angles to five
-    digits (rpy="1.5708 0 0"). Raises InputError where such a row cannot hold.
-    """
-    import casadi
-
-    whole = close(scene.closures, None, s)
-    gap = casadi.vertcat(whole.position, whole.velocity)
-    mass = s.algorithm("mass_matrix")(s.q, s.tracer_parameters)
-    outputs = [casadi.densify(x) for x in (whole.jacobian, gap, casadi.reshape(mass, scene.robot.nv, scene.robot.nv))]
-    f = casadi.Function("rows", [s.q, s.v, s.t, s.u, s.p], outputs)
-    random = np.random.default_rng(0)
-    sizes, gaps, scales, squares, massless = [], [], [], [], False
-    for _ in range(8):
-        q = random_posture(scene.robot, random)
-        given = (q, np.zeros(scene.robot.nv), 0.0, random.normal(size=s.u.numel()), scene.parameter_values)
-        j, g, m = (np.array(x) for x in f(*given))
-        sizes.append(np.abs(j).max(axis=1, initial=0.0))
-        gaps.append(np.abs(g.ravel()))
-        compliance = j @ np.linalg.lstsq(m, j.T, rcond=None)[0]
-        held = 1.0 / np.maximum(np.abs(np.linalg.pinv(compliance, hermitian=True).diagonal()), 1e-300)
-        scales.append(np.minimum(compliance.diagonal(), SPREAD * held))
-        squares.append((j * j).sum(axis=1))
-        massless |= bool(np.linalg.matrix_rank(m) < len(m))
-    names = row_names(scene.closures, s)
-    size, gap = np.max(sizes, axis=0), np.max(gaps, axis=0)
-    closure = np.array([name for name, _ in names])
-    largest = np.array([[np.max(x[closure == name]) for name in closure] for x in (size, gap)])
-    binds = size > DEAD * largest[0]
-    for k in np.flatnonzero(~binds & (gap > IMPOSSIBLE * largest[1]) & (gap > 0.0)):
-        name, label = names[k]
-        raise InputError(
-            f"{scene.source}: closures: '{name}' cannot close: its row {label} is {gap[k]:.6g} apart "
-            "whatever the joints do; move one of its frames, or take a kind of closure with fewer rows"
-        )
-    usual = np.stack([np.max(scales, axis=0)[binds], np.max(squares, axis=0)[binds]])
-    usual[usual <= 0.0] = 1.0  # no mass at all
-    scale, square = (10.0 ** np.round(np.log10(usual))).tolist()  # rounded: not to change with every parameter
-    return Rows(tuple(np.flatnonzero(binds).tolist()), tuple(scale), tuple(square), massless)
 
 
 def row_names(constraints: Sequence[Constraint], s: Symbols) -> list[tuple[str, str]]:
@@ -232,16 +190,6 @@ def row_names(constraints: Sequence[Constraint], s: Symbols) -> list[tuple[str, 
     return position + velocity
 
 
-def random_posture(robot: Robot, random: np.random.Generator) -> Array:
-    """A position (nq,) with every joint within 1.5 rad or m of its zero, and unit rotations."""
-    q = robot.neutral + random.uniform(-1.5, 1.5, robot.nq)
-    for j in robot.joints:
-        part = {"floating": slice(j.q + 3, j.q + 7), "planar": slice(j.q + 2, j.q + 4)}.get(j.kind)
-        if part is not None:
-            q[part] /= np.linalg.norm(q[part])
-    return q
-
-
 def close(constraints: Sequence[Constraint], rows: Rows | None, s: Symbols) -> Closed:
     """Differentiate constraints; `rows` are those to keep of all φ and then all ψ, all of them where it is None."""
     import casadi
@@ -253,10 +201,10 @@ def close(constraints: Sequence[Constraint], rows: Rows | None, s: Symbols) -> C
     velocity = casadi.vertcat(casadi.SX(0, 1), *[r.velocity for r in residuals])
     h = position.size1()
     if rows is None:
-        count = h + velocity.size1()
-        rows = Rows(tuple(range(count)), (1.0,) * count, (1.0,) * count)
+        rows = Rows.plain(range(h + velocity.size1()))
     kept = rows.kept
-    position, velocity = position[[k for k in kept if k < h]], velocity[[k - h for k in kept if k >= h]]
+    position = casadi.vertcat(casadi.SX(0, 1), *[position[k] for k in kept if k < h])
+    velocity = casadi.vertcat(casadi.SX(0, 1), *[velocity[k - h] for k in kept if k >= h])
     rate = flow(position, s)
     speed = casadi.vertcat(rate, velocity)
     still, step = casadi.SX.zeros(s.v.size1(), 1), casadi.SX.sym("step", s.v.size1())

@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.closed import random_posture
+from bellcrank.dynamics.binding import FIXED, ROUNDING
+from bellcrank.machine_code import cache as disk
+from bellcrank.machine_code.compile import making
+from bellcrank.robot.postures import lengths_in_velocity, random_posture
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.assembly import Assembly
@@ -15,26 +18,36 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 POSTURES = 3
-ROUNDING = 1e-13  # of a coordinate's own inertia, or of the largest: below it nothing is left but rounding
 TAKES_PART = 1e-3  # of the largest share that a coordinate has in such a motion
 MISSED = 1e-6  # of the largest joint force: accelerations that miss the equations by less satisfy them
 
 
-def massless_motion(scene: Scene, assembly: Assembly) -> str | None:
+def massless_motion(scene: Scene) -> str | None:
     """What can move without moving mass, whatever the posture, as a clause with its remedy; None where nothing can.
 
     With D² the diagonal of M = D R D and Z the null space of J D⁻¹, the least eigenvalue of Zᵀ R Z vanishes there. A
-    massless link at the end of a chain is let pass where nothing pulls at it: the rest moves as it should.
+    massless link at the end of a chain is let pass where nothing pulls at it: the rest moves as it should. What was
+    found at a scene's parameters is kept on disk.
     """
+    key = "massless-" + disk.digest(scene.structure_key, scene.parameter_values.tobytes())
+    stored = disk.load(key)
+    if stored is None:
+        with making:
+            stored = (_massless_motion(scene, scene.system.assembly) or "").encode()
+        disk.store(key, stored)
+    return stored.decode() or None
+
+
+def _massless_motion(scene: Scene, assembly: Assembly) -> str | None:
     random = np.random.default_rng(0)
     for _ in range(POSTURES):
-        q = random_posture(scene.robot, random)
+        q = random_posture(scene.robot, random, scene.binding.length)
         mass, jacobian = _inertia(scene, assembly, q)
         own = mass.diagonal()
         heavy = own > ROUNDING * own.max(initial=0.0)
         size = np.sqrt(np.where(heavy, own, 1.0))
         _, values, vectors = np.linalg.svd(jacobian / size)
-        free = vectors[np.count_nonzero(values > 1e-9 * values.max(initial=0.0)) :].T
+        free = vectors[np.count_nonzero(values > FIXED * values.max(initial=0.0)) :].T
         values, vectors = np.linalg.eigh(free.T @ (mass / np.outer(size, size)) @ free)
         massless = free @ vectors[:, values < ROUNDING]
         if not massless.size:
@@ -55,17 +68,19 @@ def massless_motion(scene: Scene, assembly: Assembly) -> str | None:
 
 
 def _inertia(scene: Scene, assembly: Assembly, q: Array) -> tuple[Array, Array]:
-    """M (nv, nv), the momenta of unit velocities, and J (rows, nv) in a posture."""
+    """M (nv, nv) and J (rows, nv) in a posture, lengths in units of the mechanism's own."""
     import casadi
 
-    a, nv = assembly, scene.robot.nv
-    jacobian = casadi.SX(0, nv) if a.solution is None else a.solution.closed.jacobian
-    arguments = [a.t, a.state, a.u, a.p]
-    momenta = casadi.Function("momenta", arguments, [casadi.densify(casadi.gradient(a.kinetic, a.v))])
-    rows = casadi.Function("rows", arguments, [jacobian])
-    states = np.vstack([np.tile(q[:, None], nv), np.eye(nv), np.zeros((int(a.has_work), nv))])
-    u, p = scene.signals_at(np.zeros(1))[0], scene.system_parameters
-    return np.array(momenta(0.0, states, u, p)), np.array(rows(0.0, states[:, :1], u, p).full())
+    a, found = assembly, scene.binding
+    columns = np.where(lengths_in_velocity(scene.robot), found.length, 1.0)
+    p = scene.parameter_values[: None if a.symbols.tracer_parameters.numel() else 0]
+    mass = np.array(a.symbols.inertia()(q, np.eye(scene.robot.nv), p)) * np.outer(columns, columns)
+    if a.solution is None:
+        return mass, np.zeros((0, scene.robot.nv))
+    f = casadi.Function("rows", [a.t, a.state, a.u, a.p], [a.solution.closed.jacobian])
+    state = np.concatenate([q, np.zeros(scene.system.size - len(q))])
+    rows = np.array(f(0.0, state, scene.signals_at(np.zeros(1))[0], scene.system_parameters).full())
+    return mass, rows / found.unit[:, None] * columns
 
 
 def _satisfied(scene: Scene, assembly: Assembly, q: Array, random: np.random.Generator) -> bool:

@@ -36,7 +36,8 @@ class Reactions:
 
     @property
     def closeness(self) -> casadi.SX:
-        """σ_min/σ_max of J M⁻¹ᐟ², the closures' Jacobian in the metric of the mass matrix; 1 for a single row.
+        """σ_min/σ_max of J M⁻¹ᐟ², the closures' Jacobian in the metric of the mass matrix, lengths counted in the
+        mechanism's own; 1 for a single row.
 
         S = J M⁻¹ Jᵀ has the squares as eigenvalues. Power iterations with S and with (S + εD)⁻¹, D its diagonal by M's,
         give them as Rayleigh quotients: near a singular position the inverse one converges at once; where the two
@@ -46,12 +47,13 @@ class Reactions:
         import casadi
 
         c, mass = self._solution.closed, self._solution.mass
-        m = c.jacobian.size1()
-        inverse = Factor(mass, c.jacobian, FLOOR * casadi.SX(casadi.DM(c.rows.scale)))
+        m, unit = c.jacobian.size1(), c.rows.unit
+        jacobian = casadi.sparsify(casadi.diag(1.0 / unit)) @ c.jacobian
+        inverse = Factor(mass, jacobian, FLOOR * c.rows.scale / (unit * unit))
         inertia = Factor(mass, casadi.SX(0, mass.size1()), casadi.SX(0, 1))
 
         def times(x: casadi.SX) -> casadi.SX:
-            return c.jacobian @ inertia.solve(c.jacobian.T @ x, casadi.SX(0, 1))[0]
+            return jacobian @ inertia.solve(jacobian.T @ x, casadi.SX(0, 1))[0]
 
         still = casadi.SX(mass.size1(), 1)
         start = casadi.SX(

@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.dynamics.assembly import Assembly, assemble
-from bellcrank.dynamics.closed import row_names
-from bellcrank.dynamics.determined import massless_motion
+from bellcrank.dynamics.closed import flow, row_names
 from bellcrank.dynamics.latch import latch
 from bellcrank.dynamics.sparse import Places, entries
 from bellcrank.machine_code import cache as disk
-from bellcrank.machine_code.compile import Compiled, sources
+from bellcrank.machine_code.compile import Compiled, making
 
 if TYPE_CHECKING:
     import casadi
@@ -37,8 +36,7 @@ _systems: dict[str, System] = {}
 class System:
     """Compiled functions of (t, x, u, p): time (1), state x = q, v and maybe W (n), signals (nu), parameters (np).
 
-    SI units throughout. `has_work` says whether x ends with the work W (J), `may_be_massless` whether something could
-    move without mass when the equations were first traced: with that scene's parameters.
+    SI units throughout. `has_work` says whether x ends with the work W (J).
     """
 
     def __init__(self, scene: Scene, key: str) -> None:
@@ -47,7 +45,6 @@ class System:
         stored = disk.load("system-" + key)
         self._facts: dict[str, Any] = json.loads(stored) if stored else self._find_facts()
         self.has_work: bool = self._facts["has_work"]
-        self.may_be_massless: bool = self._facts["may_be_massless"]
         self.size = self.nq + self.nv + self.has_work
         self._places = {name: Places(*places) for name, places in self._facts["places"].items()}
 
@@ -58,7 +55,6 @@ class System:
         rows = [] if solution is None else row_names(self._scene.closures, a.symbols)
         facts = {
             "has_work": a.has_work,
-            "may_be_massless": massless_motion(self._scene, a) is not None,
             "rows": [rows[k] for k in solution.closed.kept] if solution is not None else [],
             "operations": rhs.n_instructions(),
             "outputs": {name: expression.numel() for name, expression in a.outputs.items()},
@@ -161,6 +157,31 @@ class System:
         """J (rows, nv) and M (nv, nv) at a state, or at each state of a batch."""
         jacobian, mass = self._metric(t, x, u, p)
         return self._places["jacobian"].matrix(jacobian), self._places["mass"].matrix(mass)
+
+    @cached_property
+    def facing(self) -> Compiled:
+        """(t, x, u, p) -> the cosine of the angle between the sides of each closure that has one (`turning`)."""
+
+        def build() -> casadi.Function:
+            import casadi
+
+            found = [closure.facing(self.assembly.symbols) for closure in self._scene.closures]
+            return self._state_function("facing", [casadi.vertcat(*found)])
+
+        return self._compiled("facing", build)
+
+    @cached_property
+    def way(self) -> Compiled:
+        """(t, x, u, p) -> what vanishes where all these cosines are 1, and its derivative by v, column after column."""
+
+        def build() -> casadi.Function:
+            import casadi
+
+            s = self.assembly.symbols
+            found = casadi.vertcat(*[closure.way(s) for closure in self._scene.closures])
+            return self._state_function("way", [found, _dense(casadi.jacobian(flow(found, s), s.v))])
+
+        return self._compiled("way", build)
 
     @cached_property
     def _metric(self) -> Compiled:
@@ -272,15 +293,17 @@ class System:
         return casadi.Function(name, [a.t, a.state, a.u, a.p], [casadi.densify(o) for o in outputs])
 
     def _compiled(self, what: str, build: Any, seldom: bool = False) -> Compiled:
-        return self._scene.robot.compiled(f"{what} {self._key}", build, seldom)
+        with making:
+            return self._scene.robot.compiled(f"{what} {self._key}", build, seldom)
 
 
 def system_of(scene: Scene) -> System:
     """The system of a scene, made at most once in a process for scenes with the same equations."""
-    key = disk.digest(scene.robot.key, scene.physics_key(), sources())
-    if key not in _systems:
-        _systems[key] = System(scene, key)
-    return _systems[key]
+    key = disk.digest(scene.structure_key, scene.binding.signature)
+    with making:
+        if key not in _systems:
+            _systems[key] = System(scene, key)
+        return _systems[key]
 
 
 def _dense(matrix: casadi.SX) -> casadi.SX:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import casadi
 
 Array = NDArray[np.float64]
-_making = threading.RLock()  # casadi and LLVM work on one thread at a time; calls of finished code do not wait
+making = threading.RLock()  # casadi and LLVM work on one thread at a time; calls of finished code do not wait
 _BATCH = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
 
 
@@ -69,7 +69,7 @@ class Compiled:
         """The address of the machine code; its signature is in scalar.py or simd.py."""
         key = (kind, machine.target_name())
         if key not in self._loaded:
-            with _making:
+            with making:
                 if key not in self._loaded:
                     loaded = self._kept(kind)
                     if loaded is None:
@@ -162,8 +162,8 @@ def make_ready(wanted: Sequence[tuple[Compiled, str]]) -> None:
     chosen, name = machine.target(), machine.target_name()
     if all((kind, name) in function._loaded for function, kind in wanted):
         return
-    with _making, ThreadPoolExecutor(1) as compiler:
-        making = []
+    with making, ThreadPoolExecutor(1) as compiler:
+        begun = []
         for function, kind in wanted:
             if (kind, name) in function._loaded:
                 continue
@@ -172,8 +172,8 @@ def make_ready(wanted: Sequence[tuple[Compiled, str]]) -> None:
                 function._loaded[kind, name] = loaded
                 continue
             ir = function.ir(kind)
-            making.append((function, kind, ir, compiler.submit(machine.object_code, ir, chosen, function._level)))
-        for function, kind, ir, code in making:
+            begun.append((function, kind, ir, compiler.submit(machine.object_code, ir, chosen, function._level)))
+        for function, kind, ir, code in begun:
             function._loaded[kind, name] = function._made(kind, ir, code.result())
 
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from bellcrank.urdf.read import Urdf
 
 NEAR = 1e-11  # a rotation entry this close to -1, 0 or 1 is taken for it
+LEAST_MASS = 2.3e-16  # kg: Pinocchio divides sums of inertias by their mass, or by the rounding of 1 where that is more
 FREE_BASE = "root_joint"  # what Pinocchio names the joint of a free base
 _UNLIMITED = 1e299
 _KINDS = {
@@ -137,6 +138,12 @@ def pinocchio_model(
         inertia = _body(load.mass, np.array(load.cg, dtype=float), matrix)
         frame = pin.Frame(f"payload {k + 1}", at.parentJoint, parent, at.placement, pin.FrameType.BODY, inertia)
         model.addFrame(frame, True)
+    for frame in model.frames:
+        if 0.0 < frame.inertia.mass < LEAST_MASS:
+            raise InputError(
+                f"{urdf.source}: '{frame.name}' has a mass of {frame.inertia.mass:g} kg; bodies below {LEAST_MASS:g} "
+                "kg cannot be computed with: write all masses, inertias and forces in a smaller unit, or 0 for no mass"
+            )
     cleaning = Cleaning()
     if clean:
         _clean(model, cleaning)
@@ -189,12 +196,14 @@ def frame_index(model: Any, name: str, kind: str) -> int:
 def _clean(model: Any, cleaning: Cleaning) -> None:
     import pinocchio as pin
 
+    size = _size(model)
+
     def placed(m: Any) -> Any:
-        return pin.SE3(cleaning.rotation(m.rotation), cleaning.numbers(m.translation, 1.0))
+        return pin.SE3(cleaning.rotation(m.rotation), cleaning.numbers(m.translation, size))
 
     def inertia(i: Any) -> Any:
         spread = float(np.trace(i.inertia))
-        return _body(i.mass, cleaning.numbers(i.lever, 1.0), cleaning.numbers(i.inertia, spread))
+        return _body(i.mass, cleaning.numbers(i.lever, size), cleaning.numbers(i.inertia, spread))
 
     for j in range(1, model.njoints):
         model.jointPlacements[j] = placed(model.jointPlacements[j])
@@ -208,6 +217,12 @@ def _clean(model: Any, cleaning: Cleaning) -> None:
             bodies[frame.parentJoint] = part if before is None else before + part
     for j in range(1, model.njoints):
         model.inertias[j] = pin.Inertia.Zero() if bodies[j] is None else inertia(bodies[j])
+
+
+def _size(model: Any) -> float:
+    """What lengths of a model are compared with, m: its longest one, and 1 m where it is larger."""
+    lengths = [p.translation for p in model.jointPlacements] + [f.placement.translation for f in model.frames]
+    return min(1.0, float(np.abs(lengths).max(initial=0.0)) or 1.0)
 
 
 def _placement(m: Any) -> dict[str, list[float]]:
@@ -266,7 +281,7 @@ def lay_out(model: Any, urdf: Urdf, cleaning: Cleaning, clean: bool) -> Tree:
         else:
             relative = before.inverse() * frame.placement
         if clean:
-            relative = pin.SE3(again.rotation(relative.rotation), again.numbers(relative.translation, 1.0))
+            relative = pin.SE3(again.rotation(relative.rotation), again.numbers(relative.translation, _size(model)))
         written = urdf.joints.get(frame.name) if frame.type != pin.FrameType.BODY else None
         rpy = written.rpy if written is not None else pin.rpy.matrixToRpy(relative.rotation)
         tree.frames.append(

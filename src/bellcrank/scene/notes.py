@@ -31,6 +31,7 @@ OVERSHOOT = 3.0  # times the range of a table's values: what a cubic spline may 
 def scene_notes(scene: Scene, duration: float) -> tuple[str, ...]:
     """The notes on a scene that is simulated for a duration, s. Motions are made for it, and its events compiled."""
     return (
+        *_rows(scene),
         *_start(scene),
         *_saved(scene),
         *_limits(scene),
@@ -39,6 +40,24 @@ def scene_notes(scene: Scene, duration: float) -> tuple[str, ...]:
         *_drives(scene, duration),
         *_events(scene),
     )
+
+
+def _rows(scene: Scene) -> Iterator[str]:
+    """Closures, or rows of them, that are left out, as no joint moves them."""
+    left_out = scene.binding.left_out if scene.closures else ()
+    for closure in scene.closures:
+        rows = [(label, gap) for name, label, gap in left_out if name == closure.name]
+        if not rows:
+            continue
+        far = max(gap for _, gap in rows)
+        if len(rows) == len(closure.labels(scene.robot)):
+            yield f"closure '{closure.name}' holds whatever the joints do, {far:.3g} (m or rad) apart; it is left out"
+        else:
+            named = ", ".join(label for label, _ in rows)
+            yield (
+                f"closure '{closure.name}': no joint moves its row{'s' if len(rows) > 1 else ''} {named}, "
+                f"{far:.3g} (m or rad) apart; left out"
+            )
 
 
 def _start(scene: Scene) -> Iterator[str]:

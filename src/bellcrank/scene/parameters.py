@@ -18,6 +18,7 @@ import numpy as np
 from bellcrank.card.fields import Fields
 from bellcrank.card.yaml_file import shown
 from bellcrank.errors import InputError, among
+from bellcrank.robot.tree import LEAST_MASS
 from bellcrank.scene.part import ANY, NONNEGATIVE, Part, Settable
 from bellcrank.trace import INERTIA, ORIGIN, setting
 
@@ -72,6 +73,8 @@ def read_parameters(read: Fields, robot: Robot, parts: Sequence[Part]) -> dict[s
             if not bound.admits(value):
                 found = shown(entry.raw("value"))
                 raise entry.error("value", f"expected {bound.wanted(unit)} for '{target}', found {found}")
+            if unit == "kg" and 0.0 < value < LEAST_MASS:
+                raise entry.error("value", f"expected 0 kg, or {LEAST_MASS:g} kg or more for '{target}'")
         entry.done()
         parameters[name] = Parameter(name, value, unit, sets, tuple(places))
     _check_inertias(table, parameters, robot)

@@ -45,6 +45,7 @@ from bellcrank.scene.settings import Settings, check_rows, read_settings
 from bellcrank.scene.signal_source import SignalSource, later_signal, later_stops
 
 if TYPE_CHECKING:
+    from bellcrank.dynamics.binding import Binding
     from bellcrank.dynamics.system import System
     from bellcrank.motion.motion import Motion
     from bellcrank.scene.symbols import Symbols
@@ -147,11 +148,13 @@ class Scene:
 
     @property
     def system_parameters(self) -> Array:
-        """The parameters p of the equations: `own_parameters`, and with closures their regularisation, last."""
+        """The parameters p of the equations: `own_parameters`, and with closures how large their rows usually are and,
+        last, their regularisation.
+        """
         from bellcrank.dynamics.closed import REGULARISATION
 
         own = self.own_parameters
-        return np.append(own, REGULARISATION) if self.closures else own
+        return np.concatenate([own, self.binding.parameters, [REGULARISATION]]) if self.closures else own
 
     @property
     def own_parameters(self) -> Array:
@@ -159,6 +162,21 @@ class Scene:
         s = self.settings.stabilisation
         gains = [s.alpha, s.beta] if self.closures and s.kind == "baumgarte" else []
         return np.append(self.parameter_values, gains)
+
+    @cached_property
+    def binding(self) -> Binding:
+        """Which rows of its closures bind at its parameters. Raises InputError where one can never close."""
+        from bellcrank.dynamics.binding import binding_of
+
+        return binding_of(self)
+
+    @cached_property
+    def structure_key(self) -> str:
+        """A digest of all that the equations depend on besides the values of parameters."""
+        from bellcrank.machine_code.cache import digest
+        from bellcrank.machine_code.compile import sources
+
+        return digest(self.robot.key, self.physics_key(), sources())
 
     # ---- signals
 

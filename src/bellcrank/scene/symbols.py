@@ -185,6 +185,14 @@ class Symbols:
         rotor = casadi.SX(casadi.sparsify(casadi.DM(self.robot.rotor_inertia))) * a
         return scale * (torque - rotor) + rotor
 
+    def inertia(self) -> casadi.Function:
+        """(q, a, p) -> M(q) a, rotors included, by recursive Newton-Euler without gravity."""
+        import casadi
+
+        f = _function(self._traced((0.0, 0.0, 0.0)).inverse_dynamics())
+        q, v, a, p = f.sx_in()
+        return casadi.Function("inertia", [q, a, p], [casadi.densify(f(q, casadi.SX.zeros(v.shape), a, p))])
+
     def joint_force(self, index: int, value: casadi.SX | float) -> casadi.SX:
         """A generalised force (nv) with one entry."""
         import casadi
@@ -196,6 +204,9 @@ class Symbols:
     @cached_property
     def _tree(self) -> Any:
         gravity = (float(self.robot.gravity[0]), float(self.robot.gravity[1]), float(self.robot.gravity[2]))
+        return self._traced(gravity)
+
+    def _traced(self, gravity: tuple[float, float, float]) -> Any:
         count = len(self.parameters) if self._settings else 0
         return trace_tree(self.robot.equations.tree, gravity, self._settings, count)
 

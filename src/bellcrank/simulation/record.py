@@ -78,13 +78,15 @@ class Statistics:
 @dataclass(frozen=True, eq=False)
 class ClosureHistory:
     """One closure over time: its multipliers (n, k), forces on the body of its first frame as `labels` (k) say, and how
-    far positions (n,) m or rad, and velocities (n,) m/s or rad/s, are from closing it.
+    far positions (n,) m or rad, and velocities (n,) m/s or rad/s, are from closing it; `relative` (n,): positions, with
+    lengths as shares of the mechanism's own.
     """
 
     labels: tuple[str, ...]
     multipliers: Array
     residual: Array
     velocity_residual: Array
+    relative: Array
 
 
 @dataclass(frozen=True, eq=False)

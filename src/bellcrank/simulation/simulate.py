@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 from bellcrank._step import integrate
 from bellcrank.constraints.drive_end import signals_until
 from bellcrank.constraints.gains import automatic_gains
+from bellcrank.constraints.turns import cosines_along, turning
 from bellcrank.dynamics.system import LARGEST_STAGED
 from bellcrank.errors import InputError
 from bellcrank.machine_code import machine
 from bellcrank.machine_code.compile import make_ready
+from bellcrank.robot.postures import lengths_in_position
 from bellcrank.scene.closure_conditions import ContactLost
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.settings import Settings, Stabilisation, check_rows
@@ -117,7 +119,7 @@ def _integrate(
     end, duration = scene.drive_end, settings.duration
     if end is not None and end.time <= duration:
         duration, signals, times = end.time, signals_until(scene, end.time), times[times <= end.time]
-    if system.may_be_massless:
+    if scene.binding.massless:
         _refuse_massless_motion(scene)
     x0 = np.zeros(system.size)
     q0, v0 = scene.start
@@ -176,6 +178,7 @@ def _integrate(
         project_fallback=address.get("project_fallback", 0),
         project_batch=address.get("project_batch", 0),
         nq=system.nq,
+        weights=_weights(scene) if projected else None,
     )
     status = tuple(Status)[result.status]
     if status is Status.FINISHED and duration < settings.duration:
@@ -185,9 +188,14 @@ def _integrate(
     time, state = result.time, result.state
     if not len(time) or (status is not Status.FINISHED and time[-1] < result.end_time):
         time, state = np.append(time, result.end_time), np.vstack([state, result.end_state[None]])
+    whole = _unturned(scene, time, state, p)
+    last = math.inf
+    if whole < len(time):
+        time, state, status, last = time[:whole], state[:whole], Status.TURNED_OVER, float(time[whole - 1])
     events = tuple(
         event_at(scene, int(k), float(t), x[: system.nq], x[system.nq : system.nq + system.nv], p)
         for k, t, x in zip(result.event_index, result.event_time, result.event_state, strict=True)
+        if t <= last
     )
     statistics = Statistics(
         result.accepted, result.rejected, result.evaluations, result.jacobians, result.factorisations, result.seconds,
@@ -203,6 +211,20 @@ def _unresolved(scene: Scene, index: NDArray[np.int32], time: Array) -> tuple[Un
         steps = time[index == k]
         found.append(Unresolved(scene.events[k].name, len(steps), float(steps[0])))
     return tuple(found)
+
+
+def _unturned(scene: Scene, time: Array, state: Array, p: Array) -> int:
+    """How many of the rows come before one in which a weld or hinge has gone beyond a quarter of a turn."""
+    if not turning(scene):
+        return len(time)
+    good = (cosines_along(scene, time, state, scene.signals_at(time), p) > 0.0).all(axis=1)
+    return len(time) if good.all() else max(int(np.argmin(good)), 1)
+
+
+def _weights(scene: Scene) -> Array | None:
+    """How much 1 is in each coordinate (nq), lengths being told in the mechanism's own; None where all are angles."""
+    far = lengths_in_position(scene.robot)
+    return np.where(far, 1.0 / scene.binding.length, 1.0) if far.any() else None
 
 
 def with_gains(scene: Scene, settings: Settings) -> Settings:
@@ -249,7 +271,7 @@ def _refuse_massless_motion(scene: Scene) -> None:
     """Name the joints that can move without moving mass, with the scene's own parameters (InputError)."""
     from bellcrank.dynamics.determined import massless_motion
 
-    motion = massless_motion(scene, scene.system.assembly)
+    motion = massless_motion(scene)
     if motion is not None:
         raise InputError(f"{scene.source}: {motion}")
 

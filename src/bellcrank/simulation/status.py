@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class Status(StrEnum):
-    """The ways to end, in the order of the stepper's numbers (step_ext/module.cpp)."""
+    """The ways to end, first those of the stepper in the order of its numbers (step_ext/problem.hpp)."""
 
     FINISHED = "finished"
     EVENT = "event"
@@ -15,6 +15,7 @@ class Status(StrEnum):
     EVALUATIONS_SPENT = "evaluations_spent"
     INTERRUPTED = "interrupted"
     DRIVE_ENDED = "drive_ended"  # not the stepper's: the run is as long as its drives' motions allow
+    TURNED_OVER = "turned_over"
 
     @property
     def success(self) -> bool:
@@ -38,5 +39,7 @@ _ADVICE = {
     "tolerances, or try solver Radau if the scene is stiff",
     Status.DRIVE_ENDED: "the motion of a drive ends, or its speed jumps, while the joint moves; let the motion go on, "
     "or shorten the run",
+    Status.TURNED_OVER: "a weld or hinge came to be turned half around, where its equations hold too: its links have "
+    "passed through each other; take smaller tolerances or steps, and look at the forces on that closure",
     Status.INTERRUPTED: "it was interrupted; what was computed until then is kept",
 }

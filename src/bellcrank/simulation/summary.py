@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 EVENTS = 5  # events listed one by one
 JOINTS = 24  # joints listed
 LARGEST_RESIDUAL, LARGEST_DRIFT = 1e-6, 1e-3  # shares, above which a run is not to be trusted
-LARGEST_GAP = 1e-3  # m or rad that a closure may be apart
+LARGEST_GAP = 1e-3  # rad, or of the mechanism's length, that a closure may be apart
 OFF_ZERO = 1e-6  # share of its largest value by which an event's function may miss zero at the event
-EDGE = 1e-9  # rad or m beyond a range that is no leaving
+EDGE = 1e-9  # rad, or of the larger end of a range in m, beyond it that is no leaving
 LEAVING = 5  # joints listed that leave their range
 NOISE = 1e-7  # share of the energies that is rounding and tolerance
 CLOSURES = 8  # closures listed
@@ -88,11 +88,12 @@ def _open_closures(run: Trajectory) -> list[str]:
     """A clause for each closure that is far from closed."""
     found = []
     for closure in run.scene.closures:
-        gap = run.closure(closure.name).residual
-        if gap.max() > LARGEST_GAP:
+        history = run.closure(closure.name)
+        if history.relative.max(initial=0.0) > LARGEST_GAP:
+            worst = int(history.relative.argmax())
             found.append(
-                f"closure '{closure.name}' is {gap.max():.3g} m or rad apart at {run.time[gap.argmax()]:.4g} s: take "
-                "stabilisation: projection, or smaller tolerances; if it cannot close there, the motion is none"
+                f"closure '{closure.name}' is {history.residual[worst]:.3g} m or rad apart at {run.time[worst]:.4g} s: "
+                "take stabilisation: projection, or smaller tolerances; if it cannot close there, the motion is none"
             )
     return found
 
@@ -172,7 +173,10 @@ def run_notes(run: Trajectory) -> tuple[str, ...]:
         if j.nq != 1:
             continue
         q, lower, upper = run.position[:, j.q], float(run.robot.lower[j.q]), float(run.robot.upper[j.q])
-        outside = (q < lower - EDGE) | (q > upper + EDGE)
+        edge = EDGE * (
+            max(abs(lower), abs(upper)) if j.kind == "prismatic" and np.isfinite([lower, upper]).all() else 1.0
+        )
+        outside = (q < lower - edge) | (q > upper + edge)
         if not outside.any() or outside[0]:  # what starts outside is told of before the run
             continue
         unit = "m" if j.kind == "prismatic" else "rad"

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.constraints.turns import cosines_along, true_gaps, turning
 from bellcrank.dynamics.signals import Signal, values_at
 from bellcrank.errors import InputError, among
 from bellcrank.simulation.record import ClosureHistory, Event, FrameHistory, JointHistory, Statistics
@@ -79,6 +80,9 @@ class Trajectory:
             return f"event '{next(e.name for e in self.events if e.stopped)}' ended the run"
         if self.status is Status.DRIVE_ENDED and self.scene.drive_end is not None:
             return self.scene.drive_end.sentence
+        if self.status is Status.TURNED_OVER:
+            cosine = cosines_along(self.scene, self.time, *self._arguments[1:])[-1]
+            return f"closure '{turning(self.scene)[int(np.argmin(cosine))]}': {self.status.advice}"
         return self.status.advice
 
     @property
@@ -153,17 +157,26 @@ class Trajectory:
             return none, none, none
         return tuple(self.scene.system.closure(*self._arguments))
 
+    @cached_property
+    def _gaps(self) -> Array:
+        """|φ| (n, h), m or rad, with the whole angles of welds and hinges."""
+        if not self.scene.closures:
+            return np.zeros((len(self.time), 0))
+        return true_gaps(self.scene, self._closure[1], cosines_along(self.scene, self.time, *self._arguments[1:]))
+
     def closure(self, name: str) -> ClosureHistory:
         """What one closure did, in the rows that bind. Raises InputError with what there is."""
         names = [closure.name for closure in self.scene.closures]
         if name not in names:
             raise InputError(f"{self.scene.name}: {among('closure', name, names)}")
         rows = [k for k, (owner, _) in enumerate(self.scene.system.multiplier_names) if owner == name]
-        multipliers, gap, speed = self._closure
-        holonomic = [k for k in rows if k < gap.shape[1]]
+        multipliers, _, speed = self._closure
+        holonomic = [k for k in rows if k < self._gaps.shape[1]]
+        gaps = self._gaps[:, holonomic]
         return ClosureHistory(
             tuple(self.scene.system.multiplier_names[k][1] for k in rows), multipliers[:, rows],
-            np.abs(gap[:, holonomic]).max(axis=1, initial=0.0), np.abs(speed[:, rows]).max(axis=1, initial=0.0),
+            gaps.max(axis=1, initial=0.0), np.abs(speed[:, rows]).max(axis=1, initial=0.0),
+            (gaps / self.scene.binding.unit[holonomic]).max(axis=1, initial=0.0),
         )  # fmt: skip
 
     def closure_rank(self, row: int = -1) -> ClosureRank:
@@ -241,7 +254,7 @@ class Trajectory:
         from bellcrank.simulation.simulate import unit_parts
 
         parts = [self.state[:, first : first + length] for first, length in unit_parts(self.scene)]
-        apart = float(np.abs(self._closure[1]).max(initial=0.0))
+        apart = float(self._gaps.max(initial=0.0))
         return max([apart, *(float(np.abs(np.linalg.norm(x, axis=1) - 1.0).max()) for x in parts)])
 
     def velocity_residual(self) -> float:

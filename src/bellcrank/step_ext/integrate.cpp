@@ -5,11 +5,13 @@
 #include <chrono>
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
@@ -116,11 +118,13 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
                      const std::vector<bool>& terminal, const std::vector<int>& direction, std::uintptr_t jacobian,
                      std::uintptr_t tangent, int lanes, std::int64_t max_evaluations, nb::object progress,
                      bool staged, std::uintptr_t fallback, std::uintptr_t project,
-                     std::uintptr_t project_fallback, std::uintptr_t project_batch, int nq, int event_samples) {
+                     std::uintptr_t project_fallback, std::uintptr_t project_batch, int nq, int event_samples,
+                     std::optional<Vector> weights) {
   const int n = static_cast<int>(x0.shape(0));
   require(rhs != 0, "integrate: no right-hand side");
   require(method == "RK4" || method == "RK45" || method == "DOP853" || method == "Radau", "integrate: unknown method");
   require(std::isfinite(t0) && std::isfinite(t1) && t1 >= t0, "integrate: t1 must be finite and not before t0");
+  require(!weights || static_cast<int>(weights->shape(0)) == nq, "integrate: one weight a coordinate");
   require(event_samples >= 2, "integrate: events need two samples a step or more");
   require(n > 0 && norm_size > 0 && norm_size <= n, "integrate: norm_size must be between 1 and the number of states");
   require(step > 0 || method != "RK4", "integrate: RK4 needs a step");
@@ -161,6 +165,7 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
   problem.project_fallback = reinterpret_cast<Kernel>(project_fallback);
   problem.project_batch = reinterpret_cast<BatchKernel>(project_batch);
   problem.nq = nq, problem.nv = norm_size - nq;
+  problem.weights = weights ? weights->data() : nullptr;
   problem.jacobian = reinterpret_cast<Kernel>(jacobian);
   problem.events = reinterpret_cast<Kernel>(events);
   problem.tangent = reinterpret_cast<BatchKernel>(tangent);
@@ -274,7 +279,8 @@ void bind_integrate(nb::module_& m) {
         "rtol"_a, "atol"_a, "step"_a = 0.0, "first_step"_a = 0.0, "max_step"_a = HUGE_VAL, "times"_a, "every_step"_a,
         "unit"_a, "signals"_a, "stops"_a, "events"_a, "terminal"_a, "direction"_a, "jacobian"_a, "tangent"_a,
         "lanes"_a, "max_evaluations"_a, "progress"_a.none(), "staged"_a = false, "fallback"_a = 0,
-        "project"_a = 0, "project_fallback"_a = 0, "project_batch"_a = 0, "nq"_a = 0, "event_samples"_a = 8);
+        "project"_a = 0, "project_fallback"_a = 0, "project_batch"_a = 0, "nq"_a = 0, "event_samples"_a = 8,
+        "weights"_a.none() = nb::none());
 }
 
 }  // namespace bellcrank

@@ -30,6 +30,7 @@ struct Problem {
   Kernel project, project_fallback;  // (x) -> correction of x, and the first a guard as well; or 0
   BatchKernel project_batch;                  // `project` for many states at once, where there are no signals; or 0
   int nq, nv;
+  const double* weights;  // (nq) 1 over how large 1 is in a coordinate, for corrections; 0: all are 1
   bool staged;  // the right-hand side takes k and s too, and evaluates at x + s k
   BatchKernel tangent;
   int n, norm_size, lanes;

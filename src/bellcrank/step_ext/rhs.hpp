@@ -121,11 +121,12 @@ class Rhs {
     if (problem.project) project(t, x);
   }
 
-  // Of a correction: how far it moves the position. What one of size d leaves is of the size d d.
-  static constexpr double exact = 1e-7, safe = 1e-3;  // m or rad: leaves rounding; Newton's method surely converges
+  // Of a correction: how far it moves the position, in rad and lengths of the mechanism. What one of size d leaves is of the size d d.
+  static constexpr double exact = 1e-7, safe = 1e-3;  // leaves rounding; Newton's method surely converges
   BELLCRANK_INLINE double size(const double* correction) const {
     double sum = 0;
-    for (int k = 0; k < problem.nq; ++k) sum += std::fabs(correction[k]);
+    const double* weights = problem.weights;
+    for (int k = 0; k < problem.nq; ++k) sum += std::fabs(weights ? weights[k] * correction[k] : correction[k]);
     return sum;
   }
   BELLCRANK_INLINE void correct(double* x, const double* correction) const {

@@ -77,7 +77,7 @@ def _solver(scene: Scene, refinements: int) -> Callable[[Array, Array, float], l
     assert assembly.solution is not None
     mass, closed = assembly.solution.mass, assembly.solution.closed
     force, right = assembly.actuator + assembly.passive - assembly.bias, closed.required(0.0, 0.0)
-    factor = Factor(mass, closed.jacobian, share * casadi.SX(closed.rows.scale))
+    factor = Factor(mass, closed.jacobian, share * closed.rows.scale)
     a, multipliers = proximal(factor, force, right, refinements)
     parts = [mass, closed.jacobian, force, right, a, closed.jacobian.T @ multipliers]
     f = casadi.Function("study", [assembly.t, assembly.state, assembly.u, assembly.p, share], parts)
