@@ -10,9 +10,9 @@ import pytest
 import bellcrank as bc
 from bellcrank.constraints.kkt import elimination_order
 from bellcrank.constraints.start import moved
-from bellcrank.dynamics.closed import random_posture
 from bellcrank.machine_code import machine, schedule
 from bellcrank.machine_code.compile import compiled, make_ready
+from bellcrank.robot.postures import random_posture
 from bellcrank.scene.scene import load_scene
 from bellcrank.scene.symbols import Symbols
 from bellcrank.validation.linkages import n_four_bar
