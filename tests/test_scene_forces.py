@@ -129,6 +129,38 @@ def test_springs_pull_by_hookes_law_and_stay_finite_where_their_ends_meet(folder
     assert all(np.isfinite(x).all() for x in parts(0.0, q, v))
 
 
+@pytest.mark.parametrize("size", [1e-6, 1e-3, 1e3])
+def test_springs_of_any_size_pull_by_hookes_law(folder, size):
+    """0.4.0: springs of some µm were longer by 5e-8 of their length, for lengths were kept from 0 by 1 nm."""
+    spring = {"kind": "spring", "frame_a": "hook", "frame_b": "world", "stiffness": 40, "free_length": 0.2 * size}
+    scene = crane(
+        folder, forces=[spring], frames={"hook": {"link": "tip", "xyz": [0, 0, 0]}}, outputs={"t": {"force": "spring"}}
+    )
+    q, v = state(scene.robot)
+    place = scene.robot.frame_pose("hook", q)[0]
+    apart = size * np.array([0.05, -0.1, 0.02])
+    near = scene.with_overrides({"forces.spring.point": (place + apart).tolist()})
+    length = np.linalg.norm(np.array(near.forces[0].point) - place)
+    f = function(near, near.outputs["t"].apply)
+    assert f(0.0, q, v)[0] == pytest.approx(40 * (length - 0.2 * size), rel=1e-8, abs=0)
+
+
+@pytest.mark.parametrize("free_length", [0.0, 0.3])
+def test_the_slope_of_a_springs_force_is_finite_where_its_ends_meet(folder, free_length):
+    spring = {"kind": "spring", "frame_a": "hook", "frame_b": "world", "stiffness": 40, "damping": 1}
+    frames = {"hook": {"link": "tip", "xyz": [0, 0, 0]}}
+    scene = crane(folder, forces=[spring | {"free_length": free_length}], frames=frames)
+    q, v = state(scene.robot)
+    met = scene.with_overrides({"forces.spring.point": scene.robot.frame_pose("hook", q)[0].tolist()})
+
+    def slopes(s):
+        force = met.forces[0].apply(s).force
+        return casadi.densify(casadi.jacobian(force, casadi.vertcat(s.q, s.v)))
+
+    for speed in (v, np.zeros_like(v)):
+        assert np.isfinite(function(met, slopes)(0.0, q, speed)[0]).all()
+
+
 def test_smoothed_coulomb_friction_reaches_its_value_at_speed(folder):
     scene = crane(folder, forces=[{"kind": "friction", "joint": "elbow", "coulomb": 2.0, "width": 0.01}])
     f = function(scene, lambda s: scene.forces[0].apply(s).force)

@@ -17,18 +17,20 @@ if TYPE_CHECKING:
     from bellcrank.scene.symbols import Symbols
 
 WORLD = "world"
-SHORTEST = 1e-9  # m: a spring's length is sqrt(d² + SHORTEST²), which has a slope where its ends meet
+# A spring's length is sqrt(d² + (SHORTEST free_length)² + NOTHING²), which has a slope where its ends meet.
+SHORTEST = 1e-9  # of its free length
+NOTHING = 1e-30  # m
 
 
 @dataclass(frozen=True)
 class Spring(Part):
     """A spring with a damper between two frames' origins, or a frame and a point of the world.
 
-    With d the way from a to b, its length l = sqrt(d·d) (kept from 0 by 1 nm, so that it has a slope where its ends
-    meet) and l̇: tension = stiffness (l − free_length) + damping l̇, V = ½ stiffness (l − free_length)². stiffness N/m,
-    damping N s/m and free_length m (0 where left out). `frame_b: world` is the fixed world and takes the `point`
-    [x, y, z], m, which must be written where the robot has a frame `world` that moves. The generalised force is Jᵀ F,
-    J being the derivative of the velocities of the ends by v.
+    With d the way from a to b, its length l = sqrt(d·d) (kept from 0 by 1e-9 of its free length, so that it has a
+    slope where its ends meet) and l̇: tension = stiffness (l − free_length) + damping l̇, V = ½ stiffness (l −
+    free_length)². stiffness N/m, damping N s/m and free_length m (0 where left out). `frame_b: world` is the fixed
+    world and takes the `point` [x, y, z], m, which must be written where the robot has a frame `world` that moves. The
+    generalised force is Jᵀ F, J being the derivative of the velocities of the ends by v.
     """
 
     frame_a: str
@@ -117,9 +119,10 @@ class Spring(Part):
         else:
             b = symbols.frame(self.frame_b)
             way, rate = b.position - a.position, b.linear - a.linear
-        length = casadi.sqrt(casadi.dot(way, way) + SHORTEST**2)
-        slope = casadi.dot(way, rate) / length
         stiffness, damping, free = (self.value(symbols, k) for k in ("stiffness", "damping", "free_length"))
+        least = SHORTEST * free
+        length = casadi.sqrt(casadi.dot(way, way) + (least * least + NOTHING * NOTHING))
+        slope = casadi.dot(way, rate) / length
         pull = stiffness * (1.0 - free / length) + damping * slope / length
         return way, rate, length, slope, pull
 
