@@ -159,9 +159,10 @@ class Compiled:
 
 def make_ready(wanted: Sequence[tuple[Compiled, str]]) -> None:
     """Make machine code (function, kind) where it is not there yet: LLVM compiles while the next IR is written."""
-    chosen, name = machine.target(), machine.target_name()
+    name = machine.target_name()
     if all((kind, name) in function._loaded for function, kind in wanted):
         return
+    chosen = machine.target()
     with making, ThreadPoolExecutor(1) as compiler:
         begun = []
         for function, kind in wanted:

@@ -29,6 +29,7 @@ from bellcrank.constraints.formula import Own, own_constraint
 from bellcrank.constraints.frame_joints import refuse_joints_off_paths
 from bellcrank.dynamics.signals import Signal, values_at
 from bellcrank.errors import InputError
+from bellcrank.robot.postures import lengths_in_position
 from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.control import Controller, read_control
 from bellcrank.scene.events import EventRule, read_events
@@ -146,15 +147,23 @@ class Scene:
         """The values of the parameters (np,), in SI units."""
         return np.array([parameter.value for parameter in self.parameters.values()], dtype=np.float64)
 
-    @property
+    @cached_property
     def system_parameters(self) -> Array:
         """The parameters p of the equations: `own_parameters`, and with closures how large their rows usually are and,
-        last, their regularisation.
+        last, their regularisation. Not to be written to.
         """
         from bellcrank.dynamics.closed import REGULARISATION
 
         own = self.own_parameters
-        return np.concatenate([own, self.binding.parameters, [REGULARISATION]]) if self.closures else own
+        found = np.concatenate([own, self.binding.parameters, [REGULARISATION]]) if self.closures else own
+        found.setflags(write=False)
+        return found
+
+    @cached_property
+    def coordinate_weights(self) -> Array | None:
+        """How much 1 is in each coordinate (nq), lengths told in the mechanism's own; None where all are angles."""
+        far = lengths_in_position(self.robot)
+        return np.where(far, 1.0 / self.binding.length, 1.0) if far.any() else None
 
     @property
     def own_parameters(self) -> Array:

@@ -19,7 +19,6 @@ from bellcrank.dynamics.system import LARGEST_STAGED
 from bellcrank.errors import InputError
 from bellcrank.machine_code import machine
 from bellcrank.machine_code.compile import make_ready
-from bellcrank.robot.postures import lengths_in_position
 from bellcrank.scene.closure_conditions import ContactLost
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.settings import Settings, Stabilisation, check_rows
@@ -178,7 +177,7 @@ def _integrate(
         project_fallback=address.get("project_fallback", 0),
         project_batch=address.get("project_batch", 0),
         nq=system.nq,
-        weights=_weights(scene) if projected else None,
+        weights=scene.coordinate_weights if projected else None,
     )
     status = tuple(Status)[result.status]
     if status is Status.FINISHED and duration < settings.duration:
@@ -206,6 +205,8 @@ def _integrate(
 
 def _unresolved(scene: Scene, index: NDArray[np.int32], time: Array) -> tuple[Unresolved, ...]:
     """Events of which crossings may have been missed, from their numbers and the starts of the steps."""
+    if not len(index):
+        return ()
     found = []
     for k in np.unique(index).tolist():
         steps = time[index == k]
@@ -219,12 +220,6 @@ def _unturned(scene: Scene, time: Array, state: Array, p: Array) -> int:
         return len(time)
     good = (cosines_along(scene, time, state, scene.signals_at(time), p) > 0.0).all(axis=1)
     return len(time) if good.all() else max(int(np.argmin(good)), 1)
-
-
-def _weights(scene: Scene) -> Array | None:
-    """How much 1 is in each coordinate (nq), lengths being told in the mechanism's own; None where all are angles."""
-    far = lengths_in_position(scene.robot)
-    return np.where(far, 1.0 / scene.binding.length, 1.0) if far.any() else None
 
 
 def with_gains(scene: Scene, settings: Settings) -> Settings:
