@@ -269,3 +269,34 @@ def test_the_way_between_two_rotations(angle):
     assert angles_to(half[None], begin)[0] == pytest.approx(angle / 2, abs=1e-6)
     assert angles_to(half[None], end)[0] == pytest.approx(angle / 2, abs=1e-6)
     assert np.array_equal(between(begin, end, 1.0), end)
+
+
+POLAR = """<robot name="polar"><link name="ground"/><link name="a"/><link name="b"/><link name="tip"/>
+<joint name="turn" type="continuous"><parent link="ground"/><child link="a"/><axis xyz="0 0 1"/></joint>
+<joint name="reach" type="prismatic"><parent link="a"/><child link="b"/><origin xyz="{x} {y} 0"/><axis xyz="1 0 0"/>
+  <limit lower="0" upper="{most}" effort="1" velocity="1"/></joint>
+<joint name="t" type="fixed"><parent link="b"/><child link="tip"/><origin xyz="{out} 0 0"/></joint></robot>"""
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e-3, 1.0, 1e3])
+def test_a_robot_that_turns_and_reaches_is_as_far_from_singular_at_any_size(tmp_path, size):
+    """Its Jacobian has lever arms and shares of 1 in it; 0.4.0 calls it singular at 1 µm, and nearly so at 1 mm."""
+    file = tmp_path / "polar.urdf"
+    file.write_text(POLAR.format(x=0.3 * size, y=0.1 * size, most=3 * size, out=0.2 * size), encoding="utf-8")
+    robot = bellcrank.load_robot(file)
+    start = {"turn": 0.5, "reach": 0.5 * size}
+    motion = circle(robot, "tip", (size, 0.6 * size, 0.0), 0.3 * size, 2.0, start=start)
+    assert motion.notes == ()
+    turn, reach = motion.position.T
+    x, y = 0.5 + reach / size, 0.1  # of the tip in the axes that turn
+    place = np.stack([np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y], axis=1)
+    np.testing.assert_allclose(np.hypot(*(place - [1.0, 0.6]).T), 0.3, rtol=1e-12)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e3])
+def test_a_robot_that_turns_and_reaches_is_refused_where_its_levers_vanish_at_any_size(tmp_path, size):
+    file = tmp_path / "polar.urdf"
+    file.write_text(POLAR.format(x=0.3 * size, y=0.0, most=3 * size, out=-0.3 * size), encoding="utf-8")
+    robot = bellcrank.load_robot(file)
+    with pytest.raises(UnreachableError, match=r"singular posture|leaves the reach"):  # through the axis that turns
+        line(robot, "tip", (-size, 1e-9 * size, 0.0), 2.0, begin=(size, 0.0, 0.0), start={"reach": size})

@@ -16,6 +16,7 @@ from bellcrank.motion.coordinates import Array
 from bellcrank.motion.frame_task import FrameTask
 from bellcrank.motion.hermite import quintic
 from bellcrank.motion.rotations import angles_to, between
+from bellcrank.robot.postures import lengths_in_position
 
 STEP_BOUND = 0.3  # rad or m: the posture moves less than this from one step to the next
 FIRST_CORRECTION = 0.03  # rad or m: the first Newton step after the predictor is shorter than this
@@ -55,8 +56,20 @@ class Solver:
         return slope[..., self.task.unknowns - self.task.equations :, : self.joints]
 
     def condition(self, z: Array) -> Array:
-        """Smallest over largest singular value of the frame's Jacobian, (n,)."""
-        sizes = np.linalg.svd(self.frame_jacobian(self.system(z)[1]), compute_uv=False)
+        """Smallest over largest singular value of the frame's Jacobian, (n,), lengths told in its longest lever arm, at
+        the start or among these postures, where lengths and angles stand in it together.
+        """
+        task = self.task
+        jacobian = self.frame_jacobian(self.system(z)[1])
+        lengths = lengths_in_position(task.robot)[list(task.active)]
+        rows = np.arange(task.equations) < task.position_basis.shape[1]
+        if lengths.any() or not rows.all():
+            start = np.zeros(task.unknowns)
+            start[: self.joints] = task.start[list(task.active)]
+            both = np.concatenate([self.frame_jacobian(self.system(start)[1])[None], jacobian])
+            lever = float(np.abs(both[:, rows][:, :, ~lengths]).max(initial=0.0)) or 1.0
+            jacobian = jacobian / np.where(rows, lever, 1.0)[:, None] * np.where(lengths, lever, 1.0)
+        sizes = np.linalg.svd(jacobian, compute_uv=False)
         return np.asarray(sizes[:, -1] / np.maximum(sizes[:, 0], 1e-300))
 
     def newton(
