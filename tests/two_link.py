@@ -58,7 +58,7 @@ class TwoLink:
         """No joint follows another."""
         return ()
 
-    def moved_by(self, joints: Any) -> tuple[tuple[str, ...], float]:
+    def moved_by(self, joints: Any, set_masses: Any = None) -> tuple[tuple[str, ...], float]:
         """The shoulder moves both links, the elbow the second."""
         return (("upper", "fore"), M1 + M2) if "shoulder" in joints else (("fore",), M2)
 

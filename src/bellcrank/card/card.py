@@ -5,8 +5,8 @@ Keys: name, urdf (a path beside the card, or the name of a robot), gravity (m/sÂ
 ("urdf", "none" or {joint: {viscous, coulomb}}), payloads [{mass, frame, cg, inertia}], frames {name: {link,
 xyz, rpy}}, motions (see motions.py), drives {joint: {â€¦}} (see drive.py) and, for a robot whose loops are closed,
 actuated, the list of joints with motors (left out: those with drives). A scene's keys (see scene/scene.py) may stand in
-the same file; sizing takes closures, the start, forces and parameters from them, says that control does not count, and
-passes over the others.
+the same file; sizing takes closures, the start, forces and parameters from them, says that control and the clock of the
+start do not count, and passes over the others.
 """
 
 from __future__ import annotations

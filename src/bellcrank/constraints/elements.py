@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bellcrank.constraints.frame_joints import frames_drawn
 from bellcrank.scene.frame_forces import Spring
 from bellcrank.scene.joint_forces import Friction, JointForce, Torque
-from bellcrank.scene.notes import table_span
+from bellcrank.scene.notes import has_time, table_span
 from bellcrank.scene.signal_source import SMALL_JUMP
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 SAME_TIME = 1e-12  # s, or of a time beyond 1 s: a row of a motion and one of a table that rounding set apart
+ELSEWHERE = 1e-6  # m, or of a quaternion: a start that differs by more from a motion is another
 LEAST_APART = 1e-9  # the same, for a row of a motion that a row of a table adds
 
 
@@ -67,7 +68,21 @@ def mechanism_notes(mechanism: Mechanism) -> tuple[str, ...]:
             f"control '{part.name}' of the scene does not count: motors give what the motion and the other forces need"
             for part in mechanism.scene.control
         ]
+        found += _clock_notes(mechanism.scene)
     return tuple(found)
+
+
+def _clock_notes(scene: Scene) -> Iterator[str]:
+    """What depends on time where a simulation of the scene starts with another clock than 0."""
+    clock = scene.initial.clock
+    moving = [f"{force.kind} '{force.name}'" for force in scene.forces if force.source is not None]
+    moving += [f"closure '{part.name}'" for part in scene.closures if part.kind != "drive" and has_time(part)]
+    if clock and moving:
+        yield (
+            f"initial.clock, {clock:.6g} s, does not count: {', '.join(moving)} {'is' if len(moving) == 1 else 'are'} "
+            "read at the times of the motions, where a simulation adds the clock; to size its run, add the clock to "
+            "the times of its CSV"
+        )
 
 
 def motion_notes(mechanism: Mechanism, motion: Motion) -> Iterator[str]:
@@ -76,6 +91,9 @@ def motion_notes(mechanism: Mechanism, motion: Motion) -> Iterator[str]:
     if moved and _follows_frame(mechanism, motion.name):
         yield path_note(motion.name, moved)
     begin, end = float(motion.time[0]), float(motion.time[-1])
+    if mechanism.scene is not None:
+        yield from _base_notes(mechanism.scene, motion)
+        yield from _drive_notes(mechanism.scene, motion)
     for force in mechanism.equations.forces:
         if force.source is None:
             continue
@@ -90,6 +108,30 @@ def motion_notes(mechanism: Mechanism, motion: Motion) -> Iterator[str]:
             yield (
                 f"{who} begins at {first:.6g} s and motion '{motion.name}' at {begin:.6g} s; in between the first "
                 "value is held"
+            )
+
+
+def _base_notes(scene: Scene, motion: Motion) -> Iterator[str]:
+    """Free joints, a base among them, that a motion has elsewhere than the scene's start puts them."""
+    posture = scene.initial.posture(scene.robot)
+    for name in scene.initial.free:
+        joint = scene.robot.joint(name)
+        first, wanted = (q[joint.q : joint.q + joint.nq] for q in (motion.position[0], posture))
+        turned = np.append(wanted[:3], -wanted[3:])  # the same rotation, where there is a quaternion
+        if min(np.abs(first - wanted).max(), np.abs(first - turned).max() if joint.nq == 7 else np.inf) > ELSEWHERE:
+            yield (
+                f"motion '{motion.name}' has joint '{name}' elsewhere than the scene's start (initial, base) puts it; "
+                "the motion counts, also for the direction of gravity"
+            )
+
+
+def _drive_notes(scene: Scene, motion: Motion) -> Iterator[str]:
+    """Drives of the scene that have their joints follow another motion."""
+    for closure in scene.closures:
+        if closure.kind == "drive" and (follows := str(closure.place.raw("motion"))) != motion.name:
+            yield (
+                f"drive '{closure.name}' of the scene follows motion '{follows}'; here motion '{motion.name}' counts "
+                "for its joint"
             )
 
 
@@ -129,9 +171,11 @@ def force_breaks(mechanism: Mechanism) -> Array:
 def with_force_rows(mechanism: Mechanism, motion: Motion) -> Motion:
     """The same motion with rows where tables of the scene have theirs, two of them, before and after, where one jumps.
 
-    What is written or drawn of it at its rows then shows what such forces do.
+    What is written or drawn of it at its rows then shows what such forces do. A row that only rounding sets apart from
+    a table's has the table's time, so that jumps of both are one.
     """
     breaks = force_breaks(mechanism)
+    motion = _at_table_times(motion, breaks)
     breaks = breaks[(breaks > motion.time[0]) & (breaks < motion.time[-1])]
     row = np.searchsorted(motion.time, breaks)
     near = np.where(
@@ -151,6 +195,18 @@ def with_force_rows(mechanism: Mechanism, motion: Motion) -> Motion:
     states = zip((motion.position, motion.velocity, motion.acceleration), motion.at(added), strict=True)
     q, v, a = (np.insert(old, at, more, axis=0) for old, more in states)
     return replace(motion, time=time, position=q, velocity=v, acceleration=a)
+
+
+def _at_table_times(motion: Motion, breaks: Array) -> Motion:
+    """The motion with the times of its rows those of breaks (s) from which rounding alone sets them apart."""
+    if not len(breaks):
+        return motion
+    after = np.clip(np.searchsorted(breaks, motion.time), 1, len(breaks) - 1)
+    low, high = breaks[after - 1], breaks[after]
+    nearest = np.where(motion.time - low < high - motion.time, low, high)
+    apart = np.abs(nearest - motion.time)
+    time = np.where(apart <= SAME_TIME * np.maximum(1.0, np.abs(motion.time)), nearest, motion.time)
+    return motion if np.array_equal(time, motion.time) else replace(motion, time=time)
 
 
 def _twins(motion: Motion) -> Array:

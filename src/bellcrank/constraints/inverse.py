@@ -88,7 +88,7 @@ class SceneInverseDynamics:
         """The generalised force (n, nv) of all forces of the scene, N m or N: it is not in the motors' torques, which
         are what the motion needs besides.
         """
-        return self.mechanism.equations.applied(force_times(self.time), self.position, self.velocity)
+        return self.mechanism.equations.applied(force_times(self.time, self.time[-1]), self.position, self.velocity)
 
     @cached_property
     def reactions(self) -> Array:
@@ -109,7 +109,7 @@ class SceneInverseDynamics:
 
     @property
     def _states(self) -> tuple[Array, Array, Array, Array]:
-        return force_times(self.time), self.position, self.velocity, self.acceleration
+        return force_times(self.time, self.time[-1]), self.position, self.velocity, self.acceleration
 
 
 def scene_inverse_dynamics(
@@ -138,7 +138,7 @@ def scene_inverse_dynamics(
         scene = scene.with_overrides(overrides)
     mechanism = mechanism_of(scene, actuated=actuated)
     whole, joints = mechanism.along(motion, independent)
-    states = (force_times(whole.time), whole.position, whole.velocity, whole.acceleration)
+    states = (force_times(whole.time, whole.time[-1]), whole.position, whole.velocity, whole.acceleration)
     torque, multipliers = mechanism.torques(*states)
     notes = (*mechanism_notes(mechanism), *motion_notes(mechanism, whole))
     return SceneInverseDynamics(mechanism, whole, joints, torque, multipliers, notes)

@@ -65,6 +65,10 @@ class Linkage:
         """The motors' torques (n, k), rotors in them, and the closures' multipliers (n, rows)."""
         return self.chain.torques(t, q, v, a)
 
+    def friction(self, t: Array, q: Array, v: Array) -> Array:
+        """How much of the motors' torques (n, k) overcomes friction, that of joints without a motor too."""
+        return np.asarray(np.einsum("nkv,nv->nk", self._shares(t, q), self.equations.friction(t, q, v)))
+
     def link_torques(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """How much of the motors' torques each link's mass and inertia cause, (n, links, k)."""
         return np.asarray(np.einsum("nkv,nlv->nlk", self._shares(t, q), self.equations.link_torques(q, v, a)))

@@ -62,6 +62,9 @@ class Mechanism(Protocol):
     def torques(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         """The motors' torques (n, k), rotors in them, and the closures' multipliers (n, rows)."""
 
+    def friction(self, t: Array, q: Array, v: Array) -> Array:
+        """How much of the motors' torques (n, k) overcomes friction, that of joints without a motor too."""
+
     def link_torques(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """How much of the motors' torques each link's mass and inertia cause, (n, links, k)."""
 
@@ -98,13 +101,15 @@ def mechanism_of(
         return OpenChain(cast(Robot, given))
     if any(not isinstance(closure, Drive) for closure in given.closures):
         return Linkage(given, robot, actuated)
-    return OpenChain(given.robot if robot is None else robot, given, actuated)
+    return OpenChain(given.robot if robot is None else robot, given, actuated or given.card.actuated or None)
 
 
-def force_times(time: Array) -> Array:
+def force_times(time: Array, end: float | None = None) -> Array:
     """Times (n,) at which the forces of a motion's rows are meant: where a time stands twice, the first row is the
-    limit from before, so that a table that jumps there is read before its jump, and the second after it.
+    limit from before, so that a table that jumps there is read before its jump, and the second after it. A table that
+    jumps where the motion ends, at `end` s, is read before its jump.
     """
     twins = np.diff(time) == 0.0
     width = SAME_TIME * np.maximum(1.0, np.abs(time))
-    return np.asarray(time - width * np.append(twins, False) + width * np.insert(twins, 0, False))
+    sided = time - width * np.append(twins, False) + width * np.insert(twins, 0, False)
+    return np.asarray(sided if end is None else np.minimum(sided, end - SAME_TIME * max(1.0, abs(end))))

@@ -76,6 +76,10 @@ class OpenChain:
         """The motors' torques (n, k), and no multipliers (n, 0)."""
         return self.equations.needed(t, q, v, a)[:, self._columns], np.zeros((len(t), 0))
 
+    def friction(self, t: Array, q: Array, v: Array) -> Array:
+        """How much of the motors' torques (n, k) overcomes friction."""
+        return self.equations.friction(t, q, v)[:, self._columns]
+
     def link_torques(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """How much of the motors' torques each link's mass and inertia cause, (n, links, k)."""
         return self.equations.link_torques(q, v, a)[:, :, self._columns]

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.errors import InputError
-from bellcrank.robot.equations import SCALE
+from bellcrank.robot.equations import MASS, SCALE
 from bellcrank.robot.tree import Tree
 from bellcrank.scene.joint_forces import Friction
 from bellcrank.scene.symbols import Symbols
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
+LARGEST = 1e100  # N or N m: squares of more, which RMS needs, overflow
 
 
 class InverseEquations:
@@ -63,10 +64,12 @@ class InverseEquations:
             need = self._with_parameters("needed", self._inverse_dynamics, q, v, a)
         if self.forces:
             need = need - self.applied(t, q, v)
-        if not np.isfinite(need).all():
-            row = int(np.argmin(np.isfinite(need).all(axis=1)))
+        held = np.abs(need) <= LARGEST
+        if not held.all():
+            row = int(np.argmin(held.all(axis=1)))
             raise InputError(
-                f"{self.robot.name}: the forces of the motion, or of the scene, overflow at {t[row]:.6g} s; check units"
+                f"{self.robot.name}: the forces of the motion, or of the scene, are above {LARGEST:g} N or N m at "
+                f"{round(float(t[row]), 9) + 0.0:.6g} s; check units"
             )
         return need
 
@@ -115,6 +118,19 @@ class InverseEquations:
         return np.stack([np.asarray(each) - base for each in more], axis=1)
 
     # ---- mass
+
+    @property
+    def set_masses(self) -> dict[int, float]:
+        """The masses, kg, that parameters give to frames of the tree, by number."""
+        if self.scene is None:
+            return {}
+        given = {place: p.value for p in self.scene.parameters.values() for place in p.places}
+        frames = self.robot.equations.tree.frames
+        return {
+            frame: given.get((frame, MASS), frames[frame]["mass"]) * given.get((frame, SCALE), 1.0)
+            for frame, what in given
+            if what in (MASS, SCALE)
+        }
 
     def mass_matrix(self, q: Array) -> Array:
         """M(q) (n, nv, nv), rotors included."""

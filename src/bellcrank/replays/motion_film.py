@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import __version__
+from bellcrank.constraints.elements import mechanism_notes, motion_notes, with_force_rows
 from bellcrank.constraints.mechanism import Mechanism, mechanism_of
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import position_labels, velocity_labels
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from bellcrank.machine_code.compile import Compiled
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import Robot
+    from bellcrank.scene.scene import Scene
     from bellcrank.sizing.drive import Drive
     from bellcrank.sizing.result import JointSizing, Sizing
 
@@ -44,28 +47,30 @@ GAP = 1e-3  # s between a motion and the next: less than a screen shows
 
 def film_of_motion(
     motion: Motion,
-    robot: Robot,
+    robot: Robot | Scene,
     *,
     trace: Iterable[str] = (),
     detail: Detail = "reduced",
     title: str | None = None,
     progress: Progress = None,
 ) -> Film:
-    """The film of a robot's motion, with the torques (N m or N) that it takes. Raises InputError for an unknown frame
-    to trace, and for a motion of another robot.
+    """The film of a robot's motion, with the torques (N m or N) that it takes, under the forces of a scene where one is
+    given. Raises InputError for an unknown frame to trace, and for a motion of another robot.
     """
+    mechanism = mechanism_of(robot)
+    robot, motion = mechanism.robot, with_force_rows(mechanism, mechanism.along(motion)[0])
     facts = [("lasts", f"{motion.duration:.6g} s"), *(("warning", text) for text in robot.inertia_warnings)]
     if title is not None:
         facts.append(("motion", f"{robot.name}: {motion.name}"))
     return _film(
-        mechanism_of(robot),
+        mechanism,
         [motion],
         {},
         trace,
         detail,
         title or f"{robot.name}: {motion.name}",
         facts,
-        motion.warnings,
+        (*motion.warnings, *mechanism_notes(mechanism), *motion_notes(mechanism, motion)),
         progress,
     )
 
@@ -148,8 +153,8 @@ def _film(
     starts = _starts(motions)
     motors = mechanism.motors
 
-    def efforts(t: Array, q: Array, v: Array, a: Array) -> list[Array]:
-        torques = joint_torques(mechanism, motors, drives, t, q, v, a)
+    def efforts(motion: Motion, t: Array, q: Array, v: Array, a: Array) -> list[Array]:
+        torques = joint_torques(mechanism, motors, drives, t, q, v, a, float(motion.time[-1]))
         shafts = [
             motor_state(joint, drives.get(joint.name), torque, v, a)
             for joint, torque in zip(motors, torques.T, strict=True)
@@ -161,14 +166,15 @@ def _film(
 
     def forces_of(motion: Motion) -> Forces:
         def forces(t: Array, _q: Array, _v: Array, placed: Placed) -> list[Arrow]:
-            torques = joint_torques(mechanism, motors, drives, t, *motion.at(t))
+            torques = joint_torques(mechanism, motors, drives, t, *motion.at(t), float(motion.time[-1]))
             return [motor_arrow(robot, joint, torque, placed) for joint, torque in zip(motors, torques.T, strict=True)]
 
         return forces
 
     courses = [_course(robot, motion, frames, code) for motion in motions]
-    jumps = np.zeros(0) if mechanism.scene is None else signal_jumps(mechanism.scene, mechanism.scene.signals)
-    series = motion_series(motions, [efforts] * len(motions), jumps)
+    scene = mechanism.equations.scene  # its tables are read at the times of the motion
+    jumps = np.zeros(0) if scene is None else signal_jumps(scene, scene.signals)
+    series = motion_series(motions, [partial(efforts, motion) for motion in motions], jumps)
     shots: list[Footage] = []
     for k, motion in enumerate(motions):
         course = courses[k].with_rows(series[k].time)

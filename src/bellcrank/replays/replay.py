@@ -22,6 +22,7 @@ from bellcrank.sizing.result import Sizing
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
+    from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory import Trajectory
 
 HEIGHT = 640  # px of a page in a notebook
@@ -47,7 +48,7 @@ def replay(
     thing: Trajectory | Motion | Sizing | str | Path,
     path: str | Path | None = None,
     *,
-    robot: Robot | None = None,
+    robot: Robot | Scene | None = None,
     trace: Iterable[str] = (),
     detail: Detail = "reduced",
     title: str | None = None,
@@ -55,10 +56,10 @@ def replay(
 ) -> Path | Inline:
     """Write one HTML page that plays a run, a motion (of `robot`) or a sizing, and needs no other file; its path.
 
-    `thing` may be a run's file or folder, too. Without a `path` a notebook shows the page; elsewhere it is written into
-    the working folder under the thing's name. `trace` names the frames whose paths are drawn, `detail` "full" keeps all
-    faces of meshes, `plots` says whether plots stand beside the view. Raises InputError for what cannot be shown, and
-    where the file cannot be written.
+    `thing` may be a run's file or folder, too, and `robot` a scene, whose forces count. Without a `path` a notebook
+    shows the page; elsewhere it is written into the working folder under the thing's name. `trace` names the frames
+    whose paths are drawn, `detail` "full" keeps all faces of meshes, `plots` says whether plots stand beside the view.
+    Raises InputError for what cannot be shown, and where the file cannot be written.
     """
     source = opened(thing)
     if path is None and _in_notebook():
@@ -88,7 +89,7 @@ def open_browser(path: Path) -> None:
 
 def film_of(
     thing: Trajectory | Motion | Sizing,
-    robot: Robot | None = None,
+    robot: Robot | Scene | None = None,
     *,
     trace: Iterable[str] = (),
     detail: Detail = "reduced",

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import casadi
 
 Array = NDArray[np.float64]
+MASS = 6  # the tracer's number for a link's mass (trace_ext/tree.hpp)
 SCALE = 16  # the tracer's number for a factor on a link's mass and inertia (trace_ext/tree.hpp)
 
 

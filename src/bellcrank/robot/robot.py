@@ -196,10 +196,16 @@ class Robot:
         names = self.all_joint_names
         return tuple((names[f - 1], names[g - 1], m, o) for f, g, m, o in self._tree.mimics)
 
-    def moved_by(self, joints: Iterable[str]) -> tuple[tuple[str, ...], float]:
-        """The links that move when these joints do, and the mass of all that moves, payloads included (kg)."""
+    def moved_by(
+        self, joints: Iterable[str], set_masses: Mapping[int, float] | None = None
+    ) -> tuple[tuple[str, ...], float]:
+        """The links that move when these joints do, and the mass of all that moves, payloads included (kg).
+
+        `set_masses` are masses, kg, that frames of the tree, by number, have instead of their own.
+        """
         names = set(joints)
-        frames, mass = self._tree.moved_with([k for k, name in enumerate(self.all_joint_names, 1) if name in names])
+        numbers = [k for k, name in enumerate(self.all_joint_names, 1) if name in names]
+        frames, mass = self._tree.moved_with(numbers, set_masses)
         return tuple(name for name in frames if name in self.urdf.links), mass
 
     def carrier(self, link: str) -> str | None:

@@ -8,6 +8,7 @@ body inertias are gathered anew over the cleaned placements.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -86,15 +87,21 @@ class Tree:
             if f["parent_joint"] > 0 and (f["mass"] > 0.0 or any(x != 0.0 for x in f["inertia"]))
         ]
 
-    def moved_with(self, joints: list[int]) -> tuple[list[str], float]:
-        """The body frames that move when these joints (numbered from 1) do, their followers too, and their mass, kg."""
+    def moved_with(self, joints: list[int], set_masses: Mapping[int, float] | None = None) -> tuple[list[str], float]:
+        """The body frames that move when these joints (numbered from 1) do, their followers too, and their mass, kg.
+        `set_masses` are masses that frames have instead of their own, kg.
+        """
         moving = {*joints, *(f for f, leader, ratio, _ in self.mimics if leader in joints and ratio != 0.0)}
         mass = 0.0
         for k, joint in enumerate(self.joints, 1):  # a parent comes before its children
             if k in moving or joint["parent"] in moving:
                 moving.add(k)
                 mass += joint["mass"]
-        return [f["name"] for f in self.frames if f["is_body"] and f["parent_joint"] in moving], mass
+        names = [f["name"] for f in self.frames if f["is_body"] and f["parent_joint"] in moving]
+        if not set_masses:
+            return names, mass
+        masses = [set_masses.get(k, f["mass"]) for k, f in enumerate(self.frames) if f["parent_joint"] in moving]
+        return names, float(sum(masses))
 
 
 def pinocchio_model(

@@ -102,19 +102,24 @@ def _with_time(scene: Scene) -> Iterator[str]:
     whole: list[tuple[str, Any]] = [(f"closure '{part.name}'", part) for part in scene.closures]
     whole += [(f"event '{event.name}'", event) for event in scene.events]
     whole += [(f"output '{name}'", output) for name, output in scene.outputs.items()]
-    yield from (name for name, part in whole if any("time" in e.operations for e in _expressions(part)))
+    yield from (name for name, part in whole if has_time(part))
 
 
-def _expressions(value: Any) -> Iterator[Expression]:
+def has_time(part: Any) -> bool:
+    """Whether a formula in an entry of a scene depends on t."""
+    return any("time" in expression.operations for expression in expressions_in(part))
+
+
+def expressions_in(value: Any) -> Iterator[Expression]:
     """The formulas in an entry of a scene."""
     if isinstance(value, Expression):
         yield value
     elif isinstance(value, (list, tuple)):
         for entry in value:
-            yield from _expressions(entry)
+            yield from expressions_in(entry)
     elif is_dataclass(value):
         for entry in fields(value):
-            yield from _expressions(getattr(value, entry.name))
+            yield from expressions_in(getattr(value, entry.name))
 
 
 def _limits(scene: Scene) -> Iterator[str]:

@@ -16,7 +16,9 @@ APART = 0.02  # of the peak: rows and what lies between them may differ by this 
 
 def peaks_at_rows(loads: Loads, motion: Motion) -> list[Peak]:
     """The largest |torque| of each joint at the rows of a motion."""
-    low, high = loads.torque(force_times(motion.time), motion.position, motion.velocity, motion.acceleration)
+    low, high = loads.torque(
+        force_times(motion.time, motion.time[-1]), motion.position, motion.velocity, motion.acceleration
+    )
     torque = np.maximum(np.abs(low), np.abs(high))
     rows = torque.argmax(axis=0)
     return [

@@ -34,13 +34,14 @@ def joint_torques(
     q: Array,
     v: Array,
     a: Array,
+    end: float | None = None,
 ) -> Array:
     """The torques (n, len(joints)) that motors must give at times (n,) s, N m or N, 0 at joints without a motor; with a
     drive that of the gear's output, without the rotor's own inertia. Where a time stands twice, its first row is the
-    limit from before.
+    limit from before, and so is what acts at `end` s, where a motion ends.
     """
     mechanism = mechanism_of(robot)
-    every = mechanism.torques(force_times(time), q, v, a)[0]
+    every = mechanism.torques(force_times(time, end), q, v, a)[0]
     places = {joint.name: k for k, joint in enumerate(mechanism.motors)}
     found = np.zeros((len(time), len(joints)))
     for k, joint in enumerate(joints):
@@ -57,7 +58,10 @@ def sizing_histories(sizing: Sizing) -> dict[str, MotionHistory]:
     mechanism, motions, drives = sizing.study
     joints = mechanism.motors
     torques = functools.partial(joint_torques, mechanism, joints, drives)
-    return {motion.name: motion_history(motion, joints, drives, torques) for motion in motions}
+    return {
+        motion.name: motion_history(motion, joints, drives, functools.partial(torques, end=float(motion.time[-1])))
+        for motion in motions
+    }
 
 
 def write_histories(
@@ -73,7 +77,8 @@ def write_histories(
     names = file_names(motions)
     paths = []
     for motion, name in zip(motions, names, strict=True):
-        history = motion_history(motion, joints, drives, functools.partial(joint_torques, mechanism, joints, drives))
+        torques = functools.partial(joint_torques, mechanism, joints, drives, end=float(motion.time[-1]))
+        history = motion_history(motion, joints, drives, torques)
         torque = np.column_stack([line.torque for line in history.joints])
         paths.append(write_motion(motion, Path(folder) / f"history_{name}.csv", torque, _shaft_columns(history)))
     return paths

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from bellcrank.constraints.linkage import Linkage
 from bellcrank.constraints.mechanism import Mechanism, mechanism_of
+from bellcrank.constraints.open_chain import OpenChain
 
 if TYPE_CHECKING:
     from bellcrank.card.card import Card
@@ -20,8 +21,8 @@ def mechanism_of_card(card: Card, robot: Robot) -> Mechanism:
     from bellcrank.scene.scene import load_scene
 
     if card.source == card.urdf or read_yaml(card.source).keys().isdisjoint(COUNTED):
-        return mechanism_of(robot)
+        return OpenChain(robot, actuated=card.actuated or None)
     return mechanism_of(load_scene(card.source), robot)
 
 
-COUNTED = ("closures", "forces", "control", "parameters")  # keys of a scene that sizing looks at
+COUNTED = ("closures", "forces", "control", "parameters", "initial", "base")  # keys of a scene that sizing looks at

@@ -28,12 +28,12 @@ def massless_motors(
     A payload is mass; a motor of a linkage moves all that its loops move. `allowed` names links without mass: with a
     link goes all that is fixed to it or follows it. Raises InputError for a link that is unknown or moves mass.
     """
-    robot = mechanism.robot
+    robot, given = mechanism.robot, mechanism.equations.set_masses
     permitted: set[str] = set()
     named = tuple(allowed)
     for link in named:
         carrier = robot.carrier(link)
-        links, mass = robot.moved_by([carrier] if carrier else [])
+        links, mass = robot.moved_by([carrier] if carrier else [], given)
         if carrier is None or mass > 0.0:
             why = f"moves with {mass:.6g} kg" if carrier else "does not move"
             raise InputError(f"allow massless: link '{link}' of {robot.name} {why}; leave it out")
@@ -41,7 +41,7 @@ def massless_motors(
     refused, let_pass = {}, {}
     for k, joint in enumerate(mechanism.motors):
         movers = _moving(mechanism, k, joint, motions)
-        links, mass = robot.moved_by(movers)
+        links, mass = robot.moved_by(movers, given)
         if mass > 0.0:
             continue
         if set(links) <= permitted:
@@ -52,9 +52,13 @@ def massless_motors(
             continue
         roots = [robot.urdf.joints[name].child for name in movers if name in robot.urdf.joints]
         options = " ".join(f"--allow-massless {link}" for link in roots)
+        if robot.moved_by(movers)[1] > 0.0:
+            why, remedy = "with the scene's parameters", "give those masses or factors above 0"
+        else:
+            why, remedy = "without <inertial>", "write the <inertial> of what it moves"
         refused[joint.name] = (
-            f"joint '{joint.name}' moves no mass: {_names(links)} without <inertial>; write the <inertial> of what it "
-            f"moves, add a payload, or allow it with {options}"
+            f"joint '{joint.name}' moves no mass: {_names(links)} {why}; {remedy}, add a payload, or allow it with "
+            f"{options}"
         )
     return refused, let_pass
 

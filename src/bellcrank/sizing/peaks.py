@@ -174,8 +174,9 @@ def maxima(
     column, low, high = _brackets(grid.time, table)
     for _ in range(NARROWINGS if column.size else 0):
         times = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, PROBES)
+        force_times = np.minimum(times.ravel(), grid.force_time[-1])  # the motion ends before a jump at its end
         found = np.concatenate(
-            [part for _, part in _ordered(quantities(times.ravel(), *motion.at(times.ravel())), names)], axis=1
+            [part for _, part in _ordered(quantities(force_times, *motion.at(times.ravel())), names)], axis=1
         )
         line = found.reshape(len(column), PROBES, -1)[np.arange(len(column)), :, column]
         here = line.argmax(axis=1)

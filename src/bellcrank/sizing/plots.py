@@ -145,7 +145,7 @@ def _over_time(
     note: str,
 ) -> Figure:
     time, q, v, a = drawn_states(motion)
-    torque = joint_torques(mechanism, joints, drives, time, q, v, a)
+    torque = joint_torques(mechanism, joints, drives, time, q, v, a, float(time[-1]))
     kinds = [kind for kind in ("revolute", "prismatic") if any(joint.kind == kind for joint in joints)]
     rows = [(row, kind) for row in range(4) for kind in kinds]  # an axis each: rad and m do not share one
     figure, axes = _new(1, len(rows), 9.5, 2.5 * len(rows) + 0.5)
@@ -186,7 +186,7 @@ def _joint_plane(
     for axis, joint in zip(axes, joints, strict=False):
         for k, motion in enumerate(motions):
             states = drawn_states(motion)
-            torque = joint_torques(mechanism, [joint], drives, *states)[:, 0]
+            torque = joint_torques(mechanism, [joint], drives, *states, float(states[0][-1]))[:, 0]
             _trace(axis, states[2][:, joint.v], torque, k, motion.name)
         for k, cycle in enumerate(cycles.get(joint.name, ())):
             _rms_point(axis, cycle.mean_speed, cycle.rms_torque, k, bound)
@@ -219,7 +219,7 @@ def _shaft_plane(
         drive = drives[joint.name]
         for k, motion in enumerate(motions):
             time, q, v, a = drawn_states(motion)
-            load = joint_torques(mechanism, [joint], drives, time, q, v, a)[:, 0]
+            load = joint_torques(mechanism, [joint], drives, time, q, v, a, float(time[-1]))[:, 0]
             torque = drive.shaft_torque(load, v[:, joint.v], a[:, joint.v])
             _trace(axis, drive.ratio * v[:, joint.v] * rpm, drive.safety_factor * torque, k, motion.name)
         for k, cycle in enumerate(cycles.get(joint.name, ())):

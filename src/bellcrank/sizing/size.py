@@ -228,7 +228,7 @@ def _joint_line(
     peak = worst["peak_torque"]
     motion = next(motion for motion in motions if motion.name == peak.motion)
     at, (q, v, _) = np.array([peak.time]), motion.at(np.array([peak.time]))
-    rubbing = abs(float(loads.mechanism.equations.friction(at, q, v)[0, joint.v]))
+    rubbing = abs(float(loads.mechanism.friction(at, q, v)[0, k]))
     reach = (-worst.pop("lower").value, worst.pop("upper").value)
     shaft_peak, curve = worst.pop("shaft_torque"), worst.pop("curve_use")
     drive = loads.drives.get(joint.name)
