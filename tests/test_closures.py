@@ -370,7 +370,7 @@ def test_a_closure_written_twice_shares_its_force_and_the_summary_says_so(four_b
     header = once.to_csv(tmp_path / "run.csv").read_text().splitlines()[0]
     assert "apex x [N],apex y [N],apex residual [m or rad]" in header
     titles = [axis.get_title(loc="left") for axis in both.plot().axes]
-    assert "multiplier" in titles and "closures apart" in titles
+    assert "multiplier" in titles and {"closure position residual", "closure velocity residual"} <= set(titles)
     stored = np.load(once.save(tmp_path / "run.npz"))
     assert np.array_equal(stored["multipliers"], once.multipliers)
 
@@ -593,3 +593,14 @@ def test_two_wheels_on_one_axle_share_their_side_force_and_nothing_else(tmp_path
     weight = run.closure("left").multipliers[0, 0] + run.closure("right").multipliers[0, 0]
     assert weight == pytest.approx(7 * 9.81, rel=0.3)
     assert run.energy_drift() < 1e-7 and run.velocity_residual() < 1e-12
+
+
+def test_lengths_and_angles_that_closures_are_apart_stand_apart_with_their_units(four_bar):
+    assert set(simulate(four_bar, 0.1).closure_residuals) == {"m", "m/s"}
+    ring = simulate(load_scene("bricard"), 0.5, overrides={"simulate.stabilisation": {"kind": "none"}})
+    found = ring.closure_residuals
+    assert set(found) == {"m", "rad", "m/s", "rad/s"}
+    (closure,) = (ring.closure(closure.name) for closure in ring.scene.closures)
+    assert np.array_equal(np.maximum(found["m"], found["rad"]), closure.residual)
+    assert np.array_equal(np.maximum(found["m/s"], found["rad/s"]), closure.velocity_residual)
+    assert found["m"].max() > 0.0 and found["rad"].max() > 0.0

@@ -179,15 +179,14 @@ def _better_curved(run: Trajectory, table: Array, bound: Array) -> NDArray[np.bo
 
 
 def _apart(run: Trajectory) -> list[Panel]:
-    """How far closures are apart."""
-    if not run.scene.closures:
-        return []
-    apart = [run.closure(closure.name) for closure in run.scene.closures]
-    lines = [
-        ("position [m or rad]", np.max([each.residual for each in apart], axis=0)),
-        ("velocity [m/s or rad/s]", np.max([each.velocity_residual for each in apart], axis=0)),
-    ]
-    return [Panel("closures apart", "m or rad, and /s", lines, logarithmic=True, time=run.time)]
+    """How far closures are apart, a panel a unit."""
+    return [
+        Panel(
+            f"closure {'velocity' if unit.endswith('/s') else 'position'} residual", unit or "1", [("largest", values)],
+            logarithmic=True, time=run.time,
+        )
+        for unit, values in run.closure_residuals.items()
+    ]  # fmt: skip
 
 
 def _output_columns(run: Trajectory, name: str) -> list[tuple[str, str, Array]]:

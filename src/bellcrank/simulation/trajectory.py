@@ -179,6 +179,18 @@ class Trajectory:
             (gaps / self.scene.binding.unit[holonomic]).max(axis=1, initial=0.0),
         )  # fmt: skip
 
+    @property
+    def closure_residuals(self) -> dict[str, Array]:
+        """How far (n,) all closures are apart, by unit: m and rad, m/s and rad/s, and "" for formulas' own."""
+        units = {"[N]": "m", "[N m]": "rad"}
+        found: dict[str, Array] = {}
+        for per, table in (("", self._gaps), ("/s", np.abs(self._closure[2]) if self.scene.closures else self._gaps)):
+            for (_, label), column in zip(self.scene.system.multiplier_names, table.T, strict=False):
+                own = next((unit for end, unit in units.items() if label.endswith(end)), "")
+                unit = own and own + per
+                found[unit] = np.maximum(found.get(unit, 0.0), column)
+        return found
+
     def closure_rank(self, row: int = -1) -> ClosureRank:
         """How well the closures hold at a row of the run: singular values, rank, and which multipliers are unique."""
         from bellcrank.simulation.closure_rank import rank_of
