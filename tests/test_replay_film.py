@@ -203,7 +203,7 @@ def test_arrows_of_closures_do_the_work_of_their_multipliers(tmp_path, closures)
         frame = run.frame(name)
         return frame.position, quaternions(frame.rotation)
 
-    moments = Moments(run, run.time, run.state, placed)
+    moments = Moments(run.scene, run.parameters, run.state, placed, run, run.time)
     need = run.robot.inverse_dynamics(q, run.velocity, run.acceleration) - run.torque
     names = list(run.robot.joint_names)
     arrows = list(run_arrows(moments))
@@ -218,6 +218,27 @@ def test_arrows_of_closures_do_the_work_of_their_multipliers(tmp_path, closures)
             arm = arrow.vectors if arrow.about else np.cross(arrow.points - place, arrow.vectors)
             got[:, k] += np.sum(axis * arm, axis=1)
     assert np.abs(got - need).max() < 1e-8 * np.abs(need).max()
+
+
+def test_the_film_of_a_sizing_has_rods_springs_and_the_lengths_that_parameters_give(tmp_path):
+    (tmp_path / "rod.yaml").write_text(
+        "name: rod\nurdf: planar_2r\ngravity: [0, -9.81, 0]\nactuated: [shoulder]\n"
+        "initial: {shoulder: -60 deg, elbow: {guess: 60 deg}}\n"
+        "closures: [{name: link, kind: distance, frame_a: tip, frame_b: world, point: [2.5, 0.5, 0], length: 1.6}]\n"
+        "forces: [{name: pull, kind: spring, frame_a: tip, frame_b: world, point: [0, 2, 0], stiffness: 10}]\n"
+        "parameters: {reach: {value: 1.3, sets: [joint.elbow.origin.x]}}\n"
+        "motions: {swing: {kind: waypoints, times: [0, 1], positions: [{shoulder: -60 deg}, {shoulder: -50 deg}]}}\n"
+    )
+    sizing = bc.size(tmp_path / "rod.yaml")
+    film = film_of_sizing(sizing)
+    (rod,), (spring,) = film.rods, film.springs
+    assert rod.name == "link" and spring.name == "pull" and rod.ends.shape == (len(film.time), 2, 3)
+    assert np.linalg.norm(rod.ends[:, 1] - rod.ends[:, 0], axis=1) == pytest.approx(1.6, abs=1e-6)
+    assert np.all(rod.ends[:, 1] == [2.5, 0.5, 0.0]) and np.all(spring.ends[:, 1] == [0.0, 2.0, 0.0])
+    assert np.array_equal(rod.ends[:, 0], spring.ends[:, 0])
+    shoulder = sizing.study[1][0].at(film.time)[0][:, 0]
+    elbow = film.poses[:, [body.name for body in film.bodies].index("link_2")][:, :3]
+    assert elbow[:, :2] == pytest.approx(1.3 * np.column_stack([np.cos(shoulder), np.sin(shoulder)]), abs=1e-6)
 
 
 def test_the_rod_of_a_distance_is_a_thin_rod_between_its_two_points_as_long_as_it_is_to_be(tmp_path):

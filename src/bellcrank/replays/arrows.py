@@ -24,19 +24,52 @@ from bellcrank.scene.part import Part
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint
+    from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Moments:
-    """A run at the frames of a film: times (n,) s, states (n, size), and where frames of the robot are."""
+class PlacedScene:
+    """A scene at the frames of a film: its parameters' values, `state` (n, …) that begins with q, and where the robot's
+    frames are.
+    """
+
+    scene: Scene
+    parameters: Array
+    state: Array
+    placed: Placed
+
+    def number(self, part: Part, field: str) -> float:
+        """A number of a force or closure, as the parameters have it."""
+        target = f"{part.owner}.{part.name}.{field}"
+        for k, parameter in enumerate(self.scene.parameters.values()):
+            if target in parameter.sets:
+                return float(self.parameters[k])
+        return part.number(field)
+
+    def vector(self, part: Part, field: str) -> Array:
+        """A vector (3,) of a force or closure."""
+        return np.array([self.number(part, f"{field}.{c}") for c in "xyz"])
+
+    def side(self, loop: Loop, first: bool) -> tuple[Array, Array]:
+        """Points and quaternions of one side of a loop."""
+        name, at = (loop.frame_a, loop.at_a) if first else (loop.frame_b, loop.at_b)
+        if name == WORLD and not first:
+            points = np.tile(self.vector(loop, "point"), (len(self.state), 1))
+            turns = np.tile([0.0, 0.0, 0.0, 1.0], (len(self.state), 1))
+        else:
+            points, turns = self.placed(name)
+        return (points, turns) if at is None else (points + turned(turns, np.array(at[:3])), turns)
+
+
+@dataclass(frozen=True, eq=False)
+class Moments(PlacedScene):
+    """The scene of a run at the frames of a film: times (n,) s, and states (n, size)."""
 
     run: Trajectory
     time: Array
-    state: Array
-    placed: Placed
 
     @cached_property
     def _arguments(self) -> tuple[Array, ...]:
@@ -61,32 +94,9 @@ class Moments:
                 full[:, labels.index(label)] = self.multipliers[:, row]
         return full
 
-    def number(self, part: Part, field: str) -> float:
-        """A number of a force or closure, as the run's parameters have it."""
-        target = f"{part.owner}.{part.name}.{field}"
-        for k, parameter in enumerate(self.run.scene.parameters.values()):
-            if target in parameter.sets:
-                return float(self.run.parameters[k])
-        return part.number(field)
 
-    def vector(self, part: Part, field: str) -> Array:
-        """A vector (3,) of a force or closure."""
-        return np.array([self.number(part, f"{field}.{c}") for c in "xyz"])
-
-    def side(self, loop: Loop, first: bool) -> tuple[Array, Array]:
-        """Points and quaternions of one side of a loop."""
-        name, at = (loop.frame_a, loop.at_a) if first else (loop.frame_b, loop.at_b)
-        if name == WORLD and not first:
-            points = np.tile(self.vector(loop, "point"), (len(self.time), 1))
-            turns = np.tile([0.0, 0.0, 0.0, 1.0], (len(self.time), 1))
-        else:
-            points, turns = self.placed(name)
-        return (points, turns) if at is None else (points + turned(turns, np.array(at[:3])), turns)
-
-
-def shown_frames(run: Trajectory) -> tuple[str, ...]:
-    """The frames that arrows and springs of a run need."""
-    scene = run.scene
+def shown_frames(scene: Scene) -> tuple[str, ...]:
+    """The frames that arrows, springs and rods of a scene need."""
     parts: tuple[Part, ...] = (*scene.closures, *scene.forces)
     return tuple(dict.fromkeys(name for part in parts for name in part.frames))
 
@@ -134,30 +144,30 @@ def motor_arrow(robot: Robot, joint: RobotJoint, torque: Array, placed: Placed, 
     return Arrow(name or f"{joint.name} motor", "N" if linear else "N m", points, vectors, not linear)
 
 
-def run_springs(moments: Moments) -> Iterator[Spring]:
+def springs_of(moments: PlacedScene) -> Iterator[Spring]:
     """The springs between frames, and those along prismatic joints: from where the joint is at 0 to where it is."""
-    for force in moments.run.scene.forces:
+    for force in moments.scene.forces:
         if isinstance(force, frame_forces.Spring):
             a = moments.placed(force.frame_a)[0]
             fixed = force.frame_b == WORLD
             b = np.tile(moments.vector(force, "point"), (len(a), 1)) if fixed else moments.placed(force.frame_b)[0]
             yield Spring(force.name, np.stack([a, b], axis=1))
         elif isinstance(force, JointSpring) and force.joint.kind == "prismatic":
-            robot, joint = moments.run.robot, force.joint
+            robot, joint = moments.scene.robot, force.joint
             points, turns = moments.placed(child_link(robot, joint.name))
             way = moments.state[:, joint.q, None] * turned(turns, np.asarray(robot.joint_axis(joint.name)))
             yield Spring(force.name, np.stack([points - way, points], axis=1))
 
 
-def run_rods(moments: Moments) -> Iterator[Rod]:
+def rods_of(moments: PlacedScene) -> Iterator[Rod]:
     """The rods of closures that keep two points at a distance."""
-    for closure in moments.run.scene.closures:
+    for closure in moments.scene.closures:
         if isinstance(closure, Distance):
             ends = [moments.side(closure, first)[0] for first in (True, False)]
             yield Rod(closure.name, np.stack(ends, axis=1))
 
 
-def contact_points(moments: Moments, disk: RollingDisk) -> Array:
+def contact_points(moments: PlacedScene, disk: RollingDisk) -> Array:
     """Where a disk touches its plane (n, 3) m: p = c − r (n − (n·a) a)/s, as constraints/rolling.py has it."""
     centre, turns = moments.placed(disk.frame)
     n, a, steepness = _disk_directions(disk, turns)

@@ -15,17 +15,18 @@ from bellcrank.constraints.elements import mechanism_notes, motion_notes, with_f
 from bellcrank.constraints.mechanism import Mechanism, mechanism_of
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import position_labels, velocity_labels
-from bellcrank.replays.arrows import motor_arrow
+from bellcrank.replays.arrows import PlacedScene, motor_arrow, rods_of, shown_frames, springs_of
 from bellcrank.replays.camera import camera_for, ground_for
 from bellcrank.replays.charts import chart, joined, joined_times
 from bellcrank.replays.course import Course, placing
-from bellcrank.replays.film import Arrow, Chart, Film, Mark, Trace
+from bellcrank.replays.film import Arrow, Chart, Film, Mark, Rod, Spring, Trace
 from bellcrank.replays.footage import Footage, Forces, Placed, footage, joined_arrows
 from bellcrank.replays.limits import exceeded_peaks, motor_state, torque_speed_planes
 from bellcrank.replays.meshes import Detail
 from bellcrank.replays.motion_series import motion_series
 from bellcrank.replays.rms_points import with_rms_points
 from bellcrank.replays.subject import film_axes, filmed_bodies, frame_points, scenery, traced_frames
+from bellcrank.scene.joint_forces import JointSpring
 from bellcrank.simulation.run_between import signal_jumps
 from bellcrank.simulation.run_csv import torque_unit
 from bellcrank.simulation.run_panels import by_unit, titled_apart
@@ -148,8 +149,11 @@ def _film(
     robot = mechanism.robot
     wanted = traced_frames(robot, trace)
     bodies, notes = filmed_bodies(robot, detail)
-    frames = tuple(dict.fromkeys([*(body.name for body in bodies), *wanted]))
-    code = placing(robot, frames)
+    scene = mechanism.scene
+    acted = () if scene is None else shown_frames(scene)
+    frames = tuple(dict.fromkeys([*(body.name for body in bodies), *acted, *wanted]))
+    code = placing(robot, frames) if scene is None else placing(robot, frames, scene.parameters)
+    lengths = np.zeros(0) if scene is None else scene.parameter_values
     starts = _starts(motions)
     motors = mechanism.motors
 
@@ -171,9 +175,9 @@ def _film(
 
         return forces
 
-    courses = [_course(robot, motion, frames, code) for motion in motions]
-    scene = mechanism.equations.scene  # its tables are read at the times of the motion
-    jumps = np.zeros(0) if scene is None else signal_jumps(scene, scene.signals)
+    courses = [_course(robot, motion, frames, code, lengths) for motion in motions]
+    timed = mechanism.equations.scene  # its tables are read at the times of the motion
+    jumps = np.zeros(0) if timed is None else signal_jumps(timed, timed.signals)
     series = motion_series(motions, [partial(efforts, motion) for motion in motions], jumps)
     shots: list[Footage] = []
     for k, motion in enumerate(motions):
@@ -188,7 +192,11 @@ def _film(
     time = np.concatenate([shot.time + shift for shot, shift in zip(shots, shifts, strict=True)])
     once = np.append(np.diff(time) > 0.0, True)  # of the two sides of a jump, which share a posture, the later
     arrows = _arrows(shots, shifts)
-    views = [scenery(shot, arrows if k == 0 else ()) for k, shot in enumerate(shots)]  # arrows are of all motions
+    springs, rods = _springs_and_rods(scene, shots)
+    besides = [ends.reshape(-1, 3) for ends in (*(s.ends for s in springs), *(r.ends for r in rods))]
+    views = [  # arrows, springs and rods are of all motions
+        scenery(shot, arrows if k == 0 else (), besides if k == 0 else ()) for k, shot in enumerate(shots)
+    ]
     view = views[0]._replace(
         points=np.concatenate([each.points for each in views]), poses=np.concatenate([each.poses for each in views])
     )
@@ -199,11 +207,34 @@ def _film(
     return Film(
         title, time[once], view.poses[once], bodies, camera_for(view), max(shot.bound for shot in shots),
         ground_for([], view, not robot.floating_base), _joined_traces(shots, shifts),
-        arrows, (), film_axes(robot, bodies),
+        arrows, tuple(Spring(s.name, s.ends[once]) for s in springs), film_axes(robot, bodies, _sprung(scene)),
         tuple(sorted([*(begun if len(motions) > 1 else ()), *marks], key=lambda mark: mark.time)),
         _charts(mechanism, off, during, *groups[:4]), torque_speed_planes(mechanism, drives, off, during, *groups[4:]),
-        (*facts, ("bellcrank", __version__)), good, (), (*notes, *warnings),
+        (*facts, ("bellcrank", __version__)), good, tuple(Rod(r.name, r.ends[once]) for r in rods),
+        (*notes, *warnings),
     )  # fmt: skip
+
+
+def _springs_and_rods(scene: Scene | None, shots: Sequence[Footage]) -> tuple[list[Spring], list[Rod]]:
+    """The springs and rods of a scene, at the frames of all motions one after the other."""
+    if scene is None:
+        return [], []
+    placed = [PlacedScene(scene, scene.parameter_values, shot.position, shot.placed) for shot in shots]
+    springs = [
+        Spring(parts[0].name, np.concatenate([part.ends for part in parts]))
+        for parts in zip(*map(springs_of, placed), strict=True)
+    ]
+    rods = [
+        Rod(parts[0].name, np.concatenate([part.ends for part in parts]))
+        for parts in zip(*map(rods_of, placed), strict=True)
+    ]
+    return springs, rods
+
+
+def _sprung(scene: Scene | None) -> set[str]:
+    """The joints with a spring of their own."""
+    forces = () if scene is None else scene.forces
+    return {force.joint.name for force in forces if isinstance(force, JointSpring)}
 
 
 def _starts(motions: Sequence[Motion]) -> list[float]:
@@ -212,7 +243,7 @@ def _starts(motions: Sequence[Motion]) -> list[float]:
     return [float(motions[0].time[0]) * (len(motions) == 1) + sum(lengths[:k]) for k in range(len(motions))]
 
 
-def _course(robot: Robot, motion: Motion, frames: tuple[str, ...], code: Compiled) -> Course:
+def _course(robot: Robot, motion: Motion, frames: tuple[str, ...], code: Compiled, parameters: Array) -> Course:
     layout = [(joint.name, joint.q, joint.v) for joint in robot.joints]
     if [(joint.name, joint.q, joint.v) for joint in motion.joints] != layout:
         raise InputError(
@@ -222,7 +253,7 @@ def _course(robot: Robot, motion: Motion, frames: tuple[str, ...], code: Compile
     rows = np.append(np.diff(motion.time) > 0.0, True)  # of two rows of one time, which share a position, the later
     return Course(
         robot, motion.time[rows], motion.position[rows], motion.velocity[rows], lambda t: motion.at(t)[:2], frames,
-        code, np.zeros(0),
+        code, parameters,
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from bellcrank.constraints.rolling import RollingDisk
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import position_labels
 from bellcrank.motion.hermite import smooth_between
-from bellcrank.replays.arrows import Moments, contact_points, run_arrows, run_rods, run_springs, shown_frames
+from bellcrank.replays.arrows import Moments, PlacedScene, contact_points, rods_of, run_arrows, shown_frames, springs_of
 from bellcrank.replays.camera import camera_for, ground_for
 from bellcrank.replays.charts import run_charts
 from bellcrank.replays.course import Course, placing
@@ -66,7 +66,7 @@ def film_of_run(
         notes.append(f"from {run.time[rows]:.6g} s on the run is not finite numbers: it is shown until then")
     bodies, more = filmed_bodies(robot, detail)
     wanted = traced_frames(robot, trace, _output_frames(run))
-    frames = tuple(dict.fromkeys([*(body.name for body in bodies), *shown_frames(run), *wanted]))
+    frames = tuple(dict.fromkeys([*(body.name for body in bodies), *shown_frames(scene), *wanted]))
     charts, shown = run_charts(run)
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
         finite = with_jumps(run if rows == len(run) else replace(run, time=run.time[:rows], state=run.state[:rows]))
@@ -90,7 +90,7 @@ def film_of_run(
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
         shots = footage(course, bodies, points, [event.time for event in events], progress, forces)
         moments = _moments(run, shots.time, shots.position, shots.velocity, shots.placed)
-        springs, rods = tuple(run_springs(moments)), tuple(run_rods(moments))
+        springs, rods = tuple(springs_of(moments)), tuple(rods_of(moments))
         facts = [("ended", run.message.removeprefix(f"{scene.name}: ")), *named_facts(run_facts(run))]
     facts.sort(key=lambda fact: _FIRST.index(fact[0]) if fact[0] in _FIRST else len(_FIRST))
     ends = [*(spring.ends for spring in springs), *(rod.ends for rod in rods)]
@@ -108,7 +108,7 @@ def film_of_run(
 def _moments(run: Trajectory, time: Array, q: Array, v: Array, placed: Placed) -> Moments:
     state = np.zeros((len(time), run.scene.system.size))
     state[:, : run.robot.nq], state[:, run.robot.nq : run.robot.nq + run.robot.nv] = q, v
-    return Moments(run, time, state, placed)
+    return Moments(run.scene, run.parameters, state, placed, run, time)
 
 
 def _finite_rows(run: Trajectory) -> int:
@@ -150,7 +150,9 @@ def _contact_of(run: Trajectory, course: Course, disk: RollingDisk) -> Point:
     k = course.index[disk.frame]
 
     def point(points: Array, turns: Array) -> Array:
-        return contact_points(Moments(run, np.zeros(0), np.zeros(0), lambda name: (points[:, k], turns[:, k])), disk)
+        return contact_points(
+            PlacedScene(run.scene, run.parameters, np.zeros(0), lambda name: (points[:, k], turns[:, k])), disk
+        )
 
     return point
 
