@@ -222,6 +222,10 @@ def test_torques_that_only_interpolation_makes_are_told_beside_those_at_the_rows
     held = np.abs(np.asarray(arm.inverse_dynamics(motion.position, rest, rest))).max(axis=0)[0]
     assert shoulder.sampled_torque == pytest.approx(held)
     assert shoulder.peak_torque > 1.02 * held
+    lines = str(sizing).splitlines()
+    first = next(k for k, line in enumerate(lines) if line.split()[1:4] == ["peak", "at", "rows"])
+    cells = next(line.split() for line in lines[first:] if line.startswith("shoulder"))
+    assert float(cells[1]) == pytest.approx(held, rel=1e-3)
     assert any(
         f"joint 'shoulder': its peak of {shoulder.peak_torque:.4g} N m lies between two rows" in warning
         and f"at the rows it is {held:.4g} N m" in warning

@@ -116,6 +116,7 @@ def _csv_row(joint: JointSizing) -> dict[str, Any]:
         "torque unit": joint.torque_unit,
         "speed unit": joint.speed_unit,
         "peak torque [torque unit]": joint.peak_torque,
+        "peak torque at rows [torque unit]": joint.sampled_torque,
         "min torque [torque unit]": joint.min_torque,
         "max torque [torque unit]": joint.max_torque,
         "RMS torque [torque unit]": joint.rms_torque,

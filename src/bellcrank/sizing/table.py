@@ -138,6 +138,7 @@ def structure_rows(sizing: Sizing) -> tuple[list[str], list[list[str]]]:
     inertia = "kg m² | kg" if "|" in unit else "kg" if unit == "N" else "kg m²"
     header = [
         "joint",
+        f"peak at rows\n[{unit}]",
         f"holding\n[{unit}]",
         "friction share\nof the peak",
         f"inertia M_ii\n[{inertia}]",
@@ -154,7 +155,7 @@ def structure_rows(sizing: Sizing) -> tuple[list[str], list[list[str]]]:
         rows.append(
             [
                 joint.name,
-                *_figures(joint.holding_torque),
+                *_figures(joint.sampled_torque, joint.holding_torque),
                 f"{joint.friction_share:.1%}",
                 *_figures(
                     joint.largest_inertia,
