@@ -3,11 +3,13 @@
 import dataclasses
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import bellcrank as bc
+from bellcrank.cli import main
 from bellcrank.errors import InputError
 from bellcrank.plot_style import literal, new_figure, svg_of
 from bellcrank.replays.replay import Inline, film_of
@@ -235,3 +237,21 @@ def test_two_notebook_frames_on_one_page_draw_at_full_width_without_an_error(sto
     assert len(inner) == 2 and {each.evaluate("innerWidth") for each in inner} == {884}
     assert all(each.evaluate("window.hacked === undefined") for each in inner)
     assert not page.errors
+
+
+def test_a_report_lists_forces_with_their_numbers_and_the_terminal_says_what_the_page_warns_of(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    assert main(["report", "spring_pendulum"]) == 0
+    assert "warning: link 'arm': moves with a joint and has no mass" in capsys.readouterr().out
+    run = bc.simulate("spring_pendulum", 0.2, overrides={"forces.spring.stiffness": "25 N/m"})
+    (table,) = (part for part in run_document(run).parts if part.title == "Forces and controllers")
+    ((name, kind, where, numbers),) = table.rows
+    assert (name, kind, where) == ("spring", "joint_spring", "joint 'slide'") and "stiffness 25 N/m" in numbers
+    Path("arm.yaml").write_text(
+        "urdf: planar_2r\nforces: [{name: pull, kind: wrench, frame: tip, force: [0, -50, 0]}]\n"
+        "motions: {swing: {kind: waypoints, times: [0, 1], positions: [{elbow: 0}, {elbow: 1}]}}\n"
+    )
+    assert main(["report", "arm.yaml", "--size"]) in (0, 1)
+    assert "wrench" in Path("arm_report.html").read_text() and "force.y -50 N" in Path("arm_report.html").read_text()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bellcrank.commands.shown import add_shown, check_writable, shown, stem, verdict_of
+from bellcrank.commands.shown import add_shown, check_writable, remarks_of, shown, stem, verdict_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +28,10 @@ def run(arguments: argparse.Namespace) -> int:
     thing = shown(arguments)
     path = report(thing, out, trace=arguments.trace)
     well, verdict = verdict_of(thing)
-    print(f"{verdict}\nwrote {path} ({path.stat().st_size / 1e6:.2f} MB)")
+    print(verdict)
+    for name, text in remarks_of(thing):
+        print(f"{name}: {text}")
+    print(f"wrote {path} ({path.stat().st_size / 1e6:.2f} MB)")
     if arguments.open:
         open_browser(path)
     return 0 if well else 1

@@ -106,3 +106,16 @@ def verdict_of(thing: Trajectory | Sizing) -> tuple[bool, str]:
     if isinstance(thing, Sizing):
         return thing.inside, verdict(thing)
     return thing.success, thing.message
+
+
+def remarks_of(thing: Trajectory | Sizing) -> list[tuple[str, str]]:
+    """Errors, warnings and notes about a run or a sizing, each with what it is."""
+    from bellcrank.sizing.result import Sizing
+
+    if isinstance(thing, Sizing):
+        bare = () if thing.study is None else thing.study[0].robot.inertia_warnings
+        kinds = dict.fromkeys(thing.urdf_errors, "error") | dict.fromkeys(bare, "warning")
+        return [(kinds.get(text, "note"), text) for text in thing.warnings]
+    from bellcrank.simulation.summary import run_facts
+
+    return [(name, text) for name, text in run_facts(thing) if name in ("warning", "note")]

@@ -55,6 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     bad input.
     """
     from bellcrank.card.card import load_card
+    from bellcrank.commands.shown import remarks_of
     from bellcrank.sizing.front import size
     from bellcrank.sizing.history import write_histories
     from bellcrank.sizing.report import earlier_files, remove_stale, write_reports
@@ -75,9 +76,8 @@ def run(arguments: argparse.Namespace) -> int:
     mechanism, motions, drives = sizing.study
     folder = arguments.out or Path(f"{Path(arguments.robot).stem}_sizing")
     print(table(sizing))
-    kinds = dict.fromkeys(sizing.urdf_errors, "error") | dict.fromkeys(mechanism.robot.inertia_warnings, "warning")
-    for warning in sizing.warnings:
-        print(f"{kinds.get(warning, 'note')}: {warning}")
+    for kind, text in remarks_of(sizing):
+        print(f"{kind}: {text}")
     earlier = earlier_files(folder)
     files = write_histories(mechanism, motions, folder, drives)
     if not arguments.no_plots:

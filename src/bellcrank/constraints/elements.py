@@ -38,10 +38,11 @@ class Element:
 
 def elements(mechanism: Mechanism) -> tuple[Element, ...]:
     """The forces of the scene that count, all of them, in its order."""
-    return tuple(Element(force.name, force.kind, _acts_on(force)) for force in mechanism.equations.forces)
+    return tuple(Element(force.name, force.kind, acts_on(force)) for force in mechanism.equations.forces)
 
 
-def _acts_on(force: Part) -> str:
+def acts_on(force: Part) -> str:
+    """What a force acts on, such as "joint 'elbow'"."""
     if isinstance(force, JointForce):
         return f"joint '{force.joint.name}'"
     if isinstance(force, Spring):

@@ -6,12 +6,14 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from bellcrank.constraints.elements import acts_on
 from bellcrank.reports.document import Table
 
 if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.payload import Payload
     from bellcrank.robot.robot import Robot
+    from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory import Trajectory
     from bellcrank.sizing.drive import Drive
 
@@ -103,6 +105,21 @@ def scene_facts(run: Trajectory) -> list[tuple[str, str]]:
     return [("forces", forces or "none"), ("control", control or "none")] + (
         [("parameters", parameters)] if parameters else []
     )
+
+
+def force_table(scene: Scene, parameters: Sequence[float]) -> Table:
+    """The forces and controllers of a scene with their numbers, at the values of its parameters."""
+    sets = zip(scene.parameters.values(), parameters, strict=False)
+    given = {target: float(value) for parameter, value in sets for target in parameter.sets}
+    rows = []
+    for part in (*scene.forces, *scene.control):
+        numbers = [
+            f"{field} {given.get(f'{part.owner}.{part.name}.{field}', part.number(field)):.6g} {each.unit}".rstrip()
+            for field, each in part.settable.items()
+        ]
+        where = acts_on(part) if part.owner == "force" else ", ".join(j.name for j in getattr(part, "joints", ()))
+        rows.append((part.name, part.kind, where, ", ".join(numbers) or "over time, from a file"))
+    return Table("Forces and controllers", ("name", "kind", "acts on", "numbers"), tuple(rows))
 
 
 def _number(value: float) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from bellcrank.plot_style import svg_of
 from bellcrank.reports.document import Document, Facts, Picture, Still, Table
-from bellcrank.reports.inputs import drive_table, joint_table, robot_facts, scene_facts
+from bellcrank.reports.inputs import drive_table, force_table, joint_table, robot_facts, scene_facts
 from bellcrank.reports.machine_facts import about, made_with
 from bellcrank.simulation.run_plot import run_pages
 from bellcrank.simulation.summary import END_HEADER, JOINTS, end_rows, run_facts, run_notes
@@ -30,6 +30,8 @@ def run_document(run: Trajectory) -> Document:
     parts: list[Facts | Table | Picture] = [Facts("The run", facts), *_events(run), *_closures(run), _end(run)]
     inputs = (*robot_facts(run.robot), *scene_facts(run))
     parts += [Facts("Robot and scene", inputs), joint_table(run.robot)]
+    if run.scene.forces or run.scene.control:
+        parts.append(force_table(run.scene, run.parameters.tolist()))
     if run.scene.card.drives:
         parts.append(drive_table(run.scene.card.drives))
     made = made_with()

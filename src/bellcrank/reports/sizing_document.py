@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from bellcrank.plot_style import svg_of
 from bellcrank.replays.film import Film
 from bellcrank.reports.document import Document, Facts, Picture, Still, Table
-from bellcrank.reports.inputs import drive_table, joint_table, motion_table, robot_facts
+from bellcrank.reports.inputs import drive_table, force_table, joint_table, motion_table, robot_facts
 from bellcrank.reports.machine_facts import about, made_with
 from bellcrank.sizing.plots import draw
 from bellcrank.sizing.result import Sizing
@@ -78,6 +80,9 @@ def _inputs(sizing: Sizing) -> list[Facts | Table]:
     mechanism, motions, drives = sizing.study
     robot = mechanism.robot
     parts: list[Facts | Table] = [Facts("Robot", tuple(robot_facts(robot))), joint_table(robot), motion_table(motions)]
+    scene = mechanism.equations.scene  # with the forces that count
+    if scene is not None and scene.forces:
+        parts.append(force_table(replace(scene, control=()), scene.parameter_values.tolist()))
     return [*parts, drive_table(drives)] if drives else parts
 
 
