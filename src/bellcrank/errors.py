@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+LONGEST_NAME = 200  # characters of an unknown name that a message repeats
+
 
 class BellcrankError(Exception):
     """Base of all errors of bellcrank: the text names what is wrong, where, and what to do."""
@@ -25,6 +27,8 @@ class CompileError(BellcrankError):
 def among(kind: str, name: str, known: Iterable[str]) -> str:
     """One phrase for an unknown name: what there is, and the nearest of it."""
     names = list(known)
+    if len(name) > LONGEST_NAME or not name.isprintable():
+        name = ascii(name[:LONGEST_NAME])[1:-1] + ("…" if len(name) > LONGEST_NAME else "")
     near = difflib.get_close_matches(name, names, n=1)
     hint = f"; did you mean '{near[0]}'?" if near else ""
     shown = ", ".join(names[:20]) + (f", … ({len(names)} in all)" if len(names) > 20 else "")
