@@ -59,7 +59,7 @@ def find_urdf(name_or_path: str | Path) -> Path:
         if given in shipped:
             return shipped[given]
         if given in SHORT_NAMES:
-            for root in _example_folders():
+            for root in example_folders():
                 if (root / SHORT_NAMES[given]).is_file():
                     return root / SHORT_NAMES[given]
         known = names()
@@ -84,7 +84,7 @@ def _shipped() -> dict[str, Path]:
     return {path.stem: path for path in sorted(shipped.folder("urdf").glob("*.urdf"))}
 
 
-def _example_folders() -> list[Path]:
+def example_folders() -> list[Path]:
     """The folders of example-robot-data that the import path offers (none where it is not installed)."""
     return [root for entry in dict.fromkeys(sys.path) if (root := Path(entry or ".") / EXAMPLES).is_dir()]
 
@@ -93,7 +93,7 @@ def _example_folders() -> list[Path]:
 def _examples() -> dict[str, Path]:
     """Names in example-robot-data: short ones, file stems, and a package's name where it has one robot."""
     found: dict[str, Path] = {}
-    for root in _example_folders():
+    for root in example_folders():
         paths = sorted([*root.glob("*/urdf/*.urdf"), *root.glob("*/robots/*.urdf")])
         stems = Counter(path.stem for path in paths)
         packages = Counter(path.parts[-3] for path in paths)
