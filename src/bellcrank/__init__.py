@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from bellcrank.machine_code import locks as _locks
+
 __version__ = "0.4.0"
 
 _HOME = {

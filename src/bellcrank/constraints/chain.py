@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +22,7 @@ from numpy.typing import NDArray
 from bellcrank.constraints.joint_relations import Drive
 from bellcrank.constraints.start import moved
 from bellcrank.constraints.turns import cosines_along, turning
+from bellcrank.derived import cached_property
 from bellcrank.dynamics.inverse import InverseEquations
 from bellcrank.errors import InputError, UnreachableError
 from bellcrank.motion.motion import Motion

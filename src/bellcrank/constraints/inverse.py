@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from bellcrank.constraints.linkage import Linkage
 from bellcrank.constraints.mechanism import Mechanism, force_times, mechanism_of
+from bellcrank.derived import cached_property
 from bellcrank.errors import InputError, among
 from bellcrank.motion.motion import Motion
 from bellcrank.scene.scene import Scene, load_scene

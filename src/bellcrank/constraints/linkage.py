@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from bellcrank.constraints.chain import Chain
 from bellcrank.constraints.guided import guided_motion
 from bellcrank.constraints.joint_wrenches import joint_wrenches
+from bellcrank.derived import cached_property
 from bellcrank.motion.motion import Motion
 from bellcrank.robot.robot import Robot, RobotJoint
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.constraints.joint_wrenches import joint_wrenches
+from bellcrank.derived import cached_property
 from bellcrank.dynamics.inverse import InverseEquations
 from bellcrank.errors import InputError, among
 from bellcrank.motion.csv_file import read_motion

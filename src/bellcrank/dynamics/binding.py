@@ -74,6 +74,8 @@ class Binding:
         return both if self.parametric else np.zeros(0)
 
 
+RECENT = 64  # structures remembered
+_STORED = ([int], [float], [float], [float], float, bool, bool, [(str, str, float)])
 _structures: dict[str, RowFunctions] = {}
 _known: dict[tuple[str, bytes], Binding] = {}
 
@@ -82,9 +84,10 @@ def binding_of(scene: Scene) -> Binding:
     """The binding rows of a scene at its parameters. Raises InputError where a row cannot hold whatever joints do."""
     key = scene.structure_key
     with making:
-        if key not in _structures:
-            _structures[key] = RowFunctions(scene, key)
-        structure = _structures[key]
+        structure = _structures.pop(key, None) or RowFunctions(scene, key)
+        _structures[key] = structure
+        if len(_structures) > RECENT:
+            del _structures[next(iter(_structures))]
         values = scene.parameter_values if structure.parametric else np.zeros(0)
         place = key, values.tobytes()
         if place not in _known:
@@ -96,9 +99,9 @@ def binding_of(scene: Scene) -> Binding:
 
 def _binding_at(functions: RowFunctions, scene: Scene) -> Binding:
     """What is so at the scene's parameters; kept on disk where it is so at any."""
-    stored = None if functions.parametric else disk.load("binding-" + functions.key)
-    if stored:
-        kept, scale, square, unit, length, singular, massless, left_out = json.loads(stored)
+    stored = None if functions.parametric else disk.load_data("binding-" + functions.key, _STORED)
+    if stored and len(stored[0]) == len(stored[1]) == len(stored[2]) == len(stored[3]):
+        kept, scale, square, unit, length, singular, massless, left_out = stored
         return Binding(
             tuple(kept), np.array(scale, dtype=np.float64), np.array(square, dtype=np.float64),
             np.array(unit, dtype=np.float64), length, singular, massless,

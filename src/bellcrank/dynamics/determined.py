@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,12 +31,12 @@ def massless_motion(scene: Scene) -> str | None:
     found at a scene's parameters is kept on disk.
     """
     key = "massless-" + disk.digest(scene.structure_key, scene.parameter_values.tobytes())
-    stored = disk.load(key)
+    stored: str | None = disk.load_data(key, str)
     if stored is None:
         with making:
-            stored = (_massless_motion(scene, scene.system.assembly) or "").encode()
-        disk.store(key, stored)
-    return stored.decode() or None
+            stored = _massless_motion(scene, scene.system.assembly) or ""
+        disk.store(key, json.dumps(stored).encode())
+    return stored or None
 
 
 def _massless_motion(scene: Scene, assembly: Assembly) -> str | None:

@@ -13,12 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.derived import cached_property
 from bellcrank.errors import InputError
 from bellcrank.robot.equations import MASS, SCALE
 from bellcrank.robot.tree import Tree

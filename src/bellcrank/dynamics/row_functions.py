@@ -24,6 +24,9 @@ POSTURES = 8  # in which J and φ are looked at
 MEANT = 1e-7  # of the robot's longest placement: lever arms below it are rounding
 
 
+_FACTS = {"parametric": bool, "names": [(str, str)], "places": ([int], [int]), "signals": int}
+
+
 class RowFunctions:
     """J, φ and M of a scene as functions of postures and parameters."""
 
@@ -32,8 +35,7 @@ class RowFunctions:
         self._made: tuple[casadi.Function, casadi.Function] | None = None
         self._codes: dict[str, Compiled] = {}
         self._draws: tuple[Array, Array, Array] | None = None
-        stored = disk.load(self.name)
-        self.facts: dict[str, Any] = json.loads(stored) if stored else self._find(scene)
+        self.facts: dict[str, Any] = disk.load_data(self.name, _FACTS) or self._find(scene)
 
     @property
     def parametric(self) -> bool:

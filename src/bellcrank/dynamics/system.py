@@ -7,12 +7,13 @@ while the machine code lies in the cache.
 from __future__ import annotations
 
 import json
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.derived import cached_property
 from bellcrank.dynamics.assembly import Assembly, assemble
 from bellcrank.dynamics.closed import flow, row_names
 from bellcrank.dynamics.latch import latch
@@ -30,7 +31,17 @@ Array = NDArray[np.float64]
 # to compile, and as quick to run, as directional derivatives in SIMD lanes.
 LARGEST_JACOBIAN = 3_000
 LARGEST_STAGED = 16  # states: up to here the way through memory is a good part of an evaluation
-_systems: dict[str, System] = {}
+RECENT = 16  # systems that are kept though no scene is there that uses them
+_systems: WeakValueDictionary[str, System] = WeakValueDictionary()
+_recent: dict[str, System] = {}  # the last of them is the newest
+_FACTS = {
+    "has_work": bool,
+    "rows": [(str, str)],
+    "operations": int,
+    "outputs": {str: int},
+    "places": {str: (int, int, [int], [int])},
+    "sizes": (int, int, int, int),
+}
 
 
 class System:
@@ -42,13 +53,16 @@ class System:
     def __init__(self, scene: Scene, key: str) -> None:
         self._scene, self._key = scene, key
         self.nq, self.nv = scene.robot.nq, scene.robot.nv
-        stored = disk.load("system-" + key)
-        self._facts: dict[str, Any] = json.loads(stored) if stored else self._find_facts()
+        signals = sum(source.size for source in scene.signal_sources)
+        sizes = {w: [1, self.nq + self.nv + w, signals, len(scene.system_parameters)] for w in (False, True)}
+        stored = disk.load_data("system-" + key, _FACTS)
+        sound = stored is not None and stored["sizes"] == sizes[stored["has_work"]]
+        self._facts: dict[str, Any] = stored if sound else self._find_facts(sizes)
         self.has_work: bool = self._facts["has_work"]
         self.size = self.nq + self.nv + self.has_work
         self._places = {name: Places(*places) for name, places in self._facts["places"].items()}
 
-    def _find_facts(self) -> dict[str, Any]:
+    def _find_facts(self, sizes: dict[bool, list[int]]) -> dict[str, Any]:
         a = self.assembly
         rhs = self._state_function("rhs", [a.state_rate])
         solution = a.solution
@@ -61,6 +75,7 @@ class System:
             "places": {}
             if solution is None
             else {"jacobian": Places.of(solution.closed.jacobian), "mass": Places.of(solution.mass)},
+            "sizes": sizes[a.has_work],
         }
         disk.store("system-" + self._key, json.dumps(facts).encode())
         return facts
@@ -294,16 +309,24 @@ class System:
 
     def _compiled(self, what: str, build: Any, seldom: bool = False) -> Compiled:
         with making:
-            return self._scene.robot.compiled(f"{what} {self._key}", build, seldom)
+            return self._scene.robot.compiled(f"{what} {self._key}", build, seldom, self._facts["sizes"])
 
 
 def system_of(scene: Scene) -> System:
-    """The system of a scene, made at most once in a process for scenes with the same equations."""
+    """The system of a scene, shared by scenes with the same equations.
+
+    It lives as long as one of them, and those last used a little longer, so that scenes that are read again are warm.
+    """
     key = disk.digest(scene.structure_key, scene.binding.signature)
     with making:
-        if key not in _systems:
-            _systems[key] = System(scene, key)
-        return _systems[key]
+        system = _systems.get(key)
+        if system is None:
+            system = _systems[key] = System(scene, key)
+        _recent.pop(key, None)
+        _recent[key] = system
+        if len(_recent) > RECENT:
+            del _recent[next(iter(_recent))]
+        return system
 
 
 def _dense(matrix: casadi.SX) -> casadi.SX:

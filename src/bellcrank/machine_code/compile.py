@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import ctypes
 import json
-import threading
+import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from bellcrank.errors import CompileError, InputError
 from bellcrank.machine_code import cache as disk
 from bellcrank.machine_code import machine
 from bellcrank.machine_code.graph import Graph, graph_of
+from bellcrank.machine_code.locks import making
 from bellcrank.machine_code.scalar import scalar_ir
 from bellcrank.machine_code.simd import batch_ir
 
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     import casadi
 
 Array = NDArray[np.float64]
-making = threading.RLock()  # casadi and LLVM work on one thread at a time; calls of finished code do not wait
 _BATCH = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
 
 
@@ -36,22 +36,29 @@ class Compiled:
 
     Call it with one array an input, each (m,) or (n, m): single samples and batches may be mixed, a
     single one is repeated. It returns one array an output, (k,) or (n, k). Machine code for one sample and
-    for batches is made when first needed and kept on disk.
+    for batches is made when first needed, kept on disk, and freed with this object: whoever takes an address keeps it.
+    Pickled, it is its graph.
     """
 
-    def __init__(
-        self,
-        name: str,
-        input_sizes: Sequence[int],
-        output_sizes: Sequence[int],
-        graph: Callable[[], Graph],
-        hints: dict[str, str],
-        remember: Callable[[dict[str, str]], None],
-    ) -> None:
-        self.name = name
-        self.input_sizes, self.output_sizes = tuple(input_sizes), tuple(output_sizes)
-        self._graph, self._hints, self._remember = graph, hints, remember
+    def __init__(self, name: str, recipe: str, graph: Callable[[], Graph], inputs: Sequence[int] = ()) -> None:
+        """`recipe` is its name in the cache; a recipe there whose first inputs have other sizes is not used."""
+        self.name, self._recipe, self._graph = name, recipe, graph
         self._loaded: dict[tuple[str, str], machine.Loaded] = {}
+        stored = _read_recipe(recipe)
+        if stored is None or stored["inputs"][: len(inputs)] != list(inputs):
+            stored = {**_sizes(graph()), "objects": {}}
+        self._hints: dict[str, str] = stored["objects"]
+        self.input_sizes: tuple[int, ...] = tuple(stored["inputs"])
+        self.output_sizes: tuple[int, ...] = tuple(stored["outputs"])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _unpickled, (self.name, self._recipe, self.graph)
+
+    def __copy__(self) -> Self:
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self
 
     @property
     def graph(self) -> Graph:
@@ -88,10 +95,11 @@ class Compiled:
         return f"{kind}:{chosen.name}:{chosen.cpu}:{chosen.features}"
 
     def _kept(self, kind: str) -> machine.Loaded | None:
-        """The code that lies in the cache, loaded; None where there is none."""
+        """The code that lies in the cache, loaded; None where there is none for these sizes."""
         key = self._hints.get(self._hint(kind))
-        code = disk.load(key) if key else None
-        if code is not None:
+        data = disk.load(key) if key else None
+        sizes, _, code = (data or b"").partition(b"\n")
+        if code and sizes == self._signature():
             try:
                 return machine.Loaded(self.name, code, machine.target())
             except (RuntimeError, KeyError):
@@ -99,12 +107,17 @@ class Compiled:
         return None
 
     def _made(self, kind: str, ir: str, code: bytes) -> machine.Loaded:
-        """New code, loaded and kept in the cache."""
+        """New code, loaded and kept in the cache with the sizes that it was made for."""
+        sizes = _sizes(self.graph)
+        self.input_sizes, self.output_sizes = tuple(sizes["inputs"]), tuple(sizes["outputs"])
         key = machine.object_key(ir, machine.target(), self._level)
-        disk.store(key, code)
+        disk.store(key, self._signature() + b"\n" + code)
         self._hints[self._hint(kind)] = key
-        self._remember(self._hints)
+        disk.store(self._recipe, json.dumps({**sizes, "objects": self._hints}).encode())
         return machine.Loaded(self.name, code, machine.target())
+
+    def _signature(self) -> bytes:
+        return json.dumps([self.input_sizes, self.output_sizes]).encode()
 
     def prepared(self, arrays: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], int]:
         """A call of the batch code on these very arrays (C-contiguous, at least as many rows as lanes), bare."""
@@ -113,7 +126,7 @@ class Compiled:
         outs = (ctypes.c_void_p * len(outputs))(*[o.ctypes.data for o in outputs])
         strides = (ctypes.c_int64 * len(arrays))(*[0 if v.ndim == 1 else v.shape[1] for v in arrays])
         rows = outputs[0].shape[0]
-        held = (arrays, outputs)
+        held = (self, arrays, outputs)
         return lambda: int(call(ins, outs, strides, rows)) if held else 0
 
     def __call__(self, *arrays: Any) -> Any:
@@ -125,6 +138,7 @@ class Compiled:
         if len(arrays) != len(self.input_sizes):
             raise InputError(f"{self.name} takes {len(self.input_sizes)} arrays, {len(arrays)} were given")
         values = [np.ascontiguousarray(a, dtype=np.float64) for a in arrays]
+        self.address("batch" if any(v.ndim == 2 for v in values) else "scalar")  # its sizes are certain from here on
         rows = None
         for k, (value, size) in enumerate(zip(values, self.input_sizes, strict=True)):
             if value.ndim not in (1, 2) or value.shape[-1] != size:
@@ -162,7 +176,7 @@ def make_ready(wanted: Sequence[tuple[Compiled, str]]) -> None:
     name = machine.target_name()
     if all((kind, name) in function._loaded for function, kind in wanted):
         return
-    chosen = machine.target()
+    chosen, process = machine.target(), os.getpid()
     with making, ThreadPoolExecutor(1) as compiler:
         begun = []
         for function, kind in wanted:
@@ -175,7 +189,9 @@ def make_ready(wanted: Sequence[tuple[Compiled, str]]) -> None:
             ir = function.ir(kind)
             begun.append((function, kind, ir, compiler.submit(machine.object_code, ir, chosen, function._level)))
         for function, kind, ir, code in begun:
-            function._loaded[kind, name] = function._made(kind, ir, code.result())
+            # in a process that a function that builds expressions has forked the compiling thread is not there
+            made = code.result() if os.getpid() == process else machine.object_code(ir, chosen, function._level)
+            function._loaded[kind, name] = function._made(kind, ir, made)
 
 
 @cache
@@ -186,29 +202,42 @@ def sources() -> str:
     return disk.digest(*[p.read_bytes() for p in paths])
 
 
-def compiled(name: str, key: Sequence[str], build: Callable[[], casadi.Function], seldom: bool = False) -> Compiled:
+def compiled(
+    name: str,
+    key: Sequence[str],
+    build: Callable[[], casadi.Function],
+    seldom: bool = False,
+    inputs: Sequence[int] = (),
+) -> Compiled:
     """The compiled function that `build` describes, from the cache where `key` is known there.
 
     `key` must say everything that `build` depends on; `build` is not called while machine code for
-    what is asked of the function lies in the cache. `seldom` is the graph's.
+    what is asked of the function lies in the cache. `seldom` is the graph's. `inputs`: the sizes of its first inputs,
+    as the caller will pass them. Raises CompileError where `build` makes a function of others.
     """
-    recipe = "recipe-" + disk.digest(name, *key, sources())
     graphs: list[Graph] = []
 
     def graph() -> Graph:
-        if not graphs:
-            graphs.append(replace(graph_of(_serialized(build())), seldom=seldom))
-        return graphs[0]
+        with making:
+            if not graphs:
+                made = replace(graph_of(_serialized(build())), seldom=seldom)
+                if made.input_sizes[: len(inputs)] != tuple(inputs):
+                    raise CompileError(
+                        f"{name} takes vectors of sizes {made.input_sizes} where {tuple(inputs)} … are passed, a fault "
+                        "of bellcrank; BELLCRANK_CACHE=off may help"
+                    )
+                graphs.append(made)
+            return graphs[0]
 
-    stored = _read_recipe(recipe)
-    if stored is None:
-        made = graph()
-        stored = {"inputs": list(made.input_sizes), "outputs": [size for size, _ in made.outputs], "objects": {}}
+    return Compiled(name, "recipe-" + disk.digest(name, *key, sources()), graph, inputs)
 
-    def remember(hints: dict[str, str]) -> None:
-        disk.store(recipe, json.dumps({**stored, "objects": hints}).encode())
 
-    return Compiled(name, stored["inputs"], stored["outputs"], graph, dict(stored["objects"]), remember)
+def _unpickled(name: str, recipe: str, graph: Graph) -> Compiled:
+    return Compiled(name, recipe, lambda: graph, graph.input_sizes)
+
+
+def _sizes(graph: Graph) -> dict[str, list[int]]:
+    return {"inputs": list(graph.input_sizes), "outputs": [size for size, _ in graph.outputs]}
 
 
 def _serialized(function: Any) -> bytes:
@@ -219,13 +248,5 @@ def _serialized(function: Any) -> bytes:
 
 
 def _read_recipe(key: str) -> dict[str, Any] | None:
-    data = disk.load(key)
-    if data is None:
-        return None
-    try:
-        stored = json.loads(data)
-        sizes = [*stored["inputs"], *stored["outputs"]]
-        sound = all(isinstance(s, int) and s >= 0 for s in sizes) and isinstance(stored["objects"], dict)
-    except (ValueError, KeyError, TypeError):
-        return None
-    return stored if sound else None
+    stored: dict[str, Any] | None = disk.load_data(key, {"inputs": [int], "outputs": [int], "objects": {str: str}})
+    return stored if stored and min([*stored["inputs"], *stored["outputs"]], default=0) >= 0 else None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import os
 import platform
-import threading
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -13,10 +12,10 @@ from typing import Any
 
 from bellcrank.errors import CompileError, InputError, among
 from bellcrank.machine_code import cache as disk
+from bellcrank.machine_code import locks
 
 ABI = 1  # of the compiled functions (scalar.py, simd.py); a change makes every cached object stale
 _serial = itertools.count()
-_lock = threading.RLock()  # LLVM's state here is one context and one JIT
 
 
 @dataclass(frozen=True)
@@ -114,7 +113,7 @@ def object_code(ir: str, chosen: Target, level: int = 2) -> bytes:
     quarter slower for one sample.
     """
     llvm = _llvm()
-    with _lock:
+    with locks.llvm:
         try:
             module = llvm.parse_assembly(ir)
         except RuntimeError as error:
@@ -124,11 +123,11 @@ def object_code(ir: str, chosen: Target, level: int = 2) -> bytes:
 
 
 class Loaded:
-    """Machine code in memory; the address of `evaluate` stays valid as long as this object lives."""
+    """Machine code in memory; the address of `evaluate` stays valid as long as this object lives, which frees it."""
 
     def __init__(self, name: str, code: bytes, chosen: Target) -> None:
         llvm = _llvm()
-        with _lock:
+        with locks.llvm:
             builder = llvm.JITLibraryBuilder().add_object_img(code).add_current_process()
             unique = f"{name}.{next(_serial)}"  # LLVM refuses a name that it has had before
             self._library = builder.export_symbol("evaluate").link(_jit(chosen), unique)

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from bellcrank.derived import cached_property
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import Array, JointLike, continuous, from_rates, rates, sizes, velocity_labels
 from bellcrank.motion.hermite import quintic

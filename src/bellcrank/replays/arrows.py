@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from bellcrank.constraints.constraint import Constraint
 from bellcrank.constraints.joint_relations import Drive
 from bellcrank.constraints.loops import WORLD, Distance, Hinge, Loop, Point, Weld, perpendicular
 from bellcrank.constraints.rolling import RollingDisk
+from bellcrank.derived import cached_property
 from bellcrank.dynamics.signals import values_at
 from bellcrank.replays.film import Arrow, Rod, Spring
 from bellcrank.replays.footage import Placed

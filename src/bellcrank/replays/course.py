@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.derived import cached_property
 from bellcrank.motion.coordinates import continuous, rates
 from bellcrank.replays.rotations import continued, quaternions
 from bellcrank.replays.thinning import MOST_HALF_TURN, interpolation_error

@@ -211,11 +211,8 @@ def _stored_pieces(file: _File, ladder: Ladder) -> tuple[Piece, ...]:
 
 
 def _stored_ladder(plan: str) -> Ladder | None:
-    raw = disk.load(plan)
-    try:
-        return None if raw is None else tuple(float(step) for step in json.loads(raw))
-    except (ValueError, TypeError):
-        return None
+    stored = disk.load_data(plan, [float])
+    return None if stored is None else tuple(float(step) for step in stored)
 
 
 def _pieces_key(file: _File, ladder: Ladder) -> str:

@@ -75,6 +75,21 @@ def load_robot(
     )  # fmt: skip
 
 
+_SIZES = {"revolute": (1, 1), "prismatic": (1, 1), "planar": (4, 3), "floating": (7, 6)}  # nq, nv
+_TREE = {
+    "joints": [{str: object}],
+    "frames": [{str: object}],
+    "mimics": [(int, int, float, float)],
+    "cleaned_entries": int,
+    "cleaned_largest": float,
+}
+_STORED = {
+    "name": str, "tree": _TREE, "lower": [float | None], "upper": [float | None], "effort": [float | None],
+    "velocity": [float | None], "friction": {str: (float, float)}, "findings": [str], "inertia_warnings": [str],
+    "singular_joints": {str: str},
+}  # fmt: skip
+
+
 def _version() -> str:
     package = Path(__file__).parent.parent
     sources = sorted([*package.glob("robot/*.py"), *package.glob("urdf/*.py")])
@@ -82,15 +97,18 @@ def _version() -> str:
 
 
 def _stored(key: str) -> dict[str, Any] | None:
-    raw = disk.load(key)
-    if raw is None:
+    data: dict[str, Any] | None = disk.load_data(key, _STORED)
+    if data is None:
         return None
+    followers = {mimic[0] for mimic in data["tree"]["mimics"]}
     try:
-        data: dict[str, Any] = json.loads(raw)
-        Tree(**data["tree"])
-    except (ValueError, KeyError, TypeError):
+        sizes = [_SIZES[j["what"]] for k, j in enumerate(data["tree"]["joints"], 1) if k not in followers]
+        sound = all((j["nq"], j["nv"]) == _SIZES[j["what"]] for j in data["tree"]["joints"])
+    except KeyError:
         return None
-    return data
+    counts = [sum(nq for nq, _ in sizes)] * 2 + [sum(nv for _, nv in sizes)] * 2
+    sound &= [len(data[name]) for name in ("lower", "upper", "effort", "velocity")] == counts
+    return data if sound else None
 
 
 def _read(

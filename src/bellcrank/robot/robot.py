@@ -6,13 +6,13 @@ import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.derived import cached_property
 from bellcrank.errors import InputError, among
 from bellcrank.machine_code import cache as disk
 from bellcrank.machine_code.compile import Compiled, compiled
@@ -348,12 +348,15 @@ class Robot:
         """The machine code of "inverse_dynamics" or "forward_dynamics", for callers that drive it themselves."""
         return self._code(algorithm, lambda: self.equations.dynamics(algorithm))
 
-    def compiled(self, key: str, build: Callable[[], casadi.Function], seldom: bool = False) -> Compiled:
+    def compiled(
+        self, key: str, build: Callable[[], casadi.Function], seldom: bool = False, inputs: Sequence[int] = ()
+    ) -> Compiled:
         """The machine code of a function that `build` makes; `key` says all it depends on besides the robot.
 
-        One that is called `seldom` is compiled faster where it is long, and runs slower.
+        One that is called `seldom` is compiled faster where it is long, and runs slower. `inputs`: the sizes of its
+        first inputs.
         """
-        return compiled(key, (self._key,), build, seldom)
+        return compiled(key, (self._key,), build, seldom, inputs)
 
     def trace_frames(self, names: Iterable[str]) -> casadi.Function:
         """(q, v, p of length 0) -> per frame position 3, rotation 9 (row major), linear and angular velocity, world."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +27,7 @@ from bellcrank.constraints.drive_end import DriveEnd, drive_end
 from bellcrank.constraints.foreign import foreign_motors
 from bellcrank.constraints.formula import Own, own_constraint
 from bellcrank.constraints.frame_joints import refuse_joints_off_paths
+from bellcrank.derived import cached_property
 from bellcrank.dynamics.signals import Signal, values_at
 from bellcrank.errors import InputError
 from bellcrank.robot.postures import lengths_in_position

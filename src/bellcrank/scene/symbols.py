@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bellcrank.derived import cached_property
 from bellcrank.errors import InputError, among
 from bellcrank.trace import trace_tree
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.constraints.turns import cosines_along, true_gaps, turning
+from bellcrank.derived import cached_property
 from bellcrank.dynamics.signals import Signal, values_at
 from bellcrank.errors import InputError, among
 from bellcrank.simulation.record import ClosureHistory, Event, FrameHistory, JointHistory, Statistics

@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bellcrank import atomic
 from bellcrank.constraints.elements import Element
+from bellcrank.derived import cached_property
 from bellcrank.errors import InputError, among
 from bellcrank.sizing.drive import Drive
 
