@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from typing import Any, Generic, Self, TypeVar, overload
 
 import numpy as np
@@ -58,7 +57,6 @@ class Portable:
             state[name].flags.writeable = False
 
 
-@cache
 def _derived(kind: type) -> frozenset[str]:
     """The names of a class's cached properties, and those that it leaves out."""
     found = {name for base in kind.__mro__ for name, value in vars(base).items() if isinstance(value, cached_property)}

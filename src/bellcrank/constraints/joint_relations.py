@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from bellcrank.card.fields import Fields
@@ -73,7 +74,7 @@ class Drive(Constraint):
     ) -> Self:
         """From its mapping; InputError naming file and key."""
         joint, title = read_joint(read, robot), read_motion_name(read, motions)
-        return cls(name, read, joint, motion_source(title, lambda: motion_of(title), (joint,), 2))
+        return cls(name, read, joint, motion_source(title, partial(motion_of, title), (joint,), 2))
 
     @property
     def source(self) -> SignalSource:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.derived import cached_property
+from bellcrank.derived import Portable, cached_property
 from bellcrank.designs.axes import Axis, read_axis
 from bellcrank.designs.measures import aims, measures_of, start_measures
 from bellcrank.errors import BellcrankError, InputError, among
@@ -50,7 +50,7 @@ class Design:
 
 
 @dataclass(frozen=True, eq=False)
-class Sweep:
+class Sweep(Portable):
     """Designs of a scene over the grid of all combinations of its axes, the last axis fastest.
 
     `units` are the measures with their units (SI). `designs` are those that were run, in the order of the grid: all of

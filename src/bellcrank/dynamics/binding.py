@@ -20,7 +20,7 @@ from bellcrank.constraints.loops import WORLD, Loop
 from bellcrank.dynamics.row_functions import RowFunctions, in_metres
 from bellcrank.errors import InputError
 from bellcrank.machine_code import cache as disk
-from bellcrank.machine_code.compile import making
+from bellcrank.machine_code.locks import making
 from bellcrank.robot.postures import lengths_in_velocity
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bellcrank.dynamics.binding import FIXED, ROUNDING
 from bellcrank.machine_code import cache as disk
-from bellcrank.machine_code.compile import making
+from bellcrank.machine_code.locks import making
 from bellcrank.robot.postures import lengths_in_velocity, random_posture
 
 if TYPE_CHECKING:

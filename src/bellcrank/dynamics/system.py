@@ -19,7 +19,8 @@ from bellcrank.dynamics.closed import flow, row_names
 from bellcrank.dynamics.latch import latch
 from bellcrank.dynamics.sparse import Places, entries
 from bellcrank.machine_code import cache as disk
-from bellcrank.machine_code.compile import Compiled, making
+from bellcrank.machine_code.compile import Compiled
+from bellcrank.machine_code.locks import making
 
 if TYPE_CHECKING:
     import casadi

@@ -11,13 +11,14 @@ import concurrent.futures.thread  # noqa: F401  what it does at a fork must be k
 import os
 import sys
 import threading
-from importlib import _bootstrap  # type: ignore[attr-defined]
+from importlib import _bootstrap
 from typing import Any
 
 making = threading.RLock()  # casadi and LLVM work on one thread at a time; calls of finished code do not wait
 llvm = threading.RLock()  # LLVM's state here is one context and one JIT; whoever wants both takes `making` first
 _PACKAGES = {"bellcrank", "casadi", "llvmlite", "pinocchio", "eigenpy", "numpy", "scipy", "yaml", "matplotlib"}
 _PASSES = 1000  # bounds the waiting, as an import that this thread itself is in the middle of does not end
+_wait_for = getattr(_bootstrap, "_lock_unlock_module", lambda name: None)  # waits while a thread imports the module
 _taken = threading.local()
 
 
@@ -32,7 +33,7 @@ def _take() -> None:
         if not names:
             return
         for name in names:
-            _bootstrap._lock_unlock_module(name)  # waits for the thread that is importing it
+            _wait_for(name)
 
 
 def _give_back() -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from bellcrank.derived import cached_property
+from bellcrank.derived import Portable, cached_property
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import Array, JointLike, continuous, from_rates, rates, sizes, velocity_labels
 from bellcrank.motion.hermite import quintic
@@ -29,7 +29,7 @@ NOISE = 1e-2  # of the motion's largest speed: so much may be unknown of a speed
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Motion(Portable):
     """Joint motion over time: rows of (time, position, velocity, acceleration), finite, in order of time.
 
     Shapes: time (n,) in s; position (n, nq) in rad or m; velocity (n, nv) in rad/s or m/s; acceleration (n,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.derived import cached_property
+from bellcrank.derived import Portable, cached_property
 from bellcrank.errors import InputError, among
 from bellcrank.machine_code import cache as disk
 from bellcrank.machine_code.compile import Compiled, compiled
@@ -42,7 +42,7 @@ class RobotJoint:
     nv: int
 
 
-class Robot:
+class Robot(Portable):
     """A URDF robot and its dynamics.
 
     Position is (nq,) or (n, nq), velocity, acceleration and torque (nv,) or (n, nv): rad, m and N m, N,
@@ -77,7 +77,6 @@ class Robot:
         self._friction = friction if isinstance(friction, str) else dict(friction)
         self.friction_width = friction_width
         self._tree = Tree(**data["tree"])
-        self._codes: dict[str, Compiled] = {}
         followers = {m[0] for m in self._tree.mimics}
         joints, q, v = [], 0, 0
         for k, j in enumerate(self._tree.joints):
@@ -338,6 +337,10 @@ class Robot:
         return rows[..., 12:15], rows[..., 15:18]
 
     # ---- machine code
+
+    @cached_property
+    def _codes(self) -> dict[str, Compiled]:
+        return {}
 
     @cached_property
     def equations(self) -> Equations:

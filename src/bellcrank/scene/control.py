@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 
 from bellcrank.card.fields import Fields
@@ -137,7 +138,7 @@ class PD(Controller):
         else:
             joints = read_joints(read, robot, all_joints(robot))
             motion = read_motion_name(read, motions)
-            source = motion_source(motion, lambda: motion_of(motion), joints, 1)
+            source = motion_source(motion, partial(motion_of, motion), joints, 1)
         kp, kd = read_gain(read, "kp", joints, "stiffness"), read_gain(read, "kd", joints, "damping", 0.0)
         return cls(name, read, joints, read_limit(read, joints, robot), kp, kd, target, source)
 
@@ -191,7 +192,7 @@ class ComputedTorque(Controller):
             )
         motion = read_motion_name(read, motions)
         kp, kd = read_gain(read, "kp", joints, "1/s^2"), read_gain(read, "kd", joints, "1/s")
-        source = motion_source(motion, lambda: motion_of(motion), joints, 2)
+        source = motion_source(motion, partial(motion_of, motion), joints, 2)
         error = read_mass_error(read)
         return cls(name, read, joints, read_limit(read, joints, robot), source, kp, kd, error)
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +26,7 @@ from bellcrank.constraints.drive_end import DriveEnd, drive_end
 from bellcrank.constraints.foreign import foreign_motors
 from bellcrank.constraints.formula import Own, own_constraint
 from bellcrank.constraints.frame_joints import refuse_joints_off_paths
-from bellcrank.derived import cached_property
+from bellcrank.derived import Portable, cached_property
 from bellcrank.dynamics.signals import Signal, values_at
 from bellcrank.errors import InputError
 from bellcrank.robot.postures import lengths_in_position
@@ -56,7 +55,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class Scene(Portable):
     """What a scene file says, checked against the robot. Made by `load_scene`."""
 
     card: Card
@@ -268,7 +267,7 @@ def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> S
     robot, motion_of = (card.robot(), None) if like is None else (like.robot, like.motion_of)
     card = card if like is None else like.card
     if motion_of is None:
-        motion_of = cache(lambda name: card.motion(robot, name))
+        motion_of = _Motions(card, robot)
     closures = read_closures(read, robot, card.motions, motion_of)
     if not card.actuated:
         card = replace(card, actuated=foreign_motors(closures, robot))
@@ -302,6 +301,22 @@ def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> S
         data,
         loop_files,
     )
+
+
+class _Motions(Portable):
+    """The motions of a card for a robot by name, each made once, when first asked for."""
+
+    def __init__(self, card: Card, robot: Robot) -> None:
+        self.card, self.robot = card, robot
+
+    @cached_property
+    def _made(self) -> dict[str, Motion]:
+        return {}
+
+    def __call__(self, name: str) -> Motion:
+        if name not in self._made:
+            self._made[name] = self.card.motion(self.robot, name)
+        return self._made[name]
 
 
 def _named_files(closures: Iterable[Constraint]) -> list[str]:

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.derived import cached_property
+from bellcrank.derived import Portable, cached_property
 from bellcrank.dynamics.signals import Signal
 
 if TYPE_CHECKING:
@@ -25,10 +26,10 @@ SMALL_JUMP = 1e-9  # of a signal's largest value: what rounding leaves between t
 
 
 @dataclass(frozen=True)
-class SignalSource:
+class SignalSource(Portable):
     """A signal before its numbers are made; two sources are one if `name`, `width` and `derivatives` agree.
 
-    It supplies `width` values and as many of each of `derivatives` (0, 1 or 2) time derivatives.
+    It supplies `width` values and as many of each of `derivatives` (0, 1 or 2) time derivatives. `make` can be pickled.
     """
 
     name: str
@@ -75,7 +76,11 @@ def motion_source(
 ) -> SignalSource:
     """The positions of these one-degree-of-freedom joints along a motion, with that many derivatives."""
     whose = f"motion {name}: {', '.join(joint.name for joint in joints)}"
-    return SignalSource(whose, len(joints), derivatives, lambda: motion_signal(motion(), joints, derivatives))
+    return SignalSource(whose, len(joints), derivatives, partial(_signal_of, motion, joints, derivatives))
+
+
+def _signal_of(motion: Callable[[], Motion], joints: tuple[RobotJoint, ...], derivatives: int) -> tuple[Signal, Array]:
+    return motion_signal(motion(), joints, derivatives)
 
 
 def motion_signal(motion: Motion, joints: tuple[RobotJoint, ...], derivatives: int) -> tuple[Signal, Array]:

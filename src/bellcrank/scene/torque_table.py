@@ -8,6 +8,7 @@ import csv
 import io
 import math
 import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +38,7 @@ def read_torque_table(read: Fields, file: str, column: str, unit: str, interpola
         raise read.error("file", str(error)) from None
     _check_spacing(read, path, time, interpolation)
     name = f"table {path}: {column}, {interpolation}"
-    return SignalSource(name, 1, 0, lambda: table_signal(time, torque[:, None], interpolation)), text
+    return SignalSource(name, 1, 0, partial(table_signal, time, torque[:, None], interpolation)), text
 
 
 def read_wrench_table(read: Fields, file: str, interpolation: str) -> tuple[SignalSource, str]:
@@ -62,7 +63,7 @@ def read_wrench_table(read: Fields, file: str, interpolation: str) -> tuple[Sign
     nothing = np.zeros(len(time))
     values = np.stack([found[label][1] if label in found else nothing for label in COMPONENTS], axis=1)
     name = f"table {path}: wrench, {interpolation}"
-    return SignalSource(name, 6, 0, lambda: table_signal(time, values, interpolation)), text
+    return SignalSource(name, 6, 0, partial(table_signal, time, values, interpolation)), text
 
 
 def _check_spacing(read: Fields, path: Path, time: Array, interpolation: str) -> None:

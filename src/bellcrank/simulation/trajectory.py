@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.constraints.turns import cosines_along, true_gaps, turning
-from bellcrank.derived import cached_property
+from bellcrank.derived import Portable, cached_property
 from bellcrank.dynamics.signals import Signal, values_at
 from bellcrank.errors import InputError, among
 from bellcrank.simulation.record import ClosureHistory, Event, FrameHistory, JointHistory, Statistics
@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory:
+class Trajectory(Portable):
     """A run of a scene: rows of time (n,) s and state, and everything that follows from them.
 
     Position (n, nq), velocity and acceleration (n, nv): rad or m and their rates, one number a joint; a free base

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from bellcrank import atomic
 from bellcrank.constraints.elements import Element
-from bellcrank.derived import cached_property
+from bellcrank.derived import Portable, cached_property
 from bellcrank.errors import InputError, among
 from bellcrank.sizing.drive import Drive
 
@@ -242,7 +242,7 @@ class JointSizing:
 
 
 @dataclass(frozen=True)
-class Sizing:
+class Sizing(Portable):
     """The sizing of a robot over its motions; `peak_supply_power` and `peak_regeneration` (W) sum all joints
     at one instant.
 
