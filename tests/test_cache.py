@@ -338,7 +338,7 @@ def test_temporaries_of_killed_processes_go_and_those_of_living_ones_stay(fresh_
 
 @pytest.mark.parametrize(
     ("text", "size"),
-    [("", 10**9), ("500 MB", 500 * 10**6), ("2GB", 2 * 10**9), ("1.5 gb", 15 * 10**8), ("4096", 4096), ("1 MiB", 2**20)],
+    [("", 10**9), ("500 MB", 500 * 10**6), ("2GB", 2 * 10**9), ("1.5 gb", 15 * 10**8), ("40", 40), ("1 MiB", 2**20)],
 )  # fmt: skip
 def test_the_limit_is_a_size_with_its_unit(monkeypatch, text, size):
     monkeypatch.setenv("BELLCRANK_CACHE_LIMIT", text)

@@ -9,18 +9,18 @@ SCRIPT = """
     import faulthandler, os, sys, threading, time
     import bellcrank as bc
 
-    names, done = ["planar_2r_swing", "spring_pendulum", "rolling_disk", "pendulum"], threading.Event()
+    names, done = ["planar_2r_swing", "spring_pendulum", "pendulum"], threading.Event()
 
     def work(first):
         k = first
         while not done.is_set():
-            k += 4
+            k += 3
             outputs = {"outputs": {"x": {"expression": f"{k} * sin(t)"}}}  # which no cache has
-            bc.simulate(names[k % 3], duration=0.01, samples=2, overrides=outputs).total_energy
+            bc.simulate(names[k % 3], duration=0.01, samples=2, overrides=outputs)
 
-    threads = [threading.Thread(target=work, args=(k,)) for k in range(4)]
+    threads = [threading.Thread(target=work, args=(k,)) for k in range(3)]
     [thread.start() for thread in threads]
-    states = []
+    children = []
     for k in range(10):
         time.sleep(0.05)
         child = os.fork()
@@ -28,15 +28,15 @@ SCRIPT = """
             faulthandler.dump_traceback_later(60, exit=True)
             try:
                 outputs = {"outputs": {"y": {"expression": f"{k} * cos(t)"}}}
-                ended = bc.simulate(names[k % 4], duration=0.02, samples=2, overrides=outputs)
-                os._exit(0 if ended.success and (ended.total_energy < 1e9).all() else 3)
+                ended = bc.simulate(names[k % 3], duration=0.02, samples=2, overrides=outputs)
+                os._exit(0 if ended.success else 3)
             except BaseException as error:
                 print(repr(error), flush=True)
                 os._exit(4)
-        states.append(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+        children.append(child)
     done.set()
     [thread.join() for thread in threads]
-    print(states)
+    print([os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) for child in children])
 """
 INSIDE = """
     import faulthandler, os
