@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bellcrank.card.fields import parse_number
 from bellcrank.errors import InputError
 from bellcrank.robot.payload import Payload
+
+if TYPE_CHECKING:
+    from bellcrank.card.card import Card
+    from bellcrank.constraints.mechanism import Mechanism
+    from bellcrank.motion.motion import Motion
+    from bellcrank.robot.robot import Robot
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -90,6 +97,16 @@ def run(arguments: argparse.Namespace) -> int:
     remove_stale(folder, earlier, files)
     print(f"\n{verdict(sizing)}\nwrote {', '.join(path.name for path in files)} in {folder}")
     return 0 if sizing.inside else 1
+
+
+def chosen(card: Card, robot: Robot, names: list[str]) -> tuple[Mechanism, list[Motion]]:
+    """The mechanism and the motions that `--motion` names, all of the configuration's where it names none.
+
+    Raises InputError for an unknown motion, and where there is none; see `bellcrank.sizing.front.chosen`.
+    """
+    from bellcrank.sizing import front
+
+    return front.chosen(card, robot, names or None)
 
 
 def parse_payload(text: str) -> Payload:
