@@ -58,6 +58,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("bellcrank: interrupted", file=sys.stderr)
         return 130
+    except MemoryError as error:
+        print(f"bellcrank: out of memory{f': {error}' if str(error) else ''}; ask for less", file=sys.stderr)
+        return 2
     except BrokenPipeError:  # the reader of a pipe has gone: nobody is left to tell
         _forget_output()
         return 0

@@ -19,8 +19,6 @@ class Lines(dict[str, Any]):
 
 def read_yaml(path: str | Path) -> Mapping[str, Any]:
     """The top mapping of a YAML file; InputError, in one sentence with the line, for anything else."""
-    import yaml
-
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
@@ -28,14 +26,30 @@ def read_yaml(path: str | Path) -> Mapping[str, Any]:
         raise InputError(f"{path}: there is no such file") from None
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: expected a text file in UTF-8, found a byte that is not at {error.start}") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    data = parse_yaml(text, str(path))
+    if data is None:
+        raise InputError(f"{path}: expected a mapping of keys to values, found an empty file")
+    if not isinstance(data, dict):
+        raise InputError(f"{path}: expected a mapping of keys to values, found {shown(data)}")
+    return data
+
+
+def parse_yaml(text: str, where: str, one_line: bool = False) -> Any:
+    """What a YAML text holds: a mapping, a list, a text, a number, True, False or None.
+
+    `where` names the text in errors: a file, or the option of the command line, which has `one_line`. Raises
+    InputError, in one sentence, for whatever is not YAML of these.
+    """
+    import yaml
+
     try:
-        data = yaml.load(text, Loader=_loader(yaml))  # a SafeLoader
+        return yaml.load(text, Loader=_loader(yaml))  # a SafeLoader
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        line = f" (line {mark.line + 1})" if mark else ""
-        raise InputError(f"{path}{line}: not valid YAML: {' '.join(str(error.problem or error).split())}") from None
+        line = f" (line {mark.line + 1})" if mark and not one_line else ""
+        raise InputError(f"{where}{line}: not valid YAML: {' '.join(str(error.problem or error).split())}") from None
     except (
         yaml.YAMLError,
         ValueError,
@@ -45,14 +59,9 @@ def read_yaml(path: str | Path) -> Mapping[str, Any]:
         IndexError,
         AttributeError,
     ) as error:
-        raise InputError(f"{path}: not valid YAML: {' '.join(str(error).split())[:200]}") from None
+        raise InputError(f"{where}: not valid YAML: {' '.join(str(error).split())[:200]}") from None
     except RecursionError:
-        raise InputError(f"{path}: not valid YAML for a card: nested too deeply") from None
-    if data is None:
-        raise InputError(f"{path}: expected a mapping of keys to values, found an empty file")
-    if not isinstance(data, dict):
-        raise InputError(f"{path}: expected a mapping of keys to values, found {shown(data)}")
-    return data
+        raise InputError(f"{where}: not valid YAML: nested too deeply") from None
 
 
 def _loader(yaml: Any) -> Any:

@@ -74,12 +74,13 @@ def film(
     with writing(out) as temporary, opened(page, (width, height)) as tab:
         start, end = _span(tab)
         duration = end - start
-        count = max(1, math.ceil(duration / speed * fps)) + 1
-        if count > MOST_FRAMES:
+        wanted = duration / speed * fps
+        if not wanted <= MOST_FRAMES - 1:
             raise InputError(
-                f"{out}: {duration:g} s at {fps:g} frames a second and speed {speed:g} are {count} frames, the most is "
-                f"{MOST_FRAMES}; film it faster"
+                f"{out}: {duration:g} s at {fps:g} frames a second and speed {speed:g} are {wanted:.6g} frames, the most "
+                f"is {MOST_FRAMES}; film it faster"
             )
+        count = max(1, math.ceil(wanted)) + 1
         frames = _frames(tab, np.linspace(start, end, count).tolist(), progress)
         if encoder is None:
             _write_gif(frames, temporary, fps, _palette(tab, start, end))

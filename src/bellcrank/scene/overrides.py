@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from bellcrank.card.card import CARD_KEYS, SCENE_KEYS
-from bellcrank.card.yaml_file import Lines, shown
+from bellcrank.card.number_text import whole_number
+from bellcrank.card.yaml_file import Lines, parse_yaml, shown
 from bellcrank.errors import InputError, among
 from bellcrank.scene.free_joint_start import START_KEYS
 from bellcrank.scene.part import entry_names
@@ -41,16 +42,10 @@ class Marked(Lines):
 
 def parse_assignment(text: str) -> tuple[str, Any]:
     """The path and value of "path=value", the value read as YAML: a number, a text, [1, 2, 3]. Raises InputError."""
-    import yaml
-
     path, equals, value = text.partition("=")
     if not equals or not path.strip():
-        raise InputError(f"'{text}': expected PATH=VALUE, such as initial.crank=1.5deg or simulate.rtol=1e-6")
-    try:
-        return path.strip(), yaml.safe_load(value)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        problem = " ".join(str(getattr(error, "problem", None) or error).split())[:100]
-        raise InputError(f"override '{path.strip()}': {shown(value)} is not a YAML value: {problem}") from None
+        raise InputError(f"{shown(text)}: expected PATH=VALUE, such as initial.crank=1.5deg or simulate.rtol=1e-6")
+    return path.strip(), parse_yaml(value, f"override {shown(path.strip())}: {shown(value)}", one_line=True)
 
 
 def apply_overrides(data: Mapping[str, Any], overrides: Mapping[str, Any]) -> Marked:
@@ -179,7 +174,7 @@ def _entry(at: list[Any], keys: list[str]) -> tuple[int, int]:
     for used in range(len(keys), 0, -1):
         if ".".join(keys[:used]) in names:
             return names.index(".".join(keys[:used])), used
-    number = keys[0]
-    if number.isascii() and number.isdigit() and 1 <= int(number[:9]) <= len(at):
-        return int(number) - 1, 1
-    raise InputError(among("entry", number, [*names, *map(str, range(1, len(at) + 1))]))
+    number = whole_number(keys[0])
+    if number is not None and 1 <= number <= len(at):
+        return number - 1, 1
+    raise InputError(among("entry", keys[0], [*names, *map(str, range(1, len(at) + 1))]))
