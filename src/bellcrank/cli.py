@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 from bellcrank import __version__
 from bellcrank.errors import BellcrankError
+from bellcrank.locale_text import ERRORS
 
 _COMMANDS = {
     "size": "size the motors of a robot over its motions",
@@ -32,9 +33,10 @@ def _module(name: str) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns 0 (done, or all well), 1 (the answer is no) or 2 (bad input)."""
-    reconfigure = getattr(sys.stdout, "reconfigure", None)
-    if reconfigure is not None:
-        reconfigure(errors="replace")  # a terminal without ² shows ?, and the files have it
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors=ERRORS)  # a terminal without ² shows \xb2, and the files have it
     given = list(sys.argv[1:] if arguments is None else arguments)
     parser = argparse.ArgumentParser(
         prog="bellcrank",

@@ -10,14 +10,14 @@ SMALL = 64 * 2**20  # bytes that are not looked at
 _CGROUP = Path("/sys/fs/cgroup")
 
 
-def check_memory(count: int, each: float, what: str, source: str = "") -> None:
+def check_memory(count: int, each: float, what: str) -> None:
     """Refuse `count` things of `each` bytes where they take more memory than is free; InputError with how many fit."""
     free = free_memory() if count * each > SMALL else None
     if free is None or count * each <= free:
         return
     raise InputError(
-        f"{f'{source}: ' if source else ''}{count} {what} need about {_size(count * each)} of memory, {_size(free)} are "
-        f"free; at most {int(free // each)} fit"
+        f"{count} {what} need about {_size(count * each)} of memory, {_size(free)} are free; at most "
+        f"{int(free // each)} fit"
     )
 
 

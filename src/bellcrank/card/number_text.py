@@ -1,7 +1,7 @@
 """Numbers in texts, of files and of command lines: ASCII digits only, without underscores.
 
-`float` and `int` take whatever Unicode calls a digit, and underscores ("١٢", "1_000"); a name or a typing error must not
-pass for a number.
+`float` and `int` take whatever Unicode calls a digit, and underscores ("١٢", "1_000"); a name or a typing error must
+not pass for a number.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ MOST_DIGITS = 100  # of a whole number; a longer one is beyond every limit, as i
 
 
 def split_number(text: str) -> tuple[float, str] | None:
-    """The number that a text begins with, infinite where doubles do not reach it, and what follows; None without one."""
+    """The number that a text begins with (infinite where doubles end) and what follows; None where there is none."""
     match = _NUMBER.match(text)
     return (float(match[1]), match[2]) if match else None
 

@@ -35,7 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--repeats", metavar="N", default="30", help="runs of a setting at least, the best counts (default 30)"
     )
-    parser.add_argument("--samples", metavar="N", default="100000", help="samples a batch of --dynamics (default 100000)")
+    parser.add_argument(
+        "--samples", metavar="N", default="100000", help="samples a batch of --dynamics (default 100000)"
+    )
     parser.add_argument("--out", type=Path, metavar="DIR", help="write bench.json, and a plot a scene, there")
 
 

@@ -55,8 +55,8 @@ def run(arguments: argparse.Namespace) -> int:
     folder = arguments.out or Path(f"{Path(arguments.scene).stem}_sweep")
     check_folder(folder)
     scene = load_scene(arguments.scene)
-    with _bar() as progress:
-        result = sweep(scene, vary, overrides=changes, threads=threads, progress=progress)
+    with _bar("check", " values") as checking, _bar("sweep", " designs") as progress:
+        result = sweep(scene, vary, overrides=changes, threads=threads, progress=progress, checking=checking)
     measures = arguments.measures or None
     files = []
     if result.designs:
@@ -76,11 +76,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 @contextmanager
-def _bar() -> Iterator[Callable[[int, int], None]]:
-    """A progress bar over the designs, which shows itself after a second; yields what to call with done and all."""
+def _bar(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
+    """A progress bar, which shows itself after a second; yields what to call with done and all."""
     from tqdm import tqdm
 
-    with tqdm(desc="sweep", unit=" designs", delay=1.0, disable=None) as bar:
+    with tqdm(desc=title, unit=unit, delay=1.0, disable=None) as bar:
 
         def progress(done: int, count: int) -> None:
             bar.total = count

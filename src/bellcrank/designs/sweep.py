@@ -146,7 +146,8 @@ def sweep(
     `vary` maps parameters, or other dotted paths (overrides.py), to their values: numbers in SI units or texts such as
     "1 deg". Only what leaves the equations as they are can be varied: parameters, the start, solver settings.
     `overrides` changes the scene beforehand; `threads` defaults to the machine's; `progress` is called with the number
-    of designs done and of all, and `checking` before, with the number of values of an axis checked and of all. Ctrl-C ends the sweep and keeps what is done (`complete` is then false).
+    of designs done and of all, and `checking` before, with the number of values of an axis checked and of all. Ctrl-C
+    ends the sweep and keeps what is done (`complete` is then false).
 
     Raises InputError where a path leads nowhere, takes none of its values, or changes the equations.
     """

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.errors import InputError, among
+from bellcrank.locale_text import readable
 from bellcrank.motion.coordinates import Array, JointLike, position_labels, velocity_labels
 from bellcrank.motion.disagreement import disagreement
 from bellcrank.motion.motion import Motion, limit_notes
@@ -140,7 +141,7 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: s
     acceleration = _complete(file, values, columns.acceleration, "acceleration")
     if acceleration is not None and velocity is None:
         raise InputError(f"{file}: there are acceleration columns but no velocity columns; give both or leave both out")
-    title = file.stem if name is None else name
+    title = readable(file.stem) if name is None else name
     derived = "positions" if velocity is None else "velocities" if acceleration is None else ""
     try:
         motion = sampled_motion(joints, time, position, velocity, acceleration, title)

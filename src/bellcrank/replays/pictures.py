@@ -77,8 +77,8 @@ def film(
         wanted = duration / speed * fps
         if not wanted <= MOST_FRAMES - 1:
             raise InputError(
-                f"{out}: {duration:g} s at {fps:g} frames a second and speed {speed:g} are {wanted:.6g} frames, the most "
-                f"is {MOST_FRAMES}; film it faster"
+                f"{out}: {duration:g} s at {fps:g} frames a second and speed {speed:g} are {wanted:.6g} frames, "
+                f"the most is {MOST_FRAMES}; film it faster"
             )
         count = max(1, math.ceil(wanted)) + 1
         frames = _frames(tab, np.linspace(start, end, count).tolist(), progress)
