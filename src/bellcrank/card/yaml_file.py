@@ -59,7 +59,8 @@ def parse_yaml(text: str, where: str, one_line: bool = False) -> Any:
         IndexError,
         AttributeError,
     ) as error:
-        raise InputError(f"{where}: not valid YAML: {' '.join(str(error).split())[:200]}") from None
+        detail = " ".join(str(error).split())[:100]
+        raise InputError(f"{where}: not valid YAML: a value does not fit its type ({detail})") from None
     except RecursionError:
         raise InputError(f"{where}: not valid YAML: nested too deeply") from None
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank.card.number_text import decimal_number
 from bellcrank.errors import InputError, among
 from bellcrank.locale_text import readable
 from bellcrank.motion.coordinates import Array, JointLike, position_labels, velocity_labels
@@ -194,7 +195,7 @@ def _table(file: Path, text: str) -> tuple[list[str], Array]:
             raise InputError(f"{file}: line {number} has {len(row)} columns, the header has {len(header)}")
         for column, cell in enumerate(row):
             try:
-                value = float(cell)
+                value = decimal_number(cell)
             except ValueError:
                 value = np.nan
             if not np.isfinite(value):
