@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from bellcrank import atomic
 from bellcrank.commands.options import whole_option
 from bellcrank.errors import InputError
+from bellcrank.progress import bars
 
 if TYPE_CHECKING:
     from bellcrank.validation.bench import Row
@@ -61,8 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _scenes(arguments: argparse.Namespace) -> int:
-    from tqdm import tqdm
-
+    tqdm = bars()
     from bellcrank.validation import work_precision_plot
     from bellcrank.validation.bench import machine_facts
     from bellcrank.validation.bench_problem import NO_ROWS, PROBLEMS, Run, problem, usual
@@ -97,8 +97,7 @@ def _scenes(arguments: argparse.Namespace) -> int:
 
 
 def _hard_cases(arguments: argparse.Namespace) -> int:
-    from tqdm import tqdm
-
+    tqdm = bars()
     from bellcrank.validation.bench import machine_facts
     from bellcrank.validation.problems import hard_cases
 
@@ -129,8 +128,7 @@ def _finite(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _dynamics(arguments: argparse.Namespace) -> int:
-    from tqdm import tqdm
-
+    tqdm = bars()
     from bellcrank.validation import calls
     from bellcrank.validation.bench import ROBOTS, bench_robot, first_use, machine_facts
 

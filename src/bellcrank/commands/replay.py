@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from bellcrank.commands.options import number_option, size_option
 from bellcrank.commands.shown import add_shown, check_writable, shown, stem, verdict_of
 from bellcrank.errors import InputError
+from bellcrank.progress import counting
 
 PICTURES = ("png", "gif", "mp4")
 
@@ -87,20 +87,7 @@ def _drawing(arguments: argparse.Namespace, kinds: Iterable[str]) -> Callable[[s
 
         if kind == "png":
             return still(page, path, at, size)
-        with _frame_bar(kind) as progress:
+        with counting(kind, "frame") as progress:
             return film(page, path, 1.0 if speed is None else speed, fps, size, progress)
 
     return draw
-
-
-@contextmanager
-def _frame_bar(kind: str) -> Iterator[Callable[[int, int], None]]:
-    from tqdm import tqdm
-
-    with tqdm(desc=kind, unit="frame", delay=1.0, disable=None) as bar:
-
-        def progress(done: int, of: int) -> None:
-            bar.total = of
-            bar.update(done - bar.n)
-
-        yield progress

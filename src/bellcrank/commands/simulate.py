@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from bellcrank.commands.options import number_option, whole_option
 from bellcrank.errors import InputError
+from bellcrank.progress import bars
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -130,10 +131,8 @@ def _check_frames(robot: Any, frames: list[str]) -> None:
 @contextmanager
 def simulated_bar(duration: float) -> Iterator[Callable[[float], None]]:
     """A progress bar over the simulated time, which shows itself after a second; yields what to call with the time."""
-    from tqdm import tqdm
-
     layout = "{l_bar}{bar}| {n:.5g}/{total:g} s simulated [{elapsed}<{remaining}]"
-    with tqdm(total=duration, desc="simulate", delay=1.0, disable=None, bar_format=layout) as bar:
+    with bars()(total=duration, desc="simulate", delay=1.0, disable=None, bar_format=layout) as bar:
 
         def progress(time: float) -> None:
             bar.update(min(time, duration) - bar.n)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from bellcrank.commands.options import whole_option
 from bellcrank.commands.simulate import _check_folder as check_folder
 from bellcrank.errors import InputError, among
+from bellcrank.progress import counting
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     folder = arguments.out or Path(f"{Path(arguments.scene).stem}_sweep")
     check_folder(folder)
     scene = load_scene(arguments.scene)
-    with _bar("check", " values") as checking, _bar("sweep", " designs") as progress:
+    with counting("check", " values") as checking, counting("sweep", " designs") as progress:
         result = sweep(scene, vary, overrides=changes, threads=threads, progress=progress, checking=checking)
     measures = arguments.measures or None
     files = []
@@ -73,17 +72,3 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"\n{scene.name}: {count} designs, {len(ended)} came to their end, {count - len(ended)} did not")
     print(f"wrote {', '.join(path.name for path in files) or 'nothing'} in {folder}")
     return (0 if ended else 1) if result.complete else 130
-
-
-@contextmanager
-def _bar(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
-    """A progress bar, which shows itself after a second; yields what to call with done and all."""
-    from tqdm import tqdm
-
-    with tqdm(desc=title, unit=unit, delay=1.0, disable=None) as bar:
-
-        def progress(done: int, count: int) -> None:
-            bar.total = count
-            bar.update(done - bar.n)
-
-        yield progress

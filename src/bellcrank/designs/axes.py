@@ -16,7 +16,7 @@ from bellcrank.card.yaml_file import parse_yaml, shown
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import Scene
 
-MOST_DESIGNS = 10**7
+MOST_VALUES = 10**6  # of an axis
 EXPECTED = "expected PATH=FIRST:LAST:COUNT or PATH=VALUE,VALUE,…, such as crank_length=1.21:1.24:31"
 
 
@@ -51,8 +51,8 @@ def parse_axis(text: str) -> tuple[str, tuple[Any, ...]]:
     if ":" in given:
         return path.strip(), _range(text, given.split(":"))
     parts = given.split(",")
-    if len(parts) > MOST_DESIGNS:
-        raise InputError(f"--vary {shown(text)}: expected at most {MOST_DESIGNS} values, found {len(parts)}")
+    if len(parts) > MOST_VALUES:
+        raise InputError(f"--vary {shown(text)}: expected at most {MOST_VALUES} values, found {len(parts)}")
     values = tuple(parse_yaml(part, f"--vary {shown(text)}: {shown(part)}", one_line=True) for part in parts)
     if any(value is None or isinstance(value, (list, dict)) for value in values):
         raise InputError(f"--vary {shown(text)}: {EXPECTED}")
@@ -63,10 +63,10 @@ def read_axis(scene: Scene, path: str, values: Iterable[Any]) -> Axis:
     """The axis of a path, in the unit of the parameter that it names; InputError where there are no values."""
     if isinstance(values, (str, int, float)):
         values = [values]
-    taken = itertools.islice(values, MOST_DESIGNS + 1)  # a generator may have no end
+    taken = itertools.islice(values, MOST_VALUES + 1)  # a generator may have no end
     listed = tuple(value.item() if isinstance(value, np.generic) else value for value in taken)
-    if len(listed) > MOST_DESIGNS:
-        raise InputError(f"sweep over '{path}': expected at most {MOST_DESIGNS} values, found more")
+    if len(listed) > MOST_VALUES:
+        raise InputError(f"sweep over '{path}': expected at most {MOST_VALUES} values, found more")
     if not listed:
         raise InputError(f"sweep over '{path}': expected at least one value, found none")
     parameter = scene.parameters.get(path.removeprefix("parameters."))
@@ -87,9 +87,9 @@ def _range(text: str, parts: list[str]) -> tuple[Any, ...]:
     count = whole_number(parts[2]) if len(parts) == 3 else None
     if None in ends or count is None:
         raise InputError(f"--vary {shown(text)}: {EXPECTED}")
-    if not 1 <= count <= MOST_DESIGNS:
+    if not 1 <= count <= MOST_VALUES:
         raise InputError(
-            f"--vary {shown(text)}: expected a count from 1 to {MOST_DESIGNS}, found {shown(parts[2].strip())}"
+            f"--vary {shown(text)}: expected a count from 1 to {MOST_VALUES}, found {shown(parts[2].strip())}"
         )
     (first, before), (last, after) = (end for end in ends if end is not None)
     if before and after and before != after:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.designs.axes import MOST_DESIGNS, Axis, read_axis
+from bellcrank.designs.axes import Axis, read_axis
 from bellcrank.designs.measures import aims, measures_of, start_measures
 from bellcrank.errors import BellcrankError, InputError, among
 from bellcrank.memory import check_memory
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 INFEASIBLE = "infeasible"
+MOST_DESIGNS = 10**7
 MOST_THREADS = 1024
 DESIGN_BYTES = 3000  # of a design with its measures, of which a small scene has 35
 _LATEST = 0.05  # s between looks at Ctrl-C

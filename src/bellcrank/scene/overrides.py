@@ -7,7 +7,7 @@ parameter's value.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import fields
 from typing import Any
 
@@ -89,6 +89,8 @@ def marked(value: Any, override: str | None = None, depth: int = 0) -> Any:
         return [marked(entry, override, depth + 1) for entry in value]
     if value is None or isinstance(value, (str, bool, int, float)):
         return value
+    if isinstance(value, (bytes, bytearray, Set)):
+        raise InputError(f"expected a number, a text, a list or a mapping, found {shown(str(value))}")
     return str(value)
 
 
