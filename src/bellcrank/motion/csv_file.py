@@ -23,6 +23,7 @@ from bellcrank.motion.disagreement import disagreement
 from bellcrank.motion.motion import Motion, limit_notes
 from bellcrank.motion.resolution import end_speed_noise, half_unit
 from bellcrank.motion.sampled import sampled_motion
+from bellcrank.motion.scale import LARGEST
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -201,6 +202,11 @@ def _table(file: Path, text: str) -> tuple[list[str], Array]:
             if not np.isfinite(value):
                 raise InputError(
                     f"{file}: line {number}, column '{header[column]}': {cell.strip()[:40]!r} is not a finite number"
+                )
+            if abs(value) > LARGEST[-1]:
+                raise InputError(
+                    f"{file}: line {number}, column '{header[column]}': {cell.strip()[:40]!r} is too large, expected at "
+                    f"most {LARGEST[-1]:g}"
                 )
             table[k, column] = value
     return header, table
