@@ -205,8 +205,8 @@ def _table(file: Path, text: str) -> tuple[list[str], Array]:
                 )
             if abs(value) > LARGEST[-1]:
                 raise InputError(
-                    f"{file}: line {number}, column '{header[column]}': {cell.strip()[:40]!r} is too large, expected at "
-                    f"most {LARGEST[-1]:g}"
+                    f"{file}: line {number}, column '{header[column]}': {cell.strip()[:40]!r} is too large, "
+                    f"expected at most {LARGEST[-1]:g}"
                 )
             table[k, column] = value
     return header, table

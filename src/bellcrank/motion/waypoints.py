@@ -130,12 +130,12 @@ def checked_times(title: str, times: Any, what: str) -> Array:
         raise InputError(f"{title}: at least 2 times are needed, got shape {knots.shape}")
     if not np.all(np.isfinite(knots)):
         raise InputError(f"{title}: time {int(np.argmin(np.isfinite(knots)))} is not finite")
+    check_times(title, knots)
     if np.any(np.diff(knots) <= 0.0):
         k = int(np.argmax(np.diff(knots) <= 0.0))
         raise InputError(
             f"{title}: time must increase from {what} to {what}, but {knots[k + 1]:g} s follows {knots[k]:g} s"
         )
-    check_times(title, knots)
     return knots
 
 

@@ -17,7 +17,7 @@ from bellcrank.card.fields import UNITS, Fields
 from bellcrank.card.number_text import decimal_number
 from bellcrank.dynamics.signals import Signal
 from bellcrank.errors import InputError, among
-from bellcrank.motion.scale import check_size, check_times
+from bellcrank.motion.scale import LARGEST, check_size, check_times
 from bellcrank.scene.signal_source import SignalSource
 
 Array = NDArray[np.float64]
@@ -171,5 +171,10 @@ def _column(path: Path, title: str, rows: list[tuple[int, list[str]]], place: in
         if not math.isfinite(values[k]):
             raise InputError(
                 f"{path}: line {number}, column '{title}': {row[place].strip()[:40]!r} is not a finite number"
+            )
+        if abs(values[k]) > LARGEST[-1]:
+            raise InputError(
+                f"{path}: line {number}, column '{title}': {row[place].strip()[:40]!r} is too large, expected at most "
+                f"{LARGEST[-1]:g}"
             )
     return values
