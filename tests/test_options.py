@@ -193,3 +193,20 @@ def test_what_is_chosen_of_a_configuration_sizes_as_the_configuration():
         chosen(card, card.robot(), ["nowhere"])
     linkage, (turn, *_) = chosen(load_card("five_bar"), load_card("five_bar").robot(), [])
     assert linkage.closed and turn.position.shape[1] == linkage.robot.nq
+
+
+@pytest.mark.parametrize("name", ["a" * 5000, "a" * 300, "x\x1b[31my", "x\ny", "x\u202ey", "\udcff", "a/" * 3000, "\0"])
+def test_a_name_of_any_letters_is_told_in_one_short_line_without_control_characters(
+    name, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    commands = (
+        ["check", name], ["simulate", name], ["size", "planar_2r", f"--motion={name}"], ["report", name],
+        ["simulate", "pendulum", f"--set={name}=1"], ["sweep", "four_bar", f"--vary={name}=1,2"],
+        ["simulate", "pendulum", f"--frame={name}"], ["size", "planar_2r", f"--payload=1@{name}"], ["verify", name],
+    )  # fmt: skip
+    for command in commands:
+        assert main(command) == 2, command[:2]
+        said = capsys.readouterr().err
+        assert said.startswith("bellcrank: ") and said.count("\n") == 1 and len(said) < 1300
+        assert not {"\x1b", "\u202e", "\0"} & set(said)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
+import io
 import os
 import sys
 import traceback
@@ -11,7 +13,7 @@ from collections.abc import Sequence
 
 from bellcrank import __version__
 from bellcrank.errors import BellcrankError
-from bellcrank.locale_text import ERRORS
+from bellcrank.locale_text import ERRORS, one_line
 
 _COMMANDS = {
     "size": "size the motors of a robot over its motions",
@@ -55,19 +57,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return status
     except BellcrankError as error:
-        print(f"bellcrank: {error}", file=sys.stderr)
+        print(f"bellcrank: {one_line(str(error))}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("bellcrank: interrupted", file=sys.stderr)
         return 130
     except MemoryError as error:
-        print(f"bellcrank: out of memory{f': {error}' if str(error) else ''}; ask for less", file=sys.stderr)
+        why = f": {one_line(str(error))}" if str(error) else ""
+        print(f"bellcrank: out of memory{why}; ask for less", file=sys.stderr)
         return 2
     except BrokenPipeError:  # the reader of a pipe has gone: nobody is left to tell
         _forget_output()
         return 0
     except OSError as error:
-        print(f"bellcrank: {error.strerror or error}{f': {error.filename}' if error.filename else ''}", file=sys.stderr)
+        where = f": {error.filename}" if error.filename else ""
+        print(f"bellcrank: {one_line(f'{error.strerror or error}{where}')}", file=sys.stderr)
         _forget_output()
         return 2
     except Exception:  # 1 means "the answer is no", so a fault of ours needs a number of its own
@@ -78,4 +82,5 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _forget_output() -> None:
     """Drop what a failed standard output still holds, so that the interpreter does not fail on it again."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    with contextlib.suppress(io.UnsupportedOperation):  # a text in memory holds nothing back
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -12,6 +12,7 @@ import os
 import sys
 
 ERRORS = "bellcrank"  # the error handler that encodes such texts
+MOST_LETTERS = 1200  # of a message
 
 
 def utf8(text: str) -> bytes:
@@ -29,6 +30,17 @@ def file_name_here(name: str) -> str:
     if name.isascii() or sys.getfilesystemencoding().lower() in ("utf-8", "utf8"):
         return name
     return os.fsdecode(utf8(name))
+
+
+def one_line(text: str) -> str:
+    """A message on one line, without control characters, the middle left out of a very long one.
+
+    Lone surrogates stay: they are bytes of file names.
+    """
+    text = " ".join(text.splitlines())
+    plain = (c if c.isprintable() or "\ud800" <= c <= "\udfff" else ascii(c)[1:-1] for c in text)
+    text = "".join(plain)
+    return text if len(text) <= MOST_LETTERS else f"{text[: MOST_LETTERS - 403]}… …{text[-400:]}"
 
 
 def _encoded(error: UnicodeError) -> tuple[str | bytes, int]:
