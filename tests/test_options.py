@@ -11,7 +11,7 @@ import bellcrank as bc
 from bellcrank.card.card import load_card
 from bellcrank.card.fields import parse_number
 from bellcrank.card.number_text import decimal_number, split_number, whole_number
-from bellcrank.card.yaml_file import parse_yaml
+from bellcrank.card.yaml_file import read_value
 from bellcrank.cli import main
 from bellcrank.commands.size import chosen
 from bellcrank.designs.axes import parse_axis
@@ -106,7 +106,7 @@ YAML = [
 @pytest.mark.parametrize("text", YAML)
 def test_what_is_no_yaml_on_a_command_line_is_one_sentence(text):
     for read in (
-        lambda: parse_yaml(text, "here"),
+        lambda: read_value(text, "here"),
         lambda: parse_assignment(f"name={text}"),
         lambda: parse_axis(f"crank_length={text}"),
     ):

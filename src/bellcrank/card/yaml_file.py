@@ -28,7 +28,7 @@ def read_yaml(path: str | Path) -> Mapping[str, Any]:
         raise InputError(f"{path}: expected a text file in UTF-8, found a byte that is not at {error.start}") from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    data = parse_yaml(text, str(path))
+    data = _value(text, str(path), lines=True)
     if data is None:
         raise InputError(f"{path}: expected a mapping of keys to values, found an empty file")
     if not isinstance(data, dict):
@@ -36,19 +36,19 @@ def read_yaml(path: str | Path) -> Mapping[str, Any]:
     return data
 
 
-def parse_yaml(text: str, where: str, one_line: bool = False) -> Any:
-    """What a YAML text holds: a mapping, a list, a text, a number, True, False or None.
+def read_value(text: str, where: str) -> Any:
+    """The value of an argument that is written as YAML; InputError, which begins with `where`, for anything else."""
+    return _value(text, where, lines=False)
 
-    `where` names the text in errors: a file, or the option of the command line, which has `one_line`. Raises
-    InputError, in one sentence, for whatever is not YAML of these.
-    """
+
+def _value(text: str, where: str, lines: bool) -> Any:
     import yaml
 
     try:
         return yaml.load(text, Loader=_loader(yaml))  # a SafeLoader
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        line = f" (line {mark.line + 1})" if mark and not one_line else ""
+        line = f" (line {mark.line + 1})" if mark and lines else ""
         raise InputError(f"{where}{line}: not valid YAML: {' '.join(str(error.problem or error).split())}") from None
     except (
         yaml.YAMLError,

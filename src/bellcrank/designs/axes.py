@@ -12,7 +12,7 @@ import numpy as np
 
 from bellcrank.card.fields import parse_number
 from bellcrank.card.number_text import split_number, whole_number
-from bellcrank.card.yaml_file import parse_yaml, shown
+from bellcrank.card.yaml_file import read_value, shown
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import Scene
 
@@ -53,7 +53,7 @@ def parse_axis(text: str) -> tuple[str, tuple[Any, ...]]:
     parts = given.split(",")
     if len(parts) > MOST_VALUES:
         raise InputError(f"--vary {shown(text)}: expected at most {MOST_VALUES} values, found {len(parts)}")
-    values = tuple(parse_yaml(part, f"--vary {shown(text)}: {shown(part)}", one_line=True) for part in parts)
+    values = tuple(read_value(part, f"--vary {shown(text)}: {shown(part)}") for part in parts)
     if any(value is None or isinstance(value, (list, dict)) for value in values):
         raise InputError(f"--vary {shown(text)}: {EXPECTED}")
     return path.strip(), values

@@ -15,7 +15,7 @@ import numpy as np
 
 from bellcrank.card.card import CARD_KEYS, SCENE_KEYS
 from bellcrank.card.number_text import whole_number
-from bellcrank.card.yaml_file import Lines, parse_yaml, shown
+from bellcrank.card.yaml_file import Lines, read_value, shown
 from bellcrank.errors import InputError, among
 from bellcrank.scene.free_joint_start import START_KEYS
 from bellcrank.scene.part import entry_names
@@ -45,7 +45,7 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     path, equals, value = text.partition("=")
     if not equals or not path.strip():
         raise InputError(f"{shown(text)}: expected PATH=VALUE, such as initial.crank=1.5deg or simulate.rtol=1e-6")
-    return path.strip(), parse_yaml(value, f"override {shown(path.strip())}: {shown(value)}", one_line=True)
+    return path.strip(), read_value(value, f"override {shown(path.strip())}: {shown(value)}")
 
 
 def apply_overrides(data: Mapping[str, Any], overrides: Mapping[str, Any]) -> Marked:
