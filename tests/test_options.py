@@ -175,6 +175,24 @@ def test_one_value_of_a_parameter_is_enough_to_check_it_and_the_values_of_other_
         sweep(scene, {"gravity": [[0, 0, 0], [0, 0, -9.81]]})
 
 
+def test_threads_that_the_system_does_not_start_are_told(monkeypatch):
+    import threading
+
+    scene = bc.load_scene("four_bar").with_overrides({"simulate.duration": 0.01, "simulate.samples": 2})
+    started = []
+    start = threading.Thread.start
+
+    def few(thread):
+        started.append(thread)
+        if len(started) > 3:
+            raise RuntimeError("can't start new thread")
+        start(thread)
+
+    monkeypatch.setattr(threading.Thread, "start", few)
+    with pytest.raises(InputError, match="threads: 50 cannot run at once here"):
+        sweep(scene, {"crank_length": np.linspace(1.2, 1.3, 60)}, threads=50)
+
+
 def test_values_of_a_grid_are_all_combinations_the_last_axis_fastest():
     scene = bc.load_scene("four_bar").with_overrides({"simulate.duration": 0.01, "simulate.samples": 2})
     result = sweep(scene, {"crank_length": [1.21, 1.22], "initial.crank": ["1 deg", "2 deg", "3 deg"]}, threads=1000)

@@ -229,7 +229,7 @@ class _Pool:
             try:
                 while True:
                     for index, values in itertools.islice(combinations, 4 * self.threads - len(waiting)):
-                        waiting.add(pool.submit(self.design, index, values))
+                        waiting.add(self._submitted(pool, index, values))
                     if not waiting:
                         break
                     finished, waiting = wait(waiting, _LATEST, FIRST_COMPLETED)
@@ -245,6 +245,12 @@ class _Pool:
         finished = {future for future in waiting if not future.cancelled() and future.exception() is None}
         done += [design for future in finished if (design := future.result()) is not None]
         return tuple(sorted(done, key=lambda design: design.index)), self.units
+
+    def _submitted(self, pool: ThreadPoolExecutor, index: int, values: tuple[Any, ...]) -> Future[Design | None]:
+        try:
+            return pool.submit(self.design, index, values)
+        except RuntimeError as error:  # the system has no thread, or no memory for one, left
+            raise InputError(f"threads: {self.threads} cannot run at once here ({error}); ask for fewer") from None
 
     def design(self, index: int, values: tuple[Any, ...]) -> Design | None:
         """The row of one design; None where the sweep was interrupted before it was done."""
