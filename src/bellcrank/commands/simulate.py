@@ -107,7 +107,7 @@ def _write(result: Trajectory, folder: Path, frames: list[str], plots: bool) -> 
     return files
 
 
-_COPIES = 10  # of the states: results, the summary, the table of run.csv
+_COPIES = 4  # of the states, at most, that writing, summary and pictures hold, a block of rows at a time
 _NUMBERS = {"duration": "s", "rtol": "", "atol": "", "step": "s"}
 
 
