@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from bellcrank.errors import InputError
+from bellcrank.locale_text import ERRORS
 
 
 @contextlib.contextmanager
@@ -40,4 +41,4 @@ def writing(path: str | Path) -> Iterator[Path]:
 def write_text(path: str | Path, text: str) -> None:
     """Write `text` (UTF-8) to `path` atomically."""
     with writing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8", errors=ERRORS)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
+import io
 import os
 import sys
 import traceback
@@ -11,6 +13,7 @@ from collections.abc import Sequence
 
 from bellcrank import __version__
 from bellcrank.errors import BellcrankError
+from bellcrank.locale_text import ERRORS, one_line
 
 _COMMANDS = {
     "size": "size the motors of a robot over its motions",
@@ -32,9 +35,10 @@ def _module(name: str) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns 0 (done, or all well), 1 (the answer is no) or 2 (bad input)."""
-    reconfigure = getattr(sys.stdout, "reconfigure", None)
-    if reconfigure is not None:
-        reconfigure(errors="replace")  # a terminal without ² shows ?, and the files have it
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors=ERRORS)  # a terminal without ² shows \xb2, and the files have it
     given = list(sys.argv[1:] if arguments is None else arguments)
     parser = argparse.ArgumentParser(
         prog="bellcrank",
@@ -53,16 +57,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return status
     except BellcrankError as error:
-        print(f"bellcrank: {error}", file=sys.stderr)
+        print(f"bellcrank: {one_line(str(error))}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("bellcrank: interrupted", file=sys.stderr)
         return 130
+    except MemoryError as error:
+        why = f": {one_line(str(error))}" if str(error) else ""
+        print(f"bellcrank: out of memory{why}; ask for less", file=sys.stderr)
+        return 2
     except BrokenPipeError:  # the reader of a pipe has gone: nobody is left to tell
         _forget_output()
         return 0
     except OSError as error:
-        print(f"bellcrank: {error.strerror or error}{f': {error.filename}' if error.filename else ''}", file=sys.stderr)
+        where = f": {error.filename}" if error.filename else ""
+        print(f"bellcrank: {one_line(f'{error.strerror or error}{where}')}", file=sys.stderr)
         _forget_output()
         return 2
     except Exception:  # 1 means "the answer is no", so a fault of ours needs a number of its own
@@ -73,4 +82,5 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _forget_output() -> None:
     """Drop what a failed standard output still holds, so that the interpreter does not fail on it again."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    with contextlib.suppress(io.UnsupportedOperation):  # a text in memory holds nothing back
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from bellcrank.errors import InputError
+from bellcrank.locale_text import file_name_here
 
 MOST_TEXT = 64 * 2**20  # bytes of a URDF, or of another text that is read whole
 MOST_YAML = 16 * 2**20  # bytes: a million entries
@@ -129,7 +130,7 @@ class FileAccess:
         """The path of a file by the name that a file has for it. Raises InputError where that is not allowed, whether
         there is such a file or not.
         """
-        path = self.folder / name
+        path = self.folder / file_name_here(name)
         if not self.allows(path, absolute=bool(Path(name).anchor)):
             shown = "".join(c if c.isprintable() else " " for c in name)
             shown = shown if len(shown) <= 80 else f"{shown[:77]}…"

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import os
 import re
+import sys
 import textwrap
-from typing import TYPE_CHECKING, Any
+import warnings
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from bellcrank.locale_text import readable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,13 +46,36 @@ def literal(text: str, width: int | None = None) -> str:
     """A text for Matplotlib with somebody's names in it, broken into lines of `width` characters where one is given:
     dollars start no mathematics, a leading underscore hides no line, and what is no character is a question mark.
     """
-    text = text.encode("utf-8", "replace").decode()
+    text = readable(text)
     text = textwrap.fill(text, width) if width else text
     return (" " if text.startswith("_") else "") + text.replace("$", r"\$")
 
 
+def load_matplotlib() -> None:
+    """Import Matplotlib, also where MPLBACKEND names a backend that it does not know: no picture here uses one."""
+    if "matplotlib" in sys.modules:
+        return
+    backend = os.environ.pop("MPLBACKEND", None)
+    try:
+        import matplotlib
+    finally:
+        if backend is not None:
+            os.environ["MPLBACKEND"] = backend
+    if backend:
+        with contextlib.suppress(ValueError):
+            matplotlib.rcParams["backend"] = backend  # what its import does with the variable
+
+
+def save_figure(figure: Figure, file: Path | IO[bytes], kind: str, **options: Any) -> None:
+    """Write a figure as `kind` (such as "png"); letters that its font lacks are boxes, without a warning for each."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from")
+        figure.savefig(file, format=kind, **options)
+
+
 def new_figure(width: float, height: float) -> Figure:
     """A figure of inches that no window system knows of, so that drawing works anywhere and nothing is left open."""
+    load_matplotlib()
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -66,6 +96,6 @@ def svg_of(figure: Figure) -> str:
 
     buffer = io.BytesIO()
     with matplotlib.rc_context(_SVG):
-        figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
+        save_figure(figure, buffer, "svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
     text = _PATH.sub(lambda found: re.sub(r"(\.\d)\d+", r"\1", found[0]), buffer.getvalue().decode("utf-8"))
     return re.sub(r"\s*\n\s*", " ", text).replace("> <", "><")  # a third less

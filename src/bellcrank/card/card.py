@@ -21,6 +21,7 @@ from bellcrank import shipped
 from bellcrank.card.fields import Fields
 from bellcrank.card.motions import MotionEntry, check_references, read_motion_entry
 from bellcrank.errors import InputError, among
+from bellcrank.locale_text import file_name_here, readable
 from bellcrank.robot.payload import Payload
 from bellcrank.sizing.drive import Drive, drive_from_fields
 from bellcrank.urdf import catalog
@@ -134,7 +135,7 @@ def read_card(path: str | Path) -> Card:
 
 def card_from_fields(fields: Fields, path: Path) -> Card:
     """The card among the keys of a file; keys that are not a card's are left for the caller to ask for or refuse."""
-    name = fields.text("name", path.stem)
+    name = fields.text("name", readable(path.stem))
     urdf = _urdf(fields, path)
     gravity = fields.vector("gravity", 3, "m/s^2", (0.0, 0.0, -9.81))
     floating = fields.flag("floating_base", False)
@@ -161,7 +162,7 @@ def _is_file(path: Path) -> bool:
 
 def _urdf(fields: Fields, path: Path) -> Path:
     text = fields.text("urdf")
-    beside = path.parent / text
+    beside = path.parent / file_name_here(text)
     if _is_file(beside):
         return beside.resolve()
     if Path(text).suffix == ".urdf" or "/" in text:

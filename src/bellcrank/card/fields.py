@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import difflib
 import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from bellcrank.card.number_text import split_number
 from bellcrank.card.yaml_file import read_yaml, shown
 from bellcrank.errors import InputError, among
 
@@ -49,8 +49,8 @@ UNITS: Final[dict[str, dict[str, float]]] = {
 # What joints of both kinds share is written in either unit.
 for _turning, _sliding in (("N m", "N"), ("N m/rad", "N/m"), ("N m s/rad", "N s/m")):
     UNITS[f"{_turning} or {_sliding}"] = UNITS[_turning] | UNITS[_sliding]
-_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*\Z", re.DOTALL)
 _REQUIRED: Final = object()
+MOST_WHOLE = 10**9
 
 
 def parse_number(value: object, unit: str) -> float:
@@ -63,14 +63,14 @@ def parse_number(value: object, unit: str) -> float:
             number = float(value)
         except OverflowError:
             number = math.inf
-    elif isinstance(value, str) and (match := _NUMBER.match(value)):
-        written = match.group(2)
+    elif isinstance(value, str) and (split := split_number(value)):
+        figure, written = split
         if written and written not in known:
             others = ", ".join(f"'{name}'" for name in known if name)
             raise ValueError(
                 f"expected {_wanted(unit)}{f' (units known here: {others})' if others else ''}, found {shown(value)}"
             )
-        number = float(match.group(1)) * (known[written] if written else 1.0)
+        number = figure * (known[written] if written else 1.0)
     else:
         raise ValueError(f"expected {_wanted(unit)}, found {shown(value)}")
     if not math.isfinite(number):
@@ -200,8 +200,9 @@ class Fields:
         value = self.raw(key, default)
         if isinstance(value, bool) or not isinstance(value, int):
             raise self.error(key, f"expected a whole number, found {shown(value)}")
-        if not minimum <= value <= 10**9:
-            raise self.error(key, f"expected a whole number of {minimum} or more, found {shown(value)}")
+        if not minimum <= value <= MOST_WHOLE:
+            bounds = f"of {minimum} or more" if value < minimum else f"of at most {MOST_WHOLE}"
+            raise self.error(key, f"expected a whole number {bounds}, found {shown(value)}")
         return value
 
     def vector(

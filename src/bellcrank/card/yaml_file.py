@@ -19,8 +19,6 @@ class Lines(dict[str, Any]):
 
 def read_yaml(path: str | Path) -> Mapping[str, Any]:
     """The top mapping of a YAML file; InputError, in one sentence with the line, for anything else."""
-    import yaml
-
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
@@ -28,14 +26,30 @@ def read_yaml(path: str | Path) -> Mapping[str, Any]:
         raise InputError(f"{path}: there is no such file") from None
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: expected a text file in UTF-8, found a byte that is not at {error.start}") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    data = _value(text, str(path), lines=True)
+    if data is None:
+        raise InputError(f"{path}: expected a mapping of keys to values, found an empty file")
+    if not isinstance(data, dict):
+        raise InputError(f"{path}: expected a mapping of keys to values, found {shown(data)}")
+    return data
+
+
+def read_value(text: str, where: str) -> Any:
+    """The value of an argument that is written as YAML; InputError, which begins with `where`, for anything else."""
+    return _value(text, where, lines=False)
+
+
+def _value(text: str, where: str, lines: bool) -> Any:
+    import yaml
+
     try:
-        data = yaml.load(text, Loader=_loader(yaml))  # a SafeLoader
+        return yaml.load(text, Loader=_loader(yaml))  # a SafeLoader
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        line = f" (line {mark.line + 1})" if mark else ""
-        raise InputError(f"{path}{line}: not valid YAML: {' '.join(str(error.problem or error).split())}") from None
+        line = f" (line {mark.line + 1})" if mark and lines else ""
+        raise InputError(f"{where}{line}: not valid YAML: {' '.join(str(error.problem or error).split())}") from None
     except (
         yaml.YAMLError,
         ValueError,
@@ -45,14 +59,10 @@ def read_yaml(path: str | Path) -> Mapping[str, Any]:
         IndexError,
         AttributeError,
     ) as error:
-        raise InputError(f"{path}: not valid YAML: {' '.join(str(error).split())[:200]}") from None
+        detail = " ".join(str(error).split())[:100]
+        raise InputError(f"{where}: not valid YAML: a value does not fit its type ({detail})") from None
     except RecursionError:
-        raise InputError(f"{path}: not valid YAML for a card: nested too deeply") from None
-    if data is None:
-        raise InputError(f"{path}: expected a mapping of keys to values, found an empty file")
-    if not isinstance(data, dict):
-        raise InputError(f"{path}: expected a mapping of keys to values, found {shown(data)}")
-    return data
+        raise InputError(f"{where}: not valid YAML: nested too deeply") from None
 
 
 def _loader(yaml: Any) -> Any:

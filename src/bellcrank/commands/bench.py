@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank import atomic
+from bellcrank.commands.options import whole_option
 from bellcrank.errors import InputError
+from bellcrank.progress import bars
 
 if TYPE_CHECKING:
     from bellcrank.validation.bench import Row
@@ -32,9 +34,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--hard", action="store_true", help="instead of scenes: the hard cases, each with its figure")
     parser.add_argument("--gains", action="store_true", help="instead: error and work over Baumgarte's gains, as maps")
     parser.add_argument(
-        "--repeats", type=int, default=30, help="runs of a setting at least, the best counts (default 30)"
+        "--repeats", metavar="N", default="30", help="runs of a setting at least, the best counts (default 30)"
     )
-    parser.add_argument("--samples", type=int, default=100_000, help="samples a batch of --dynamics (default 100000)")
+    parser.add_argument(
+        "--samples", metavar="N", default="100000", help="samples a batch of --dynamics (default 100000)"
+    )
     parser.add_argument("--out", type=Path, metavar="DIR", help="write bench.json, and a plot a scene, there")
 
 
@@ -42,6 +46,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Time scenes, or run the hard cases, or time the dynamics; print tables and write files. 1 where a hard case
     misses its bar.
     """
+    arguments.repeats = whole_option("--repeats", arguments.repeats, 1, 10**6)
+    arguments.samples = whole_option("--samples", arguments.samples, 64, 10**8)
     if arguments.scenes and (arguments.hard or arguments.gains or arguments.dynamics is not None):
         raise InputError(
             "bench: scenes, --hard, --gains and --dynamics are benches of their own; name robots after --dynamics"
@@ -56,16 +62,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _scenes(arguments: argparse.Namespace) -> int:
-    from tqdm import tqdm
-
+    tqdm = bars()
     from bellcrank.validation import work_precision_plot
     from bellcrank.validation.bench import machine_facts
     from bellcrank.validation.bench_problem import NO_ROWS, PROBLEMS, Run, problem, usual
     from bellcrank.validation.scene_bench import as_data, as_text, bench_scene
     from bellcrank.validation.work_precision import BUDGET, QUICK
 
-    if arguments.repeats < 1:
-        raise InputError(f"--repeats must be at least 1, it is {arguments.repeats}")
     quick = not (arguments.scenes or arguments.peers)
     names = usual() if quick else list(dict.fromkeys(arguments.scenes or PROBLEMS))
     for name in names:
@@ -94,8 +97,7 @@ def _scenes(arguments: argparse.Namespace) -> int:
 
 
 def _hard_cases(arguments: argparse.Namespace) -> int:
-    from tqdm import tqdm
-
+    tqdm = bars()
     from bellcrank.validation.bench import machine_facts
     from bellcrank.validation.problems import hard_cases
 
@@ -126,13 +128,10 @@ def _finite(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _dynamics(arguments: argparse.Namespace) -> int:
-    from tqdm import tqdm
-
+    tqdm = bars()
     from bellcrank.validation import calls
     from bellcrank.validation.bench import ROBOTS, bench_robot, first_use, machine_facts
 
-    if arguments.samples < 64:
-        raise InputError(f"--samples must be at least 64, it is {arguments.samples}")
     names = arguments.dynamics or list(ROBOTS)
     jobs = [(name, algorithm) for name in names for algorithm in ("inverse_dynamics", "forward_dynamics")]
     rows: list[Row] = []

@@ -53,7 +53,7 @@ def _run_files(run: Trajectory, out: Path, frames: list[str]) -> list[Path]:
 def _sizing_files(sizing: Sizing, out: Path) -> list[Path]:
     """A picture for each motion, and the torque-speed planes, named after `out`."""
     from bellcrank.atomic import writing
-    from bellcrank.plot_style import DPI
+    from bellcrank.plot_style import DPI, save_figure
     from bellcrank.sizing.plots import draw
 
     assert sizing.study is not None
@@ -62,5 +62,5 @@ def _sizing_files(sizing: Sizing, out: Path) -> list[Path]:
     for name, figure in draw(robot, motions, drives, sizing.robot, sizing.mass_tolerance).items():
         files.append(out.with_name(f"{out.stem}_{name}"))
         with writing(files[-1]) as temporary:
-            figure.savefig(temporary, format="png", dpi=DPI)
+            save_figure(figure, temporary, "png", dpi=DPI)
     return files

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from bellcrank.card.fields import parse_number
+from bellcrank.commands.options import number_option, size_option
 from bellcrank.commands.shown import add_shown, check_writable, shown, stem, verdict_of
 from bellcrank.errors import InputError
+from bellcrank.progress import counting
 
 PICTURES = ("png", "gif", "mp4")
 
@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     out = arguments.out or Path(f"{stem(arguments.run)}.html")
     for option, path in {**pictures, **({"out": out} if wanted else {})}.items():
         check_writable(f"--{option}", path)
-    draw = _drawing(arguments)
+    draw = _drawing(arguments, pictures)
     if pictures:
         from bellcrank.replays.pictures import check_tools
 
@@ -72,43 +72,22 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if well else 1
 
 
-def _drawing(arguments: argparse.Namespace) -> Callable[[str, Path, Path], Path]:
+def _drawing(arguments: argparse.Namespace, kinds: Iterable[str]) -> Callable[[str, Path, Path], Path]:
     """What draws a picture of a kind, of a page, into a file; numbers are checked first (InputError)."""
-    speed, fps, at = (_number(arguments, key) for key in ("speed", "fps", "at"))
-    width, cross, height = arguments.window.partition("x")
-    if not (cross and width.isdigit() and height.isdigit() and 64 <= min(int(width), int(height)) <= 4096):
-        raise InputError(f"--window {arguments.window!r}: expected WIDTHxHEIGHT in pixels from 64 to 4096, as 960x720")
-    size = int(width), int(height)
+    from bellcrank.replays.pictures import FASTEST
+
+    fastest = min((FASTEST[f".{kind}"] for kind in kinds if f".{kind}" in FASTEST), default=max(FASTEST.values()))
+    speed = number_option("--speed", arguments.speed, above=0.0)
+    fps = number_option("--fps", arguments.fps, least=1.0, most=fastest)
+    at = number_option("--at", arguments.at, "s")
+    size = size_option("--window", arguments.window, 64, 4096)
 
     def draw(kind: str, page: Path, path: Path) -> Path:
         from bellcrank.replays.pictures import film, still
 
         if kind == "png":
             return still(page, path, at, size)
-        with _frame_bar(kind) as progress:
+        with counting(kind, "frame") as progress:
             return film(page, path, 1.0 if speed is None else speed, fps, size, progress)
 
     return draw
-
-
-def _number(arguments: argparse.Namespace, key: str) -> float | None:
-    text = getattr(arguments, key)
-    if text is None:
-        return None
-    try:
-        return parse_number(text, "s" if key == "at" else "")
-    except ValueError as error:
-        raise InputError(f"--{key} {text!r}: {error}") from None
-
-
-@contextmanager
-def _frame_bar(kind: str) -> Iterator[Callable[[int, int], None]]:
-    from tqdm import tqdm
-
-    with tqdm(desc=kind, unit="frame", delay=1.0, disable=None) as bar:
-
-        def progress(done: int, of: int) -> None:
-            bar.total = of
-            bar.update(done - bar.n)
-
-        yield progress

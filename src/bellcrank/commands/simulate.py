@@ -9,8 +9,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bellcrank.card.fields import parse_number
+from bellcrank.commands.options import number_option, whole_option
 from bellcrank.errors import InputError
+from bellcrank.progress import bars
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -56,8 +57,10 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.simulation.simulate import simulate
     from bellcrank.simulation.status import Status
 
-    numbers: dict[str, Any] = {key: _number(arguments, key, unit) for key, unit in _NUMBERS.items()}
-    samples = _whole(arguments.samples)
+    numbers: dict[str, Any] = {
+        key: number_option(f"--{key}", getattr(arguments, key), unit, above=0.0) for key, unit in _NUMBERS.items()
+    }
+    samples = whole_option("--samples", arguments.samples, 2, 10**18)
     changes = dict(parse_assignment(text) for text in arguments.changes)
     folder = arguments.out or Path(f"{Path(arguments.scene).stem}_run")
     _check_folder(folder)
@@ -65,11 +68,10 @@ def run(arguments: argparse.Namespace) -> int:
     if changes:
         scene = scene.with_overrides(changes)
     _check_frames(scene.robot, arguments.frame)
-    if samples is not None:
-        try:
-            check_rows(samples, scene.robot.nq + scene.robot.nv)
-        except InputError as error:
-            raise InputError(f"--samples: {error}") from None
+    try:
+        check_rows(scene.settings.samples if samples is None else samples, scene.robot.nq + scene.robot.nv, _COPIES)
+    except InputError as error:
+        raise InputError(f"{'simulate.samples' if samples is None else '--samples'}: {error}") from None
     duration = scene.settings.duration if numbers["duration"] is None else numbers["duration"]
     with simulated_bar(duration) as progress:
         result = simulate(scene, solver=arguments.solver, samples=samples, progress=progress, **numbers)
@@ -105,26 +107,8 @@ def _write(result: Trajectory, folder: Path, frames: list[str], plots: bool) -> 
     return files
 
 
+_COPIES = 4  # of the states, at most, that writing, summary and pictures hold, a block of rows at a time
 _NUMBERS = {"duration": "s", "rtol": "", "atol": "", "step": "s"}
-
-
-def _number(arguments: argparse.Namespace, key: str, unit: str) -> float | None:
-    text = getattr(arguments, key)
-    if text is None:
-        return None
-    try:
-        return parse_number(text, unit)
-    except ValueError as error:
-        raise InputError(f"--{key} {text!r}: {error}") from None
-
-
-def _whole(text: str | None) -> int | None:
-    if text is None:
-        return None
-    try:
-        return int(text)
-    except ValueError:
-        raise InputError(f"--samples {text!r}: expected a whole number") from None
 
 
 def _check_folder(folder: Path) -> None:
@@ -147,10 +131,8 @@ def _check_frames(robot: Any, frames: list[str]) -> None:
 @contextmanager
 def simulated_bar(duration: float) -> Iterator[Callable[[float], None]]:
     """A progress bar over the simulated time, which shows itself after a second; yields what to call with the time."""
-    from tqdm import tqdm
-
     layout = "{l_bar}{bar}| {n:.5g}/{total:g} s simulated [{elapsed}<{remaining}]"
-    with tqdm(total=duration, desc="simulate", delay=1.0, disable=None, bar_format=layout) as bar:
+    with bars()(total=duration, desc="simulate", delay=1.0, disable=None, bar_format=layout) as bar:
 
         def progress(time: float) -> None:
             bar.update(min(time, duration) - bar.n)

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bellcrank.card.fields import parse_number
+from bellcrank.card.yaml_file import shown
+from bellcrank.commands.options import number_option
 from bellcrank.errors import InputError
 from bellcrank.robot.payload import Payload
+
+if TYPE_CHECKING:
+    from bellcrank.card.card import Card
+    from bellcrank.constraints.mechanism import Mechanism
+    from bellcrank.motion.motion import Motion
+    from bellcrank.robot.robot import Robot
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -92,23 +101,30 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if sizing.inside else 1
 
 
+def chosen(card: Card, robot: Robot, names: list[str]) -> tuple[Mechanism, list[Motion]]:
+    """The mechanism and the motions that `--motion` names, all of the configuration's where it names none.
+
+    Raises InputError for an unknown motion, and where there is none; see `bellcrank.sizing.front.chosen`.
+    """
+    from bellcrank.sizing import front
+
+    return front.chosen(card, robot, names or None)
+
+
 def parse_payload(text: str) -> Payload:
     """A Payload from MASS@FRAME, the mass in kg unless a unit is written; InputError otherwise."""
     mass, at, frame = text.partition("@")
     if not at or not frame.strip():
-        raise InputError(f"--payload {text!r}: expected MASS@FRAME, such as 2.5@tool0")
+        raise InputError(f"--payload {shown(text)}: expected MASS@FRAME, such as 2.5@tool0")
     try:
         return Payload(parse_number(mass, "kg"), frame.strip())
     except (ValueError, InputError) as error:
-        raise InputError(f"--payload {text!r}: {error}") from None
+        raise InputError(f"--payload {shown(text)}: {error}") from None
 
 
 def parse_share(text: str) -> float:
     """A share from "0.1" or "10%"; InputError unless it is at least 0 and below 1."""
-    try:
-        share = parse_number(text, "")
-    except ValueError as error:
-        raise InputError(f"--mass-tolerance {text!r}: {error}") from None
-    if not 0.0 <= share < 1.0:
-        raise InputError(f"--mass-tolerance {text!r}: expected at least 0 and less than 100%")
+    share = number_option("--mass-tolerance", text, least=0.0)
+    if share is None or share >= 1.0:
+        raise InputError(f"--mass-tolerance {shown(text)}: expected at least 0 and less than 100%")
     return share

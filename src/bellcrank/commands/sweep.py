@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
+from bellcrank.commands.options import whole_option
 from bellcrank.commands.simulate import _check_folder as check_folder
 from bellcrank.errors import InputError, among
+from bellcrank.progress import counting
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     computed is written in any case. BellcrankError for bad input.
     """
     from bellcrank.designs.axes import parse_axis
-    from bellcrank.designs.sweep import sweep
+    from bellcrank.designs.sweep import MOST_THREADS, sweep
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
 
@@ -49,13 +49,13 @@ def run(arguments: argparse.Namespace) -> int:
         if path in vary:
             raise InputError(f"--vary {text!r}: '{path}' is varied already")
         vary[path] = values
-    threads = _threads(arguments.threads)
+    threads = whole_option("--threads", arguments.threads, 1, MOST_THREADS)
     changes = dict(parse_assignment(text) for text in arguments.changes)
     folder = arguments.out or Path(f"{Path(arguments.scene).stem}_sweep")
     check_folder(folder)
     scene = load_scene(arguments.scene)
-    with _bar() as progress:
-        result = sweep(scene, vary, overrides=changes, threads=threads, progress=progress)
+    with counting("check", " values") as checking, counting("sweep", " designs") as progress:
+        result = sweep(scene, vary, overrides=changes, threads=threads, progress=progress, checking=checking)
     measures = arguments.measures or None
     files = []
     if result.designs:
@@ -72,25 +72,3 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"\n{scene.name}: {count} designs, {len(ended)} came to their end, {count - len(ended)} did not")
     print(f"wrote {', '.join(path.name for path in files) or 'nothing'} in {folder}")
     return (0 if ended else 1) if result.complete else 130
-
-
-def _threads(text: str | None) -> int | None:
-    if text is None:
-        return None
-    if not text.isdecimal() or int(text) < 1:
-        raise InputError(f"--threads {text!r}: expected a whole number of 1 or more")
-    return int(text)
-
-
-@contextmanager
-def _bar() -> Iterator[Callable[[int, int], None]]:
-    """A progress bar over the designs, which shows itself after a second; yields what to call with done and all."""
-    from tqdm import tqdm
-
-    with tqdm(desc="sweep", unit=" designs", delay=1.0, disable=None) as bar:
-
-        def progress(done: int, count: int) -> None:
-            bar.total = count
-            bar.update(done - bar.n)
-
-        yield progress

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.card.fields import Fields
+from bellcrank.card.number_text import decimal_number
 from bellcrank.card.yaml_file import read_yaml
 from bellcrank.constraints.constraint import Constraint
 from bellcrank.constraints.joint_relations import Coupling
@@ -132,7 +133,7 @@ def _mjcf(path: Path, name: str, read: Fields, robot: Robot) -> list[Constraint]
 
 def _mjcf_coupling(path: Path, name: str, element: ET.Element, read: Fields, robot: Robot) -> Coupling:
     """joint1 = c₀ + c₁ joint2, or joint1 = c₀."""
-    numbers = [float(x) for x in element.get("polycoef", "0 1 0 0 0").split()] + [0.0, 0.0]
+    numbers = [decimal_number(x) for x in element.get("polycoef", "0 1 0 0 0").split()] + [0.0, 0.0]
     if any(numbers[2:]) or element.get("joint2") is None:
         raise InputError(f"{path}: <joint> under <equality> must couple two joints linearly (polycoef c0 c1 0 0 0)")
     first, second = (_one_joint(path, robot, element.get(key, "")) for key in ("joint1", "joint2"))
@@ -191,7 +192,7 @@ def _sdf(path: Path, name: str, read: Fields, robot: Robot) -> list[Constraint]:
         in_parent = np.linalg.inv(links[parent]) @ links[child] @ in_child
         at = {"at_a": _twelve(in_child), "at_b": _twelve(in_parent)}
         if kind in ("revolute", "continuous"):
-            axis = np.array([float(x) for x in (joint.findtext("axis/xyz") or "0 0 1").split()])
+            axis = np.array([decimal_number(x) for x in (joint.findtext("axis/xyz") or "0 0 1").split()])
             axis /= np.linalg.norm(axis)
             closures.append(Hinge(title, read, child, parent, ORIGIN, tuple(axis.tolist()), **at))
         elif kind in ("ball", "fixed"):
@@ -210,7 +211,7 @@ def _pose(path: Path, element: ET.Element) -> Array:
         return np.eye(4)
     if pose.get("relative_to"):
         raise InputError(f"{path}: the pose of '{element.get('name')}' is relative_to another; write plain poses")
-    x, y, z, roll, pitch, yaw = (float(value) for value in (pose.text or "0 0 0 0 0 0").split())
+    x, y, z, roll, pitch, yaw = (decimal_number(value) for value in (pose.text or "0 0 0 0 0 0").split())
     import pinocchio as pin
 
     return np.asarray(pin.SE3(pin.rpy.rpyToMatrix(roll, pitch, yaw), np.array([x, y, z])).homogeneous)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import re
+import itertools
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -10,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from bellcrank.card.fields import parse_number
-from bellcrank.card.yaml_file import shown
+from bellcrank.card.number_text import split_number, whole_number
+from bellcrank.card.yaml_file import read_value, shown
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import Scene
 
-_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*\Z", re.DOTALL)
+MOST_VALUES = 10**6  # of an axis
 EXPECTED = "expected PATH=FIRST:LAST:COUNT or PATH=VALUE,VALUE,…, such as crank_length=1.21:1.24:31"
 
 
@@ -43,17 +45,15 @@ class Axis:
 
 def parse_axis(text: str) -> tuple[str, tuple[Any, ...]]:
     """Path and values of "path=first:last:count" (equally spaced, both ends in) or "path=value,value,…"; InputError."""
-    import yaml
-
     path, equals, given = text.partition("=")
     if not equals or not path.strip() or not given.strip():
         raise InputError(f"--vary {shown(text)}: {EXPECTED}")
     if ":" in given:
         return path.strip(), _range(text, given.split(":"))
-    try:
-        values = tuple(yaml.safe_load(part) for part in given.split(","))
-    except yaml.YAMLError:
-        values = (None,)
+    parts = given.split(",")
+    if len(parts) > MOST_VALUES:
+        raise InputError(f"--vary {shown(text)}: expected at most {MOST_VALUES} values, found {len(parts)}")
+    values = tuple(read_value(part, f"--vary {shown(text)}: {shown(part)}") for part in parts)
     if any(value is None or isinstance(value, (list, dict)) for value in values):
         raise InputError(f"--vary {shown(text)}: {EXPECTED}")
     return path.strip(), values
@@ -63,7 +63,10 @@ def read_axis(scene: Scene, path: str, values: Iterable[Any]) -> Axis:
     """The axis of a path, in the unit of the parameter that it names; InputError where there are no values."""
     if isinstance(values, (str, int, float)):
         values = [values]
-    listed = tuple(value.item() if isinstance(value, np.generic) else value for value in values)
+    taken = itertools.islice(values, MOST_VALUES + 1)  # a generator may have no end
+    listed = tuple(value.item() if isinstance(value, np.generic) else value for value in taken)
+    if len(listed) > MOST_VALUES:
+        raise InputError(f"sweep over '{path}': expected at most {MOST_VALUES} values, found more")
     if not listed:
         raise InputError(f"sweep over '{path}': expected at least one value, found none")
     parameter = scene.parameters.get(path.removeprefix("parameters."))
@@ -81,20 +84,30 @@ def read_axis(scene: Scene, path: str, values: Iterable[Any]) -> Axis:
 
 def _range(text: str, parts: list[str]) -> tuple[Any, ...]:
     ends = [_split(part) for part in parts[:2]]
-    count = parts[2].strip() if len(parts) == 3 else ""
-    if None in ends or not count.isdecimal() or int(count) < 1:
+    count = whole_number(parts[2]) if len(parts) == 3 else None
+    if None in ends or count is None:
         raise InputError(f"--vary {shown(text)}: {EXPECTED}")
+    if not 1 <= count <= MOST_VALUES:
+        raise InputError(
+            f"--vary {shown(text)}: expected a count from 1 to {MOST_VALUES}, found {shown(parts[2].strip())}"
+        )
     (first, before), (last, after) = (end for end in ends if end is not None)
     if before and after and before != after:
         raise InputError(f"--vary {shown(text)}: the ends are in '{before}' and in '{after}'; write one unit")
     unit = after or before
-    numbers = np.linspace(first, last, int(count)).tolist()
+    if count == 1 and first != last:
+        raise InputError(f"--vary {shown(text)}: one value cannot be at both ends; write a count of 2 or more")
+    if not math.isfinite(last - first):
+        raise InputError(f"--vary {shown(text)}: expected finite ends that doubles can hold the difference of")
+    numbers = np.linspace(first, last, count).tolist()
     return tuple(f"{number!r} {unit}" for number in numbers) if unit else tuple(numbers)
 
 
 def _split(value: Any) -> tuple[float, str] | None:
     """The number and the unit of a value; None where it is no number."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return float(value), ""
-    match = _NUMBER.match(value) if isinstance(value, str) else None
-    return (float(match.group(1)), match.group(2)) if match else None
+        try:
+            return float(value), ""
+        except OverflowError:
+            return math.copysign(math.inf, value), ""
+    return split_number(value) if isinstance(value, str) else None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bellcrank.atomic import writing
-from bellcrank.plot_style import DPI, literal
+from bellcrank.plot_style import DPI, literal, new_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,7 +32,7 @@ def plot_sweep(sweep: Sweep, measures: Sequence[str], path: str | Path | None = 
     columns = 1 if len(shown) < 4 else 2
     rows = -(-len(shown) // columns)
     maps = len(sweep.axes) == 2 and min(sweep.shape) > 1 and all(axis.numeric for axis in sweep.axes)
-    figure = _new((7.5 if columns == 1 else 11.0), 0.8 + (3.4 if maps else 2.6) * rows)
+    figure = new_figure((7.5 if columns == 1 else 11.0), 0.8 + (3.4 if maps else 2.6) * rows)
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for place, (name, values) in zip(axes, shown, strict=False):
         if maps:
@@ -45,7 +45,7 @@ def plot_sweep(sweep: Sweep, measures: Sequence[str], path: str | Path | None = 
     figure.suptitle(literal(f"{sweep.scene.name}: {len(sweep.designs)} designs", 90))
     if path is not None:
         with writing(path) as temporary:
-            figure.savefig(temporary, format="png", dpi=DPI)
+            save_figure(figure, temporary, "png", dpi=DPI)
     return figure
 
 
@@ -89,12 +89,3 @@ def _rising(*axes: Axis) -> list[Array]:
 
 def _order(axis: Axis) -> Any:
     return np.argsort(np.array(axis.numbers), kind="stable")
-
-
-def _new(width: float, height: float) -> Figure:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure

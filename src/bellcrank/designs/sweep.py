@@ -23,6 +23,7 @@ from bellcrank.derived import Portable, cached_property
 from bellcrank.designs.axes import Axis, read_axis
 from bellcrank.designs.measures import aims, measures_of, start_measures
 from bellcrank.errors import BellcrankError, InputError, among
+from bellcrank.memory import check_memory
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.simulation.simulate import simulate
 from bellcrank.simulation.status import Status
@@ -34,6 +35,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 INFEASIBLE = "infeasible"
+MOST_DESIGNS = 10**7
+MOST_THREADS = 1024
+DESIGN_BYTES = 3000  # of a design with its measures, of which a small scene has 35
 _LATEST = 0.05  # s between looks at Ctrl-C
 
 
@@ -80,8 +84,8 @@ class Sweep(Portable):
     @cached_property
     def values(self) -> Array:
         """The values (designs, axes) of the axes, in their units."""
-        grid = np.array(list(itertools.product(*(axis.numbers for axis in self.axes))), dtype=np.float64)
-        return np.asarray(grid[[design.index for design in self.designs]])
+        place = np.unravel_index(np.array([design.index for design in self.designs], dtype=np.intp), self.shape)
+        return np.column_stack([np.array(axis.numbers)[k] for axis, k in zip(self.axes, place, strict=True)])
 
     def column(self, measure: str) -> Array:
         """A measure of each design (designs,); NaN where it has none. Raises InputError with what there is."""
@@ -136,13 +140,15 @@ def sweep(
     overrides: Mapping[str, Any] | None = None,
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
+    checking: Callable[[int, int], None] | None = None,
 ) -> Sweep:
     """Simulate a scene (or the file or name of one) for all combinations of values of parameters.
 
     `vary` maps parameters, or other dotted paths (overrides.py), to their values: numbers in SI units or texts such as
     "1 deg". Only what leaves the equations as they are can be varied: parameters, the start, solver settings.
     `overrides` changes the scene beforehand; `threads` defaults to the machine's; `progress` is called with the number
-    of designs done and of all. Ctrl-C ends the sweep and keeps what is done (`complete` is then false).
+    of designs done and of all, and `checking` before, with the number of values of an axis checked and of all. Ctrl-C
+    ends the sweep and keeps what is done (`complete` is then false).
 
     Raises InputError where a path leads nowhere, takes none of its values, or changes the equations.
     """
@@ -152,19 +158,33 @@ def sweep(
         scene = scene.with_overrides(overrides)
     if not vary:
         raise InputError(f"sweep of {scene.name}: expected at least one parameter to vary, found none")
-    if threads is not None and threads < 1:
-        raise InputError(f"threads: expected a whole number of 1 or more, found {threads!r}")
+    if threads is not None and not 1 <= threads <= MOST_THREADS:
+        raise InputError(f"threads: expected a whole number from 1 to {MOST_THREADS}, found {threads!r}")
     axes = tuple(read_axis(scene, path, values) for path, values in vary.items())
+    _check_count(math.prod(len(axis.values) for axis in axes))
     for axis in axes:
-        _check(scene, axis)
+        _check(scene, axis, checking)
     designs, units = _Pool(scene, axes, threads or len(os.sched_getaffinity(0))).run(progress)
     return Sweep(scene, axes, designs, units)
 
 
-def _check(scene: Scene, axis: Axis) -> None:
-    """Refuse a path none of whose values the scene takes, and one that changes the equations (InputError)."""
+def _check_count(count: int) -> None:
+    """Refuse a grid of more designs than can be kept, before any list of them is made (InputError)."""
+    if count > MOST_DESIGNS:
+        raise InputError(f"the grid has {count} designs, and a sweep takes at most {MOST_DESIGNS}; vary fewer values")
+    check_memory(count, DESIGN_BYTES, "designs")
+
+
+def _check(scene: Scene, axis: Axis, checking: Callable[[int, int], None] | None) -> None:
+    """Refuse a path none of whose values the scene takes, and one that changes the equations (InputError).
+
+    A parameter is an input of the equations, whatever its value, so that one value that the scene takes is enough.
+    """
+    parameter = axis.path.removeprefix("parameters.") in scene.parameters
     refused: list[InputError] = []
-    for value in axis.values:
+    for k, value in enumerate(axis.values):
+        if checking is not None:
+            checking(k, len(axis.values))
         try:
             design = scene.with_overrides({axis.path: value})
         except InputError as error:
@@ -175,6 +195,8 @@ def _check(scene: Scene, axis: Axis) -> None:
                 f"sweep over '{axis.path}': it changes the equations, which would be compiled for every value; make it "
                 f"a parameter of the scene (parameters: {{NAME: {{value: …, sets: […]}}}}) and vary that"
             )
+        if parameter:
+            return
     if len(refused) == len(axis.values):
         raise refused[0]
 
@@ -203,11 +225,11 @@ class _Pool:
         combinations = enumerate(itertools.product(*(axis.values for axis in self.axes)))
         done: list[Design] = []
         waiting: set[Future[Design | None]] = set()
-        with ThreadPoolExecutor(self.threads, "sweep") as pool:
+        with ThreadPoolExecutor(min(self.threads, count), "sweep") as pool:
             try:
                 while True:
                     for index, values in itertools.islice(combinations, 4 * self.threads - len(waiting)):
-                        waiting.add(pool.submit(self.design, index, values))
+                        waiting.add(self._submitted(pool, index, values))
                     if not waiting:
                         break
                     finished, waiting = wait(waiting, _LATEST, FIRST_COMPLETED)
@@ -223,6 +245,12 @@ class _Pool:
         finished = {future for future in waiting if not future.cancelled() and future.exception() is None}
         done += [design for future in finished if (design := future.result()) is not None]
         return tuple(sorted(done, key=lambda design: design.index)), self.units
+
+    def _submitted(self, pool: ThreadPoolExecutor, index: int, values: tuple[Any, ...]) -> Future[Design | None]:
+        try:
+            return pool.submit(self.design, index, values)
+        except RuntimeError as error:  # the system has no thread, or no memory for one, left
+            raise InputError(f"threads: {self.threads} cannot run at once here ({error}); ask for fewer") from None
 
     def design(self, index: int, values: tuple[Any, ...]) -> Design | None:
         """The row of one design; None where the sweep was interrupted before it was done."""

@@ -15,12 +15,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank.card.number_text import decimal_number
 from bellcrank.errors import InputError, among
+from bellcrank.locale_text import readable
 from bellcrank.motion.coordinates import Array, JointLike, position_labels, velocity_labels
 from bellcrank.motion.disagreement import disagreement
 from bellcrank.motion.motion import Motion, limit_notes
 from bellcrank.motion.resolution import end_speed_noise, half_unit
 from bellcrank.motion.sampled import sampled_motion
+from bellcrank.motion.scale import LARGEST
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -140,7 +143,7 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: s
     acceleration = _complete(file, values, columns.acceleration, "acceleration")
     if acceleration is not None and velocity is None:
         raise InputError(f"{file}: there are acceleration columns but no velocity columns; give both or leave both out")
-    title = file.stem if name is None else name
+    title = readable(file.stem) if name is None else name
     derived = "positions" if velocity is None else "velocities" if acceleration is None else ""
     try:
         motion = sampled_motion(joints, time, position, velocity, acceleration, title)
@@ -193,12 +196,17 @@ def _table(file: Path, text: str) -> tuple[list[str], Array]:
             raise InputError(f"{file}: line {number} has {len(row)} columns, the header has {len(header)}")
         for column, cell in enumerate(row):
             try:
-                value = float(cell)
+                value = decimal_number(cell)
             except ValueError:
                 value = np.nan
             if not np.isfinite(value):
                 raise InputError(
                     f"{file}: line {number}, column '{header[column]}': {cell.strip()[:40]!r} is not a finite number"
+                )
+            if abs(value) > LARGEST[-1]:
+                raise InputError(
+                    f"{file}: line {number}, column '{header[column]}': {cell.strip()[:40]!r} is too large, "
+                    f"expected at most {LARGEST[-1]:g}"
                 )
             table[k, column] = value
     return header, table

@@ -17,6 +17,7 @@ from bellcrank.derived import Portable, cached_property
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import Array, JointLike, continuous, from_rates, rates, sizes, velocity_labels
 from bellcrank.motion.hermite import quintic
+from bellcrank.motion.scale import check_size, check_times
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -76,9 +77,12 @@ class Motion(Portable):
         if n < 2:
             raise InputError(f"{self._title}: a motion needs at least 2 rows, got {n}")
         self._check_time()
+        for order, key in enumerate(("position", "velocity", "acceleration")):
+            check_size(self._title, key, getattr(self, key), order)
         self._check_rotations()
 
     def _check_time(self) -> None:
+        check_times(self._title, self.time)
         step = np.diff(self.time)
         if np.any(step < 0.0):
             k = int(np.argmax(step < 0.0))

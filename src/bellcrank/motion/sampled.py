@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from bellcrank.motion.coordinates import Array, JointLike
 from bellcrank.motion.jumps import with_jumps
 from bellcrank.motion.motion import Motion
+from bellcrank.motion.scale import check_size, check_times
 from bellcrank.motion.smooth_pieces import (
     differences,
     positions_differentiated,
@@ -43,6 +44,12 @@ def sampled_motion(
     Rows of one time mark a jump that is known. Where numbers are rounded so much that differentiating them says
     nothing, rows are left out of it, and a note says so.
     """
+    check_times(f"motion '{name}'", time)
+    for order, (what, values) in enumerate(
+        (("position", position), ("velocity", velocity), ("acceleration", acceleration))
+    ):
+        if values is not None:
+            check_size(f"motion '{name}'", what, values, order)
     single = [joint for joint in joints if joint.nq == 1]
     rounding = rounding_of([position[:, joint.q] for joint in single])
     if velocity is not None and acceleration is not None:

@@ -13,6 +13,7 @@ import numpy as np
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import Array, JointLike, continuous, from_rates
 from bellcrank.motion.motion import Motion, limit_notes
+from bellcrank.motion.scale import check_size, check_times
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -37,6 +38,7 @@ def waypoints(
     if len(positions) != len(knots):
         raise InputError(f"{title}: {len(knots)} times but {len(positions)} positions; expected one position a time")
     points = np.stack([np.asarray(robot.posture(point), dtype=np.float64) for point in positions])
+    check_size(title, "position", points)
     time = spread(knots, checked_samples(title, samples))
     try:
         q, v, a = interpolate(robot.joints, knots, points, time, rest=True)
@@ -128,6 +130,7 @@ def checked_times(title: str, times: Any, what: str) -> Array:
         raise InputError(f"{title}: at least 2 times are needed, got shape {knots.shape}")
     if not np.all(np.isfinite(knots)):
         raise InputError(f"{title}: time {int(np.argmin(np.isfinite(knots)))} is not finite")
+    check_times(title, knots)
     if np.any(np.diff(knots) <= 0.0):
         k = int(np.argmax(np.diff(knots) <= 0.0))
         raise InputError(

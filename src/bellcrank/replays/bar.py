@@ -9,10 +9,10 @@ from contextlib import contextmanager
 @contextmanager
 def share_bar(what: str) -> Iterator[Callable[[float], None]]:
     """A bar that shows itself after a second, on a terminal only; yields what to call with the share that is done."""
-    from tqdm import tqdm
+    from bellcrank.progress import bars
 
     layout = "{l_bar}{bar}| [{elapsed}]"
-    with tqdm(total=1.0, desc=what, delay=1.0, disable=None, bar_format=layout, position=0, leave=False) as bar:
+    with bars()(total=1.0, desc=what, delay=1.0, disable=None, bar_format=layout, position=0, leave=False) as bar:
 
         def progress(share: float) -> None:
             bar.update(max(min(share, 1.0) - bar.n, 0.0))

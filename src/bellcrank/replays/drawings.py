@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bellcrank.card.number_text import decimal_number
 from bellcrank.motion.rotations import from_rpy
 from bellcrank.replays.colours import GREY, Colour, clipped, texture_colour
 from bellcrank.replays.film import Shape
@@ -117,7 +118,7 @@ class DrawingReader:
 def _numbers(text: str, count: int | None) -> tuple[float, ...]:
     """Finite numbers of a reasonable size; ValueError says what is wrong with them."""
     try:
-        numbers = tuple(float(word) for word in text.split())
+        numbers = tuple(decimal_number(word) for word in text.split())
     except ValueError:
         raise ValueError(f"{text[:40]!r} is not numbers") from None
     if count is not None and len(numbers) != count:

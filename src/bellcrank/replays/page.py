@@ -14,6 +14,7 @@ from pathlib import Path
 from bellcrank import __version__
 from bellcrank.atomic import write_text
 from bellcrank.errors import BellcrankError
+from bellcrank.locale_text import readable
 from bellcrank.replays.block import compressed
 from bellcrank.replays.film import Film
 from bellcrank.replays.pack import pack
@@ -45,7 +46,7 @@ def page(film: Film, *, plots: bool = True, around: tuple[str, str] = ("", "")) 
     parts = {
         "policy": policy,
         "version": __version__,
-        "title": html.escape(film.title.encode("utf-8", "replace").decode("utf-8")),
+        "title": html.escape(readable(film.title)),
         "style": _asset("uplot/uPlot.min.css") + _asset("page.css") + (_asset("report.css") if any(around) else ""),
         "film": film_json,
         "block": block,

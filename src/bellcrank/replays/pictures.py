@@ -73,19 +73,24 @@ def film(
     width, height = (2 * (length // 2) for length in size)  # the codec takes even numbers only
     with writing(out) as temporary, opened(page, (width, height)) as tab:
         start, end = _span(tab)
-        duration = end - start
-        count = max(1, math.ceil(duration / speed * fps)) + 1
-        if count > MOST_FRAMES:
-            raise InputError(
-                f"{out}: {duration:g} s at {fps:g} frames a second and speed {speed:g} are {count} frames, the most is "
-                f"{MOST_FRAMES}; film it faster"
-            )
+        count = _frame_count(out, end - start, speed, fps)
         frames = _frames(tab, np.linspace(start, end, count).tolist(), progress)
         if encoder is None:
             _write_gif(frames, temporary, fps, _palette(tab, start, end))
         else:
             _write_mp4(frames, temporary, fps, encoder)
     return Path(out)
+
+
+def _frame_count(out: str | Path, duration: float, speed: float, fps: float) -> int:
+    """How many frames a film has, both ends among them. Raises InputError for too many."""
+    wanted = duration / speed * fps
+    if not wanted <= MOST_FRAMES - 1:
+        raise InputError(
+            f"{out}: {duration:g} s at {fps:g} frames a second and speed {speed:g} are {wanted:.6g} frames, the most "
+            f"is {MOST_FRAMES}; film it faster"
+        )
+    return max(1, math.ceil(wanted)) + 1
 
 
 def find_encoder() -> str:

@@ -7,14 +7,15 @@ parameter's value.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from bellcrank.card.card import CARD_KEYS, SCENE_KEYS
-from bellcrank.card.yaml_file import Lines, shown
+from bellcrank.card.number_text import whole_number
+from bellcrank.card.yaml_file import Lines, read_value, shown
 from bellcrank.errors import InputError, among
 from bellcrank.scene.free_joint_start import START_KEYS
 from bellcrank.scene.part import entry_names
@@ -41,16 +42,10 @@ class Marked(Lines):
 
 def parse_assignment(text: str) -> tuple[str, Any]:
     """The path and value of "path=value", the value read as YAML: a number, a text, [1, 2, 3]. Raises InputError."""
-    import yaml
-
     path, equals, value = text.partition("=")
     if not equals or not path.strip():
-        raise InputError(f"'{text}': expected PATH=VALUE, such as initial.crank=1.5deg or simulate.rtol=1e-6")
-    try:
-        return path.strip(), yaml.safe_load(value)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        problem = " ".join(str(getattr(error, "problem", None) or error).split())[:100]
-        raise InputError(f"override '{path.strip()}': {shown(value)} is not a YAML value: {problem}") from None
+        raise InputError(f"{shown(text)}: expected PATH=VALUE, such as initial.crank=1.5deg or simulate.rtol=1e-6")
+    return path.strip(), read_value(value, f"override {shown(path.strip())}: {shown(value)}")
 
 
 def apply_overrides(data: Mapping[str, Any], overrides: Mapping[str, Any]) -> Marked:
@@ -94,6 +89,8 @@ def marked(value: Any, override: str | None = None, depth: int = 0) -> Any:
         return [marked(entry, override, depth + 1) for entry in value]
     if value is None or isinstance(value, (str, bool, int, float)):
         return value
+    if isinstance(value, (bytes, bytearray, Set)):
+        raise InputError(f"expected a number, a text, a list or a mapping, found {shown(str(value))}")
     return str(value)
 
 
@@ -179,7 +176,7 @@ def _entry(at: list[Any], keys: list[str]) -> tuple[int, int]:
     for used in range(len(keys), 0, -1):
         if ".".join(keys[:used]) in names:
             return names.index(".".join(keys[:used])), used
-    number = keys[0]
-    if number.isascii() and number.isdigit() and 1 <= int(number[:9]) <= len(at):
-        return int(number) - 1, 1
-    raise InputError(among("entry", number, [*names, *map(str, range(1, len(at) + 1))]))
+    number = whole_number(keys[0])
+    if number is not None and 1 <= number <= len(at):
+        return number - 1, 1
+    raise InputError(among("entry", keys[0], [*names, *map(str, range(1, len(at) + 1))]))

@@ -10,6 +10,7 @@ from typing import Any
 
 from bellcrank.card.fields import Fields
 from bellcrank.errors import InputError, among
+from bellcrank.memory import check_memory
 
 STABILISATIONS = ("projection", "none", "baumgarte")
 SOLVERS = ("RK45", "RK4", "DOP853", "Radau")
@@ -100,13 +101,16 @@ def read_settings(read: Fields) -> Settings:
         raise read.error(key, text) from None
 
 
-def check_rows(samples: int, width: int) -> None:
-    """Refuse more rows of positions and velocities (`width` numbers each) than 4 GB of memory hold (InputError)."""
+def check_rows(samples: int, width: int, copies: int = 1) -> None:
+    """Refuse more rows of positions and velocities (`width` numbers each) than 4 GB of memory hold, or than the memory
+    that is free does (InputError). `copies` is how many times the states are held in all, other results among them.
+    """
     if samples * width > MOST_NUMBERS:
         raise InputError(
             f"expected at most {MOST_NUMBERS // width} rows, so that positions and velocities take no more than 4 GB, "
             f"found {samples}"
         )
+    check_memory(samples, 8.0 * copies * (width + 2), "samples")
 
 
 def _whole(value: Any) -> int | None:

@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.card.fields import UNITS, Fields
+from bellcrank.card.number_text import decimal_number
 from bellcrank.dynamics.signals import Signal
 from bellcrank.errors import InputError, among
+from bellcrank.motion.scale import LARGEST, check_size, check_times
 from bellcrank.scene.signal_source import SignalSource
 
 Array = NDArray[np.float64]
@@ -117,6 +119,8 @@ def read_table(path: Path, text: str, column: str, unit: str) -> tuple[Array, Ar
         raise InputError(
             f"{path}: time must increase, but {time[k + 1]:g} s (line {rows[k + 1][0]}) follows {time[k]:g} s"
         )
+    check_times(str(path), time)
+    check_size(str(path), f"column '{column}':", torque)
     return time, torque
 
 
@@ -162,11 +166,16 @@ def _column(path: Path, title: str, rows: list[tuple[int, list[str]]], place: in
     values = np.empty(len(rows))
     for k, (number, row) in enumerate(rows):
         try:
-            values[k] = float(row[place])
+            values[k] = decimal_number(row[place])
         except ValueError:
             values[k] = math.nan
         if not math.isfinite(values[k]):
             raise InputError(
                 f"{path}: line {number}, column '{title}': {row[place].strip()[:40]!r} is not a finite number"
+            )
+        if abs(values[k]) > LARGEST[-1]:
+            raise InputError(
+                f"{path}: line {number}, column '{title}': {row[place].strip()[:40]!r} is too large, expected at most "
+                f"{LARGEST[-1]:g}"
             )
     return values

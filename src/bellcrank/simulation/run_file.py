@@ -29,6 +29,7 @@ from bellcrank.atomic import writing
 from bellcrank.constraints.formula import Own
 from bellcrank.dynamics.signals import Signal
 from bellcrank.errors import InputError
+from bellcrank.locale_text import file_name_here, readable, utf8
 from bellcrank.machine_code import machine
 from bellcrank.scene.run_start import SavedState, explicit_start
 from bellcrank.scene.scene import Scene, load_scene
@@ -92,7 +93,7 @@ def save_run(run: Trajectory, path: str | Path) -> Path:
     }
     for k, signal in enumerate(run.signals):
         arrays |= {f"signal_{k}_{name}": v for name, v in vars(signal).items() if isinstance(v, np.ndarray)}
-    text = np.frombuffer(json.dumps(about, ensure_ascii=False).encode(), dtype=np.uint8)
+    text = np.frombuffer(utf8(json.dumps(about, ensure_ascii=False)), dtype=np.uint8)
     with writing(target) as temporary, temporary.open("wb") as file:
         np.savez(file, about=text, **arrays)
     return target
@@ -107,7 +108,7 @@ def load_run(path: str | Path) -> Trajectory:
     about, arrays = _contents(file)
     try:
         scene = load_scene(_unpacked(json.dumps(about["files"], sort_keys=True)) / _plain(about["scene"]))
-        scene.robot.mesh_source = Path(str(about.get("urdf") or scene.robot.source))
+        scene.robot.mesh_source = Path(file_name_here(str(about.get("urdf") or scene.robot.source)))
         stabilisation = Stabilisation(**about["settings"].get("stabilisation", {}))
         settings = Settings(**about["settings"] | {"stabilisation": stabilisation})
         if settings.stabilisation != scene.settings.stabilisation:
@@ -243,16 +244,16 @@ def _scene_files(scene: Scene) -> tuple[str, dict[str, str]]:
     data = gathered(scene.data)
     if scene.initial.saved is not None:
         data |= explicit_start(scene)  # the state itself: the run that it came from may be gone
-    data |= {"name": scene.name, "urdf": _add(files, scene.robot.source, scene.robot.urdf.text)}
+    data |= {"name": readable(scene.name), "urdf": _add(files, scene.robot.source, scene.robot.urdf.text)}
     text = yaml.safe_dump(data, allow_unicode=True, sort_keys=False)
     return _add(files, scene.source.with_suffix(".yaml"), text), files
 
 
 def _add(files: dict[str, str], path: Path, text: str) -> str:
-    name, number = path.name, 1
+    name, number = readable(path.name), 1
     while name in files and files[name] != text:
         number += 1
-        name = f"{path.stem}_{number}{path.suffix}"
+        name = readable(f"{path.stem}_{number}{path.suffix}")
     files[name] = text
     return name
 
@@ -265,17 +266,17 @@ def _unpacked(files: str) -> Path:
         folder = Path(tempfile.mkdtemp(prefix="bellcrank-run-"))
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
         for name, text in texts.items():
-            (folder / name).write_bytes(text.encode())
+            (folder / name).write_bytes(utf8(text))
     except OSError as error:
         raise InputError(f"cannot be unpacked into {tempfile.gettempdir()}: {error.strerror or error}") from None
     return folder
 
 
 def _plain(name: Any) -> str:
-    """A file's name; ValueError for one that leads out of its folder."""
+    """A file's name as this system takes it; ValueError for one that leads out of its folder."""
     if not isinstance(name, str) or Path(name).name != name or name in ("", ".."):
         raise ValueError(f"it names the file {name!r}")
-    return name
+    return file_name_here(name)
 
 
 def _version(package: str) -> str:

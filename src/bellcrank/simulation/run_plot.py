@@ -13,7 +13,7 @@ import numpy as np
 
 from bellcrank.atomic import writing
 from bellcrank.errors import InputError, among
-from bellcrank.plot_style import DASHES, DPI, PALETTE, colour, dash, literal, new_figure, plain
+from bellcrank.plot_style import DASHES, DPI, PALETTE, colour, dash, literal, new_figure, plain, save_figure
 from bellcrank.simulation.run_panels import Panel, run_panels, shown_unit
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def plot_run(run: Trajectory, path: str | Path | None = None, frame: str | None 
         if kind not in known:
             raise InputError(f"{path}: {among('picture format', kind, sorted(known))}")
         with writing(path) as temporary:
-            figure.savefig(temporary, format=kind, dpi=DPI)
+            save_figure(figure, temporary, kind, dpi=DPI)
     return figure
 
 

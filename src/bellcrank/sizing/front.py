@@ -71,11 +71,35 @@ def size(
         if not isinstance(drives, Mapping):
             raise InputError(f"drives: expected a mapping of joint names to Drives, found {drives!r:.60}")
         card = replace(card, drives=dict(drives))
-    plain = card.robot(loads)
-    sized = mechanism_of(robot, plain) if isinstance(robot, Scene) else mechanism_of_card(card, plain)
-    chosen = [_motion(card, sized, one) for one in _listed(card, motions)]
-    sizing = size_robot(sized, chosen, card.drives, mass_tolerance, allow_massless=links)
+    sized, over = chosen(card, card.robot(loads), motions, robot if isinstance(robot, Scene) else None)
+    sizing = size_robot(sized, over, card.drives, mass_tolerance, allow_massless=links)
     return replace(sizing, robot=card.name)
+
+
+def chosen(
+    card: Card, robot: Robot, motions: OneMotion | Sequence[OneMotion] | None = None, scene: Scene | None = None
+) -> tuple[Mechanism, list[Motion]]:
+    """What a robot configuration's sizing is of: its mechanism, and the motions of all of the mechanism's joints.
+
+    Args:
+        card: The configuration.
+        robot: Its robot, with payloads: `card.robot(payloads)`.
+        motions: Motions, names of its motions or paths of CSV files; by default all of its motions.
+        scene: The scene whose forces and closures count; by default that of the configuration's file.
+
+    Returns:
+        The mechanism and the list of motions, as `bc.size` takes them.
+
+    Raises:
+        InputError: For an unknown motion, and where there is none.
+
+    Example:
+        >>> card = load_card("five_bar")
+        >>> mechanism, motions = chosen(card, card.robot())
+        >>> bc.size(mechanism, motions, card.drives)
+    """
+    mechanism = mechanism_of_card(card, robot) if scene is None else mechanism_of(scene, robot)
+    return mechanism, [_motion(card, mechanism, one) for one in _listed(card, motions)]
 
 
 def _payloads(given: object) -> tuple[Payload, ...]:

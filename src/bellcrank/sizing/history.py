@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from bellcrank.constraints.mechanism import force_times, mechanism_of
 from bellcrank.errors import InputError
+from bellcrank.locale_text import file_name_here
 from bellcrank.motion.csv_file import write_motion
 from bellcrank.sizing.histories import MotionHistory, motion_history
 
@@ -109,4 +110,4 @@ def file_names(motions: Iterable[Motion]) -> list[str]:
 
 def file_name(text: str) -> str:
     """A motion's name as part of a file name: letters, digits, . _ and - only."""
-    return re.sub(r"[^\w.-]+", "_", text).strip("_.")[:80] or "motion"
+    return file_name_here(re.sub(r"[^\w.-]+", "_", text).strip("_.")[:80]) or "motion"

@@ -14,7 +14,7 @@ from bellcrank import atomic
 from bellcrank.constraints.mechanism import Mechanism, mechanism_of
 from bellcrank.errors import InputError, among
 from bellcrank.motion.motion import Motion
-from bellcrank.plot_style import DPI, colour, dash, literal, new_figure, plain
+from bellcrank.plot_style import DPI, colour, dash, literal, new_figure, plain, save_figure
 from bellcrank.sizing.drive import Drive
 from bellcrank.sizing.history import file_names, joint_torques
 
@@ -57,7 +57,7 @@ def write_plots(
     figures = draw(robot, motions, drives, title, mass_tolerance, lines)
     for name, figure in figures.items():
         with atomic.writing(folder / name) as temporary:
-            figure.savefig(temporary, format="png", dpi=DPI)
+            save_figure(figure, temporary, "png", dpi=DPI)
     return [folder / name for name in figures]
 
 
@@ -112,7 +112,7 @@ def plot_sizing(sizing: Sizing, path: str | Path | None, what: str | None, motio
         if form not in known:
             raise InputError(f"{path}: {among('picture format', form, sorted(known))}")
         with atomic.writing(path) as temporary:
-            figure.savefig(temporary, format=form, dpi=DPI)
+            save_figure(figure, temporary, form, dpi=DPI)
     return figure
 
 

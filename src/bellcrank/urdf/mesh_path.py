@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from bellcrank.locale_text import file_name_here
+
 
 def find_mesh(mesh: str, source: Path) -> Path | None:
     """The mesh file of a URDF: package://… and model://… below a folder above it, else beside it; None if missing."""
-    folder = source.resolve().parent
+    folder, mesh = source.resolve().parent, file_name_here(mesh)
     kind, separator, rest = mesh.partition("://")
     if not separator or kind == "file":
         tried = [folder / (rest if separator else mesh)]

@@ -187,14 +187,13 @@ def as_data(reports: list[GainMap], facts: dict[str, Any]) -> dict[str, Any]:
 
 def gain_map_command(out: Path | None) -> int:
     """Run all maps, print their tables, and write gains.json and two plots a scene into the folder `out`."""
-    from tqdm import tqdm
-
+    from bellcrank.progress import bars
     from bellcrank.validation import gain_map_plot
     from bellcrank.validation.bench import machine_facts
 
     facts, reports = machine_facts(), []
     for case in CASES:
-        with tqdm(desc=case.scene, unit="run", total=runs_of_a_scene(), disable=None) as bar:
+        with bars()(desc=case.scene, unit="run", total=runs_of_a_scene(), disable=None) as bar:
             reports.append(Bench(case, bar.update)())
         print(as_text(reports[-1]), flush=True)
     if out:

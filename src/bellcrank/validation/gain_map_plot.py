@@ -10,6 +10,7 @@ import numpy as np
 
 from bellcrank import atomic
 from bellcrank.constraints.gains import drift_bound
+from bellcrank.plot_style import new_figure, save_figure
 from bellcrank.validation.gain_map import (
     ADAPTIVE,
     FACTORS,
@@ -41,12 +42,12 @@ DIAMOND: dict[str, Any] = {
 def write(path: Path, figure: Figure) -> None:
     """Write the PNG. Raises InputError where the folder cannot be written."""
     with atomic.writing(path) as temporary:
-        figure.savefig(temporary, format="png", dpi=110)
+        save_figure(figure, temporary, "png", dpi=110)
 
 
 def draw_map(report: GainMap) -> Figure:
     """A row a solver: largest |φ| at step ends, error of the motion, and work (for RK4 |φ| against the step)."""
-    figure = _figure(15.0, 12.0)
+    figure = new_figure(15.0, 12.0)
     axes = figure.subplots(3, 3)
     for row, solver in zip(axes, SOLVERS, strict=True):
         for axis, column in zip(row, COLUMNS, strict=True):
@@ -74,7 +75,7 @@ def draw_map(report: GainMap) -> Figure:
 
 def draw_slices(report: GainMap) -> Figure:
     """Work and largest |φ| along α = β at several tolerances: the bend lies at the same gains for all."""
-    figure = _figure(13.0, 5.4)
+    figure = new_figure(13.0, 5.4)
     work, closure = figure.subplots(1, 2)
     for solver in ADAPTIVE:
         for tolerance, line in LINE.items():
@@ -115,15 +116,6 @@ def _free(report: GainMap) -> bool:
     return all(
         report.plain(v, "projection", t).evaluations <= 1.02 * report.plain(v, "none", t).evaluations for v, t in places
     )
-
-
-def _figure(width: float, height: float) -> Figure:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
 
 
 def _panel(axis: Axes, report: GainMap, solver: str, column: str) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank import atomic
+from bellcrank.plot_style import new_figure, save_figure
 from bellcrank.validation.bench_problem import problem
 from bellcrank.validation.work_precision import HAND, OWN, PROJECTED, Row, pareto
 
@@ -25,17 +26,13 @@ PEER = {
 def write(path: Path, rows: list[Row], machine: str) -> None:
     """Write the PNG. Raises InputError where the folder cannot be written."""
     with atomic.writing(path) as temporary:
-        draw(rows, machine).savefig(temporary, format="png", dpi=130)
+        save_figure(draw(rows, machine), temporary, "png", dpi=130)
 
 
 def draw(rows: list[Row], machine: str) -> Figure:
     """One scene's rows: bellcrank bold, C dashed, method by method; of other tools all runs and their Pareto front."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     chosen = problem(rows[0].scene)
-    figure = Figure(figsize=(10.0, 6.6), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(10.0, 6.6)
     axis = figure.subplots()
     reached = [r for r in rows if r.reached and r.error < 1.0]
     for tool, (colour, marker) in PEER.items():

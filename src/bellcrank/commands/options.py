@@ -1,0 +1,54 @@
+"""Numbers given on the command line: each is checked as it is read, and a refusal names the option."""
+
+from __future__ import annotations
+
+from bellcrank.card.fields import parse_number
+from bellcrank.card.number_text import whole_number
+from bellcrank.card.yaml_file import shown
+from bellcrank.errors import InputError
+
+
+def number_option(
+    option: str, text: str | None, unit: str = "", *, above: float | None = None, least: float | None = None,
+    most: float | None = None,
+) -> float | None:  # fmt: skip
+    """The SI value of an option's number, finite, more than `above`, at least `least`, at most `most`; None where the
+    option was not given. Raises InputError.
+    """
+    if text is None:
+        return None
+    try:
+        value = parse_number(text, unit)
+    except ValueError as error:
+        raise InputError(f"{option} {shown(text)}: {error}") from None
+    if (
+        (above is not None and value <= above)
+        or (least is not None and value < least)
+        or (most is not None and value > most)
+    ):
+        bounds = f" of more than {above:g}" if above is not None else "" if least is None else f" of {least:g} or more"
+        bounds += "" if most is None else f"{' and' if bounds else ' of'} at most {most:g}"
+        raise InputError(f"{option} {shown(text)}: expected a number{bounds}{f' ({unit})' if unit else ''}")
+    return value
+
+
+def whole_option(option: str, text: str | None, least: int, most: int) -> int | None:
+    """The whole number of an option, from `least` to `most`; None where the option was not given. Raises InputError."""
+    if text is None:
+        return None
+    value = whole_number(text)
+    if value is None or not least <= value <= most:
+        raise InputError(f"{option} {shown(text)}: expected a whole number from {least} to {most}")
+    return value
+
+
+def size_option(option: str, text: str, least: int, most: int) -> tuple[int, int]:
+    """Width and height of an option such as 960x720, each from `least` to `most`. Raises InputError."""
+    first, cross, second = text.partition("x")
+    width, height = whole_number(first), whole_number(second)
+    if not cross or width is None or height is None or not least <= min(width, height) <= max(width, height) <= most:
+        raise InputError(
+            f"{option} {shown(text)}: expected WIDTHxHEIGHT, each a whole number of pixels from {least} to {most}, "
+            "such as 960x720"
+        )
+    return width, height

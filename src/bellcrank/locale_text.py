@@ -1,0 +1,65 @@
+"""Texts and names of files in any locale.
+
+Where the locale is not UTF-8 (LC_ALL=C), Python holds the bytes of file names that it cannot decode as lone surrogates
+(PEP 383), and refuses to encode these into UTF-8, and letters of other alphabets into names of files. Here the bytes
+are written as they are wherever they are valid in UTF-8.
+"""
+
+from __future__ import annotations
+
+import codecs
+import os
+import sys
+
+ERRORS = "bellcrank"  # the error handler that encodes such texts
+MOST_LETTERS = 1200  # of a message
+
+
+def utf8(text: str) -> bytes:
+    """The text in UTF-8; bytes of file names as they are, or a question mark where they are not UTF-8."""
+    return text.encode("utf-8", ERRORS)
+
+
+def readable(text: str) -> str:
+    """The text without lone surrogates."""
+    return text if text.isascii() else utf8(text).decode("utf-8")
+
+
+def file_name_here(name: str) -> str:
+    """A name that stands in a UTF-8 file as this system takes it; the same one where the locale is UTF-8."""
+    if name.isascii() or sys.getfilesystemencoding().lower() in ("utf-8", "utf8"):
+        return name
+    return os.fsdecode(utf8(name))
+
+
+def one_line(text: str) -> str:
+    """A message on one line, without control characters, the middle left out of a very long one.
+
+    Lone surrogates stay: they are bytes of file names.
+    """
+    text = " ".join(text.splitlines())
+    plain = (c if c.isprintable() or "\ud800" <= c <= "\udfff" else ascii(c)[1:-1] for c in text)
+    text = "".join(plain)
+    return text if len(text) <= MOST_LETTERS else f"{text[: MOST_LETTERS - 403]}… …{text[-400:]}"
+
+
+def _encoded(error: UnicodeError) -> tuple[str | bytes, int]:
+    """Bytes of file names as they are; other letters escaped where the encoding lacks them, lone surrogates as ?."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    start, end = error.start, error.end
+    held = ["\udc80" <= letter <= "\udcff" for letter in error.object[start:end]]
+    alike = next((k for k, one in enumerate(held) if one != held[0]), len(held))  # the rest comes again
+    part = error.object[start : start + alike]
+    if held[0]:
+        raw = bytes(ord(letter) & 0xFF for letter in part)
+        try:
+            raw.decode("utf-8")
+        except UnicodeDecodeError:
+            return "?" * alike, start + alike
+        return raw, start + alike
+    escaped = "".join("?" if "\ud800" <= letter <= "\udfff" else ascii(letter)[1:-1] for letter in part)
+    return escaped, start + alike
+
+
+codecs.register_error(ERRORS, _encoded)
