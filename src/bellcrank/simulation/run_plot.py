@@ -14,7 +14,7 @@ import numpy as np
 from bellcrank.atomic import writing
 from bellcrank.errors import InputError, among
 from bellcrank.plot_style import DASHES, DPI, PALETTE, colour, dash, literal, new_figure, plain
-from bellcrank.simulation.run_panels import Panel, run_panels, shown_unit
+from bellcrank.simulation.run_panels import Panel, extremes, run_panels, shown_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -123,6 +123,7 @@ def _mark_events(axis: Axes, run: Trajectory, named: bool) -> None:
 def _frame_path(run: Trajectory, frame: str) -> Figure:
     from matplotlib.collections import LineCollection
 
+    run = extremes(run, lambda part: part.frame(frame).position)
     position = run.frame(frame).position
     a, b = sorted(np.argsort(-np.ptp(position, axis=0), kind="stable")[:2])
     flat = position[:, [a, b]]
