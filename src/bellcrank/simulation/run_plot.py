@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 NAMED = 8  # lines with a colour and a name in one panel; the others, which move less, are thin and grey
 FLAT = 1e-6
+MOST_MARKS = 2000  # events of a name that can be told apart along a picture
 EVENT_COLOUR = "#7A5195"
 
 
@@ -109,10 +110,12 @@ def _keep_constants_flat(axis: Axes, panel: Panel) -> None:
 
 def _mark_events(axis: Axes, run: Trajectory, named: bool) -> None:
     for k, name in enumerate(dict.fromkeys(event.name for event in run.events)):
-        times = [event.time for event in run.events if event.name == name]
-        label = f"event {name}" + (f" ({len(times)} times)" if len(times) > 1 else "")
+        times = np.array([event.time for event in run.events if event.name == name])
+        count = len(times) + run.statistics.omitted_events.get(name, 0)
+        label = f"event {name}" + (f" ({count} times)" if count > 1 else "")
+        place = np.floor(times * (MOST_MARKS / max(float(run.time[-1]), np.finfo(float).tiny)))
         axis.vlines(
-            times, 0.0, 1.0, transform=axis.get_xaxis_transform(), color=EVENT_COLOUR, linestyle=DASHES[(k + 1) % 4],
+            times[np.unique(place, return_index=True)[1]], 0.0, 1.0, transform=axis.get_xaxis_transform(), color=EVENT_COLOUR, linestyle=DASHES[(k + 1) % 4],
             linewidth=0.9, zorder=1.8, label=literal(textwrap.shorten(label, 34, placeholder="…")) if named else "_",
         )  # fmt: skip
 
