@@ -1,4 +1,4 @@
-"""Runs of many rows, steps or events: little memory beside their states, the same numbers, and what is left out told."""
+"""Runs of many rows, steps or events: little memory beside their states, and what is left out is told."""
 
 import csv
 import io

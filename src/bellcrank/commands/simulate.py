@@ -131,7 +131,9 @@ def _write(result: Trajectory, folder: Path, wanted: _Wanted) -> list[Path]:
 
 def _no_csv(result: Trajectory, folder: Path) -> str:
     """That the run was not written as CSV, and how to have it."""
-    text = f"run.csv was not written: the run has {len(result)} rows, more than {CSV_ROWS}; --csv writes it all the same"
+    text = (
+        f"run.csv was not written: the run has {len(result)} rows, more than {CSV_ROWS}; --csv writes it all the same"
+    )
     text += f", and load_run('{folder / 'run.npz'}').to_csv('run.csv') later"
     return text + (f" (the run.csv in {folder} is an earlier run's)" if (folder / "run.csv").exists() else "")
 

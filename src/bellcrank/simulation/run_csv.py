@@ -15,6 +15,7 @@ from bellcrank.scene.joint_forces import Torque
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Array, Trajectory
 
+
 def write_run_csv(run: Trajectory, path: str | Path, progress: Callable[[int], None] | None = None) -> Path:
     """Write time, positions, velocities, accelerations, torques, energies, work, closures, outputs; returns the path.
 

@@ -115,8 +115,9 @@ def _mark_events(axis: Axes, run: Trajectory, named: bool) -> None:
         label = f"event {name}" + (f" ({count} times)" if count > 1 else "")
         place = np.floor(times * (MOST_MARKS / max(float(run.time[-1]), np.finfo(float).tiny)))
         axis.vlines(
-            times[np.unique(place, return_index=True)[1]], 0.0, 1.0, transform=axis.get_xaxis_transform(), color=EVENT_COLOUR, linestyle=DASHES[(k + 1) % 4],
-            linewidth=0.9, zorder=1.8, label=literal(textwrap.shorten(label, 34, placeholder="…")) if named else "_",
+            times[np.unique(place, return_index=True)[1]], 0.0, 1.0, transform=axis.get_xaxis_transform(),
+            color=EVENT_COLOUR, linestyle=DASHES[(k + 1) % 4], linewidth=0.9, zorder=1.8,
+            label=literal(textwrap.shorten(label, 34, placeholder="…")) if named else "_",
         )  # fmt: skip
 
 

@@ -107,8 +107,8 @@ def _open_closures(run: Trajectory) -> list[str]:
             if history.relative[k] > worst[name][0]:
                 worst[name] = (float(history.relative[k]), float(history.residual[k]), float(part.time[k]))
     return [
-        f"closure '{name}' is {residual:.3g} m or rad apart at {time:.4g} s: take stabilisation: projection, or smaller "
-        "tolerances; if it cannot close there, the motion is none"
+        f"closure '{name}' is {residual:.3g} m or rad apart at {time:.4g} s: take stabilisation: projection, or "
+        "smaller tolerances; if it cannot close there, the motion is none"
         for name, (relative, residual, time) in worst.items()
         if relative > LARGEST_GAP
     ]

@@ -293,7 +293,6 @@ class Trajectory:
         Forward dynamics (the articulated-body algorithm) made the accelerations; recursive Newton-Euler checks them.
         """
 
-
         def measures(run: Trajectory) -> list[Any]:
             residual, bias = run.scene.system.residual(*run._arguments)
             return [np.abs(residual).max(), np.abs(run.torque).max(), np.abs(bias).max()]
