@@ -43,7 +43,7 @@ def test_traced_algorithms_grow_with_the_number_of_links(algorithm, tmp_path):
     assert affine(operations) and affine(sizes)
 
 
-def test_a_mass_matrix_of_many_joints_grows_with_their_number_and_is_that_of_the_whole_expression(tmp_path, monkeypatch):
+def test_a_mass_matrix_of_many_joints_grows_with_their_number_and_is_the_whole_one(tmp_path, monkeypatch):
     operations = []
     for links in (12, 24, 48):
         path = tmp_path / f"chain_{links}.urdf"
