@@ -43,6 +43,29 @@ def test_traced_algorithms_grow_with_the_number_of_links(algorithm, tmp_path):
     assert affine(operations) and affine(sizes)
 
 
+def test_a_mass_matrix_of_many_joints_grows_with_their_number_and_is_the_whole_one(tmp_path, monkeypatch):
+    operations = []
+    for links in (12, 24, 48):
+        path = tmp_path / f"chain_{links}.urdf"
+        path.write_text(chain(links))
+        robot = bc.load_robot(path, rotor_inertia={"joint_3": 0.02} if links == 12 else None)
+        operations.append(robot.equations.inertial_torque().n_instructions())
+        if links == 12:
+            rng = np.random.default_rng(4)
+            postures = rng.uniform(-1.0, 1.0, (3, 12))
+            whole = robot.mass_matrix(postures)
+            monkeypatch.setattr("bellcrank.robot.robot.LARGEST_WHOLE", 4)
+            columns = robot.mass_matrix(postures)
+            assert columns.shape == whole.shape == (3, 12, 12)
+            assert np.abs(columns - whole).max() < 1e-14 * np.abs(whole).max()
+            assert np.array_equal(columns, columns.transpose(0, 2, 1))
+            assert robot.mass_matrix(postures[1]) == pytest.approx(whole[1], rel=1e-12)
+            v, a = rng.uniform(-1.0, 1.0, (2, 12))
+            forces = robot.inverse_dynamics(postures[0], v, a) - robot.inverse_dynamics(postures[0], v, 0.0 * a)
+            assert columns[0] @ a == pytest.approx(forces, rel=1e-9)  # dτ/da = M
+    assert affine(operations)
+
+
 def test_a_chain_of_300_links_is_traced_within_a_gigabyte(tmp_path):
     """One array of n x n x n symbols would take several. VmHWM, as ru_maxrss begins with that of the tests' process."""
     path = tmp_path / "chain.urdf"

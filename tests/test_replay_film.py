@@ -11,6 +11,7 @@ from page_series import decoded
 import bellcrank as bc
 from bellcrank.errors import InputError
 from bellcrank.motion.hermite import smooth_between
+from bellcrank.motion.resampling import extreme_rows
 from bellcrank.replays.arrows import Moments, run_arrows
 from bellcrank.replays.camera import ASPECT, HALF_VIEW, Scenery, camera_for, fitted, plane_normal
 from bellcrank.replays.course import Course, densified, placing
@@ -21,7 +22,7 @@ from bellcrank.replays.motion_film import GAP, film_of_motion, film_of_sizing
 from bellcrank.replays.pack import pack
 from bellcrank.replays.rotations import continued, multiplied, quaternions, turned
 from bellcrank.replays.run_film import film_of_run
-from bellcrank.replays.thinning import extreme_rows, frame_rows, interpolation_error, line_rows
+from bellcrank.replays.thinning import frame_rows, interpolation_error, line_rows
 from bellcrank.simulation.status import Status
 
 SCENE = """

@@ -16,6 +16,10 @@ class StepResult:
     `status`: 0 finished, 1 event, 2 step too small, 3 not finite, 4 evaluations spent, 5 interrupted.
     `time` (k,) and `state` (k, n) are the requested outputs that were reached, `steps` the ends of the
     accepted steps with the start before them, `event_*` the events in the order of time. Times in s.
+    Of more than 100,000 steps every 2nd, 4th, 8th, … end is kept and the last, so that there are 50,000 to 100,002;
+    `longest_step` is that of all. Of more than 100,000 events each event function keeps at least its first 100 and its
+    last; `event_counts` (events,) counts all. `unresolved_count` (events,) says in how many steps crossings may have
+    been missed, `unresolved_time` when the first of these began.
     """
 
     @property
@@ -49,7 +53,11 @@ class StepResult:
     @property
     def event_state(self) -> NDArray[np.float64]: ...
     @property
-    def unresolved_index(self) -> NDArray[np.int32]: ...
+    def longest_step(self) -> float: ...
+    @property
+    def event_counts(self) -> NDArray[np.int64]: ...
+    @property
+    def unresolved_count(self) -> NDArray[np.int64]: ...
     @property
     def unresolved_time(self) -> NDArray[np.float64]: ...
 
@@ -105,6 +113,6 @@ def integrate(
     first `nq` entries no more; `project_fallback` gives the correction where that guard is not positive, and
     `project_batch` many at once, for outputs. `weights` (nq,) tell how much 1 is in each of these entries.
     `event_samples` is how often event functions are looked at in a step at first: 2, or else 8 times. Where crossings
-    may have been missed, `unresolved_index` and `unresolved_time` have the event and the start of the step.
+    may have been missed, `unresolved_count` and `unresolved_time` tell how often and from when on.
     `signals`: (breaks (m + 1,), coefficients (m, powers, width), derivatives, kinked) pieces of u.
     """

@@ -6,6 +6,7 @@ import argparse
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from bellcrank.simulation.trajectory import Trajectory
+
+
+CSV_ROWS = 1_000_000  # of more, run.csv is written where it is asked for: it takes about 200 bytes a row and minutes
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,6 +39,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="change the scene, such as initial.shoulder='10 deg'; may be repeated",
     )  # fmt: skip
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for the files (default: SCENE_run, here)")
+    parser.add_argument(
+        "--csv", action="store_true", help=f"write run.csv also where the run has more than {CSV_ROWS} rows"
+    )
     parser.add_argument("--no-plots", action="store_true", help="write no pictures")
     parser.add_argument(
         "--frame", action="append", default=[], metavar="NAME", help="draw the path of this frame too; may be repeated"
@@ -77,37 +84,65 @@ def run(arguments: argparse.Namespace) -> int:
         result = simulate(scene, solver=arguments.solver, samples=samples, progress=progress, **numbers)
         progress(float(result.time[-1]))
     files = []
+    asked = _Wanted(
+        arguments.csv or len(result) <= CSV_ROWS, not arguments.no_plots, [] if arguments.no_plots else arguments.frame
+    )
     if arguments.error_estimate and result.success:
-        files = _write(result, folder, [] if arguments.no_plots else arguments.frame, not arguments.no_plots)
+        files = _write(result, folder, asked)
         result.error_estimate()  # told in the summary; the run itself is safe by now
         result.save(files[0])
     print(result.summary())
     for note in scene_notes(scene, result.settings.duration):
         print(f"  note: {note}")
     if not files:
-        files = _write(result, folder, [] if arguments.no_plots else arguments.frame, not arguments.no_plots)
+        files = _write(result, folder, asked)
     print(f"\nwrote {', '.join(path.name for path in files)} in {folder}")
+    if not asked.csv:
+        print(_no_csv(result, folder))
     if result.status is Status.INTERRUPTED:
         return 130
     return 1 if result.warnings else 0
 
 
-def _write(result: Trajectory, folder: Path, frames: list[str], plots: bool) -> list[Path]:
+@dataclass(frozen=True)
+class _Wanted:
+    """What is to be written besides run.npz: the CSV, the picture, and those of frames' paths."""
+
+    csv: bool
+    plots: bool
+    frames: list[str]
+
+
+def _write(result: Trajectory, folder: Path, wanted: _Wanted) -> list[Path]:
     from bellcrank.sizing.history import file_name
 
-    files = [result.save(folder / "run.npz"), result.to_csv(folder / "run.csv")]
-    if plots:
+    files = [result.save(folder / "run.npz")]
+    if wanted.csv:
+        with _row_bar(len(result)) as progress:
+            files.append(result.to_csv(folder / "run.csv", progress))
+    if wanted.plots:
         from bellcrank.simulation.run_plot import plot_run
 
         files.append(folder / "run.png")
         plot_run(result, files[-1])
-        for frame in frames:
+        for frame in wanted.frames:
             files.append(folder / f"path_{file_name(frame)}.png")
             plot_run(result, files[-1], frame=frame)
     return files
 
 
 _COPIES = 4  # of the states, at most, that writing, summary and pictures hold, a block of rows at a time
+
+
+def _no_csv(result: Trajectory, folder: Path) -> str:
+    """That the run was not written as CSV, and how to have it."""
+    text = (
+        f"run.csv was not written: the run has {len(result)} rows, more than {CSV_ROWS}; --csv writes it all the same"
+    )
+    text += f", and load_run('{folder / 'run.npz'}').to_csv('run.csv') later"
+    return text + (f" (the run.csv in {folder} is an earlier run's)" if (folder / "run.csv").exists() else "")
+
+
 _NUMBERS = {"duration": "s", "rtol": "", "atol": "", "step": "s"}
 
 
@@ -136,5 +171,18 @@ def simulated_bar(duration: float) -> Iterator[Callable[[float], None]]:
 
         def progress(time: float) -> None:
             bar.update(min(time, duration) - bar.n)
+
+        yield progress
+
+
+@contextmanager
+def _row_bar(rows: int) -> Iterator[Callable[[int], None]]:
+    """A progress bar over rows that are written, which shows itself after a second; yields what to call with them."""
+    from tqdm import tqdm
+
+    with tqdm(total=rows, desc="run.csv", unit=" rows", unit_scale=True, delay=1.0, disable=None) as bar:
+
+        def progress(done: int) -> None:
+            bar.update(done - bar.n)
 
         yield progress

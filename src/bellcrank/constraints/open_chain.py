@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
+BLOCK_NUMBERS = 4_000_000  # of mass matrices in memory at a time
 
 
 class OpenChain:
@@ -86,7 +87,10 @@ class OpenChain:
 
     def inertia(self, t: Array, q: Array) -> Array:
         """M_ii (n, k), rotors in it."""
-        return np.diagonal(self.equations.mass_matrix(q), axis1=-2, axis2=-1)[:, self._columns]
+        rows = max(1, BLOCK_NUMBERS // self.robot.nv**2)
+        blocks = (self.equations.mass_matrix(q[first : first + rows]) for first in range(0, len(q), rows))
+        diagonal = [np.diagonal(block, axis1=-2, axis2=-1)[:, self._columns] for block in blocks]
+        return np.concatenate([np.zeros((0, len(self._columns))), *diagonal])
 
     def gravity_torque(self, q: Array) -> Array:
         """The torques (n, nv) that hold the robot at rest, forces of the scene left out."""

@@ -19,6 +19,7 @@ from bellcrank.card.number_text import decimal_number
 from bellcrank.errors import InputError, among
 from bellcrank.locale_text import readable
 from bellcrank.motion.coordinates import Array, JointLike, position_labels, velocity_labels
+from bellcrank.motion.csv_table import ROWS, write_table
 from bellcrank.motion.disagreement import disagreement
 from bellcrank.motion.motion import Motion, limit_notes
 from bellcrank.motion.resolution import end_speed_noise, half_unit
@@ -88,8 +89,6 @@ def write_motion(
 
     The file is replaced in one step, or not at all. Raises InputError where the folder cannot be written.
     """
-    from bellcrank.atomic import write_text
-
     columns = _Columns.of(tuple(motion.joints))
     labels = [("time", "s"), *columns.position, *columns.velocity, *columns.acceleration]
     parts = [motion.time, motion.position, motion.velocity, motion.acceleration]
@@ -99,17 +98,10 @@ def write_motion(
     for label, values in (more or {}).items():
         labels.append(label)
         parts.append(values)
-    table = np.column_stack(parts)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([f"{name} [{unit}]" for name, unit in labels])
-    writer.writerows([[repr(value) for value in row] for row in table.tolist()])
-    target = Path(path)
-    try:
-        write_text(target, text.getvalue())
-    except OSError as error:
-        raise InputError(f"{target}: cannot write the motion: {error.strerror or error}") from None
-    return target
+    blocks = (
+        np.column_stack([part[first : first + ROWS] for part in parts]) for first in range(0, len(motion.time), ROWS)
+    )
+    return write_table(path, labels, blocks)
 
 
 def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: str | None = None) -> Motion:

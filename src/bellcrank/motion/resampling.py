@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bellcrank.motion.coordinates import Array
 
@@ -103,3 +104,21 @@ def _suspects(time: Array, table: Array, bound: Array) -> Array:
         worst = np.where(np.isfinite(worst), worst, np.inf)  # beside a jump or a gap nothing is known
         either = np.maximum(np.append(worst[:1], worst), np.append(worst, worst[-1:]))
         return np.asarray(wide & (either * h * h / 8.0 > MAY_BEND))
+
+
+def extreme_rows(table: Array, most: int) -> NDArray[np.intp]:
+    """Rows to keep of a table (n, lines), increasing: the first, the last, and in each of equal stretches of rows every
+    line's least and largest, so that no peak is lost; at most `most`, or two a line and two where those are more. What
+    lies between them is not told.
+    """
+    n, lines = table.shape
+    if n <= most:
+        return np.arange(n)
+    buckets = max(1, (most - 2) // (2 * max(1, lines)))
+    size = -(-n // buckets)
+    buckets = -(-n // size)
+    padded = np.concatenate([table, np.repeat(table[-1:], buckets * size - n, axis=0)]).reshape(buckets, size, lines)
+    begin = size * np.arange(buckets)[:, None]
+    low = np.where(np.isnan(padded), np.inf, padded).argmin(axis=1) + begin
+    high = np.where(np.isnan(padded), -np.inf, padded).argmax(axis=1) + begin
+    return np.unique(np.clip(np.concatenate([[0, n - 1], low.ravel(), high.ravel()]), 0, n - 1))

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.motion.resampling import BETWEEN, SHARE, ranges
+from bellcrank.motion.resampling import BETWEEN, SHARE, extreme_rows, ranges
 from bellcrank.replays.film import Chart, Line
-from bellcrank.replays.thinning import Rows, extreme_rows, line_rows
+from bellcrank.replays.thinning import Rows, line_rows
 from bellcrank.simulation.run_panels import Panel, run_panels, shown_unit
 
 if TYPE_CHECKING:
@@ -50,9 +50,9 @@ def run_charts(run: Trajectory) -> tuple[tuple[Chart, ...], Array]:
 def chart(panel: Panel) -> Chart:
     """A panel as a chart; each line has the rows that it takes for it to be right, or its extremes."""
     table = np.stack([values for _, values in panel.lines], axis=1)
-    if panel.logarithmic:  # residuals, which jump from row to row, and of which nothing is known between them
+    if panel.logarithmic or panel.extremes:  # residuals jump from row to row, and nothing is known between them
         rows = [extreme_rows(table, MOST_POINTS)] * len(panel.lines)
-        share = SHARE if len(rows[0]) == len(panel.time) else None
+        share = SHARE if len(rows[0]) == len(panel.time) and not panel.extremes else None
     else:
         rows, share = kept_rows(panel.time, table, panel.off)
     lines = tuple(

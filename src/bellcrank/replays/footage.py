@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.motion.resampling import NOTHING, OUTSTANDING
+from bellcrank.motion.resampling import NOTHING, OUTSTANDING, extreme_rows
 from bellcrank.motion.resampling import SHARE as VALUE_SHARE
 from bellcrank.replays.course import Course, densified
 from bellcrank.replays.extents import body_corners, cloud, reaches
 from bellcrank.replays.film import Arrow, Body, Trace
-from bellcrank.replays.thinning import Rows, extreme_rows, frame_rows, series_rows
+from bellcrank.replays.thinning import Rows, frame_rows, series_rows
 
 Array = NDArray[np.float64]
 Point = Callable[[Array, Array], Array]  # points (n, frames, 3) and turns (n, frames, 4) -> a point (n, 3)

@@ -71,7 +71,8 @@ def film_of_run(
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
         finite = with_jumps(run if rows == len(run) else replace(run, time=run.time[:rows], state=run.state[:rows]))
         time, q, v = finite.time, finite.position, finite.velocity
-        between = smooth_between(robot.joints, time, q, v, finite.acceleration)
+        a = np.concatenate([part.acceleration for part in finite.parts()])
+        between = smooth_between(robot.joints, time, q, v, a)
     course = Course(
         robot, time, q, v, between, frames, placing(robot, frames, scene.parameters),
         run.parameters[: len(scene.parameters)],

@@ -154,21 +154,3 @@ def line_rows(time: Array, table: Array, bound: Array, most: int) -> list[Rows] 
         found += [part - end for part, end in zip(np.split(kept, np.searchsorted(kept, ends[1:])), ends, strict=True)]
         most -= len(kept)
     return found
-
-
-def extreme_rows(table: Array, most: int = MOST_ROWS) -> Rows:
-    """Rows to keep of a table (n, lines), increasing: the first, the last, and in each of equal stretches of rows every
-    line's least and largest, so that no peak is lost; at most `most`, or two a line and two where those are more. What
-    lies between them is not told.
-    """
-    n, lines = table.shape
-    if n <= most:
-        return np.arange(n)
-    buckets = max(1, (most - 2) // (2 * max(1, lines)))
-    size = -(-n // buckets)
-    buckets = -(-n // size)
-    padded = np.concatenate([table, np.repeat(table[-1:], buckets * size - n, axis=0)]).reshape(buckets, size, lines)
-    begin = size * np.arange(buckets)[:, None]
-    low = np.where(np.isnan(padded), np.inf, padded).argmin(axis=1) + begin
-    high = np.where(np.isnan(padded), -np.inf, padded).argmax(axis=1) + begin
-    return np.unique(np.clip(np.concatenate([[0, n - 1], low.ravel(), high.ravel()]), 0, n - 1))

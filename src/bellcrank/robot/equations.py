@@ -72,6 +72,14 @@ class Equations:
         q, rest = casadi.SX.sym("q", f.size1_in(0)), casadi.SX(f.size1_in(1), 1)
         return casadi.Function("gravity_torque", [q], [f(q, rest, rest, casadi.SX(0, 1))])
 
+    def inertial_torque(self) -> casadi.Function:
+        """(q, a) -> M(q) a: inverse dynamics at rest without gravity or friction."""
+        import casadi
+
+        f = _function(trace_tree(self.tree, (0.0, 0.0, 0.0), [], 0).inverse_dynamics())
+        q, a = casadi.SX.sym("q", f.size1_in(0)), casadi.SX.sym("a", f.size1_in(2))
+        return casadi.Function("inertial_torque", [q, a], [f(q, casadi.SX(f.size1_in(1), 1), a, casadi.SX(0, 1))])
+
     def link_torques(self) -> casadi.Function:
         """(q, v, a) -> each massive link's share of the torque, link by link (links x nv), without rotors."""
         import casadi

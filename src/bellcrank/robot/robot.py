@@ -270,10 +270,22 @@ class Robot(Portable):
         return acceleration
 
     def mass_matrix(self, q: Any) -> Array:
-        """The mass matrix M(q), rotor inertia included: (nv, nv), or (n, nv, nv) for a batch."""
+        """The mass matrix M(q), rotor inertia included: (nv, nv), or (n, nv, nv) for a batch.
+
+        Source: composite-rigid-body algorithm, Featherstone (2008), ch. 6, by Pinocchio. Its expression grows with nv²;
+        of more than LARGEST_WHOLE joints column k is what inverse dynamics gives for the acceleration e_k at rest
+        without gravity, ch. 6.1 there.
+        """
         (q,) = self._states(q)
+        if self.nv > LARGEST_WHOLE:
+            return np.stack([self._mass_by_columns(row) for row in q]) if q.ndim == 2 else self._mass_by_columns(q)
         flat = self._simple("mass_matrix")(q, _NONE)
         return flat.reshape(*flat.shape[:-1], self.nv, self.nv)  # type: ignore[no-any-return]
+
+    def _mass_by_columns(self, q: Array) -> Array:
+        code = self._code("inertial_torque", self.equations.inertial_torque)
+        columns = code(np.tile(q, (self.nv, 1)), np.eye(self.nv))
+        return np.asarray(0.5 * (columns + columns.T))  # symmetric but for rounding
 
     def gravity_torque(self, q: Any) -> Array:
         """The torques (nv,) or (n, nv) that hold the robot at rest at q, N m or N."""
@@ -426,6 +438,7 @@ class Robot(Portable):
 
 
 _NONE: Array = np.zeros(0)
+LARGEST_WHOLE = 60  # joints up to which the mass matrix is one expression
 _STATE = ("position", "velocity", "the third argument")
 
 

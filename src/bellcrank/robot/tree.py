@@ -261,7 +261,7 @@ def lay_out(model: Any, urdf: Urdf, cleaning: Cleaning, clean: bool) -> Tree:
     import pinocchio as pin
 
     tree = Tree(cleaned_entries=cleaning.entries, cleaned_largest=cleaning.largest)
-    again = Cleaning()
+    again, size = Cleaning(), _size(model)
     for j in range(1, model.njoints):
         joint = model.joints[j]
         short = joint.shortname()
@@ -288,7 +288,7 @@ def lay_out(model: Any, urdf: Urdf, cleaning: Cleaning, clean: bool) -> Tree:
         else:
             relative = before.inverse() * frame.placement
         if clean:
-            relative = pin.SE3(again.rotation(relative.rotation), again.numbers(relative.translation, _size(model)))
+            relative = pin.SE3(again.rotation(relative.rotation), again.numbers(relative.translation, size))
         written = urdf.joints.get(frame.name) if frame.type != pin.FrameType.BODY else None
         rpy = written.rpy if written is not None else pin.rpy.matrixToRpy(relative.rotation)
         tree.frames.append(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -63,7 +64,9 @@ class Unresolved:
 @dataclass(frozen=True)
 class Statistics:
     """What the solver did: accepted and rejected steps, evaluations of the right-hand side and of its Jacobian, LU
-    factorisations, the time in the stepping alone (s), and events that may have crossings that were not found.
+    factorisations, the time in the stepping alone (s), events that may have crossings that were not found, the longest
+    step (s; None where it is not known), and how many events of a name happened that the run does not keep: of more
+    than 100,000, each name keeps at least its first 100 and its last.
     """
 
     steps: int
@@ -73,6 +76,8 @@ class Statistics:
     factorisations: int
     kernel_time: float
     unresolved: tuple[Unresolved, ...] = ()
+    longest_step: float | None = None
+    omitted_events: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,35 +2,37 @@
 
 from __future__ import annotations
 
-import csv
-import io
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bellcrank.atomic import write_text
 from bellcrank.motion.coordinates import position_labels, velocity_labels
+from bellcrank.motion.csv_table import write_table
 from bellcrank.scene.joint_forces import Torque
 
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Array, Trajectory
 
 
-def write_run_csv(run: Trajectory, path: str | Path) -> Path:
+def write_run_csv(run: Trajectory, path: str | Path, progress: Callable[[int], None] | None = None) -> Path:
     """Write time, positions, velocities, accelerations, torques, energies, work, closures, outputs; returns the path.
 
     `torque` is all that the scene's forces do at a joint, `actuator torque`, where the scene has motors or controllers,
     their part of it. Units stand in the header (s, rad, m, N m, N, J, …); every number has the digits that give it back
     exactly. The file is replaced in one step, or not at all. Raises InputError where the folder cannot be written.
     """
-    labels, table = columns(run)
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow([f"{name} [{unit}]" for name, unit in labels])
-    text.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
-    target = Path(path)
-    write_text(target, text.getvalue())
-    return target
+
+    def blocks() -> Iterator[Array]:
+        done = 0
+        for part in run.parts():
+            yield columns(part)[1]
+            done += len(part)
+            if progress is not None:
+                progress(done)
+
+    return write_table(path, columns(run.part(slice(0, 1)))[0], blocks())
 
 
 def columns(run: Trajectory) -> tuple[list[tuple[str, str]], Array]:

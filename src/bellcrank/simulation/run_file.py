@@ -86,7 +86,8 @@ def save_run(run: Trajectory, path: str | Path) -> Path:
         "state": run.state,
         "parameters": run.scene.own_parameters,
         "steps": run.steps,
-        "multipliers": run.multipliers,  # for other readers: they are computed anew
+        # for other readers: they are computed anew
+        "multipliers": np.concatenate([part.multipliers for part in run.parts()]),
         "event_time": np.array([event.time for event in run.events], dtype=np.float64),
         "event_position": np.array([event.position for event in run.events]).reshape(-1, nq),
         "event_velocity": np.array([event.velocity for event in run.events]).reshape(-1, nv),

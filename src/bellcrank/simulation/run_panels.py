@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.motion.coordinates import position_labels, velocity_labels
-from bellcrank.motion.resampling import BETWEEN, SHARE, ranges, refined
+from bellcrank.motion.resampling import BETWEEN, SHARE, extreme_rows, ranges, refined
 from bellcrank.simulation.run_between import between, with_jumps
 from bellcrank.simulation.run_csv import output_labels, titled, torque_unit
 
@@ -20,13 +20,15 @@ if TYPE_CHECKING:
 
 CONSERVED = 1e-8  # of the largest of a unit: sums that stay the same are not known better between rows
 LEFT_OUT = 100  # rows by which it is found out which lines the smooth curve tells
+LONG = 200_000  # rows: of more only extremes are drawn, which is all that a picture can show
+DRAWN = 100_000  # of them, about
 ENERGY, WORK, OUTPUTS = "energy", "work W", "outputs:"
 
 
 @dataclass
 class Panel:
     """What one panel shows: a quantity, its unit, and the lines (n,) by name, over times (n,) s; `off` is by how much
-    of its `ranges` a line may be off that goes straight between the rows.
+    of its `ranges` a line may be off that goes straight between the rows; of `extremes` nothing is told between them.
     """
 
     title: str
@@ -35,6 +37,7 @@ class Panel:
     logarithmic: bool = False
     time: Array = field(default_factory=lambda: np.zeros(0))
     off: float = 0.0
+    extremes: bool = False
 
     @property
     def moves(self) -> bool:
@@ -45,14 +48,20 @@ class Panel:
 def run_panels(run: Trajectory) -> list[Panel]:
     """The panels of a run, no two of one title: positions, velocities, energies, torques, closures and outputs that
     change, SI units; over the run's rows, and as many times between them, on either side of jumps too, as lines need
-    that are straight between them. How far closures are apart is known at the rows alone.
+    that are straight between them. How far closures are apart is known at the rows alone. Of a LONG run only the rows
+    of extremes are drawn.
     """
-    panels = _linear(run)
+    few = extremes(run, _everything)
+    panels = _linear(few)
     shown = [k == 0 or _shown(panel) for k, panel in enumerate(panels)]
-    time, table, off = _refined(run, panels)
+    if few is run:
+        time, table, off = _refined(run, panels)
+    else:
+        time, table = few.time, _table(panels)
+        off = np.zeros(table.shape[1])
     column = 0
     for panel in panels:
-        panel.time = time
+        panel.time, panel.extremes = time, few is not run
         panel.lines = [(name, table[:, column + k]) for k, (name, _) in enumerate(panel.lines)]
         panel.off = float(off[column : column + len(panel.lines)].max(initial=0.0))
         column += len(panel.lines)
@@ -62,7 +71,24 @@ def run_panels(run: Trajectory) -> list[Panel]:
     first_output = next((k for k, panel in enumerate(panels) if panel.title.startswith(OUTPUTS)), len(panels))
     found = [panel for panel, there in zip(panels, shown, strict=True) if there]
     place = sum(shown[:first_output])
-    return titled_apart([*found[:place], *_apart(run), *found[place:]])
+    return titled_apart([*found[:place], *_apart(few, few is not run), *found[place:]])
+
+
+def extremes(run: Trajectory, table: Callable[[Trajectory], Array]) -> Trajectory:
+    """A run of no more than LONG rows as it is; of a longer one about DRAWN rows, in which each column of a table (n,
+    columns) has the least and largest of every stretch. The table is made of a block of rows at a time.
+    """
+    if len(run) <= LONG:
+        return run
+    rows, first = [], 0
+    for part in run.parts():
+        rows.append(first + extreme_rows(table(part), DRAWN * len(part) // len(run)))
+        first += len(part)
+    return run.part(np.concatenate(rows))
+
+
+def _everything(run: Trajectory) -> Array:
+    return np.column_stack([_table(_linear(run)), *run.closure_residuals.values()])
 
 
 def _shown(panel: Panel) -> bool:
@@ -178,12 +204,12 @@ def _better_curved(run: Trajectory, table: Array, bound: Array) -> NDArray[np.bo
     return np.asarray(better.sum(axis=0) >= 0.5 * missed.sum(axis=0), dtype=np.bool_)
 
 
-def _apart(run: Trajectory) -> list[Panel]:
+def _apart(run: Trajectory, extremes: bool) -> list[Panel]:
     """How far closures are apart, a panel a unit."""
     return [
         Panel(
             f"closure {'velocity' if unit.endswith('/s') else 'position'} residual", unit or "1", [("largest", values)],
-            logarithmic=True, time=run.time,
+            logarithmic=True, time=run.time, extremes=extremes,
         )
         for unit, values in run.closure_residuals.items()
     ]  # fmt: skip

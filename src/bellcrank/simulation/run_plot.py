@@ -14,7 +14,7 @@ import numpy as np
 from bellcrank.atomic import writing
 from bellcrank.errors import InputError, among
 from bellcrank.plot_style import DASHES, DPI, PALETTE, colour, dash, literal, new_figure, plain, save_figure
-from bellcrank.simulation.run_panels import Panel, run_panels, shown_unit
+from bellcrank.simulation.run_panels import Panel, extremes, run_panels, shown_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 NAMED = 8  # lines with a colour and a name in one panel; the others, which move less, are thin and grey
 FLAT = 1e-6
+MOST_MARKS = 2000  # events of a name that can be told apart along a picture
 EVENT_COLOUR = "#7A5195"
 
 
@@ -109,11 +110,14 @@ def _keep_constants_flat(axis: Axes, panel: Panel) -> None:
 
 def _mark_events(axis: Axes, run: Trajectory, named: bool) -> None:
     for k, name in enumerate(dict.fromkeys(event.name for event in run.events)):
-        times = [event.time for event in run.events if event.name == name]
-        label = f"event {name}" + (f" ({len(times)} times)" if len(times) > 1 else "")
+        times = np.array([event.time for event in run.events if event.name == name])
+        count = len(times) + run.statistics.omitted_events.get(name, 0)
+        label = f"event {name}" + (f" ({count} times)" if count > 1 else "")
+        place = np.floor(times * (MOST_MARKS / max(float(run.time[-1]), np.finfo(float).tiny)))
         axis.vlines(
-            times, 0.0, 1.0, transform=axis.get_xaxis_transform(), color=EVENT_COLOUR, linestyle=DASHES[(k + 1) % 4],
-            linewidth=0.9, zorder=1.8, label=literal(textwrap.shorten(label, 34, placeholder="…")) if named else "_",
+            times[np.unique(place, return_index=True)[1]], 0.0, 1.0, transform=axis.get_xaxis_transform(),
+            color=EVENT_COLOUR, linestyle=DASHES[(k + 1) % 4], linewidth=0.9, zorder=1.8,
+            label=literal(textwrap.shorten(label, 34, placeholder="…")) if named else "_",
         )  # fmt: skip
 
 
@@ -123,6 +127,7 @@ def _mark_events(axis: Axes, run: Trajectory, named: bool) -> None:
 def _frame_path(run: Trajectory, frame: str) -> Figure:
     from matplotlib.collections import LineCollection
 
+    run = extremes(run, lambda part: part.frame(frame).position)
     position = run.frame(frame).position
     a, b = sorted(np.argsort(-np.ptp(position, axis=0), kind="stable")[:2])
     flat = position[:, [a, b]]

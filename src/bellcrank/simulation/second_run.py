@@ -124,7 +124,8 @@ def _finer(run: Trajectory) -> tuple[Settings, float]:
     factor = max(FINER, FINEST_RTOL / s.rtol)
     if factor > 0.5:
         return replace(s, rtol=10.0 * s.rtol, atol=10.0 * s.atol), 0.0
-    longest = float(np.diff(run.steps).max(initial=0.0)) or s.max_step
+    known = run.statistics.longest_step  # not the longest between kept ends of steps, where these are thinned
+    longest = (float(np.diff(run.steps).max(initial=0.0)) if known is None else known) or s.max_step
     first = s.first_step and s.first_step / 2
     half: dict[str, Any] = {"max_step": longest / 2 if longest else None, "first_step": first}
     return replace(s, rtol=max(factor * s.rtol, FINEST_RTOL), atol=factor * s.atol, **half), 0.0

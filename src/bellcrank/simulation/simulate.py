@@ -198,20 +198,26 @@ def _integrate(
     )
     statistics = Statistics(
         result.accepted, result.rejected, result.evaluations, result.jacobians, result.factorisations, result.seconds,
-        _unresolved(scene, result.unresolved_index, result.unresolved_time),
+        _unresolved(scene, result.unresolved_count, result.unresolved_time), result.longest_step,
+        _omitted(scene, result.event_counts, result.event_index),
     )  # fmt: skip
     return Trajectory(scene, settings, time, state, p, signals, status, events, statistics, result.steps)
 
 
-def _unresolved(scene: Scene, index: NDArray[np.int32], time: Array) -> tuple[Unresolved, ...]:
-    """Events of which crossings may have been missed, from their numbers and the starts of the steps."""
-    if not len(index):
-        return ()
-    found = []
-    for k in np.unique(index).tolist():
-        steps = time[index == k]
-        found.append(Unresolved(scene.events[k].name, len(steps), float(steps[0])))
-    return tuple(found)
+def _unresolved(scene: Scene, count: NDArray[np.int64], first: Array) -> tuple[Unresolved, ...]:
+    """Events of which crossings may have been missed, from the number of such steps and the start of the first."""
+    return tuple(
+        Unresolved(scene.events[k].name, int(count[k]), float(first[k])) for k in np.flatnonzero(count).tolist()
+    )
+
+
+def _omitted(scene: Scene, count: NDArray[np.int64], kept: NDArray[np.int32]) -> dict[str, int]:
+    """How many events of each name were found that are not among those `kept`."""
+    left = count - np.bincount(kept, minlength=len(count))
+    found: dict[str, int] = {}
+    for k in np.flatnonzero(left).tolist():
+        found[scene.events[k].name] = found.get(scene.events[k].name, 0) + int(left[k])
+    return found
 
 
 def _unturned(scene: Scene, time: Array, state: Array, p: Array) -> int:

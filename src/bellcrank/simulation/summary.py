@@ -66,10 +66,7 @@ def run_warnings(run: Trajectory) -> tuple[str, ...]:
     found = []
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
         residual, drift = run.equation_residual(), run.energy_drift()
-        kinetic, potential, work = run.kinetic_energy, run.potential_energy, run.work
-        balance = kinetic + potential - work
-        gap, size = np.abs(balance - balance[0]).max(), (np.abs(kinetic) + np.abs(potential)).max()
-        least = kinetic.min()
+        gap, size, least, largest = _energies(run)
     if not run.success:
         found.append(f"the run stopped before its {run.settings.duration:g} s: what follows is of its first part")
     if residual > LARGEST_RESIDUAL:
@@ -79,23 +76,42 @@ def run_warnings(run: Trajectory) -> tuple[str, ...]:
         )
     if drift > LARGEST_DRIFT and not gap < NOISE * size:  # where nothing moves, the drift is a ratio of roundings
         found.append("energy is not in balance: take smaller tolerances or steps")
-    if least < -NOISE * np.abs(kinetic).max():
+    if least < -NOISE * largest:
         found.append(f"kinetic energy falls to {least:.3g} J: a mass or inertia is not that of a body")
     return (*found, *_open_closures(run), *_departure(run), *_false_events(run), *_missed_events(run))
 
 
-def _open_closures(run: Trajectory) -> list[str]:
-    """A clause for each closure that is far from closed."""
+def _energies(run: Trajectory) -> tuple[float, float, float, float]:
+    """By how much the sum of the energies less work changes at most, the largest sum of their sizes, and the least and
+    the largest size of the kinetic energy, J.
+    """
+    first = run.part(slice(0, 1))
+    balance = first.total_energy - first.work
     found = []
-    for closure in run.scene.closures:
-        history = run.closure(closure.name)
-        if history.relative.max(initial=0.0) > LARGEST_GAP:
-            worst = int(history.relative.argmax())
-            found.append(
-                f"closure '{closure.name}' is {history.residual[worst]:.3g} m or rad apart at {run.time[worst]:.4g} s: "
-                "take stabilisation: projection, or smaller tolerances; if it cannot close there, the motion is none"
-            )
-    return found
+    for part in run.parts():
+        kinetic, potential = part.kinetic_energy, part.potential_energy
+        gap = np.abs(kinetic + potential - part.work - balance).max()
+        found.append((gap, (np.abs(kinetic) + np.abs(potential)).max(), -kinetic.min(), np.abs(kinetic).max()))
+    gap, size, least, largest = np.max(found, axis=0).tolist()
+    return gap, size, -least, largest
+
+
+def _open_closures(run: Trajectory) -> list[str]:
+    """A clause for each closure that is far from closed, in the order of the scene."""
+    names = [closure.name for closure in run.scene.closures]
+    worst = dict.fromkeys(names, (LARGEST_GAP, 0.0, 0.0))  # relative, residual, time
+    for part in run.parts():
+        for name in names:
+            history = part.closure(name)
+            k = int(np.argmax(np.nan_to_num(history.relative)))
+            if history.relative[k] > worst[name][0]:
+                worst[name] = (float(history.relative[k]), float(history.residual[k]), float(part.time[k]))
+    return [
+        f"closure '{name}' is {residual:.3g} m or rad apart at {time:.4g} s: take stabilisation: projection, or "
+        "smaller tolerances; if it cannot close there, the motion is none"
+        for name, (relative, residual, time) in worst.items()
+        if relative > LARGEST_GAP
+    ]
 
 
 def _departure(run: Trajectory) -> list[str]:
@@ -142,8 +158,7 @@ def _false_events(run: Trajectory) -> list[str]:
         return np.asarray(rows.reshape(len(t), -1)[np.arange(len(t)), which])
 
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
-        rows = system.events(run.time[:, None], run.state, run.inputs, run.parameters).reshape(len(run), -1)
-        largest = np.abs(rows).max(axis=0)[which]
+        largest = np.max([np.abs(part.event_values).max(axis=0) for part in run.parts()], axis=0)[which]
         here, span = value(time, state), 1e-9 * (1.0 + time)
         rates = system.rhs(time[:, None], state, values_at(run.signals, time), run.parameters)
         slope = (rates[0] if isinstance(rates, tuple) else rates)[:, : system.size]  # closures add a guard
@@ -195,9 +210,12 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
     settings, cost = run.settings, run.statistics
     how = f"step {settings.step:g} s" if settings.step else f"rtol {settings.rtol:g}, atol {settings.atol:g}"
     effort = f"{_count(cost.steps, 'step')} and {cost.rejected} rejected, {_count(cost.evaluations, 'evaluation')}"
+    if len(run.steps) - 1 < cost.steps:
+        effort += f", the times of {len(run.steps) - 1} steps are kept"
     if cost.jacobians:
         effort += f", {_count(cost.jacobians, 'Jacobian')}, {_count(cost.factorisations, 'factorisation')}"
-    t, v, w = float(run.kinetic_energy[-1]), float(run.potential_energy[-1]), float(run.work[-1])
+    last = run.part(slice(-1, None))
+    t, v, w = float(last.kinetic_energy[0]), float(last.potential_energy[0]), float(last.work[0])
     work = f", work {w:.6g} J" if run.scene.system.has_work else ""
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
         certificate = [
@@ -249,9 +267,9 @@ def _closures(run: Trajectory) -> list[tuple[str, str]]:
         return []
     with np.errstate(all="ignore"):
         apart = f"{run.constraint_residual():.1e} m or rad, {run.velocity_residual():.1e} m/s or rad/s apart"
-    rows = [("closures", apart)]
+    rows, last = [("closures", apart)], run.part(slice(-1, None))
     for closure in run.scene.closures[:CLOSURES]:
-        history = run.closure(closure.name)
+        history = last.closure(closure.name)
         shown = [
             label.replace("[", f"{value:.6g} ").removesuffix("]")
             for label, value in zip(history.labels, history.multipliers[-1].tolist(), strict=True)
@@ -278,9 +296,10 @@ def _closures(run: Trajectory) -> list[tuple[str, str]]:
 
 def _events(run: Trajectory) -> list[str]:
     lines = [f"{event.name} at {event.time:.9g} s{event_consequence(event)}" for event in run.events[:EVENTS]]
-    if len(run.events) > EVENTS:
-        last = run.events[-1]
-        lines.append(f"… {len(run.events)} in all, the last is {last.name} at {last.time:.9g} s")
+    count = len(run.events) + sum(run.statistics.omitted_events.values())
+    if count > EVENTS:
+        last, kept = run.events[-1], "" if count == len(run.events) else f" ({len(run.events)} are kept)"
+        lines.append(f"… {count} in all{kept}, the last is {last.name} at {last.time:.9g} s")
     return lines
 
 

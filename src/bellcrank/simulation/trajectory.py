@@ -6,8 +6,8 @@ forces and residuals are computed anew from the states, when first asked for.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from bellcrank.simulation.closure_rank import ClosureRank
 
 Array = NDArray[np.float64]
+# Rows that quantities are computed for at a time where only what follows from them is wanted: so many numbers of the
+# state, in whole LEAST_ROWS, which SIMD lanes divide, so that every row has the same bits as in one block.
+BLOCK_NUMBERS, LEAST_ROWS, MOST_ROWS = 500_000, 1024, 65_536
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +38,9 @@ class Trajectory(Portable):
     """A run of a scene: rows of time (n,) s and state, and everything that follows from them.
 
     Position (n, nq), velocity and acceleration (n, nv): rad or m and their rates, one number a joint; a free base
-    first, with position (world), quaternion x y z w, and velocity in its own frame. Energies and work in J. Made by
-    `simulate` and `load_run`.
+    first, with position (world), quaternion x y z w, and velocity in its own frame. Energies and work in J. `steps` are
+    the start and the ends of the solver's steps, s; of more than 100,000 steps every 2nd, 4th, 8th, … end and the last.
+    Made by `simulate` and `load_run`.
     """
 
     scene: Scene
@@ -55,6 +59,30 @@ class Trajectory(Portable):
 
     def __len__(self) -> int:
         return len(self.time)
+
+    # ---- rows
+
+    def part(self, rows: slice | NDArray[np.intp]) -> Trajectory:
+        """Some rows of the run, as a run."""
+        found = replace(self, time=self.time[rows], state=self.state[rows])
+        if "_observed" in vars(self):  # known: not to be computed again
+            vars(found)["_observed"] = tuple(each[rows] for each in self._observed)
+        return found
+
+    def parts(self) -> Iterator[Trajectory]:
+        """The run in blocks of rows, one after the other: what is computed of a block goes with it, so that runs of any
+        length need little memory beside their states. A short run is its own only block.
+        """
+        rows = min(max(BLOCK_NUMBERS // self.state.shape[1] // LEAST_ROWS, 1) * LEAST_ROWS, MOST_ROWS)
+        if len(self) <= rows:
+            yield self
+            return
+        for first in range(0, len(self), rows):
+            yield self.part(slice(first, first + rows))
+
+    def _largest(self, measures: Callable[[Trajectory], list[Any]]) -> list[float]:
+        """The largest of each of some measures of a block, over the blocks; nan where one is."""
+        return [float(np.max(each)) for each in zip(*map(measures, self.parts()), strict=True)]
 
     # ---- states
 
@@ -81,7 +109,8 @@ class Trajectory(Portable):
         if self.status is Status.DRIVE_ENDED and self.scene.drive_end is not None:
             return self.scene.drive_end.sentence
         if self.status is Status.TURNED_OVER:
-            cosine = cosines_along(self.scene, self.time, *self._arguments[1:])[-1]
+            last = self.part(slice(-1, None))
+            cosine = cosines_along(self.scene, last.time, *last._arguments[1:])[-1]
             return f"closure '{turning(self.scene)[int(np.argmin(cosine))]}': {self.status.advice}"
         return self.status.advice
 
@@ -198,6 +227,12 @@ class Trajectory(Portable):
         return rank_of(self.scene.system, *(a if a.ndim == 1 else a[row] for a in self._arguments))
 
     @property
+    def event_values(self) -> Array:
+        """The event functions (n, events) of the scene, whose zeros are its events."""
+        rows = self.scene.system.events(*self._arguments)
+        return np.asarray(rows).reshape(len(self), -1)
+
+    @property
     def outputs(self) -> Mapping[str, Array]:
         """The scene's named outputs, (n,) or (n, k) each."""
         return dict(zip(self.scene.outputs, (self._output(k) for k in range(len(self.scene.outputs))), strict=True))
@@ -241,9 +276,15 @@ class Trajectory(Portable):
         Energies are computed anew from the states; W is the solver's quadrature of the power of actuators, dampers and
         friction. All are counted from the first row. 0 for a run that never had energy.
         """
-        t, v, w = self.kinetic_energy, self.potential_energy, self.work - self.work[0]
+        first = self.part(slice(0, 1))
+        t0, v0, w0 = first.kinetic_energy, first.potential_energy, first.work
+
+        def measures(run: Trajectory) -> list[Any]:
+            t, v, w = run.kinetic_energy, run.potential_energy - v0, run.work - w0
+            return [np.abs((t - t0) + v - w).max(), (t + np.abs(v) + np.abs(w)).max()]
+
         with np.errstate(all="ignore"):  # a run that blew up has energies beyond all numbers
-            return _share(np.abs((t - t[0]) + (v - v[0]) - w).max(), (t + np.abs(v - v[0]) + np.abs(w)).max())
+            return _share(*self._largest(measures))
 
     def equation_residual(self) -> float:
         """How far the accelerations miss the equations of motion: the largest |inverse dynamics − joint forces|, as a
@@ -251,8 +292,13 @@ class Trajectory(Portable):
 
         Forward dynamics (the articulated-body algorithm) made the accelerations; recursive Newton-Euler checks them.
         """
-        residual, bias = self.scene.system.residual(*self._arguments)
-        return _share(np.abs(residual).max(), max(np.abs(self.torque).max(), np.abs(bias).max()))
+
+        def measures(run: Trajectory) -> list[Any]:
+            residual, bias = run.scene.system.residual(*run._arguments)
+            return [np.abs(residual).max(), np.abs(run.torque).max(), np.abs(bias).max()]
+
+        residual, torque, bias = self._largest(measures)
+        return _share(residual, max(torque, bias))
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -265,13 +311,17 @@ class Trajectory(Portable):
         """The largest violation of what positions must keep: closures (m or rad) and the unit length of rotations."""
         from bellcrank.simulation.simulate import unit_parts
 
-        parts = [self.state[:, first : first + length] for first, length in unit_parts(self.scene)]
-        apart = float(self._gaps.max(initial=0.0))
-        return max([apart, *(float(np.abs(np.linalg.norm(x, axis=1) - 1.0).max()) for x in parts)])
+        places = unit_parts(self.scene)
+
+        def measures(run: Trajectory) -> list[Any]:
+            units = [np.linalg.norm(run.state[:, first : first + length], axis=1) for first, length in places]
+            return [run._gaps.max(initial=0.0), *(np.abs(x - 1.0).max() for x in units)]
+
+        return max(self._largest(measures))
 
     def velocity_residual(self) -> float:
         """The largest violation of a velocity constraint, m/s or rad/s: φ̇ and ψ of closures; a tree has none."""
-        return float(np.abs(self._closure[2]).max(initial=0.0))
+        return self._largest(lambda run: [np.abs(run._closure[2]).max(initial=0.0)])[0]
 
     def error_estimate(self) -> float:
         """How far the positions may be off (rad or m): the largest difference, on the same times, from runs made again
@@ -309,11 +359,13 @@ class Trajectory(Portable):
 
         return save_run(self, path)
 
-    def to_csv(self, path: str | Path) -> Path:
-        """Write times, states, accelerations, torques, energies and outputs as CSV, units in the header."""
+    def to_csv(self, path: str | Path, progress: Callable[[int], None] | None = None) -> Path:
+        """Write times, states, accelerations, torques, energies and outputs as CSV, units in the header; `progress` is
+        called with the number of rows written.
+        """
         from bellcrank.simulation.run_csv import write_run_csv
 
-        return write_run_csv(self, path)
+        return write_run_csv(self, path, progress)
 
     def plot(self, path: str | Path | None = None, frame: str | None = None) -> Any:
         """Draw the run, or a frame's path: a matplotlib Figure, written to `path` in the format of its suffix."""

@@ -35,31 +35,58 @@ void require(bool holds, const char* text) {
 
 class Result final : public Record {
  public:
-  Result(int n, double t0, nb::object progress) : n(n), watch(std::move(progress)) {
-    steps.reserve(room);
+  Result(int n, double t0, int event_count, nb::object progress)
+      : n(n), watch(std::move(progress)), event_counts(event_count), last_events(event_count),
+        unresolved_count(event_count), unresolved_time(event_count), last_step(t0) {
     steps.push_back(t0);
     more_steps();
   }
 
   void more_steps() override {
-    const std::size_t used = next_step ? steps.size() : 1;
-    steps.resize(used + std::max(used, room));
+    if (next_step) take_steps();
+    const std::size_t used = steps.size();
+    steps.resize(used + std::min(std::max(used, room), 2 * most_steps + 1 - used));
+    fresh = used;
     next_step = steps.data() + used;
     steps_end = steps.data() + steps.size();
   }
-  void trim_steps() { steps.resize(next_step - steps.data()); }
+  // Takes the steps in that were written since, and keeps their last end whatever is thinned.
+  void finish_steps() {
+    const double last = next_step == steps.data() + fresh ? last_step : next_step[-1];
+    take_steps();
+    if (steps.back() != last) steps.push_back(last);
+  }
   void output(double t, const double* x) override {
     time.push_back(t);
     state.insert(state.end(), x, x + n);
   }
+  // Of more than `most_events` in all, each event function keeps its first `least_events` and its last.
   void event(int index, double t, const double* x) override {
-    event_index.push_back(index);
-    event_time.push_back(t);
-    event_state.insert(event_state.end(), x, x + n);
+    const std::int64_t nth = event_counts[index]++;
+    Last& last = last_events[index];
+    if (event_index.size() < most_events || nth < least_events) {
+      last.pending = false;
+      keep_event(index, t, x);
+    } else {
+      last.pending = true, last.time = t;
+      last.state.assign(x, x + n);
+    }
+  }
+  void finish_events() {
+    std::vector<int> left;
+    for (int e = 0; e < static_cast<int>(last_events.size()); ++e)
+      if (last_events[e].pending) left.push_back(e);
+    std::stable_sort(left.begin(), left.end(), [&](int a, int b) { return last_events[a].time < last_events[b].time; });
+    for (int e : left) {  // among those that some event functions kept to the end, in the order of time
+      const Last& last = last_events[e];
+      const auto at = std::upper_bound(event_time.begin(), event_time.end(), last.time) - event_time.begin();
+      event_index.insert(event_index.begin() + at, e);
+      event_time.insert(event_time.begin() + at, last.time);
+      event_state.insert(event_state.begin() + at * n, last.state.begin(), last.state.end());
+    }
   }
   void unresolved(int index, double t) override {
-    unresolved_index.push_back(index);
-    unresolved_time.push_back(t);
+    if (!unresolved_count[index]++) unresolved_time[index] = t;
   }
   void end(double t, const double* x) override {
     end_time = t;
@@ -67,14 +94,52 @@ class Result final : public Record {
   }
   bool look(double t, std::int64_t* attempts) override { return watch.look(t, attempts); }
 
-  static constexpr std::size_t room = 1024;
+  static constexpr std::size_t room = 1024, most_steps = 100'000, most_events = 100'000;
+  static constexpr std::int64_t least_events = 100;
   int n;
-  std::vector<double> time, state, end_state, steps, event_time, event_state, unresolved_time;
-  std::vector<int> event_index, unresolved_index;
-  double end_time = 0, seconds = 0;
+  std::vector<double> time, state, end_state, steps, event_time, event_state;
+  std::vector<int> event_index;
+  double end_time = 0, seconds = 0, longest_step = 0;
   Status status = Status::finished;
   Counts counts;
   Watch watch;
+  std::vector<std::int64_t> event_counts;
+
+ private:
+  struct Last {
+    bool pending = false;
+    double time = 0;
+    std::vector<double> state;
+  };
+  std::vector<Last> last_events;
+
+ public:
+  std::vector<std::int64_t> unresolved_count;
+  std::vector<double> unresolved_time;  // of the first, by event function
+
+ private:
+  std::size_t fresh = 0;      // where the steps begin that were written since the last look
+  std::int64_t number = 1;    // of the first of these; the start is step 0
+  std::int64_t stride = 1;    // steps whose number is a multiple of it, a power of two, are kept
+  double last_step;
+
+  void keep_event(int index, double t, const double* x) {
+    event_index.push_back(index);
+    event_time.push_back(t);
+    event_state.insert(event_state.end(), x, x + n);
+  }
+  // The longest of the new steps, and of their ends those that are kept: of more than `most_steps` every other one.
+  void take_steps() {
+    std::size_t kept = fresh;
+    for (const double* end = steps.data() + fresh; end != next_step; ++end, ++number) {
+      longest_step = std::max(longest_step, *end - last_step);
+      last_step = *end;
+      if ((number & (stride - 1)) == 0) steps[kept++] = *end;
+    }
+    for (; kept > most_steps + 1; kept = (kept + 1) / 2, stride *= 2)
+      for (std::size_t i = 0; 2 * i < kept; ++i) steps[i] = steps[2 * i];
+    steps.resize(kept);
+  }
 };
 
 template <class T>
@@ -184,7 +249,7 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
   problem.event_count = static_cast<int>(terminal.size()), problem.event_samples = event_samples;
   problem.max_evaluations = max_evaluations;
 
-  auto made = std::make_unique<Result>(n, t0, std::move(progress));
+  auto made = std::make_unique<Result>(n, t0, problem.event_count, std::move(progress));
   Result& result = *made;
   if (!every_step) {
     result.time.reserve(times.shape(0));
@@ -201,7 +266,8 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
     result.status = run(method.c_str(), problem, result, result.counts);
     result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   }
-  result.trim_steps();
+  result.finish_steps();
+  result.finish_events();
   result.watch.raise();
   return nb::cast(made.release(), nb::rv_policy::take_ownership);
 }
@@ -268,7 +334,9 @@ void bind_integrate(nb::module_& m) {
       .def_prop_ro("steps", [](nb::handle h) { return view(h, nb::cast<Result&>(h).steps); })
       .def_prop_ro("event_index", [](nb::handle h) { return view(h, nb::cast<Result&>(h).event_index); })
       .def_prop_ro("event_time", [](nb::handle h) { return view(h, nb::cast<Result&>(h).event_time); })
-      .def_prop_ro("unresolved_index", [](nb::handle h) { return view(h, nb::cast<Result&>(h).unresolved_index); })
+      .def_ro("longest_step", &Result::longest_step)
+      .def_prop_ro("event_counts", [](nb::handle h) { return view(h, nb::cast<Result&>(h).event_counts); })
+      .def_prop_ro("unresolved_count", [](nb::handle h) { return view(h, nb::cast<Result&>(h).unresolved_count); })
       .def_prop_ro("unresolved_time", [](nb::handle h) { return view(h, nb::cast<Result&>(h).unresolved_time); })
       .def_prop_ro("event_state",
                    [](nb::handle h) { auto& r = nb::cast<Result&>(h); return view(h, r.event_state, r.n); });

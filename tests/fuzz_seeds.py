@@ -1,0 +1,212 @@
+"""What the fuzz test begins with: right inputs, and numbers, words and expressions that are not."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+NUMBERS = [
+    0,
+    -0.0,
+    1,
+    -1,
+    2,
+    7,
+    1e-3,
+    1e-9,
+    1e-17,
+    1e-160,
+    5e-324,
+    1e9,
+    1e17,
+    1e155,
+    1e308,
+    -1e308,
+    math.inf,
+    -math.inf,
+    math.nan,
+    2**31,
+    2**63,
+    -(2**63) - 1,
+    10**40,
+    0.1,
+    90,
+    1e6,
+    400,
+]
+WORDS = [
+    "",
+    " ",
+    "0x1F",
+    "1e999",
+    "nan",
+    "-inf",
+    "1_000",
+    "٣",
+    "²",
+    "1,5",
+    "10 deg",
+    "3 parsec",
+    "1e308 deg",
+    "50 %",
+    "5 rpm",
+    "true",
+    "null",
+    "../../../etc/passwd",
+    "/dev/zero",
+    "a/b\\c",
+    "new\nline",
+    "tab\tbed",
+    "\x1b[31mred",
+    "nul\x00",
+    "=1+1",
+    "@x",
+    "\u202etfel",
+    "日本語",
+    "é",
+    "x" * 300,
+    "y" * 20_000,
+    "<b>&amp;",
+    "'\"`",
+    "{0}%s",
+    "!!int ''",
+    "2020-99-99",
+    "12:34:56",
+    "shoulder",
+    "elbow",
+    "tip",
+    "world",
+    "time",
+]
+TERMS = [
+    "t",
+    "pi",
+    "shoulder.position",
+    "elbow.velocity",
+    "1e308",
+    "1e-320",
+    "0",
+    "2",
+    "3.5",
+    "frame('tip').x",
+    "frame('tip').vy",
+]
+SHAPES = ["({} + {})", "({} * {})", "({} / {})", "({} ** {})", "({} - {})", "max({}, {})", "atan2({}, {})"]
+CALLS = ["sin({})", "log({})", "sqrt({})", "exp({})", "(-{})", "abs({})", "asin({})", "tan({})"]
+STRANGE = [
+    "nobody.position",
+    "t.real",
+    "().__class__",
+    "'a'",
+    "[t]",
+    "1j",
+    "True",
+    "None",
+    "π",
+    "",
+    "{} % {}",
+    "{} < {}",
+    "{} if {} else 1",
+    "{}({})",
+    "open({})",
+    "(lambda: {})()",
+    "(" * 120 + "{}" + ")" * 120,
+    "{}" + " + t" * 700,
+    "sin" * 900,
+    "9" * 3000,
+    "{} **",
+    "{}\n{}",
+    "{};{}",
+]
+
+URDF = """<robot name="two_links">
+  <link name="base"/>
+  <link name="upper"><inertial><origin xyz="0.3 0 0" rpy="0 0 0"/><mass value="2"/>
+    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.06" iyz="0" izz="0.06"/></inertial>%s</link>
+  <link name="lower"><inertial><origin xyz="0.2 0 0.05"/><mass value="1.5"/>
+    <inertia ixx="0.02" ixy="0.001" ixz="0" iyy="0.03" iyz="0" izz="0.03"/></inertial></link>
+  <link name="tip"/>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><origin xyz="0 0 1" rpy="0 0 0.5"/>
+    <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="40" velocity="5"/>
+    <dynamics damping="0.1" friction="0.2"/></joint>
+  <joint name="elbow" type="prismatic"><parent link="upper"/><child link="lower"/><origin xyz="0.6 0 0"/>
+    <axis xyz="1 0 0.1"/><limit lower="-0.5" upper="0.5" effort="90" velocity="1"/></joint>
+  <joint name="end" type="fixed"><parent link="lower"/><child link="tip"/><origin xyz="0.4 0 0" rpy="0 0.2 0"/></joint>
+</robot>
+"""
+MESHED = """<visual><geometry><mesh filename="%s" scale="0.1 0.1 0.1"/></geometry>
+<material name="m"><color rgba="1 0 0 1"/></material></visual>"""
+SCENE: dict[str, Any] = {
+    "name": "Arm",
+    "urdf": "planar_2r",
+    "gravity": [0, -9.81, 0],
+    "frames": {"hook": {"link": "tip", "xyz": [0, 0.1, 0]}},
+    "initial": {"shoulder": "20 deg", "elbow": 0.3, "velocity": {"shoulder": 0.1}},
+    "forces": [
+        {
+            "name": "rope",
+            "kind": "spring",
+            "frame_a": "hook",
+            "frame_b": "world",
+            "point": [2, 0, 0],
+            "stiffness": 40,
+            "free_length": 0.5,
+        },
+        {"kind": "damper", "joint": "elbow", "coefficient": 0.5},
+        {"name": "push", "kind": "wrench", "frame": "tip", "force": [0, 1, 0]},
+    ],
+    "control": [
+        {"name": "hold", "kind": "pd", "joint": "elbow", "kp": 20, "kd": 2, "target": {"elbow": "20 deg"}, "limit": 30}
+    ],
+    "parameters": {"k": {"value": 40, "sets": ["forces.rope.stiffness"]}},
+    "events": [{"name": "level", "when": {"joint": "shoulder", "position": 0}, "direction": "down"}],
+    "outputs": {
+        "tip": {"frame": "tip", "what": "position"},
+        "energy": {"energy": "total"},
+        "speed": {"expression": "shoulder.velocity * 2", "unit": "rad/s"},
+    },
+    "simulate": {"duration": 0.1, "rtol": 1e-6, "atol": 1e-6, "samples": 11, "max_evaluations": 20_000},
+}
+LOOP: dict[str, Any] = {
+    "urdf": "four_bar",
+    "frames": {"a": {"link": "coupler_link", "xyz": [1.2, 0, 0]}, "b": {"link": "rocker_link", "xyz": [1.2, 0, 0]}},
+    "closures": [{"name": "apex", "kind": "point", "frame_a": "a", "frame_b": "b"}],
+    "forces": [{"kind": "joint_spring", "joint": "crank", "preload": 1.96, "stiffness": 0.1}],
+    "initial": {"crank": "1 deg", "coupler": {"guess": "359 deg"}, "rocker": {"guess": "1 deg"}},
+    "simulate": {"duration": 0.2, "rtol": 1e-6, "atol": 1e-6, "samples": 11, "max_evaluations": 20_000},
+}
+CONFIGURATION: dict[str, Any] = {
+    "urdf": "planar_2r",
+    "gravity": [0, -9.81, 0],
+    "payloads": [{"mass": 1.5, "frame": "tip", "cg": [0.05, 0, 0]}],
+    "friction": {"shoulder": {"viscous": 0.5, "coulomb": 2}},
+    "motions": {
+        "swing": {
+            "kind": "waypoints",
+            "times": [0, 1, 2],
+            "positions": [{"elbow": "-30 deg"}, {"elbow": "-90 deg"}, {"elbow": "-30 deg"}],
+        },
+        "twice": {"kind": "join", "parts": ["swing", {"kind": "dwell", "duration": 0.5}, "swing"]},
+    },
+}
+MOTION = (
+    "time [s],shoulder position [deg],elbow position [deg]\n"
+    "0.0,60,-40\n0.5,65,-45\n1.0,75,-60\n1.5,80,-75\n2.0,80,-80\n"
+)
+TORQUE = "time [s],shoulder torque [N m]\n0,1\n0.05,2\n0.2,-1\n"
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nmtllib a.mtl\nusemtl m\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"
+STL = (
+    "solid a\n"
+    + "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n" * 4
+    + "endsolid a\n"
+)
+DAE = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><up_axis>Z_UP</up_axis></asset>
+<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="f" count="9">0 0 0 1 0 0 0 1 0</float_array>
+<technique_common><accessor source="#f" count="3" stride="3">
+<param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/></accessor>
+</technique_common></source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices><triangles count="1">
+<input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node><instance_geometry url="#g"/></node></visual_scene>
+</library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
