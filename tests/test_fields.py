@@ -58,7 +58,7 @@ def test_what_is_no_number_is_named(value: object, unit: str, message: str) -> N
     [
         ("", "found an empty file"),
         ("- 1\n- 2\n", "found a list of 2"),
-        ("just text", "found 'just text'"),
+        ("just text", "found a text"),
         ("a: 1\nb: [1, 2\n", r"\(line \d\): not valid YAML"),
         ("a: 1\na: 2\n", r"\(line 2\): .*'a' stands twice \(first on line 1\)"),
         ("b:\n  c: 1\n  c: 2\n", "'c' stands twice"),

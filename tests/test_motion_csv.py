@@ -159,9 +159,9 @@ def test_refuses_in_one_sentence_with_the_file(arm, tmp_path, text, words):
 
 
 def test_refuses_what_is_no_text_file(arm, tmp_path):
-    with pytest.raises(InputError, match="cannot read the motion: No such file"):
+    with pytest.raises(InputError, match="there is no such file"):
         read_motion(arm, tmp_path / "none.csv")
-    with pytest.raises(InputError, match="cannot read the motion: Is a directory"):
+    with pytest.raises(InputError, match="cannot be read: it is a folder"):
         read_motion(arm, tmp_path)
     (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00\x81")
     with pytest.raises(InputError, match="not a text file in UTF-8"):

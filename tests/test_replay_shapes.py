@@ -302,7 +302,10 @@ def test_one_mesh_file_used_twice_is_one_mesh_and_the_urdf_colour_overrides_the_
 def test_a_missing_mesh_gives_a_stand_in_and_a_note_that_names_file_and_link(tmp_path):
     found, notes = bodies(write_urdf(tmp_path, visual('<mesh filename="package://gone/hand.stl"/>')))
     assert all(shape.stand_in for shape in body_of(found, "arm").shapes)
-    assert notes == ("a mesh file was not found: package://gone/hand.stl, of link 'arm'",)
+    (note,) = notes
+    assert note.startswith(
+        "a mesh file was not found: package://gone/hand.stl, of link 'arm' (looked for near the URDF"
+    )
 
 
 def test_a_missing_mesh_leaves_no_gap_before_a_fixed_link_that_is_drawn(tmp_path):

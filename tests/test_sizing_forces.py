@@ -478,7 +478,7 @@ def test_a_wrench_s_table_pushes_a_simulated_block_as_its_polynomials_say(tmp_pa
         ("time [s],force x [N],force x [N]\n0,1,1\n1,2,1\n", {}, "stands twice"),
         ("time [s],force x [N]\n0,1\n1,2\n", {"force": [1, 0, 0]}, "takes its force from the 'file'"),
         (None, {"file": None, "force": [1, 0, 0], "interpolation": "hold"}, "a constant wrench has no interpolation"),
-        (None, {}, "cannot be read"),
+        (None, {}, "there is no such file"),
     ],
 )  # fmt: skip
 def test_a_wrench_s_table_that_cannot_be_meant_is_refused(

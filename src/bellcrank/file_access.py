@@ -12,9 +12,10 @@ from __future__ import annotations
 
 import os
 import stat
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import BinaryIO
 
@@ -23,13 +24,29 @@ from bellcrank.locale_text import file_name_here
 
 MOST_TEXT = 64 * 2**20  # bytes of a URDF, or of another text that is read whole
 MOST_YAML = 16 * 2**20  # bytes: a million entries
-MOST_TABLE = 512 * 2**20  # bytes of a CSV file
+MOST_TABLE = 256 * 2**20  # bytes of a CSV file
 MOST_RUN = 16 * 2**30  # bytes of a saved run, which is not read whole
 TRUST = "BELLCRANK_TRUST"
-ALLOW = f"allow its folder with --trust DIR (in Python trust=, or the variable {TRUST})"
+ALLOW = f"allow its folder with --trust DIR, in Python with the argument trust of load_scene, or with {TRUST}"
 Trust = str | Path | Iterable[str | Path]
 _GATHERED = ("Downloads", "Documents", "Desktop")  # in a home: what lies there came from many places
-_SYSTEM = ("home", "Users", "etc", "usr", "var", "opt", "srv", "mnt", "media", "run", "dev", "proc", "sys", "root")
+_SYSTEM = (
+    "home",
+    "Users",
+    "Volumes",
+    "etc",
+    "usr",
+    "var",
+    "opt",
+    "srv",
+    "mnt",
+    "media",
+    "run",
+    "dev",
+    "proc",
+    "sys",
+    "root",
+)
 
 
 def open_regular(path: str | Path, most: int) -> BinaryIO:
@@ -74,15 +91,13 @@ def read_text(path: str | Path, most: int = MOST_TEXT) -> str:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(
-            f"{path}: expected a text file in UTF-8, found a byte that is not at {error.start}; save it as UTF-8"
-        ) from None
+        raise InputError(f"{path}: not a text file in UTF-8, from byte {error.start} on; save it as UTF-8") from None
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
 def _refuse_special(path: str | Path, facts: os.stat_result, most: int) -> None:
     if stat.S_ISDIR(facts.st_mode):
-        raise InputError(f"{path}: is a folder; name the file in it")
+        raise InputError(f"{path}: cannot be read: it is a folder; name the file in it")
     if not stat.S_ISREG(facts.st_mode):
         raise InputError(f"{path}: is a pipe, a device or a socket; only regular files are read")
     if facts.st_size > most:
@@ -130,10 +145,13 @@ class FileAccess:
         """The path of a file by the name that a file has for it. Raises InputError where that is not allowed, whether
         there is such a file or not.
         """
-        path = self.folder / file_name_here(name)
-        if not self.allows(path, absolute=bool(Path(name).anchor)):
+        given = Path(name).expanduser() if name.startswith("~/") else Path(file_name_here(name))
+        path = self.folder / given
+        if not self.allows(path, absolute=bool(given.anchor)):
             shown = "".join(c if c.isprintable() else " " for c in name)
             shown = shown if len(shown) <= 80 else f"{shown[:77]}…"
+            if self.held:
+                raise InputError(f"'{shown}' is not read: only files in {self.folder} may be named")
             beside = "" if self._roots[1] is None else " or beside it"
             raise InputError(
                 f"'{shown}' is not read: expected a relative path to a file in {self.folder}{beside}; {ALLOW}"
@@ -149,7 +167,7 @@ class FileAccess:
             return True
         if any(found.is_relative_to(folder) for folder in self.trusted):
             return True
-        return any(found.is_relative_to(folder) for folder in _data_folders())
+        return any(found.is_relative_to(folder) for folder in _data_folders(tuple(sys.path)))
 
     def _is_near(self, path: Path) -> bool:
         own, beside = self._roots
@@ -164,7 +182,8 @@ class FileAccess:
     def _roots(self) -> tuple[Path | None, Path | None]:
         """The own folder, and the one above it where what lies beside counts."""
         own = _resolved(self.area)
-        return own, None if self.held or own is None or _is_shared(own.parent) else own.parent
+        alone = self.held or own is None or _is_shared(own) or _is_shared(own.parent)
+        return own, None if alone or own is None else own.parent
 
 
 def trusted_folders(trust: Trust = ()) -> tuple[Path, ...]:
@@ -211,7 +230,8 @@ def _is_shared(folder: Path) -> bool:
         return True
 
 
-def _data_folders() -> list[Path]:
+@lru_cache(maxsize=4)
+def _data_folders(import_path: tuple[str, ...]) -> list[Path]:
     """Where the package's own files and example-robot-data lie."""
     from bellcrank import shipped
     from bellcrank.urdf.catalog import example_folders

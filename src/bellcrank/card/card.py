@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,7 @@ from bellcrank import shipped
 from bellcrank.card.fields import Fields
 from bellcrank.card.motions import MotionEntry, check_references, read_motion_entry
 from bellcrank.errors import InputError, among
+from bellcrank.file_access import FileAccess, Trust
 from bellcrank.locale_text import file_name_here, readable
 from bellcrank.robot.payload import Payload
 from bellcrank.sizing.drive import Drive, drive_from_fields
@@ -53,6 +54,7 @@ class Card:
     motions: Mapping[str, MotionEntry] = field(default_factory=dict)
     drives: Mapping[str, Drive] = field(default_factory=dict)
     actuated: tuple[str, ...] = ()
+    access: FileAccess | None = field(default=None, repr=False, compare=False)  # which files the URDF may name
 
     def robot(self, extra_payloads: Iterable[Payload] = ()) -> Robot:
         """The robot with its mounting, payloads, frames and the drives' reflected inertias; InputError."""
@@ -60,7 +62,7 @@ class Card:
 
         rotor = {joint: drive.reflected_inertia for joint, drive in self.drives.items()}
         try:
-            return load_robot(
+            robot = load_robot(
                 self.urdf,
                 gravity=self.gravity,
                 floating_base=self.floating_base,
@@ -74,6 +76,9 @@ class Card:
             if self.source == self.urdf or str(error).startswith(str(self.urdf)):
                 raise
             raise InputError(f"{self.source}: {error}") from None
+        if self.access is not None:
+            robot.mesh_access = self.access
+        return robot
 
     def motion(self, robot: Robot, name: str) -> Motion:
         """One of the card's motions for the robot; InputError or UnreachableError naming the place."""
@@ -87,14 +92,16 @@ def names() -> dict[str, Path]:
     return {path.stem: path for path in sorted(shipped.folder("robots").glob("*.yaml"))}
 
 
-def load_card(path_or_name: str | Path) -> Card:
+def load_card(path_or_name: str | Path, *, trust: Trust = ()) -> Card:
     """Read a card from a file or by the name of a shipped one; a URDF (path or name) gives a card without
-    motions.
+    motions. Files that it names may also lie in the folders `trust` (file_access.py).
 
     Raises InputError, one sentence naming file and key.
     """
     source, urdf = find_card(path_or_name)
-    return Card(source.stem, source, source) if urdf else read_card(source)
+    if urdf:
+        return Card(source.stem, source, source, access=FileAccess.of(source.resolve(), trust))
+    return read_card(source, FileAccess.of(source, trust))
 
 
 def find_card(path_or_name: str | Path) -> tuple[Path, bool]:
@@ -123,10 +130,10 @@ def find_card(path_or_name: str | Path) -> tuple[Path, bool]:
     return catalog.find_urdf(path_or_name), True
 
 
-def read_card(path: str | Path) -> Card:
+def read_card(path: str | Path, access: FileAccess | None = None) -> Card:
     """Read a card's YAML file; InputError, one sentence naming file, key and line."""
     path = Path(path)
-    fields = Fields.from_file(path)
+    fields = Fields.from_file(path, access)
     card = card_from_fields(fields, path)
     fields.known(*SCENE_KEYS)
     fields.done()
@@ -136,21 +143,25 @@ def read_card(path: str | Path) -> Card:
 def card_from_fields(fields: Fields, path: Path) -> Card:
     """The card among the keys of a file; keys that are not a card's are left for the caller to ask for or refuse."""
     name = fields.text("name", readable(path.stem))
-    urdf = _urdf(fields, path)
+    urdf = _urdf(fields)
+    named = fields.access.by(urdf)
+    access = replace(named, area=urdf.parent) if fields.overridden("urdf") else named
     gravity = fields.vector("gravity", 3, "m/s^2", (0.0, 0.0, -9.81))
     floating = fields.flag("floating_base", False)
     friction = _friction(fields)
     payloads = tuple(_payload(entry) for entry in fields.mappings("payloads"))
     frames = _frames(fields.mapping("frames", {}))
     motions = fields.mapping("motions", {})
-    entries = {key: read_motion_entry(key, motions.mapping(key), path.parent) for key in motions}
+    entries = {key: read_motion_entry(key, motions.mapping(key)) for key in motions}
     check_references(entries)
     drives = fields.mapping("drives", {})
     motors = {joint: drive_from_fields(drives.mapping(joint)) for joint in drives}
     actuated = fields.raw("actuated", ())
     if not isinstance(actuated, (list, tuple)) or not all(isinstance(joint, str) for joint in actuated):
         raise fields.error("actuated", "expected a list of joints, such as [crank]")
-    return Card(name, path, urdf, gravity, floating, friction, payloads, frames, entries, motors, tuple(actuated))
+    return Card(
+        name, path, urdf, gravity, floating, friction, payloads, frames, entries, motors, tuple(actuated), access
+    )  # fmt: skip
 
 
 def _is_file(path: Path) -> bool:
@@ -160,17 +171,26 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def _urdf(fields: Fields, path: Path) -> Path:
-    text = fields.text("urdf")
-    beside = path.parent / file_name_here(text)
-    if _is_file(beside):
-        return beside.resolve()
-    if Path(text).suffix == ".urdf" or "/" in text:
-        raise fields.error("urdf", f"there is no file {beside}; give a path that starts at the card's folder")
+def _is_there(path: Path) -> bool:
+    """Whether there is something that is no folder; whether it can be read is for others to say."""
     try:
-        return catalog.find_urdf(text)
-    except InputError as error:
-        raise fields.error("urdf", str(error)) from None
+        return path.exists() and not path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
+def _urdf(fields: Fields) -> Path:
+    text = fields.text("urdf")
+    path_like = Path(text).suffix == ".urdf" or "/" in text
+    named = None if path_like or _is_there(fields.access.folder / file_name_here(text)) else catalog.find_named(text)
+    if named is not None:
+        return named
+    path = fields.file("urdf")
+    if _is_there(path):
+        return path.resolve()
+    if path_like:
+        raise fields.error("urdf", f"there is no file {path}; give a path that starts at the card's folder")
+    raise fields.error("urdf", among("robot", text, catalog.names()))
 
 
 def _friction(fields: Fields) -> str | dict[str, tuple[float, float]]:

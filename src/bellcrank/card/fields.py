@@ -14,6 +14,8 @@ import numpy as np
 from bellcrank.card.number_text import split_number
 from bellcrank.card.yaml_file import read_yaml, shown
 from bellcrank.errors import InputError, among
+from bellcrank.file_access import FileAccess
+from bellcrank.locale_text import file_name_here
 
 # Unit written in a file -> factor to the SI unit that the reader asked for.
 UNITS: Final[dict[str, dict[str, float]]] = {
@@ -88,21 +90,26 @@ def _wanted(unit: str) -> str:
 
 
 class Fields:
-    """One mapping of a file, read key by key; `done()` refuses what nobody asked for."""
+    """One mapping of a file, read key by key; `done()` refuses what nobody asked for. `access` says which files it may
+    name, by default those near the file `where`.
+    """
 
-    def __init__(self, data: Mapping[str, Any], where: str = "", path: str = "") -> None:
+    def __init__(
+        self, data: Mapping[str, Any], where: str = "", path: str = "", access: FileAccess | None = None
+    ) -> None:
         if not isinstance(data, Mapping):
             raise InputError(f"{_place(where, path)}: expected a mapping of keys to values, found {shown(data)}")
         self._data = data
         self.where = where
         self.path = path
+        self.access = FileAccess.of(where) if access is None else access
         self._asked: dict[str, None] = {}
         self._named: dict[str, None] = {}  # those that `known` names
 
     @classmethod
-    def from_file(cls, path: str | Path) -> Fields:
+    def from_file(cls, path: str | Path, access: FileAccess | None = None) -> Fields:
         """The top mapping of a YAML file; InputError as `read_yaml`."""
-        return cls(read_yaml(path), str(path))
+        return cls(read_yaml(path), str(path), access=access)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.keys())
@@ -135,7 +142,8 @@ class Fields:
         if key in self._data:
             return self._data[key]
         if default is _REQUIRED:
-            there = ", ".join(self.keys()) or "nothing"
+            keys = self.keys()
+            there = ", ".join(keys[:20]) + (f", … ({len(keys)} in all)" if len(keys) > 20 else "") or "nothing"
             near = difflib.get_close_matches(key, [name for name in self.keys() if name not in self._asked], n=1)
             hint = f"; did you mean '{key}' by '{near[0]}'?" if near else ""
             others = ", ".join(name for name in self._named if name not in self and name != key)
@@ -253,6 +261,20 @@ class Fields:
             return "1"
         return self.text(key, "1")
 
+    def file(self, key: str) -> Path:
+        """The path of the file that is named under a key, relative to the folder of this one.
+
+        Raises InputError where it is no text, and where the file may not be named (file_access.py); an override, which
+        the user writes, may name any.
+        """
+        name = self.text(key)
+        if self.overridden(key):
+            return self.access.folder / file_name_here(name)
+        try:
+            return self.access.path(name)
+        except InputError as error:
+            raise self.error(key, str(error)) from None
+
     def flag(self, key: str, default: bool) -> bool:
         """true or false; InputError otherwise."""
         value = self.raw(key, default)
@@ -274,7 +296,7 @@ class Fields:
         value = self.raw(key, default)
         if not isinstance(value, Mapping):
             raise self.error(key, f"expected a mapping of keys to values, found {shown(value)}")
-        return Fields(value, self.where, f"{self.path}.{key}" if self.path else key)
+        return Fields(value, self.where, f"{self.path}.{key}" if self.path else key, self.access)
 
     def mappings(self, key: str) -> list[Fields]:
         """The list of mappings under a key, empty where the key is missing; InputError otherwise."""
@@ -285,7 +307,7 @@ class Fields:
         for index, entry in enumerate(value):
             if not isinstance(entry, Mapping):
                 raise self.error(key, f"expected a list of mappings, found {shown(entry)} at place {index + 1}")
-        return [Fields(entry, self.where, f"{path}[{index + 1}]") for index, entry in enumerate(value)]
+        return [Fields(entry, self.where, f"{path}[{index + 1}]", self.access) for index, entry in enumerate(value)]
 
     def done(self) -> None:
         """Refuse keys that were not asked for, with the nearest known one (InputError)."""

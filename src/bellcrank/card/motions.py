@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank.card.fields import Fields, parse_number
@@ -26,6 +25,8 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
 KINDS = ("circle", "line", "waypoints", "dwell", "csv", "join")
+MOST_PARTS = 10_000  # of a join, those of joins in it counted one by one
+MOST_JOINS = 50  # in each other
 PROFILES = ("constant", "trapezoid", "quintic", "s_curve")
 Posture = dict[str, float] | tuple[float, ...]
 
@@ -53,30 +54,43 @@ class MotionEntry:
             raise type(error)(f"{self.fields.error('', str(error))}") from None
 
 
-def read_motion_entry(name: str, fields: Fields, folder: Path) -> MotionEntry:
+def read_motion_entry(name: str, fields: Fields) -> MotionEntry:
     """Check one motion's mapping; InputError names file, key, what was expected and what there is."""
     kind = fields.choice("kind", KINDS)
-    arguments = _READ[kind](fields, name, folder)
+    arguments = _READ[kind](fields, name)
     fields.done()
     return MotionEntry(name, kind, arguments, fields)
 
 
 def check_references(entries: Mapping[str, MotionEntry]) -> None:
-    """Refuse a join of an unknown motion, or of itself (InputError)."""
+    """Refuse a join of an unknown motion or of itself, and one of more than MOST_PARTS parts once those of the motions
+    that it names are counted (InputError).
+    """
+    known: dict[str, tuple[int, int]] = {}  # parts, and how deep joins stand in each other
 
-    def visit(entry: MotionEntry, above: tuple[str, ...]) -> None:
+    def visit(entry: MotionEntry, above: tuple[str, ...]) -> tuple[int, int]:
+        count, depth = 0 if entry.kind == "join" else 1, 0
         for part in entry.arguments.get("parts", ()):
             if isinstance(part, MotionEntry):
-                visit(part, above)
+                inside = visit(part, above)
             elif part not in entries:
                 raise entry.fields.error("parts", among("motion", part, entries))
             elif part in above:
                 raise entry.fields.error("parts", f"the motion '{part}' is joined to itself")
             else:
-                visit(entries[part], (*above, part))
+                if part not in known and len(above) < MOST_JOINS:
+                    known[part] = visit(entries[part], (*above, part))
+                inside = known.get(part, (0, MOST_JOINS))
+            count, depth = count + inside[0], max(depth, inside[1] + 1)
+        if count > MOST_PARTS:
+            raise entry.fields.error("parts", f"expected a join of at most {MOST_PARTS} motions, found {count}")
+        if depth > MOST_JOINS:
+            raise entry.fields.error("parts", f"joins stand more than {MOST_JOINS} deep in each other")
+        return count, depth
 
     for name, entry in entries.items():
-        visit(entry, (name,))
+        if name not in known:
+            known[name] = visit(entry, (name,))
 
 
 def csv_texts(entries: Iterable[MotionEntry]) -> Iterator[tuple[str, str]]:
@@ -140,7 +154,7 @@ def _read_coordinates(fields: Fields) -> tuple[str, ...]:
     return tuple(dict.fromkeys(map(str, given)))
 
 
-def _read_circle(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
+def _read_circle(fields: Fields, name: str) -> dict[str, Any]:
     return _read_timing(fields, "constant") | {
         "center": fields.vector("center", 3, "m"),
         "radius": fields.number("radius", "m", positive=True),
@@ -149,7 +163,7 @@ def _read_circle(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
     }
 
 
-def _read_line(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
+def _read_line(fields: Fields, name: str) -> dict[str, Any]:
     values = _read_timing(fields, "quintic") | {"end": fields.vector("end", 3, "m")}
     if "begin" in fields:
         values["begin"] = fields.vector("begin", 3, "m")
@@ -157,7 +171,7 @@ def _read_line(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
     return values
 
 
-def _read_waypoints(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
+def _read_waypoints(fields: Fields, name: str) -> dict[str, Any]:
     times, positions = fields.numbers("times", "s"), fields.raw("positions")
     if not isinstance(positions, (list, tuple)):
         raise fields.error("positions", f"expected a list of postures, found {shown(positions)}")
@@ -174,7 +188,7 @@ def _read_waypoints(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
     }
 
 
-def _read_dwell(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
+def _read_dwell(fields: Fields, name: str) -> dict[str, Any]:
     values: dict[str, Any] = {"duration": fields.number("duration", "s", positive=True)}
     if "position" in fields:
         values["position"] = read_posture(fields, "position")
@@ -182,17 +196,17 @@ def _read_dwell(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
     return values
 
 
-def _read_csv(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
+def _read_csv(fields: Fields, name: str) -> dict[str, Any]:
     from bellcrank.motion.csv_file import motion_text
 
-    path = folder / fields.text("file")
+    path = fields.file("file")
     try:
         return {"path": path, "text": motion_text(path)}  # read now, so that a card is what it was when it was loaded
     except InputError:
         return {"path": path, "text": None}  # whoever asks for the motion is told
 
 
-def _read_join(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
+def _read_join(fields: Fields, name: str) -> dict[str, Any]:
     raw = fields.raw("parts")
     if not isinstance(raw, (list, tuple)) or not raw:
         raise fields.error("parts", f"expected a list of motions, found {shown(raw)}")
@@ -201,8 +215,8 @@ def _read_join(fields: Fields, name: str, folder: Path) -> dict[str, Any]:
         if isinstance(entry, str):
             parts.append(entry)
         elif isinstance(entry, Mapping):
-            place = Fields(entry, fields.where, f"{fields.path}.parts[{index + 1}]")
-            parts.append(read_motion_entry(f"{name} part {index + 1}", place, folder))
+            place = Fields(entry, fields.where, f"{fields.path}.parts[{index + 1}]", fields.access)
+            parts.append(read_motion_entry(f"{name} part {index + 1}", place))
         else:
             raise fields.error("parts", f"expected names of motions or mappings, found {shown(entry)}")
     return {"parts": tuple(parts)}
@@ -264,7 +278,7 @@ def _build_join(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEn
     return join(*motions, name=entry.name)
 
 
-_READ: dict[str, Callable[[Fields, str, Path], dict[str, Any]]] = {
+_READ: dict[str, Callable[[Fields, str], dict[str, Any]]] = {
     "circle": _read_circle,
     "line": _read_line,
     "waypoints": _read_waypoints,

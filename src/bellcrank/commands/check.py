@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from bellcrank.commands.trust import add_trust
 from bellcrank.urdf.catalog import find_urdf
 from bellcrank.urdf.check import check_urdf, format_findings
 from bellcrank.urdf.xml_tree import parse_xml, read_text
@@ -12,6 +13,7 @@ from bellcrank.urdf.xml_tree import parse_xml, read_text
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Give the parser the arguments of ``bellcrank check``."""
     parser.add_argument("files", metavar="FILE", nargs="+", help="URDF files, or names of robots such as ur5")
+    add_trust(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -24,7 +26,7 @@ def run(args: argparse.Namespace) -> int:
         parse_xml(read_text(path), path)
     status = 0
     for path in paths:
-        findings = check_urdf(path)
+        findings = check_urdf(path, trust=args.trust)
         print(f"{path}:\n{format_findings(findings)}", flush=True)
         if any(found.severity == "error" for found in findings):
             status = 1

@@ -8,9 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bellcrank.commands.size import add_allow_massless
+from bellcrank.commands.trust import add_trust
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
+    from bellcrank.card.card import Card
+    from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory import Trajectory
     from bellcrank.sizing.result import Sizing
 
@@ -29,6 +32,7 @@ def add_shown(parser: argparse.ArgumentParser) -> None:
         "the card or CSV file; may be repeated",
     )  # fmt: skip
     add_allow_massless(parser)
+    add_trust(parser)
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--simulate", action="store_true", help="simulate a card that has both drives and a start")
     what.add_argument("--size", action="store_true", help="size a scene that has motions")
@@ -55,9 +59,10 @@ def check_writable(option: str, out: Path) -> None:
 
 def shown(arguments: argparse.Namespace) -> Trajectory | Sizing:
     """The run or sizing that the arguments mean. Raises BellcrankError."""
-    from bellcrank.card.card import find_card
+    from bellcrank.card.card import find_card, load_card
     from bellcrank.card.yaml_file import read_yaml
     from bellcrank.replays.replay import find_run
+    from bellcrank.scene.scene import load_scene
     from bellcrank.simulation.run_file import load_run
 
     name, simulated, sized = arguments.run, arguments.simulate, arguments.size or bool(arguments.motion)
@@ -70,28 +75,26 @@ def shown(arguments: argparse.Namespace) -> Trajectory | Sizing:
                 "simulate" if simulated else "motion" if arguments.motion else "size" if sized else "allow-massless"
             )
             raise InputError(f"--{option} is for a scene or card; {name} is a run already")
-        return load_run(find_run(path))
+        return load_run(find_run(path), trust=arguments.trust)
     source, urdf = find_card(name)
     data = {} if urdf else read_yaml(source)
     if sized or (not simulated and "motions" in data and ("drives" in data or data.keys().isdisjoint(_MOVED))):
-        return _sized(name, arguments.motion, arguments.allow_massless)
+        return _sized(load_card(name, trust=arguments.trust), arguments.motion, arguments.allow_massless)
     if arguments.allow_massless:
         raise InputError(f"--allow-massless is for sizing; {name} is simulated")
-    return _simulated(name)
+    return _simulated(load_scene(name, trust=arguments.trust))
 
 
-def _sized(name: str, motions: list[str], allow_massless: list[str]) -> Sizing:
+def _sized(card: Card, motions: list[str], allow_massless: list[str]) -> Sizing:
     from bellcrank.sizing.front import size
 
-    return size(name, motions or None, allow_massless=allow_massless)
+    return size(card, motions or None, allow_massless=allow_massless)
 
 
-def _simulated(name: str) -> Trajectory:
+def _simulated(scene: Scene) -> Trajectory:
     from bellcrank.commands.simulate import simulated_bar
-    from bellcrank.scene.scene import load_scene
     from bellcrank.simulation.simulate import simulate
 
-    scene = load_scene(name)
     with simulated_bar(scene.settings.duration) as progress:
         run = simulate(scene, progress=progress)
         progress(float(run.time[-1]))

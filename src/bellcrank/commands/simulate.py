@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank.commands.options import number_option, whole_option
+from bellcrank.commands.trust import add_trust
 from bellcrank.errors import InputError
 from bellcrank.progress import bars
 
@@ -38,6 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="changes",
         help="change the scene, such as initial.shoulder='10 deg'; may be repeated",
     )  # fmt: skip
+    add_trust(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for the files (default: SCENE_run, here)")
     parser.add_argument(
         "--csv", action="store_true", help=f"write run.csv also where the run has more than {CSV_ROWS} rows"
@@ -71,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
     changes = dict(parse_assignment(text) for text in arguments.changes)
     folder = arguments.out or Path(f"{Path(arguments.scene).stem}_run")
     _check_folder(folder)
-    scene = load_scene(arguments.scene)
+    scene = load_scene(arguments.scene, trust=arguments.trust)
     if changes:
         scene = scene.with_overrides(changes)
     _check_frames(scene.robot, arguments.frame)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from bellcrank.card.fields import parse_number
 from bellcrank.card.yaml_file import shown
 from bellcrank.commands.options import number_option
+from bellcrank.commands.trust import add_trust
 from bellcrank.errors import InputError
 from bellcrank.robot.payload import Payload
 
@@ -44,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "off, such as 10%%",
     )
     add_allow_massless(parser)
+    add_trust(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for the files (default: ROBOT_sizing, here)")
     parser.add_argument("--no-plots", action="store_true", help="write no pictures")
 
@@ -77,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
         )
     payloads = [parse_payload(text) for text in arguments.payload]
     tolerance = parse_share(arguments.mass_tolerance)
-    card = load_card(arguments.robot)
+    card = load_card(arguments.robot, trust=arguments.trust)
     sizing = size(
         card, arguments.motion or None, None, tolerance, payloads=payloads, allow_massless=arguments.allow_massless
     )

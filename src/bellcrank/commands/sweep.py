@@ -7,6 +7,7 @@ from pathlib import Path
 
 from bellcrank.commands.options import whole_option
 from bellcrank.commands.simulate import _check_folder as check_folder
+from bellcrank.commands.trust import add_trust
 from bellcrank.errors import InputError, among
 from bellcrank.progress import counting
 
@@ -30,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="what the table and the picture show, such as lock.time; may be repeated (the files hold all of them)",
     )  # fmt: skip
     parser.add_argument("--threads", metavar="N", help="how many designs run at once (default: the machine's threads)")
+    add_trust(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for the files (default: SCENE_sweep, here)")
     parser.add_argument("--no-plots", action="store_true", help="write no picture")
 
@@ -53,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     changes = dict(parse_assignment(text) for text in arguments.changes)
     folder = arguments.out or Path(f"{Path(arguments.scene).stem}_sweep")
     check_folder(folder)
-    scene = load_scene(arguments.scene)
+    scene = load_scene(arguments.scene, trust=arguments.trust)
     with counting("check", " values") as checking, counting("sweep", " designs") as progress:
         result = sweep(scene, vary, overrides=changes, threads=threads, progress=progress, checking=checking)
     measures = arguments.measures or None

@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 
 from bellcrank.card.fields import Fields
 from bellcrank.card.number_text import decimal_number
-from bellcrank.card.yaml_file import read_yaml
+from bellcrank.card.yaml_file import read_yaml, shown
 from bellcrank.constraints.constraint import Constraint
 from bellcrank.constraints.joint_relations import Coupling
 from bellcrank.constraints.loops import WORLD, Hinge, Point, Weld
 from bellcrank.errors import InputError, among
+from bellcrank.file_access import read_bytes
 from bellcrank.robot.robot import Robot
 
 Array = NDArray[np.float64]
@@ -48,7 +49,9 @@ def read_gepetto(path: str | Path) -> GepettoLoops:
     if not isinstance(pairs, list) or not all(isinstance(p, list) and len(p) == 2 for p in pairs):
         raise InputError(f"{path}: closed_loop: expected a list of pairs of frames, such as [[loop_A, loop_B]]")
     if not isinstance(kinds, list) or len(kinds) != len(pairs):
-        raise InputError(f"{path}: type: expected one of 3d and 6d for each of the {len(pairs)} loops, found {kinds}")
+        raise InputError(
+            f"{path}: type: expected one of 3d and 6d for each of the {len(pairs)} loops, found {shown(kinds)}"
+        )
     for kind in kinds:
         if str(kind).lower() not in ("3d", "6d"):
             raise InputError(f"{path}: type: {among('type', str(kind), ['3d', '6d'])}")
@@ -64,7 +67,7 @@ def read_gepetto(path: str | Path) -> GepettoLoops:
 
 def read_foreign(kind: str, name: str, read: Fields, robot: Robot) -> list[Constraint]:
     """The closures of the file under the key `file`, named NAME_1, NAME_2, … InputError naming file and key."""
-    path = Path(read.where).parent / read.text("file")
+    path = read.file("file")
     try:
         found = READERS[kind](path, name, read, robot)
     except InputError as error:
@@ -80,8 +83,8 @@ def foreign_motors(closures: Sequence[Constraint], robot: Robot) -> tuple[str, .
     """The joints with motors (`name_mot`) of the Gepetto files that closures were read from; InputError naming file."""
     files = {c.place.raw("file"): c.place for c in closures if c.place.raw("kind", None) == "gepetto"}
     found: list[str] = []
-    for file, place in files.items():
-        path = Path(place.where).parent / str(file)
+    for place in files.values():
+        path = place.file("file")
         for name in read_gepetto(path).motors:
             if name not in robot.joint_names:
                 raise place.error("file", f"{path}: name_mot: {among('joint', name, robot.joint_names)}")
@@ -109,6 +112,10 @@ def _mjcf(path: Path, name: str, read: Fields, robot: Robot) -> list[Constraint]
     import pinocchio as pin
 
     root = _xml(path)
+    if root.tag != "mujoco":
+        raise InputError(f"{path}: expected an MJCF file with a <mujoco>")
+    if root.find(".//include") is not None:
+        raise InputError(f"{path}: its <include> is not read; write what it includes in its place")
     try:
         model, loops = pin.buildModelAndLegacyConstraintsFromMJCF(str(path))[:2]
     except Exception as error:  # Pinocchio raises whatever its parsers do
@@ -223,11 +230,7 @@ def _twelve(pose: Array) -> tuple[float, ...]:
 
 def _xml(path: Path) -> ET.Element:
     try:
-        return ET.fromstring(path.read_bytes())
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+        return ET.fromstring(read_bytes(path))
     except ET.ParseError as error:
         raise InputError(f"{path}: not XML: {error}") from None
 

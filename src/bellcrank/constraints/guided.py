@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from bellcrank.constraints.frame_follow import FrameFollower
 from bellcrank.constraints.frame_joints import carrying, frames_drawn
 from bellcrank.constraints.start import consistent_posture
 from bellcrank.errors import BellcrankError, InputError, among
-from bellcrank.motion.csv_file import read_motion
+from bellcrank.motion.csv_file import motion_text, read_motion
 from bellcrank.motion.motion import Motion, dwell, join
 
 if TYPE_CHECKING:
@@ -41,15 +42,16 @@ def guided_motion(
             return along, _independent(chain, along, independent)
         given = _given(entry, robot, card.motions)
         if entry.kind == "csv":
-            whole = read_partial_motion(robot, entry.arguments["path"], entry.name)
+            whole = read_partial_motion(robot, entry.arguments["path"], entry.name, entry.arguments["text"])
         else:
             whole = chain.given.motion(str(motion))
             moved = changed_lengths(chain.given)
             if moved and any(frames_drawn(entry, card.motions)):
                 whole = replace(whole, notes=(*whole.notes, path_note(whole.name, moved)))
     elif Path(motion).suffix or "/" in str(motion):
-        whole = read_partial_motion(robot, Path(motion), Path(motion).stem)
-        given = _columns(robot, Path(motion))
+        text = motion_text(Path(motion))
+        whole = read_partial_motion(robot, Path(motion), Path(motion).stem, text)
+        given = _columns(robot, text)
     else:
         raise InputError(f"{chain.given.source}: {among('motion', str(motion), card.motions)}, nor a file of that name")
     if len(whole.joints) != len(robot.joints) or whole.nq != robot.nq:
@@ -120,7 +122,7 @@ def _part(chain: Chain, entry: MotionEntry, entries: Mapping[str, MotionEntry], 
         return dwell(chain.robot, previous, entry.arguments["duration"], name=entry.name)
     given = _given(entry, chain.robot, entries)
     whole = (
-        read_partial_motion(chain.robot, entry.arguments["path"], entry.name)
+        read_partial_motion(chain.robot, entry.arguments["path"], entry.name, entry.arguments["text"])
         if entry.kind == "csv"
         else entry.build(chain.robot, entries, previous)
     )
@@ -176,7 +178,7 @@ def _given(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEntry])
     if entry.kind in ("circle", "line"):
         return one & set(carrying(robot, entry.arguments["frame"]))
     if entry.kind == "csv":
-        return _columns(robot, entry.arguments["path"])
+        return _columns(robot, entry.arguments["text"])
     if entry.kind == "join":
         parts = [entries[part] if isinstance(part, str) else part for part in entry.arguments["parts"]]
         found = [_given(p, robot, entries) for p in parts if p.kind != "dwell" or "position" in p.arguments]
@@ -197,17 +199,18 @@ class _Some:
     upper: Array
 
 
-def read_partial_motion(robot: Robot, path: Path, name: str) -> Motion:
+def read_partial_motion(robot: Robot, path: Path, name: str, text: str | None = None) -> Motion:
     """A CSV motion (motion/csv_file.py) in which some one-degree-of-freedom joints may be left out; they stay at 0.
-    Raises InputError.
+    `text` is what the file holds, where it was read before. Raises InputError.
     """
-    there = _columns(robot, path)
+    text = motion_text(path) if text is None else text
+    there = _columns(robot, text)
     some = [joint for joint in robot.joints if joint.name in there]
     if not some or len(some) == len(robot.joints):
-        return read_motion(robot, path, name)
+        return read_motion(robot, path, name, text)
     joints = tuple(replace(joint, q=k, v=k) for k, joint in enumerate(some))
     q, v = [joint.q for joint in some], [joint.v for joint in some]
-    found = read_motion(cast(Any, _Some(robot.name, joints, robot.lower[q], robot.upper[q])), path, name)
+    found = read_motion(cast(Any, _Some(robot.name, joints, robot.lower[q], robot.upper[q])), path, name, text)
     position = np.tile(robot.neutral, (len(found), 1))
     velocity, acceleration = np.zeros((len(found), robot.nv)), np.zeros((len(found), robot.nv))
     position[:, q], velocity[:, v], acceleration[:, v] = found.position, found.velocity, found.acceleration
@@ -219,12 +222,12 @@ def read_partial_motion(robot: Robot, path: Path, name: str) -> Motion:
     )  # fmt: skip
 
 
-def _columns(robot: Robot, path: Path) -> set[str]:
-    """The one-degree-of-freedom joints whose positions are columns of a CSV file; none where it cannot be read."""
+def _columns(robot: Robot, text: str | None) -> set[str]:
+    """The one-degree-of-freedom joints whose positions are columns of a CSV text; none where it could not be read."""
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            header = next((row for row in csv.reader(file) if any(cell.strip() for cell in row)), [])
-    except (OSError, ValueError, csv.Error):
+        rows = csv.reader(io.StringIO(text or ""))
+        header = next((row for row in rows if any(cell.strip() for cell in row)), [])
+    except csv.Error:
         return set()
     titles = {" ".join(cell.split()).partition(" [")[0] for cell in header}
     return {joint.name for joint in robot.joints if joint.nv == 1 and f"{joint.name} position" in titles}

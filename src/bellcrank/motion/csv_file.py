@@ -17,6 +17,7 @@ import numpy as np
 
 from bellcrank.card.number_text import decimal_number
 from bellcrank.errors import InputError, among
+from bellcrank.file_access import MOST_TABLE, read_text
 from bellcrank.locale_text import readable
 from bellcrank.motion.coordinates import Array, JointLike, position_labels, velocity_labels
 from bellcrank.motion.csv_table import ROWS, write_table
@@ -159,13 +160,7 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: s
 
 def motion_text(file: Path) -> str:
     """The text of a motion's file. Raises InputError, one sentence with the file."""
-    try:
-        return file.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(f"{file}: not a text file in UTF-8, so not a CSV motion") from None
-    except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"{file}: cannot read the motion: {why}") from None
+    return read_text(file, MOST_TABLE)
 
 
 def _table(file: Path, text: str) -> tuple[list[str], Array]:
@@ -180,6 +175,8 @@ def _table(file: Path, text: str) -> tuple[list[str], Array]:
     header = [" ".join(cell.split()) for cell in lines[0][1]]
     if len(header) == 1 and ";" in header[0]:
         raise InputError(f"{file}: the columns are separated by ';', expected ',' (and '.' in the numbers)")
+    if all(_label(title) != "time" for title in header):  # no motion, and nothing of it is told
+        raise InputError(f"{file}: column 'time [s]' is missing; expected a header 'time [s],JOINT position [rad],…'")
     if len(lines) < 3:
         raise InputError(f"{file}: a motion needs at least 2 rows of numbers, got {len(lines) - 1}")
     table = np.empty((len(lines) - 1, len(header)))
@@ -202,6 +199,12 @@ def _table(file: Path, text: str) -> tuple[list[str], Array]:
                 )
             table[k, column] = value
     return header, table
+
+
+def _label(title: str) -> str:
+    """The title of a column without its unit."""
+    match = _HEADER.match(title)
+    return match["name"] if match else title
 
 
 def _refuse_free_base(file: Path, robot: Robot, header: list[str]) -> None:

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from bellcrank.card.number_text import decimal_number
+from bellcrank.errors import InputError
+from bellcrank.file_access import FileAccess, read_bytes
 from bellcrank.motion.rotations import from_rpy
 from bellcrank.replays.colours import GREY, Colour, clipped, texture_colour
 from bellcrank.replays.film import Shape
@@ -30,9 +32,12 @@ class Drawing:
 
 
 class DrawingReader:
-    """Reads the elements of one URDF; `notes` says in phrases what could not be read."""
+    """Reads the elements of one URDF; `notes` says in phrases what could not be read. `access` says which files the
+    URDF may name, by default those near it.
+    """
 
-    def __init__(self, root: Element, source: Path) -> None:
+    def __init__(self, root: Element, source: Path, access: FileAccess | None = None) -> None:
+        self.access = FileAccess.of(source.resolve()) if access is None else access
         self.source, self.notes, self.textured = source, list[str](), False
         self.paths: dict[str, Path | None] = {}
         named = [e for e in root.walk() if e.tag == "material" and e.attributes.get("name")]
@@ -83,7 +88,7 @@ class DrawingReader:
             if not name or 0.0 in scale:
                 raise ValueError("its mesh has no filename" if not name else "its mesh has a scale of 0")
             if name not in self.paths:
-                self.paths[name] = find_mesh(name, self.source)
+                self.paths[name] = find_mesh(name, self.source, self.access)
             return [Drawing(Shape("mesh", scale, colour, where), name, self.paths[name])]
         raise ValueError(f"<{solid.tag[:30]}> is not known")
 
@@ -107,11 +112,10 @@ class DrawingReader:
         if texture is None:
             return None
         self.textured = True
-        path = find_mesh(texture.attributes.get("filename", ""), self.source)
+        path = find_mesh(texture.attributes.get("filename", ""), self.source, self.access)
         try:
-            small = path is not None and path.stat().st_size <= MOST_TEXTURE
-            return texture_colour(path.read_bytes() if path is not None and small else None) or GREY
-        except OSError:
+            return texture_colour(None if path is None else read_bytes(path, MOST_TEXTURE)) or GREY
+        except InputError:
             return GREY
 
 

@@ -17,11 +17,14 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from bellcrank.errors import InputError
+from bellcrank.file_access import FileAccess, read_bytes
 from bellcrank.machine_code import cache as disk
 from bellcrank.replays.colours import Colour
 from bellcrank.replays.film import Mesh
 from bellcrank.replays.mesh_files import MeshError, named_files, read_parts
 from bellcrank.replays.simplify import Simplifier, weld
+from bellcrank.urdf.mesh_path import find_beside
 
 Detail = Literal["reduced", "full"]
 Ladder = tuple[float, ...]
@@ -57,19 +60,20 @@ def load_meshes(
     size: float,
     detail: Detail = "reduced",
     progress: Progress = lambda share: None,
+    access: FileAccess | None = None,
 ) -> Meshes:
     """The meshes of files, each used at these scales (m to the file's unit), of a robot of `size` (m).
 
     Vertices are in the file's own unit, each place one vertex. Files of the same content share their meshes.
     A file that cannot be drawn raises nothing, it is among the failures. `progress` hears the share that is done of
-    what is not in the cache.
+    what is not in the cache. `access` says which files the mesh files may name, by default those near each.
     """
     files: dict[str, _File] = {}
     keys: dict[Path, str] = {}
     failures: dict[Path, str] = {}
     for path, scales in uses.items():
         try:
-            file = _File(path)
+            file = _File(path, FileAccess.of(path) if access is None else access)
         except MeshError as error:
             failures[path] = str(error)
             continue
@@ -96,7 +100,8 @@ def load_meshes(
 class _File:
     """A mesh file's content and, once needed, its surfaces, simplified to the end of a ladder."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, access: FileAccess) -> None:
+        self.access = access
         self.path, self.scales, self.failure = path, list[float](), ""
         self.data = _content(path)
         self._surfaces: list[tuple[Simplifier, Colour | None, int]] | None = None
@@ -112,17 +117,12 @@ class _File:
                 yield from self._named(content, ".mtl")
 
     def beside(self, name: str) -> bytes | None:
-        """What a file holds that this one names: one below the folder above this one's, or None."""
-        folder = self.path.parent
-        plain = name.removeprefix("file://").replace("\\", "/")
-        for candidate in (plain, plain.rpartition("/")[2]):
-            try:
-                found = (folder / candidate).resolve()
-                if candidate and found.is_relative_to(folder.resolve().parent) and found.is_file():
-                    return _content(found)
-            except (OSError, ValueError, MeshError):
-                continue
-        return None
+        """What a file holds that this one names, or None."""
+        path = find_beside(name, self.path, self.access)
+        try:
+            return None if path is None else _content(path)
+        except MeshError:
+            return None
 
     def surfaces(self, ladder: Ladder) -> list[tuple[Simplifier, Colour | None, int]]:
         """Each part's surface at the end of a ladder (m), its colour and how many faces it had; empty on failure."""
@@ -150,12 +150,9 @@ class _File:
 
 def _content(path: Path) -> bytes:
     try:
-        size = path.stat().st_size
-        if size > MOST_BYTES:
-            raise MeshError(f"has {size / 2**20:.0f} MB, more than the {MOST_BYTES / 2**20:.0f} MB that are read")
-        return path.read_bytes()
-    except OSError as error:
-        raise MeshError(f"cannot be read ({error.strerror})") from None
+        return read_bytes(path, MOST_BYTES)
+    except InputError as error:
+        raise MeshError(str(error).removeprefix(f"{path}: ")) from None
 
 
 def _climbed(files: Collection[_File], size: float, progress: Progress) -> Ladder:

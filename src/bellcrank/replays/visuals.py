@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank.file_access import FileAccess
 from bellcrank.replays.colours import Colour
 from bellcrank.replays.drawings import UNCOLOURED, Drawing, DrawingReader
 from bellcrank.replays.film import Body, Shape
 from bellcrank.replays.meshes import Detail, Meshes, load_meshes
 from bellcrank.replays.skeleton import Skeleton, placement
 from bellcrank.replays.stand_in import inertia_box, stand_ins
+from bellcrank.urdf.mesh_path import looked_for
 from bellcrank.urdf.xml_tree import parse_xml
 
 if TYPE_CHECKING:
@@ -47,10 +49,10 @@ def bodies(
     """
     urdf = robot.urdf
     root = parse_xml(urdf.text, urdf.source)
-    reader, skeleton = DrawingReader(root, robot.mesh_source), Skeleton(urdf, robot.user_frames)
+    reader, skeleton = DrawingReader(root, robot.mesh_source, robot.mesh_access), Skeleton(urdf, robot.user_frames)
     elements = {element.attributes.get("name", "").strip(): element for element in root.find_all("link")}
     drawings = {link: reader.drawings(elements[link], "visual") for link in urdf.links}
-    meshes = _meshes(drawings, skeleton.size, detail, progress)
+    meshes = _meshes(drawings, skeleton.size, detail, progress, robot.mesh_access)
     colours = _colours(skeleton)
 
     def drawn(source: Drawings) -> dict[str, tuple[Shape, ...]]:
@@ -62,7 +64,7 @@ def bodies(
     collisions = {link: reader.drawings(elements[link], "collision") for links in bare.values() for link in links}
     if collisions:
         everything = {link: drawings[link] + collisions.get(link, ()) for link in drawings}
-        meshes = _meshes(everything, skeleton.size, detail, progress)
+        meshes = _meshes(everything, skeleton.size, detail, progress, robot.mesh_access)
         for link, found in drawn(collisions).items():
             near = (s for s in found if _extent(s) <= MOST_HINT * (skeleton.size or np.inf))
             shapes[link] = tuple(replace(s, stand_in=True) for s in near)
@@ -76,18 +78,20 @@ def bodies(
             inertia_box(load.mass, inertia, placement(load.cg, (0, 0, 0)), skeleton.scale, LOAD),
         )
     names = [name for name in dict.fromkeys(robot.frame_names) if shapes.get(name)]
-    notes = [*reader.notes, *_file_notes(drawings, meshes), *_simplified_notes(drawings, meshes)]
+    notes = [*reader.notes, *_file_notes(drawings, meshes, robot), *_simplified_notes(drawings, meshes)]
     if reader.textured:
         notes.append("textures are shown as their mean colours")
     return tuple(Body(name, shapes[name]) for name in names), tuple(notes)
 
 
-def _meshes(drawings: Drawings, size: float, detail: Detail, progress: Callable[[float], None]) -> Meshes:
+def _meshes(
+    drawings: Drawings, size: float, detail: Detail, progress: Callable[[float], None], access: FileAccess
+) -> Meshes:
     uses: dict[Path, list[float]] = {}
     for drawing in (d for found in drawings.values() for d in found):
         if drawing.path is not None:
             uses.setdefault(drawing.path, []).append(max(abs(x) for x in drawing.shape.size))
-    return load_meshes(uses, size, detail, progress)
+    return load_meshes(uses, size, detail, progress, access)
 
 
 def _shapes(drawing: Drawing, meshes: Meshes, colour: Colour) -> Iterable[Shape]:
@@ -135,7 +139,7 @@ def _colours(skeleton: Skeleton) -> dict[str, Colour]:
     return chosen
 
 
-def _file_notes(drawings: Drawings, meshes: Meshes) -> Iterable[str]:
+def _file_notes(drawings: Drawings, meshes: Meshes, robot: Robot) -> Iterable[str]:
     """What became of each mesh file that is not drawn: missing ones together, broken ones one by one."""
     missing: dict[str, list[str]] = {}
     broken: dict[Path, list[str]] = {}
@@ -149,7 +153,8 @@ def _file_notes(drawings: Drawings, meshes: Meshes) -> Iterable[str]:
         files = [_short(name) for name in missing]
         links = [f"'{link}'" for link in dict.fromkeys(link for users in missing.values() for link in users)]
         count = f"{len(files)} mesh files were" if len(files) > 1 else "a mesh file was"
-        yield f"{count} not found: {_listed(files)}, of link{'s' * (len(links) > 1)} {_listed(links)}"
+        beyond = looked_for(missing, robot.mesh_source, robot.mesh_access)
+        yield f"{count} not found: {_listed(files)}, of link{'s' * (len(links) > 1)} {_listed(links)}{beyond}"
     for path, users in broken.items():
         links = [f"'{link}'" for link in dict.fromkeys(users)]
         yield f"the mesh file {_short(path.name)} of {_listed(links)} is not drawn: it {meshes.failures[path]}"

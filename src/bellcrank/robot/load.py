@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bellcrank.errors import InputError
+from bellcrank.file_access import FileAccess, Trust
 from bellcrank.machine_code import cache as disk
 from bellcrank.robot.friction import Friction
 from bellcrank.robot.payload import Payload
@@ -35,6 +36,7 @@ def load_robot(
     frames: FrameTable | None = None,
     clean: bool = True,
     friction_width: float = FRICTION_WIDTH,
+    trust: Trust = (),
 ) -> Robot:
     """Load a URDF from disk, by the name of a shipped one, or by a name of example-robot-data ("ur5", "talos", …).
 
@@ -42,7 +44,8 @@ def load_robot(
     gives it), "none", or {joint: (viscous N m s/rad, coulomb N m)}, Coulomb friction smoothed over
     `friction_width` (rad/s, m/s); payloads fixed to frames; rotor_inertia {joint: kg m²} as felt at the joint;
     frames {name: (link, xyz, rpy)} adds frames to the URDF's own; clean=False keeps residues of rounded
-    rotations. Raises InputError, one sentence, for anything wrong with the file or the arguments.
+    rotations. Meshes that the URDF names are drawn from files near it, or in the folders `trust`
+    (file_access.py). Raises InputError, one sentence, for anything wrong with the file or the arguments.
     """
     try:
         g = tuple(float(x) for x in gravity)
@@ -68,11 +71,13 @@ def load_robot(
     if data is None:
         data = _read(source, text, floating_base, loads, table, clean)
         disk.store(key, json.dumps(data).encode())
-    return Robot(
+    robot = Robot(
         source, text, data, gravity=g, floating_base=floating_base, friction=friction,
         friction_width=float(friction_width), payloads=loads, rotor_inertia=rotor_inertia or {}, frames=table,
         clean=clean,
     )  # fmt: skip
+    robot.mesh_access = FileAccess.of(source.resolve(), trust)
+    return robot
 
 
 _SIZES = {"revolute": (1, 1), "prismatic": (1, 1), "planar": (4, 3), "floating": (7, 6)}  # nq, nv

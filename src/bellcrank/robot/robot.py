@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from bellcrank.derived import Portable, cached_property
 from bellcrank.errors import InputError, among
+from bellcrank.file_access import FileAccess
 from bellcrank.machine_code import cache as disk
 from bellcrank.machine_code.compile import Compiled, compiled
 from bellcrank.robot.equations import Equations
@@ -67,6 +68,7 @@ class Robot(Portable):
     ) -> None:
         self.source, self._text, self._data = source, text, data
         self.mesh_source = source  # the URDF that names of mesh files are relative to
+        self.mesh_access = FileAccess.of(source.resolve())  # which of them are read
         self.name: str = data["name"]
         self.gravity = _frozen(gravity)
         self.findings: tuple[str, ...] = tuple(data["findings"])  # errors that `bellcrank check` finds in the elements
@@ -402,10 +404,12 @@ class Robot(Portable):
         rotor = {j.name: float(self.rotor_inertia[j.v]) for j in self.joints if j.nv == 1 and self.rotor_inertia[j.v]}
         from bellcrank.robot.load import load_robot
 
-        return load_robot(
+        robot = load_robot(
             self.source, tuple(self.gravity), self.floating_base, self._friction, payloads=(*self.payloads, *payloads),
             rotor_inertia=rotor, frames=self.user_frames, clean=self._clean, friction_width=self.friction_width,
         )  # fmt: skip
+        robot.mesh_source, robot.mesh_access = self.mesh_source, self.mesh_access
+        return robot
 
     # ---- checks
 

@@ -157,7 +157,7 @@ class Wrench(Part):
                 if key in read:
                     raise read.error(key, f"a wrench takes its {key} from the 'file'; leave out one of them")
             interpolation = read.choice("interpolation", INTERPOLATIONS, "linear")
-            table, text = read_wrench_table(read, read.text("file"), interpolation)
+            table, text = read_wrench_table(read, interpolation)
             return cls(name, read, frame, nothing, nothing, axes, table, text)
         if "interpolation" in read:
             raise read.error("interpolation", "a constant wrench has no interpolation; it belongs to a 'file'")

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -104,8 +103,8 @@ class Initial:
         )
 
 
-def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any], folder: Path) -> Initial:
-    """The keys `initial` and `base` of a scene in a folder; InputError naming file and key."""
+def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any]) -> Initial:
+    """The keys `initial` and `base` of a scene; InputError naming file and key."""
     start = read.mapping("initial", {})
     position, guesses, free = dict[str, float](), list[str](), dict[str, FreeJointStart]()
     motion: str | None = None
@@ -121,7 +120,7 @@ def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any], folder:
             if motion not in motions:
                 raise start.error(key, among("motion", motion, motions))
         elif key == "run" and isinstance(given, str) and not _is_position(given):
-            saved = read_run_start(start, robot, folder, "time" in times)
+            saved = read_run_start(start, robot, "time" in times)
         elif key in times:
             continue
         elif (of_free := _read_free(start, key, robot)) is not None:

@@ -171,7 +171,7 @@ class Torque(JointForce):
             return cls(name, read, joint, read.number("value", unit), None)
         interpolation = read.choice("interpolation", INTERPOLATIONS, "linear")
         column = read.text("column", f"{joint.name} torque")
-        table, text = read_torque_table(read, read.text("file"), column, unit, interpolation)
+        table, text = read_torque_table(read, column, unit, interpolation)
         return cls(name, read, joint, 0.0, table, text)
 
     @property

@@ -50,9 +50,9 @@ class SavedState:
             v[here.v : here.v + here.nv] = self.velocity[j.v : j.v + j.nv]
 
 
-def read_run_start(start: Fields, robot: Robot, folder: Path, timed: bool = True) -> SavedState:
+def read_run_start(start: Fields, robot: Robot, timed: bool = True) -> SavedState:
     """The state under the keys `run`, and `time` where that is no joint, of `initial`; InputError naming both."""
-    file = _file(start, folder).resolve()
+    file = _file(start).resolve()
     time = start.optional_number("time", "s") if timed else None
     try:
         facts = file.stat()
@@ -117,11 +117,13 @@ def _saved(file: Path, time: float | None, changed: int, size: int) -> SavedStat
     return saved_state(file, time)
 
 
-def _file(start: Fields, folder: Path) -> Path:
-    """The run's file; InputError where an override names two different ones."""
+def _file(start: Fields) -> Path:
+    """The run's file; InputError where it may not be named, and where an override names two different ones."""
+    if not start.overridden("run"):
+        return start.file("run")
     name = Path(start.text("run")).expanduser()
-    here, there = folder / name, Path.cwd() / name
-    if not start.overridden("run") or not there.exists():
+    here, there = start.access.folder / name, Path.cwd() / name
+    if not there.exists():
         return here
     if here.exists() and not here.samefile(there):
         raise start.error("run", f"there are two files of that name, {here} and {there}; write the whole path")

@@ -29,6 +29,7 @@ from bellcrank.constraints.frame_joints import refuse_joints_off_paths
 from bellcrank.derived import Portable, cached_property
 from bellcrank.dynamics.signals import Signal, values_at
 from bellcrank.errors import InputError
+from bellcrank.file_access import FileAccess, Trust, read_text
 from bellcrank.robot.postures import lengths_in_position
 from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.control import Controller, read_control
@@ -70,6 +71,7 @@ class Scene(Portable):
     settings: Settings
     motion_of: Callable[[str], Motion] = field(repr=False)
     marked_data: Mapping[str, Any] = field(repr=False)  # with the lines and overrides of its keys
+    access: FileAccess = field(repr=False)  # which files it may name
     loop_files: dict[str, str] = field(repr=False, default_factory=dict)  # texts of files that closures were read from
 
     def __repr__(self) -> str:
@@ -102,7 +104,7 @@ class Scene(Portable):
         def own(mapping: Mapping[str, Any]) -> dict[str, Any]:
             return {key: plain(value) for key, value in mapping.items() if key not in SCENE_KEYS}
 
-        changed = _read(data, self.source, self if own(data) == own(self.marked_data) else None)
+        changed = _read(data, self.source, self.access, self if own(data) == own(self.marked_data) else None)
         mine = tuple(closure for closure in self.closures if isinstance(closure, Own))
         return replace(changed, closures=(*changed.closures, *mine)) if mine else changed
 
@@ -244,11 +246,12 @@ class Scene(Portable):
         return json.dumps(_content(parts, places))
 
 
-def load_scene(path_or_name: str | Path, overrides: Mapping[str, Any] | None = None) -> Scene:
+def load_scene(path_or_name: str | Path, overrides: Mapping[str, Any] | None = None, *, trust: Trust = ()) -> Scene:
     """Read a scene from a file, or by the name of a shipped one; a URDF (path or name) is a scene without forces.
 
-    `overrides` changes it by dotted path: {"initial.crank": "1.5 deg", "simulate.rtol": 1e-6} (overrides.py). Raises
-    InputError, one sentence naming file and key, for whatever is not as it should be.
+    `overrides` changes it by dotted path: {"initial.crank": "1.5 deg", "simulate.rtol": 1e-6} (overrides.py). Files
+    that it names lie near it, or in the folders `trust` (file_access.py). Raises InputError, one sentence naming file
+    and key, for whatever is not as it should be.
     """
     if not isinstance(path_or_name, (str, Path)):
         raise InputError(
@@ -256,13 +259,23 @@ def load_scene(path_or_name: str | Path, overrides: Mapping[str, Any] | None = N
             "makes a scene, of a URDF too"
         )
     source, urdf = find_card(path_or_name)
-    data = {"name": source.stem, "urdf": str(source.resolve())} if urdf else read_yaml(source)
-    return _read(apply_overrides(data, overrides) if overrides else marked(data), source)
+    if urdf:
+        data: Mapping[str, Any] = {"name": source.stem, "urdf": str(source.resolve())}
+        access = FileAccess.of(source.resolve(), trust)
+        access = replace(access, trusted=(*access.trusted, source.resolve()))
+    else:
+        data, access = read_yaml(source), FileAccess.of(source, trust)
+    return _read(apply_overrides(data, overrides) if overrides else marked(data), source, access)
 
 
-def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> Scene:
+def load_held_scene(source: Path) -> Scene:
+    """The scene of a file that may name files in its own folder only. Raises InputError as `load_scene`."""
+    return _read(marked(read_yaml(source)), source, FileAccess(source.parent, source.parent, held=True))
+
+
+def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene | None = None) -> Scene:
     """The scene of a mapping; card and robot are those of `like`, whose mapping has the same card."""
-    read = Fields(data, str(source))
+    read = Fields(data, str(source), access=access)
     card = card_from_fields(read, source)
     robot, motion_of = (card.robot(), None) if like is None else (like.robot, like.motion_of)
     card = card if like is None else like.card
@@ -271,11 +284,11 @@ def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> S
     closures = read_closures(read, robot, card.motions, motion_of)
     if not card.actuated:
         card = replace(card, actuated=foreign_motors(closures, robot))
-    loop_files = {str(name): (source.parent / name).read_text() for name in _named_files(closures)}
+    loop_files = {name: read_text(path) for name, path in _named_files(closures).items()}
     forces = read_forces(read, robot)
     control = read_control(read, robot, card.motions, motion_of)
     refuse_joints_off_paths(closures, control, robot, card.motions)
-    initial = read_initial(read, robot, card.motions, source.parent)
+    initial = read_initial(read, robot, card.motions)
     parts: tuple[Part, ...] = (*forces, *control, *closures)
     parameters = read_parameters(read, robot, parts)
     events = read_events(read, robot, parameters, closures)
@@ -299,6 +312,7 @@ def _read(data: Mapping[str, Any], source: Path, like: Scene | None = None) -> S
         settings,
         motion_of,
         data,
+        access,
         loop_files,
     )
 
@@ -319,8 +333,8 @@ class _Motions(Portable):
         return self._made[name]
 
 
-def _named_files(closures: Iterable[Constraint]) -> list[str]:
-    return list(dict.fromkeys(str(c.place.raw("file")) for c in closures if "file" in c.place))
+def _named_files(closures: Iterable[Constraint]) -> dict[str, Path]:
+    return {str(c.place.raw("file")): c.place.file("file") for c in closures if "file" in c.place}
 
 
 def _content(value: Any, places: Mapping[SignalSource, int]) -> Any:

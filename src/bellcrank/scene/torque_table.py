@@ -18,6 +18,7 @@ from bellcrank.card.fields import UNITS, Fields
 from bellcrank.card.number_text import decimal_number
 from bellcrank.dynamics.signals import Signal
 from bellcrank.errors import InputError, among
+from bellcrank.file_access import MOST_TABLE, read_text
 from bellcrank.motion.scale import LARGEST, check_size, check_times
 from bellcrank.scene.signal_source import SignalSource
 
@@ -28,11 +29,11 @@ COMPONENTS = {f"{what} {c}": unit for what, unit in (("force", "N"), ("torque", 
 _HEADER = re.compile(r"^(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]$")
 
 
-def read_torque_table(read: Fields, file: str, column: str, unit: str, interpolation: str) -> tuple[SignalSource, str]:
+def read_torque_table(read: Fields, column: str, unit: str, interpolation: str) -> tuple[SignalSource, str]:
     """The table of a torque force, read and checked at once, and its text; InputError naming the scene's key and the
     CSV's line.
     """
-    path = Path(read.where).parent / file
+    path = read.file("file")
     try:
         text = table_text(path)
         time, torque = read_table(path, text, column, unit)
@@ -43,11 +44,11 @@ def read_torque_table(read: Fields, file: str, column: str, unit: str, interpola
     return SignalSource(name, 1, 0, partial(table_signal, time, torque[:, None], interpolation)), text
 
 
-def read_wrench_table(read: Fields, file: str, interpolation: str) -> tuple[SignalSource, str]:
+def read_wrench_table(read: Fields, interpolation: str) -> tuple[SignalSource, str]:
     """The table of a wrench, six values wide (force, torque), as `read_torque_table`. Columns that are no component of
     a wrench are refused.
     """
-    path = Path(read.where).parent / file
+    path = read.file("file")
     try:
         text = table_text(path)
         header, _ = _rows(path, text)
@@ -80,12 +81,7 @@ def _check_spacing(read: Fields, path: Path, time: Array, interpolation: str) ->
 
 def table_text(path: Path) -> str:
     """The text of a table's file. Raises InputError, one sentence with the file."""
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text file in UTF-8, so not a table of torques") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    return read_text(path, MOST_TABLE)
 
 
 def read_table(path: Path, text: str, column: str, unit: str) -> tuple[Array, Array]:
@@ -156,6 +152,8 @@ def _rows(path: Path, text: str) -> tuple[list[str], list[tuple[int, list[str]]]
             f"found {max(len(lines) - 1, 0)} rows"
         )
     header = [" ".join(cell.split()) for cell in lines[0][1]]
+    if all(_label(title) != "time" for title in header):  # no table, and nothing of it is told
+        raise InputError(f"{path}: there is no column 'time [s]'; expected a header 'time [s],JOINT torque [N m]'")
     for number, row in lines[1:]:
         if len(row) != len(header):
             raise InputError(f"{path}: line {number} has {len(row)} columns, the header has {len(header)}")

@@ -29,10 +29,11 @@ from bellcrank.atomic import writing
 from bellcrank.constraints.formula import Own
 from bellcrank.dynamics.signals import Signal
 from bellcrank.errors import InputError
+from bellcrank.file_access import MOST_RUN, FileAccess, Trust, open_regular
 from bellcrank.locale_text import file_name_here, readable, utf8
 from bellcrank.machine_code import machine
 from bellcrank.scene.run_start import SavedState, explicit_start
-from bellcrank.scene.scene import Scene, load_scene
+from bellcrank.scene.scene import Scene, load_held_scene
 from bellcrank.scene.settings import Settings, Stabilisation
 from bellcrank.simulation.record import Statistics, Unresolved
 from bellcrank.simulation.simulate import event_at
@@ -100,16 +101,18 @@ def save_run(run: Trajectory, path: str | Path) -> Path:
     return target
 
 
-def load_run(path: str | Path) -> Trajectory:
+def load_run(path: str | Path, *, trust: Trust = ()) -> Trajectory:
     """Read a run that `Trajectory.save` wrote: the same numbers to the bit, on a scene made anew from the file alone.
 
+    Meshes of its robot are drawn from files in its folder, below it, and in the folders `trust` (file_access.py).
     Raises InputError, one sentence, for a file that is missing, damaged, foreign or of a later version.
     """
     file = Path(path)
     about, arrays = _contents(file)
     try:
-        scene = load_scene(_unpacked(json.dumps(about["files"], sort_keys=True)) / _plain(about["scene"]))
+        scene = _held_scene(about)
         scene.robot.mesh_source = Path(file_name_here(str(about.get("urdf") or scene.robot.source)))
+        scene.robot.mesh_access = FileAccess.below(file.parent, trust)
         stabilisation = Stabilisation(**about["settings"].get("stabilisation", {}))
         settings = Settings(**about["settings"] | {"stabilisation": stabilisation})
         if settings.stabilisation != scene.settings.stabilisation:
@@ -164,7 +167,10 @@ def saved_state(path: str | Path, time: float | None = None) -> SavedState:
     file = Path(path)
     about, arrays = _contents(file)
     try:
-        scene = load_scene(_unpacked(json.dumps(about["files"], sort_keys=True)) / _plain(about["scene"]))
+        try:
+            scene = _held_scene(about)
+        except InputError as error:
+            raise InputError(f"{file}: the scene in it cannot be rebuilt: {error}") from None
         robot, times, state = scene.robot, arrays["time"], arrays["state"]
         k = len(times) - 1 if time is None else int(np.abs(times - time).argmin())
         if time is not None and abs(times[k] - time) > SAME_TIME * max(1.0, abs(time)):
@@ -182,23 +188,24 @@ def saved_state(path: str | Path, time: float | None = None) -> SavedState:
     return SavedState(file.name, robot.joints, q, v, float(times[k]) + scene.initial.clock)
 
 
+def _held_scene(about: dict[str, Any]) -> Scene:
+    """The scene in a run's file, which names no files but those in it."""
+    return load_held_scene(_unpacked(json.dumps(about["files"], sort_keys=True)) / _plain(about["scene"]))
+
+
 def _contents(file: Path) -> tuple[dict[str, Any], dict[str, Array]]:
     """The JSON text and the float64 arrays of a run's file; InputError for any other file."""
     try:
-        with zipfile.ZipFile(file) as archive:
-            if archive.testzip() is not None:  # the checksums of all of it, before anything is believed
-                raise ValueError("its checksums do not match")
-            if "about.npy" not in archive.namelist():
-                raise InputError(f"{file}: not a run: expected an .npz that Trajectory.save wrote")
-        with np.load(file, allow_pickle=False) as stored:
-            about = json.loads(stored["about"].tobytes())
-            arrays = {name: stored[name] for name in stored.files if name != "about"}
-    except FileNotFoundError:
-        raise InputError(f"{file}: there is no such file") from None
-    except IsADirectoryError:
-        raise InputError(f"{file}: expected a run (.npz), found a folder") from None
-    except PermissionError as error:
-        raise InputError(f"{file}: cannot be read: {error.strerror}") from None
+        with open_regular(file, MOST_RUN) as opened:
+            with zipfile.ZipFile(opened) as archive:
+                if archive.testzip() is not None:  # the checksums of all of it, before anything is believed
+                    raise ValueError("its checksums do not match")
+                if "about.npy" not in archive.namelist():
+                    raise InputError(f"{file}: not a run: expected an .npz that Trajectory.save wrote")
+            opened.seek(0)
+            with np.load(opened, allow_pickle=False) as stored:
+                about = json.loads(stored["about"].tobytes())
+                arrays = {name: stored[name] for name in stored.files if name != "about"}
     except _DAMAGE as error:
         raise _damaged(file, error) from None
     if not isinstance(about, dict) or about.get("format") != FORMAT:

@@ -22,7 +22,8 @@ def mechanism_of_card(card: Card, robot: Robot) -> Mechanism:
 
     if card.source == card.urdf or read_yaml(card.source).keys().isdisjoint(COUNTED):
         return OpenChain(robot, actuated=card.actuated or None)
-    return mechanism_of(load_scene(card.source), robot)
+    trusted = () if card.access is None else [folder for folder in card.access.trusted if folder.is_dir()]
+    return mechanism_of(load_scene(card.source, trust=trusted), robot)
 
 
 COUNTED = ("closures", "forces", "control", "parameters", "initial", "base")  # keys of a scene that sizing looks at

@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from bellcrank import atomic
+from bellcrank.errors import InputError
+from bellcrank.file_access import read_text
 from bellcrank.sizing.result import JointSizing, Peak, ShaftSizing, Sizing
 
 REPORTS = ("sizing.csv", "sizing.json")
@@ -38,8 +40,8 @@ def earlier_files(folder: str | Path) -> list[str]:
     Only plain names of the kinds that a sizing writes count, so that no other file can be meant.
     """
     try:
-        document = json.loads((Path(folder) / "sizing.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        document = json.loads(read_text(Path(folder) / "sizing.json"))
+    except (InputError, ValueError, RecursionError):
         return []
     listed = document.get("files") if isinstance(document, dict) else None
     return [name for name in listed if isinstance(name, str) and _OURS.match(name)] if isinstance(listed, list) else []

@@ -49,29 +49,34 @@ def find_urdf(name_or_path: str | Path) -> Path:
     if "\0" in given:
         raise InputError(f"the robot {given!r} holds a zero character; name a file or a robot")
     try:
-        if path.is_file():
-            return path
         folder = bool(given) and path.is_dir()
+        if path.exists() and not folder and given:
+            return path  # a pipe or a device is refused by who reads it
     except OSError:
         folder = False  # a name too long for a path is no path
     if isinstance(name_or_path, str):
-        shipped = _shipped()
-        if given in shipped:
-            return shipped[given]
-        if given in SHORT_NAMES:
-            for root in example_folders():
-                if (root / SHORT_NAMES[given]).is_file():
-                    return root / SHORT_NAMES[given]
-        known = names()
-        if given in known:
-            return known[given]
+        known = find_named(given)
+        if known is not None:
+            return known
         if path.suffix != ".urdf" and Path(given).name == given and not folder:
-            raise InputError(among("robot", given, known))
+            raise InputError(among("robot", given, names()))
     if folder:
         raise InputError(f"{given}: is a folder; name the URDF file in it")
     raise InputError(
         f"{given}: there is no such file; give the path of a URDF file or the name of a robot, such as planar_2r"
     )
+
+
+def find_named(name: str) -> Path | None:
+    """The URDF file of a robot that has this name here, or None."""
+    shipped = _shipped()
+    if name in shipped:
+        return shipped[name]
+    if name in SHORT_NAMES:
+        for root in example_folders():
+            if (root / SHORT_NAMES[name]).is_file():
+                return root / SHORT_NAMES[name]
+    return names().get(name)
 
 
 def names() -> dict[str, Path]:

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Literal
 
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.urdf.mesh_path import find_mesh
+from bellcrank.file_access import FileAccess, Trust
+from bellcrank.urdf.mesh_path import find_mesh, looked_for
 from bellcrank.urdf.read import Inertial, Joint, Link, Urdf, reading_of
 from bellcrank.urdf.xml_tree import Element, parse_xml, read_text
 
@@ -35,8 +36,9 @@ class Finding:
     message: str
 
 
-def check_urdf(path: str | Path) -> list[Finding]:
-    """All findings about a URDF file, errors first; empty where there is nothing to say.
+def check_urdf(path: str | Path, *, trust: Trust = ()) -> list[Finding]:
+    """All findings about a URDF file, errors first; empty where there is nothing to say. Meshes are looked for near it,
+    and in the folders `trust` (file_access.py).
 
     An error makes dynamics wrong or impossible, a warning probably is not meant, a note tells what is easily
     missed. A file that cannot be read at all gives one finding; nothing is raised.
@@ -52,7 +54,7 @@ def check_urdf(path: str | Path) -> list[Finding]:
         findings.extend(_link_findings(link))
     for joint in reading.joints.values():
         findings.extend(_joint_findings(joint))
-    findings.extend(_mesh_findings(reading.links, source))
+    findings.extend(_mesh_findings(reading.links, source, FileAccess.of(source.resolve(), trust)))
     findings.extend(_massless_findings(reading.links, reading.joints))
     if reading.urdf is not None:
         findings.extend(moving_without_mass(reading.urdf))
@@ -202,14 +204,16 @@ def _limit_findings(joint: Joint, where: str, unit: str, turning: str) -> Iterat
             )
 
 
-def _mesh_findings(links: dict[str, Link], source: Path) -> Iterator[Finding]:
+def _mesh_findings(links: dict[str, Link], source: Path, access: FileAccess) -> Iterator[Finding]:
     users: dict[str, list[str]] = {}
     for link in links.values():
         for mesh in dict.fromkeys(link.meshes):
             users.setdefault(mesh, []).append(link.name)
-    missing = [mesh for mesh in users if find_mesh(mesh, source) is None]
+    missing = [mesh for mesh in users if find_mesh(mesh, source, access) is None]
     for mesh in missing[:SHOWN]:
-        yield Finding("warning", _these("link", users[mesh]), f"the mesh {mesh} was not found; dynamics do not need it")
+        beyond = looked_for([mesh], source, access)
+        message = f"the mesh {mesh} was not found{beyond}; dynamics do not need it"
+        yield Finding("warning", _these("link", users[mesh]), message)
     if len(missing) > SHOWN:
         yield Finding("warning", "meshes", f"{len(missing) - SHOWN} more of {len(users)} were not found")
 

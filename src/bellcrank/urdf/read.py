@@ -125,7 +125,8 @@ def _refuse_foreign(robot: Element, fail: Callable[[str], InputError]) -> None:
             "xacro robot.urdf.xacro > robot.urdf"
         )
     if robot.tag != "robot":
-        raise fail(f"the root element is <{robot.tag}>; a URDF's <robot> was expected")
+        tag = f"<{robot.tag}>" if robot.tag in ("sdf", "mujoco", "COLLADA") else "another"
+        raise fail(f"the root element is {tag}; a URDF's <robot> was expected")
     if robot.find("link") is None:
         raise fail("the <robot> has no <link>; at least one was expected")
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from xml.parsers import expat
 
 from bellcrank.errors import InputError
+from bellcrank.file_access import read_bytes
 
 ENDS_TOO_EARLY = (3, 5, 6, 20)  # expat's codes: no element, unclosed token, partial character, unclosed CDATA
 MOST_DEPTH = 200  # nesting beyond this is no robot description
@@ -46,15 +47,7 @@ def read_text(path: Path) -> str:
 
     Raises InputError where the file is missing, unreadable or not text.
     """
-    try:
-        raw = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file; check the path") from None
-    except IsADirectoryError:
-        raise InputError(f"{path}: is a folder; name the file in it") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{path}: cannot be read ({reason}); check the path and its permissions") from None
+    raw = read_bytes(path)
     if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
         encoding = "utf-16"
     else:
@@ -117,8 +110,9 @@ def parse_xml(text: str, source: Path | str) -> Element:
         at_end = error.code in ENDS_TOO_EARLY
         if at_end and open_elements:
             last = open_elements[-1]
+            tag = f"<{last.tag}>" if roots[0].tag == "robot" else "its element"  # of what is no robot nothing is told
             raise InputError(
-                f"{where}: the file ends before <{last.tag}> (line {last.line}) is closed ({reason}); is it truncated?"
+                f"{where}: the file ends before {tag} (line {last.line}) is closed ({reason}); is it truncated?"
             ) from None
         if at_end:
             raise InputError(f"{where}: the file ends too early ({reason}); is it truncated?") from None
