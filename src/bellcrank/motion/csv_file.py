@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank import arguments
 from bellcrank.errors import InputError, among
 from bellcrank.motion.coordinates import Array, JointLike, position_labels, velocity_labels
 from bellcrank.motion.disagreement import disagreement
@@ -87,21 +88,22 @@ def write_motion(
     """
     from bellcrank.atomic import write_text
 
+    arguments.instance("motion", motion, Motion, "a Motion")
+    target = arguments.path("path", path, "the path of a file")
     columns = _Columns.of(tuple(motion.joints))
     labels = [("time", "s"), *columns.position, *columns.velocity, *columns.acceleration]
     parts = [motion.time, motion.position, motion.velocity, motion.acceleration]
     if torque is not None:
         labels += columns.torque
-        parts.append(torque)
-    for label, values in (more or {}).items():
+        parts.append(arguments.array("torque", torque, (len(motion.time), len(columns.torque)), "N m or N"))
+    for label, values in _more(more).items():
         labels.append(label)
-        parts.append(values)
+        parts.append(arguments.array("more", values, (len(motion.time),), finite=False))
     table = np.column_stack(parts)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([f"{name} [{unit}]" for name, unit in labels])
     writer.writerows([[repr(value) for value in row] for row in table.tolist()])
-    target = Path(path)
     try:
         write_text(target, text.getvalue())
     except OSError as error:
@@ -119,8 +121,12 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: s
     `text` is what the file holds, where it was read before. Raises InputError, in one sentence
     with file and line, for whatever does not fit.
     """
-    file = Path(path)
-    joints = tuple(robot.joints)
+    file = arguments.path("path", path, "the path of a CSV file")
+    joints = tuple(arguments.robot(robot).joints)
+    if name is not None:
+        arguments.text("name", name, empty=True)
+    if text is not None:
+        arguments.text("text", text, "what the file holds, as a text", empty=True)
     columns = _Columns.of(joints)
     header, table = _table(file, motion_text(file) if text is None else text)
     _refuse_free_base(file, robot, header)
@@ -160,6 +166,19 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: s
         )
     notes += limit_notes(robot, title, time, position, "give the column the unit [deg]", position_noise)
     return replace(motion, notes=notes)
+
+
+def _more(given: object) -> Mapping[tuple[str, str], Array]:
+    """Columns by (title, unit). Raises InputError."""
+    if given is None:
+        return {}
+    expected = "a mapping of (title, unit) to values"
+    if not isinstance(given, Mapping):
+        arguments.refuse("more", expected, given)
+    for label in given:
+        if not isinstance(label, tuple) or len(label) != 2 or not all(isinstance(part, str) for part in label):
+            arguments.refuse("more", expected, label)
+    return given
 
 
 def motion_text(file: Path) -> str:

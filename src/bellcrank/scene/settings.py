@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
-import operator
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
+from bellcrank import arguments
 from bellcrank.card.fields import Fields
 from bellcrank.errors import InputError, among
 
@@ -50,27 +49,19 @@ class Settings:
     stabilisation: Stabilisation = Stabilisation()
 
     def __post_init__(self) -> None:
-        if self.solver not in SOLVERS:
-            raise InputError(f"solver: {among('solver', str(self.solver), SOLVERS)}")
+        if arguments.text("solver", self.solver, f"one of {', '.join(SOLVERS)}") not in SOLVERS:
+            raise InputError(f"solver: {among('solver', self.solver, SOLVERS)}")
         for name in ("duration", "rtol", "atol", "step", "first_step", "max_step"):
             value = getattr(self, name)
             if value is None and name in ("step", "first_step", "max_step"):
                 continue
-            number = _number(value)
-            if not (math.isfinite(number) and number > 0.0):
-                raise InputError(f"{name}: expected a finite number of more than 0, found {value!r}")
-            object.__setattr__(self, name, number)
+            object.__setattr__(self, name, arguments.number(name, value, above=0.0))
         if self.rtol < FINEST_RTOL:
             raise InputError(
                 f"rtol: expected {FINEST_RTOL:g} or more, found {self.rtol:g}; doubles carry no smaller relative error"
             )
         for name, least, most in (("samples", 2, MOST_NUMBERS), ("max_evaluations", 1, 2**62)):
-            value = getattr(self, name)
-            whole = _whole(value)
-            if whole is None or not least <= whole <= most:
-                bounds = f"of {least} or more" if whole is None or whole < least else f"of at most {most}"
-                raise InputError(f"{name}: expected a whole number {bounds}, found {value!r}")
-            object.__setattr__(self, name, whole)
+            object.__setattr__(self, name, arguments.whole(name, getattr(self, name), least=least, most=most))
         object.__setattr__(self, "stabilisation", stabilisation(self.stabilisation))
         if self.solver == "RK4" and self.step is None:
             raise InputError("step: the solver RK4 has a fixed step and needs it, such as step: 1 ms")
@@ -109,18 +100,12 @@ def check_rows(samples: int, width: int) -> None:
         )
 
 
-def _whole(value: Any) -> int | None:
-    """The value as int where it is a whole number by type (numpy's too), else None."""
-    try:
-        return None if isinstance(value, bool) else operator.index(value)
-    except TypeError:
-        return None
-
-
 def stabilisation(value: Stabilisation | Mapping[str, Any] | str) -> Stabilisation:
     """What a text or mapping says: "projection", "none", {"kind": "baumgarte", "alpha": …, "beta": …} or {"kind":
     "baumgarte", "gains": "auto"}. Raises InputError.
     """
+    if not isinstance(value, (Stabilisation, Mapping, str)):
+        arguments.refuse("stabilisation", f"one of {', '.join(map(repr, STABILISATIONS))}, or a mapping", value)
     return value if isinstance(value, Stabilisation) else _read_stabilisation(Fields({"stabilisation": value}))
 
 
@@ -145,10 +130,3 @@ def _read_stabilisation(read: Fields) -> Stabilisation:
             alpha, beta = entry.number("alpha", "1/s", nonnegative=True), entry.number("beta", "1/s", nonnegative=True)
     entry.done()
     return Stabilisation(kind, alpha, beta, auto)
-
-
-def _number(value: Any) -> float:
-    try:
-        return math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError, OverflowError):
-        return math.nan
