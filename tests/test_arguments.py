@@ -6,7 +6,7 @@ import io
 import math
 import re
 import traceback
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.constraints.inverse import SceneInverseDynamics
-from bellcrank.errors import BellcrankError
+from bellcrank.errors import BellcrankError, InputError
 
 # Classes that functions of the interface make, and which have no checks of their own: their methods are called here.
 MADE_BY = {
@@ -346,3 +346,77 @@ def test_wrong_arguments_are_refused_by_name(name: str) -> None:
             if problem:
                 wrong[argument, odd] = problem
     assert not wrong
+
+
+STATES = {
+    "inverse_dynamics": ("q", "v", "a"), "forward_dynamics": ("q", "v", "tau"), "mass_matrix": ("q",),
+    "gravity_torque": ("q",), "friction_torque": ("v",), "energy": ("q", "v"), "configuration_rate": ("q", "v"),
+    "joint_reactions": ("q", "v", "a"), "link_torques": ("q", "v", "a"), "link_gravity_torques": ("q",),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("target", ["native", "avx2", "baseline"])
+def test_nan_and_inf_in_any_entry_of_a_state_are_refused_by_name_for_one_sample_and_a_batch(
+    target: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("BELLCRANK_TARGET", target)
+    robot = bc.load_robot("planar_2r")  # its torques do not depend on the first angle, where NaN came out as zero
+    random = np.random.default_rng(11)
+    functions = {name: (getattr(robot, name), names) for name, names in STATES.items()}
+    functions["frame_pose"] = (partial(robot.frame_pose, "tip"), ("q",))
+    functions["frame_velocity"] = (partial(robot.frame_velocity, "tip"), ("q", "v"))
+    for function, names in functions.values():
+        for shape in ((2,), (9, 2)):
+            good = {name: random.normal(size=shape) for name in names}
+            function(**good)
+            for name in names:
+                for bad in (math.nan, math.inf, -math.inf):
+                    for entry in range(2):
+                        spoiled = good[name].copy()
+                        spoiled[..., entry].flat[-1] = bad
+                        if shape == (2,):
+                            spoiled[entry] = bad
+                        with pytest.raises(InputError, match=f"argument '{name}': expected finite"):
+                            function(**{**good, name: spoiled})
+
+
+def test_states_too_fast_for_numbers_are_refused_and_never_nan() -> None:
+    robot = bc.load_robot("planar_2r")
+    far, still = np.full(2, 1e200), np.zeros(2)
+    for call in (
+        lambda: robot.inverse_dynamics([0.0, 1.0], far, still),
+        lambda: robot.forward_dynamics([0.0, 1.0], far, still),
+        lambda: robot.energy([0.0, 1.0], far),
+        lambda: robot.link_torques([0.0, 1.0], far, still),
+        lambda: robot.joint_reactions([0.0, 1.0], far, still),
+    ):
+        with pytest.raises(InputError, match=r"overflows|no finite answer"):
+            call()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: bc.Payload(1.0, "tip", inertia=(1e110, 0, 1e110, 0, 0, 1e110)), "'inertia': .* at most 1e.100"),
+        (lambda: bc.Payload(1e308, "tip"), "'mass': .* at most 1e.100"),
+        (lambda: bc.Payload(1.0, "tip", cg=(1e200, 0, 0)), "'cg'"),
+        (lambda: bc.Drive(1e200, 1.0, 2.0, 300.0, 400.0), "'ratio': .* at most 1e.100"),
+        (lambda: bc.Drive(1e60, 1.0, 2.0, 300.0, 400.0, rotor_inertia=1e-4), "ratio: .*reflected inertia"),
+        (lambda: bc.load_robot("planar_2r", friction={"elbow": (1e300, 0.0)}), "friction"),
+        (lambda: bc.load_robot("planar_2r", rotor_inertia={"elbow": 1e300}), "rotor_inertia"),
+        (lambda: bc.load_robot("planar_2r", gravity=(0, 0, -1e308)), "gravity"),
+        (lambda: bc.load_robot("planar_2r", frames={"far": ("link_1", (1e308, 0, 0), (0, 0, 0))}), "frames"),
+    ],
+)
+def test_numbers_whose_products_would_overflow_are_refused_by_name(make: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        make()
+
+
+def test_the_largest_payload_and_ratio_give_finite_torques() -> None:
+    payload = bc.Payload(1e100, "tip", inertia=(1e100, 0, 1e100, 0, 0, 1e100))
+    robot = bc.load_robot("planar_2r", payloads=[payload])
+    torque = robot.inverse_dynamics([0.0, 0.0], [0.0, 0.0], [1.0, 0.0])
+    assert np.isfinite(torque).all() and torque[0] > 1e100
+    drive = bc.Drive(1e49, 1.0, 2.0, 300.0, 400.0, rotor_inertia=1.0)
+    assert drive.reflected_inertia == pytest.approx(1e98)

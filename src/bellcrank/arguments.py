@@ -99,10 +99,11 @@ def is_number(value: object) -> bool:
 
 
 def _wanted(what: str, unit: str, above: float | None, least: float | None, most: float | None) -> str:
-    bounds = (
-        [f"more than {above:.12g}"] if above is not None else [f"at least {least:.12g}"] if least is not None else []
-    )
-    bounds += [f"at most {most:.12g}"] if most is not None else []
+    bounds = [
+        f"{words} {limit if isinstance(limit, int) else f'{limit:.12g}'}"
+        for words, limit in (("more than", above), ("at least", least), ("at most", most))
+        if limit is not None
+    ]
     limits = " of " + " and ".join(bounds) if bounds else ""
     return f"{what}{limits}{f' ({unit})' if unit else ''}"
 
@@ -131,7 +132,9 @@ def array(
     if finite and not np.isfinite(x).all():
         place = np.argwhere(~np.isfinite(x))[0].tolist()
         at = f" at entry {', '.join(map(str, place))}" if place else ""
-        expected = f"{_shape(shape)} of finite numbers{f' ({unit})' if unit else ''}"
+        expected = f"{_shape(shape).replace('numbers', 'finite numbers')}{f' ({unit})' if unit else ''}"
+        if len(shape) > 1:
+            expected += " of finite numbers"
         raise InputError(
             f"{f'{where}: ' if where else ''}argument '{name}': expected {expected}, found {x[tuple(place)]}{at}"
         )

@@ -87,8 +87,8 @@ def read_settings(read: Fields) -> Settings:
     try:
         return Settings(**values)
     except InputError as error:
-        key, _, text = str(error).partition(": ")
-        raise read.error(key, text) from None
+        key, _, text = str(error).removeprefix("argument ").partition(": ")
+        raise read.error(key.strip("'"), text) from None
 
 
 def check_rows(samples: int, width: int) -> None:
