@@ -459,11 +459,8 @@ _QVA, _QVTAU = ("q", "v", "a"), ("q", "v", "tau")
 
 
 def _finite(x: Array) -> bool:
-    """Whether the sum is finite, which only finite numbers have: a quick test that a slow one can follow."""
-    if x.ndim == 1:
-        return math.isfinite(sum(x.tolist()))
-    with np.errstate(invalid="ignore", over="ignore"):
-        return bool(np.isfinite(x.sum()))
+    """Whether a sum over all numbers is finite, which it is of finite ones only: a quick test before a slow one."""
+    return math.isfinite(sum(x.tolist()) if x.ndim == 1 else np.vdot(x, x))
 
 
 def _frozen(x: Any) -> Array:

@@ -49,13 +49,15 @@ class Settings:
     stabilisation: Stabilisation = Stabilisation()
 
     def __post_init__(self) -> None:
-        if arguments.text("solver", self.solver, f"one of {', '.join(SOLVERS)}") not in SOLVERS:
-            raise InputError(f"solver: {among('solver', self.solver, SOLVERS)}")
+        if not isinstance(self.solver, str) or self.solver not in SOLVERS:
+            solver = arguments.text("solver", self.solver, f"one of {', '.join(SOLVERS)}")
+            raise InputError(f"solver: {among('solver', solver, SOLVERS)}")
         for name in ("duration", "rtol", "atol", "step", "first_step", "max_step"):
             value = getattr(self, name)
             if value is None and name in ("step", "first_step", "max_step"):
                 continue
-            object.__setattr__(self, name, arguments.number(name, value, above=0.0))
+            if type(value) is not float or not 0.0 < value < math.inf:  # simulate comes here every time
+                object.__setattr__(self, name, arguments.number(name, value, above=0.0))
         if self.rtol < FINEST_RTOL:
             raise InputError(
                 f"rtol: expected {FINEST_RTOL:g} or more, found {self.rtol:g}; doubles carry no smaller relative error"
