@@ -12,7 +12,7 @@ from bellcrank.errors import InputError, among
 from bellcrank.motion.motion import Motion
 from bellcrank.robot.payload import Payload
 from bellcrank.robot.robot import Robot
-from bellcrank.sizing.arguments import drives_of
+from bellcrank.sizing.arguments import drives_of, tolerance_of
 from bellcrank.sizing.drive import Drive
 from bellcrank.sizing.linkage import Mechanism, mechanism_of, mechanism_of_card
 from bellcrank.sizing.result import Sizing
@@ -60,6 +60,7 @@ def size(
     from bellcrank.card.card import Card, load_card
     from bellcrank.scene.scene import Scene
 
+    mass_tolerance = tolerance_of(mass_tolerance)
     loads = arguments.several("payloads", payloads, Payload, "Payloads", alone=True)
     links = arguments.several("allow_massless", allow_massless, str, "names of links", alone=True)
     if not isinstance(robot, (Card, Scene, str, Path)):
