@@ -61,6 +61,7 @@ WORDS = {
     "end": ("path",),
     "begin": ("path",),
     "allow_massless": ("link",),
+    "inputs": ("takes vectors",),
     "what": ("picture",),
     "names": ("frame",),
     "curve_points": ("curve",),
