@@ -116,7 +116,7 @@ def test_use_of_the_curve_says_inside_exactly_when_the_torque_is_available(
         ({"rotor_inertia": -1}, "0 kg m.2 or more"),
         ({"peak_torque": 0.1}, "at least the rated torque"),
         ({"max_speed": 10}, "at least the rated speed"),
-        ({"safety_factor": 0.5}, "safety_factor: expected 1 or more"),
+        ({"safety_factor": 0.5}, "'safety_factor': expected a finite number of at least 1"),
         ({"efficency": 0.5}, "did you mean 'efficiency'"),
         ({"curve": [[0, 1]]}, "at least two"),
         ({"curve": [[0, 1], [0, 0.5]]}, "start at 0 and rise"),

@@ -109,9 +109,15 @@ def test_constant_rows_are_evenly_spaced():
             "cannot keep a limit of acceleration",
         ),
         (dict(kind="trapezoid", distance=1.0, speed=1.0, jerk=1.0), "cannot keep a limit of jerk"),
-        (dict(kind="quintic", distance=1.0, duration=0.0), "duration must be a positive number"),
-        (dict(kind="quintic", distance=1.0, duration=float("nan")), "duration must be a positive number"),
-        (dict(kind="quintic", distance=1.0, speed="fast"), "speed must be a positive number, got 'fast'"),
+        (
+            dict(kind="quintic", distance=1.0, duration=0.0),
+            "argument 'duration': expected a finite number of more than 0",
+        ),
+        (
+            dict(kind="quintic", distance=1.0, duration=float("nan")),
+            "argument 'duration': expected a finite number of more than 0",
+        ),
+        (dict(kind="quintic", distance=1.0, speed="fast"), "argument 'speed': .* found 'fast'"),
         (dict(kind="quintic", distance=1.875, duration=0.9, speed=1.875), "the least duration is 1.875 s"),
         (dict(kind="trapezoid", distance=1.0, duration=0.9, acceleration=4.0), "the least duration is 1 s"),
     ],

@@ -141,9 +141,12 @@ def test_a_motion_is_replayed_with_its_robot_and_refused_without(here):
 
 
 def test_what_is_no_run_is_refused(here):
-    with pytest.raises(InputError, match="expected a run, a motion, a sizing, or the path of a run, found a dict"):
+    with pytest.raises(
+        InputError,
+        match="'thing': expected a run, a motion, a sizing, or the path of a run, found an empty mapping",
+    ):
         replay({})
-    with pytest.raises(InputError, match="detail: expected 'reduced' or 'full', found 'some'"):
+    with pytest.raises(InputError, match="'detail': there is no choice 'some'"):
         film_of(bc.simulate("arm.yaml"), detail="some")
 
 

@@ -152,7 +152,9 @@ def test_a_report_of_a_run_holds_its_inputs(stopped):
 def test_a_report_needs_a_result(sizing, tmp_path):
     with pytest.raises(InputError, match="motion 'fast' is no result yet; size it first"):
         report(sizing.study[1][1], tmp_path / "x.html")
-    with pytest.raises(InputError, match="report: expected a run, a motion, a sizing, or the path of a run, found a"):
+    with pytest.raises(
+        InputError, match="report: argument 'thing': expected a run, a motion, a sizing, or the path of a run, found a"
+    ):
         report({}, tmp_path / "x.html")
     assert not list(tmp_path.iterdir())
 

@@ -418,9 +418,9 @@ def test_settings_take_numpys_integers_and_nothing_that_is_no_integer():
     settings = Settings(samples=np.int64(5), max_evaluations=np.uint8(7))
     assert (settings.samples, settings.max_evaluations) == (5, 7) and type(settings.samples) is int
     for wrong in (5.0, np.float64(5), True, np.True_, "5", 1):
-        assert "whole number of 2 or more" in sentence(lambda wrong=wrong: Settings(samples=wrong))
+        assert "whole number of at least 2" in sentence(lambda wrong=wrong: Settings(samples=wrong))
     assert f"at most {2**62}" in sentence(lambda: Settings(max_evaluations=10**30))
-    assert "samples: expected a whole number of at most" in sentence(lambda: Settings(samples=10**13))
+    assert "'samples': expected a whole number of at least 2 and at most" in sentence(lambda: Settings(samples=10**13))
 
 
 def test_more_rows_than_memory_holds_are_refused(scene):

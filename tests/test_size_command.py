@@ -99,7 +99,7 @@ def test_a_payload_and_a_tolerance_raise_the_peak(tmp_path: Path) -> None:
         (["planar_2r", "--motion", "gone.csv"], "gone.csv"),
         (["planar_2r", "--payload", "2"], "expected MASS@FRAME"),
         (["planar_2r", "--payload", "x@tip"], "found 'x'"),
-        (["planar_2r", "--payload=-2@tip"], "must be positive"),
+        (["planar_2r", "--payload=-2@tip"], "'mass': expected a finite number of more than 0"),
         (["planar_2r", "--payload", "2@tp"], "did you mean 'tip'"),
         (["planar_2r", "--mass-tolerance", "ten"], "expected a number"),
         (["planar_2r", "--mass-tolerance", "150%"], "less than 100%"),

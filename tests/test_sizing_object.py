@@ -104,7 +104,7 @@ def test_payloads_drives_and_tolerance_are_those_asked_for(card: Path, sizing: S
         ({"payloads": 3}, "expected a list of Payloads"),
         ({"payloads": ["1@rod"]}, "expected a list of Payloads, found '1@rod'"),
         ({"drives": []}, "expected a mapping of joint names to Drives"),
-        ({"allow_massless": [1]}, "expected names of links"),
+        ({"allow_massless": [1]}, "expected a list of names of links"),
     ],
 )
 def test_what_does_not_fit_is_named(card: Path, arguments: dict[str, object], message: str) -> None:

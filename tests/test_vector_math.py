@@ -98,3 +98,57 @@ def test_angles_of_one_sample_that_share_vectors_keep_their_places(target, count
         sine, cosine = code(values)
         np.testing.assert_allclose(sine, np.sin(every), rtol=4.5e-16, atol=0)
         np.testing.assert_allclose(cosine, np.cos(every[::-1]), rtol=4.5e-16, atol=0)
+
+
+UNARY = {
+    "exp": np.exp, "log": np.log, "sqrt": np.sqrt, "sin": np.sin, "cos": np.cos, "tan": np.tan, "asin": np.arcsin,
+    "acos": np.arccos, "atan": np.arctan, "sinh": np.sinh, "cosh": np.cosh, "tanh": np.tanh, "floor": np.floor,
+    "ceil": np.ceil, "fabs": np.abs, "sign": np.sign, "log1p": np.log1p, "expm1": np.expm1,
+}  # fmt: skip
+EXTREMES = [
+    np.nan,
+    np.inf,
+    -np.inf,
+    1e308,
+    -1e308,
+    5e-324,
+    -5e-324,
+    1e-310,
+    0.0,
+    -0.0,
+    1e5,
+    1e22,
+    1.0,
+    -1.0,
+    0.3,
+    800.0,
+]
+
+
+def test_every_function_of_nan_infinite_huge_and_subnormal_numbers_is_numpys(target):
+    def build():
+        x = casadi.SX.sym("x", 1)
+        ones = [getattr(casadi, name)(x) for name in UNARY]
+        return casadi.Function("unary", [x], [casadi.vertcat(*ones, x * x, 1 / x, 2 * x, -x, x**3.5)])
+
+    function = compiled("unary extremes", ("test",), build)
+    x = np.array(EXTREMES)
+    with np.errstate(all="ignore"):
+        columns = [f(x) for f in UNARY.values()]
+        expected = np.column_stack([*columns, x * x, 1 / x, 2 * x, -x, x**3.5])
+    np.testing.assert_allclose(function(x[:, None]), expected, rtol=4e-15, atol=0)
+    np.testing.assert_allclose([function(one) for one in x[:, None]], expected, rtol=4e-15, atol=0)
+
+
+def test_the_smaller_and_the_larger_of_a_number_and_nan_are_nan(target):
+    def build():
+        x = casadi.SX.sym("x", 2)
+        return casadi.Function("extremes", [x], [casadi.fmin(x[0], x[1]), casadi.fmax(x[0], x[1])])
+
+    function = compiled("smaller and larger", ("test",), build)
+    pairs = np.array([(a, b) for a in EXTREMES for b in EXTREMES])
+    least, most = function(pairs)
+    np.testing.assert_array_equal(least[:, 0], np.minimum(*pairs.T))
+    np.testing.assert_array_equal(most[:, 0], np.maximum(*pairs.T))
+    singles = np.array([function(pair) for pair in pairs])[:, :, 0]
+    np.testing.assert_array_equal(singles, np.column_stack([least, most]))

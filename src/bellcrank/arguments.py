@@ -23,6 +23,7 @@ from bellcrank.errors import InputError, among
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
+LARGEST = 1e100  # of masses, inertias, forces and lengths: products of two, and squares of them, stay finite
 LONGEST_PATH = 4096  # bytes, of which a name in a folder may have LONGEST_NAME: what file systems take
 LONGEST_NAME = 255
 MOST_ITEMS = 10**6  # of a list of names or objects: so that a generator without an end is refused, too
@@ -98,10 +99,11 @@ def is_number(value: object) -> bool:
 
 
 def _wanted(what: str, unit: str, above: float | None, least: float | None, most: float | None) -> str:
-    bounds = (
-        [f"more than {above:.12g}"] if above is not None else [f"at least {least:.12g}"] if least is not None else []
-    )
-    bounds += [f"at most {most:.12g}"] if most is not None else []
+    bounds = [
+        f"{words} {limit if isinstance(limit, int) else f'{limit:.12g}'}"
+        for words, limit in (("more than", above), ("at least", least), ("at most", most))
+        if limit is not None
+    ]
     limits = " of " + " and ".join(bounds) if bounds else ""
     return f"{what}{limits}{f' ({unit})' if unit else ''}"
 
@@ -130,7 +132,9 @@ def array(
     if finite and not np.isfinite(x).all():
         place = np.argwhere(~np.isfinite(x))[0].tolist()
         at = f" at entry {', '.join(map(str, place))}" if place else ""
-        expected = f"{_shape(shape)} of finite numbers{f' ({unit})' if unit else ''}"
+        expected = f"{_shape(shape).replace('numbers', 'finite numbers')}{f' ({unit})' if unit else ''}"
+        if len(shape) > 1:
+            expected += " of finite numbers"
         raise InputError(
             f"{f'{where}: ' if where else ''}argument '{name}': expected {expected}, found {x[tuple(place)]}{at}"
         )
@@ -164,9 +168,27 @@ def _shape(shape: tuple[int | None, ...]) -> str:
     return f"an array of shape ({', '.join('n' if w is None else str(w) for w in shape)})"
 
 
-def vector(name: str, value: object, size: int | None, unit: str = "", *, where: str = "") -> Array:
-    """`size` finite numbers (None: any count)."""
-    return array(name, value, (size,), unit, where=where)
+def vector(
+    name: str, value: object, size: int | None, unit: str = "", *, most: float | None = None, where: str = ""
+) -> Array:
+    """`size` finite numbers (None: any count), of a magnitude of at most `most`."""
+    x = array(name, value, (size,), unit, where=where)
+    if most is not None:
+        for entry in x[np.abs(x) > most][:1].tolist():
+            refuse(name, f"{_shape((size,))} of a magnitude of at most {most:g}", entry, where)
+    return x
+
+
+def alike(size: int | None = None, /, **values: object) -> tuple[Array, ...]:
+    """Arrays by the names of their arguments, whose shapes fit together as numpy broadcasts them; NaN stays."""
+    arrays = {name: as_array(name, value) for name, value in values.items()}
+    first = next(iter(arrays))
+    for name, x in arrays.items():
+        try:
+            np.broadcast_shapes(arrays[first].shape, x.shape)
+        except ValueError:
+            refuse(name, f"an array as long as '{first}', of shape {arrays[first].shape}", x)
+    return tuple(arrays.values())
 
 
 def increasing(name: str, value: object, unit: str = "", *, count: int = 1, where: str = "") -> Array:
@@ -219,6 +241,20 @@ def instance(name: str, value: object, kinds: type[T] | tuple[type[T], ...], wha
     return value
 
 
+def subject(name: str, value: Any, what: str) -> Any:
+    """The path or the name of a file, passed on as it is; `what` says what it would be read as."""
+    if not isinstance(value, (str, os.PathLike)):
+        refuse(name, f"{what}, or the path or name of one", value)
+    return value
+
+
+def robot(value: Any, name: str = "robot") -> Any:
+    """A robot, or what stands for one: it has joints and makes postures."""
+    if not (hasattr(value, "joints") and hasattr(value, "posture")):
+        refuse(name, "a robot", value, remedy="bc.load_robot(PATH or NAME) makes one")
+    return value
+
+
 def several(
     name: str, value: object, kind: type[T], what: str, *, alone: bool = False, where: str = ""
 ) -> tuple[T, ...]:
@@ -252,11 +288,20 @@ def mapping(name: str, value: object, what: str, *, where: str = "") -> dict[str
 
 
 def names_to_numbers(
-    name: str, value: object, what: str, unit: str = "", *, least: float | None = None, where: str = ""
+    name: str,
+    value: object,
+    what: str,
+    unit: str = "",
+    *,
+    least: float | None = None,
+    most: float | None = None,
+    where: str = "",
 ) -> dict[str, float]:
-    """A mapping of names to finite numbers."""
+    """A mapping of names to finite numbers, each at least `least` and at most `most`."""
     given = mapping(name, value, f"a mapping of {what} to numbers{f' ({unit})' if unit else ''}", where=where)
-    return {key: number(f"{name}[{key!r:.80}]", x, unit, least=least, where=where) for key, x in given.items()}
+    return {
+        key: number(f'{name}["{key:.80}"]', x, unit, least=least, most=most, where=where) for key, x in given.items()
+    }
 
 
 def path(name: str, value: object, what: str = "a path") -> Path:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank import shipped
+from bellcrank import arguments, shipped
 from bellcrank.card.fields import Fields
 from bellcrank.card.motions import MotionEntry, check_references, read_motion_entry
 from bellcrank.errors import InputError, among
@@ -60,6 +60,7 @@ class Card:
         """The robot with its mounting, payloads, frames and the drives' reflected inertias; InputError."""
         from bellcrank.robot.load import load_robot
 
+        extra = arguments.several("extra_payloads", extra_payloads, Payload, "Payloads")
         rotor = {joint: drive.reflected_inertia for joint, drive in self.drives.items()}
         try:
             robot = load_robot(
@@ -67,7 +68,7 @@ class Card:
                 gravity=self.gravity,
                 floating_base=self.floating_base,
                 friction=self.friction,
-                payloads=(*self.payloads, *extra_payloads),
+                payloads=(*self.payloads, *extra),
                 rotor_inertia=rotor,
                 frames=dict(self.frames),
             )
@@ -82,7 +83,8 @@ class Card:
 
     def motion(self, robot: Robot, name: str) -> Motion:
         """One of the card's motions for the robot; InputError or UnreachableError naming the place."""
-        if name not in self.motions:
+        arguments.robot(robot)
+        if arguments.text("name", name, "the name of a motion") not in self.motions:
             raise InputError(f"{self.source}: {among('motion', name, self.motions)}")
         return self.motions[name].build(robot, self.motions)
 
@@ -106,10 +108,8 @@ def load_card(path_or_name: str | Path, *, trust: Trust = ()) -> Card:
 
 def find_card(path_or_name: str | Path) -> tuple[Path, bool]:
     """The file that a path or a name stands for, and whether it is a URDF rather than a card. Raises InputError."""
+    path = arguments.path("path_or_name", path_or_name, "the path of a scene, card or URDF, or the name of a robot")
     text = str(path_or_name)
-    path = Path(path_or_name)
-    if "\0" in text or not text.strip():
-        raise InputError(f"robot {text!r}: expected the path of a card or URDF, or the name of a robot")
     if path.suffix.lower() in (".yaml", ".yml"):
         return path, False
     if path.suffix.lower() in (".npz", ".csv"):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+from bellcrank import arguments
 from bellcrank.card.fields import Fields
 from bellcrank.constraints.constraint import Constraint, Residual
 from bellcrank.errors import InputError
@@ -100,6 +102,8 @@ def own_constraint(scene: Scene, name: str, function: Callable[[Symbols], Any], 
 
     if name in [closure.name for closure in scene.closures]:
         raise InputError(f"{scene.source}: with_constraint: the name '{name}' is taken by another closure")
+    if inspect.isclass(function):
+        arguments.refuse("function", "a function of Symbols that gives casadi expressions", function)
     s = Symbols(scene.robot, scene.parameters, scene.frames)
     column = _column(function(s))
     if s.u.numel():

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from bellcrank import arguments
 from bellcrank.card.motions import MotionEntry, frame_path
 from bellcrank.constraints.elements import changed_lengths, path_note
 from bellcrank.constraints.frame_follow import FrameFollower
@@ -35,6 +36,8 @@ def guided_motion(
     given: set[str] | None = None
     if isinstance(motion, Motion):
         whole = motion
+    elif not isinstance(motion, (str, Path)):
+        arguments.refuse("motion", "a Motion, the name of a motion, or the path of a CSV file", motion)
     elif str(motion) in card.motions:
         entry = card.motions[str(motion)]
         along = _frame_motion(chain, entry, card.motions)
@@ -48,7 +51,7 @@ def guided_motion(
             moved = changed_lengths(chain.given)
             if moved and any(frames_drawn(entry, card.motions)):
                 whole = replace(whole, notes=(*whole.notes, path_note(whole.name, moved)))
-    elif Path(motion).suffix or "/" in str(motion):
+    elif arguments.path("motion", motion, "a motion's name or the path of a CSV file").suffix or "/" in str(motion):
         text = motion_text(Path(motion))
         whole = read_partial_motion(robot, Path(motion), Path(motion).stem, text)
         given = _columns(robot, text)
@@ -59,6 +62,8 @@ def guided_motion(
             f"motion '{whole.name}' is for the joints {', '.join(whole.joint_names)}, the robot {robot.name} has "
             f"{', '.join(joint.name for joint in robot.joints)}"
         )
+    if independent is not None:
+        independent = arguments.several("independent", independent, str, "names of joints")
     if independent is None:
         candidates = [joint for joint in robot.joints if joint.nv == 1 and (given is None or joint.name in given)]
         candidates.sort(key=lambda joint: joint not in chain.actuated)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank import arguments
 from bellcrank.constraints.linkage import Linkage
 from bellcrank.constraints.mechanism import Mechanism, force_times, mechanism_of
 from bellcrank.derived import cached_property
@@ -74,7 +75,7 @@ class SceneInverseDynamics:
 
     def motor(self, name: str) -> Array:
         """One motor's torque (n,). Raises InputError with what there is."""
-        if name not in self.actuated:
+        if arguments.text("name", name, "the name of a joint with a motor") not in self.actuated:
             raise InputError(f"{self.mechanism.robot.name}: {among('motor', name, self.actuated)}")
         return self.torque[:, self.actuated.index(name)]
 
@@ -133,8 +134,12 @@ def scene_inverse_dynamics(
     from bellcrank.constraints.elements import mechanism_notes, motion_notes
 
     if not isinstance(scene, Scene):
-        scene = load_scene(scene)
-    if overrides:
+        scene = load_scene(arguments.subject("scene", scene, "a scene"))
+    if actuated is not None:
+        actuated = arguments.several("actuated", actuated, str, "names of joints")
+    if independent is not None:
+        independent = arguments.several("independent", independent, str, "names of joints")
+    if overrides is not None:
         scene = scene.with_overrides(overrides)
     mechanism = mechanism_of(scene, actuated=actuated)
     whole, joints = mechanism.along(motion, independent)

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank import arguments
 from bellcrank.constraints.elements import SAME_TIME
 from bellcrank.constraints.joint_relations import Drive
-from bellcrank.errors import InputError
 from bellcrank.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -95,9 +95,7 @@ def mechanism_of(
         return given
     if not isinstance(given, Scene):
         if not hasattr(given, "joints"):
-            raise InputError(
-                f"expected a robot, a scene or a linkage, found a {type(given).__name__}; bc.load_scene reads one"
-            )
+            arguments.refuse("robot", "a robot, a scene or a linkage", given, remedy="bc.load_scene reads a scene")
         return OpenChain(cast(Robot, given))
     if any(not isinstance(closure, Drive) for closure in given.closures):
         return Linkage(given, robot, actuated)

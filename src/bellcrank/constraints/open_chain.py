@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank import arguments
 from bellcrank.constraints.joint_wrenches import joint_wrenches
 from bellcrank.derived import cached_property
 from bellcrank.dynamics.inverse import InverseEquations
@@ -63,9 +64,11 @@ class OpenChain:
         motions = {} if self.scene is None else self.scene.card.motions
         if isinstance(motion, Motion):
             whole = motion
+        elif not isinstance(motion, (str, Path)):
+            arguments.refuse("motion", "a Motion, the name of a motion, or the path of a CSV file", motion)
         elif str(motion) in motions and self.scene is not None:
             whole = self.scene.motion(str(motion))
-        elif Path(motion).suffix or "/" in str(motion):
+        elif arguments.path("motion", motion, "a motion's name or the path of a CSV file").suffix or "/" in str(motion):
             whole = read_motion(self.robot, Path(motion), Path(motion).stem)
         else:
             source = self.robot.source if self.scene is None else self.scene.source

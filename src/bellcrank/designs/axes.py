@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,13 +9,15 @@ from typing import Any
 
 import numpy as np
 
+from bellcrank import arguments
 from bellcrank.card.fields import parse_number
 from bellcrank.card.number_text import split_number, whole_number
 from bellcrank.card.yaml_file import read_value, shown
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import Scene
 
-MOST_VALUES = 10**6  # of an axis
+MOST_VALUES = arguments.MOST_ITEMS  # of an axis
+LARGEST_WHOLE = 10**308
 EXPECTED = "expected PATH=FIRST:LAST:COUNT or PATH=VALUE,VALUE,…, such as crank_length=1.21:1.24:31"
 
 
@@ -63,10 +64,7 @@ def read_axis(scene: Scene, path: str, values: Iterable[Any]) -> Axis:
     """The axis of a path, in the unit of the parameter that it names; InputError where there are no values."""
     if isinstance(values, (str, int, float)):
         values = [values]
-    taken = itertools.islice(values, MOST_VALUES + 1)  # a generator may have no end
-    listed = tuple(value.item() if isinstance(value, np.generic) else value for value in taken)
-    if len(listed) > MOST_VALUES:
-        raise InputError(f"sweep over '{path}': expected at most {MOST_VALUES} values, found more")
+    listed = tuple(_plain(path, value) for value in arguments.several(f'vary["{path:.80}"]', values, object, "values"))
     if not listed:
         raise InputError(f"sweep over '{path}': expected at least one value, found none")
     parameter = scene.parameters.get(path.removeprefix("parameters."))
@@ -80,6 +78,17 @@ def read_axis(scene: Scene, path: str, values: Iterable[Any]) -> Axis:
     if None in parts or len(units) > 1:
         return Axis(path, listed, tuple(map(float, range(len(listed)))), "")
     return Axis(path, listed, tuple(part[0] for part in parts if part is not None), units.pop())
+
+
+def _plain(path: str, value: Any) -> Any:
+    """A value of an axis as Python's own type. Raises InputError for what no key of a scene could have."""
+    if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
+        value = value.item()
+    if not isinstance(value, (str, bool, int, float, list, tuple, dict)):
+        arguments.refuse(f'vary["{path:.80}"]', "numbers, texts, or what else a key of the scene takes", value)
+    if isinstance(value, int) and abs(value) > LARGEST_WHOLE:
+        arguments.refuse(f'vary["{path:.80}"]', "numbers that a double can hold", value)
+    return value
 
 
 def _range(text: str, parts: list[str]) -> tuple[Any, ...]:

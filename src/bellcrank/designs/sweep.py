@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank import arguments
 from bellcrank.derived import Portable, cached_property
 from bellcrank.designs.axes import Axis, read_axis
 from bellcrank.designs.measures import aims, measures_of, start_measures
@@ -89,14 +90,15 @@ class Sweep(Portable):
 
     def column(self, measure: str) -> Array:
         """A measure of each design (designs,); NaN where it has none. Raises InputError with what there is."""
-        if measure not in self.units:
+        if arguments.text("measure", measure, "the name of a measure") not in self.units:
             raise InputError(f"sweep of {self.scene.name}: {among('measure', measure, self.units)}")
         return np.array([design.measures.get(measure, math.nan) for design in self.designs])
 
     def grid(self, measure: str) -> Array:
         """The same in the shape of the grid, one dimension an axis; NaN where a design was not run."""
+        column = self.column(measure)
         table = np.full(math.prod(self.shape), math.nan)
-        table[[design.index for design in self.designs]] = self.column(measure)
+        table[[design.index for design in self.designs]] = column
         return table.reshape(self.shape)
 
     @property
@@ -112,25 +114,33 @@ class Sweep(Portable):
         """The designs as text, one a line; `measures` (default: the telling ones)."""
         from bellcrank.designs.report import text_table
 
-        return text_table(self, self.telling if measures is None else measures)
+        return text_table(self, self._measures(measures))
 
     def to_csv(self, path: str | Path) -> Path:
         """Write one row a design: axes, status, every measure (units in the header), reason; returns the path."""
         from bellcrank.designs.report import write_csv
 
-        return write_csv(self, path)
+        return write_csv(self, arguments.path("path", path, "the path of a file"))
 
     def to_json(self, path: str | Path) -> Path:
         """Write axes, units and designs as JSON; returns the path."""
         from bellcrank.designs.report import write_json
 
-        return write_json(self, path)
+        return write_json(self, arguments.path("path", path, "the path of a file"))
 
     def plot(self, path: str | Path | None = None, measures: Sequence[str] | None = None) -> Figure:
         """Draw one panel a measure, a line over one axis, a map over two; written to `path` (PNG) if one is given."""
         from bellcrank.designs.plot import plot_sweep
 
-        return plot_sweep(self, self.telling if measures is None else measures, path)
+        return plot_sweep(self, self._measures(measures), None if path is None else arguments.path("path", path))
+
+    def _measures(self, given: object) -> tuple[str, ...]:
+        if given is None:
+            return self.telling
+        listed = arguments.several("measures", given, str, "names of measures", alone=True)
+        if not listed:
+            arguments.refuse("measures", "at least one name of a measure", given)
+        return listed
 
 
 def sweep(
@@ -153,13 +163,16 @@ def sweep(
     Raises InputError where a path leads nowhere, takes none of its values, or changes the equations.
     """
     if not isinstance(scene, Scene):
-        scene = load_scene(scene)
-    if overrides:
+        scene = load_scene(arguments.subject("scene", scene, "a scene"))
+    if overrides is not None:
         scene = scene.with_overrides(overrides)
+    vary = arguments.mapping("vary", vary, "a mapping of parameters to their values")
+    if threads is not None:
+        threads = arguments.whole("threads", threads, least=1, most=MOST_THREADS)
+    if progress is not None:
+        arguments.function("progress", progress, "a function of the designs done and all")
     if not vary:
         raise InputError(f"sweep of {scene.name}: expected at least one parameter to vary, found none")
-    if threads is not None and not 1 <= threads <= MOST_THREADS:
-        raise InputError(f"threads: expected a whole number from 1 to {MOST_THREADS}, found {threads!r}")
     axes = tuple(read_axis(scene, path, values) for path, values in vary.items())
     _check_count(math.prod(len(axis.values) for axis in axes))
     for axis in axes:

@@ -20,8 +20,7 @@ _LIBRARY = {  # C library functions, called lane by lane
     "cosh": 1, "tanh": 1, "log1p": 1, "expm1": 1, "hypot": 2, "fmod": 2,
 }  # fmt: skip
 _ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
-_INTRINSIC = {"sqrt": "sqrt", "floor": "floor", "ceil": "ceil", "fabs": "fabs", "fmin": "minnum", "fmax": "maxnum",
-              "copysign": "copysign"}  # fmt: skip
+_INTRINSIC = {"sqrt": "sqrt", "floor": "floor", "ceil": "ceil", "fabs": "fabs", "copysign": "copysign"}
 _COMPARE = {"lt": "olt", "le": "ole", "eq": "oeq", "ne": "une"}
 
 
@@ -198,6 +197,8 @@ class Body:
         elif op in _COMPARE:
             put(f"{name}.b = fcmp {_COMPARE[op]} {d} {args[0]}, {args[1]}")
             put(f"{name} = uitofp {lanes.bit} {name}.b to {d}")
+        elif op in ("fmin", "fmax"):
+            self._extreme(name, "olt" if op == "fmin" else "ogt", args)
         elif op in ("not", "and", "or", "if_else_zero", "sign"):
             self._logical(name, op, args)
         elif op in _LIBRARY:
@@ -206,13 +207,21 @@ class Body:
             raise CompileError(f"the operation '{op}' cannot be compiled; write the expression without it")
         self.names[index] = name
 
+    def _extreme(self, name: str, before: str, args: list[str]) -> None:
+        """The smaller or the larger of two; NaN where either is, unlike C's fmin, which would hide it."""
+        a, b, d, bit = args[0], args[1], self.lanes.double, self.lanes.bit
+        self._put(f"{name}.b = fcmp {before} {d} {a}, {b}")
+        self._put(f"{name}.m = select {bit} {name}.b, {d} {a}, {d} {b}")
+        self._put(f"{name}.n = fcmp uno {d} {a}, {a}")
+        self._put(f"{name} = select {bit} {name}.n, {d} {a}, {d} {name}.m")
+
     def _logical(self, name: str, op: str, args: list[str]) -> None:
         lanes, d, b = self.lanes, self.lanes.double, self.lanes.bit
         zero, one = lanes.number(0.0), lanes.number(1.0)
         put = self.lines.append
         if op == "sign":
             put(f"  {name}.one = call {d} @llvm.copysign.{lanes.suffix}({d} {one}, {d} {args[0]})")
-            put(f"  {name}.z = fcmp oeq {d} {args[0]}, {zero}")
+            put(f"  {name}.z = fcmp ueq {d} {args[0]}, {zero}")  # zero, or NaN, which stays
             put(f"  {name} = select {b} {name}.z, {d} {args[0]}, {d} {name}.one")
             return
         for j, a in enumerate(args[: 1 if op in ("not", "if_else_zero") else 2]):
@@ -260,8 +269,7 @@ def declarations(library: set[str], lanes: Lanes) -> list[str]:
         lines.append(f"declare double @{symbol}({', '.join(['double'] * count)})")
     for width in sorted({1, 2, 4, 8} if lanes.width == 1 else {lanes.width}):
         used = Lanes(width)
-        for name, count in (("fma", 3), ("sqrt", 1), ("floor", 1), ("ceil", 1), ("fabs", 1), ("minnum", 2),
-                            ("maxnum", 2), ("copysign", 2)):  # fmt: skip
+        for name, count in (("fma", 3), ("sqrt", 1), ("floor", 1), ("ceil", 1), ("fabs", 1), ("copysign", 2)):
             lines.append(f"declare {used.double} @llvm.{name}.{used.suffix}({', '.join([used.double] * count)})")
     return lines
 

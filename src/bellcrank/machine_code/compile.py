@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank import arguments
 from bellcrank._step import evaluate
 from bellcrank.errors import CompileError, InputError
 from bellcrank.machine_code import cache as disk
@@ -243,6 +244,8 @@ def _sizes(graph: Graph) -> dict[str, list[int]]:
 def _serialized(function: Any) -> bytes:
     if isinstance(function, bytes):
         return function
+    if not hasattr(function, "serialize"):
+        arguments.refuse("build", "a function that makes a casadi.Function", function, remedy="this is what it made")
     text: str = function.serialize()
     return text.encode("latin-1")
 

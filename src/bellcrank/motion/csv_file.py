@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank import arguments
 from bellcrank.card.number_text import decimal_number
 from bellcrank.errors import InputError, among
 from bellcrank.file_access import MOST_TABLE, read_text
@@ -90,19 +91,21 @@ def write_motion(
 
     The file is replaced in one step, or not at all. Raises InputError where the folder cannot be written.
     """
+    arguments.instance("motion", motion, Motion, "a Motion")
+    target = arguments.path("path", path, "the path of a file")
     columns = _Columns.of(tuple(motion.joints))
     labels = [("time", "s"), *columns.position, *columns.velocity, *columns.acceleration]
     parts = [motion.time, motion.position, motion.velocity, motion.acceleration]
     if torque is not None:
         labels += columns.torque
-        parts.append(torque)
-    for label, values in (more or {}).items():
+        parts.append(arguments.array("torque", torque, (len(motion.time), len(columns.torque)), "N m or N"))
+    for label, values in _more(more).items():
         labels.append(label)
-        parts.append(values)
+        parts.append(arguments.array("more", values, (len(motion.time),), finite=False))
     blocks = (
         np.column_stack([part[first : first + ROWS] for part in parts]) for first in range(0, len(motion.time), ROWS)
     )
-    return write_table(path, labels, blocks)
+    return write_table(target, labels, blocks)
 
 
 def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: str | None = None) -> Motion:
@@ -115,8 +118,12 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: s
     `text` is what the file holds, where it was read before. Raises InputError, in one sentence
     with file and line, for whatever does not fit.
     """
-    file = Path(path)
-    joints = tuple(robot.joints)
+    file = arguments.path("path", path, "the path of a CSV file")
+    joints = tuple(arguments.robot(robot).joints)
+    if name is not None:
+        arguments.text("name", name, empty=True)
+    if text is not None:
+        arguments.text("text", text, "what the file holds, as a text", empty=True)
     columns = _Columns.of(joints)
     header, table = _table(file, motion_text(file) if text is None else text)
     _refuse_free_base(file, robot, header)
@@ -156,6 +163,19 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: s
         )
     notes += limit_notes(robot, title, time, position, "give the column the unit [deg]", position_noise)
     return replace(motion, notes=notes)
+
+
+def _more(given: object) -> Mapping[tuple[str, str], Array]:
+    """Columns by (title, unit). Raises InputError."""
+    if given is None:
+        return {}
+    expected = "a mapping of (title, unit) to values"
+    if not isinstance(given, Mapping):
+        arguments.refuse("more", expected, given)
+    for label in given:
+        if not isinstance(label, tuple) or len(label) != 2 or not all(isinstance(part, str) for part in label):
+            arguments.refuse("more", expected, label)
+    return given
 
 
 def motion_text(file: Path) -> str:

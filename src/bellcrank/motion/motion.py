@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from bellcrank import arguments
 from bellcrank.derived import Portable, cached_property
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import Array, JointLike, continuous, from_rates, rates, sizes, velocity_labels
@@ -52,22 +53,24 @@ class Motion(Portable):
     speed_noise: Sequence[float] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "joints", tuple(self.joints))
+        arguments.text("name", self.name, empty=True)
+        object.__setattr__(self, "joints", _joints(self.joints))
         for key, count in zip(("position_noise", "speed_noise"), sizes(self.joints), strict=True):
-            noise = tuple(map(float, getattr(self, key))) or (0.0,) * count
-            if len(noise) != count or not all(0.0 <= x < np.inf for x in noise):
-                raise InputError(f"{self._title}: {key}: expected {count} numbers of 0 or more, found {noise}")
+            noise = tuple(arguments.vector(key, getattr(self, key), None, where=self._title).tolist()) or (0.0,) * count
+            if len(noise) != count or min(noise, default=0.0) < 0.0:
+                arguments.refuse(key, f"{count} numbers of at least 0", getattr(self, key), self._title)
             object.__setattr__(self, key, noise)
-        object.__setattr__(self, "notes", tuple(self.notes))
+        notes = arguments.several("notes", self.notes, str, "texts", where=self._title)
+        object.__setattr__(self, "notes", notes)
         nq, nv = sizes(self.joints)
-        n = np.size(self.time)
+        time = arguments.as_array("time", self.time, "a list of numbers (s)", self._title)
+        n = np.size(time)
         shapes = {"time": (n,), "position": (n, nq), "velocity": (n, nv), "acceleration": (n, nv)}
         for key, shape in shapes.items():
-            given = np.asarray(getattr(self, key))
+            value = time if key == "time" else getattr(self, key)
+            given = arguments.as_array(key, value, f"an array of shape {shape}", self._title)
             if given.shape != shape:
                 raise InputError(f"{self._title}: {key} has shape {given.shape}, expected {shape}")
-            if given.dtype.kind not in "fiu":
-                raise InputError(f"{self._title}: {key} does not hold real numbers ({given.dtype})")
             array = np.array(given, dtype=np.float64, order="C")
             array.flags.writeable = False
             if not np.all(np.isfinite(array)):
@@ -204,7 +207,9 @@ class Motion(Portable):
         velocity and acceleration match at either end; error of the acceleration of order step⁴). At a jump of
         acceleration `side` picks the limit. Raises InputError for a time outside the motion.
         """
-        times = np.atleast_1d(np.asarray(t, dtype=np.float64))
+        given = arguments.as_array("t", t, "a time or a list of times (s)", self._title)
+        arguments.one_of("side", side, ("after", "before"), where=self._title)
+        times = np.atleast_1d(given)
         if times.ndim != 1:
             raise InputError(f"{self._title}: times must be a number or one-dimensional, got shape {times.shape}")
         first, last = float(self.time[0]), float(self.time[-1])
@@ -229,7 +234,7 @@ class Motion(Portable):
                 self.velocity[row[exact]],
                 self.acceleration[row[exact]],
             )
-        if np.ndim(t) == 0:
+        if given.ndim == 0:
             return q[0], v[0], a[0]
         return q, v, a
 
@@ -243,12 +248,14 @@ def dwell(
     """Rest at a posture (dict of joint positions, or (nq,), in rad or m) for `duration` s; raises
     InputError.
     """
-    number = isinstance(duration, int | float | np.number) and not isinstance(duration, bool)
-    if not (number and np.isfinite(duration) and duration > 0.0):
-        raise InputError(f"motion '{name}': the duration of a dwell must be a positive number of s, got {duration!r}")
+    title = f"motion '{arguments.text('name', name, empty=True)}'"
+    duration = arguments.number("duration", duration, "s", above=0.0, where=title)
+    arguments.robot(robot)
+    if position is None:
+        arguments.refuse("position", "a posture: a mapping of joints to numbers, or a list of them", position, title)
     q = np.asarray(robot.posture(position), dtype=np.float64)
     rest = np.zeros((2, robot.nv))
-    time = np.array([0.0, float(duration)])
+    time = np.array([0.0, duration])
     return Motion(robot.joints, time, np.stack([q, q]), rest, rest, name, limit_notes(robot, name, time, q[None]))
 
 
@@ -260,6 +267,10 @@ def join(*motions: Motion, name: str | None = None) -> Motion:
     """
     if not motions:
         raise InputError("join needs at least one motion, got none")
+    for motion in motions:
+        arguments.instance("motions", motion, Motion, "Motions")
+    if name is not None:
+        arguments.text("name", name, empty=True)
     first = motions[0]
     rows: list[tuple[Array, ...]] = [(first.time, first.position, first.velocity, first.acceleration)]
     for before, after in pairwise(motions):
@@ -289,6 +300,17 @@ def join(*motions: Motion, name: str | None = None) -> Motion:
     title = " + ".join(motion.name for motion in motions) if name is None else name
     noise = (np.max([getattr(motion, key) for motion in motions], axis=0) for key in ("position_noise", "speed_noise"))
     return Motion(first.joints, time, position, velocity, acceleration, title, notes, *map(tuple, noise))
+
+
+def _joints(given: object) -> tuple[JointLike, ...]:
+    """Joints that say where their columns lie. Raises InputError."""
+    expected = "the joints of a robot (robot.joints)"
+    if not isinstance(given, (list, tuple)) or not given:
+        arguments.refuse("joints", expected, given)
+    for joint in given:
+        if not all(hasattr(joint, key) for key in ("name", "kind", "q", "nq", "v", "nv")):
+            arguments.refuse("joints", expected, joint)
+    return tuple(given)
 
 
 def _layout(motion: Motion) -> list[tuple[str, str, int, int]]:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank import arguments
 from bellcrank.errors import InputError
 from bellcrank.motion.continuation import Curve
 from bellcrank.motion.coordinates import Array, JointLike
@@ -29,6 +30,7 @@ Posture = Mapping[str, float] | Sequence[float] | Array
 Orientation = str | Sequence[float] | Sequence[Sequence[float]] | Array
 Limits = tuple[float | None, float | None, float | None, float | None]
 AXES = ("x", "y", "z")
+FARTHEST = 1e9  # m, and turns: beyond, a double cannot tell 0.1 µm
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,7 @@ def circle(
     others are free. With joints to spare the posture is the one nearest to `start`. Raises InputError, and
     UnreachableError naming time, pose and by how much.
     """
+    arguments.robot(robot)
     timing = (duration, speed, acceleration, jerk)
     path = circle_path(frame, center, radius, normal, turns, timing, profile, orientation, samples, coordinates, name)
     return _along(robot, path, _posture(robot, start))
@@ -95,14 +98,14 @@ def circle_path(
     name: str,
 ) -> FramePath:
     """The path of `circle`, with `timing` its duration, speed, acceleration and jerk. Raises InputError."""
-    title = f"motion '{name}'"
-    middle = _vector(title, "center", center)
-    radius, turns = _number(title, "radius", radius), _number(title, "turns", turns)
-    if radius <= 0.0:
-        raise InputError(f"{title}: radius must be positive, in m, got {radius:g}")
+    title = f"motion '{arguments.text('name', name, empty=True)}'"
+    frame = arguments.text("frame", frame, "the name of a frame", where=title)
+    middle = arguments.vector("center", center, 3, "m", most=FARTHEST, where=title)
+    radius = arguments.number("radius", radius, "m", above=0.0, most=FARTHEST, where=title)
+    turns = arguments.number("turns", turns, least=-FARTHEST, most=FARTHEST, where=title)
     if turns == 0.0:
         raise InputError(f"{title}: turns must not be 0; use dwell to stand still")
-    axis = _vector(title, "normal", normal)
+    axis = arguments.vector("normal", normal, 3, most=arguments.LARGEST, where=title)
     if np.linalg.norm(axis) < 1e-12:
         raise InputError(f"{title}: normal must not be zero")
     axis = axis / np.linalg.norm(axis)
@@ -143,7 +146,9 @@ def line(
     With `begin` (3,) the line starts there, and `start` only selects the branch. The other arguments, the
     posture with joints to spare, and the errors are those of `circle`.
     """
+    arguments.robot(robot)
     posture = _posture(robot, start)
+    arguments.text("frame", frame, "the name of a frame")
     here = robot.frame_pose(frame, posture)[0]
     timing = (duration, speed, acceleration, jerk)
     path = line_path(frame, here, end, begin, timing, profile, orientation, samples, coordinates, name)
@@ -163,9 +168,9 @@ def line_path(
     name: str,
 ) -> FramePath:
     """The path of `line`, from `here` (3,) m where `begin` is None; `timing` as in `circle_path`. Raises InputError."""
-    title = f"motion '{name}'"
-    last = _vector(title, "end", end)
-    first = here if begin is None else _vector(title, "begin", begin)
+    title = f"motion '{arguments.text('name', name, empty=True)}'"
+    last = arguments.vector("end", end, 3, "m", most=FARTHEST, where=title)
+    first = here if begin is None else arguments.vector("begin", begin, 3, "m", most=FARTHEST, where=title)
     length = float(np.linalg.norm(last - first))
     if length < 1e-9:
         raise InputError(f"{title}: the line begins where it ends; use dwell to stand still")
@@ -206,27 +211,15 @@ def _posture(robot: Robot, start: Posture | None) -> Array:
     return np.array(robot.posture({} if start is None else start), dtype=np.float64)
 
 
-def _number(title: str, what: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not np.isfinite(value):
-        raise InputError(f"{title}: {what} must be a finite number, got {value!r}")
-    return float(value)
-
-
-def _vector(title: str, what: str, value: Any) -> Array:
-    try:
-        vector = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{title}: {what} must be three numbers, got {value!r}") from None
-    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-        raise InputError(f"{title}: {what} must be three finite numbers, got {value!r}")
-    return vector
-
-
 def _axes(title: str, coordinates: Sequence[str]) -> tuple[str, ...]:
     """The coordinates that a path prescribes, in the order x, y, z."""
-    found = tuple(axis for axis in AXES if axis in coordinates)
-    if not found or len(found) != len(coordinates):
-        raise InputError(f"{title}: coordinates must be some of x, y, z, each once, got {list(coordinates)}")
+    expected = "some of x, y, z, each once"
+    if isinstance(coordinates, str):
+        coordinates = list(coordinates)
+    listed = arguments.several("coordinates", coordinates, str, expected, where=title)
+    found = tuple(axis for axis in AXES if axis in listed)
+    if not found or len(found) != len(listed):
+        raise InputError(f"{title}: coordinates must be {expected}, got {', '.join(listed)[:200]!r}")
     return found
 
 
@@ -237,12 +230,9 @@ def wanted_rotation(path: FramePath, held: Array) -> Array | None:
         return None
     if isinstance(orientation, str):
         if orientation != "hold":
-            raise InputError(f"{title}: orientation must be 'hold', rpy or a rotation matrix, got '{orientation}'")
+            arguments.refuse("orientation", "'hold', rpy or a rotation matrix", orientation, title)
         return np.array(held)
-    try:
-        given = np.array(orientation, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{title}: orientation must be numbers (rpy or a matrix) or 'hold'") from None
+    given = arguments.as_array("orientation", orientation, "numbers (rpy or a matrix) or 'hold'", title)
     if given.shape == (3,) and np.all(np.isfinite(given)):
         return from_rpy(given)
     if given.shape != (3, 3) or not np.all(np.isfinite(given)):

@@ -17,6 +17,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from bellcrank import arguments
 from bellcrank.errors import InputError, among
 from bellcrank.motion.coordinates import Array
 
@@ -118,15 +119,12 @@ def profile(
     jerk for `trapezoid`), for neither a duration nor a limit, and for a duration shorter than the limits
     allow.
     """
-    if kind not in KINDS:
-        raise InputError(among("profile", str(kind), KINDS))
+    if arguments.text("profile", kind, "the name of a profile") not in KINDS:
+        raise InputError(among("profile", kind, KINDS))
     given = {"duration": duration, "speed": speed, "acceleration": acceleration, "jerk": jerk}
     for key, value in {"distance": distance, **given}.items():
-        if value is None:
-            continue
-        number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-        if not (number and isfinite(value) and value > 0.0):
-            raise InputError(f"profile '{kind}': {key} must be a positive number, got {value!r}")
+        if value is not None:
+            arguments.number(key, value, above=0.0, most=arguments.LARGEST, where=f"profile '{kind}'")
     kept = {"constant": 1, "trapezoid": 2}.get(kind, 3)
     for key in ("speed", "acceleration", "jerk")[kept:]:
         if given[key] is not None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bellcrank import arguments
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import Array, JointLike, continuous, from_rates
 from bellcrank.motion.motion import Motion, limit_notes
@@ -33,10 +34,17 @@ def waypoints(
     (nq,) in rad or m, or a dict of joint positions (joints left out stand at their neutral position). The
     motion has at least `samples` rows, every waypoint among them. Raises InputError.
     """
-    title = f"motion '{name}'"
+    title = f"motion '{arguments.text('name', name, empty=True)}'"
+    arguments.robot(robot)
     knots = checked_times(title, times, "waypoint")
+    if isinstance(positions, np.ndarray) and positions.ndim:
+        positions = list(positions)
+    if not isinstance(positions, Sequence) or isinstance(positions, (str, bytes)):
+        arguments.refuse("positions", "a list of postures, one a time", positions, title)
     if len(positions) != len(knots):
         raise InputError(f"{title}: {len(knots)} times but {len(positions)} positions; expected one position a time")
+    if any(point is None for point in positions):
+        arguments.refuse("positions", "a list of postures, one a time", None, title)
     points = np.stack([np.asarray(robot.posture(point), dtype=np.float64) for point in positions])
     check_size(title, "position", points)
     time = spread(knots, checked_samples(title, samples))
@@ -122,10 +130,7 @@ def spread(knots: Array, samples: int) -> Array:
 
 def checked_times(title: str, times: Any, what: str) -> Array:
     """Times as an increasing, finite (k,) array, k >= 2; InputError otherwise."""
-    try:
-        knots = np.asarray(times, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{title}: the times must be numbers, in s") from None
+    knots = arguments.as_array("times", times, "increasing numbers (s)", title)
     if knots.ndim != 1 or len(knots) < 2:
         raise InputError(f"{title}: at least 2 times are needed, got shape {knots.shape}")
     if not np.all(np.isfinite(knots)):
@@ -141,6 +146,4 @@ def checked_times(title: str, times: Any, what: str) -> Array:
 
 def checked_samples(title: str, samples: Any) -> int:
     """A number of samples of at least 2; InputError otherwise."""
-    if isinstance(samples, bool) or not isinstance(samples, int | np.integer) or not 2 <= samples <= 10_000_000:
-        raise InputError(f"{title}: samples must be a whole number from 2 to 10000000, got {samples!r}")
-    return int(samples)
+    return arguments.whole("samples", samples, least=2, most=10_000_000, where=title)

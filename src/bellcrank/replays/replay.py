@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bellcrank import arguments
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.motion.motion import Motion
 from bellcrank.replays.bar import share_bar
@@ -62,6 +63,9 @@ def replay(
     Raises InputError for what cannot be shown, and where the file cannot be written.
     """
     source = opened(thing)
+    if path is not None:
+        path = arguments.path("path", path, "the path of a page")
+    arguments.flag("plots", plots)
     if path is None and _in_notebook():
         return Inline(page(film_of(source, robot, trace=trace, detail=detail, title=title), plots=plots))
     target = f"{file_name(name_of(source))}.html" if path is None else path
@@ -102,8 +106,12 @@ def film_of(
     from bellcrank.replays.motion_film import film_of_motion, film_of_sizing
     from bellcrank.replays.run_film import film_of_run
 
-    if detail not in ("reduced", "full"):
-        raise InputError(f"detail: expected 'reduced' or 'full', found {detail!r}")
+    arguments.one_of("detail", detail, ("reduced", "full"))
+    trace = arguments.several("trace", trace, str, "names of frames", alone=True)
+    if title is not None:
+        arguments.text("title", title, empty=True)
+    if robot is not None and not hasattr(robot, "robot"):
+        arguments.robot(robot)
     with share_bar("film") as progress:
         options: dict[str, Any] = {"trace": trace, "detail": detail, "title": title, "progress": progress}
         if isinstance(thing, Sizing):
@@ -136,15 +144,13 @@ def opened(thing: Any, by: str = "replay") -> Trajectory | Motion | Sizing:
     if isinstance(thing, (str, Path)):
         from bellcrank.simulation.run_file import load_run
 
-        return load_run(find_run(thing))
+        return load_run(find_run(arguments.path("thing", thing, "a run, a motion, a sizing, or the path of a run")))
     from bellcrank.simulation.trajectory import Trajectory
 
     if isinstance(thing, Trajectory):
         return thing
-    raise InputError(
-        f"{by}: expected a run, a motion, a sizing, or the path of a run, found a {type(thing).__name__}; "
-        "simulate or size first"
-    )
+    kinds = "a run, a motion, a sizing, or the path of a run"
+    arguments.refuse("thing", kinds, thing, by, "simulate or size first")
 
 
 def name_of(thing: Trajectory | Motion | Sizing) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bellcrank import arguments
 from bellcrank.errors import InputError
 from bellcrank.motion.motion import Motion
 from bellcrank.replays.meshes import Detail
@@ -36,7 +37,11 @@ def report(
     told of, and where the file cannot be written.
     """
     source = opened(thing, "report")
-    film = film_of(source, trace=trace, detail=detail, title=title or _title(source))
+    if title is None or (isinstance(title, str) and not title):
+        title = _title(source)
+    if path is not None:
+        path = arguments.path("path", path, "the path of a page")
+    film = film_of(source, trace=trace, detail=detail, title=title)
     document = _document(source, film)
     target = f"{file_name(name_of(source))}_report.html" if path is None else path
     return write_page(film, target, around=document_html(document))

@@ -8,13 +8,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.errors import InputError
+from bellcrank import arguments
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
 Array = NDArray[np.float64]
 Friction = str | Mapping[str, tuple[float, float]]
+
+
+def checked_friction(friction: object) -> Friction:
+    """A friction as it may be asked for, a mapping copied: joints are looked up later. Raises InputError."""
+    expected = "'urdf', 'none' or a mapping of joints to (viscous, coulomb)"
+    if isinstance(friction, str):
+        return arguments.one_of("friction", friction, ("urdf", "none"))
+    pairs: dict[str, tuple[float, float]] = {}
+    for name, pair in arguments.mapping("friction", friction, expected).items():
+        own = f'friction["{name:.80}"]'
+        b, c = arguments.vector(own, pair, 2, "viscous, coulomb", most=arguments.LARGEST).tolist()
+        if min(b, c) < 0.0:
+            arguments.refuse(own, "two numbers of at least 0 (viscous, coulomb)", min(b, c))
+        pairs[name] = (b, c)
+    return pairs
 
 
 def friction_coefficients(
@@ -28,7 +43,7 @@ def friction_coefficients(
     viscous, coulomb = np.zeros(robot.nv), np.zeros(robot.nv)
     if friction == "none":
         return viscous, coulomb
-    if friction == "urdf":
+    if isinstance(friction, str):
         ratios = {follower: (leader, m) for follower, leader, m, _ in robot.mimics()}
         for joint_name, (b, c) in given.items():
             name, ratio = joint_name, 1.0
@@ -39,15 +54,7 @@ def friction_coefficients(
             viscous[index] += ratio * ratio * b
             coulomb[index] += abs(ratio) * c
         return viscous, coulomb
-    if isinstance(friction, str):
-        raise InputError(f"friction must be 'urdf', 'none' or {{joint: (viscous, coulomb)}}, it is '{friction}'")
-    for name, pair in friction.items():
+    for name, (b, c) in friction.items():
         joint = robot.one_degree_joint(name, "friction")
-        try:
-            b, c = (float(x) for x in pair)
-        except (TypeError, ValueError):
-            raise InputError(f"friction of joint '{name}' must be (viscous, coulomb), it is {pair!r}") from None
-        if not (np.isfinite([b, c]).all() and b >= 0.0 and c >= 0.0):
-            raise InputError(f"friction of joint '{name}' must be two numbers >= 0, it is {pair!r}")
         viscous[joint.v], coulomb[joint.v] = b, c
     return viscous, coulomb

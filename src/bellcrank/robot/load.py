@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bellcrank.errors import InputError
+from bellcrank import arguments
 from bellcrank.file_access import FileAccess, Trust
 from bellcrank.machine_code import cache as disk
-from bellcrank.robot.friction import Friction
+from bellcrank.robot.friction import Friction, checked_friction
 from bellcrank.robot.payload import Payload
 from bellcrank.robot.robot import FRICTION_WIDTH, Robot
 from bellcrank.robot.tree import FrameTable, Tree
@@ -47,17 +47,14 @@ def load_robot(
     rotations. Meshes that the URDF names are drawn from files near it, or in the folders `trust`
     (file_access.py). Raises InputError, one sentence, for anything wrong with the file or the arguments.
     """
-    try:
-        g = tuple(float(x) for x in gravity)
-    except (TypeError, ValueError):
-        g = ()
-    if len(g) != 3 or not np.isfinite(g).all():
-        raise InputError(f"gravity must be three finite numbers (m/s²), it is {gravity!r}")
-    if not (np.isfinite(friction_width) and friction_width > 0.0):
-        raise InputError(f"friction_width must be positive (rad/s or m/s), it is {friction_width!r}")
+    g = tuple(arguments.vector("gravity", gravity, 3, "m/s²", most=arguments.LARGEST).tolist())
+    floating_base, clean = arguments.flag("floating_base", floating_base), arguments.flag("clean", clean)
+    width = arguments.number("friction_width", friction_width, "rad/s or m/s", above=0.0, most=arguments.LARGEST)
+    friction = checked_friction(friction)
+    loads = arguments.several("payloads", payloads, Payload, "Payloads")
+    table = {} if frames is None else _frame_table(frames)
+    arguments.path("path", path, "the path of a URDF, or the name of a robot")
     source = find_urdf(path)
-    loads = tuple(payloads)
-    table = dict(frames or {})
     text = read_text(source)
     key = "robot-" + disk.digest(
         text,
@@ -73,11 +70,26 @@ def load_robot(
         disk.store(key, json.dumps(data).encode())
     robot = Robot(
         source, text, data, gravity=g, floating_base=floating_base, friction=friction,
-        friction_width=float(friction_width), payloads=loads, rotor_inertia=rotor_inertia or {}, frames=table,
-        clean=clean,
+        friction_width=width, payloads=loads, rotor_inertia={} if rotor_inertia is None else rotor_inertia,
+        frames=table, clean=clean,
     )  # fmt: skip
     robot.mesh_access = FileAccess.of(source.resolve(), trust)
     return robot
+
+
+def _frame_table(frames: object) -> FrameTable:
+    """Frames by name: (link, xyz, rpy) each. Raises InputError."""
+    table: FrameTable = {}
+    expected = "a mapping of names of frames to (link, xyz in m, rpy in rad)"
+    for name, entry in arguments.mapping("frames", frames, expected).items():
+        if not isinstance(entry, (list, tuple)) or len(entry) != 3:
+            arguments.refuse("frames", expected, entry, remedy=f"it is the entry '{name:.80}'")
+        link, xyz, rpy = entry
+        own = f'frames["{name:.80}"]'
+        place = arguments.vector(own, xyz, 3, "m", most=arguments.LARGEST)
+        turn = arguments.vector(own, rpy, 3, "rad")
+        table[name] = (arguments.text(own, link, "the name of a link"), tuple(place.tolist()), tuple(turn.tolist()))
+    return table
 
 
 _SIZES = {"revolute": (1, 1), "prismatic": (1, 1), "planar": (4, 3), "floating": (7, 6)}  # nq, nv

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
+from bellcrank import arguments
 from bellcrank.errors import InputError
 
 
@@ -22,11 +22,16 @@ class Payload:
     inertia: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        numbers = [self.mass, *self.cg, *self.inertia]
-        if not all(math.isfinite(x) for x in numbers):
-            raise InputError(f"payload on frame '{self.frame}': mass, cg and inertia must be finite numbers")
-        if self.mass <= 0.0:
-            raise InputError(f"payload on frame '{self.frame}': the mass must be positive, it is {self.mass:g} kg")
+        where = f"payload on frame '{arguments.text('frame', self.frame, 'the name of a frame')}'"
+        most = arguments.LARGEST
+        set_ = object.__setattr__
+        set_(self, "mass", arguments.number("mass", self.mass, "kg", above=0.0, most=most, where=where))
+        set_(self, "cg", tuple(arguments.vector("cg", self.cg, 3, "m", most=most, where=where).tolist()))
+        set_(
+            self,
+            "inertia",
+            tuple(arguments.vector("inertia", self.inertia, 6, "kg m²", most=most, where=where).tolist()),
+        )
         xx, xy, yy, xz, yz, zz = self.inertia
         det = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
         scale = max(xx, yy, zz, 1e-30)

@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank import arguments
 from bellcrank.derived import Portable, cached_property
 from bellcrank.errors import InputError, among
 from bellcrank.file_access import FileAccess
 from bellcrank.machine_code import cache as disk
 from bellcrank.machine_code.compile import Compiled, compiled
 from bellcrank.robot.equations import Equations
-from bellcrank.robot.friction import Friction, friction_coefficients
+from bellcrank.robot.friction import Friction, checked_friction, friction_coefficients
 from bellcrank.robot.payload import Payload
 from bellcrank.robot.tree import FrameTable, Tree
 
@@ -76,7 +77,7 @@ class Robot(Portable):
         self.singular_joints: Mapping[str, str] = data["singular_joints"]  # nothing has inertia about their axes: why
         self.floating_base, self.payloads, self._clean = floating_base, payloads, clean
         self.user_frames = frames  # those that the URDF does not have: name to (link, xyz m, rpy rad)
-        self._friction = friction if isinstance(friction, str) else dict(friction)
+        self._friction = checked_friction(friction)
         self.friction_width = friction_width
         self._tree = Tree(**data["tree"])
         followers = {m[0] for m in self._tree.mimics}
@@ -98,12 +99,13 @@ class Robot(Portable):
         viscous, coulomb = friction_coefficients(self, self._friction, data["friction"])
         self.viscous, self.coulomb = _frozen(viscous), _frozen(coulomb)
         rotor = np.zeros(self.nv)
-        for name, value in rotor_inertia.items():
+        inertias = arguments.names_to_numbers(
+            "rotor_inertia", rotor_inertia, "joints", "kg m²", least=0.0, most=arguments.LARGEST
+        )
+        for name, value in inertias.items():
             joint = self.one_degree_joint(name, "rotor_inertia")
-            if not (np.isfinite(value) and value >= 0.0):
-                raise InputError(f"rotor_inertia of joint '{name}' must be a number >= 0 (kg m²), it is {value!r}")
             rotor[joint.v] = value
-            self._tree.joints[self.all_joint_names.index(name)]["armature"] = [float(value)]
+            self._tree.joints[self.all_joint_names.index(name)]["armature"] = [value]
         self.rotor_inertia = _frozen(rotor)
         self._key = disk.digest(
             json.dumps(asdict(self._tree), sort_keys=True), repr(tuple(self.gravity)), repr(viscous.tolist()),
@@ -168,6 +170,7 @@ class Robot(Portable):
 
     def joint(self, name: str) -> RobotJoint:
         """The independent joint of that name. Raises InputError with what there is."""
+        arguments.text("name", name, "the name of a joint")
         for j in self.joints:
             if j.name == name:
                 return j
@@ -188,6 +191,7 @@ class Robot(Portable):
 
     def joint_axis(self, name: str) -> Array:
         """The joint's unit axis (3,) in its own frame."""
+        arguments.text("name", name, "the name of a joint")
         if name not in self.all_joint_names:
             raise InputError(f"{self.name}: " + among("joint", name, self.all_joint_names))
         return np.array(self._tree.joints[self.all_joint_names.index(name)]["axis"])
@@ -204,13 +208,30 @@ class Robot(Portable):
 
         `set_masses` are masses, kg, that frames of the tree, by number, have instead of their own.
         """
-        names = set(joints)
+        names = set(arguments.several("joints", joints, str, "names of joints"))
+        for unknown in names.difference(self.all_joint_names):
+            raise InputError(f"{self.name}: " + among("joint", unknown, self.all_joint_names))
+        if set_masses is not None:
+            set_masses = self._masses(set_masses)
         numbers = [k for k, name in enumerate(self.all_joint_names, 1) if name in names]
         frames, mass = self._tree.moved_with(numbers, set_masses)
         return tuple(name for name in frames if name in self.urdf.links), mass
 
+    def _masses(self, given: object) -> dict[int, float]:
+        """Masses, kg, by the number of a frame of the tree. Raises InputError."""
+        if not isinstance(given, Mapping):
+            arguments.refuse("set_masses", "a mapping of numbers of frames to masses (kg)", given)
+        most = len(self._tree.frames) - 1
+        return {
+            arguments.whole("set_masses", frame, least=0, most=most): arguments.number(
+                "set_masses", mass, "kg", least=0.0
+            )
+            for frame, mass in given.items()
+        }
+
     def carrier(self, link: str) -> str | None:
         """The joint that the link moves with, or None for a link of the world. Raises InputError for an unknown one."""
+        arguments.text("link", link, "the name of a link")
         if link not in self.urdf.links:
             raise InputError(f"{self.name}: " + among("link", link, self.urdf.links))
         number = next(f["parent_joint"] for f in self._tree.frames if f["is_body"] and f["name"] == link)
@@ -222,16 +243,10 @@ class Robot(Portable):
         if values is None:
             return q
         if isinstance(values, Mapping):
-            for name, value in values.items():
-                q[self.one_degree_joint(name, "posture").q] = float(value)
-        else:
-            given = np.asarray(values, dtype=float)
-            if given.shape != (self.nq,):
-                raise InputError(f"{self.name}: a posture has {self.nq} numbers, the given one {given.shape}")
-            q = given.copy()
-        if not np.all(np.isfinite(q)):
-            raise InputError(f"{self.name}: a posture must be finite numbers, it is {q.tolist()}")
-        return q
+            for name, value in arguments.names_to_numbers("posture", values, "joints", "rad or m").items():
+                q[self.one_degree_joint(name, "posture").q] = value
+            return q
+        return arguments.vector("posture", values, self.nq, "rad or m", where=self.name).copy()
 
     # ---- dynamics
 
@@ -241,14 +256,9 @@ class Robot(Portable):
         q (nq,), v, a (nv,), or batches (n, …); returns (nv,) or (n, nv), N m or N. Source: recursive
         Newton-Euler, Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 5, by Pinocchio.
         """
-        states = self._shaped(q, v, a)
-        torque: Array = self.dynamics("inverse_dynamics")(*states)
-        if not _finite(torque):  # one pass over the answer is cheaper than one over all that went in
-            self._refuse_infinite(states)
-            if not np.isfinite(torque).all():
-                raise InputError(
-                    f"{self.name}: the motion is too fast for numbers: a torque overflows; check its units"
-                )
+        torque: Array = self.dynamics("inverse_dynamics")(*self._states(_QVA, q, v, a))
+        if not _finite(torque) and not np.isfinite(torque).all():
+            raise InputError(f"{self.name}: the motion is too fast for numbers: a torque overflows; check its units")
         return torque
 
     def forward_dynamics(self, q: Any, v: Any, tau: Any) -> Array:
@@ -257,11 +267,8 @@ class Robot(Portable):
         q (nq,), v, tau (nv,), or batches (n, …); returns (nv,) or (n, nv), rad/s² or m/s². Source:
         articulated-body algorithm, Featherstone (2008), ch. 7, by Pinocchio.
         """
-        states = self._shaped(q, v, tau)
-        acceleration: Array = self.dynamics("forward_dynamics")(*states)
-        if not _finite(acceleration):
-            self._refuse_infinite(states)
-        if not np.isfinite(acceleration).all():
+        acceleration: Array = self.dynamics("forward_dynamics")(*self._states(_QVTAU, q, v, tau))
+        if not _finite(acceleration) and not np.isfinite(acceleration).all():
             bad = np.argwhere(~np.isfinite(np.atleast_2d(acceleration)))[0]
             joint = next(j.name for j in reversed(self.joints) if j.v <= bad[1])
             raise InputError(
@@ -278,11 +285,12 @@ class Robot(Portable):
         of more than LARGEST_WHOLE joints column k is what inverse dynamics gives for the acceleration e_k at rest
         without gravity, ch. 6.1 there.
         """
-        (q,) = self._states(q)
+        (q,) = self._states(_QVA, q)
         if self.nv > LARGEST_WHOLE:
-            return np.stack([self._mass_by_columns(row) for row in q]) if q.ndim == 2 else self._mass_by_columns(q)
-        flat = self._simple("mass_matrix")(q, _NONE)
-        return flat.reshape(*flat.shape[:-1], self.nv, self.nv)  # type: ignore[no-any-return]
+            whole = np.stack([self._mass_by_columns(row) for row in q]) if q.ndim == 2 else self._mass_by_columns(q)
+            return self._told("a mass matrix", whole)
+        flat = self._told("a mass matrix", self._simple("mass_matrix")(q, _NONE))
+        return flat.reshape(*flat.shape[:-1], self.nv, self.nv)
 
     def _mass_by_columns(self, q: Array) -> Array:
         code = self._code("inertial_torque", self.equations.inertial_torque)
@@ -291,22 +299,22 @@ class Robot(Portable):
 
     def gravity_torque(self, q: Any) -> Array:
         """The torques (nv,) or (n, nv) that hold the robot at rest at q, N m or N."""
-        return self._code("gravity_torque", self.equations.gravity_torque)(*self._states(q))  # type: ignore[no-any-return]
+        code = self._code("gravity_torque", self.equations.gravity_torque)
+        return self._told("a torque", code(*self._states(_QVA, q)))
 
     def friction_torque(self, v: Any) -> Array:
         """Joint friction (nv,) or (n, nv): viscous v + coulomb v / sqrt(v² + width²), N m or N."""
-        v = np.asarray(v, dtype=float)
-        return np.asarray(self.viscous * v + self.coulomb * v / np.sqrt(v * v + self.friction_width**2))
+        v = self._states(("v",), v)[0]
+        return np.asarray(self.viscous * v + self.coulomb * (v / np.hypot(v, self.friction_width)))
 
     def energy(self, q: Any, v: Any) -> tuple[Array, Array]:
         """Kinetic and potential energy, J, of one state or a batch (potential zero at the world's origin)."""
-        q, v = self._states(q, v)
-        both = self._simple("energy")(q, v, _NONE)
+        both = self._told("an energy", self._simple("energy")(*self._states(_QVA, q, v), _NONE))
         return both[..., 0], both[..., 1]
 
     def configuration_rate(self, q: Any, v: Any) -> Array:
         """dq/dt = E(q) v, shaped as q: R v for a free base's position, half q ⊗ ω for its quaternion."""
-        return self._simple("configuration_rate")(*self._states(q, v))  # type: ignore[no-any-return]
+        return self._told("a rate", self._simple("configuration_rate")(*self._states(_QVA, q, v)))
 
     def joint_reactions(self, q: Any, v: Any, a: Any) -> Array:
         """The wrench that each joint passes on: (len(all_joint_names), 6), or (n, …, 6) for a batch.
@@ -314,9 +322,8 @@ class Robot(Portable):
         Force (N) then moment (N m) that the parent link exerts on the child link, in the joint's own
         (child) frame, about its origin. Rotor inertia and friction act across the joint, not through it.
         """
-        q, v, a = self._states(q, v, a)
-        flat = self._simple("reactions")(q, v, a, _NONE)
-        return flat.reshape(*flat.shape[:-1], len(self._tree.joints), 6)  # type: ignore[no-any-return]
+        flat = self._told("a wrench", self._simple("reactions")(*self._states(_QVA, q, v, a), _NONE))
+        return flat.reshape(*flat.shape[:-1], len(self._tree.joints), 6)
 
     def link_torques(self, q: Any, v: Any, a: Any) -> Array:
         """How much of the torque each link's mass and inertia cause: (links, nv) or (n, links, nv).
@@ -324,30 +331,29 @@ class Robot(Portable):
         Torque is linear in masses and inertias, so the shares sum to inverse dynamics without friction
         and rotor inertia. Links and payloads in the order of `massive_links`.
         """
-        q, v, a = self._states(q, v, a)
+        q, v, a = self._states(_QVA, q, v, a)
         if not self.massive_links:
             rows = {len(x) for x in (q, v, a) if x.ndim == 2}
             return np.zeros((*rows, 0, self.nv))
-        flat = self._code("link_torques", self.equations.link_torques)(q, v, a)
-        return flat.reshape(*flat.shape[:-1], len(self.massive_links), self.nv)  # type: ignore[no-any-return]
+        flat = self._told("a torque", self._code("link_torques", self.equations.link_torques)(q, v, a))
+        return flat.reshape(*flat.shape[:-1], len(self.massive_links), self.nv)
 
     def link_gravity_torques(self, q: Any) -> Array:
         """Each link's share of the gravity torque: (links, nv) or (n, links, nv), as `link_torques` at rest."""
-        (q,) = self._states(q)
+        (q,) = self._states(_QVA, q)
         if not self.massive_links:
             return np.zeros((*q.shape[:-1], 0, self.nv))
-        flat = self._code("link_gravity_torques", self.equations.link_gravity_torques)(q)
-        return flat.reshape(*flat.shape[:-1], len(self.massive_links), self.nv)  # type: ignore[no-any-return]
+        flat = self._told("a torque", self._code("link_gravity_torques", self.equations.link_gravity_torques)(q))
+        return flat.reshape(*flat.shape[:-1], len(self.massive_links), self.nv)
 
     def frame_pose(self, name: str, q: Any) -> tuple[Array, Array]:
         """Position (3,) or (n, 3) in m and rotation (3, 3) or (n, 3, 3) of a frame in the world."""
-        (q,) = self._states(q)
-        rows = self._frame(name)(q, np.zeros(self.nv), _NONE)
+        rows = self._told("a pose", self._frame(name)(*self._states(_QVA, q), np.zeros(self.nv), _NONE))
         return rows[..., :3], rows[..., 3:12].reshape(*rows.shape[:-1], 3, 3)
 
     def frame_velocity(self, name: str, q: Any, v: Any) -> tuple[Array, Array]:
         """Linear (m/s) and angular (rad/s) velocity of a frame's origin, world axes: (3,) or (n, 3) each."""
-        rows = self._frame(name)(*self._states(q, v), _NONE)
+        rows = self._told("a velocity", self._frame(name)(*self._states(_QVA, q, v), _NONE))
         return rows[..., 12:15], rows[..., 15:18]
 
     # ---- machine code
@@ -363,6 +369,8 @@ class Robot(Portable):
 
     def dynamics(self, algorithm: str) -> Compiled:
         """The machine code of "inverse_dynamics" or "forward_dynamics", for callers that drive it themselves."""
+        if type(algorithm) is not str or algorithm not in self._codes:
+            arguments.one_of("algorithm", algorithm, ("inverse_dynamics", "forward_dynamics"))
         return self._code(algorithm, lambda: self.equations.dynamics(algorithm))
 
     def compiled(
@@ -373,11 +381,17 @@ class Robot(Portable):
         One that is called `seldom` is compiled faster where it is long, and runs slower. `inputs`: the sizes of its
         first inputs.
         """
-        return compiled(key, (self._key,), build, seldom, inputs)
+        arguments.text("key", key)
+        arguments.function("build", build, "a function that makes a casadi.Function")
+        sizes = [
+            arguments.whole("inputs", size, least=0) for size in arguments.several("inputs", inputs, object, "sizes")
+        ]
+        return compiled(ascii(key)[1:-1], (self._key,), build, arguments.flag("seldom", seldom), sizes)
 
     def trace_frames(self, names: Iterable[str]) -> casadi.Function:
         """(q, v, p of length 0) -> per frame position 3, rotation 9 (row major), linear and angular velocity, world."""
-        return self.equations.frames([self._frame_index(n) for n in names])
+        listed = arguments.several("names", names, str, "names of frames")
+        return self.equations.frames([self._frame_index(name) for name in listed])
 
     def _code(self, key: str, build: Callable[[], casadi.Function]) -> Compiled:
         if key not in self._codes:
@@ -392,6 +406,7 @@ class Robot(Portable):
         return self._code(f"frame {index}", lambda: self.equations.frames([index]))
 
     def _frame_index(self, name: str) -> int:
+        arguments.text("name", name, "the name of a frame")
         found = [k for k, f in enumerate(self._tree.frames) if f["name"] == name]
         if not found:
             raise InputError(f"{self.name}: " + among("frame", name, self.frame_names))
@@ -401,11 +416,12 @@ class Robot(Portable):
 
     def with_payloads(self, payloads: Iterable[Payload]) -> Robot:
         """The same robot carrying these payloads too."""
+        loads = arguments.several("payloads", payloads, Payload, "Payloads")
         rotor = {j.name: float(self.rotor_inertia[j.v]) for j in self.joints if j.nv == 1 and self.rotor_inertia[j.v]}
         from bellcrank.robot.load import load_robot
 
         robot = load_robot(
-            self.source, tuple(self.gravity), self.floating_base, self._friction, payloads=(*self.payloads, *payloads),
+            self.source, tuple(self.gravity), self.floating_base, self._friction, payloads=(*self.payloads, *loads),
             rotor_inertia=rotor, frames=self.user_frames, clean=self._clean, friction_width=self.friction_width,
         )  # fmt: skip
         robot.mesh_source, robot.mesh_access = self.mesh_source, self.mesh_access
@@ -413,45 +429,57 @@ class Robot(Portable):
 
     # ---- checks
 
-    def _shaped(self, *arrays: Any) -> tuple[Array, ...]:
-        """Position, velocity and a third array of size nv as arrays of doubles of the right shape."""
-        out = []
-        for array, size, what in zip(arrays, (self.nq, self.nv, self.nv), _STATE, strict=False):
-            x = np.asarray(array, dtype=np.float64)
-            if x.ndim not in (1, 2) or x.shape[-1] != size:
-                raise InputError(f"{self.name}: {what} has shape {x.shape}, expected ({size},) or (n, {size})")
+    def _states(self, names: tuple[str, ...], *states: Any) -> tuple[Array, ...]:
+        """Finite arrays of doubles, (n,) or (rows, n) each: q of nq numbers, any other of nv. Raises InputError."""
+        out, rows = [], -1
+        for name, given in zip(names, states, strict=False):
+            x = given if type(given) is np.ndarray and given.dtype is _DOUBLE else self._converted(name, given)
+            size = self.nq if name == "q" else self.nv
+            if x.ndim not in (1, 2) or x.shape[-1] != size or (x.ndim == 2 and rows not in (-1, len(x))):
+                self._refuse_shape(name, x, size, rows)
+            if x.ndim == 2:
+                rows = len(x)
+            if not _finite(x):
+                self._refuse_infinite(name, x)
             out.append(x)
         return tuple(out)
 
-    def _states(self, *arrays: Any) -> tuple[Array, ...]:
-        states = self._shaped(*arrays)
-        self._refuse_infinite(states)
-        return states
+    def _converted(self, name: str, given: Any) -> Array:
+        size = self.nq if name == "q" else self.nv
+        return arguments.as_array(name, given, f"an array of shape ({size},) or (n, {size})", self.name)
 
-    def _refuse_infinite(self, states: tuple[Array, ...]) -> None:
-        for x, what in zip(states, _STATE, strict=False):
-            if _finite(x):
-                continue
-            bad = np.argwhere(~np.isfinite(np.atleast_2d(x)))
-            if len(bad):
-                row, column = bad[0]
-                raise InputError(
-                    f"{self.name}: {what} holds a number that is not finite (sample {row}, entry {column}); "
-                    "take it out of the motion"
-                )
+    def _refuse_shape(self, name: str, x: Array, size: int, rows: int) -> None:
+        n = rows if rows >= 0 else "n"
+        arguments.refuse(name, f"an array of shape ({size},) or ({n}, {size})", x, self.name)
+
+    def _refuse_infinite(self, name: str, x: Array) -> None:
+        """Name the first number that is not finite, where there is one: the sum of finite ones may be infinite."""
+        bad = np.argwhere(~np.isfinite(np.atleast_2d(x)))
+        if len(bad):
+            row, column = bad[0]
+            raise InputError(
+                f"{self.name}: argument '{name}': expected finite numbers, found {np.atleast_2d(x)[row, column]} "
+                f"(sample {row}, entry {column})"
+            )
+
+    def _told(self, what: str, answer: Array) -> Array:
+        """An answer, which is finite unless numbers overflowed on the way to it (InputError)."""
+        if not _finite(answer) and not np.isfinite(answer).all():
+            raise InputError(
+                f"{self.name}: {what} overflows: the state is too far or too fast for numbers; check its units"
+            )
+        return answer
 
 
 _NONE: Array = np.zeros(0)
 LARGEST_WHOLE = 60  # joints up to which the mass matrix is one expression
-_STATE = ("position", "velocity", "the third argument")
+_DOUBLE = np.dtype(np.float64)
+_QVA, _QVTAU = ("q", "v", "a"), ("q", "v", "tau")
 
 
 def _finite(x: Array) -> bool:
-    """Whether the sum is finite, which only finite numbers have: a quick test that a slow one can follow."""
-    if x.ndim == 1:
-        return math.isfinite(sum(x.tolist()))
-    with np.errstate(invalid="ignore", over="ignore"):
-        return bool(np.isfinite(x.sum()))
+    """Whether a sum over all numbers is finite, which it is of finite ones only: a quick test before a slow one."""
+    return math.isfinite(sum(x.tolist()) if x.ndim == 1 else np.vdot(x, x))
 
 
 def _frozen(x: Any) -> Array:

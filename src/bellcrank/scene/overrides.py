@@ -7,12 +7,15 @@ parameter's value.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
+from collections.abc import Mapping
 from dataclasses import fields
+from datetime import date
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from bellcrank import arguments
 from bellcrank.card.card import CARD_KEYS, SCENE_KEYS
 from bellcrank.card.number_text import whole_number
 from bellcrank.card.yaml_file import Lines, read_value, shown
@@ -22,6 +25,7 @@ from bellcrank.scene.part import entry_names
 from bellcrank.scene.settings import Settings
 
 DEEPEST = 100
+EXPECTED_OVERRIDES = "a mapping such as {'simulate.rtol': 1e-6}"
 SETTINGS = tuple(field.name for field in fields(Settings))
 _TABLES = ("frames", "motions", "drives", "friction", "parameters", "outputs")  # of mappings by name
 
@@ -53,11 +57,10 @@ def apply_overrides(data: Mapping[str, Any], overrides: Mapping[str, Any]) -> Ma
 
     Raises InputError where a path leads nowhere.
     """
-    if not isinstance(overrides, Mapping):
-        raise InputError(f"overrides: expected a mapping such as {{'simulate.rtol': 1e-6}}, found {shown(overrides)}")
+    overrides = arguments.mapping("overrides", overrides, EXPECTED_OVERRIDES)
     changed: Marked = marked(data)
     for path, value in overrides.items():
-        if not isinstance(path, str) or not path.strip():
+        if not path.strip():
             raise InputError(f"override {shown(path)}: expected a path of keys with dots, such as simulate.rtol")
         try:
             _set(changed, path.strip(), marked(value, path.strip()))
@@ -89,9 +92,9 @@ def marked(value: Any, override: str | None = None, depth: int = 0) -> Any:
         return [marked(entry, override, depth + 1) for entry in value]
     if value is None or isinstance(value, (str, bool, int, float)):
         return value
-    if isinstance(value, (bytes, bytearray, Set)):
-        raise InputError(f"expected a number, a text, a list or a mapping, found {shown(str(value))}")
-    return str(value)
+    if isinstance(value, (date, Path)):
+        return str(value)
+    raise InputError(f"the value holds {arguments.found(value)}, which a scene's file could not")
 
 
 def plain(value: Any) -> Any:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank import arguments
 from bellcrank.card.card import SCENE_KEYS, Card, card_from_fields, find_card
 from bellcrank.card.fields import Fields
 from bellcrank.card.motions import csv_texts
@@ -95,6 +96,7 @@ class Scene(Portable):
 
     def motion(self, name: str) -> Motion:
         """One of the card's motions, made once; InputError or UnreachableError naming the place."""
+        arguments.text("name", name, "the name of a motion")
         return self.motion_of(name)
 
     def with_overrides(self, overrides: Mapping[str, Any]) -> Scene:
@@ -115,6 +117,9 @@ class Scene(Portable):
         The run of such a scene cannot be saved, since no file holds the function. Raises InputError where it gives
         something else.
         """
+        arguments.function("function", function, "a function of Symbols that gives casadi expressions")
+        arguments.text("name", name)
+        arguments.text("unit", unit, "a unit such as 'm' or 'rad/s', or '1'")
         return replace(self, closures=(*self.closures, own_constraint(self, name, function, unit)))
 
     @cached_property
@@ -215,7 +220,7 @@ class Scene(Portable):
 
     def signals_at(self, times: Array) -> Array:
         """All signals (n, nu) at times (n,) s."""
-        return values_at(self.signals, np.asarray(times, dtype=np.float64))
+        return values_at(self.signals, arguments.array("times", times, (None,), "s"))
 
     # ---- equations
 
@@ -253,11 +258,8 @@ def load_scene(path_or_name: str | Path, overrides: Mapping[str, Any] | None = N
     that it names lie near it, or in the folders `trust` (file_access.py). Raises InputError, one sentence naming file
     and key, for whatever is not as it should be.
     """
-    if not isinstance(path_or_name, (str, Path)):
-        raise InputError(
-            f"expected a scene's path or name, found a {type(path_or_name).__name__}; bc.load_scene(PATH or NAME) "
-            "makes a scene, of a URDF too"
-        )
+    if overrides is not None:
+        arguments.mapping("overrides", overrides, "a mapping such as {'simulate.rtol': 1e-6}")
     source, urdf = find_card(path_or_name)
     if urdf:
         data: Mapping[str, Any] = {"name": source.stem, "urdf": str(source.resolve())}

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
+from bellcrank import arguments
 from bellcrank.card.fields import Fields
 from bellcrank.errors import InputError, among
 from bellcrank.memory import check_memory
@@ -51,27 +51,21 @@ class Settings:
     stabilisation: Stabilisation = Stabilisation()
 
     def __post_init__(self) -> None:
-        if self.solver not in SOLVERS:
-            raise InputError(f"solver: {among('solver', str(self.solver), SOLVERS)}")
+        if not isinstance(self.solver, str) or self.solver not in SOLVERS:
+            solver = arguments.text("solver", self.solver, f"one of {', '.join(SOLVERS)}")
+            raise InputError(f"solver: {among('solver', solver, SOLVERS)}")
         for name in ("duration", "rtol", "atol", "step", "first_step", "max_step"):
             value = getattr(self, name)
             if value is None and name in ("step", "first_step", "max_step"):
                 continue
-            number = _number(value)
-            if not (math.isfinite(number) and number > 0.0):
-                raise InputError(f"{name}: expected a finite number of more than 0, found {value!r}")
-            object.__setattr__(self, name, number)
+            if type(value) is not float or not 0.0 < value < math.inf:  # simulate comes here every time
+                object.__setattr__(self, name, arguments.number(name, value, above=0.0))
         if self.rtol < FINEST_RTOL:
             raise InputError(
                 f"rtol: expected {FINEST_RTOL:g} or more, found {self.rtol:g}; doubles carry no smaller relative error"
             )
         for name, least, most in (("samples", 2, MOST_NUMBERS), ("max_evaluations", 1, 2**62)):
-            value = getattr(self, name)
-            whole = _whole(value)
-            if whole is None or not least <= whole <= most:
-                bounds = f"of {least} or more" if whole is None or whole < least else f"of at most {most}"
-                raise InputError(f"{name}: expected a whole number {bounds}, found {value!r}")
-            object.__setattr__(self, name, whole)
+            object.__setattr__(self, name, arguments.whole(name, getattr(self, name), least=least, most=most))
         object.__setattr__(self, "stabilisation", stabilisation(self.stabilisation))
         if self.solver == "RK4" and self.step is None:
             raise InputError("step: the solver RK4 has a fixed step and needs it, such as step: 1 ms")
@@ -97,8 +91,8 @@ def read_settings(read: Fields) -> Settings:
     try:
         return Settings(**values)
     except InputError as error:
-        key, _, text = str(error).partition(": ")
-        raise read.error(key, text) from None
+        key, _, text = str(error).removeprefix("argument ").partition(": ")
+        raise read.error(key.strip("'"), text) from None
 
 
 def check_rows(samples: int, width: int, copies: int = 1) -> None:
@@ -113,18 +107,12 @@ def check_rows(samples: int, width: int, copies: int = 1) -> None:
     check_memory(samples, 8.0 * copies * (width + 2), "samples")
 
 
-def _whole(value: Any) -> int | None:
-    """The value as int where it is a whole number by type (numpy's too), else None."""
-    try:
-        return None if isinstance(value, bool) else operator.index(value)
-    except TypeError:
-        return None
-
-
 def stabilisation(value: Stabilisation | Mapping[str, Any] | str) -> Stabilisation:
     """What a text or mapping says: "projection", "none", {"kind": "baumgarte", "alpha": …, "beta": …} or {"kind":
     "baumgarte", "gains": "auto"}. Raises InputError.
     """
+    if not isinstance(value, (Stabilisation, Mapping, str)):
+        arguments.refuse("stabilisation", f"one of {', '.join(map(repr, STABILISATIONS))}, or a mapping", value)
     return value if isinstance(value, Stabilisation) else _read_stabilisation(Fields({"stabilisation": value}))
 
 
@@ -149,10 +137,3 @@ def _read_stabilisation(read: Fields) -> Stabilisation:
             alpha, beta = entry.number("alpha", "1/s", nonnegative=True), entry.number("beta", "1/s", nonnegative=True)
     entry.done()
     return Stabilisation(kind, alpha, beta, auto)
-
-
-def _number(value: Any) -> float:
-    try:
-        return math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError, OverflowError):
-        return math.nan

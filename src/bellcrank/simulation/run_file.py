@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank import __version__
+from bellcrank import __version__, arguments
 from bellcrank.atomic import writing
 from bellcrank.constraints.formula import Own
 from bellcrank.dynamics.signals import Signal
@@ -107,7 +107,7 @@ def load_run(path: str | Path, *, trust: Trust = ()) -> Trajectory:
     Meshes of its robot are drawn from files in its folder, below it, and in the folders `trust` (file_access.py).
     Raises InputError, one sentence, for a file that is missing, damaged, foreign or of a later version.
     """
-    file = Path(path)
+    file = arguments.path("path", path, "the path of a run (.npz)")
     about, arrays = _contents(file)
     try:
         scene = _held_scene(about)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank import arguments
 from bellcrank.atomic import writing
 from bellcrank.errors import InputError, among
 from bellcrank.plot_style import DASHES, DPI, PALETTE, colour, dash, literal, new_figure, plain, save_figure
@@ -35,6 +36,12 @@ def plot_run(run: Trajectory, path: str | Path | None = None, frame: str | None 
     that frame in the world's plane in which it reaches furthest (m). Raises InputError for an unknown frame or format,
     and where the folder cannot be written.
     """
+    if not hasattr(run, "state"):
+        arguments.refuse("run", "a run, as bc.simulate gives", run)
+    if path is not None:
+        path = arguments.path("path", path, "the path of a picture")
+    if frame is not None:
+        arguments.text("frame", frame, "the name of a frame")
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
         figure = _over_time(run, run_panels(run)) if frame is None else _frame_path(run, frame)
     if path is not None:

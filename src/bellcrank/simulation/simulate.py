@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank import arguments
 from bellcrank._step import integrate
 from bellcrank.constraints.drive_end import signals_until
 from bellcrank.constraints.gains import automatic_gains
@@ -20,8 +21,9 @@ from bellcrank.errors import InputError
 from bellcrank.machine_code import machine
 from bellcrank.machine_code.compile import make_ready
 from bellcrank.scene.closure_conditions import ContactLost
+from bellcrank.scene.overrides import EXPECTED_OVERRIDES
 from bellcrank.scene.scene import Scene, load_scene
-from bellcrank.scene.settings import Settings, Stabilisation, check_rows
+from bellcrank.scene.settings import SOLVERS, Settings, Stabilisation, check_rows
 from bellcrank.simulation.record import Event, Latch, Statistics, Unresolved
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
@@ -61,9 +63,13 @@ def simulate(
     arguments that are wrong, and for a start at which the accelerations are not finite.
     """
     if not isinstance(scene, Scene):
-        scene = load_scene(scene)
-    if overrides:
-        scene = scene.with_overrides(overrides)
+        scene = load_scene(arguments.subject("scene", scene, "a scene"))
+    if overrides is not None and (changed := arguments.mapping("overrides", overrides, EXPECTED_OVERRIDES)):
+        scene = scene.with_overrides(changed)
+    if solver is not None:
+        arguments.text("solver", solver, f"one of {', '.join(SOLVERS)}")
+    if progress is not None:
+        arguments.function("progress", progress, "a function of the time reached")
     if not scene.robot.nv:
         raise InputError(
             f"{scene.source}: {scene.robot.urdf.name} has no joint that moves, so that there is nothing to simulate; "
@@ -77,7 +83,7 @@ def simulate(
     changes: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
     steps_wanted = isinstance(times, str)
     if steps_wanted and times != "steps":
-        raise InputError(f"times must be an array of seconds or \"steps\", it is '{times}'")
+        arguments.refuse("times", 'increasing numbers (s) or "steps"', times)
     wanted = None if times is None or steps_wanted else _checked_times(times)
     if wanted is not None and duration is None:
         changes["duration"] = float(wanted[-1]) or scene.settings.duration
@@ -257,15 +263,10 @@ def unit_parts(scene: Scene) -> list[tuple[int, int]]:
 
 
 def _checked_times(times: Any) -> Array:
-    try:
-        array = np.array(times, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"times must be an array of seconds, it is {times!r}") from None
-    if array.ndim != 1 or not len(array) or not np.isfinite(array).all():
-        raise InputError(f"times must be a list of at least one finite number (s), its shape is {array.shape}")
-    if array[0] < 0.0 or np.any(np.diff(array) <= 0.0):
-        raise InputError("times must start at 0 s or later and increase")
-    return array
+    array = arguments.increasing("times", times, "s")
+    if array[0] < 0.0:
+        arguments.refuse("times", "increasing numbers (s) from 0 on", float(array[0]))
+    return array.copy()
 
 
 def _refuse_massless_motion(scene: Scene) -> None:

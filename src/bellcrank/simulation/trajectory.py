@@ -6,6 +6,7 @@ forces and residuals are computed anew from the states, when first asked for.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank import arguments
 from bellcrank.constraints.turns import cosines_along, true_gaps, turning
 from bellcrank.derived import Portable, cached_property
 from bellcrank.dynamics.signals import Signal, values_at
@@ -195,6 +197,7 @@ class Trajectory(Portable):
 
     def closure(self, name: str) -> ClosureHistory:
         """What one closure did, in the rows that bind. Raises InputError with what there is."""
+        arguments.text("name", name, "the name of a closure")
         names = [closure.name for closure in self.scene.closures]
         if name not in names:
             raise InputError(f"{self.scene.name}: {among('closure', name, names)}")
@@ -224,6 +227,8 @@ class Trajectory(Portable):
         """How well the closures hold at a row of the run: singular values, rank, and which multipliers are unique."""
         from bellcrank.simulation.closure_rank import rank_of
 
+        count = len(self.time)
+        row = arguments.whole("row", row, least=-count, most=count - 1)
         return rank_of(self.scene.system, *(a if a.ndim == 1 else a[row] for a in self._arguments))
 
     @property
@@ -243,7 +248,7 @@ class Trajectory(Portable):
 
     def output(self, name: str) -> Array:
         """A named output of the scene, (n,) or (n, k). Raises InputError with what there is."""
-        if name not in self.scene.outputs:
+        if arguments.text("name", name, "the name of an output") not in self.scene.outputs:
             raise InputError(f"{self.scene.name}: {among('output', name, self.scene.outputs)}")
         return self._output(list(self.scene.outputs).index(name))
 
@@ -263,7 +268,7 @@ class Trajectory(Portable):
 
     def frame(self, name: str) -> FrameHistory:
         """What a frame did, in the world. Raises InputError with what there is."""
-        if name not in self.robot.frame_names:
+        if arguments.text("name", name, "the name of a frame") not in self.robot.frame_names:
             raise InputError(f"{self.scene.name}: {among('frame', name, self.robot.frame_names)}")
         rows = self.scene.system.frame(name)(*self._arguments)
         return FrameHistory(rows[:, :3], rows[:, 3:12].reshape(-1, 3, 3), rows[:, 12:15], rows[:, 15:18])
@@ -349,6 +354,8 @@ class Trajectory(Portable):
 
     def remember_estimate(self, value: float) -> None:
         """Keep what `error_estimate` found, such as in the file of the run."""
+        if not (isinstance(value, float) and value == math.inf):
+            value = arguments.number("value", value, "rad or m", least=0.0)
         vars(self)["_estimate"] = value
 
     # ---- out of the house
@@ -357,7 +364,7 @@ class Trajectory(Portable):
         """Write the run as .npz, with the scene and the robot in it, for `load_run`."""
         from bellcrank.simulation.run_file import save_run
 
-        return save_run(self, path)
+        return save_run(self, arguments.path("path", path, "the path of a file"))
 
     def to_csv(self, path: str | Path, progress: Callable[[int], None] | None = None) -> Path:
         """Write times, states, accelerations, torques, energies and outputs as CSV, units in the header; `progress` is
@@ -365,7 +372,7 @@ class Trajectory(Portable):
         """
         from bellcrank.simulation.run_csv import write_run_csv
 
-        return write_run_csv(self, path, progress)
+        return write_run_csv(self, arguments.path("path", path, "the path of a file"), progress)
 
     def plot(self, path: str | Path | None = None, frame: str | None = None) -> Any:
         """Draw the run, or a frame's path: a matplotlib Figure, written to `path` in the format of its suffix."""

@@ -16,10 +16,23 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank import arguments
 from bellcrank.card.fields import Fields
 from bellcrank.errors import InputError
 
 Array = NDArray[np.float64]
+_NUMBERS = (  # name, least, more than, most
+    ("ratio", None, 0.0, arguments.LARGEST),
+    ("rated_torque", None, 0.0, arguments.LARGEST),
+    ("peak_torque", None, 0.0, arguments.LARGEST),
+    ("rated_speed", None, 0.0, arguments.LARGEST),
+    ("max_speed", None, 0.0, arguments.LARGEST),
+    ("efficiency", None, 0.0, 1.0),
+    ("rotor_inertia", 0.0, None, arguments.LARGEST),
+    ("gear_inertia", 0.0, None, arguments.LARGEST),
+    ("safety_factor", 1.0, None, arguments.LARGEST),
+    ("motor_efficiency", None, 0.0, 1.0),
+)
 STANDSTILL = 1e-6  # rad/s of the shaft: what is slower stands still; else rounding would choose the flow of power
 FASTEST = 1500.0  # rad/s: few motors turn faster, and many have a number above it as their rpm
 
@@ -49,37 +62,18 @@ class Drive:
     curve: tuple[tuple[float, float], ...] | None = None
 
     def __post_init__(self) -> None:
-        for name in (
+        for name, least, above, most in _NUMBERS:
+            value = getattr(self, name)
+            if name == "motor_efficiency" and value is None:
+                continue
+            number = arguments.number(name, value, least=least, above=above, most=most, where="a drive")
+            object.__setattr__(self, name, number)
+        _require(
+            self.reflected_inertia <= arguments.LARGEST,
             "ratio",
-            "rated_torque",
-            "peak_torque",
-            "rated_speed",
-            "max_speed",
-            "efficiency",
-            "safety_factor",
-        ):
-            _require(
-                math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0,
-                name,
-                "more than 0",
-                getattr(self, name),
-            )
-        for name in ("rotor_inertia", "gear_inertia"):
-            _require(
-                math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0,
-                name,
-                "0 or more",
-                getattr(self, name),
-            )
-        _require(self.efficiency <= 1.0, "efficiency", "at most 1", self.efficiency)
-        _require(self.safety_factor >= 1.0, "safety_factor", "1 or more", self.safety_factor)
-        if self.motor_efficiency is not None:
-            _require(
-                0.0 < self.motor_efficiency <= 1.0,
-                "motor_efficiency",
-                "more than 0 and at most 1",
-                self.motor_efficiency,
-            )
+            f"one with which the reflected inertia is at most {arguments.LARGEST:g} kg m²",
+            self.ratio,
+        )
         _require(
             self.peak_torque >= self.rated_torque,
             "peak_torque",
@@ -93,13 +87,8 @@ class Drive:
             self.max_speed,
         )
         if self.curve is not None:
-            speeds, torques = zip(*self.curve, strict=True) if self.curve else ((), ())
-            _require(
-                len(self.curve) >= 2 and all(map(math.isfinite, speeds + torques)),
-                "curve",
-                "at least two [speed, torque] points",
-                self.curve,
-            )
+            object.__setattr__(self, "curve", _points(self.curve))
+            speeds, torques = zip(*self.curve, strict=True)
             _require(
                 speeds[0] == 0.0 and all(b > a for a, b in pairwise(speeds)),
                 "curve",
@@ -121,7 +110,7 @@ class Drive:
     @property
     def reflected_inertia(self) -> float:
         """N² (J_rotor + J_gear): the shaft's inertia as the joint feels it, kg m² (prismatic: kg)."""
-        return self.ratio**2 * self.shaft_inertia
+        return self.ratio * self.ratio * self.shaft_inertia
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -154,17 +143,23 @@ class Drive:
     def shaft_torque(self, load_torque: Array, velocity: Array, acceleration: Array) -> Array:
         """Motor shaft torque (n,), N m, from joint load torque (N m or N), velocity and acceleration, all
         (n,)."""
-        motoring = (load_torque * velocity >= 0.0) | (self.ratio * np.abs(velocity) <= STANDSTILL)
-        through_gear = np.where(motoring, 1.0 / (self.ratio * self.efficiency), self.efficiency / self.ratio)
-        return np.asarray(load_torque * through_gear + self.shaft_inertia * self.ratio * acceleration)
+        load_torque, velocity, acceleration = arguments.alike(
+            load_torque=load_torque, velocity=velocity, acceleration=acceleration
+        )
+        with np.errstate(over="ignore", invalid="ignore"):  # infinite and NaN stay so
+            motoring = (load_torque * velocity >= 0.0) | (self.ratio * np.abs(velocity) <= STANDSTILL)
+            through_gear = np.where(motoring, 1.0 / (self.ratio * self.efficiency), self.efficiency / self.ratio)
+            return np.asarray(load_torque * through_gear + self.shaft_inertia * self.ratio * acceleration)
 
     def electrical_power(self, shaft_power: Array) -> Array:
         """Power at the supply, W, (n,): shaft power over, or when negative times, the motor's efficiency."""
+        (shaft_power,) = arguments.alike(shaft_power=shaft_power)
         eta = 1.0 if self.motor_efficiency is None else self.motor_efficiency
         return np.where(shaft_power >= 0.0, shaft_power / eta, shaft_power * eta)
 
     def available_torque(self, speed: Array) -> Array:
         """Torque of the curve at |speed| (n,), N m; zero beyond its last speed."""
+        (speed,) = arguments.alike(speed=speed)
         speeds, torques = np.array(self.curve_points).T
         return np.asarray(np.interp(np.abs(speed), speeds, torques, right=0.0))
 
@@ -176,7 +171,7 @@ class Drive:
         is inside exactly when the share is at most 1, because a curve that does not rise is star-shaped about
         0.
         """
-        torque, speed = np.abs(torque), np.abs(speed)
+        torque, speed = map(np.abs, arguments.alike(torque=torque, speed=speed))
         speeds, torques = np.array(self.curve_points).T
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             reach = np.where(speed > 0.0, speeds[-1] / speed, np.inf)  # factor to the last speed
@@ -192,7 +187,7 @@ class Drive:
                 )
                 reach = np.where(crosses, np.minimum(reach, factor), reach)
             use = np.where(np.isinf(reach), 0.0, 1.0 / reach)
-        return np.asarray(use)
+        return np.where(np.isnan(torque) | np.isnan(speed), np.nan, use)
 
 
 def drive_from_fields(fields: Fields) -> Drive:
@@ -219,6 +214,17 @@ def drive_from_fields(fields: Fields) -> Drive:
         return Drive(**values, motor_efficiency=motor_efficiency, curve=curve)
     except InputError as error:
         raise fields.error("", str(error)) from None
+
+
+def _points(curve: object) -> tuple[tuple[float, float], ...]:
+    """The points of a curve as numbers. Raises InputError."""
+    expected = "at least two (speed rad/s, torque N m) points"
+    if isinstance(curve, np.ndarray) and curve.ndim == 2:
+        curve = curve.tolist()
+    if not isinstance(curve, (list, tuple)) or len(curve) < 2:
+        arguments.refuse("curve", expected, curve, "a drive")
+    pairs = [arguments.vector("curve", pair, 2, most=arguments.LARGEST, where="a drive") for pair in curve]
+    return tuple((float(speed), float(torque)) for speed, torque in pairs)
 
 
 def _require(condition: bool, name: str, expected: str, found: object) -> None:

@@ -7,10 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bellcrank import arguments
 from bellcrank.errors import InputError, among
 from bellcrank.motion.motion import Motion
 from bellcrank.robot.payload import Payload
 from bellcrank.robot.robot import Robot
+from bellcrank.sizing.arguments import drives_of, tolerance_of
 from bellcrank.sizing.drive import Drive
 from bellcrank.sizing.linkage import Mechanism, mechanism_of, mechanism_of_card
 from bellcrank.sizing.result import Sizing
@@ -58,8 +60,9 @@ def size(
     from bellcrank.card.card import Card, load_card
     from bellcrank.scene.scene import Scene
 
-    loads = _payloads(payloads)
-    links = _links(allow_massless)
+    mass_tolerance = tolerance_of(mass_tolerance)
+    loads = arguments.several("payloads", payloads, Payload, "Payloads", alone=True)
+    links = arguments.several("allow_massless", allow_massless, str, "names of links", alone=True)
     if not isinstance(robot, (Card, Scene, str, Path)):
         if loads and not isinstance(robot, Robot):
             raise InputError("payloads: they belong to the robot of a Linkage; load it with them")
@@ -68,9 +71,7 @@ def size(
         return size_robot(carrying, given, drives, mass_tolerance, allow_massless=links)  # type: ignore[arg-type]
     card = robot if isinstance(robot, Card) else robot.card if isinstance(robot, Scene) else load_card(robot)
     if drives is not None:
-        if not isinstance(drives, Mapping):
-            raise InputError(f"drives: expected a mapping of joint names to Drives, found {drives!r:.60}")
-        card = replace(card, drives=dict(drives))
+        card = replace(card, drives=drives_of(drives))
     sized, over = chosen(card, card.robot(loads), motions, robot if isinstance(robot, Scene) else None)
     sizing = size_robot(sized, over, card.drives, mass_tolerance, allow_massless=links)
     return replace(sizing, robot=card.name)
@@ -102,26 +103,6 @@ def chosen(
     return mechanism, [_motion(card, mechanism, one) for one in _listed(card, motions)]
 
 
-def _payloads(given: object) -> tuple[Payload, ...]:
-    if isinstance(given, Payload):
-        return (given,)
-    if isinstance(given, (str, bytes, Mapping)) or not isinstance(given, Iterable):
-        raise InputError(f"payloads: expected a list of Payloads, found {given!r:.60}")
-    loads = tuple(given)
-    for load in loads:
-        if not isinstance(load, Payload):
-            raise InputError(f"payloads: expected a list of Payloads, found {load!r:.60} in it")
-    return loads
-
-
-def _links(given: object) -> tuple[str, ...]:
-    links = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Iterable) else (given,)
-    for link in links:
-        if not isinstance(link, str):
-            raise InputError(f"allow_massless: expected names of links, found {link!r:.60}")
-    return links
-
-
 def _listed(card: Card, given: object) -> list[OneMotion]:
     """The motions that are asked for, by default all of the configuration; InputError where there are none."""
     if given is None:
@@ -131,14 +112,11 @@ def _listed(card: Card, given: object) -> list[OneMotion]:
                 "configuration with motions"
             )
         return list(card.motions)
-    if isinstance(given, (Motion, str, Path)):
-        return [given]
-    listed: list[OneMotion] = []
-    for one in given if isinstance(given, Iterable) else [given]:
-        if not isinstance(one, (Motion, str, Path)):
-            raise InputError(f"motions: expected Motions, names of motions or paths of CSV files, found {one!r:.60}")
-        listed.append(one)
-    return listed
+    kinds = "Motions, names of motions or paths of CSV files"
+    listed = arguments.several("motions", [given] if isinstance(given, (Motion, str, Path)) else given, object, kinds)
+    for one in listed:
+        arguments.instance("motions", one, (Motion, str, Path), kinds)
+    return list(listed)  # type: ignore[arg-type]
 
 
 def _motion(card: Card, mechanism: Mechanism, one: OneMotion) -> Motion:
@@ -151,7 +129,7 @@ def _motion(card: Card, mechanism: Mechanism, one: OneMotion) -> Motion:
         return one
     if str(one) in card.motions:
         return card.motion(robot, str(one))
-    path = Path(one)
+    path = arguments.path("motions", one, "the name of a motion, or the path of a CSV file")
     if path.suffix or "/" in str(one):
         return read_motion(robot, path, name=path.stem)
     raise InputError(f"{card.source}: {among('motion', str(one), card.motions)}, nor a file of that name")

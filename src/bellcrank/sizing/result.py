@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank import atomic
+from bellcrank import arguments, atomic
 from bellcrank.constraints.elements import Element
 from bellcrank.derived import Portable, cached_property
 from bellcrank.errors import InputError, among
@@ -310,6 +310,11 @@ class Sizing(Portable):
         """
         from bellcrank.sizing.plots import plot_sizing
 
+        if path is not None:
+            path = arguments.path("path", path, "the path of a picture")
+        for name, text in (("what", what), ("motion", motion)):
+            if text is not None:
+                arguments.text(name, text)
         return plot_sizing(self, path, what, motion)
 
     @cached_property
@@ -327,6 +332,7 @@ class Sizing(Portable):
 
     def joint(self, name: str) -> JointSizing:
         """The line of one joint; InputError for an unknown name."""
+        arguments.text("name", name, "the name of a joint")
         for joint in self.joints:
             if joint.name == name:
                 return joint
@@ -359,7 +365,7 @@ class Sizing(Portable):
 
 
 def _written(path: str | Path, text: str) -> Path:
-    target = Path(path)
+    target = arguments.path("path", path, "the path of a file")
     atomic.write_text(target, text)
     return target
 

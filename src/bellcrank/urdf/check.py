@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from bellcrank import arguments
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.file_access import FileAccess, Trust
 from bellcrank.urdf.mesh_path import find_mesh, looked_for
@@ -43,7 +44,7 @@ def check_urdf(path: str | Path, *, trust: Trust = ()) -> list[Finding]:
     An error makes dynamics wrong or impossible, a warning probably is not meant, a note tells what is easily
     missed. A file that cannot be read at all gives one finding; nothing is raised.
     """
-    source = Path(path)
+    source = arguments.path("path", path, "the path of a URDF")
     try:
         text = read_text(source)
         reading = reading_of(text, source)

@@ -1,0 +1,423 @@
+"""Every public function answers wrong arguments with one sentence that names the argument."""
+
+import datetime
+import inspect
+import io
+import math
+import re
+import traceback
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import casadi
+import numpy as np
+import pytest
+
+import bellcrank as bc
+from bellcrank.constraints.inverse import SceneInverseDynamics
+from bellcrank.errors import BellcrankError, InputError
+
+# Classes that functions of the interface make, and which have no checks of their own: their methods are called here.
+MADE_BY = {
+    "Robot": "load_robot",
+    "Scene": "load_scene",
+    "Card": "load_card",
+    "Trajectory": "simulate",
+    "Sizing": "size",
+    "Sweep": "sweep",
+}
+ERRORS = ("BellcrankError", "InputError", "UnreachableError", "CompileError")
+# What a message may call an argument, besides its own name.
+WORDS = {
+    "name": ("joint", "frame", "link", "motion", "measure", "closure", "output", "motor", "column"),
+    "link": ("link",),
+    "algorithm": ("algorithm",),
+    "path_or_name": ("scene", "robot", "card"),
+    "scene": ("scene", "robot"),
+    "robot": ("robot", "scene", "card"),
+    "path": ("robot", "picture format", "file", "folder"),
+    "motion": ("motion",),
+    "motions": ("motion",),
+    "more": ("more", "motion"),
+    "measures": ("measure",),
+    "overrides": ("override",),
+    "joints": ("joint",),
+    "payloads": ("payload",),
+    "thing": ("run", "report", "replay", "show", "there is no such file"),
+    "trace": ("frame",),
+    "actuated": ("joint", "actuated"),
+    "independent": ("joint", "independent"),
+    "v": ("velocity",),
+    "q": ("position",),
+    "a": ("acceleration",),
+    "t": ("time", "argument 'q'"),
+    "time": ("position",),
+    "times": ("time",),
+    "rated_torque": ("rated torque",),
+    "rated_speed": ("rated speed",),
+    "center": ("path",),
+    "radius": ("path",),
+    "end": ("path",),
+    "begin": ("path",),
+    "allow_massless": ("link",),
+    "inputs": ("takes vectors",),
+    "what": ("picture",),
+    "names": ("frame",),
+    "curve_points": ("curve",),
+    "text": ("'text'", "column", "row", "CSV", "header", "file"),
+    "frames": ("frame",),
+    "friction": ("friction", "joint"),
+    "rotor_inertia": ("rotor_inertia", "joint"),
+    "position": ("position", "posture", "joint"),
+    "positions": ("position", "posture", "joint"),
+    "start": ("start", "posture", "joint"),
+    "values": ("posture", "joint", "values"),
+    "set_masses": ("mass",),
+    "vary": ("vary", "sweep", "parameter"),
+    "frame": ("frame",),
+}
+
+
+class Awkward:
+    """An object that raises where it is asked for a text or a number."""
+
+    def _refuse(self, *_: Any) -> Any:
+        raise RuntimeError("asked")
+
+    __repr__ = __str__ = __float__ = __int__ = __index__ = __complex__ = _refuse
+
+
+def recursive() -> list[Any]:
+    """A list that holds itself."""
+    held: list[Any] = []
+    held.append(held)
+    return held
+
+
+# Made anew for each call, since a generator is spent by one.
+ODD: dict[str, Any] = {
+    "None": lambda: None,
+    "True": lambda: True,
+    "-1": lambda: -1,
+    "0.5": lambda: 0.5,
+    "nan": lambda: math.nan,
+    "inf": lambda: -math.inf,
+    "1e308": lambda: 1e308,
+    "1e12": lambda: 10**12,
+    "huge": lambda: 10**400,
+    "complex": lambda: 1j,
+    "text": lambda: "x",
+    "empty": lambda: "",
+    "null": lambda: "a\0b",
+    "long": lambda: "x" * 70000,
+    "surrogate": lambda: "\ud800",
+    "bytes": lambda: b"x",
+    "list": lambda: [1.0, 2.0, 3.0],
+    "digits": lambda: ["1", "2"],
+    "nothing": lambda: [],
+    "nan list": lambda: [math.nan, 0.0],
+    "None list": lambda: [None, None],
+    "bools": lambda: [True, False],
+    "recursive": recursive,
+    "mapping": lambda: {"a": 1.0},
+    "keys": lambda: {1: None},
+    "masked": lambda: np.ma.masked_array([0.1, 0.2], [True, False]),
+    "objects": lambda: np.array([None, "a"], dtype=object),
+    "cube": lambda: np.zeros((2, 3, 2)),
+    "short": lambda: np.zeros(0),
+    "date": lambda: datetime.datetime(2020, 1, 1),
+    "numpy date": lambda: np.datetime64("2020-01-01"),
+    "generator": lambda: (x for x in (1, 2)),
+    "awkward": Awkward,
+    "awkward list": lambda: [Awkward()],
+    "module": lambda: math,
+}
+
+
+def casadi_square() -> Any:
+    """A function that can be compiled."""
+    x = casadi.SX.sym("x", 1)
+    return casadi.Function("square", [x], [x * x])
+
+
+@cache
+def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
+    """Every public function and method with arguments that it takes, cheap ones; files go into the working folder."""
+    robot = bc.load_robot("planar_2r")
+    pendulum, four_bar = bc.load_scene("pendulum"), bc.load_scene("four_bar")
+    linkage = bc.Linkage(four_bar)
+    card = bc.load_card("planar_2r")
+    drive = bc.Drive(100.0, 1.0, 2.0, 300.0, 400.0)
+    payload = bc.Payload(1.0, "tip")
+    motion = bc.waypoints(robot, [0.0, 1.0], [[0.0, 0.0], [1.0, 1.0]], samples=11)
+    run = bc.simulate(pendulum, duration=0.01, samples=3)
+    closed_run = bc.simulate(four_bar, duration=0.01, samples=3)
+    sizing = bc.size(robot, motion, {"shoulder": drive})
+    swept = bc.sweep(pendulum, {"simulate.rtol": [1e-6, 1e-7]}, overrides={"simulate.duration": 0.01})
+    whole = linkage.motion("unfold")
+    few = slice(0, 3)
+    t, tree = whole.time[few], (whole.position[few], whole.velocity[few], whole.acceleration[few])
+    inverse = bc.scene_inverse_dynamics(pendulum, bc.dwell(pendulum.robot, [0.1], 1.0))
+    q, v, a = np.array([0.1, 0.2]), np.array([0.3, 0.4]), np.array([0.5, 0.6])
+    bc.write_motion(motion, "given.csv")
+    run.save("given.npz")
+    states = {"q": q, "v": v, "a": a}
+    closed_states = {"t": t, "q": tree[0], "v": tree[1], "a": tree[2]}
+    limits = {"duration": 1.0, "samples": 11, "profile": "quintic", "orientation": None, "speed": None,
+              "acceleration": None, "jerk": None, "coordinates": ("x", "y"), "name": "own"}  # fmt: skip
+    start = {"shoulder": 1.2, "elbow": -1.0}
+    one_motor = {"scene": pendulum, "motion": bc.dwell(pendulum.robot, [0.1], 1.0), "actuated": ["swing"],
+                 "independent": ["swing"], "overrides": None}  # fmt: skip
+    simulated = {"overrides": None, "max_evaluations": 3000}
+
+    def of(thing: Any, **methods: dict[str, Any]) -> dict[str, tuple[Any, dict[str, Any]]]:
+        kind = type(thing).__name__
+        return {f"{kind}.{name}": (getattr(thing, name), arguments) for name, arguments in methods.items()}
+
+    return {
+        "load_robot": (bc.load_robot, {
+            "path": "planar_2r", "gravity": (0, -9.81, 0), "floating_base": False, "friction": "urdf",
+            "payloads": [payload], "rotor_inertia": {"elbow": 0.1},
+            "frames": {"mine": ("link_1", (0.1, 0, 0), (0, 0, 0))}, "clean": True, "friction_width": 1e-3}),
+        "Payload": (bc.Payload, {"mass": 1.0, "frame": "tip", "cg": (0, 0, 0), "inertia": (1, 0, 1, 0, 0, 1)}),
+        "Motion": (bc.Motion, {
+            "joints": robot.joints, "time": motion.time, "position": motion.position, "velocity": motion.velocity,
+            "acceleration": motion.acceleration, "name": "own", "notes": ("a note",), "position_noise": (0.0, 0.0),
+            "speed_noise": (0.0, 0.0)}),
+        "circle": (bc.circle, {"robot": robot, "frame": "tip", "center": (1.2, 1.2, 0), "radius": 0.2, "start": start,
+                               "normal": (0, 0, 1), "turns": 1.0, **limits}),
+        "line": (bc.line, {"robot": robot, "frame": "tip", "end": (1.3, 0.9, 0), "start": start, "begin": None,
+                           **limits}),
+        "waypoints": (bc.waypoints, {"robot": robot, "times": [0.0, 1.0], "positions": [[0, 0], {"elbow": 1.0}],
+                                     "samples": 11, "name": "own"}),
+        "dwell": (bc.dwell, {"robot": robot, "position": [0.0, 0.0], "duration": 1.0, "name": "own"}),
+        "join": (lambda motions, name: bc.join(motion, motions, name=name),
+                 {"motions": bc.dwell(robot, [1.0, 1.0], 1.0), "name": None}),
+        "read_motion": (bc.read_motion, {"robot": robot, "path": "given.csv", "name": "own", "text": None}),
+        "write_motion": (bc.write_motion, {"motion": motion, "path": "written.csv", "torque": np.zeros((11, 2)),
+                                           "more": {("own", "W"): np.zeros(11)}}),
+        "load_card": (bc.load_card, {"path_or_name": "planar_2r"}),
+        "Drive": (bc.Drive, {
+            "ratio": 100.0, "rated_torque": 1.0, "peak_torque": 2.0, "rated_speed": 300.0, "max_speed": 400.0,
+            "efficiency": 0.9, "rotor_inertia": 1e-4, "gear_inertia": 1e-5, "safety_factor": 1.2,
+            "motor_efficiency": 0.9, "curve": ((0.0, 2.0), (400.0, 0.0))}),
+        "size": (bc.size, {"robot": robot, "motions": [motion], "drives": {"shoulder": drive}, "mass_tolerance": 0.1,
+                           "payloads": [payload], "allow_massless": []}),
+        "load_scene": (bc.load_scene, {"path_or_name": "pendulum", "overrides": {"simulate.rtol": 1e-6}}),
+        "Settings": (bc.Settings, {
+            "duration": 1.0, "solver": "RK45", "rtol": 1e-6, "atol": 1e-6, "step": 0.1, "first_step": 0.1,
+            "max_step": 0.1, "samples": 11, "max_evaluations": 1000, "stabilisation": "none"}),
+        "simulate": (bc.simulate, {
+            "scene": pendulum, "duration": 0.01, "solver": "RK45", "rtol": 1e-6, "atol": 1e-6, "step": None,
+            "times": [0.0, 0.01], "samples": 3, "first_step": 1e-3, "max_step": 0.01, "stabilisation": "none",
+            "progress": print, **simulated}),
+        "load_run": (bc.load_run, {"path": "given.npz"}),
+        "sweep": (bc.sweep, {"scene": pendulum, "vary": {"simulate.rtol": [1e-6]}, "threads": 1, "progress": None,
+                             "overrides": {"simulate.duration": 0.01}}),
+        "scene_inverse_dynamics": (bc.scene_inverse_dynamics, one_motor),
+        "closed_inverse_dynamics": (bc.closed_inverse_dynamics, one_motor),
+        "Linkage": (bc.Linkage, {"scene": four_bar, "robot": four_bar.robot, "actuated": ["crank"]}),
+        "plot": (bc.plot, {"run": run, "path": None, "frame": "P1"}),
+        "replay": (bc.replay, {"thing": motion, "path": "page.html", "robot": robot, "trace": ["tip"],
+                               "detail": "reduced", "title": None, "plots": False}),
+        "show": (bc.show, {"thing": motion, "robot": robot, "trace": ["tip"], "detail": "reduced", "title": None,
+                           "plots": False}),
+        "report": (bc.report, {"thing": run, "path": "report.html", "trace": ["P1"], "detail": "reduced",
+                               "title": None}),
+        "check_urdf": (bc.check_urdf, {"path": "planar_2r"}),
+        **of(robot, carrier={"link": "link_1"}, configuration_rate={"q": q, "v": v},
+             compiled={"key": "own", "build": casadi_square, "seldom": False, "inputs": (1,)},
+             dynamics={"algorithm": "inverse_dynamics"}, energy={"q": q, "v": v},
+             forward_dynamics={"q": q, "v": v, "tau": a}, frame_pose={"name": "tip", "q": q},
+             frame_velocity={"name": "tip", "q": q, "v": v}, friction_torque={"v": v}, gravity_torque={"q": q},
+             inverse_dynamics=states, joint={"name": "elbow"}, joint_axis={"name": "elbow"}, joint_reactions=states,
+             link_gravity_torques={"q": q}, link_torques=states, mass_matrix={"q": q}, mimics={},
+             moved_by={"joints": ["elbow"], "set_masses": {1: 2.0}}, one_degree_joint={"name": "elbow", "what": "own"},
+             posture={"values": {"elbow": 1.0}}, trace_frames={"names": ["tip"]},
+             with_payloads={"payloads": [payload]}),
+        **of(motion, at={"t": [0.1, 0.2], "side": "after"}),
+        **of(card, motion={"robot": card.robot(), "name": next(iter(card.motions))},
+             robot={"extra_payloads": [payload]}),
+        **of(drive, available_torque={"speed": v}, curve_use={"torque": v, "speed": a},
+             electrical_power={"shaft_power": v}, shaft_torque={"load_torque": q, "velocity": v, "acceleration": a}),
+        **of(sizing, joint={"name": "elbow"}, plot={"path": None, "what": "time", "motion": "waypoints"},
+             to_csv={"path": "s.csv"}, to_json={"path": "s.json"}),
+        **of(four_bar, motion={"name": "unfold"}, physics_key={}, signals_at={"times": np.array([0.1, 0.2])},
+             with_constraint={"function": lambda s: s.q[0], "name": "own", "unit": "rad"},
+             with_overrides={"overrides": {"simulate.rtol": 1e-6}}),
+        **of(closed_run, closure={"name": "apex"}, closure_rank={"row": 1}),
+        **of(run, constraint_residual={}, energy_drift={}, equation_residual={}, error_estimate={},
+             frame={"name": "P1"}, joint={"name": "swing"}, output={"name": "energy"},
+             plot={"path": None, "frame": "P1"}, remember_estimate={"value": 1e-9}, save={"path": "r.npz"}, summary={},
+             to_csv={"path": "r.csv"}, velocity_residual={}),
+        **of(swept, column={"measure": "end.time"}, grid={"measure": "end.time"},
+             plot={"path": None, "measures": ["end.time"]}, table={"measures": ["end.time"]}, to_csv={"path": "w.csv"},
+             to_json={"path": "w.json"}),
+        **of(linkage, along={"motion": "unfold", "independent": ["crank"]},
+             friction={"t": t, "q": tree[0], "v": tree[1]}, inertia={"t": t, "q": tree[0]}, link_torques=closed_states,
+             motion={"motion": "unfold"}, reactions=closed_states, residuals=closed_states, torques=closed_states),
+        **of(inverse, constraint_residual={}, equation_residual={}, motor={"name": "swing"}),
+    }  # fmt: skip
+
+
+def public() -> dict[str, Any]:
+    """Every public callable by its qualified name."""
+    found = {}
+    classes = [SceneInverseDynamics]
+    for name in bc.__all__:
+        thing = getattr(bc, name)
+        if inspect.isclass(thing) and name not in ERRORS:
+            classes.append(thing)
+            if name not in MADE_BY:
+                found[name] = thing
+        elif inspect.isfunction(thing):
+            found[name] = thing
+    for kind in classes:
+        for name in dir(kind):
+            static = inspect.getattr_static(kind, name)
+            if not name.startswith("_") and isinstance(static, type(lambda: 0) | classmethod | staticmethod):
+                found[f"{kind.__name__}.{name}"] = getattr(kind, name)
+    return found
+
+
+def finite(value: Any) -> bool:
+    """Whether no number of a result is NaN; infinite ones are limits."""
+    if isinstance(value, (float, np.ndarray)):
+        return not np.isnan(np.asarray(value, dtype=float)).any() if np.asarray(value).dtype.kind == "f" else True
+    if isinstance(value, bc.Motion):
+        return all(map(finite, (value.time, value.position, value.velocity, value.acceleration)))
+    if isinstance(value, bc.Trajectory):
+        return finite(value.state)
+    return all(map(finite, value)) if isinstance(value, (tuple, list)) else True
+
+
+def attempt(name: str, argument: str, odd: str) -> str | None:
+    """What is wrong with the answer to an odd argument; None where nothing is."""
+    function, arguments = examples()[name]
+    try:
+        result = function(**{**arguments, argument: ODD[odd]()})
+    except BellcrankError as error:
+        text = str(error)
+        if "\n" in text or not text.isprintable() or len(text) > 2000:
+            return f"not one short sentence: {text[:300]!r}"
+        words = (argument, *WORDS.get(argument, ()))
+        return None if any(re.search(rf"\b{re.escape(word)}", text) for word in words) else f"unnamed: {text[:300]}"
+    except Exception as error:
+        place = traceback.extract_tb(error.__traceback__)[-2:]
+        return f"{type(error).__name__} at {[f'{Path(f.filename).name}:{f.lineno}' for f in place]}: {str(error)[:200]}"
+    finally:
+        Path("x").unlink(missing_ok=True)  # what was written under that name is no scene
+    return None if finite(result) or odd in ("nan", "inf", "nan list") else "NaN in the result"
+
+
+def draw_nothing(_: Any, target: Any, **__: Any) -> None:
+    """An empty picture, in place of a figure's own."""
+    if hasattr(target, "write"):
+        target.write("<svg></svg>" if isinstance(target, io.StringIO) else b"<svg></svg>")
+    else:
+        Path(target).write_text("<svg></svg>", encoding="utf-8")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _folder(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("arguments"))
+        patch.setattr("webbrowser.open", lambda _: True)
+        patch.setattr("matplotlib.figure.Figure.savefig", draw_nothing)  # it takes seconds
+        yield
+
+
+def test_every_public_function_has_an_example() -> None:
+    known = public()
+    assert set(examples()) == set(known)
+    for name, (function, arguments) in examples().items():
+        if name != "join" and name != "show":
+            assert set(arguments) == set(inspect.signature(function).parameters), name
+
+
+@pytest.mark.parametrize("name", sorted(public()))
+def test_wrong_arguments_are_refused_by_name(name: str) -> None:
+    arguments = examples()[name][1]
+    examples()[name][0](**arguments)
+    wrong = {}
+    for argument in arguments:
+        for odd in ODD:
+            problem = attempt(name, argument, odd)
+            if problem:
+                wrong[argument, odd] = problem
+    assert not wrong
+
+
+STATES = {
+    "inverse_dynamics": ("q", "v", "a"), "forward_dynamics": ("q", "v", "tau"), "mass_matrix": ("q",),
+    "gravity_torque": ("q",), "friction_torque": ("v",), "energy": ("q", "v"), "configuration_rate": ("q", "v"),
+    "joint_reactions": ("q", "v", "a"), "link_torques": ("q", "v", "a"), "link_gravity_torques": ("q",),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("target", ["native", "avx2", "baseline"])
+def test_nan_and_inf_in_any_entry_of_a_state_are_refused_by_name_for_one_sample_and_a_batch(
+    target: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("BELLCRANK_TARGET", target)
+    robot = bc.load_robot("planar_2r")  # its torques do not depend on the first angle, where NaN came out as zero
+    random = np.random.default_rng(11)
+    functions = {name: (getattr(robot, name), names) for name, names in STATES.items()}
+    functions["frame_pose"] = (partial(robot.frame_pose, "tip"), ("q",))
+    functions["frame_velocity"] = (partial(robot.frame_velocity, "tip"), ("q", "v"))
+    for function, names in functions.values():
+        for shape in ((2,), (9, 2)):
+            good = {name: random.normal(size=shape) for name in names}
+            function(**good)
+            for name in names:
+                for bad in (math.nan, math.inf, -math.inf):
+                    for entry in range(2):
+                        spoiled = good[name].copy()
+                        spoiled[..., entry].flat[-1] = bad
+                        if shape == (2,):
+                            spoiled[entry] = bad
+                        with pytest.raises(InputError, match=f"argument '{name}': expected finite"):
+                            function(**{**good, name: spoiled})
+
+
+def test_states_too_fast_for_numbers_are_refused_and_never_nan() -> None:
+    robot = bc.load_robot("planar_2r")
+    far, still = np.full(2, 1e200), np.zeros(2)
+    for call in (
+        lambda: robot.inverse_dynamics([0.0, 1.0], far, still),
+        lambda: robot.forward_dynamics([0.0, 1.0], far, still),
+        lambda: robot.energy([0.0, 1.0], far),
+        lambda: robot.link_torques([0.0, 1.0], far, still),
+        lambda: robot.joint_reactions([0.0, 1.0], far, still),
+    ):
+        with pytest.raises(InputError, match=r"overflows|no finite answer"):
+            call()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: bc.Payload(1.0, "tip", inertia=(1e110, 0, 1e110, 0, 0, 1e110)), "'inertia': .* at most 1e.100"),
+        (lambda: bc.Payload(1e308, "tip"), "'mass': .* at most 1e.100"),
+        (lambda: bc.Payload(1.0, "tip", cg=(1e200, 0, 0)), "'cg'"),
+        (lambda: bc.Drive(1e200, 1.0, 2.0, 300.0, 400.0), "'ratio': .* at most 1e.100"),
+        (lambda: bc.Drive(1e60, 1.0, 2.0, 300.0, 400.0, rotor_inertia=1e-4), "ratio: .*reflected inertia"),
+        (lambda: bc.load_robot("planar_2r", friction={"elbow": (1e300, 0.0)}), "friction"),
+        (lambda: bc.load_robot("planar_2r", rotor_inertia={"elbow": 1e300}), "rotor_inertia"),
+        (lambda: bc.load_robot("planar_2r", gravity=(0, 0, -1e308)), "gravity"),
+        (lambda: bc.load_robot("planar_2r", frames={"far": ("link_1", (1e308, 0, 0), (0, 0, 0))}), "frames"),
+    ],
+)
+def test_numbers_whose_products_would_overflow_are_refused_by_name(make: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        make()
+
+
+def test_the_largest_payload_and_ratio_give_finite_torques() -> None:
+    payload = bc.Payload(1e100, "tip", inertia=(1e100, 0, 1e100, 0, 0, 1e100))
+    robot = bc.load_robot("planar_2r", payloads=[payload])
+    torque = robot.inverse_dynamics([0.0, 0.0], [0.0, 0.0], [1.0, 0.0])
+    assert np.isfinite(torque).all() and torque[0] > 1e100
+    drive = bc.Drive(1e49, 1.0, 2.0, 300.0, 400.0, rotor_inertia=1.0)
+    assert drive.reflected_inertia == pytest.approx(1e98)
