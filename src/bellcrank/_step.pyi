@@ -49,6 +49,10 @@ class StepResult:
     @property
     def event_state(self) -> NDArray[np.float64]: ...
     @property
+    def undefined_index(self) -> NDArray[np.int32]: ...
+    @property
+    def undefined_time(self) -> NDArray[np.float64]: ...
+    @property
     def unresolved_index(self) -> NDArray[np.int32]: ...
     @property
     def unresolved_time(self) -> NDArray[np.float64]: ...
@@ -105,6 +109,7 @@ def integrate(
     first `nq` entries no more; `project_fallback` gives the correction where that guard is not positive, and
     `project_batch` many at once, for outputs. `weights` (nq,) tell how much 1 is in each of these entries.
     `event_samples` is how often event functions are looked at in a step at first: 2, or else 8 times. Where crossings
-    may have been missed, `unresolved_index` and `unresolved_time` have the event and the start of the step.
+    may have been missed, `unresolved_index` and `unresolved_time` have the event and the start of the step; of steps in
+    which a function is not a number, `undefined_index` and `undefined_time` have the event and the first time found.
     `signals`: (breaks (m + 1,), coefficients (m, powers, width), derivatives, kinked) pieces of u.
     """

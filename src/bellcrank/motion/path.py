@@ -14,10 +14,12 @@ from bellcrank.motion.coordinates import Array, JointLike
 from bellcrank.motion.frame_task import check_plane, frame_task
 from bellcrank.motion.inverse_kinematics import NEAR_SINGULAR, follow
 from bellcrank.motion.motion import Motion, dwell, join, limit_notes
-from bellcrank.motion.profile import Profile
+from bellcrank.motion.profile import MOST, Profile
 from bellcrank.motion.profile import profile as make_profile
 from bellcrank.motion.rotations import from_rpy
 from bellcrank.motion.waypoints import checked_samples, waypoints
+from bellcrank.numerics import length as length_of
+from bellcrank.numerics import svd, unit
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -103,9 +105,9 @@ def circle_path(
     if turns == 0.0:
         raise InputError(f"{title}: turns must not be 0; use dwell to stand still")
     axis = _vector(title, "normal", normal)
-    if np.linalg.norm(axis) < 1e-12:
+    if length_of(axis) < 1e-12:
         raise InputError(f"{title}: normal must not be zero")
-    axis = axis / np.linalg.norm(axis)
+    axis = unit(axis, f"{title}: normal is")
     e1 = np.eye(3)[0] - axis[0] * axis
     if np.linalg.norm(e1) < 1e-6:
         e1 = np.eye(3)[1] - axis[1] * axis
@@ -219,6 +221,8 @@ def _vector(title: str, what: str, value: Any) -> Array:
         raise InputError(f"{title}: {what} must be three numbers, got {value!r}") from None
     if vector.shape != (3,) or not np.all(np.isfinite(vector)):
         raise InputError(f"{title}: {what} must be three finite numbers, got {value!r}")
+    if np.abs(vector).max() > MOST:
+        raise InputError(f"{title}: {what} must be three numbers of at most {MOST:g} (m), got {value!r}")
     return vector
 
 
@@ -247,7 +251,7 @@ def wanted_rotation(path: FramePath, held: Array) -> Array | None:
         return from_rpy(given)
     if given.shape != (3, 3) or not np.all(np.isfinite(given)):
         raise InputError(f"{title}: orientation must be rpy (3 numbers) or a 3 x 3 matrix, got shape {given.shape}")
-    u, _, vt = np.linalg.svd(given)
+    u, _, vt = svd(given, f"{title}: the orientation is")
     nearest = np.asarray(u @ vt)
     if np.max(np.abs(nearest - given)) > 1e-6 or np.linalg.det(nearest) < 0.0:
         raise InputError(f"{title}: the orientation matrix is not a rotation (orthonormal, determinant 1)")

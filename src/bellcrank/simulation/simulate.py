@@ -27,6 +27,7 @@ from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+LEAST_ATOL = 1e-100  # less says no more, and squares of shares of it would overflow
 MANY = 32  # outputs, from which on they are projected together
 
 
@@ -153,7 +154,7 @@ def _integrate(
         p,
         norm_size=system.size if any(c.source is not None for c in scene.closures) else system.nq + system.nv,
         rtol=settings.rtol,
-        atol=settings.atol,
+        atol=max(settings.atol, LEAST_ATOL),
         step=settings.step or 0.0,
         first_step=settings.first_step or 0.0,
         max_step=settings.max_step or math.inf,
@@ -198,19 +199,22 @@ def _integrate(
     )
     statistics = Statistics(
         result.accepted, result.rejected, result.evaluations, result.jacobians, result.factorisations, result.seconds,
-        _unresolved(scene, result.unresolved_index, result.unresolved_time),
+        (
+            *_unresolved(scene, result.unresolved_index, result.unresolved_time),
+            *_unresolved(scene, result.undefined_index, result.undefined_time, undefined=True),
+        ),
     )  # fmt: skip
     return Trajectory(scene, settings, time, state, p, signals, status, events, statistics, result.steps)
 
 
-def _unresolved(scene: Scene, index: NDArray[np.int32], time: Array) -> tuple[Unresolved, ...]:
-    """Events of which crossings may have been missed, from their numbers and the starts of the steps."""
+def _unresolved(scene: Scene, index: NDArray[np.int32], time: Array, undefined: bool = False) -> tuple[Unresolved, ...]:
+    """Events of which crossings may have been missed, from their numbers and a time in each of the steps."""
     if not len(index):
         return ()
     found = []
     for k in np.unique(index).tolist():
         steps = time[index == k]
-        found.append(Unresolved(scene.events[k].name, len(steps), float(steps[0])))
+        found.append(Unresolved(scene.events[k].name, len(steps), float(steps[0]), undefined))
     return tuple(found)
 
 
@@ -298,5 +302,6 @@ def _refuse_infinite_start(scene: Scene, p: Array, x0: Array) -> None:
         where = next(j.name for j in reversed(scene.robot.joints) if j.v <= bad[0])
         raise InputError(
             f"{scene.source}: the accelerations at the start are not finite at joint '{where}': either nothing beyond "
-            "it has inertia about its axis (give those links mass), or a force or parameter has no value there"
+            "it has inertia about its axis (give those links mass), or a force, gain or parameter has no value there "
+            "or is too large"
         )

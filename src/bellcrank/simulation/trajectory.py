@@ -51,7 +51,8 @@ class Trajectory(Portable):
     steps: Array
 
     def __repr__(self) -> str:
-        return f"Trajectory('{self.scene.name}', {self.status} at {self.time[-1]:g} s, {len(self.time)} rows)"
+        rows = f"{len(self.time)} rows{', not all of it finite numbers' if self.non_finite else ''}"
+        return f"Trajectory('{self.scene.name}', {self.status} at {self.time[-1]:g} s, {rows})"
 
     def __len__(self) -> int:
         return len(self.time)
@@ -70,8 +71,12 @@ class Trajectory(Portable):
 
     @property
     def message(self) -> str:
-        """One sentence: why the run ended, when, and what to do about it."""
-        return f"{self.scene.name}: {self.status} at {self.time[-1]:.9g} s: {self.reason}"
+        """One sentence: why the run ended, when, and what to do about it; and what in it is not a finite number."""
+        text = f"{self.scene.name}: {self.status} at {self.time[-1]:.9g} s: {self.reason}"
+        if not self.non_finite:
+            return text
+        more = f" (and {len(self.non_finite) - 1} more warnings of this kind)" if len(self.non_finite) > 1 else ""
+        return f"{text}; but {self.non_finite[0]}{more}"
 
     @property
     def reason(self) -> str:
@@ -83,6 +88,10 @@ class Trajectory(Portable):
         if self.status is Status.TURNED_OVER:
             cosine = cosines_along(self.scene, self.time, *self._arguments[1:])[-1]
             return f"closure '{turning(self.scene)[int(np.argmin(cosine))]}': {self.status.advice}"
+        if self.status is Status.NON_FINITE:
+            from bellcrank.simulation.non_finite import cause
+
+            return "; ".join(filter(None, [cause(self), self.status.advice]))
         return self.status.advice
 
     @property
@@ -236,7 +245,8 @@ class Trajectory(Portable):
     # ---- the certificate
 
     def energy_drift(self) -> float:
-        """How far energy is from its balance: max |T + V − T₀ − V₀ − W| / max (T + |V − V₀| + |W|).
+        """How far energy is from its balance: max |T + V − T₀ − V₀ − W| / max (T + |V − V₀| + |W|);
+        infinite where these are no numbers.
 
         Energies are computed anew from the states; W is the solver's quadrature of the power of actuators, dampers and
         friction. All are counted from the first row. 0 for a run that never had energy.
@@ -251,8 +261,18 @@ class Trajectory(Portable):
 
         Forward dynamics (the articulated-body algorithm) made the accelerations; recursive Newton-Euler checks them.
         """
-        residual, bias = self.scene.system.residual(*self._arguments)
-        return _share(np.abs(residual).max(), max(np.abs(self.torque).max(), np.abs(bias).max()))
+        with np.errstate(all="ignore"):
+            residual, bias = self.scene.system.residual(*self._arguments)
+            return _share(np.abs(residual).max(), max(np.abs(self.torque).max(), np.abs(bias).max()))
+
+    @cached_property
+    def non_finite(self) -> tuple[str, ...]:
+        """A clause for each output, energy, force, closure and event that is NaN or infinite in some row, with how many
+        rows and the first time; they are among `warnings`.
+        """
+        from bellcrank.simulation.non_finite import non_finite
+
+        return non_finite(self)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -262,16 +282,20 @@ class Trajectory(Portable):
         return run_warnings(self)
 
     def constraint_residual(self) -> float:
-        """The largest violation of what positions must keep: closures (m or rad) and the unit length of rotations."""
+        """The largest violation of what positions must keep: closures (m or rad) and the unit length of rotations;
+        infinite where it is no number.
+        """
         from bellcrank.simulation.simulate import unit_parts
 
         parts = [self.state[:, first : first + length] for first, length in unit_parts(self.scene)]
-        apart = float(self._gaps.max(initial=0.0))
-        return max([apart, *(float(np.abs(np.linalg.norm(x, axis=1) - 1.0).max()) for x in parts)])
+        with np.errstate(all="ignore"):
+            return max(_largest(self._gaps), *(_largest(np.linalg.norm(x, axis=1) - 1.0) for x in parts), 0.0)
 
     def velocity_residual(self) -> float:
-        """The largest violation of a velocity constraint, m/s or rad/s: φ̇ and ψ of closures; a tree has none."""
-        return float(np.abs(self._closure[2]).max(initial=0.0))
+        """The largest violation of a velocity constraint, m/s or rad/s: φ̇ and ψ of closures; a tree has none. Infinite
+        where it is no number.
+        """
+        return _largest(self._closure[2])
 
     def error_estimate(self) -> float:
         """How far the positions may be off (rad or m): the largest difference, on the same times, from runs made again
@@ -310,7 +334,9 @@ class Trajectory(Portable):
         return save_run(self, path)
 
     def to_csv(self, path: str | Path) -> Path:
-        """Write times, states, accelerations, torques, energies and outputs as CSV, units in the header."""
+        """Write times, states, accelerations, torques, energies and outputs as CSV, units in the header; `nan` and
+        `inf` stand where there is no finite number.
+        """
         from bellcrank.simulation.run_csv import write_run_csv
 
         return write_run_csv(self, path)
@@ -331,6 +357,12 @@ class Trajectory(Portable):
         from bellcrank.simulation.summary import summary_html
 
         return summary_html(self)
+
+
+def _largest(rows: Array) -> float:
+    """The largest magnitude, 0 of none; infinite where one is no number."""
+    most = float(np.abs(rows).max(initial=0.0))
+    return most if np.isfinite(most) else float("inf")
 
 
 def _share(gap: float, scale: float) -> float:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from bellcrank.card.fields import Fields
 from bellcrank.errors import InputError
+from bellcrank.numerics import LARGEST
 
 Array = NDArray[np.float64]
 STANDSTILL = 1e-6  # rad/s of the shaft: what is slower stands still; else rounding would choose the flow of power
@@ -71,6 +72,16 @@ class Drive:
                 "0 or more",
                 getattr(self, name),
             )
+        for name in (
+            "ratio",
+            "rated_torque",
+            "peak_torque",
+            "rated_speed",
+            "max_speed",
+            "rotor_inertia",
+            "gear_inertia",
+        ):
+            _require(getattr(self, name) <= LARGEST, name, f"at most {LARGEST:g}", getattr(self, name))
         _require(self.efficiency <= 1.0, "efficiency", "at most 1", self.efficiency)
         _require(self.safety_factor >= 1.0, "safety_factor", "1 or more", self.safety_factor)
         if self.motor_efficiency is not None:
@@ -121,7 +132,7 @@ class Drive:
     @property
     def reflected_inertia(self) -> float:
         """N² (J_rotor + J_gear): the shaft's inertia as the joint feels it, kg m² (prismatic: kg)."""
-        return self.ratio**2 * self.shaft_inertia
+        return self.ratio * self.ratio * self.shaft_inertia
 
     @property
     def doubts(self) -> tuple[str, ...]:

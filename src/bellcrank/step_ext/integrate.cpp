@@ -61,6 +61,10 @@ class Result final : public Record {
     unresolved_index.push_back(index);
     unresolved_time.push_back(t);
   }
+  void undefined(int index, double t) override {
+    undefined_index.push_back(index);
+    undefined_time.push_back(t);
+  }
   void end(double t, const double* x) override {
     end_time = t;
     end_state.assign(x, x + n);
@@ -69,8 +73,8 @@ class Result final : public Record {
 
   static constexpr std::size_t room = 1024;
   int n;
-  std::vector<double> time, state, end_state, steps, event_time, event_state, unresolved_time;
-  std::vector<int> event_index, unresolved_index;
+  std::vector<double> time, state, end_state, steps, event_time, event_state, unresolved_time, undefined_time;
+  std::vector<int> event_index, unresolved_index, undefined_index;
   double end_time = 0, seconds = 0;
   Status status = Status::finished;
   Counts counts;
@@ -269,6 +273,8 @@ void bind_integrate(nb::module_& m) {
       .def_prop_ro("event_index", [](nb::handle h) { return view(h, nb::cast<Result&>(h).event_index); })
       .def_prop_ro("event_time", [](nb::handle h) { return view(h, nb::cast<Result&>(h).event_time); })
       .def_prop_ro("unresolved_index", [](nb::handle h) { return view(h, nb::cast<Result&>(h).unresolved_index); })
+      .def_prop_ro("undefined_index", [](nb::handle h) { return view(h, nb::cast<Result&>(h).undefined_index); })
+      .def_prop_ro("undefined_time", [](nb::handle h) { return view(h, nb::cast<Result&>(h).undefined_time); })
       .def_prop_ro("unresolved_time", [](nb::handle h) { return view(h, nb::cast<Result&>(h).unresolved_time); })
       .def_prop_ro("event_state",
                    [](nb::handle h) { auto& r = nb::cast<Result&>(h); return view(h, r.event_state, r.n); });
