@@ -228,6 +228,9 @@ def test_what_a_linkage_cannot_follow_is_said_in_one_sentence(tmp_path):
     scene = four_bar(tmp_path)
     with pytest.raises(bc.UnreachableError, match=r"'too_far' cannot be followed at .* up to crank 2\.6260"):
         closed_inverse_dynamics(scene, "too_far")
+    wild = bc.waypoints(scene.robot, [0.0, 1.0], [{}, {"crank": 1e9}], samples=3, name="wild")
+    with pytest.raises(bc.UnreachableError, match=r"joint 'crank' moves by 5e\+08 rad, .* to the next; .* more rows"):
+        closed_inverse_dynamics(scene, wild)
     with pytest.raises(bc.InputError, match=r"along 2 coordinates, and the mechanism has 1 degree\(s\) of freedom"):
         closed_inverse_dynamics(scene, "circle")
     with pytest.raises(bc.InputError, match="there is no joint 'crnk'"):

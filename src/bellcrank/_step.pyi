@@ -59,6 +59,10 @@ class StepResult:
     @property
     def unresolved_count(self) -> NDArray[np.int64]: ...
     @property
+    def undefined_count(self) -> NDArray[np.int64]: ...
+    @property
+    def undefined_time(self) -> NDArray[np.float64]: ...
+    @property
     def unresolved_time(self) -> NDArray[np.float64]: ...
 
 def methods() -> dict[str, int]:
@@ -113,6 +117,7 @@ def integrate(
     first `nq` entries no more; `project_fallback` gives the correction where that guard is not positive, and
     `project_batch` many at once, for outputs. `weights` (nq,) tell how much 1 is in each of these entries.
     `event_samples` is how often event functions are looked at in a step at first: 2, or else 8 times. Where crossings
-    may have been missed, `unresolved_count` and `unresolved_time` tell how often and from when on.
+    may have been missed, `unresolved_count` and `unresolved_time` tell how often and from when on; where a function is
+    not a number, `undefined_count` and `undefined_time` tell in how many steps and the first time found.
     `signals`: (breaks (m + 1,), coefficients (m, powers, width), derivatives, kinked) pieces of u.
     """

@@ -108,7 +108,7 @@ def verdict_of(thing: Trajectory | Sizing) -> tuple[bool, str]:
 
     if isinstance(thing, Sizing):
         return thing.inside, verdict(thing)
-    return thing.success, thing.message
+    return thing.success and not thing.non_finite, thing.message
 
 
 def remarks_of(thing: Trajectory | Sizing) -> list[tuple[str, str]]:

@@ -26,6 +26,7 @@ from bellcrank.derived import cached_property
 from bellcrank.dynamics.inverse import InverseEquations
 from bellcrank.errors import InputError, UnreachableError
 from bellcrank.motion.motion import Motion
+from bellcrank.numerics import least_squares, pseudo_inverse, singular_values, svd
 from bellcrank.robot.postures import lengths_in_velocity
 from bellcrank.robot.robot import RobotJoint
 
@@ -39,6 +40,7 @@ Array = NDArray[np.float64]
 CLOSED = 1e-13  # rad, or of the mechanism's length: Newton's method ends below it
 ROUNDED = 1e-11  # the same: and may end below this one, where rounding ends it
 STEP = 0.05  # rad, or of the mechanism's length, that independent joints move in one step of continuation
+MOST_STEPS = 100_000  # from one row of a motion to the next: 5,000 rad
 LEAP = 0.1  # the same, by which a posture may miss its prediction: more is another branch
 FINEST = 14  # halvings of a step before it counts as unreachable
 DEAD = 1e-6  # a singular value below this share of the largest is a dead point: postures there are right to its root
@@ -189,7 +191,15 @@ class Chain:
         here = self.start if start is None else start
         for k in range(n):
             t = float(time[k])
-            steps = max(1, int(np.ceil(np.abs((wanted[k] - here[places]) / self.columns[ind]).max() / STEP)))
+            away = np.abs((wanted[k] - here[places]) / self.columns[ind])
+            if not away.max() <= MOST_STEPS * STEP:
+                joint = joints[int(away.argmax())].name
+                raise UnreachableError(
+                    f"motion '{motion.name}' cannot be followed at {t:.6g} s: joint '{joint}' moves by "
+                    f"{away.max():.4g} rad, or of the linkage's length, from one row to the next; expected at most "
+                    f"{MOST_STEPS * STEP:g}: give more rows"
+                )
+            steps = max(1, int(np.ceil(away.max() / STEP)))
             for target in here[places] + np.arange(1, steps + 1)[:, None] / steps * (wanted[k] - here[places]):
                 here = self._reach(here, target, places, ind, t, motion.name, 0)
             here[places] = wanted[k]
@@ -199,7 +209,7 @@ class Chain:
         v[:, ind], a[:, ind] = motion.velocity[:, ind], motion.acceleration[:, ind]
         _, speed, jacobian, _ = self.closed(time, q, v)
         scaled = self._scaled(jacobian)[:, :, dep]
-        singular = np.linalg.svd(scaled, compute_uv=False)
+        singular = singular_values(scaled, f"motion '{motion.name}': the closures along it are")
         worst = int(np.argmin(singular[:, -1] / singular[:, 0])) if len(dep) else 0
         if len(dep) and singular[worst, -1] < DEAD * singular[worst, 0]:
             raise UnreachableError(
@@ -233,7 +243,7 @@ class Chain:
         self, q: Array, target: Array, places: list[int], ind: list[int], t: float, name: str, depth: int
     ) -> Array:
         """The posture with the independent joints at `target`, on the branch of q."""
-        there = self._newton(q, target, places, ind, t)
+        there = self._newton(q, target, places, ind, t, name)
         if there is not None:
             return there
         if depth == FINEST:
@@ -246,12 +256,15 @@ class Chain:
         middle = self._reach(q, 0.5 * (q[places] + target), places, ind, t, name, depth + 1)
         return self._reach(middle, target, places, ind, t, name, depth + 1)
 
-    def _newton(self, q: Array, target: Array, places: list[int], ind: list[int], t: float) -> Array | None:
+    def _newton(self, q: Array, target: Array, places: list[int], ind: list[int], t: float, name: str) -> Array | None:
         dep = np.setdiff1d(np.arange(self.robot.nv), ind)
         gap, jacobian = self._gap(t, q)
         step = np.zeros(self.robot.nv)
         step[ind] = (target - q[places]) / self.columns[ind]
-        step[dep] = np.linalg.lstsq(jacobian[:, dep], -gap - jacobian[:, ind] @ step[ind], rcond=SINGULAR)[0]
+        if not _finite(gap, jacobian):
+            return None
+        what = f"motion '{name}': the closures at {t:.6g} s are"
+        step[dep] = least_squares(jacobian[:, dep], -gap - jacobian[:, ind] @ step[ind], what, rcond=SINGULAR)
         q = moved(self.scene, q, self.columns * step)
         strayed, before = np.zeros(self.robot.nv), np.inf
         for _ in range(12):
@@ -262,7 +275,9 @@ class Chain:
                 return q
             before = size
             step = np.zeros(self.robot.nv)
-            step[dep] = np.linalg.lstsq(jacobian[:, dep], -gap, rcond=SINGULAR)[0]
+            if not _finite(gap, jacobian):
+                return None
+            step[dep] = least_squares(jacobian[:, dep], -gap, what, rcond=SINGULAR)
             strayed += step
             if not np.abs(strayed).max() <= LEAP:
                 return None
@@ -278,12 +293,12 @@ class Chain:
         """
         jacobian = self._scaled(jacobian)
         rank = int(max(_rank(jacobian[k]) for k in np.linspace(0, len(jacobian) - 1, 7).astype(int)))
-        _, _, vt = np.linalg.svd(jacobian)
+        _, _, vt = svd(jacobian, f"{self.given.source}: the closures are")
         null = vt[:, rank:, :]  # rows: an orthonormal basis of the motions allowed
         grip = null[:, :, [joint.v for joint in self.actuated]]
         if null.shape[1] == 0:
             raise InputError(f"{self.given.source}: the closures of {self.robot.name} leave nothing to move")
-        singular = np.linalg.svd(grip, compute_uv=False)
+        singular = singular_values(grip, f"{self.given.source}: the motions that the closures allow are")
         too_few = grip.shape[2] < grip.shape[1]
         weak = int(np.argmin(singular[:, -1]))
         if too_few or singular[weak, -1] < SINGULAR:
@@ -293,8 +308,8 @@ class Chain:
                 f"{null.shape[1]} freedom(s) of {self.robot.name}{when}; actuate "
                 f"{'more joints' if too_few else 'another joint, or keep away from that posture'}"
             )
-        null = null * self.columns
-        return np.asarray(np.linalg.pinv(null[:, :, [joint.v for joint in self.actuated]]) @ null)
+        null, motors = null * self.columns, [joint.v for joint in self.actuated]
+        return np.asarray(pseudo_inverse(null[:, :, motors], f"{self.given.source}: the closures are") @ null)
 
     def torques(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         """τ (n, k) of the motors and λ (n, m), the least ones where closures are redundant, at n states."""
@@ -307,12 +322,16 @@ class Chain:
 
 
 def _rank(jacobian: Array) -> int:
-    singular = np.linalg.svd(jacobian, compute_uv=False)
+    singular = singular_values(jacobian, "the closures' derivative is")
     return int(np.count_nonzero(singular > SINGULAR * singular.max(initial=0.0)))
 
 
 def _inverse(matrices: Array) -> Array:
-    return np.asarray(np.linalg.pinv(matrices, rcond=SINGULAR), dtype=np.float64)
+    return pseudo_inverse(matrices, "the closures' derivative is", rcond=SINGULAR)
+
+
+def _finite(*arrays: Array) -> bool:
+    return all(np.isfinite(array).all() for array in arrays)
 
 
 def _times(matrices: Array, vectors: Array) -> Array:

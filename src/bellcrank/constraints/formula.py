@@ -48,6 +48,11 @@ class Formula(Constraint):
         return cls(name, read, expression, read.unit())
 
     @property
+    def moves(self) -> bool:
+        """Whether a joint or a frame stands in the formula."""
+        return any(leaf.operation in ("joint", "frame") for leaf in self.expression.term.leaves())
+
+    @property
     def frames(self) -> tuple[str, ...]:
         """Those in the formula."""
         return self.expression.frames

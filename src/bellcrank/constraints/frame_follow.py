@@ -22,6 +22,7 @@ from bellcrank.motion.frame_task import vector_text
 from bellcrank.motion.motion import Motion, limit_notes
 from bellcrank.motion.path import FramePath, wanted_rotation
 from bellcrank.motion.rotations import angles_to, between
+from bellcrank.numerics import least_squares, pseudo_inverse, singular_values
 
 if TYPE_CHECKING:
     import casadi
@@ -72,8 +73,12 @@ class FrameFollower:
         _, jacobian = self._system(0.0, self.start, self.begin, self.attitude)
         closures = len(jacobian) - len(self.rows)
         size = max(float(np.abs(jacobian).max(initial=0.0)), 1e-300)
-        rank = np.linalg.matrix_rank(jacobian[:closures], SINGULAR * size)
-        return self.robot.nv - int(rank), int(np.linalg.matrix_rank(jacobian, SINGULAR * size) - rank)
+        rank = self._rank(jacobian[:closures], SINGULAR * size)
+        return self.robot.nv - rank, self._rank(jacobian, SINGULAR * size) - rank
+
+    def _rank(self, matrix: Array, least: float) -> int:
+        what = f"motion '{self.path.name}': the closures and the frame at the start are"
+        return int(np.count_nonzero(singular_values(matrix, what) > least)) if matrix.size else 0
 
     def refusal(self) -> str:
         """What to say where the path leaves freedoms open."""
@@ -113,7 +118,8 @@ class FrameFollower:
         frame = flat.reshape(n, robot.nv, 6).transpose(0, 2, 1)[:, self.rows]
         units = np.concatenate([chain.scene.binding.unit, self._sizes])
         whole = np.concatenate([jacobian, frame], axis=1) / units[:, None] * chain.columns
-        sizes = np.linalg.svd(whole, compute_uv=False)
+        what = f"motion '{self.path.name}': the closures and the frame along it are"
+        sizes = singular_values(whole, what)
         worst = int(np.argmin(sizes[:, -1] / sizes[:, 0]))
         if sizes[worst, -1] < DEAD * sizes[worst, 0]:
             raise UnreachableError(
@@ -121,7 +127,7 @@ class FrameFollower:
                 f"'{self.path.frame}' at {vector_text(position[worst])} m: there its path does not determine the "
                 "speeds of all joints; move the path"
             )
-        inverse = chain.columns[:, None] * np.linalg.pinv(whole) / units
+        inverse = chain.columns[:, None] * pseudo_inverse(whole, what) / units
         wanted = np.concatenate([velocity, turning], axis=1)[:, self.rows]
         v = (inverse @ np.concatenate([-speed, wanted], axis=1)[:, :, None])[:, :, 0]
         drift = chain.at(time, q, v, still)[4]
@@ -155,7 +161,7 @@ class FrameFollower:
         """InputError where the frame's coordinates, free of each other in the tree, are more than the freedoms."""
         freedoms, _ = self.prescribed()
         frame = self._system(0.0, self.start, self.begin, self.attitude)[1][-len(self.rows) :]
-        asked = int(np.linalg.matrix_rank(frame, SINGULAR * max(float(np.abs(frame).max(initial=0.0)), 1e-300)))
+        asked = self._rank(frame, SINGULAR * max(float(np.abs(frame).max(initial=0.0)), 1e-300))
         if asked > freedoms:
             fewer = (
                 f"prescribe {freedoms} (coordinates: […])" if self.rotation is None else "leave the orientation free"
@@ -177,7 +183,9 @@ class FrameFollower:
                 turned = self.rotation is not None and angles_to(self.pose(q)[1][None], rotation)[0] > TURNED
                 return None if turned else q
             before = size
-            step: Array = np.asarray(np.linalg.lstsq(jacobian, missing, rcond=SINGULAR)[0], dtype=np.float64)
+            if not (np.isfinite(missing).all() and np.isfinite(jacobian).all()):
+                return None
+            step = least_squares(jacobian, missing, f"motion '{self.path.name}': the closures are", rcond=SINGULAR)
             strayed = strayed + step if k else strayed  # the first step is the way itself
             if not (np.abs(step).max() <= LEAP and np.abs(strayed).max() <= LEAP):
                 return None

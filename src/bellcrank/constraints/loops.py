@@ -9,6 +9,7 @@ import numpy as np
 
 from bellcrank.card.fields import Fields
 from bellcrank.constraints.constraint import Constraint, Residual
+from bellcrank.numerics import LARGEST, length
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.part import POSITIVE, Settable, read_frame
 
@@ -224,10 +225,10 @@ class Distance(Loop):
 def read_direction(read: Fields, key: str, usual: tuple[float, ...]) -> tuple[float, ...]:
     """A unit vector along the one under a key; InputError where that has no length."""
     given = np.array(read.vector(key, 3, "", usual))
-    length = float(np.linalg.norm(given))
-    if length < 1e-6:
-        raise read.error(key, "expected a direction, found a vector of length 0")
-    return tuple((given / length).tolist())
+    size = length(given)
+    if not 1e-6 <= size <= LARGEST:
+        raise read.error(key, f"expected a direction, found a vector of length {0 if size < 1e-6 else size:.3g}")
+    return tuple((given / size).tolist())
 
 
 def perpendicular(axis: tuple[float, ...]) -> tuple[tuple[float, ...], tuple[float, ...]]:

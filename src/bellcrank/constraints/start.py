@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from bellcrank.constraints.turns import angle_rows, cosines, way
 from bellcrank.errors import InputError
+from bellcrank.numerics import LARGEST, least_squares, length
 from bellcrank.robot.postures import lengths_in_velocity
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ def consistent_posture(scene: Scene, q: Array, held: Mask) -> Array:
     `held` (nv) is a mask over the degrees of freedom whose positions stay, a free joint's along its parent's axes.
     Raises InputError where no posture with the held values closes, with the nearest reached.
     """
+    _refuse_no_value(scene, *_linearised(scene, q, np.zeros(scene.robot.nv))[::2])
     q, gap = _closed(scene, q, ~held)
     if gap > CLOSED and gap <= ROUNDED:
         q, gap = _closed(scene, q, np.ones_like(held))
@@ -55,11 +57,14 @@ def consistent_velocity(scene: Scene, q: Array, v: Array, held: Mask) -> Array:
     velocity is given in. Raises InputError where no velocity with the held values keeps the closures.
     """
     speed, jacobian = _linearised(scene, q, v)[1:]
+    _refuse_no_value(scene, speed, jacobian)
     columns, unit = _columns(scene), scene.binding.unit
     axes = scene.initial.axes(scene.robot, q)[1]
     change = np.zeros_like(v)
     scaled = _along(jacobian / unit[:, None] * columns, axes)
-    change[~held] = np.linalg.lstsq(scaled[:, ~held], -speed / unit, rcond=1e-10)[0]
+    change[~held] = least_squares(
+        scaled[:, ~held], -speed / unit, f"{scene.source}: initial: the closures at the start are", rcond=1e-10
+    )
     change = columns * _in_body(change, axes)
     left = np.abs(speed + jacobian @ change)
     if (left / unit).max(initial=0.0) > 1e-9 * max(1.0, float(np.abs(v / columns).max(initial=0.0))):
@@ -70,6 +75,19 @@ def consistent_velocity(scene: Scene, q: Array, v: Array, held: Mask) -> Array:
             f"{left[worst]:.3g} (m/s or rad/s); give fewer of them, the rest follow"
         )
     return v + change
+
+
+def _refuse_no_value(scene: Scene, values: Array, jacobian: Array) -> None:
+    """InputError where a closure's rows (m,), or their J (m, nv), are no numbers of at most LARGEST at the start."""
+    for k, (value, row) in enumerate(zip(values, jacobian, strict=False)):
+        found = np.append(row, value)
+        wrong = found[~(np.abs(found) <= LARGEST)]
+        if len(wrong):
+            name, label = scene.system.multiplier_names[k]
+            raise InputError(
+                f"{scene.source}: initial: closure '{name}' or its derivative is no number of at most {LARGEST:g} at "
+                f"the start: its row {label} has {wrong[-1]:.4g}; start where it has values, or write it another way"
+            )
 
 
 def _refuse_turned(scene: Scene, q: Array) -> None:
@@ -129,19 +147,23 @@ def _posture(scene: Scene, q: Array, free: Mask, position: Position | None = Non
             break
         step = np.zeros(scene.robot.nv)
         axes = scene.initial.axes(scene.robot, q)[0]
-        step[free] = np.linalg.lstsq(_along(jacobian, axes)[:, free], -gap, rcond=1e-10)[0]
+        if not (np.isfinite(gap).all() and np.isfinite(jacobian).all()):
+            break
+        what = f"{scene.source}: initial: the closures near the start are"
+        step[free] = least_squares(_along(jacobian, axes)[:, free], -gap, what, rcond=1e-10)
         step = _in_body(step, axes)
         step *= min(1.0, 0.5 / max(float(np.abs(step).max()), 1e-300))  # half a radian: further is another branch
         for _ in range(30):
             there = moved(scene, q, columns * step)
             new_gap, new_jacobian = position(scene, there)
-            if np.linalg.norm(new_gap) < np.linalg.norm(gap):
+            if length(new_gap) < length(gap):
                 break
             step *= 0.5
         else:
             break
         q, gap, jacobian = there, new_gap, new_jacobian
-    return q, float(np.abs(gap).max(initial=0.0))
+    size = float(np.abs(gap).max(initial=0.0))
+    return q, size if np.isfinite(size) else np.inf
 
 
 def _along(jacobian: Array, axes: Axes) -> Array:

@@ -25,8 +25,8 @@ MOST = 12  # panels
 def plot_sweep(sweep: Sweep, measures: Sequence[str], path: str | Path | None = None) -> Figure:
     """Draw measures over the axes: a matplotlib Figure, written to `path` (PNG) where one is given.
 
-    Designs without a measure are marked below a line and grey in a map; three axes or more are drawn over the number of
-    the design. Raises InputError for an unknown measure, and where the folder cannot be written.
+    Designs without a finite measure are marked below a line and grey in a map; three axes or more are drawn over the
+    number of the design. Raises InputError for an unknown measure, and where the folder cannot be written.
     """
     shown = [(name, sweep.column(name)) for name in list(measures)[:MOST]]
     columns = 1 if len(shown) < 4 else 2
@@ -63,7 +63,7 @@ def _line(place: Axes, sweep: Sweep, values: Array) -> None:
         none = int(np.count_nonzero(~there))
         place.plot(
             x[~there], np.full(none, 0.02), transform=below, color=FAILED, marker="x", markersize=5.0, linestyle="none",
-            clip_on=False, label=f"none ({none} of {len(x)})",
+            clip_on=False, label=f"none, or unknown ({none} of {len(x)})",
         )  # fmt: skip
         place.legend(frameon=False, fontsize="small")
     place.set_xlabel(literal(axis.label) if one else "design")

@@ -26,7 +26,10 @@ def text_table(sweep: Sweep, measures: Sequence[str]) -> str:
     head = [axis.label for axis in sweep.axes] + [f"{name} [{sweep.units[name]}]" for name in measures]
     lines = [[*head, "status", "reason"]]
     for k, design in enumerate(sweep.designs):
-        figures = [_figure(float(column[k])) for column in columns]
+        figures = [
+            "unknown" if name in design.measures and not math.isfinite(column[k]) else _figure(float(column[k]))
+            for name, column in zip(measures, columns, strict=True)
+        ]
         lines.append([*_place(sweep, design), *figures, design.status, design.reason])
     hidden = len(lines) - 1 - MOST_LINES
     if hidden > 0:
@@ -43,7 +46,9 @@ def text_table(sweep: Sweep, measures: Sequence[str]) -> str:
 
 
 def write_csv(sweep: Sweep, path: str | Path) -> Path:
-    """One row a design; empty where it has no such measure. The file is replaced in one step, or not at all."""
+    """One row a design; empty where a measure is none, or not a finite number (status "unknown").
+
+    The file is replaced in one step, or not at all."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     labels = [f"{name} [{unit}]" for name, unit in sweep.units.items()]

@@ -39,13 +39,14 @@ INFEASIBLE = "infeasible"
 MOST_DESIGNS = 10**7
 MOST_THREADS = 1024
 DESIGN_BYTES = 3000  # of a design with its measures, of which a small scene has 35
+UNKNOWN = "unknown"  # a run came to its end, and a measure of it is not a finite number
 _LATEST = 0.05  # s between looks at Ctrl-C
 
 
 @dataclass(frozen=True)
 class Design:
-    """One row of a sweep: its place in the grid, how it ended ("infeasible", or the status of its run), the reason
-    where it did not come to what was asked for, and its measures by name.
+    """One row of a sweep: its place in the grid, how it ended ("infeasible", the status of its run, or "unknown" where
+    a measure is not a finite number), the reason where it did not come to what was asked for, and its measures by name.
     """
 
     index: int
@@ -89,7 +90,9 @@ class Sweep(Portable):
         return np.column_stack([np.array(axis.numbers)[k] for axis, k in zip(self.axes, place, strict=True)])
 
     def column(self, measure: str) -> Array:
-        """A measure of each design (designs,); NaN where it has none. Raises InputError with what there is."""
+        """A measure of each design (designs,); NaN where it has none, or it is no number. Raises InputError with what
+        there is.
+        """
         if arguments.text("measure", measure, "the name of a measure") not in self.units:
             raise InputError(f"sweep of {self.scene.name}: {among('measure', measure, self.units)}")
         return np.array([design.measures.get(measure, math.nan) for design in self.designs])
@@ -225,6 +228,16 @@ def _reason(run: Trajectory) -> str:
     return "" if run.success else run.reason
 
 
+def _not_known(run: Trajectory, measures: Mapping[str, float]) -> str:
+    """Which measures of a run are not finite numbers, and which events it is meant to reach could not be looked for."""
+    bad = [f"'{name}'" for name, value in measures.items() if not math.isfinite(value)]
+    wanted = aims(run.scene)
+    bad += [
+        f"the function of event '{it.event}'" for it in run.statistics.unresolved if it.undefined and it.event in wanted
+    ]
+    return f"{bad[0]}{f' and {len(bad) - 1} more' if len(bad) > 1 else ''} not a finite number" if bad else ""
+
+
 class _Pool:
     """Runs the designs of a grid in threads; the first runs alone, so that machine code is loaded once."""
 
@@ -287,7 +300,10 @@ class _Pool:
         self.warm.set()
         if run.status is Status.INTERRUPTED:
             return None
-        return Design(index, str(run.status), _reason(run), measures)
+        reason, status = _reason(run), str(run.status)
+        if run.success and (blank := _not_known(run, measures)):
+            status, reason = UNKNOWN, "; ".join(filter(None, [reason, blank]))
+        return Design(index, status, reason, measures)
 
     def _look(self, time: float) -> None:
         if self.stopping.is_set():

@@ -11,16 +11,19 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.constraints.formula import Formula
 from bellcrank.constraints.loops import WORLD, Loop
-from bellcrank.dynamics.row_functions import RowFunctions, in_metres
+from bellcrank.constraints.rolling import RollingDisk
+from bellcrank.dynamics.row_functions import POSTURES, RowFunctions, in_metres
 from bellcrank.errors import InputError
 from bellcrank.machine_code import cache as disk
 from bellcrank.machine_code.locks import making
+from bellcrank.numerics import LARGEST, checked, eigenvectors, svd
 from bellcrank.robot.postures import lengths_in_velocity
 
 if TYPE_CHECKING:
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+MORE_POSTURES = 512  # that are tried where closures have no value in all of the first ones
 FACTORISED = 4  # postures, in which J M⁻¹ Jᵀ is looked at
 DEAD = 1e-5  # of the largest entry of a closure's J: a row below it is dead, or alive by rounded angles alone
 RIGID = 1e-8  # entries of a closure's whole J below it are rounding: its frames cannot move against each other
@@ -107,7 +111,7 @@ def _binding_at(functions: RowFunctions, scene: Scene) -> Binding:
             np.array(unit, dtype=np.float64), length, singular, massless,
             tuple((closure, row, gap) for closure, row, gap in left_out), False,
         )  # fmt: skip
-    found = _judged(scene, functions.facts, functions.jacobians(scene), functions.inertias(scene))
+    found = _judged(scene, functions, functions.inertias(scene))
     if not functions.parametric:
         b = found
         parts = [b.kept, b.scale.tolist(), b.square.tolist(), b.unit.tolist(), b.length, b.singular, b.massless]
@@ -115,11 +119,9 @@ def _binding_at(functions: RowFunctions, scene: Scene) -> Binding:
     return found
 
 
-def _judged(
-    scene: Scene, facts: dict[str, Any], rows: tuple[Array, Array, Array, float], inertias: Callable[[Array], Array]
-) -> Binding:
-    q, jacobian, gaps, length = rows
-    names = [(str(name), str(label)) for name, label in facts["names"]]
+def _judged(scene: Scene, functions: RowFunctions, inertias: Callable[[Array], Array]) -> Binding:
+    names = [(str(name), str(label)) for name, label in functions.facts["names"]]
+    q, jacobian, gaps, length = _with_values(scene, names, functions)
     columns = np.where(lengths_in_velocity(scene.robot), length, 1.0)
     jacobian = jacobian * columns
     size = np.abs(jacobian).max(axis=(0, 2), initial=0.0)
@@ -128,11 +130,13 @@ def _judged(
     binds, left_out = _alive(scene, names, size / unit, gaps, unit)
     kept = np.flatnonzero(binds)
     jacobian = jacobian[:FACTORISED, kept]
-    mass = inertias(q[:FACTORISED]) * columns[:, None] * columns
+    mass = inertias(q[:FACTORISED])
+    checked(mass, f"{scene.source}: the mass matrix of '{scene.robot.name}' is")
+    mass = mass * columns[:, None] * columns
     inverse, singular = _inverse(mass)
     compliance = jacobian @ inverse @ jacobian.transpose(0, 2, 1)
     diagonal = np.einsum("nii->ni", compliance)
-    values, vectors = np.linalg.eigh(compliance)
+    values, vectors = eigenvectors(compliance, f"{scene.source}: what the closures give to a force, J M⁻¹ Jᵀ, is")
     firm = values > 1e-15 * values.max(axis=1, keepdims=True, initial=0.0)
     stiffness = (vectors**2 / np.where(firm, values, np.inf)[:, None, :]).sum(axis=2)
     usual = np.minimum(diagonal, SPREAD / np.maximum(stiffness, 1e-300)).max(axis=0, initial=0.0)
@@ -140,8 +144,42 @@ def _judged(
     return Binding(
         tuple(kept.tolist()), _power_of_ten(usual * unit[kept] ** 2), _power_of_ten(square * unit[kept] ** 2),
         unit[kept], float(length), singular.any().item(), _moves_without_mass(jacobian, mass), left_out,
-        bool(facts["parametric"]),
+        functions.parametric,
     )  # fmt: skip
+
+
+def _with_values(
+    scene: Scene, names: list[tuple[str, str]], functions: RowFunctions
+) -> tuple[Array, Array, Array, float]:
+    """q, J, (φ, ψ) and L as `RowFunctions.jacobians`, in postures and at times where all of these are numbers of at
+    most LARGEST. Raises InputError for a closure that has such values in none.
+    """
+    for count in (POSTURES, MORE_POSTURES):
+        q, jacobian, gaps, length = functions.jacobians(scene, count)
+        there = (np.abs(jacobian) <= LARGEST).all(axis=2) & (np.abs(gaps) <= LARGEST)  # NaN is not
+        good = there.all(axis=1)
+        if good.any() or not len(names):
+            return q[good][:POSTURES], jacobian[good][:POSTURES], gaps[good][:POSTURES], length
+    k = int(there.sum(axis=0).argmin())
+    name, label = names[k]
+    closure = next(closure for closure in scene.closures if closure.name == name)
+    found = np.append(jacobian[~there[:, k], k].ravel(), gaps[~there[:, k], k])
+    value = found[~(np.abs(found) <= LARGEST)][-1]
+    if isinstance(closure, Formula) and not closure.moves:
+        raise InputError(
+            f"{scene.source}: closures: '{name}' cannot close: no joint stands in its expression, which is {value:.6g} "
+            f"in its row {label}; write it in positions or velocities of joints"
+        )
+    if isinstance(closure, RollingDisk) and closure.radius <= LARGEST and abs(closure.height) <= LARGEST:
+        raise InputError(
+            f"{scene.source}: closures: '{name}' has no lowest point to roll on: its disk lies flat on the plane "
+            f"whatever the joints do (row {label} is {value:.4g}); turn its axis, or the normal of the plane"
+        )
+    raise InputError(
+        f"{scene.source}: closures: '{name}' cannot be judged: in {count} random postures, at times up to 1 s, its row "
+        f"{label} or its derivative is no number of at most {LARGEST:g} ({value:.4g} in one); write it so that it has "
+        "values there, and divide it by a constant where they are too large"
+    )
 
 
 def _alive(
@@ -177,6 +215,11 @@ def _on_one_body(robot: Robot, closure: Constraint) -> bool:
 
 def _impossible(scene: Scene, closure: Constraint, label: str, gap: float, rigid: bool) -> str:
     why = "whatever the joints do"
+    if isinstance(closure, Formula) and not closure.moves:
+        return (
+            f"{scene.source}: closures: '{closure.name}' cannot close: no joint stands in its expression, which is "
+            f"{gap:.6g} away from 0 in its row {label}; write it in positions or velocities of joints"
+        )
     if rigid and closure.frames:
         sides = [f"'{name}'" for name in closure.frames]
         why = f"and {' and '.join(sides if len(sides) > 1 else [*sides, 'the world'])} cannot move against each other"
@@ -191,7 +234,9 @@ def _inverse(mass: Array) -> tuple[Array, Mask]:
     own = np.einsum("nii->ni", mass)
     heavy = own > ROUNDING * own.max(axis=1, keepdims=True, initial=0.0)
     size = np.sqrt(np.where(heavy, own, 1.0))
-    values, vectors = np.linalg.eigh(np.where(heavy[:, :, None] & heavy[:, None, :], mass, 0.0) / _outer(size))
+    values, vectors = eigenvectors(
+        np.where(heavy[:, :, None] & heavy[:, None, :], mass, 0.0) / _outer(size), "the mass matrix is"
+    )
     firm = values > ROUNDING
     inverse = (vectors / np.where(firm, values, np.inf)[:, None, :]) @ vectors.transpose(0, 2, 1)
     return np.asarray(inverse / _outer(size)), np.asarray(~firm.all(axis=1))
@@ -204,7 +249,7 @@ def _moves_without_mass(jacobian: Array, mass: Array) -> bool:
         size = np.sqrt(np.where(own > ROUNDING * own.max(initial=0.0), own, 1.0))
         if np.linalg.eigvalsh(m / np.outer(size, size)).min(initial=1.0) > 2.0 * ROUNDING:
             return False
-        _, values, vectors = np.linalg.svd(j / size)
+        _, values, vectors = svd(j / size, "the closures' derivative is")
         free = vectors[np.count_nonzero(values > FIXED * values.max(initial=0.0)) :].T
         if np.linalg.eigvalsh(free.T @ (m / np.outer(size, size)) @ free).min(initial=1.0) >= ROUNDING:
             return False

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from bellcrank.dynamics.binding import FIXED, ROUNDING
 from bellcrank.machine_code import cache as disk
 from bellcrank.machine_code.locks import making
+from bellcrank.numerics import checked, eigenvectors, svd
 from bellcrank.robot.postures import lengths_in_velocity, random_posture
 
 if TYPE_CHECKING:
@@ -44,12 +45,15 @@ def _massless_motion(scene: Scene, assembly: Assembly) -> str | None:
     for _ in range(POSTURES):
         q = random_posture(scene.robot, random, scene.binding.length)
         mass, jacobian = _inertia(scene, assembly, q)
+        checked(mass, f"{scene.source}: the mass matrix of '{scene.robot.name}' is")
         own = mass.diagonal()
         heavy = own > ROUNDING * own.max(initial=0.0)
         size = np.sqrt(np.where(heavy, own, 1.0))
-        _, values, vectors = np.linalg.svd(jacobian / size)
+        _, values, vectors = svd(jacobian / size, f"{scene.source}: the closures' derivative is")
         free = vectors[np.count_nonzero(values > FIXED * values.max(initial=0.0)) :].T
-        values, vectors = np.linalg.eigh(free.T @ (mass / np.outer(size, size)) @ free)
+        values, vectors = eigenvectors(
+            free.T @ (mass / np.outer(size, size)) @ free, f"{scene.source}: the mass matrix is"
+        )
         massless = free @ vectors[:, values < ROUNDING]
         if not massless.size:
             return None

@@ -67,9 +67,12 @@ class InverseEquations:
         held = np.abs(need) <= LARGEST
         if not held.all():
             row = int(np.argmin(held.all(axis=1)))
+            column = int(np.argmin(held[row]))
+            joint = next(j.name for j in reversed(self.robot.joints) if j.v <= column)
             raise InputError(
-                f"{self.robot.name}: the forces of the motion, or of the scene, are above {LARGEST:g} N or N m at "
-                f"{round(float(t[row]), 9) + 0.0:.6g} s; check units"
+                f"{self.robot.name}: the force that joint '{joint}' needs for the motion and the scene's forces is "
+                f"{need[row, column]:.4g} N or N m at {round(float(t[row]), 9) + 0.0:.6g} s, expected at most "
+                f"{LARGEST:g}; check units"
             )
         return need
 

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.errors import InputError
 from bellcrank.machine_code import cache as disk
+from bellcrank.numerics import LARGEST, SMALLEST
 from bellcrank.robot.postures import lengths_in_position, lengths_in_velocity, postures
 
 if TYPE_CHECKING:
@@ -80,33 +82,33 @@ class RowFunctions:
             self._made = rows, s.inertia()
         return self._made
 
-    def jacobians(self, scene: Scene) -> tuple[Array, Array, Array, float]:
-        """q (n, nq), J (n, rows, nv), (φ, ψ) at rest (n, rows) and L in postures that are at most L from 0."""
+    def jacobians(self, scene: Scene, count: int = POSTURES) -> tuple[Array, Array, Array, float]:
+        """q (n, nq), J (n, rows, nv), (φ, ψ) at rest (n, rows) and L in `count` postures that are at most L from 0."""
         robot, facts = scene.robot, self.facts
         names, (down, across) = facts["names"], facts["places"]
-        count = len(down)
+        many = len(down)
         units = np.array([in_metres(label) for _, label in names], dtype=bool)
         far = lengths_in_velocity(robot)
         turns = units[down] & ~far[across] if names else np.zeros(0, dtype=bool)
-        moves, t, u = self._drawn(robot)
-        length, entries, q = 0.0, np.zeros((POSTURES, 0)), postures(robot, moves, 0.0)
+        moves, t, u = self._drawn(robot, count)
+        length, entries, q = 0.0, np.zeros((count, 0)), postures(robot, moves, 0.0)
         for first in (True, False):  # with every coordinate in m at 0, which gives L, then with them within 1.5 L
             if names and (first or lengths_in_position(robot).any()):
                 entries = self._called(scene, 0)(q, t, u, scene.parameter_values)
             if first:
-                found = np.hstack([entries[:, :count][:, turns], entries[:, count + len(names) :]])
+                found = np.hstack([entries[:, :many][:, turns], entries[:, many + len(names) :]])
                 length = _length(scene, found, self.parametric)
                 q = postures(robot, moves, length)
-        jacobian = np.zeros((POSTURES, len(names), robot.nv))
-        jacobian[:, down, across] = entries[:, :count]
-        return q, jacobian, entries[:, count : count + len(names)], length
+        jacobian = np.zeros((count, len(names), robot.nv))
+        jacobian[:, down, across] = entries[:, :many]
+        return q, jacobian, entries[:, many : many + len(names)], length
 
-    def _drawn(self, robot: Robot) -> tuple[Array, Array, Array]:
-        """The random moves, times and signals that all parameters are judged by."""
-        if self._draws is None:
+    def _drawn(self, robot: Robot, count: int) -> tuple[Array, Array, Array]:
+        """The random moves, times and signals (count, …) that all parameters are judged by."""
+        if self._draws is None or len(self._draws[0]) != count:
             random = np.random.default_rng(0)
-            moves, t = random.uniform(-1.5, 1.5, (POSTURES, robot.nq)), random.uniform(0.0, 1.0, (POSTURES, 1))
-            self._draws = moves, t, random.normal(size=(POSTURES, self.facts["signals"]))
+            moves, t = random.uniform(-1.5, 1.5, (count, robot.nq)), random.uniform(0.0, 1.0, (count, 1))
+            self._draws = moves, t, random.normal(size=(count, self.facts["signals"]))
         return self._draws
 
     def inertias(self, scene: Scene) -> Callable[[Array], Array]:
@@ -148,7 +150,18 @@ def _length(scene: Scene, found: Array, parametric: bool) -> float:
     placed = [joint["translation"] for joint in tree.joints] + [f["in_parent"]["translation"] for f in tree.frames]
     set_here = [p.value for p in scene.parameters.values() if p.unit == "m" and parametric]
     longest = max((abs(x) for x in (*np.ravel(placed), *set_here)), default=0.0)
-    meant = found[np.isfinite(found) & (np.abs(found) > MEANT * longest)]
+    if longest > LARGEST:
+        raise InputError(
+            f"{scene.source}: '{scene.robot.name}' has lengths of {longest:.3g} m; expected at most {LARGEST:g} m, so "
+            "that their squares are numbers"
+        )
+    found = found[np.abs(found) <= LARGEST]
+    meant = found[np.abs(found) > MEANT * longest]
+    if meant.size and np.abs(meant).max() < SMALLEST:
+        raise InputError(
+            f"{scene.source}: the lengths of '{scene.robot.name}' and its closures are at most "
+            f"{np.abs(meant).max():.3g} m; expected some of {SMALLEST:g} m or more, so that their squares are numbers"
+        )
     return float(np.sqrt((meant * meant).mean())) if meant.size else float(longest) or 1.0
 
 

@@ -16,6 +16,7 @@ from bellcrank.motion.coordinates import Array
 from bellcrank.motion.frame_task import FrameTask
 from bellcrank.motion.hermite import quintic
 from bellcrank.motion.rotations import angles_to, between
+from bellcrank.numerics import least_squares, singular_values
 from bellcrank.robot.postures import lengths_in_position
 
 STEP_BOUND = 0.3  # rad or m: the posture moves less than this from one step to the next
@@ -69,7 +70,7 @@ class Solver:
             both = np.concatenate([self.frame_jacobian(self.system(start)[1])[None], jacobian])
             lever = float(np.abs(both[:, rows][:, :, ~lengths]).max(initial=0.0)) or 1.0
             jacobian = jacobian / np.where(rows, lever, 1.0)[:, None] * np.where(lengths, lever, 1.0)
-        sizes = np.linalg.svd(jacobian, compute_uv=False)
+        sizes = singular_values(jacobian, f"the Jacobian of frame '{task.frame}' of '{task.robot.name}' is")
         return np.asarray(sizes[:, -1] / np.maximum(sizes[:, 0], 1e-300))
 
     def newton(
@@ -134,7 +135,8 @@ class Solver:
             if task.redundant:
                 jacobian = self.frame_jacobian(self.system(z)[1])
                 pull = task.start[list(task.active)] - q
-                z[self.joints :] = np.linalg.lstsq(jacobian.T, pull, rcond=None)[0]
+                what = f"the Jacobian of frame '{task.frame}' of '{task.robot.name}' is"
+                z[self.joints :] = least_squares(jacobian.T, pull, what)
             found = self.newton(z, target, 1.0)
             if found is not None and self.turned_away(found[0]) < 1e-6:
                 return found[0]
@@ -157,8 +159,10 @@ class Solver:
             miss = value[self.task.unknowns - self.task.equations :] - wanted
             return 0.5 * float(miss @ miss), self.frame_jacobian(slope).T @ miss
 
-        best = minimize(misfit, q, jac=True, method="BFGS", options={"gtol": 1e-13, "maxiter": 500})
-        return np.asarray(best.x, dtype=np.float64), float(np.sqrt(2.0 * max(best.fun, 0.0)))
+        with np.errstate(over="ignore", invalid="ignore"):  # a miss whose square is no number is infinite
+            best = minimize(misfit, q, jac=True, method="BFGS", options={"gtol": 1e-13, "maxiter": 500})
+        miss = float(np.sqrt(2.0 * max(best.fun, 0.0)))
+        return np.asarray(best.x, dtype=np.float64), miss if np.isfinite(miss) else np.inf
 
     def turned_away(self, z: Array) -> float:
         """Angle (rad) between the frame's orientation and the wanted one; zero where none is wanted."""

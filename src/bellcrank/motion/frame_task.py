@@ -18,6 +18,7 @@ import numpy as np
 
 from bellcrank.errors import InputError, UnreachableError
 from bellcrank.motion.coordinates import Array
+from bellcrank.numerics import svd
 
 if TYPE_CHECKING:
     from bellcrank.machine_code.compile import Compiled
@@ -209,7 +210,7 @@ def _span(jacobians: Array) -> Array:
     largest = float(np.max(np.abs(rows), initial=0.0))
     if largest == 0.0:
         return np.zeros((3, 0))
-    directions, sizes, _ = np.linalg.svd(rows, full_matrices=True)
+    directions, sizes, _ = svd(rows, "the Jacobian of the frame is")
     rank = int(np.sum(sizes > FLAT * sizes[0]))
     alive = np.flatnonzero(np.max(np.abs(rows), axis=1) > FLAT * largest)
     if len(alive) == rank:

@@ -19,6 +19,8 @@ from bellcrank.motion.profile import Profile
 from bellcrank.motion.profile import profile as make_profile
 from bellcrank.motion.rotations import from_rpy
 from bellcrank.motion.waypoints import checked_samples, waypoints
+from bellcrank.numerics import length as length_of
+from bellcrank.numerics import svd, unit
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -106,9 +108,9 @@ def circle_path(
     if turns == 0.0:
         raise InputError(f"{title}: turns must not be 0; use dwell to stand still")
     axis = arguments.vector("normal", normal, 3, most=arguments.LARGEST, where=title)
-    if np.linalg.norm(axis) < 1e-12:
+    if length_of(axis) < 1e-12:
         raise InputError(f"{title}: normal must not be zero")
-    axis = axis / np.linalg.norm(axis)
+    axis = unit(axis, f"{title}: normal is")
     e1 = np.eye(3)[0] - axis[0] * axis
     if np.linalg.norm(e1) < 1e-6:
         e1 = np.eye(3)[1] - axis[1] * axis
@@ -237,7 +239,7 @@ def wanted_rotation(path: FramePath, held: Array) -> Array | None:
         return from_rpy(given)
     if given.shape != (3, 3) or not np.all(np.isfinite(given)):
         raise InputError(f"{title}: orientation must be rpy (3 numbers) or a 3 x 3 matrix, got shape {given.shape}")
-    u, _, vt = np.linalg.svd(given)
+    u, _, vt = svd(given, f"{title}: the orientation is")
     nearest = np.asarray(u @ vt)
     if np.max(np.abs(nearest - given)) > 1e-6 or np.linalg.det(nearest) < 0.0:
         raise InputError(f"{title}: the orientation matrix is not a rotation (orthonormal, determinant 1)")

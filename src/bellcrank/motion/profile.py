@@ -22,6 +22,8 @@ from bellcrank.errors import InputError, among
 from bellcrank.motion.coordinates import Array
 
 KINDS = ("constant", "trapezoid", "quintic", "s_curve")
+LEAST, MOST = 1e-30, 1e30  # of distances, times and limits, in SI units: fifth powers of them are numbers
+_UNITS = {"distance": "m", "duration": "s", "speed": "m/s", "acceleration": "m/s²", "jerk": "m/s³"}
 
 
 @dataclass(frozen=True)
@@ -116,15 +118,22 @@ def profile(
     the path.
 
     Raises InputError for an unknown kind, for limits that the kind cannot keep (acceleration for `constant`,
-    jerk for `trapezoid`), for neither a duration nor a limit, and for a duration shorter than the limits
+    jerk for `trapezoid`), for what is not
+    from LEAST to MOST, for neither a duration nor a limit, and for a duration shorter than the limits
     allow.
     """
     if arguments.text("profile", kind, "the name of a profile") not in KINDS:
         raise InputError(among("profile", kind, KINDS))
     given = {"duration": duration, "speed": speed, "acceleration": acceleration, "jerk": jerk}
     for key, value in {"distance": distance, **given}.items():
-        if value is not None:
-            arguments.number(key, value, above=0.0, most=arguments.LARGEST, where=f"profile '{kind}'")
+        if value is None:
+            continue
+        arguments.number(key, value, above=0.0, where=f"profile '{kind}'")
+        if not LEAST <= value <= MOST:
+            raise InputError(
+                f"profile '{kind}': {key} must be from {LEAST:g} to {MOST:g} {_UNITS[key]}, got {value:g}; "
+                "leave out limits that bind nowhere"
+            )
     kept = {"constant": 1, "trapezoid": 2}.get(kind, 3)
     for key in ("speed", "acceleration", "jerk")[kept:]:
         if given[key] is not None:

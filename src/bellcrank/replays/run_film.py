@@ -101,7 +101,8 @@ def film_of_run(
         title or scene.name, shots.time, shots.poses, bodies, camera_for(view), shots.bound,
         ground_for(planes, view, not robot.floating_base), shots.traces, shots.arrows, springs,
         film_axes(robot, bodies, {f.joint.name for f in scene.forces if isinstance(f, JointSpring)}),
-        _marks(run, events, float(time[-1])), charts, (), (*facts, ("bellcrank", __version__)), run.success,
+        _marks(run, events, float(time[-1])), charts, (), (*facts, ("bellcrank", __version__)),
+        run.success and not run.non_finite,
         rods, (*more, *notes),
     )  # fmt: skip
 

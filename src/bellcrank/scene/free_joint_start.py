@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from bellcrank.card.fields import Fields
 from bellcrank.card.yaml_file import shown
+from bellcrank.numerics import length as norm
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import RobotJoint
@@ -160,7 +161,7 @@ def _attitude(read: Fields) -> tuple[tuple[float, ...] | None, bool]:
         quaternion = quaternion_of(place.vector(place_key, 3, "rad"))
     else:
         quaternion = np.array(place.vector(place_key, 4))
-        length = float(np.linalg.norm(quaternion))
+        length = norm(quaternion)
         if not 0.999 <= length <= 1.001:
             raise place.error(place_key, f"expected a quaternion x y z w of length 1, found length {length:.6g}")
         quaternion = quaternion / length

@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.numerics import checked, eigenvectors, svd
+
 if TYPE_CHECKING:
     from bellcrank.dynamics.system import System
 
 Array = NDArray[np.float64]
+MASSLESS = 1e-6  # of a coordinate's own inertia: what moves with less of it counts as if it had so much
 LOST = 1e-8  # of the largest singular value: rows below it depend on others
 
 
@@ -29,10 +32,22 @@ class ClosureRank:
 def rank_of(system: System, t: Array, x: Array, u: Array, p: Array) -> ClosureRank:
     """The rank of a system's closures at a time (1) s, state, signals and parameters."""
     jacobian, mass = system.closure_metric(t, x, u, p)
-    weighted = np.linalg.solve(np.linalg.cholesky(mass), jacobian.T).T
+    checked(mass, "the mass matrix at this row of the run is")
+    try:
+        weighted = np.linalg.solve(np.linalg.cholesky(mass), jacobian.T).T
+    except np.linalg.LinAlgError:  # links without mass make it singular; the rank is that of J in any metric
+        weighted = jacobian @ _whitening(mass)
     length = np.linalg.norm(weighted, axis=1, keepdims=True)
     weighted = weighted / np.where(length > 0.0, length, 1.0)
-    left, values, _ = np.linalg.svd(weighted)
+    left, values, _ = svd(weighted, "the closures' derivative at this row of the run is")
     rank = int(np.sum(values > LOST * values.max(initial=0.0)))
     idle = left[:, rank:]  # combinations of multipliers that move nothing
     return ClosureRank(values, rank, np.linalg.norm(idle, axis=1) < 1e-6)
+
+
+def _whitening(mass: Array) -> Array:
+    """W with Wᵀ M W = 1 (nv, nv), of M with MASSLESS of a coordinate's own inertia where it has less."""
+    own = mass.diagonal()
+    size = np.sqrt(np.where(own > MASSLESS * own.max(initial=0.0), own, own.max(initial=0.0) or 1.0))
+    values, vectors = eigenvectors(mass / np.outer(size, size), "the mass matrix at this row of the run is")
+    return np.asarray(vectors / np.sqrt(np.maximum(values, MASSLESS)) / size[:, None])

@@ -52,13 +52,14 @@ class Event:
 
 @dataclass(frozen=True)
 class Unresolved:
-    """An event whose function oscillates so fast that crossings may have been missed: its name, in how many steps of
-    the solver, and when the first of them began, s.
+    """An event of which crossings may have been missed: its name, in how many steps of the solver, and when first, s;
+    as its function oscillates so fast, or, `undefined`, as it is not a number there.
     """
 
     event: str
     steps: int
     first: float
+    undefined: bool = False
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,8 @@ def write_run_csv(run: Trajectory, path: str | Path, progress: Callable[[int], N
 
     `torque` is all that the scene's forces do at a joint, `actuator torque`, where the scene has motors or controllers,
     their part of it. Units stand in the header (s, rad, m, N m, N, J, …); every number has the digits that give it back
-    exactly. The file is replaced in one step, or not at all. Raises InputError where the folder cannot be written.
+    exactly, and what is not a finite number is `nan`, `inf` or `-inf`.
+    The file is replaced in one step, or not at all. Raises InputError where the folder cannot be written.
     """
 
     def blocks() -> Iterator[Array]:

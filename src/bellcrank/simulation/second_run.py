@@ -35,6 +35,7 @@ SAME_END = 1e-6  # share of its duration by which a run may end earlier, at an e
 FINER = 0.01  # of the tolerances
 # times the regularisation, and how many floors the difference is at least; found by measurement on the N four-bars
 REGULARISATIONS = ((10.0, 2.0), (0.1, 5.0))
+TINIEST = 5e-324  # s, rad or m: half of it is 0, which is no step and no tolerance
 DRIFTED = 1e4  # times the tolerance that a run without projection may be off
 LONGEST = 10.0  # s of stepping that a comparison may take unasked
 EVALUATIONS = 20  # times those of the settings that a run made again may take
@@ -120,15 +121,15 @@ def _finer(run: Trajectory) -> tuple[Settings, float]:
     """
     s = run.settings
     if s.step:
-        return replace(s, step=s.step / 2), 0.5 ** methods()[s.solver]
+        return replace(s, step=max(s.step / 2, TINIEST)), 0.5 ** methods()[s.solver]
     factor = max(FINER, FINEST_RTOL / s.rtol)
     if factor > 0.5:
         return replace(s, rtol=10.0 * s.rtol, atol=10.0 * s.atol), 0.0
     known = run.statistics.longest_step  # not the longest between kept ends of steps, where these are thinned
     longest = (float(np.diff(run.steps).max(initial=0.0)) if known is None else known) or s.max_step
-    first = s.first_step and s.first_step / 2
-    half: dict[str, Any] = {"max_step": longest / 2 if longest else None, "first_step": first}
-    return replace(s, rtol=max(factor * s.rtol, FINEST_RTOL), atol=factor * s.atol, **half), 0.0
+    first = s.first_step and max(s.first_step / 2, TINIEST)
+    half: dict[str, Any] = {"max_step": max(longest / 2, TINIEST) if longest else None, "first_step": first}
+    return replace(s, rtol=max(factor * s.rtol, FINEST_RTOL), atol=max(factor * s.atol, TINIEST), **half), 0.0
 
 
 def _again(

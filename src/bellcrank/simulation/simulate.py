@@ -29,6 +29,7 @@ from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+LEAST_ATOL = 1e-100  # less says no more, and squares of shares of it would overflow
 MANY = 32  # outputs, from which on they are projected together
 
 
@@ -159,7 +160,7 @@ def _integrate(
         p,
         norm_size=system.size if any(c.source is not None for c in scene.closures) else system.nq + system.nv,
         rtol=settings.rtol,
-        atol=settings.atol,
+        atol=max(settings.atol, LEAST_ATOL),
         step=settings.step or 0.0,
         first_step=settings.first_step or 0.0,
         max_step=settings.max_step or math.inf,
@@ -204,16 +205,23 @@ def _integrate(
     )
     statistics = Statistics(
         result.accepted, result.rejected, result.evaluations, result.jacobians, result.factorisations, result.seconds,
-        _unresolved(scene, result.unresolved_count, result.unresolved_time), result.longest_step,
+        (
+            *_unresolved(scene, result.unresolved_count, result.unresolved_time),
+            *_unresolved(scene, result.undefined_count, result.undefined_time, undefined=True),
+        ),
+        result.longest_step,
         _omitted(scene, result.event_counts, result.event_index),
     )  # fmt: skip
     return Trajectory(scene, settings, time, state, p, signals, status, events, statistics, result.steps)
 
 
-def _unresolved(scene: Scene, count: NDArray[np.int64], first: Array) -> tuple[Unresolved, ...]:
-    """Events of which crossings may have been missed, from the number of such steps and the start of the first."""
+def _unresolved(
+    scene: Scene, count: NDArray[np.int64], first: Array, undefined: bool = False
+) -> tuple[Unresolved, ...]:
+    """Events of which crossings may have been missed, from the number of such steps and a time in the first."""
     return tuple(
-        Unresolved(scene.events[k].name, int(count[k]), float(first[k])) for k in np.flatnonzero(count).tolist()
+        Unresolved(scene.events[k].name, int(count[k]), float(first[k]), undefined)
+        for k in np.flatnonzero(count).tolist()
     )
 
 
@@ -305,5 +313,6 @@ def _refuse_infinite_start(scene: Scene, p: Array, x0: Array) -> None:
         where = next(j.name for j in reversed(scene.robot.joints) if j.v <= bad[0])
         raise InputError(
             f"{scene.source}: the accelerations at the start are not finite at joint '{where}': either nothing beyond "
-            "it has inertia about its axis (give those links mass), or a force or parameter has no value there"
+            "it has inertia about its axis (give those links mass), or a force, gain or parameter has no value there "
+            "or is too large"
         )

@@ -60,8 +60,9 @@ def summary_html(run: Trajectory) -> str:
 
 
 def run_warnings(run: Trajectory) -> tuple[str, ...]:
-    """What speaks against a run, a clause each: it did not come to its end, its accelerations miss the equations of
-    motion, its energies their balance, kinetic energy is negative, a closure is open, or an event is not at its zero.
+    """What speaks against a run, a clause each: it did not come to its end, something in it is not a finite number, its
+    accelerations miss the equations of motion, its energies their balance, kinetic energy is negative, a closure is
+    open, or an event is not at its zero.
     """
     found = []
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
@@ -69,6 +70,7 @@ def run_warnings(run: Trajectory) -> tuple[str, ...]:
         gap, size, least, largest = _energies(run)
     if not run.success:
         found.append(f"the run stopped before its {run.settings.duration:g} s: what follows is of its first part")
+    found += run.non_finite
     if residual > LARGEST_RESIDUAL:
         found.append(
             "the accelerations do not satisfy the equations: the mass matrix is close to singular there; give "
@@ -178,6 +180,7 @@ def _missed_events(run: Trajectory) -> list[str]:
         f"event '{it.event}' oscillates so fast that crossings may have been missed in {_count(it.steps, 'step')} from "
         f"{it.first:.6g} s on: set simulate.max_step to a few periods of its function or less"
         for it in run.statistics.unresolved
+        if not it.undefined
     ]
 
 
@@ -219,8 +222,8 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
     work = f", work {w:.6g} J" if run.scene.system.has_work else ""
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
         certificate = [
-            ("energy drift", f"{run.energy_drift():.1e} of the largest energy"),
-            ("equation residual", f"{run.equation_residual():.1e} of the largest joint force"),
+            ("energy drift", _known(run.energy_drift(), "of the largest energy")),
+            ("equation residual", _known(run.equation_residual(), "of the largest joint force")),
         ]
     rows = [
         ("solver", f"{settings.solver}, {how}"),
@@ -238,6 +241,10 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
     if len(notes) > LEAVING:
         rows.append(("", f"… and {_count(len(notes) - LEAVING, 'more joint')} that leave their range"))
     return rows + [("warning", text) for text in (*run.warnings, *run.robot.inertia_warnings)]
+
+
+def _known(value: float, unit: str) -> str:
+    return f"{value:.1e} {unit}" if math.isfinite(value) else f"unknown {unit} (beyond all numbers)"
 
 
 def _error(run: Trajectory) -> str:
@@ -266,7 +273,8 @@ def _closures(run: Trajectory) -> list[tuple[str, str]]:
     if not run.scene.closures:
         return []
     with np.errstate(all="ignore"):
-        apart = f"{run.constraint_residual():.1e} m or rad, {run.velocity_residual():.1e} m/s or rad/s apart"
+        residuals = _known(run.constraint_residual(), "m or rad"), _known(run.velocity_residual(), "m/s or rad/s")
+        apart = f"{', '.join(residuals)} apart"
     rows, last = [("closures", apart)], run.part(slice(-1, None))
     for closure in run.scene.closures[:CLOSURES]:
         history = last.closure(closure.name)

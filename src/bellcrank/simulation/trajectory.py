@@ -57,7 +57,8 @@ class Trajectory(Portable):
     steps: Array
 
     def __repr__(self) -> str:
-        return f"Trajectory('{self.scene.name}', {self.status} at {self.time[-1]:g} s, {len(self.time)} rows)"
+        rows = f"{len(self.time)} rows{', not all of it finite numbers' if self.non_finite else ''}"
+        return f"Trajectory('{self.scene.name}', {self.status} at {self.time[-1]:g} s, {rows})"
 
     def __len__(self) -> int:
         return len(self.time)
@@ -100,8 +101,12 @@ class Trajectory(Portable):
 
     @property
     def message(self) -> str:
-        """One sentence: why the run ended, when, and what to do about it."""
-        return f"{self.scene.name}: {self.status} at {self.time[-1]:.9g} s: {self.reason}"
+        """One sentence: why the run ended, when, and what to do about it; and what in it is not a finite number."""
+        text = f"{self.scene.name}: {self.status} at {self.time[-1]:.9g} s: {self.reason}"
+        if not self.non_finite:
+            return text
+        more = f" (and {len(self.non_finite) - 1} more warnings of this kind)" if len(self.non_finite) > 1 else ""
+        return f"{text}; but {self.non_finite[0]}{more}"
 
     @property
     def reason(self) -> str:
@@ -114,6 +119,10 @@ class Trajectory(Portable):
             last = self.part(slice(-1, None))
             cosine = cosines_along(self.scene, last.time, *last._arguments[1:])[-1]
             return f"closure '{turning(self.scene)[int(np.argmin(cosine))]}': {self.status.advice}"
+        if self.status is Status.NON_FINITE:
+            from bellcrank.simulation.non_finite import cause
+
+            return "; ".join(filter(None, [cause(self), self.status.advice]))
         return self.status.advice
 
     @property
@@ -276,7 +285,8 @@ class Trajectory(Portable):
     # ---- the certificate
 
     def energy_drift(self) -> float:
-        """How far energy is from its balance: max |T + V − T₀ − V₀ − W| / max (T + |V − V₀| + |W|).
+        """How far energy is from its balance: max |T + V − T₀ − V₀ − W| / max (T + |V − V₀| + |W|);
+        infinite where these are no numbers.
 
         Energies are computed anew from the states; W is the solver's quadrature of the power of actuators, dampers and
         friction. All are counted from the first row. 0 for a run that never had energy.
@@ -299,11 +309,21 @@ class Trajectory(Portable):
         """
 
         def measures(run: Trajectory) -> list[Any]:
-            residual, bias = run.scene.system.residual(*run._arguments)
-            return [np.abs(residual).max(), np.abs(run.torque).max(), np.abs(bias).max()]
+            with np.errstate(all="ignore"):
+                residual, bias = run.scene.system.residual(*run._arguments)
+                return [np.abs(residual).max(), np.abs(run.torque).max(), np.abs(bias).max()]
 
         residual, torque, bias = self._largest(measures)
         return _share(residual, max(torque, bias))
+
+    @cached_property
+    def non_finite(self) -> tuple[str, ...]:
+        """A clause for each output, energy, force, closure and event that is NaN or infinite in some row, with how many
+        rows and the first time; they are among `warnings`.
+        """
+        from bellcrank.simulation.non_finite import non_finite
+
+        return non_finite(self)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -313,20 +333,25 @@ class Trajectory(Portable):
         return run_warnings(self)
 
     def constraint_residual(self) -> float:
-        """The largest violation of what positions must keep: closures (m or rad) and the unit length of rotations."""
+        """The largest violation of what positions must keep: closures (m or rad) and the unit length of rotations;
+        infinite where it is no number.
+        """
         from bellcrank.simulation.simulate import unit_parts
 
         places = unit_parts(self.scene)
 
         def measures(run: Trajectory) -> list[Any]:
-            units = [np.linalg.norm(run.state[:, first : first + length], axis=1) for first, length in places]
-            return [run._gaps.max(initial=0.0), *(np.abs(x - 1.0).max() for x in units)]
+            with np.errstate(all="ignore"):
+                units = [np.linalg.norm(run.state[:, first : first + length], axis=1) for first, length in places]
+                return [run._gaps.max(initial=0.0), *(np.abs(x - 1.0).max() for x in units)]
 
-        return max(self._largest(measures))
+        return _known(self._largest(measures))
 
     def velocity_residual(self) -> float:
-        """The largest violation of a velocity constraint, m/s or rad/s: φ̇ and ψ of closures; a tree has none."""
-        return self._largest(lambda run: [np.abs(run._closure[2]).max(initial=0.0)])[0]
+        """The largest violation of a velocity constraint, m/s or rad/s: φ̇ and ψ of closures; a tree has none. Infinite
+        where it is no number.
+        """
+        return _known(self._largest(lambda run: [np.abs(run._closure[2]).max(initial=0.0)]))
 
     def error_estimate(self) -> float:
         """How far the positions may be off (rad or m): the largest difference, on the same times, from runs made again
@@ -367,8 +392,8 @@ class Trajectory(Portable):
         return save_run(self, arguments.path("path", path, "the path of a file"))
 
     def to_csv(self, path: str | Path, progress: Callable[[int], None] | None = None) -> Path:
-        """Write times, states, accelerations, torques, energies and outputs as CSV, units in the header; `progress` is
-        called with the number of rows written.
+        """Write times, states, accelerations, torques, energies and outputs as CSV, units in the header; `nan` and
+        `inf` stand where there is no finite number. `progress` is called with the number of rows written.
         """
         from bellcrank.simulation.run_csv import write_run_csv
 
@@ -390,6 +415,12 @@ class Trajectory(Portable):
         from bellcrank.simulation.summary import summary_html
 
         return summary_html(self)
+
+
+def _known(largest: list[float]) -> float:
+    """The largest of some numbers, at least 0; infinite where one is no number."""
+    most = float(np.max(largest, initial=0.0))
+    return most if math.isfinite(most) else math.inf
 
 
 def _share(gap: float, scale: float) -> float:

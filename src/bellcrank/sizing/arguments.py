@@ -21,10 +21,14 @@ def motions_of(given: object) -> list[Motion]:
     """One motion or a list of them as a list; InputError."""
     from bellcrank.simulation.trajectory import Trajectory
 
-    if isinstance(given, Trajectory):
-        remedy = "write the run with run.to_csv(path) and read it with read_motion(robot, path)"
-        arguments.refuse("motions", "a Motion or a list of them", given, remedy=remedy)
-    return list(arguments.several("motions", given, Motion, "Motions", alone=True))
+    listed = arguments.several(
+        "motions", [given] if isinstance(given, (Motion, Trajectory)) else given, object, "Motions"
+    )
+    for one in listed:
+        if isinstance(one, Trajectory):
+            remedy = "write the run with run.to_csv(path) and read it with read_motion(robot, path)"
+            arguments.refuse("motions", "a Motion or a list of them", one, remedy=remedy)
+    return list(arguments.several("motions", listed, Motion, "Motions"))
 
 
 def drives_of(given: object) -> dict[str, Drive]:

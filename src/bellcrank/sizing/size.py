@@ -32,6 +32,7 @@ from bellcrank.motion.motion import Motion
 from bellcrank.sizing.arguments import drives_of, motions_of, renamed, tolerance_of
 from bellcrank.sizing.between import between_warnings, peaks_at_rows
 from bellcrank.sizing.drive import Drive
+from bellcrank.sizing.finite import refuse_non_finite, refuse_non_finite_line, root_mean_square
 from bellcrank.sizing.holding_forces import holding_of
 from bellcrank.sizing.loads import Loads
 from bellcrank.sizing.massless import massless_motors
@@ -68,7 +69,8 @@ def size(
     a whole, its mass and inertia together, is scaled by one factor within 1 ± 0.1. Each motion counts as a cycle
     that repeats, for RMS and mean. A motor that moves nothing with mass is not sized (`Sizing.unsizable` says why)
     unless `allow_massless` names the links that it moves. Raises InputError where a drive names no joint or gives its
-    rotor another inertia than the robot has, a motion belongs to another robot, there is no motion, or a type is wrong.
+    rotor another inertia than the robot has, a motion belongs to another robot, there is no motion, a type is wrong, or
+    a load or margin is not a finite number (with joint, quantity, motion and time).
     """
     mass_tolerance = tolerance_of(mass_tolerance)
     motions = renamed(motions_of(motions))
@@ -80,17 +82,22 @@ def size(
     loads = Loads(mechanism, drives, mass_tolerance)
     found: list[dict[str, list[Peak]]] = []
     cycles: list[list[Cycle]] = []
-    for motion in motions:
-        peaks, parts = _size_one(loads, motion)
-        found.append(peaks)
-        cycles.append(parts)
+    with np.errstate(all="ignore"):  # what overflows, or is no number, is refused with its place
+        for motion in motions:
+            try:
+                peaks, parts = _size_one(loads, motion)
+            except InputError as error:
+                raise InputError(f"motion '{motion.name}': {error}") from None
+            found.append(peaks)
+            cycles.append(parts)
     worst = {
         name: [
             max((peaks[name][k] for peaks in found), key=lambda peak: peak.value) for k in range(len(found[0][name]))
         ]
         for name in found[0]
     }
-    holding = holding_of(mechanism, motions, mass_tolerance)
+    with np.errstate(all="ignore"):
+        holding = holding_of(mechanism, motions, mass_tolerance)
     lines = tuple(
         _joint_line(
             loads,
@@ -103,6 +110,8 @@ def size(
         )
         for k, _ in enumerate(joints)
     )
+    for line in lines:
+        refuse_non_finite_line(robot.name, line)
     refused, allowed = massless_motors(mechanism, motions, allow_massless)
     errors = list(robot.findings)
     if not mechanism.closed:  # a loop can give a joint the inertia that its own links do not have
@@ -174,9 +183,14 @@ def _size_one(loads: Loads, motion: Motion) -> tuple[dict[str, list[Peak]], list
     mechanism = loads.mechanism
     probes = reversal_times(motion, coulomb_widths(mechanism))
     grid = grid_along(motion, probes, force_breaks(mechanism), loads.nominal)
-    values, largest = maxima(motion, grid, loads.forces)
-    for more in (loads.reactions, loads.inertia):
-        largest |= maxima(motion, grid, more)[1]
+    values: dict[str, Array] = {}
+    largest: dict[str, tuple[Array, Array]] = {}
+    for quantities in (loads.forces, loads.reactions, loads.inertia):
+        found, most = maxima(motion, grid, quantities)
+        names = [joint.name for joint in loads.joints]
+        refuse_non_finite(mechanism.robot.name, names, grid.time, found)
+        values |= found
+        largest |= most
     peaks = {}
     for name, (top, when) in largest.items():
         postures = motion.at(when)[0]
@@ -193,8 +207,8 @@ def _cycles(loads: Loads, motion: Motion, grid: Grid, values: Mapping[str, Array
         return np.asarray(grid.weight @ samples)
 
     torque = np.maximum(np.abs(values["max_torque"]), np.abs(values["min_torque"]))
-    rms = np.sqrt(integral(torque**2) / motion.duration)
-    shaft = np.sqrt(integral(values["shaft_torque"] ** 2) / motion.duration)
+    rms = root_mean_square(grid.weight, torque, motion.duration)
+    shaft = root_mean_square(grid.weight, values["shaft_torque"], motion.duration)
     mean = integral(values["peak_speed"]) / motion.duration
     into, out = integral(values["peak_motoring_power"]), integral(values["peak_regenerating_power"])
     return [

@@ -1,7 +1,7 @@
 // Events: where a function g(t, x, u, p) changes sign. Each step is sampled at nine places (three where g is dear); where
 // these cannot rule out more crossings than they show, the stretch between two of them is sampled again, and so on, until
 // each stretch has at most one. Where that would take more than `most_evaluations` in a step, the record is told that
-// crossings may have been missed. A root of g on the dense output is then corrected by steps of the same method that
+// crossings may have been missed; where g is not a number, that nothing can be told. A root of g on the dense output is then corrected by steps of the same method that
 // end at the event: its time and state are as exact as those of any step.
 #pragma once
 
@@ -71,6 +71,7 @@ class Events {
   Growing<Crossing> crossings_;
   Growing<double> states_;
   bool failed_ = false, missed_ = false, done_ = false;
+  double blank_ = INFINITY;  // the first time in this step at which the event scanned is not a number
 
   static int sign(double v) { return v > 0 ? 1 : v < 0 ? -1 : 0; }
   double length() const { return stepper_.t - stepper_.t_old; }
@@ -135,9 +136,9 @@ class Events {
 
   // All crossings of one event in this step.
   void scan(int e, Record& record) {
-    spent_ = 0, oscillating_ = 0, forced_ = hint_[e], limit_ = unresolved_[e] < patience ? most_evaluations : few_evaluations, missed_ = done_ = false, now_ = sign_[e];
+    spent_ = 0, oscillating_ = 0, forced_ = hint_[e], limit_ = unresolved_[e] < patience ? most_evaluations : few_evaluations, missed_ = done_ = false, now_ = sign_[e], blank_ = INFINITY;
     double v[parts + 1];
-    for (int i = 0; i <= samples; ++i) v[i] = g(i, e);
+    for (int i = 0; i <= samples; ++i) blank(v[i] = g(i, e), at(i));
     if (samples == parts) {
       stretch(e, 0, 1, v, 0);
     } else if (sign(v[0]) == now_ && sign(v[1]) == now_ && sign(v[2]) == now_ && halves_keep_off(v)) {
@@ -149,6 +150,11 @@ class Events {
     effort += spent_;
     hint_[e] = oscillating_;
     if (missed_) ++unresolved_[e], record.unresolved(e, stepper_.t_old);
+    if (blank_ < INFINITY) record.undefined(e, blank_);
+  }
+
+  void blank(double value, double s) {
+    if (value != value) blank_ = smaller(blank_, stepper_.t_old + s * length());
   }
 
   // The crossings between a and b, from samples at `place` between them. Where they oscillate here, the stretches after
@@ -172,9 +178,10 @@ class Events {
     }
   }
 
-  // Whether there may be more crossings from sample i to the next than their signs say.
+  // Whether there may be more crossings from sample i to the next than their signs say; where samples are not numbers,
+  // or so large that their differences are not, their signs are all there is.
   static bool doubtful(const Shape& shape, int i, const double* v, int depth) {
-    if (shape.miss != shape.miss || (v[i] == 0 && v[i + 1] == 0 && shape.miss == 0)) return false;
+    if (!(shape.miss < INFINITY) || (v[i] == 0 && v[i + 1] == 0 && shape.miss == 0)) return false;
     if (sign(v[i]) != sign(v[i + 1])) return !shape.runs(i, v);
     return !shape.keeps_off(i, v, caution(depth)) && (depth < 2 || !shape.parabola(i));
   }
@@ -182,7 +189,7 @@ class Events {
   void again(int e, double a, double at_a, double b, double at_b, int depth) {
     double v[parts + 1];
     v[0] = at_a, v[parts] = at_b;
-    for (int i = 1; i < parts; ++i) v[i] = along(e, a + (b - a) * place[i]);
+    for (int i = 1; i < parts; ++i) blank(v[i] = along(e, a + (b - a) * place[i]), a + (b - a) * place[i]);
     spent_ += parts - 1;
     stretch(e, a, b, v, depth);
   }

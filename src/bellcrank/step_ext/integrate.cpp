@@ -37,7 +37,8 @@ class Result final : public Record {
  public:
   Result(int n, double t0, int event_count, nb::object progress)
       : n(n), watch(std::move(progress)), event_counts(event_count), last_events(event_count),
-        unresolved_count(event_count), unresolved_time(event_count), last_step(t0) {
+        unresolved_count(event_count), undefined_count(event_count), unresolved_time(event_count),
+        undefined_time(event_count), last_step(t0) {
     steps.push_back(t0);
     more_steps();
   }
@@ -88,6 +89,9 @@ class Result final : public Record {
   void unresolved(int index, double t) override {
     if (!unresolved_count[index]++) unresolved_time[index] = t;
   }
+  void undefined(int index, double t) override {
+    if (!undefined_count[index]++) undefined_time[index] = t;
+  }
   void end(double t, const double* x) override {
     end_time = t;
     end_state.assign(x, x + n);
@@ -114,8 +118,8 @@ class Result final : public Record {
   std::vector<Last> last_events;
 
  public:
-  std::vector<std::int64_t> unresolved_count;
-  std::vector<double> unresolved_time;  // of the first, by event function
+  std::vector<std::int64_t> unresolved_count, undefined_count;
+  std::vector<double> unresolved_time, undefined_time;  // of the first, by event function
 
  private:
   std::size_t fresh = 0;      // where the steps begin that were written since the last look
@@ -337,6 +341,8 @@ void bind_integrate(nb::module_& m) {
       .def_ro("longest_step", &Result::longest_step)
       .def_prop_ro("event_counts", [](nb::handle h) { return view(h, nb::cast<Result&>(h).event_counts); })
       .def_prop_ro("unresolved_count", [](nb::handle h) { return view(h, nb::cast<Result&>(h).unresolved_count); })
+      .def_prop_ro("undefined_count", [](nb::handle h) { return view(h, nb::cast<Result&>(h).undefined_count); })
+      .def_prop_ro("undefined_time", [](nb::handle h) { return view(h, nb::cast<Result&>(h).undefined_time); })
       .def_prop_ro("unresolved_time", [](nb::handle h) { return view(h, nb::cast<Result&>(h).unresolved_time); })
       .def_prop_ro("event_state",
                    [](nb::handle h) { auto& r = nb::cast<Result&>(h); return view(h, r.event_state, r.n); });

@@ -65,6 +65,7 @@ class Record {
   virtual void output(double t, const double* x) = 0;
   virtual void event(int index, double t, const double* x) = 0;
   virtual void unresolved(int index, double t) = 0;               // crossings may be missed in the step from t on
+  virtual void undefined(int index, double t) = 0;                // its function is not a number in this step, first at t
   virtual void end(double t, const double* x) = 0;
   virtual bool look(double t, std::int64_t* attempts) = 0;        // true: stop; attempts until the next look
 

@@ -1,0 +1,150 @@
+"""What of a run is not a finite number though the run went on: outputs, energies, forces, closures, events."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.dynamics.signals import values_at
+from bellcrank.simulation.status import Status
+
+if TYPE_CHECKING:
+    from bellcrank.simulation.trajectory import Array, Trajectory
+
+EACH = 8  # told one by one; the others are counted
+AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-2)  # of the duration: how far beyond the last state its cause is looked for
+
+
+@dataclass
+class _Tally:
+    """In how many rows a quantity is not a finite number, and where that was first."""
+
+    what: str
+    first: float  # s
+    rows: int = 0
+    undefined: bool = False
+
+
+def non_finite(run: Trajectory) -> tuple[str, ...]:
+    """A clause for each quantity of a run that is NaN or infinite in some row, with how many rows and the first time;
+    and for each event whose function is NaN, in rows or steps, where no crossing of it can be found.
+    """
+    with np.errstate(all="ignore"):
+        tallies: dict[str, _Tally] = {}
+        for part in run.parts():
+            for key, name, rows in _quantities(part):
+                _count(tallies, part, key, name, rows)
+        found = [(tally.what, _told(run, tally)) for tally in tallies.values()]
+        found += _events(run)
+    clauses = [f"{what} is {how}" for what, how in found[:EACH]]
+    if len(found) > EACH:
+        clauses.append(f"not finite numbers either, in some rows: {', '.join(what for what, _ in found[EACH:])}")
+    return tuple(clauses)
+
+
+def _quantities(run: Trajectory) -> Iterator[tuple[str, Callable[[int], str], Array]]:
+    """Quantities with a key, what a column of them is called, and their rows."""
+    for name, rows in run.outputs.items():
+        yield f"output {name}", partial("output '{0}'".format, name), rows
+    by_joint = {
+        "position": run.position,
+        "velocity": run.velocity,
+        "acceleration": run.acceleration,
+        "torque": run.torque,
+    }
+    for what, rows in by_joint.items():
+        yield what, partial(_joint, run, what), rows
+    energies = {"kinetic energy": run.kinetic_energy, "potential energy": run.potential_energy, "work": run.work}
+    for what, rows in energies.items():
+        yield what, partial("the {0}".format, what), rows
+    for closure in run.scene.closures:
+        history, name = run.closure(closure.name), closure.name
+        yield f"multiplier {name}", partial("a multiplier of closure '{0}'".format, name), history.multipliers
+        residuals = np.column_stack([history.residual, history.velocity_residual])
+        yield f"residual {name}", partial("the residual of closure '{0}'".format, name), residuals
+
+
+def _joint(run: Trajectory, what: str, column: int) -> str:
+    """What a column of a quantity of the joints is called."""
+    places = [(j.q, j.nq) if what == "position" else (j.v, j.nv) for j in run.robot.joints]
+    joint = next(j for j, (k, size) in zip(run.robot.joints, places, strict=True) if k <= column < k + size)
+    return f"the {what} of joint '{joint.name}'"
+
+
+def _count(tallies: dict[str, _Tally], run: Trajectory, key: str, name: Callable[[int], str], rows: Array) -> None:
+    """Add the rows of a block in which a quantity is not finite; the first names it."""
+    table = rows.reshape(len(run), -1)
+    entries: NDArray[np.bool_] = ~np.isfinite(table)
+    bad: NDArray[np.bool_] = np.asarray(entries.any(axis=1))
+    if not bad.any():
+        return
+    row = int(bad.argmax())
+    tally = tallies.setdefault(key, _Tally(name(int(entries[row].argmax())), float(run.time[row])))
+    tally.rows += int(np.count_nonzero(bad))
+    tally.undefined |= bool(np.isnan(table).any())
+
+
+def _told(run: Trajectory, tally: _Tally) -> str:
+    kind = "not a number (NaN)" if tally.undefined else "infinite"
+    return f"{kind} in {tally.rows} of {len(run)} rows, first at {tally.first:.6g} s"
+
+
+def _events(run: Trajectory) -> Iterator[tuple[str, str]]:
+    """Events that are NaN in steps of the solver, or in rows where it found none, as at a single row."""
+    if not run.scene.events:
+        return
+    steps = {it.event: it for it in run.statistics.unresolved if it.undefined}
+    rows: NDArray[np.bool_] = np.vstack([np.isnan(part.event_values) for part in run.parts()])
+    for k, rule in enumerate(run.scene.events):
+        bad = rows[:, k]
+        if rule.name in steps:
+            it = steps[rule.name]
+            count = f"{it.steps} step{'' if it.steps == 1 else 's'} of the solver"
+            first = min([it.first, *run.time[bad][:1].tolist()])
+        elif bad.any():
+            count, first = f"{np.count_nonzero(bad)} of {len(run)} rows", float(run.time[bad.argmax()])
+        else:
+            continue
+        yield (
+            f"the function of event '{rule.name}'",
+            f"not a number (NaN) in {count}, first seen at {first:.6g} s: crossings there are not found",
+        )
+
+
+def cause(run: Trajectory) -> str:
+    """What is not a finite number at or just beyond the last finite state of a run that ended NON_FINITE, found along
+    its tangent there, as a clause; empty where nothing is.
+    """
+    good = np.flatnonzero(np.isfinite(run.state).all(axis=1))
+    if run.status is not Status.NON_FINITE or not len(good):
+        return ""
+    system, row = run.scene.system, int(good[-1])
+    ahead = np.array(AHEAD) * run.settings.duration
+    time = run.time[row] + ahead
+    with np.errstate(all="ignore"):
+        here = run.time[row : row + 1], run.state[row], values_at(run.signals, run.time[row : row + 1])[0]
+        rate = (system.fallback if run.scene.closures else system.rhs)(*here, run.parameters)
+        rate = np.where(np.isfinite(rate[: system.size]), rate[: system.size], 0.0)
+        state = run.state[row] + ahead[:, None] * rate
+        arguments = time[:, None], state, values_at(run.signals, time), run.parameters
+        if run.scene.closures:
+            _, gap, speed = system.closure(*arguments)
+            bad = ~np.isfinite(speed)
+            bad[:, : gap.shape[1]] |= ~np.isfinite(gap)
+            if bad.any():
+                k = int(bad[bad.any(axis=1).argmax()].argmax())
+                return f"closure '{system.multiplier_names[k][0]}' is not a finite number there or just beyond"
+        acceleration, _, actuator, passive, *_ = system.observation(*arguments)
+        found = {"actuator force": actuator, "passive force": passive, "acceleration": acceleration}
+        for what, rows in found.items():
+            bad = ~np.isfinite(rows)
+            if bad.any():
+                first = bad[bad.any(axis=1).argmax()]
+                joint = next(j for j in run.robot.joints if first[j.v : j.v + j.nv].any())
+                return f"the {what} of joint '{joint.name}' is not a finite number there or just beyond"
+    return ""
