@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.errors import InputError
+
 if TYPE_CHECKING:
     from bellcrank.dynamics.system import System
 
@@ -27,10 +29,22 @@ class ClosureRank:
 
 
 def rank_of(system: System, t: Array, x: Array, u: Array, p: Array) -> ClosureRank:
-    """The rank of a system's closures at a time (1) s, state, signals and parameters."""
-    jacobian, mass = system.closure_metric(t, x, u, p)
-    weighted = np.linalg.solve(np.linalg.cholesky(mass), jacobian.T).T
-    length = np.linalg.norm(weighted, axis=1, keepdims=True)
+    """The rank of a system's closures at a time (1) s, state, signals and parameters.
+
+    Raises InputError where the mass matrix is not that of bodies, or a number is not finite.
+    """
+    with np.errstate(all="ignore"):
+        jacobian, mass = system.closure_metric(t, x, u, p)
+        try:
+            weighted = np.linalg.solve(np.linalg.cholesky(mass), jacobian.T).T
+        except np.linalg.LinAlgError:
+            weighted = np.full_like(jacobian, np.nan)
+        length = np.linalg.norm(weighted, axis=1, keepdims=True)
+    if not np.isfinite(length).all():
+        raise InputError(
+            f"the closures have no rank at {float(t[0]):.6g} s: the mass matrix or their Jacobian is not finite there, "
+            "or a mass or inertia is not that of a body"
+        )
     weighted = weighted / np.where(length > 0.0, length, 1.0)
     left, values, _ = np.linalg.svd(weighted)
     rank = int(np.sum(values > LOST * values.max(initial=0.0)))
