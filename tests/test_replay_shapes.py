@@ -10,8 +10,9 @@ import pinocchio as pin
 import pytest
 
 import bellcrank as bc
-from bellcrank.replays.mesh_files import MeshError, named_files, read_parts
+from bellcrank.replays.mesh_files import named_files, read_parts
 from bellcrank.replays.simplify import Simplifier, weld
+from bellcrank.replays.triangle_files import MeshError
 from bellcrank.replays.visuals import bodies
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])

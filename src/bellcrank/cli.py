@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from bellcrank import __version__
 from bellcrank.errors import BellcrankError
 from bellcrank.locale_text import ERRORS, one_line
+from bellcrank.printable import printable_streams
 
 _COMMANDS = {
     "size": "size the motors of a robot over its motions",
@@ -34,7 +35,15 @@ def _module(name: str) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns 0 (done, or all well), 1 (the answer is no) or 2 (bad input)."""
+    """Run the command line; returns 0 (done, or all well), 1 (the answer is no) or 2 (bad input).
+
+    What it prints shows the control characters that names in files may hold, and does not send them to a terminal.
+    """
+    with printable_streams():
+        return _run(arguments)
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:

@@ -5,11 +5,16 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+from bellcrank.printable import printable
+
 LONGEST_NAME = 200  # characters of an unknown name that a message repeats
 
 
 class BellcrankError(Exception):
-    """Base of all errors of bellcrank: the text names what is wrong, where, and what to do."""
+    """Base of all errors of bellcrank: the text names what is wrong, where, and what to do; it is safe to print."""
+
+    def __str__(self) -> str:
+        return printable(super().__str__())
 
 
 class InputError(BellcrankError):

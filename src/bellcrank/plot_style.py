@@ -29,7 +29,9 @@ _SVG: dict[Any, Any] = {
     "font.sans-serif": ["DejaVu Sans", "Verdana"],  # stands in every text
     "path.simplify_threshold": 0.4,  # points; a printer's line is wider
 }
+_DIGITS = re.compile(r"(\.\d)\d+")
 _PATH = re.compile(r' d="[^"]*"')
+_BREAK = re.compile(r"(?<!\s)[^\S\n]*\n\s*")  # with the blanks around; not begun within them again and again
 
 
 def colour(k: int) -> str:
@@ -97,5 +99,5 @@ def svg_of(figure: Figure) -> str:
     buffer = io.BytesIO()
     with matplotlib.rc_context(_SVG):
         save_figure(figure, buffer, "svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
-    text = _PATH.sub(lambda found: re.sub(r"(\.\d)\d+", r"\1", found[0]), buffer.getvalue().decode("utf-8"))
-    return re.sub(r"\s*\n\s*", " ", text).replace("> <", "><")  # a third less
+    text = _PATH.sub(lambda found: _DIGITS.sub(r"\1", found[0]), buffer.getvalue().decode("utf-8"))
+    return _BREAK.sub(" ", text).replace("> <", "><")  # a third less

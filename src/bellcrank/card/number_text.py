@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import re
 
-_NUMBER = re.compile(r"\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(.*?)\s*\Z", re.DOTALL)
-_WHOLE = re.compile(r"\s*([-+]?)0*([0-9]+)\s*\Z")
+_NUMBER = re.compile(r"\A\s*([-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)")
+_WHOLE = re.compile(r"\A\s*([-+]?)([0-9]+)\s*\Z")
 MOST_DIGITS = 100  # of a whole number; a longer one is beyond every limit, as is 10**MOST_DIGITS
 
 
 def split_number(text: str) -> tuple[float, str] | None:
     """The number that a text begins with (infinite where doubles end) and what follows; None where there is none."""
     match = _NUMBER.match(text)
-    return (float(match[1]), match[2]) if match else None
+    return (float(match[1]), text[match.end() :].strip()) if match else None
 
 
 def decimal_number(text: str) -> float:
@@ -32,5 +32,6 @@ def whole_number(text: str) -> int | None:
     match = _WHOLE.match(text)
     if match is None:
         return None
-    size = int(match[2]) if len(match[2]) <= MOST_DIGITS else 10**MOST_DIGITS
+    digits = match[2].lstrip("0") or "0"
+    size = int(digits) if len(digits) <= MOST_DIGITS else 10**MOST_DIGITS
     return -size if match[1] == "-" else size

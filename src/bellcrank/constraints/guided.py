@@ -17,6 +17,7 @@ from bellcrank.constraints.elements import changed_lengths, path_note
 from bellcrank.constraints.frame_follow import FrameFollower
 from bellcrank.constraints.frame_joints import carrying, frames_drawn
 from bellcrank.constraints.start import consistent_posture
+from bellcrank.csv_cells import unguarded
 from bellcrank.errors import BellcrankError, InputError, among
 from bellcrank.motion.csv_file import motion_text, read_motion
 from bellcrank.motion.motion import Motion, dwell, join
@@ -234,5 +235,5 @@ def _columns(robot: Robot, text: str | None) -> set[str]:
         header = next((row for row in rows if any(cell.strip() for cell in row)), [])
     except csv.Error:
         return set()
-    titles = {" ".join(cell.split()).partition(" [")[0] for cell in header}
+    titles = {" ".join(unguarded(cell).split()).partition(" [")[0] for cell in header}
     return {joint.name for joint in robot.joints if joint.nv == 1 and f"{joint.name} position" in titles}

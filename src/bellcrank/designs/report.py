@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank.atomic import write_text
+from bellcrank.csv_cells import guarded
 
 if TYPE_CHECKING:
     from bellcrank.designs.sweep import Design, Sweep
@@ -52,11 +53,12 @@ def write_csv(sweep: Sweep, path: str | Path) -> Path:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     labels = [f"{name} [{unit}]" for name, unit in sweep.units.items()]
-    writer.writerow([*(axis.label for axis in sweep.axes), "status", *labels, "reason"])
+    writer.writerow(guarded([*(axis.label for axis in sweep.axes), "status", *labels, "reason"]))
     for design in sweep.designs:
         figures = [design.measures.get(name, math.nan) for name in sweep.units]
         cells = [repr(value) if math.isfinite(value) else "" for value in figures]
-        writer.writerow([*_values(sweep, design), design.status, *cells, design.reason])
+        texts = guarded([*_values(sweep, design), design.status]), guarded([design.reason])
+        writer.writerow([*texts[0], *cells, *texts[1]])
     write_text(path, text.getvalue())
     return Path(path)
 

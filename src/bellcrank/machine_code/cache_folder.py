@@ -20,6 +20,7 @@ _TAG = b"""Signature: 8a477f597d28d172789f06886806bc55
 # This folder is bellcrank's cache: all files in it can be deleted at any time, bellcrank makes them anew.
 """
 _LIMIT = 10**9  # bytes
+_SIZE = re.compile(r"\A([0-9]{1,18}(?:\.[0-9]{1,6})?)\s*([A-Za-z]*)")
 _UNITS = {"": 1, "B": 1, "kB": 10**3, "MB": 10**6, "GB": 10**9, "KiB": 2**10, "MiB": 2**20, "GiB": 2**30}
 try:
     _BEGUN_IN = str(Path.cwd())  # what relative paths start from, wherever the process goes later
@@ -64,7 +65,7 @@ def limit() -> int:
 def _limit(text: str) -> int:
     if not text.strip():
         return _LIMIT
-    match = re.fullmatch(r"\s*(\d{1,18}(?:\.\d{1,6})?)\s*([A-Za-z]*)\s*", text, re.ASCII)
+    match = _SIZE.fullmatch(text.strip())
     units = {name.lower(): factor for name, factor in _UNITS.items()}
     if match is None or match.group(2).lower() not in units:
         message = f"BELLCRANK_CACHE_LIMIT={text!r:.60} is not a size such as '500 MB' or '2 GB'; the limit is 1 GB"

@@ -17,6 +17,7 @@ import numpy as np
 
 from bellcrank import arguments
 from bellcrank.card.number_text import decimal_number
+from bellcrank.csv_cells import unguarded
 from bellcrank.errors import InputError, among
 from bellcrank.file_access import MOST_TABLE, read_text
 from bellcrank.locale_text import readable
@@ -47,6 +48,7 @@ UNITS: dict[str, dict[str, float]] = {
     "W": {"W": 1.0},
 }
 ENERGIES = "kinetic energy [J]"
+_FREE = re.compile(r"\A.* position q[xyzw]\b")
 _HEADER = re.compile(r"^(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]$")
 
 
@@ -192,7 +194,7 @@ def _table(file: Path, text: str) -> tuple[list[str], Array]:
         raise InputError(f"{file}: not a CSV file: {error}") from None
     if not lines:
         raise InputError(f"{file}: the file is empty; expected a header 'time [s],…' and rows of numbers")
-    header = [" ".join(cell.split()) for cell in lines[0][1]]
+    header = [" ".join(unguarded(cell).split()) for cell in lines[0][1]]
     if len(header) == 1 and ";" in header[0]:
         raise InputError(f"{file}: the columns are separated by ';', expected ',' (and '.' in the numbers)")
     if all(_label(title) != "time" for title in header):  # no motion, and nothing of it is told
@@ -229,7 +231,7 @@ def _label(title: str) -> str:
 
 def _refuse_free_base(file: Path, robot: Robot, header: list[str]) -> None:
     """Say what is amiss where a file has a free base and the robot has none (InputError)."""
-    free = next((text for text in header if re.match(r".* position q[xyzw]\b", text)), None)
+    free = next((text for text in header if _FREE.match(text)), None)
     if free is not None and all(joint.kind != "floating" for joint in robot.joints):
         raise InputError(
             f"{file}: the file has a free base (column '{free}') and the base of the robot '{robot.name}' is fixed; "

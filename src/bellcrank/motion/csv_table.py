@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.atomic import writing
+from bellcrank.csv_cells import guarded
 
 Array = NDArray[np.float64]
 ROWS = 1024  # made text of at a time
@@ -24,7 +25,7 @@ def write_table(path: str | Path, labels: Sequence[tuple[str, str]], blocks: Ite
     """
     target = Path(path)
     with writing(target) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerow([f"{name} [{unit}]" for name, unit in labels])
+        csv.writer(file, lineterminator="\n").writerow(guarded(f"{name} [{unit}]" for name, unit in labels))
         for block in blocks:
             for first in range(0, len(block), ROWS):
                 file.writelines(",".join(map(repr, row)) + "\n" for row in block[first : first + ROWS].tolist())

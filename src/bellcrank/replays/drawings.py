@@ -11,7 +11,7 @@ from bellcrank.card.number_text import decimal_number
 from bellcrank.errors import InputError
 from bellcrank.file_access import FileAccess, read_bytes
 from bellcrank.motion.rotations import from_rpy
-from bellcrank.replays.colours import GREY, Colour, clipped, texture_colour
+from bellcrank.replays.colours import GREY, Colour, Textures, clipped
 from bellcrank.replays.film import Shape
 from bellcrank.replays.stand_in import pose
 from bellcrank.urdf.mesh_path import find_mesh
@@ -39,6 +39,7 @@ class DrawingReader:
     def __init__(self, root: Element, source: Path, access: FileAccess | None = None) -> None:
         self.access = FileAccess.of(source.resolve()) if access is None else access
         self.source, self.notes, self.textured = source, list[str](), False
+        self.textures = Textures(self._texture)
         self.paths: dict[str, Path | None] = {}
         named = [e for e in root.walk() if e.tag == "material" and e.attributes.get("name")]
         self.materials: dict[str, Colour] = {}
@@ -112,11 +113,15 @@ class DrawingReader:
         if texture is None:
             return None
         self.textured = True
-        path = find_mesh(texture.attributes.get("filename", ""), self.source, self.access)
+        return self.textures.colour(texture.attributes.get("filename", "")) or GREY
+
+    def _texture(self, name: str) -> bytes | None:
+        """What the file of a texture holds; None where there is none, or it is too large."""
+        path = find_mesh(name, self.source, self.access)
         try:
-            return texture_colour(None if path is None else read_bytes(path, MOST_TEXTURE)) or GREY
+            return None if path is None else read_bytes(path, MOST_TEXTURE)
         except InputError:
-            return GREY
+            return None
 
 
 def _numbers(text: str, count: int | None) -> tuple[float, ...]:

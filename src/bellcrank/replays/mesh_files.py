@@ -1,10 +1,9 @@
-"""Reading mesh files into parts of one colour each: STL and OBJ by trimesh, COLLADA by pycollada."""
+"""Reading mesh files into parts of one colour each: STL and OBJ (triangle_files.py), and COLLADA by pycollada."""
 
 from __future__ import annotations
 
-import re
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from typing import Any
@@ -13,20 +12,22 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.replays.colours import GREY, Colour, clipped, texture_colour
+from bellcrank.replays.collada_limits import check_collada
+from bellcrank.replays.colours import GREY, Colour, Textures, clipped
+from bellcrank.replays.triangle_files import (
+    MOST_FACES,
+    MOST_PARTS,
+    Beside,
+    MeshError,
+    mtl_textures,
+    obj_libraries,
+    obj_triangles,
+    stl_triangles,
+    too_many,
+)
 
 Array = NDArray[np.float64]
-Beside = Callable[[str], bytes | None]  # what a file that the mesh file names holds, None where there is none
-MOST_FACES, MOST_PARTS = 4_000_000, 20_000
-_NAMES = {
-    ".obj": rb"^[ \t]*mtllib[ \t]+([^\r\n]+)",
-    ".mtl": rb"^[ \t]*map_Kd[ \t]+(?:[^\r\n]*[ \t])?([^ \t\r\n]+)",
-    ".dae": rb"<(?:\w+:)?(?:init_from|ref)>\s*([^<>]+?)\s*</",
-}
-
-
-class MeshError(Exception):
-    """Why a mesh file cannot be drawn: a phrase that follows the file's name."""
+MOST_POINTS = 50_000_000  # vertices of all the uses of a COLLADA file's meshes together
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +50,15 @@ def read_parts(data: bytes, suffix: str, beside: Beside) -> tuple[Part, ...]:
         raise MeshError(f"is of the kind '{suffix[:10]}', and only .stl, .obj and .dae are read")
     count = parts = 0
     try:
+        if kind == "dae":
+            pieces = _collada(data, beside)
+        else:
+            pieces = stl_triangles(data) if kind == "stl" else obj_triangles(data, beside)
         with warnings.catch_warnings(action="ignore"):
-            warnings.filterwarnings("error", "string or file could not be read to its end")  # numpy's, of bad numbers
-            for corners, colour in _collada(data, beside) if kind == "dae" else _trimesh(data, kind, beside):
+            for corners, colour in pieces:
                 count, parts = count + len(corners), parts + 1
                 if count > MOST_FACES or parts > MOST_PARTS:
-                    raise MeshError(f"has more than the {MOST_FACES} triangles or {MOST_PARTS} parts that are read")
+                    raise too_many()
                 if corners.shape[1:] != (3, 3):
                     raise MeshError("is broken (a vertex does not have three numbers)")
                 if not np.abs(corners).max(initial=0.0) < 1e15:  # also where there is a NaN
@@ -67,43 +71,15 @@ def read_parts(data: bytes, suffix: str, beside: Beside) -> tuple[Part, ...]:
         raise MeshError(f"is broken ({str(error)[:80]})") from None
     if not found:
         raise MeshError(f"holds no triangle: it is empty, truncated or no {kind.upper()} file")
-    soups = {colour: np.concatenate(pieces).reshape(-1, 3) for colour, pieces in found.items()}
+    soups = {colour: np.concatenate(soup).reshape(-1, 3) for colour, soup in found.items()}
     return tuple(Part(points, np.arange(len(points)).reshape(-1, 3), colour) for colour, points in soups.items())
-
-
-def _trimesh(data: bytes, kind: str, beside: Beside) -> Iterator[tuple[Array, Colour | None]]:
-    """The triangles (m, 3, 3) and the colour of each material of an STL or OBJ file."""
-    import trimesh
-
-    class Resolver(trimesh.resolvers.Resolver):
-        def __init__(self) -> None: ...
-
-        def get(self, key: str) -> bytes:
-            if (content := beside(key)) is None:
-                raise FileNotFoundError(key)
-            return content
-
-        keys = write = namespaced = NotImplemented
-
-    scene = trimesh.load_scene(BytesIO(data), file_type=kind, resolver=Resolver(), process=False)
-    for mesh in scene.geometry.values():
-        if isinstance(mesh, trimesh.Trimesh):
-            material = getattr(mesh.visual, "material", None)
-            image = getattr(material, "image", None)
-            texture = None if image is None else image.info.get("file_path")  # without one it is trimesh's own grey
-            given = getattr(material, "kwargs", {}) | (
-                {"kd": texture_colour(beside(texture)) or GREY} if texture else {}
-            )
-            opacity = float(given.get("d", [1.0])[-1]) or 1.0  # 0 would hide it: some writers mean 1 by it
-            yield mesh.vertices[mesh.faces], clipped((*given["kd"][:3], opacity)) if "kd" in given else None
 
 
 def _collada(data: bytes, beside: Beside) -> Iterator[tuple[Array, Colour | None]]:
     """The triangles (m, 3, 3) in metres and the colour of each primitive in a COLLADA file's scene."""
     import collada
 
-    if b"<!ENTITY" in data or b"<!DOCTYPE" in data:
-        raise MeshError("declares XML entities, which are not read")
+    check_collada(data)
     ignored = [collada.common.DaeBrokenRefError, collada.common.DaeUnsupportedError]
     file = collada.Collada(BytesIO(data), ignore=ignored)
     if file.errors:  # it leaves out a geometry that has one material it cannot read: again without those materials
@@ -115,21 +91,25 @@ def _collada(data: bytes, beside: Beside) -> Iterator[tuple[Array, Colour | None
         file = collada.Collada(BytesIO(again.getvalue()), ignore=ignored)
     colours: dict[Any, Colour | None] = {None: None}
     scene, unit = file.scene or next(iter(file.scenes), None), float(file.assetInfo.unitmeter or 1.0)
+    points, textures = 0, Textures(beside)
     for bound in (b for kind in ("geometry", "controller") for b in (scene.objects(kind) if scene else ())):
         for primitive in bound.primitives():
+            points += len(primitive.vertex) if getattr(primitive, "vertex", None) is not None else 0
+            if points > MOST_POINTS:
+                raise MeshError(f"uses more than the {MOST_POINTS} vertices that are read")
             shape = primitive.triangleset() if hasattr(primitive, "triangleset") else primitive
             if isinstance(shape, collada.triangleset.BoundTriangleSet):
                 if shape.material not in colours:
-                    colours[shape.material] = _colour(shape.material.effect, beside)
+                    colours[shape.material] = _colour(shape.material.effect, textures)
                 turn = -1 if np.linalg.det(bound.matrix[:3, :3]) < 0.0 else 1  # mirrored: seen from outside again
                 yield unit * shape.vertex.astype(float)[shape.vertex_index][:, ::turn], colours[shape.material]
 
 
-def _colour(effect: Any, beside: Beside) -> Colour | None:
+def _colour(effect: Any, textures: Textures) -> Colour | None:
     """An effect's diffuse colour and half its ambient one, as under a bright sky; of a texture the mean."""
     diffuse, ambient = effect.diffuse, effect.ambient
     if hasattr(diffuse, "sampler"):
-        return texture_colour(beside(unquote(diffuse.sampler.surface.image.path))) or GREY
+        return textures.colour(unquote(diffuse.sampler.surface.image.path)) or GREY
     if diffuse is None:
         return None
     sky = ambient[:3] if isinstance(ambient, tuple) else (0.0, 0.0, 0.0)
@@ -137,6 +117,8 @@ def _colour(effect: Any, beside: Beside) -> Colour | None:
 
 
 def named_files(data: bytes, suffix: str) -> tuple[str, ...]:
-    """The files that a mesh file names: material files (.obj, .mtl) and textures (.mtl, .dae)."""
-    found = re.findall(_NAMES[suffix.lower()], data, re.MULTILINE) if suffix.lower() in _NAMES else []
-    return tuple(dict.fromkeys(name.strip().decode(errors="replace") for name in found))
+    """The files that a mesh file names: material files (.obj, .mtl) and textures (.mtl, .dae). Raises MeshError."""
+    kind = suffix.lower()
+    if kind == ".dae":
+        return check_collada(data)
+    return obj_libraries(data) if kind == ".obj" else mtl_textures(data) if kind == ".mtl" else ()

@@ -22,8 +22,9 @@ from bellcrank.file_access import FileAccess, read_bytes
 from bellcrank.machine_code import cache as disk
 from bellcrank.replays.colours import Colour
 from bellcrank.replays.film import Mesh
-from bellcrank.replays.mesh_files import MeshError, named_files, read_parts
+from bellcrank.replays.mesh_files import named_files, read_parts
 from bellcrank.replays.simplify import Simplifier, weld
+from bellcrank.replays.triangle_files import MeshError
 from bellcrank.urdf.mesh_path import find_beside
 
 Detail = Literal["reduced", "full"]
@@ -35,6 +36,7 @@ UNSEEN = 2e-4  # of the robot's size: a tenth of a pixel where the robot fills 5
 LEAST_STEP, MOST_STEP, STEPS = 2**0.25, 2.0, 32  # the ladder of tolerances
 LATER = 0.2  # about how long a step of the ladder takes, of the one before
 MOST_BYTES = 200 * 2**20  # of one file
+MODULES = ("meshes", "mesh_files", "triangle_files", "collada_limits", "colours", "simplify")  # that make the meshes
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +105,7 @@ class _File:
     def __init__(self, path: Path, access: FileAccess) -> None:
         self.access = access
         self.path, self.scales, self.failure = path, list[float](), ""
+        self._beside: dict[Path, bytes] = {}
         self.data = _content(path)
         self._surfaces: list[tuple[Simplifier, Colour | None, int]] | None = None
         self._steps = 0
@@ -117,10 +120,12 @@ class _File:
                 yield from self._named(content, ".mtl")
 
     def beside(self, name: str) -> bytes | None:
-        """What a file holds that this one names, or None."""
+        """What a file holds that this one names, or None; also where these hold more than MOST_BYTES together."""
         path = find_beside(name, self.path, self.access)
         try:
-            return None if path is None else _content(path)
+            if path is not None and path not in self._beside:
+                self._beside[path] = _content(path, MOST_BYTES - sum(map(len, self._beside.values())))
+            return None if path is None else self._beside[path]
         except MeshError:
             return None
 
@@ -148,9 +153,9 @@ class _File:
         return max(self.scales)
 
 
-def _content(path: Path) -> bytes:
+def _content(path: Path, most: int = MOST_BYTES) -> bytes:
     try:
-        return read_bytes(path, MOST_BYTES)
+        return read_bytes(path, most)
     except InputError as error:
         raise MeshError(str(error).removeprefix(f"{path}: ")) from None
 
@@ -164,7 +169,7 @@ def _climbed(files: Collection[_File], size: float, progress: Progress) -> Ladde
         for file in files:
             drawn += sum(len(surface.faces) * len(file.scales) for surface, _, _ in file.surfaces(ladder))
             read += len(file.data)
-            progress(1.0 - LATER ** (len(ladder) - 1) * (1.0 - (1.0 - LATER) * read / total))
+            progress(1.0 - LATER ** (len(ladder) - 1) * (1.0 - (1.0 - LATER) * read / max(total, 1)))
         if drawn <= BUDGET:
             break
         # faces go about as the inverse of the tolerance; half of the way there (in logarithms) at a time
@@ -220,4 +225,4 @@ def _pieces_key(file: _File, ladder: Ladder) -> str:
 def _version() -> str:
     """What the meshes in the cache depend on besides the files: the modules that make them."""
     folder = Path(__file__).parent
-    return disk.digest(*((folder / f"{m}.py").read_bytes() for m in ("meshes", "mesh_files", "colours", "simplify")))
+    return disk.digest(*((folder / f"{m}.py").read_bytes() for m in MODULES))

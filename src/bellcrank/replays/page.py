@@ -19,6 +19,7 @@ from bellcrank.replays.block import compressed
 from bellcrank.replays.film import Film
 from bellcrank.replays.pack import pack
 
+_PLACE = re.compile(r"\{\{(\w+)\}\}")
 ASSETS = Path(__file__).with_name("assets")
 SCRIPTS = (
     "block.js", "text.js", "lines.js", "solids.js", "arrows.js", "movers.js", "follower.js", "view.js", "player.js",
@@ -57,7 +58,7 @@ def page(film: Film, *, plots: bool = True, around: tuple[str, str] = ("", "")) 
         "after": around[1],
     }
     # in one pass, so that what is filled in is never searched for names
-    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], _asset("page.html"))
+    return _PLACE.sub(lambda found: parts[found[1]], _asset("page.html"))
 
 
 def write_page(film: Film, path: str | Path, *, plots: bool = True, around: tuple[str, str] = ("", "")) -> Path:

@@ -25,7 +25,7 @@ from bellcrank.trace import INERTIA, ORIGIN, setting
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
-_NAME = re.compile(r"[A-Za-z_]\w*\Z")
+_NAME = re.compile(r"\A[A-Za-z_]\w*\Z")
 PLURAL = {"forces": "force", "closures": "closure"}  # as overrides write them
 _MEANT = ("pi", "t")  # what expressions mean by these is something else
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from bellcrank.card.fields import UNITS, Fields
 from bellcrank.card.number_text import decimal_number
+from bellcrank.csv_cells import unguarded
 from bellcrank.dynamics.signals import Signal
 from bellcrank.errors import InputError, among
 from bellcrank.file_access import MOST_TABLE, read_text
@@ -151,7 +152,7 @@ def _rows(path: Path, text: str) -> tuple[list[str], list[tuple[int, list[str]]]
             f"{path}: expected a header such as 'time [s],JOINT torque [N m]' and at least 2 rows of numbers, "
             f"found {max(len(lines) - 1, 0)} rows"
         )
-    header = [" ".join(cell.split()) for cell in lines[0][1]]
+    header = [" ".join(unguarded(cell).split()) for cell in lines[0][1]]
     if all(_label(title) != "time" for title in header):  # no table, and nothing of it is told
         raise InputError(f"{path}: there is no column 'time [s]'; expected a header 'time [s],JOINT torque [N m]'")
     for number, row in lines[1:]:

@@ -30,14 +30,18 @@ class ClosureRank:
 
 
 def rank_of(system: System, t: Array, x: Array, u: Array, p: Array) -> ClosureRank:
-    """The rank of a system's closures at a time (1) s, state, signals and parameters."""
-    jacobian, mass = system.closure_metric(t, x, u, p)
-    checked(mass, "the mass matrix at this row of the run is")
-    try:
-        weighted = np.linalg.solve(np.linalg.cholesky(mass), jacobian.T).T
-    except np.linalg.LinAlgError:  # links without mass make it singular; the rank is that of J in any metric
-        weighted = jacobian @ _whitening(mass)
-    length = np.linalg.norm(weighted, axis=1, keepdims=True)
+    """The rank of a system's closures at a time (1) s, state, signals and parameters.
+
+    Raises InputError where a number is not finite.
+    """
+    with np.errstate(all="ignore"):
+        jacobian, mass = system.closure_metric(t, x, u, p)
+        checked(mass, "the mass matrix at this row of the run is")
+        try:
+            weighted = np.linalg.solve(np.linalg.cholesky(mass), jacobian.T).T
+        except np.linalg.LinAlgError:  # links without mass make it singular; the rank is that of J in any metric
+            weighted = jacobian @ _whitening(mass)
+        length = np.linalg.norm(weighted, axis=1, keepdims=True)
     weighted = weighted / np.where(length > 0.0, length, 1.0)
     left, values, _ = svd(weighted, "the closures' derivative at this row of the run is")
     rank = int(np.sum(values > LOST * values.max(initial=0.0)))

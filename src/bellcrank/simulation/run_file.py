@@ -7,15 +7,14 @@ be loaded, and judged anew, where the originals are gone. Plain numpy format: no
 from __future__ import annotations
 
 import atexit
+import contextlib
 import importlib.metadata
 import json
 import math
 import platform
 import shutil
-import struct
 import tempfile
-import zipfile
-import zlib
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
@@ -28,14 +27,14 @@ from bellcrank import __version__, arguments
 from bellcrank.atomic import writing
 from bellcrank.constraints.formula import Own
 from bellcrank.dynamics.signals import Signal
-from bellcrank.errors import InputError
+from bellcrank.errors import BellcrankError, InputError
 from bellcrank.file_access import MOST_RUN, FileAccess, Trust, open_regular
 from bellcrank.locale_text import file_name_here, readable, utf8
 from bellcrank.machine_code import machine
 from bellcrank.scene.run_start import SavedState, explicit_start
 from bellcrank.scene.scene import Scene, load_held_scene
-from bellcrank.scene.settings import Settings, Stabilisation
-from bellcrank.simulation.record import Statistics, Unresolved
+from bellcrank.simulation.run_archive import DAMAGE, NoRun, brief, read_archive
+from bellcrank.simulation.run_checks import check_arrays, checked_about
 from bellcrank.simulation.simulate import event_at
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
@@ -44,10 +43,7 @@ Array = NDArray[np.float64]
 FORMAT = "bellcrank run"
 VERSION = 1
 SAME_TIME = 1e-12  # share of a time by which a row may miss it
-_DAMAGE = (
-    OSError, ValueError, TypeError, KeyError, AttributeError, EOFError, RuntimeError, OverflowError, MemoryError,
-    zipfile.BadZipFile, zlib.error, struct.error,
-)  # fmt: skip  # what numpy, zipfile and json raise on files that are not what they say
+LONGEST_WHY = 300  # characters of what is wrong in a message
 
 
 def save_run(run: Trajectory, path: str | Path) -> Path:
@@ -104,39 +100,18 @@ def save_run(run: Trajectory, path: str | Path) -> Path:
 def load_run(path: str | Path, *, trust: Trust = ()) -> Trajectory:
     """Read a run that `Trajectory.save` wrote: the same numbers to the bit, on a scene made anew from the file alone.
 
-    Meshes of its robot are drawn from files in its folder, below it, and in the folders `trust` (file_access.py).
-    Raises InputError, one sentence, for a file that is missing, damaged, foreign or of a later version.
+    Entries, shapes and numbers are checked (run_checks.py); whether they are a motion of the scene, the certificate of
+    the run says. Meshes of its robot are drawn from files in its folder, below it, and in the folders `trust`
+    (file_access.py). Raises InputError, one sentence, for a file that is missing, damaged, foreign or of a later
+    version.
     """
     file = arguments.path("path", path, "the path of a run (.npz)")
-    about, arrays = _contents(file)
-    try:
-        scene = _held_scene(about)
-        scene.robot.mesh_source = Path(file_name_here(str(about.get("urdf") or scene.robot.source)))
-        scene.robot.mesh_access = FileAccess.below(file.parent, trust)
-        stabilisation = Stabilisation(**about["settings"].get("stabilisation", {}))
-        settings = Settings(**about["settings"] | {"stabilisation": stabilisation})
-        if settings.stabilisation != scene.settings.stabilisation:
-            scene = replace(scene, settings=settings)
-        known = about.get("error_estimate")
-        estimate = None if known is None else float(known)
-        unresolved = tuple(Unresolved(**entry) for entry in about["statistics"].get("unresolved", ()))
-        statistics = Statistics(**about["statistics"] | {"unresolved": unresolved})
-        status = Status(about["status"])
-        nq, nv = scene.robot.nq, scene.robot.nv
-        rows, size = len(arrays["time"]), nq + nv + scene.system.has_work
-        count = len(about["events"])
-        shapes = {
-            "time": (rows,),
-            "state": (rows, size),
-            "parameters": np.shape(scene.own_parameters),
-            "steps": (len(arrays["steps"]),),
-            "event_time": (count,),
-            "event_position": (count, nq),
-            "event_velocity": (count, nv),
-        }
-        for name, shape in shapes.items():
-            if arrays[name].shape != shape or rows == 0:
-                raise ValueError(f"'{name}' has the shape {arrays[name].shape}, expected {shape}")
+    about, arrays, scene = _read(file)
+    with _refusing(file):
+        robot, settings, estimate = scene.robot, about["settings"], about.get("error_estimate")
+        robot.mesh_source = Path(file_name_here(about.get("urdf") or str(robot.source)))
+        robot.mesh_access = FileAccess.below(file.parent, trust)
+        check_arrays(about, arrays, scene, (robot.nq + robot.nv + scene.system.has_work,))
         p = np.concatenate([arrays["parameters"], scene.system_parameters[len(arrays["parameters"]) :]])
         rules = [rule.name for rule in scene.events]
         events = tuple(
@@ -145,15 +120,12 @@ def load_run(path: str | Path, *, trust: Trust = ()) -> Trajectory:
                 about["events"], arrays["event_time"], arrays["event_position"], arrays["event_velocity"], strict=True
             )
         )
-        signals = tuple(Signal(**facts, **_parts(arrays, f"signal_{k}_")) for k, facts in enumerate(about["signals"]))
-    except InputError as error:
-        raise InputError(f"{file}: the scene in it cannot be rebuilt: {error}") from None
-    except _DAMAGE as error:
-        raise _damaged(file, error) from None
+    signals = tuple(Signal(**facts, **_parts(arrays, f"signal_{k}_")) for k, facts in enumerate(about["signals"]))
     run = Trajectory(
-        scene, settings, arrays["time"], arrays["state"], p, signals, status, events, statistics,
+        scene, settings, arrays["time"], arrays["state"], p, signals, about["status"], events, about["statistics"],
         arrays["steps"],
     )  # fmt: skip
+    run.remember_origin(file)
     if estimate is not None:
         run.remember_estimate(estimate)
     return run
@@ -165,59 +137,54 @@ def saved_state(path: str | Path, time: float | None = None) -> SavedState:
     Raises InputError as `load_run`, and where the run has no row at that time, or no finite state there.
     """
     file = Path(path)
-    about, arrays = _contents(file)
-    try:
-        try:
-            scene = _held_scene(about)
-        except InputError as error:
-            raise InputError(f"{file}: the scene in it cannot be rebuilt: {error}") from None
-        robot, times, state = scene.robot, arrays["time"], arrays["state"]
-        k = len(times) - 1 if time is None else int(np.abs(times - time).argmin())
-        if time is not None and abs(times[k] - time) > SAME_TIME * max(1.0, abs(time)):
-            near = ", ".join(f"{t:.12g}" for t in np.sort(times[np.argsort(np.abs(times - time))[:2]]))
-            raise InputError(f"{file}: the run has no row at {time:.12g} s; the nearest are at {near} s")
-        q, v = state[k, : robot.nq], state[k, robot.nq : robot.nq + robot.nv]
-        last = about["events"][-1]["name"] if k == len(times) - 1 and about["status"] == Status.EVENT else None
-        if any(rule.latch and rule.name == last for rule in scene.events):
-            latch = load_run(file).events[-1].latch
-            v = v if latch is None else latch.velocity
-    except _DAMAGE as error:
-        raise _damaged(file, error) from None
+    about, arrays, scene = _read(file)
+    robot = scene.robot
+    with _refusing(file):
+        check_arrays(about, arrays, scene, (robot.nq + robot.nv, robot.nq + robot.nv + 1))
+    times, state = arrays["time"], arrays["state"]
+    k = len(times) - 1 if time is None else int(np.abs(times - time).argmin())
+    if time is not None and not abs(times[k] - time) <= SAME_TIME * max(1.0, abs(time)):
+        near = ", ".join(f"{t:.12g}" for t in np.sort(times[np.argsort(np.abs(times - time))[:2]]))
+        raise InputError(f"{file}: the run has no row at {time:.12g} s; the nearest are at {near} s")
+    q, v = state[k, : robot.nq], state[k, robot.nq : robot.nq + robot.nv]
+    last = about["events"][-1]["name"] if k == len(times) - 1 and about["status"] == Status.EVENT else None
+    if any(rule.latch and rule.name == last for rule in scene.events):
+        latch = load_run(file).events[-1].latch
+        v = v if latch is None else latch.velocity
     if not (np.isfinite(q).all() and np.isfinite(v).all()):
         raise InputError(f"{file}: the state at {times[k]:.6g} s is not finite; start from an earlier `time`")
     return SavedState(file.name, robot.joints, q, v, float(times[k]) + scene.initial.clock)
 
 
-def _held_scene(about: dict[str, Any]) -> Scene:
-    """The scene in a run's file, which names no files but those in it."""
-    return load_held_scene(_unpacked(json.dumps(about["files"], sort_keys=True)) / _plain(about["scene"]))
+def _read(file: Path) -> tuple[dict[str, Any], dict[str, Array], Scene]:
+    """The checked JSON text, the float64 arrays, and the scene, with the settings of the run, of a run's file. The
+    scene names no files but those in it.
+    """
+    about, arrays = _contents(file)
+    with _refusing(file):
+        about = checked_about(about)
+        scene = load_held_scene(_unpacked(json.dumps(about["files"], sort_keys=True)) / _plain(about["scene"]))
+        if about["settings"].stabilisation != scene.settings.stabilisation:
+            scene = replace(scene, settings=about["settings"])
+    return about, arrays, scene
 
 
 def _contents(file: Path) -> tuple[dict[str, Any], dict[str, Array]]:
     """The JSON text and the float64 arrays of a run's file; InputError for any other file."""
     try:
-        with open_regular(file, MOST_RUN) as opened:
-            with zipfile.ZipFile(opened) as archive:
-                if archive.testzip() is not None:  # the checksums of all of it, before anything is believed
-                    raise ValueError("its checksums do not match")
-                if "about.npy" not in archive.namelist():
-                    raise InputError(f"{file}: not a run: expected an .npz that Trajectory.save wrote")
-            opened.seek(0)
-            with np.load(opened, allow_pickle=False) as stored:
-                about = json.loads(stored["about"].tobytes())
-                arrays = {name: stored[name] for name in stored.files if name != "about"}
-    except _DAMAGE as error:
+        with open_regular(file, MOST_RUN) as stream:
+            about, arrays = read_archive(stream)
+    except NoRun:
+        about, arrays = {}, {}
+    except DAMAGE as error:
         raise _damaged(file, error) from None
-    if not isinstance(about, dict) or about.get("format") != FORMAT:
+    if about.get("format") != FORMAT:
         raise InputError(f"{file}: not a run: expected an .npz that Trajectory.save wrote")
     if about.get("version") != VERSION:
         raise InputError(
-            f"{file}: the run has format version {about.get('version')}, this bellcrank {__version__} reads {VERSION}; "
-            "load it with the bellcrank that wrote it, or a later one"
+            f"{file}: the run has format version {brief(about.get('version'), '')}, this bellcrank {__version__} reads "
+            f"{VERSION}; load it with the bellcrank that wrote it, or a later one"
         )
-    for name, array in arrays.items():
-        if array.dtype != np.float64:
-            raise _damaged(file, ValueError(f"'{name}' holds {array.dtype}, expected float64"))
     return about, arrays
 
 
@@ -225,9 +192,26 @@ def _parts(arrays: dict[str, Array], prefix: str) -> dict[str, Any]:
     return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
 
 
+@contextlib.contextmanager
+def _refusing(file: Path) -> Iterator[None]:
+    """Tell what a file's content is refused for, in one sentence with the file (InputError)."""
+    try:
+        yield
+    except BellcrankError as error:
+        raise InputError(f"{file}: the scene in it cannot be rebuilt: {_why(error)}") from None
+    except DAMAGE as error:
+        raise _damaged(file, error) from None
+
+
 def _damaged(file: Path, error: BaseException) -> InputError:
-    why = " ".join(str(error).split())[:150]
+    why = _why(error)
     return InputError(f"{file}: not a run, or damaged{f' ({why})' if why else ''}; save or copy it again")
+
+
+def _why(error: BaseException) -> str:
+    """What an error says, in one line of a message's length."""
+    text = " ".join(str(error).split())
+    return text if len(text) <= LONGEST_WHY else f"{text[:LONGEST_WHY]}…"
 
 
 # ---- the scene, and the files that it names
@@ -269,7 +253,7 @@ def _add(files: dict[str, str], path: Path, text: str) -> str:
 @cache
 def _unpacked(files: str) -> Path:
     """A folder with these files (JSON {name: text}) in it, kept until the process ends. Raises InputError."""
-    texts = {_plain(name): str(text) for name, text in json.loads(files).items()}
+    texts: dict[str, str] = {_plain(name): text for name, text in json.loads(files).items()}
     try:
         folder = Path(tempfile.mkdtemp(prefix="bellcrank-run-"))
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
@@ -280,10 +264,10 @@ def _unpacked(files: str) -> Path:
     return folder
 
 
-def _plain(name: Any) -> str:
+def _plain(name: str) -> str:
     """A file's name as this system takes it; ValueError for one that leads out of its folder."""
-    if not isinstance(name, str) or Path(name).name != name or name in ("", ".."):
-        raise ValueError(f"it names the file {name!r}")
+    if Path(name).name != name or name in ("", ".."):
+        raise ValueError(f"it names the file {brief(name)}")
     return file_name_here(name)
 
 

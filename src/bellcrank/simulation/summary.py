@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.dynamics.signals import values_at
+from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 from bellcrank.simulation.second_run import DRIFTED, departure, error_estimate, expected_cost
 
@@ -288,7 +289,10 @@ def _closures(run: Trajectory) -> list[tuple[str, str]]:
     count = len(run.scene.system.multiplier_names)
     if not np.isfinite(run.state[-1]).all():
         return rows
-    rank = run.closure_rank()
+    try:
+        rank = run.closure_rank()
+    except InputError as error:
+        return [*rows, ("not unique", f"unknown: {error}")]
     if rank.rank < count:
         rows_of = run.scene.system.multiplier_names
         names = [" ".join(name) for name, unique in zip(rows_of, rank.unique, strict=True) if unique]

@@ -70,6 +70,8 @@ class Trajectory(Portable):
         found = replace(self, time=self.time[rows], state=self.state[rows])
         if "_observed" in vars(self):  # known: not to be computed again
             vars(found)["_observed"] = tuple(each[rows] for each in self._observed)
+        if self.origin is not None:
+            found.remember_origin(self.origin)
         return found
 
     def parts(self) -> Iterator[Trajectory]:
@@ -153,7 +155,15 @@ class Trajectory(Portable):
 
     @cached_property
     def _observed(self) -> tuple[Array, ...]:
-        return tuple(self.scene.system.observation(*self._arguments))
+        found = tuple(self.scene.system.observation(*self._arguments))
+        if self.success and self.origin is not None and not all(np.isfinite(rows).all() for rows in found[:2]):
+            bad = ~(np.isfinite(found[0]).all(axis=1) & np.isfinite(found[1]).all(axis=1))
+            when = self.time[np.flatnonzero(bad)[0]]
+            raise InputError(
+                f"{self.origin}: the run says that it is '{self.status}', and its state at {when:.6g} s has no finite "
+                "acceleration or energy: the file was changed, or damaged; simulate it again"
+            )
+        return found
 
     @property
     def acceleration(self) -> Array:
@@ -370,6 +380,16 @@ class Trajectory(Portable):
             assert known is not None  # None is for a limit of time
             self.remember_estimate(known)
         return known
+
+    @property
+    def origin(self) -> Path | None:
+        """The file that the run was loaded from, None for a run that was simulated here."""
+        origin: Path | None = vars(self).get("_origin")
+        return origin
+
+    def remember_origin(self, file: Path) -> None:
+        """Keep what file the run was loaded from."""
+        vars(self)["_origin"] = file
 
     @property
     def known_estimate(self) -> float | None:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from bellcrank.sizing.result import Sizing
 
 Array = NDArray[np.float64]
+_UNUSUAL = re.compile(r"[^\w.-]+")  # in names of files
 
 
 def joint_torques(
@@ -110,4 +111,4 @@ def file_names(motions: Iterable[Motion]) -> list[str]:
 
 def file_name(text: str) -> str:
     """A motion's name as part of a file name: letters, digits, . _ and - only."""
-    return file_name_here(re.sub(r"[^\w.-]+", "_", text).strip("_.")[:80]) or "motion"
+    return file_name_here(_UNUSUAL.sub("_", text).strip("_.")[:80]) or "motion"

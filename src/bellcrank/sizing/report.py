@@ -13,12 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from bellcrank import atomic
+from bellcrank.csv_cells import guarded
 from bellcrank.errors import InputError
 from bellcrank.file_access import read_text
 from bellcrank.sizing.result import JointSizing, Peak, ShaftSizing, Sizing
 
 REPORTS = ("sizing.csv", "sizing.json")
-_OURS = re.compile(r"(?:history_[^/\\\0]+\.csv|over_time_[^/\\\0]+\.png|(?:motor_)?torque_speed\.png|sizing\.csv)\Z")
+_OURS = re.compile(r"\A(?:history_[^/\\\0]+\.csv|over_time_[^/\\\0]+\.png|(?:motor_)?torque_speed\.png|sizing\.csv)\Z")
 
 
 def write_reports(sizing: Sizing, folder: str | Path, others: Iterable[Path] = ()) -> list[Path]:
@@ -65,9 +66,9 @@ def csv_text(sizing: Sizing) -> str:
     """One line a joint; units in the headers, empty where there is no limit or no drive."""
     rows = [_csv_row(joint) for joint in sizing.joints]
     buffer = io.StringIO()
-    writer = csv.DictWriter(buffer, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(rows[0])
+    writer.writerows(guarded(row.values()) for row in rows)
     return buffer.getvalue()
 
 

@@ -14,7 +14,7 @@ JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "plan
 MOVING_AXIS = ("revolute", "continuous", "prismatic", "planar")
 NO_LIMIT = 1e30  # a limit of at least this size says "none"
 LARGEST = 1e30  # no mass, length or inertia of a robot is larger
-NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 
 Vector3 = tuple[float, float, float]
 
@@ -288,7 +288,7 @@ def _parse(text: str, where: str, line: int, fail: Callable[[str], InputError], 
     text = text.strip()
     if "${" in text or "$(" in text:
         raise fail(
-            f"{where} (line {line}): {text!r} is a xacro expression; expand the file first: "
+            f"{where} (line {line}): {text[:40]!r} is a xacro expression; expand the file first: "
             "xacro robot.urdf.xacro > robot.urdf"
         )
     if text.lower().lstrip("+-") in ("nan", "inf", "infinity"):

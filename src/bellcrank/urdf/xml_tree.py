@@ -12,6 +12,7 @@ from bellcrank.errors import InputError
 from bellcrank.file_access import read_bytes
 
 ENDS_TOO_EARLY = (3, 5, 6, 20)  # expat's codes: no element, unclosed token, partial character, unclosed CDATA
+_DECLARED = re.compile(rb"\A(?:\xef\xbb\xbf)?\s*<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
 MOST_DEPTH = 200  # nesting beyond this is no robot description
 
 
@@ -47,11 +48,15 @@ def read_text(path: Path) -> str:
 
     Raises InputError where the file is missing, unreadable or not text.
     """
-    raw = read_bytes(path)
+    return decoded(read_bytes(path), path)
+
+
+def decoded(raw: bytes, source: Path | str) -> str:
+    """The text of XML bytes, decoded as their declaration says (UTF-8 without one). Raises InputError."""
     if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
         encoding = "utf-16"
     else:
-        declared = re.match(rb"(?:\xef\xbb\xbf)?\s*<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']", raw)
+        declared = _DECLARED.match(raw)
         encoding = declared.group(1).decode("ascii") if declared else "utf-8"
     if encoding.lower().replace("_", "-") in ("utf-8", "utf8"):
         encoding = "utf-8-sig"
@@ -59,7 +64,7 @@ def read_text(path: Path) -> str:
         return raw.decode(encoding)
     except (UnicodeError, LookupError):
         raise InputError(
-            f"{path}: is not text in the encoding {encoding.removesuffix('-sig')}; save it as UTF-8"
+            f"{source}: is not text in the encoding {encoding.removesuffix('-sig')[:40]}; save it as UTF-8"
         ) from None
 
 
@@ -75,6 +80,7 @@ def parse_xml(text: str, source: Path | str) -> Element:
     parser.buffer_text = True
     roots: list[Element] = []
     open_elements: list[Element] = []
+    texts: list[list[str]] = []  # of the open elements, in pieces: adding to one text would copy it each time
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         element = Element(tag, attributes, parser.CurrentLineNumber)
@@ -85,13 +91,14 @@ def parse_xml(text: str, source: Path | str) -> Element:
             )
         (open_elements[-1].children if open_elements else roots).append(element)
         open_elements.append(element)
+        texts.append([])
 
     def end(tag: str) -> None:
-        open_elements.pop()
+        open_elements.pop().text = "".join(texts.pop())
 
     def characters(data: str) -> None:
-        if open_elements:
-            open_elements[-1].text += data
+        if texts:
+            texts[-1].append(data)
 
     def entity(*declaration: object) -> None:
         raise InputError(

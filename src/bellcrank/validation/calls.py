@@ -35,6 +35,7 @@ BY_HAND = "C by hand"
 COMPILED = "bellcrank, a sample a call"
 SAMPLES = 512  # states in turn: more than branch predictors learn by heart, few enough to stay in the cache
 
+_MIMIC = re.compile(r"<mimic\b[^<>]*/>")
 _WRAPPER = """#define _GNU_SOURCE
 #include "planar_2r_swing.h"
 int evaluate(const double *const *in, double *const *out) { rhs(in[0], out[0]); return 0; }
@@ -151,7 +152,7 @@ def _without_mimics(name: str) -> Robot:
         return robot
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}.urdf"
-        path.write_text(re.sub(r"<mimic\b[^>]*/>", "", read_text(find_urdf(name))), encoding="utf-8")
+        path.write_text(_MIMIC.sub("", read_text(find_urdf(name))), encoding="utf-8")
         independent = load_robot(path, gravity, floating_base=name.startswith(FLOATING), friction="none")
         independent.dynamics("forward_dynamics").address("scalar")  # traced and compiled while the file is there
         independent.model  # noqa: B018  likewise

@@ -1,0 +1,292 @@
+"""What a saved run's file must hold, checked when it is read: each entry's type and range, each array's shape and
+numbers, and that these agree with each other and with the scene in the file.
+
+Whether the numbers are a motion of the scene is not checked here: the run's certificate judges that anew.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Mapping
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.constraints.turns import turning
+from bellcrank.scene.settings import STABILISATIONS, Settings, Stabilisation
+from bellcrank.simulation.record import Statistics, Unresolved
+from bellcrank.simulation.run_archive import brief
+from bellcrank.simulation.status import Status
+
+if TYPE_CHECKING:
+    from bellcrank.scene.scene import Scene
+
+Array = NDArray[np.float64]
+Check = Callable[[Any, str], Any]  # of a value and its name: the value, or ValueError
+LARGEST_COUNT = 2**62
+LONGEST_PATH = 4096  # characters
+UNIT = 1e-6  # by which the length of a rotation's part of the state may miss 1; the solver keeps it to rounding
+SAME = 1e-9  # share by which a number that the file has twice may differ
+
+
+# ---- the JSON text
+
+
+def text(value: Any, name: str) -> str:
+    """A text that can be written as UTF-8."""
+    if not isinstance(value, str):
+        _refuse(name, "a text", value)
+    if any("\ud800" <= c <= "\udfff" for c in value):
+        _refuse(name, "a text in UTF-8", value)
+    return value
+
+
+def path(value: Any, name: str) -> str:
+    """A text that can be a path."""
+    found = text(value, name)
+    return found if "\0" not in found and len(found) <= LONGEST_PATH else _refuse(name, "a path", value)
+
+
+def flag(value: Any, name: str) -> bool:
+    """true or false."""
+    return value if isinstance(value, bool) else _refuse(name, "true or false", value)
+
+
+def count(value: Any, name: str) -> int:
+    """A whole number, 0 or more."""
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= LARGEST_COUNT:
+        _refuse(name, "a whole number of 0 or more", value)
+    return value
+
+
+def amount(value: Any, name: str) -> float:
+    """A finite number, 0 or more."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        _refuse(name, "a number", value)
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    return number if 0.0 <= number < math.inf else _refuse(name, "a finite number of 0 or more", value)
+
+
+def positive(value: Any, name: str) -> float:
+    """A finite number of more than 0."""
+    return amount(value, name) or _refuse(name, "more than 0", value)
+
+
+def one_of(known: Collection[str]) -> Check:
+    """One of these texts."""
+    return lambda value, name: value if value in list(known) else _refuse(name, f"one of {', '.join(known)}", value)
+
+
+def maybe(check: Check) -> Check:
+    """null, or what the check takes."""
+    return lambda value, name: None if value is None else check(value, name)
+
+
+def each(check: Check) -> Check:
+    """A list of what the check takes."""
+
+    def checked(value: Any, name: str) -> list[Any]:
+        if not isinstance(value, list):
+            _refuse(name, "a list", value)
+        return [check(entry, f"{name}[{k}]") for k, entry in enumerate(value)]
+
+    return checked
+
+
+def named(check: Check) -> Check:
+    """A mapping of any names to what the check takes."""
+
+    def checked(value: Any, name: str) -> dict[str, Any]:
+        if not isinstance(value, dict):
+            _refuse(name, "a mapping", value)
+        return {text(key, name): check(entry, f"{name}.{brief(key, '')}") for key, entry in value.items()}
+
+    return checked
+
+
+def keys(known: Mapping[str, Check], optional: Collection[str] = ()) -> Check:
+    """A mapping of these keys, all there but for the optional ones, to what their checks take."""
+
+    def checked(value: Any, name: str) -> dict[str, Any]:
+        if not isinstance(value, dict):
+            _refuse(name or "its text", "a mapping", value)
+        found = {}
+        for key, entry in value.items():
+            path = f"{name}.{brief(key, '')}" if name else brief(key, "")
+            if key not in known:
+                raise ValueError(f"'{path}' is not known; expected {', '.join(known)}")
+            found[key] = known[key](entry, path)
+        for key in known:
+            if key not in found and key not in optional:
+                raise ValueError(f"the key '{f'{name}.{key}' if name else key}' is missing")
+        return found
+
+    return checked
+
+
+def anything(value: Any, name: str) -> Any:
+    """What is kept for people, and not read."""
+    return value
+
+
+_STABILISATION = keys(
+    {"kind": one_of(STABILISATIONS), "alpha": amount, "beta": amount, "auto": flag}, optional=("auto",)
+)
+_SETTINGS = keys(
+    {
+        "duration": positive, "solver": text, "rtol": positive, "atol": positive, "step": maybe(positive),
+        "first_step": maybe(positive), "max_step": maybe(positive), "samples": count, "max_evaluations": count,
+        "stabilisation": lambda value, name: Stabilisation(**_STABILISATION(value, name)),
+    },
+    optional=("stabilisation",),
+)  # fmt: skip
+_UNRESOLVED = keys({"event": text, "steps": count, "first": amount})
+_STATISTICS = keys(
+    {
+        "steps": count, "rejected": count, "evaluations": count, "jacobians": count, "factorisations": count,
+        "kernel_time": amount,
+        "unresolved": each(lambda value, name: Unresolved(**_UNRESOLVED(value, name))),
+    },
+    optional=("unresolved",),
+)  # fmt: skip
+_ABOUT = keys(
+    {
+        "format": text, "version": count, "scene": text, "urdf": path, "files": named(text),
+        "status": lambda value, name: Status(one_of(tuple(Status))(value, name)),
+        "settings": lambda value, name: Settings(**_SETTINGS(value, name)),
+        "statistics": _STATISTICS, "error_estimate": maybe(amount),
+        "events": each(keys({"name": text, "stopped": flag})),
+        "signals": each(keys({"derivatives": count, "kinked": flag})),
+        "versions": anything, "machine": anything,
+    },
+    optional=("urdf", "error_estimate", "versions", "machine"),
+)  # fmt: skip
+
+
+def checked_about(about: dict[str, Any]) -> dict[str, Any]:
+    """The entries of a run's JSON text, `status`, `settings` and `statistics` as what they are in a run.
+
+    Raises ValueError, or InputError where a setting is out of its range.
+    """
+    found: dict[str, Any] = _ABOUT(about, "")
+    statistics = found["statistics"]
+    found["statistics"] = Statistics(**statistics | {"unresolved": tuple(statistics.get("unresolved", ()))})
+    return found
+
+
+# ---- the arrays
+
+
+def check_arrays(about: Mapping[str, Any], arrays: Mapping[str, Array], scene: Scene, widths: Collection[int]) -> None:
+    """Refuse (ValueError) arrays that do not fit each other, the checked text, or the scene; the state must have one of
+    the `widths`.
+    """
+    robot, events = scene.robot, len(about["events"])
+    sources, signals = scene.signal_sources, len(about["signals"])
+    needed = ["time", "state", "parameters", "steps", *(f"event_{n}" for n in ("time", "position", "velocity"))]
+    needed += [f"signal_{k}_{part}" for k in range(signals) for part in ("breaks", "coefficients")]
+    for name in needed:
+        if name not in arrays:
+            raise ValueError(f"there is no '{name}'")
+    for name in arrays:
+        if name not in needed and name != "multipliers":
+            raise ValueError(f"'{name}' belongs to no signal of the run")
+    rows, width = len(np.atleast_1d(arrays["time"])), arrays["state"].shape[-1] if arrays["state"].ndim else 0
+    shapes = {
+        "time": (rows,),
+        "state": (rows, width if width in widths else max(widths)),
+        "parameters": scene.own_parameters.shape,
+        "event_time": (events,),
+        "event_position": (events, robot.nq),
+        "event_velocity": (events, robot.nv),
+    }
+    for name, shape in shapes.items():
+        if arrays[name].shape != shape or rows == 0:
+            raise ValueError(f"'{name}' has the shape {arrays[name].shape}, expected {shape if rows else 'rows'}")
+    if arrays["steps"].ndim != 1:
+        raise ValueError("'steps' is no list of times")
+    if "multipliers" in arrays and (arrays["multipliers"].ndim != 2 or len(arrays["multipliers"]) != rows):
+        raise ValueError(f"'multipliers' has the shape {arrays['multipliers'].shape}, expected {rows} rows")
+    if signals != len(sources):
+        raise ValueError(f"it has {signals} signals, the scene has {len(sources)}")
+    for k, (source, facts) in enumerate(zip(sources, about["signals"], strict=True)):
+        if facts["derivatives"] != source.derivatives:
+            raise ValueError(f"signal {k} has {facts['derivatives']} derivatives, the scene's has {source.derivatives}")
+        _check_signal(f"signal_{k}", arrays[f"signal_{k}_breaks"], arrays[f"signal_{k}_coefficients"], source.width)
+    _check_numbers(about, arrays)
+    _check_rotations(arrays, scene)
+    _check_story(about, arrays, scene)
+
+
+def _check_signal(name: str, breaks: Array, coefficients: Array, width: int) -> None:
+    pieces = max(len(breaks) - 1, 0) if breaks.ndim == 1 else 0
+    if not pieces or coefficients.ndim != 3 or not coefficients.shape[1] or coefficients.shape[::2] != (pieces, width):
+        raise ValueError(f"'{name}' has the shapes {breaks.shape} and {coefficients.shape}, which are no signal's")
+    if not np.isfinite(breaks).all() or np.any(np.diff(breaks) <= 0.0):
+        raise ValueError(f"'{name}_breaks' do not increase")
+    if not np.isfinite(coefficients).all():
+        raise ValueError(f"'{name}_coefficients' are not finite")
+
+
+def _check_numbers(about: Mapping[str, Any], arrays: Mapping[str, Array]) -> None:
+    """Times are finite, do not decrease and lie in the run; states are finite, but for the end of a run that failed."""
+    latest = about["settings"].duration * (1.0 + SAME)
+    for name in ("time", "steps", "event_time"):
+        values = arrays[name]
+        if not np.isfinite(values).all() or np.any(np.diff(values) < 0.0):
+            raise ValueError(f"'{name}' is not finite, or decreases")
+        if len(values) and not 0.0 <= values[0] <= values[-1] <= latest:
+            raise ValueError(f"'{name}' reaches from {values[0]:.6g} to {values[-1]:.6g} s, the run to {latest:.6g} s")
+    whole = arrays["state"] if about["status"].success else arrays["state"][:-1]
+    bad = np.flatnonzero(~np.isfinite(whole).all(axis=1))
+    if len(bad):
+        raise ValueError(f"'state' is not finite at {arrays['time'][bad[0]]:.6g} s")
+    for name in ("parameters", "event_position", "event_velocity"):
+        if not np.isfinite(arrays[name]).all():
+            raise ValueError(f"'{name}' is not finite")
+
+
+def _check_rotations(arrays: Mapping[str, Array], scene: Scene) -> None:
+    """Unit quaternions, and unit cosines and sines of planar joints, in all finite states and events."""
+    from bellcrank.simulation.simulate import unit_parts
+
+    for name in ("state", "event_position"):
+        rows = arrays[name][np.isfinite(arrays[name]).all(axis=1)]
+        for first, length in unit_parts(scene):
+            off = np.abs(np.sqrt(np.square(rows[:, first : first + length]).sum(axis=1)) - 1.0)
+            if not (off <= UNIT).all():
+                raise ValueError(f"'{name}' has a rotation whose length is not 1")
+
+
+def _check_story(about: Mapping[str, Any], arrays: Mapping[str, Array], scene: Scene) -> None:
+    """What the status, events and parameters say must agree with each other and with the scene."""
+    status, events = about["status"], about["events"]
+    rules = {rule.name: rule for rule in scene.events}
+    for event in events:
+        if event["name"] not in rules:
+            raise ValueError(f"the scene has no event {brief(event['name'])}")
+        if event["stopped"] != rules[event["name"]].stop:
+            raise ValueError(f"the event {brief(event['name'])} stops the run in one place and not in the other")
+    stopped = [event["stopped"] for event in events]
+    if ((status is Status.EVENT) != (stopped[-1:] == [True]) and status is not Status.TURNED_OVER) or any(stopped[:-1]):
+        raise ValueError(f"the status is '{status}', which is not what its events say")
+    for entry in about["statistics"].unresolved:
+        if entry.event not in rules:
+            raise ValueError(f"the scene has no event {brief(entry.event)}")
+    if status is Status.TURNED_OVER and not turning(scene):
+        raise ValueError(f"the status is '{status}', and the scene has no weld or hinge")
+    if status is Status.DRIVE_ENDED and scene.drive_end is None:
+        raise ValueError(f"the status is '{status}', and the scene has no drive that ends")
+    steps, duration = arrays["steps"], about["settings"].duration
+    if status is Status.FINISHED and not (len(steps) and steps[-1] >= duration * (1.0 - SAME)):
+        raise ValueError(f"the status is '{status}', and its steps do not reach the duration of {duration:.6g} s")
+    if not np.allclose(arrays["parameters"], scene.own_parameters, rtol=SAME, atol=0.0):
+        raise ValueError("'parameters' are not those of the scene in it")
+
+
+def _refuse(name: str, expected: str, value: object) -> NoReturn:
+    raise ValueError(f"'{name}': expected {expected}, found {brief(value)}")
