@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.errors import InputError
 from bellcrank.numerics import checked, eigenvectors, svd
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ class ClosureRank:
 def rank_of(system: System, t: Array, x: Array, u: Array, p: Array) -> ClosureRank:
     """The rank of a system's closures at a time (1) s, state, signals and parameters.
 
-    Raises InputError where a number is not finite.
+    Raises InputError where a number is not finite, or the mass matrix not that of bodies.
     """
     with np.errstate(all="ignore"):
         jacobian, mass = system.closure_metric(t, x, u, p)
@@ -50,8 +51,13 @@ def rank_of(system: System, t: Array, x: Array, u: Array, p: Array) -> ClosureRa
 
 
 def _whitening(mass: Array) -> Array:
-    """W with Wᵀ M W = 1 (nv, nv), of M with MASSLESS of a coordinate's own inertia where it has less."""
+    """W with Wᵀ M W = 1 (nv, nv), of M with MASSLESS of a coordinate's own inertia where it has less.
+
+    Raises InputError where an inertia is negative by more than that.
+    """
     own = mass.diagonal()
     size = np.sqrt(np.where(own > MASSLESS * own.max(initial=0.0), own, own.max(initial=0.0) or 1.0))
     values, vectors = eigenvectors(mass / np.outer(size, size), "the mass matrix at this row of the run is")
+    if values.min(initial=0.0) < -MASSLESS:
+        raise InputError("the closures have no rank: the mass matrix has a negative inertia: check masses and inertias")
     return np.asarray(vectors / np.sqrt(np.maximum(values, MASSLESS)) / size[:, None])
