@@ -150,8 +150,9 @@ _STATISTICS = keys(
         "steps": count, "rejected": count, "evaluations": count, "jacobians": count, "factorisations": count,
         "kernel_time": amount,
         "unresolved": each(lambda value, name: Unresolved(**_UNRESOLVED(value, name))),
+        "longest_step": maybe(amount), "omitted_events": named(count),
     },
-    optional=("unresolved",),
+    optional=("unresolved", "longest_step", "omitted_events"),
 )  # fmt: skip
 _ABOUT = keys(
     {
@@ -274,9 +275,10 @@ def _check_story(about: Mapping[str, Any], arrays: Mapping[str, Array], scene: S
     stopped = [event["stopped"] for event in events]
     if ((status is Status.EVENT) != (stopped[-1:] == [True]) and status is not Status.TURNED_OVER) or any(stopped[:-1]):
         raise ValueError(f"the status is '{status}', which is not what its events say")
-    for entry in about["statistics"].unresolved:
-        if entry.event not in rules:
-            raise ValueError(f"the scene has no event {brief(entry.event)}")
+    statistics = about["statistics"]
+    for name in (*(entry.event for entry in statistics.unresolved), *statistics.omitted_events):
+        if name not in rules:
+            raise ValueError(f"the scene has no event {brief(name)}")
     if status is Status.TURNED_OVER and not turning(scene):
         raise ValueError(f"the status is '{status}', and the scene has no weld or hinge")
     if status is Status.DRIVE_ENDED and scene.drive_end is None:
