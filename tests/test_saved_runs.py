@@ -152,6 +152,9 @@ ENTRIES = {
     "unresolved of an unknown event": (
         ("statistics", "unresolved"), [{"event": "gone", "steps": 1, "first": 0.0}], "no event 'gone'",
     ),
+    "omitted events of an unknown name": (("statistics", "omitted_events"), {"gone": 3}, "no event 'gone'"),
+    "omitted events below zero": (("statistics", "omitted_events"), {"low": -3}, "omitted_events.low"),
+    "a longest step that is a list": (("statistics", "longest_step"), [1.0], "longest_step"),
     "events are a mapping": (("events",), {}, "'events'"),
     "an event is a text": (("events", 0), "low", "events[0]"),
     "an event of another scene": (("events", 0, "name"), LONG, "no event 'xxx"),
