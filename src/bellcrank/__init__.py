@@ -14,6 +14,7 @@ _HOME = {
     "InputError": "errors",
     "UnreachableError": "errors",
     "CompileError": "errors",
+    "NotSavedError": "errors",
     "Robot": "robot.robot",
     "load_robot": "robot.load",
     "Payload": "robot.payload",
@@ -54,7 +55,7 @@ if TYPE_CHECKING:
     from bellcrank.constraints.inverse import closed_inverse_dynamics, scene_inverse_dynamics
     from bellcrank.constraints.linkage import Linkage
     from bellcrank.designs.sweep import Sweep, sweep
-    from bellcrank.errors import BellcrankError, CompileError, InputError, UnreachableError
+    from bellcrank.errors import BellcrankError, CompileError, InputError, NotSavedError, UnreachableError
     from bellcrank.motion.csv_file import read_motion, write_motion
     from bellcrank.motion.motion import Motion
     from bellcrank.motion.path import circle, dwell, join, line, waypoints

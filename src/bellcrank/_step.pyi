@@ -98,6 +98,8 @@ def integrate(
     lanes: int,
     max_evaluations: int,
     progress: Callable[[float], object] | None,
+    block: Callable[[dict[str, Any]], float] | None = None,
+    block_seconds: float = 0.0,
     staged: bool = False,
     fallback: int = 0,
     project: int = 0,
@@ -119,5 +121,8 @@ def integrate(
     `event_samples` is how often event functions are looked at in a step at first: 2, or else 8 times. Where crossings
     may have been missed, `unresolved_count` and `unresolved_time` tell how often and from when on; where a function is
     not a number, `undefined_count` and `undefined_time` tell in how many steps and the first time found.
+    `block` is called after about `block_seconds` of computing, and then after as many as it answers, with what was
+    found since it was called before: new arrays by the names of StepResult, all `steps` and counts so far;
+    `end_time` and `end_state` of the moment, `counts` (accepted to factorisations), `seconds` and `longest_step`.
     `signals`: (breaks (m + 1,), coefficients (m, powers, width), derivatives, kinked) pieces of u.
     """

@@ -1,39 +1,46 @@
-"""Files that appear whole or not at all: written beside the target, then renamed over it."""
+"""Files that appear whole or not at all: written beside the target, then renamed over it.
+
+A target that is a symbolic link is the file that the link names, and keeps its permissions. What cannot be a file (a
+folder, a device, a pipe) is refused. After a power cut a file may be missing unless it was written `lasting`; the death
+of the process alone never tears one.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import os
-import tempfile
-from collections.abc import Iterator
+import stat
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from bellcrank.errors import InputError
 from bellcrank.locale_text import ERRORS
+from bellcrank.temporaries import new_file
 
 
 @contextlib.contextmanager
-def writing(path: str | Path) -> Iterator[Path]:
+def writing(path: str | Path, lasting: bool = False) -> Iterator[Path]:
     """Yield a temporary path in the folder of `path`; it replaces `path` when the block ends well.
 
-    Raises InputError where the folder cannot be written.
+    `lasting`: it is on the disk, not in the system's memory alone, when this returns. Raises InputError where `path`
+    cannot be written.
     """
-    target = Path(path)
+    target = file_meant(path)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=target.suffix, dir=target.parent)
+        temporary = new_file(target.parent, target.suffix)
     except OSError as error:
-        raise InputError(f"cannot write {target}: {error.strerror}; choose a folder you may write to") from error
-    os.close(handle)
-    temporary = Path(name)
+        raise InputError(f"cannot write {path}: {error.strerror}; choose a folder you may write to") from error
     try:
         yield temporary
-        umask = os.umask(0)
-        os.umask(umask)
-        temporary.chmod(0o666 & ~umask)
+        _take_permissions(target, temporary)
+        if lasting:
+            _sync(temporary)
         os.replace(temporary, target)
+        if lasting:
+            _sync(target.parent)
     except OSError as error:
-        raise InputError(f"cannot write {target}: {error.strerror or error}") from error
+        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -42,3 +49,83 @@ def write_text(path: str | Path, text: str) -> None:
     """Write `text` (UTF-8) to `path` atomically."""
     with writing(path) as temporary:
         temporary.write_text(text, encoding="utf-8", errors=ERRORS)
+
+
+def file_meant(path: str | Path) -> Path:
+    """The file that writing to `path` writes: itself, or what a symbolic link names, be it there or not.
+
+    Raises InputError for a folder, a device, a pipe, and a link that leads back to itself.
+    """
+    target = Path(path)
+    try:
+        if target.is_symlink():
+            target = Path(os.path.realpath(target))
+            if target.is_symlink():
+                raise InputError(f"cannot write {path}: the symbolic link leads back to itself")
+        mode = target.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return target
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}; choose a folder you may write to") from error
+    if not stat.S_ISREG(mode):
+        raise InputError(f"cannot write {path}: that is a {_kind(mode)}, expected the name of a file")
+    return target
+
+
+def check_file(option: str, path: Path) -> None:
+    """Refuse a file, given by `option`, that cannot be written, before anything long is begun (InputError)."""
+    if path.is_dir():
+        raise InputError(f"{option} {path}: that is a folder, expected a file such as {path / 'replay.html'}")
+    try:
+        target = file_meant(path)
+    except InputError as error:
+        raise InputError(f"{option}: {error}") from None
+    _check_place(f"{option} {path}", target.parent)
+
+
+def check_folder(option: str, folder: Path, names: Iterable[str] = ()) -> None:
+    """Refuse a folder, given by `option`, that cannot be written, or files of these names in it, before anything long
+    is begun (InputError).
+    """
+    _check_place(f"{option} {folder}", folder)
+    for name in names:
+        try:
+            target = file_meant(folder / name)
+        except InputError as error:
+            raise InputError(f"{option}: {error}") from None
+        if target.parent != folder:
+            _check_place(f"{option} {folder}: {name}", target.parent)
+
+
+def _check_place(what: str, folder: Path) -> None:
+    place = next(place for place in (folder, *folder.parents) if os.path.lexists(place))
+    if not place.is_dir():
+        raise InputError(f"{what}: {place} is a file, expected a folder")
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise InputError(f"{what}: {place} cannot be written; choose a folder you may write to")
+
+
+def _take_permissions(target: Path, temporary: Path) -> None:
+    """Give a file the permissions of the one that it replaces, and its owner where that is allowed."""
+    try:
+        facts = target.stat()
+    except OSError:
+        return
+    mine = temporary.stat()
+    if (facts.st_uid, facts.st_gid) != (mine.st_uid, mine.st_gid):
+        with contextlib.suppress(OSError):
+            os.chown(temporary, facts.st_uid, facts.st_gid)
+    temporary.chmod(stat.S_IMODE(facts.st_mode) & 0o777)
+
+
+def _sync(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _kind(mode: int) -> str:
+    names = {stat.S_IFDIR: "folder", stat.S_IFIFO: "pipe", stat.S_IFSOCK: "socket"}
+    return names.get(stat.S_IFMT(mode), "device")

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
-import contextlib
-import importlib
-import io
-import os
 import sys
-import traceback
-from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from bellcrank import __version__
-from bellcrank.errors import BellcrankError
-from bellcrank.locale_text import ERRORS, one_line
-from bellcrank.printable import printable_streams
+from bellcrank import __version__, interruption
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Sequence
 
 _COMMANDS = {
     "size": "size the motors of a robot over its motions",
@@ -35,24 +30,52 @@ def _module(name: str) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns 0 (done, or all well), 1 (the answer is no) or 2 (bad input).
+    """Run the command line; returns 0 (done, or all well), 1 (the answer is no) or 2 (bad input), and 128 + n where
+    signal n (2: Ctrl-C, 15: SIGTERM) interrupted it.
 
-    What it prints shows the control characters that names in files may hold, and does not send them to a terminal.
+    Without `arguments` they are the process's own, and so are its signals and its standard output and error.
     """
-    with printable_streams():
-        return _run(arguments)
+    if arguments is not None:
+        return _run(list(arguments))
+    status = 130
+    with interruption.handled():  # before anything else is imported, which takes a while
+        try:
+            status = _run_on_streams(sys.argv[1:])
+        except KeyboardInterrupt:
+            _interrupted()
+    return interruption.exit_status() or status
 
 
-def _run(arguments: Sequence[str] | None) -> int:
-    for stream in (sys.stdout, sys.stderr):
-        reconfigure = getattr(stream, "reconfigure", None)
-        if reconfigure is not None:
-            reconfigure(errors=ERRORS)  # a terminal without ² shows \xb2, and the files have it
-    given = list(sys.argv[1:] if arguments is None else arguments)
+def _run_on_streams(given: list[str]) -> int:
+    from bellcrank.standard_streams import standard_streams
+
+    with standard_streams() as output:
+        try:
+            status = _run(given)
+            sys.stdout.flush()
+        except SystemExit as stop:  # argparse has said what it has to say
+            status = stop.code if isinstance(stop.code, int) else 0
+        except KeyboardInterrupt:
+            status = _interrupted()
+        if output.failure is not None:
+            print(f"bellcrank: standard output: {output.failure.strerror}", file=sys.stderr)
+            status = status or 2
+    return status
+
+
+def _interrupted() -> int:
+    print(f"bellcrank: interrupted{interruption.signal_name()}", file=sys.stderr)
+    return interruption.exit_status() or 130
+
+
+def _parser(given: list[str]) -> argparse.ArgumentParser:
+    import argparse
+    import importlib
+
     parser = argparse.ArgumentParser(
         prog="bellcrank",
         description="Size motors and simulate robots from a URDF.",
-        epilog="exit codes: 0 done, 1 the answer is no, 2 bad input",
+        epilog="exit codes: 0 done, 1 the answer is no, 2 bad input, 128 + n interrupted by signal n",
     )
     parser.add_argument("--version", action="version", version=f"bellcrank {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
@@ -60,8 +83,32 @@ def _run(arguments: Sequence[str] | None) -> int:
         sub = commands.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
         if given[:1] == [name]:  # only the chosen command's module is loaded, so that help is quick
             importlib.import_module(_module(name)).add_arguments(sub)
+    return parser
+
+
+def _run(given: list[str]) -> int:
+    """Run a command; what it prints shows the control characters that names in files may hold, and does not send them
+    to a terminal.
+    """
+    from bellcrank.printable import printable_streams
+
+    with printable_streams():
+        return _command(given)
+
+
+def _command(given: list[str]) -> int:
+    import importlib
+    import traceback
+
+    from bellcrank.errors import BellcrankError
+    from bellcrank.locale_text import ERRORS, one_line
+
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors=ERRORS)  # a terminal without ² shows \xb2, and the files have it
     try:
-        parsed = parser.parse_args(given)
+        parsed = _parser(given).parse_args(given)
         status: int = importlib.import_module(_module(parsed.command)).run(parsed)
         sys.stdout.flush()
         return status
@@ -69,27 +116,18 @@ def _run(arguments: Sequence[str] | None) -> int:
         print(f"bellcrank: {one_line(str(error))}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("bellcrank: interrupted", file=sys.stderr)
-        return 130
+        return _interrupted()
     except MemoryError as error:
         why = f": {one_line(str(error))}" if str(error) else ""
         print(f"bellcrank: out of memory{why}; ask for less", file=sys.stderr)
         return 2
-    except BrokenPipeError:  # the reader of a pipe has gone: nobody is left to tell
-        _forget_output()
-        return 0
     except OSError as error:
         where = f": {error.filename}" if error.filename else ""
         print(f"bellcrank: {one_line(f'{error.strerror or error}{where}')}", file=sys.stderr)
-        _forget_output()
         return 2
     except Exception:  # 1 means "the answer is no", so a fault of ours needs a number of its own
+        if interruption.exit_status() is not None:  # what libraries make of it
+            return _interrupted()
         traceback.print_exc()
         print("bellcrank: this is a fault of bellcrank; please report it with the lines above", file=sys.stderr)
         return 70
-
-
-def _forget_output() -> None:
-    """Drop what a failed standard output still holds, so that the interpreter does not fail on it again."""
-    with contextlib.suppress(io.UnsupportedOperation):  # a text in memory holds nothing back
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from typing import Any
 
 from bellcrank.printable import printable
 
@@ -19,6 +20,14 @@ class BellcrankError(Exception):
 
 class InputError(BellcrankError):
     """A file, a key or an argument is not what was expected."""
+
+
+class NotSavedError(InputError):
+    """A run that is done cannot be saved; `run` is that run."""
+
+    def __init__(self, text: str, run: Any) -> None:
+        super().__init__(text)
+        self.run = run
 
 
 class UnreachableError(BellcrankError):

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bellcrank import atomic
+from bellcrank import atomic, interruption
 from bellcrank.commands.options import whole_option
 from bellcrank.errors import InputError
 from bellcrank.progress import bars
@@ -52,13 +52,16 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError(
             "bench: scenes, --hard, --gains and --dynamics are benches of their own; name robots after --dynamics"
         )
-    if arguments.hard:
-        return _hard_cases(arguments)
-    if arguments.gains:
-        from bellcrank.validation.gain_map import gain_map_command
+    if arguments.out:
+        atomic.check_folder("--out", arguments.out)
+    with interruption.whole_runs():
+        if arguments.hard:
+            return _hard_cases(arguments)
+        if arguments.gains:
+            from bellcrank.validation.gain_map import gain_map_command
 
-        return gain_map_command(arguments.out)
-    return _scenes(arguments) if arguments.dynamics is None else _dynamics(arguments)
+            return gain_map_command(arguments.out)
+        return _scenes(arguments) if arguments.dynamics is None else _dynamics(arguments)
 
 
 def _scenes(arguments: argparse.Namespace) -> int:
@@ -80,12 +83,16 @@ def _scenes(arguments: argparse.Namespace) -> int:
         print(f"name scenes for longer measurements and for slow ones ({left}); --peers adds the other simulators")
     if not arguments.scenes:
         print("\n".join(f"{name}: no row: {reason}" for name, reason in NO_ROWS.items()))
-    reports = []
+    reports, stopped = [], None
     for name in names:
         progress: Callable[[list[list[Run]]], Iterable[list[Run]]] = partial(tqdm, desc=name, unit="run", disable=None)
-        reports.append(bench_scene(name, arguments.peers, arguments.repeats, progress, budget))
+        try:
+            reports.append(bench_scene(name, arguments.peers, arguments.repeats, progress, budget))
+        except KeyboardInterrupt as stop:  # what was measured until then is written
+            stopped = stop
+            break
         print(as_text(reports[-1]), flush=True)
-    if arguments.out:
+    if arguments.out and reports:
         path = arguments.out / "bench.json"
         atomic.write_text(path, json.dumps(as_data(reports, facts), indent=1) + "\n")
         print(f"wrote {path}")
@@ -93,6 +100,8 @@ def _scenes(arguments: argparse.Namespace) -> int:
             path = arguments.out / f"work_precision_{report.scene}.png"
             work_precision_plot.write(path, report.rows, facts["cpu"])
             print(f"wrote {path}")
+    if stopped is not None:
+        raise stopped
     return 0
 
 

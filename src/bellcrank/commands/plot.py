@@ -6,7 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank.commands.shown import add_shown, check_writable, shown, stem, verdict_of
+from bellcrank.atomic import check_file
+from bellcrank.commands.shown import add_shown, shown, stem, verdict_of
 
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory
@@ -29,7 +30,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.sizing.result import Sizing
 
     out = arguments.out or Path(f"{stem(arguments.run)}.png")
-    check_writable("--out", out)
+    check_file("--out", out)
     thing = shown(arguments)
     files = _sizing_files(thing, out) if isinstance(thing, Sizing) else _run_files(thing, out, arguments.frame)
     well, verdict = verdict_of(thing)

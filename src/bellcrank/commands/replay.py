@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import tempfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from bellcrank.atomic import check_file
 from bellcrank.commands.options import number_option, size_option
-from bellcrank.commands.shown import add_shown, check_writable, shown, stem, verdict_of
+from bellcrank.commands.shown import add_shown, shown, stem, verdict_of
 from bellcrank.errors import InputError
 from bellcrank.progress import counting
+from bellcrank.temporaries import temporary_folder
 
 PICTURES = ("png", "gif", "mp4")
 
@@ -47,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     wanted = bool(arguments.out or arguments.open or not pictures)  # whether the page itself is
     out = arguments.out or Path(f"{stem(arguments.run)}.html")
     for option, path in {**pictures, **({"out": out} if wanted else {})}.items():
-        check_writable(f"--{option}", path)
+        check_file(f"--{option}", path)
     draw = _drawing(arguments, pictures)
     if pictures:
         from bellcrank.replays.pictures import check_tools
@@ -55,10 +56,8 @@ def run(arguments: argparse.Namespace) -> int:
         check_tools(pictures)
     thing = shown(arguments)
     film = film_of(thing, trace=arguments.trace, detail="full" if arguments.full_meshes else "reduced")
-    with tempfile.TemporaryDirectory() as folder:
-        page = write_page(
-            film, out if wanted else Path(folder) / "replay.html", plots=wanted and not arguments.no_plots
-        )
+    with temporary_folder("replay") as folder:
+        page = write_page(film, out if wanted else folder / "replay.html", plots=wanted and not arguments.no_plots)
         files = [draw(kind, page, path) for kind, path in pictures.items()]
     well, verdict = verdict_of(thing)
     print(verdict)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bellcrank.commands.shown import add_shown, check_writable, remarks_of, shown, stem, verdict_of
+from bellcrank.atomic import check_file
+from bellcrank.commands.shown import add_shown, remarks_of, shown, stem, verdict_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +25,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.reports.report import report
 
     out = arguments.out or Path(f"{stem(arguments.run)}_report.html")
-    check_writable("--out", out)
+    check_file("--out", out)
     thing = shown(arguments)
     path = report(thing, out, trace=arguments.trace)
     well, verdict = verdict_of(thing)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,19 +41,9 @@ def stem(name: str) -> str:
     """What a file about it is called: as the scene or the run; "run" itself says nothing, its folder does."""
     given = Path(name)
     if given.is_dir():
-        return given.resolve().name
+        given = given.resolve()
+        return given.parent.name if given.name.startswith("run.blocks") else given.name
     return given.resolve().parent.name if given.name == "run.npz" else given.stem
-
-
-def check_writable(option: str, out: Path) -> None:
-    """Refuse a file that cannot be written, given by `option`, before anything long is begun (InputError)."""
-    if out.is_dir():
-        raise InputError(f"{option} {out}: that is a folder, expected a file such as {out / 'replay.html'}")
-    place = next(place for place in (out.parent, *out.parent.parents) if place.exists())
-    if not place.is_dir():
-        raise InputError(f"{option} {out}: {place} is a file, expected a folder")
-    if not os.access(place, os.W_OK | os.X_OK):
-        raise InputError(f"{option} {out}: {place} cannot be written; choose a folder you may write to")
 
 
 def shown(arguments: argparse.Namespace) -> Trajectory | Sizing:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bellcrank.atomic import check_folder
 from bellcrank.commands.options import number_option, whole_option
 from bellcrank.commands.trust import add_trust
-from bellcrank.errors import InputError
+from bellcrank.commands.written import telling, write_each
+from bellcrank.errors import InputError, NotSavedError
 from bellcrank.progress import bars
 
 if TYPE_CHECKING:
@@ -53,16 +54,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="say how far positions may be off, by repeated runs, even where these take more than a second",
     )
+    add_keep_every(parser)
+
+
+def add_keep_every(parser: argparse.ArgumentParser) -> None:
+    """The option that says how often what is computed so far is written."""
+    parser.add_argument(
+        "--keep-every", metavar="S", help="write what is computed so far about every S seconds of computing (default 5)"
+    )
+
+
+def keep_every(arguments: argparse.Namespace) -> float:
+    """The seconds of computing after which what there is is written. Raises InputError."""
+    from bellcrank.simulation.simulate import KEEP_EVERY, LONGEST_KEEP
+
+    seconds = number_option("--keep-every", arguments.keep_every, "s", above=0.0, most=LONGEST_KEEP)
+    return KEEP_EVERY if seconds is None else seconds
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate a scene; 0 where it came to its end, 1 where it did not or is warned of, 130 where it was interrupted;
     what was computed is written in any case. BellcrankError for bad input.
     """
+    from bellcrank import interruption
     from bellcrank.scene.notes import scene_notes
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
     from bellcrank.scene.settings import check_rows
+    from bellcrank.simulation.run_blocks import blocks_folder, set_aside
     from bellcrank.simulation.simulate import simulate
     from bellcrank.simulation.status import Status
 
@@ -72,7 +91,8 @@ def run(arguments: argparse.Namespace) -> int:
     samples = whole_option("--samples", arguments.samples, 2, 10**18)
     changes = dict(parse_assignment(text) for text in arguments.changes)
     folder = arguments.out or Path(f"{Path(arguments.scene).stem}_run")
-    _check_folder(folder)
+    target, every = folder / "run.npz", keep_every(arguments)
+    check_folder("--out", folder, [target.name, "run.csv", "run.png"])
     scene = load_scene(arguments.scene, trust=arguments.trust)
     if changes:
         scene = scene.with_overrides(changes)
@@ -82,55 +102,61 @@ def run(arguments: argparse.Namespace) -> int:
     except InputError as error:
         raise InputError(f"{'simulate.samples' if samples is None else '--samples'}: {error}") from None
     duration = scene.settings.duration if numbers["duration"] is None else numbers["duration"]
-    with simulated_bar(duration) as progress:
-        result = simulate(scene, solver=arguments.solver, samples=samples, progress=progress, **numbers)
-        progress(float(result.time[-1]))
-    files = []
-    asked = _Wanted(
-        arguments.csv or len(result) <= CSV_ROWS, not arguments.no_plots, [] if arguments.no_plots else arguments.frame
-    )
-    if arguments.error_estimate and result.success:
-        files = _write(result, folder, asked)
-        result.error_estimate()  # told in the summary; the run itself is safe by now
-        result.save(files[0])
-    print(result.summary())
-    for note in scene_notes(scene, result.settings.duration):
-        print(f"  note: {note}")
-    if not files:
-        files = _write(result, folder, asked)
+    unfinished = set_aside(blocks_folder(target))
+    if unfinished is not None:
+        print(f"note: an earlier run into {folder} did not come to its end; what there is of it is now {unfinished}")
+    with interruption.held() as check, simulated_bar(duration) as bar:
+
+        def progress(time: float) -> None:
+            check()
+            bar(time)
+
+        try:
+            result = simulate(
+                scene, solver=arguments.solver, samples=samples, progress=progress, keep=target, keep_every=every,
+                **numbers,
+            )  # fmt: skip
+        except NotSavedError as error:
+            print(error.run.summary())
+            raise
+        bar(float(result.time[-1]))
+    files, wanted_csv = [target], arguments.csv or len(result) <= CSV_ROWS
+    with telling(files, folder):
+        if arguments.error_estimate and result.success:
+            write_each(files, _others(result, folder, arguments))
+            result.error_estimate()  # told in the summary; the run itself is safe by now
+            result.save(target)
+        print(result.summary())
+        for note in scene_notes(scene, result.settings.duration):
+            print(f"  note: {note}")
+        if len(files) == 1:
+            write_each(files, _others(result, folder, arguments))
     print(f"\nwrote {', '.join(path.name for path in files)} in {folder}")
-    if not asked.csv:
+    if not wanted_csv:
         print(_no_csv(result, folder))
     if result.status is Status.INTERRUPTED:
         return 130
     return 1 if result.warnings else 0
 
 
-@dataclass(frozen=True)
-class _Wanted:
-    """What is to be written besides run.npz: the CSV, the picture, and those of frames' paths."""
-
-    csv: bool
-    plots: bool
-    frames: list[str]
-
-
-def _write(result: Trajectory, folder: Path, wanted: _Wanted) -> list[Path]:
+def _others(
+    result: Trajectory, folder: Path, arguments: argparse.Namespace
+) -> Iterator[tuple[Path, Callable[[Path], object]]]:
+    """The files beside run.npz, and what writes each."""
     from bellcrank.sizing.history import file_name
 
-    files = [result.save(folder / "run.npz")]
-    if wanted.csv:
+    def csv(path: Path) -> None:
         with _row_bar(len(result)) as progress:
-            files.append(result.to_csv(folder / "run.csv", progress))
-    if wanted.plots:
+            result.to_csv(path, progress)
+
+    if arguments.csv or len(result) <= CSV_ROWS:
+        yield folder / "run.csv", csv
+    if not arguments.no_plots:
         from bellcrank.simulation.run_plot import plot_run
 
-        files.append(folder / "run.png")
-        plot_run(result, files[-1])
-        for frame in wanted.frames:
-            files.append(folder / f"path_{file_name(frame)}.png")
-            plot_run(result, files[-1], frame=frame)
-    return files
+        yield folder / "run.png", partial(plot_run, result)
+        for frame in arguments.frame:
+            yield folder / f"path_{file_name(frame)}.png", partial(plot_run, result, frame=frame)
 
 
 _COPIES = 4  # of the states, at most, that writing, summary and pictures hold, a block of rows at a time
@@ -146,15 +172,6 @@ def _no_csv(result: Trajectory, folder: Path) -> str:
 
 
 _NUMBERS = {"duration": "s", "rtol": "", "atol": "", "step": "s"}
-
-
-def _check_folder(folder: Path) -> None:
-    """Refuse a folder that cannot be written before anything long is begun."""
-    place = next(place for place in (folder, *folder.parents) if place.exists())
-    if not place.is_dir():
-        raise InputError(f"--out {folder}: {place} is a file, expected a folder")
-    if not os.access(place, os.W_OK | os.X_OK):
-        raise InputError(f"--out {folder}: {place} cannot be written; choose a folder you may write to")
 
 
 def _check_frames(robot: Any, frames: list[str]) -> None:

@@ -6,10 +6,12 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bellcrank.atomic import check_folder
 from bellcrank.card.fields import parse_number
 from bellcrank.card.yaml_file import shown
 from bellcrank.commands.options import number_option
 from bellcrank.commands.trust import add_trust
+from bellcrank.commands.written import telling
 from bellcrank.errors import InputError
 from bellcrank.robot.payload import Payload
 
@@ -69,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.commands.shown import remarks_of
     from bellcrank.sizing.front import size
     from bellcrank.sizing.history import write_histories
-    from bellcrank.sizing.report import earlier_files, remove_stale, write_reports
+    from bellcrank.sizing.report import REPORTS, earlier_files, remove_stale, write_reports
     from bellcrank.sizing.table import table, verdict
 
     if Path(arguments.robot).suffix.lower() == ".csv":
@@ -79,25 +81,28 @@ def run(arguments: argparse.Namespace) -> int:
         )
     payloads = [parse_payload(text) for text in arguments.payload]
     tolerance = parse_share(arguments.mass_tolerance)
+    folder = arguments.out or Path(f"{Path(arguments.robot).stem}_sizing")
+    check_folder("--out", folder, REPORTS)
     card = load_card(arguments.robot, trust=arguments.trust)
     sizing = size(
         card, arguments.motion or None, None, tolerance, payloads=payloads, allow_massless=arguments.allow_massless
     )
     assert sizing.study is not None
     mechanism, motions, drives = sizing.study
-    folder = arguments.out or Path(f"{Path(arguments.robot).stem}_sizing")
     print(table(sizing))
     for kind, text in remarks_of(sizing):
         print(f"{kind}: {text}")
     earlier = earlier_files(folder)
-    files = write_histories(mechanism, motions, folder, drives)
-    if not arguments.no_plots:
-        from bellcrank.sizing.plots import write_plots
+    files = write_reports(sizing, folder)  # first what matters most, should the disk be full
+    with telling(files, folder):
+        files += write_histories(mechanism, motions, folder, drives)
+        if not arguments.no_plots:
+            from bellcrank.sizing.plots import write_plots
 
-        files += write_plots(
-            mechanism, motions, folder, drives, title=card.name, mass_tolerance=tolerance, lines=sizing.joints
-        )
-    files = write_reports(sizing, folder, files) + files
+            files += write_plots(
+                mechanism, motions, folder, drives, title=card.name, mass_tolerance=tolerance, lines=sizing.joints
+            )
+        write_reports(sizing, folder, files[len(REPORTS) :])
     remove_stale(folder, earlier, files)
     print(f"\n{verdict(sizing)}\nwrote {', '.join(path.name for path in files)} in {folder}")
     return 0 if sizing.inside else 1

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 
+from bellcrank.atomic import check_folder
 from bellcrank.commands.options import whole_option
-from bellcrank.commands.simulate import _check_folder as check_folder
+from bellcrank.commands.simulate import add_keep_every, keep_every
 from bellcrank.commands.trust import add_trust
+from bellcrank.commands.written import telling
 from bellcrank.errors import InputError, among
 from bellcrank.progress import counting
 
@@ -34,13 +37,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_trust(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for the files (default: SCENE_sweep, here)")
     parser.add_argument("--no-plots", action="store_true", help="write no picture")
+    add_keep_every(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the designs; 0 where some design came to its end, 1 where none did, 130 where it was interrupted; what was
     computed is written in any case. BellcrankError for bad input.
     """
+    from bellcrank import interruption
     from bellcrank.designs.axes import parse_axis
+    from bellcrank.designs.partial import PartialTables
     from bellcrank.designs.sweep import MOST_THREADS, sweep
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
@@ -54,23 +60,40 @@ def run(arguments: argparse.Namespace) -> int:
     threads = whole_option("--threads", arguments.threads, 1, MOST_THREADS)
     changes = dict(parse_assignment(text) for text in arguments.changes)
     folder = arguments.out or Path(f"{Path(arguments.scene).stem}_sweep")
-    check_folder(folder)
+    every = keep_every(arguments)
+    check_folder("--out", folder, ["sweep.csv", "sweep.json", "sweep.png"])
     scene = load_scene(arguments.scene, trust=arguments.trust)
-    with counting("check", " values") as checking, counting("sweep", " designs") as progress:
-        result = sweep(scene, vary, overrides=changes, threads=threads, progress=progress, checking=checking)
+    tables = PartialTables(folder)
+    for left in tables.earlier:
+        print(f"note: an earlier sweep into {folder} did not come to its end; what there is of it is now {left}")
+    with counting("check", " values") as checking, counting("sweep", " designs") as bar, interruption.held() as check:
+
+        def progress(done: int, count: int) -> None:
+            check()
+            bar(done, count)
+
+        result = sweep(
+            scene, vary, overrides=changes, threads=threads, progress=progress, checking=checking, keep=tables.write,
+            keep_every=every,
+        )  # fmt: skip
+        try:
+            files = tables.finish(result) if result.designs else []
+        except InputError:
+            print(result.table())  # then it is at least on the screen
+            raise
     measures = arguments.measures or None
-    files = []
-    if result.designs:
-        files += [result.to_csv(folder / "sweep.csv"), result.to_json(folder / "sweep.json")]
     unknown = [name for name in arguments.measures if name not in result.units]
     if unknown and result.designs:  # after the files: what was computed is not lost for a typing error
         raise InputError(f"--measure: {among('measure', unknown[0], result.units)}; all of them are in {files[0]}")
     if (measures or result.telling) and files and not arguments.no_plots:
+        with telling(files, folder):
+            result.plot(folder / "sweep.png", measures)
         files.append(folder / "sweep.png")
-        result.plot(files[-1], measures)
     if result.designs:
         print(result.table(measures))
     count, ended = len(result.designs), [d for d in result.designs if not d.reason]
+    if not result.complete:
+        print(f"\ninterrupted: {count} of {math.prod(result.shape)} designs were run")
     print(f"\n{scene.name}: {count} designs, {len(ended)} came to their end, {count - len(ended)} did not")
     print(f"wrote {', '.join(path.name for path in files) or 'nothing'} in {folder}")
     return (0 if ended else 1) if result.complete else 130

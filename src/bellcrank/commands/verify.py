@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from bellcrank import interruption
 from bellcrank.validation.verify import VERIFIABLE, verify
 
 
@@ -16,7 +17,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Print each quantity's largest difference; 1 where one is above its tolerance."""
     good = True
     for name in arguments.scenes or VERIFIABLE:
-        found = verify(name)
+        with interruption.whole_runs():
+            found = verify(name)
         print(f"{name}: compiled Pinocchio against the analytic equations (largest difference / largest entry)")
         for d in found:
             verdict = "ok" if d.agrees else "DIFFERS"
@@ -25,6 +27,6 @@ def run(arguments: argparse.Namespace) -> int:
                 f"tolerance {d.tolerance:.0e}   {verdict}"
             )
         wrong = sum(not d.agrees for d in found)
-        print(f"{len(found) - wrong} of {len(found)} quantities agree")
+        print(f"{len(found) - wrong} of {len(found)} quantities agree", flush=True)
         good = good and not wrong
     return 0 if good else 1

@@ -86,6 +86,7 @@ def automatic_gains(scene: Scene, settings: Settings | None = None) -> Automatic
     a scene without closures.
     """
     from bellcrank.simulation.simulate import simulate
+    from bellcrank.simulation.status import Status
 
     settings = settings or scene.settings
     if not scene.closures:
@@ -97,6 +98,8 @@ def automatic_gains(scene: Scene, settings: Settings | None = None) -> Automatic
         stabilisation=Stabilisation("projection"),
     )  # fmt: skip
     run = simulate(replace(scene, settings=pilot))
+    if run.status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
     end, did = float(run.time[-1]), run.statistics
     steps = max(did.steps, 1) / (end if end > 0.0 else settings.duration)
     rate = float(max(pilot.rtol, pilot.atol) ** (1.0 / PILOT_ORDER) * steps)

@@ -10,9 +10,11 @@ import itertools
 import math
 import os
 import threading
+import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +28,7 @@ from bellcrank.designs.measures import aims, measures_of, start_measures
 from bellcrank.errors import BellcrankError, InputError, among
 from bellcrank.memory import check_memory
 from bellcrank.scene.scene import Scene, load_scene
-from bellcrank.simulation.simulate import simulate
+from bellcrank.simulation.simulate import KEEP_EVERY, check_keep_every, simulate
 from bellcrank.simulation.status import Status
 
 if TYPE_CHECKING:
@@ -41,6 +43,7 @@ MOST_THREADS = 1024
 DESIGN_BYTES = 3000  # of a design with its measures, of which a small scene has 35
 UNKNOWN = "unknown"  # a run came to its end, and a measure of it is not a finite number
 _LATEST = 0.05  # s between looks at Ctrl-C
+_SHARE = 50  # of the time goes to keeping designs, at most
 
 
 @dataclass(frozen=True)
@@ -154,6 +157,8 @@ def sweep(
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
     checking: Callable[[int, int], None] | None = None,
+    keep: Callable[[Sweep], object] | None = None,
+    keep_every: float = KEEP_EVERY,
 ) -> Sweep:
     """Simulate a scene (or the file or name of one) for all combinations of values of parameters.
 
@@ -161,7 +166,8 @@ def sweep(
     "1 deg". Only what leaves the equations as they are can be varied: parameters, the start, solver settings.
     `overrides` changes the scene beforehand; `threads` defaults to the machine's; `progress` is called with the number
     of designs done and of all, and `checking` before, with the number of values of an axis checked and of all. Ctrl-C
-    ends the sweep and keeps what is done (`complete` is then false).
+    ends the sweep and keeps what is done (`complete` is then false). `keep` is called with the sweep as far as it is
+    about every `keep_every` s, such as to write it to a file; more rarely where that takes long.
 
     Raises InputError where a path leads nowhere, takes none of its values, or changes the equations.
     """
@@ -180,8 +186,9 @@ def sweep(
     _check_count(math.prod(len(axis.values) for axis in axes))
     for axis in axes:
         _check(scene, axis, checking)
-    designs, units = _Pool(scene, axes, threads or len(os.sched_getaffinity(0))).run(progress)
-    return Sweep(scene, axes, designs, units)
+    check_keep_every(keep_every)
+    pool = _Pool(scene, axes, threads or len(os.sched_getaffinity(0)))
+    return pool.run(progress, None if keep is None else _Regularly(keep, keep_every))
 
 
 def _check_count(count: int) -> None:
@@ -238,6 +245,22 @@ def _not_known(run: Trajectory, measures: Mapping[str, float]) -> str:
     return f"{bad[0]}{f' and {len(bad) - 1} more' if len(bad) > 1 else ''} not a finite number" if bad else ""
 
 
+class _Regularly:
+    """Calls with a sweep, each so many s or more after the one before, so that they take a small share of the time."""
+
+    def __init__(self, call: Callable[[Sweep], object], seconds: float) -> None:
+        self.call, self.seconds = call, seconds
+        self.next, self.done = time.monotonic() + seconds, 0
+
+    def __call__(self, count: int, made: Callable[[], Sweep]) -> None:
+        begun = time.monotonic()
+        if begun < self.next or count == self.done:
+            return
+        self.call(made())
+        now = time.monotonic()
+        self.next, self.done = now + max(self.seconds, _SHARE * (now - begun)), count
+
+
 class _Pool:
     """Runs the designs of a grid in threads; the first runs alone, so that machine code is loaded once."""
 
@@ -246,7 +269,7 @@ class _Pool:
         self.stopping, self.warm, self.first = threading.Event(), threading.Event(), threading.Lock()
         self.units: dict[str, str] = {}
 
-    def run(self, progress: Callable[[int, int], None] | None) -> tuple[tuple[Design, ...], dict[str, str]]:
+    def run(self, progress: Callable[[int, int], None] | None, keep: _Regularly | None) -> Sweep:
         count = math.prod(len(axis.values) for axis in self.axes)
         combinations = enumerate(itertools.product(*(axis.values for axis in self.axes)))
         done: list[Design] = []
@@ -262,6 +285,8 @@ class _Pool:
                     done += [design for future in finished if (design := future.result()) is not None]
                     if progress is not None:
                         progress(len(done), count)
+                    if keep is not None:
+                        keep(len(done), partial(self.result, done))
             except KeyboardInterrupt:
                 pass
             finally:  # an error of ours must not wait for the other designs either
@@ -270,7 +295,12 @@ class _Pool:
                     future.cancel()
         finished = {future for future in waiting if not future.cancelled() and future.exception() is None}
         done += [design for future in finished if (design := future.result()) is not None]
-        return tuple(sorted(done, key=lambda design: design.index)), self.units
+        return self.result(done)
+
+    def result(self, done: Iterable[Design]) -> Sweep:
+        """The sweep as far as it is."""
+        designs = tuple(sorted(done, key=lambda design: design.index))
+        return Sweep(self.scene, self.axes, designs, dict(self.units))
 
     def _submitted(self, pool: ThreadPoolExecutor, index: int, values: tuple[Any, ...]) -> Future[Design | None]:
         try:

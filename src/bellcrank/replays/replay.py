@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import sys
-import tempfile
 import webbrowser
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from bellcrank.replays.meshes import Detail
 from bellcrank.replays.page import page, write_page
 from bellcrank.sizing.history import file_name
 from bellcrank.sizing.result import Sizing
+from bellcrank.temporaries import new_folder
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -78,7 +78,7 @@ def show(thing: Trajectory | Motion | Sizing | str | Path, **options: Any) -> Pa
     Raises BellcrankError, with the path, where no browser can be started.
     """
     source = opened(thing)
-    folder = Path(tempfile.mkdtemp(prefix="bellcrank-replay-"))
+    folder = new_folder("show")
     written = replay(source, folder / f"{file_name(name_of(source))}.html", **options)
     assert isinstance(written, Path)
     open_browser(written)
@@ -124,10 +124,22 @@ def film_of(
 
 
 def find_run(path: str | Path) -> Path:
-    """The file of a run: itself, or run.npz in a folder that `bellcrank simulate` wrote. Raises InputError."""
+    """The file of a run: itself, or run.npz in a folder that `bellcrank simulate` wrote; of a run that was killed, the
+    folder of its blocks. Raises InputError.
+    """
+    from bellcrank.simulation.run_blocks import holds_blocks
+
     file = Path(path)
-    if not file.is_dir():
+    if not file.is_dir() or holds_blocks(file):
         return file
+    blocks = file / "run.blocks"
+    if holds_blocks(blocks):
+        if (file / "run.npz").exists():
+            raise InputError(
+                f"{file}: beside run.npz there are blocks of a later run that did not come to its end, run.blocks; "
+                f"name one of them, such as {blocks}"
+            )
+        return blocks
     if (file / "sizing.json").is_file():
         raise InputError(
             f"{file}: this folder holds the figures of a sizing, not its motions; name the card or URDF that was sized"

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 MEMBER = re.compile(
-    r"(about|time|state|parameters|steps|multipliers|event_(time|position|velocity)|"
+    r"(about|time|state|parameters|steps|multipliers|event_(time|position|velocity)|end_(time|state)|"
     r"signal_(0|[1-9][0-9]{0,3})_(breaks|coefficients))\.npy"
 )
 MOST_LISTED = 8 * 2**20  # bytes of the list of members: about 100,000 of them

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank import __version__, arguments
+from bellcrank import __version__, arguments, interruption
 from bellcrank.atomic import writing
 from bellcrank.constraints.formula import Own
 from bellcrank.dynamics.signals import Signal
@@ -35,32 +35,63 @@ from bellcrank.scene.run_start import SavedState, explicit_start
 from bellcrank.scene.scene import Scene, load_held_scene
 from bellcrank.simulation.run_archive import DAMAGE, NoRun, brief, read_archive
 from bellcrank.simulation.run_checks import check_arrays, checked_about
-from bellcrank.simulation.simulate import event_at
+from bellcrank.simulation.simulate import event_at, unturned
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.temporaries import new_folder
 
 Array = NDArray[np.float64]
 FORMAT = "bellcrank run"
+BLOCKS = "bellcrank run in blocks"  # the about.npz of a folder that run_blocks.py writes
 VERSION = 1
 SAME_TIME = 1e-12  # share of a time by which a row may miss it
 LONGEST_WHY = 300  # characters of what is wrong in a message
 
 
-def save_run(run: Trajectory, path: str | Path) -> Path:
+def save_run(run: Trajectory, path: str | Path, lasting: bool = False) -> Path:
     """Write a run as .npz (the suffix is added where it is missing), whole or not at all; returns the path.
 
     In it: time (s), state, parameters, steps, events and signals as float64, bit for bit, and a JSON text with scene,
-    URDF, status, settings, statistics, versions and machine. Raises InputError where the folder cannot be written.
+    URDF, status, settings, statistics, versions and machine. `lasting`: a power cut does not lose it. Raises InputError
+    where the folder cannot be written.
     """
-    own = [closure.name for closure in run.scene.closures if isinstance(closure, Own)]
-    if own:
-        raise InputError(
-            f"{run.scene.name}: closure '{own[0]}' is a Python function, which no file can hold; write it as "
-            "{kind: formula} in the scene, or keep the run as CSV (to_csv)"
-        )
+    about, arrays = run_facts(run)
+    nq, nv = run.robot.nq, run.robot.nv
+    arrays |= {
+        "time": run.time,
+        "state": run.state,
+        "steps": run.steps,
+        # for other readers: they are computed anew
+        "multipliers": np.concatenate([part.multipliers for part in run.parts()]),
+        "event_time": np.array([event.time for event in run.events], dtype=np.float64),
+        "event_position": np.array([event.position for event in run.events]).reshape(-1, nq),
+        "event_velocity": np.array([event.velocity for event in run.events]).reshape(-1, nv),
+    }
+    target = run_path(path)
+    write_archive(target, about, arrays, lasting)
+    return target
+
+
+def run_path(path: str | Path) -> Path:
+    """The path of a run's file, with its suffix."""
     target = Path(path)
-    if target.suffix != ".npz":
-        target = target.with_name(target.name + ".npz")
+    return target if target.suffix == ".npz" else target.with_name(target.name + ".npz")
+
+
+def write_archive(target: Path, about: dict[str, Any], arrays: dict[str, Array], lasting: bool = False) -> None:
+    """Write an .npz with a JSON text and arrays, whole or not at all. Raises InputError."""
+    text = np.frombuffer(utf8(json.dumps(about, ensure_ascii=False)), dtype=np.uint8)
+    contents: dict[str, Any] = {"about": text, **arrays}
+    with interruption.unbroken(), writing(target, lasting) as temporary, temporary.open("wb") as file:
+        np.savez(file, **contents)
+
+
+def run_facts(run: Trajectory) -> tuple[dict[str, Any], dict[str, Array]]:
+    """What a run's file holds beside its rows: the JSON text's content, and parameters and signals.
+
+    Raises InputError for a scene that no file can hold.
+    """
+    refuse_functions(run.scene)
     scene, files = _scene_files(run.scene)
     about = {
         "format": FORMAT,
@@ -77,28 +108,25 @@ def save_run(run: Trajectory, path: str | Path) -> Path:
         "versions": {"bellcrank": __version__} | {p: _version(p) for p in ("pin", "casadi", "llvmlite", "numpy")},
         "machine": {"target": asdict(machine.target()), "python": platform.python_version(), "on": platform.platform()},
     }
-    nq, nv = run.robot.nq, run.robot.nv
-    arrays: dict[str, Any] = {
-        "time": run.time,
-        "state": run.state,
-        "parameters": run.scene.own_parameters,
-        "steps": run.steps,
-        # for other readers: they are computed anew
-        "multipliers": np.concatenate([part.multipliers for part in run.parts()]),
-        "event_time": np.array([event.time for event in run.events], dtype=np.float64),
-        "event_position": np.array([event.position for event in run.events]).reshape(-1, nq),
-        "event_velocity": np.array([event.velocity for event in run.events]).reshape(-1, nv),
-    }
+    arrays: dict[str, Array] = {"parameters": run.scene.own_parameters}
     for k, signal in enumerate(run.signals):
         arrays |= {f"signal_{k}_{name}": v for name, v in vars(signal).items() if isinstance(v, np.ndarray)}
-    text = np.frombuffer(utf8(json.dumps(about, ensure_ascii=False)), dtype=np.uint8)
-    with writing(target) as temporary, temporary.open("wb") as file:
-        np.savez(file, about=text, **arrays)
-    return target
+    return about, arrays
+
+
+def refuse_functions(scene: Scene) -> None:
+    """Name a closure that is a Python function, which no file can hold (InputError)."""
+    own = [closure.name for closure in scene.closures if isinstance(closure, Own)]
+    if own:
+        raise InputError(
+            f"{scene.name}: closure '{own[0]}' is a Python function, which no file can hold; write it as "
+            "{kind: formula} in the scene, or keep the run as CSV (to_csv)"
+        )
 
 
 def load_run(path: str | Path, *, trust: Trust = ()) -> Trajectory:
     """Read a run that `Trajectory.save` wrote: the same numbers to the bit, on a scene made anew from the file alone.
+    A folder of blocks (run.blocks) is a run that was interrupted where its last block ends.
 
     Entries, shapes and numbers are checked (run_checks.py); whether they are a motion of the scene, the certificate of
     the run says. Meshes of its robot are drawn from files in its folder, below it, and in the folders `trust`
@@ -125,6 +153,8 @@ def load_run(path: str | Path, *, trust: Trust = ()) -> Trajectory:
         scene, settings, arrays["time"], arrays["state"], p, signals, about["status"], events, about["statistics"],
         arrays["steps"],
     )  # fmt: skip
+    if file.is_dir():
+        run = unturned(run)  # what is done at the end of a run
     run.remember_origin(file)
     if estimate is not None:
         run.remember_estimate(estimate)
@@ -170,7 +200,16 @@ def _read(file: Path) -> tuple[dict[str, Any], dict[str, Array], Scene]:
 
 
 def _contents(file: Path) -> tuple[dict[str, Any], dict[str, Array]]:
-    """The JSON text and the float64 arrays of a run's file; InputError for any other file."""
+    """The JSON text and the float64 arrays of a run's file, or of a folder of blocks; InputError for any other file."""
+    if file.is_dir():
+        from bellcrank.simulation.run_blocks import joined_blocks
+
+        return joined_blocks(file)
+    return archive_of(file, FORMAT)
+
+
+def archive_of(file: Path, form: str) -> tuple[dict[str, Any], dict[str, Array]]:
+    """The JSON text and the float64 arrays of an .npz of a format; InputError for any other file."""
     try:
         with open_regular(file, MOST_RUN) as stream:
             about, arrays = read_archive(stream)
@@ -178,7 +217,7 @@ def _contents(file: Path) -> tuple[dict[str, Any], dict[str, Array]]:
         about, arrays = {}, {}
     except DAMAGE as error:
         raise _damaged(file, error) from None
-    if about.get("format") != FORMAT:
+    if about.get("format") != form:
         raise InputError(f"{file}: not a run: expected an .npz that Trajectory.save wrote")
     if about.get("version") != VERSION:
         raise InputError(
@@ -255,7 +294,7 @@ def _unpacked(files: str) -> Path:
     """A folder with these files (JSON {name: text}) in it, kept until the process ends. Raises InputError."""
     texts: dict[str, str] = {_plain(name): text for name, text in json.loads(files).items()}
     try:
-        folder = Path(tempfile.mkdtemp(prefix="bellcrank-run-"))
+        folder = new_folder("run")
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
         for name, text in texts.items():
             (folder / name).write_bytes(utf8(text))

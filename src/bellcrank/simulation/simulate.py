@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank import arguments
+from bellcrank import arguments, interruption
 from bellcrank._step import integrate
 from bellcrank.constraints.drive_end import signals_until
 from bellcrank.constraints.gains import automatic_gains
@@ -28,8 +28,13 @@ from bellcrank.simulation.record import Event, Latch, Statistics, Unresolved
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
 
+if TYPE_CHECKING:
+    from bellcrank.simulation.run_blocks import Keeper
+
 Array = NDArray[np.float64]
 LEAST_ATOL = 1e-100  # less says no more, and squares of shares of it would overflow
+KEEP_EVERY, LONGEST_KEEP = 5.0, 1e6  # s
+MISSED = ("unresolved_count", "unresolved_time", "undefined_count", "undefined_time", "event_counts")
 MANY = 32  # outputs, from which on they are projected together
 
 
@@ -49,6 +54,8 @@ def simulate(
     max_evaluations: int | None = None,
     stabilisation: Stabilisation | Mapping[str, Any] | str | None = None,
     progress: Callable[[float], None] | None = None,
+    keep: str | Path | None = None,
+    keep_every: float = KEEP_EVERY,
 ) -> Trajectory:
     """Simulate a scene (or the file or name of one) over `duration` seconds; what is not given, the scene says.
 
@@ -58,10 +65,13 @@ def simulate(
     times, or with times="steps" at the solver's own steps; a run that ends early has its last state as a row more.
     `overrides` changes the scene, as in {"initial.shoulder": "10 deg"}. `progress` is called with the time reached
     about every 0.1 s. `stabilisation` says how closures are kept: "projection", "none", {"kind": "baumgarte", "alpha":
-    20, "beta": 20} or {"kind": "baumgarte", "gains": "auto"}.
+    20, "beta": 20} or {"kind": "baumgarte", "gains": "auto"}. `keep` names an .npz file in which the run is kept: it is
+    saved there at the end, and what is computed before that, about every `keep_every` s of computing, in a folder of
+    blocks beside it, run.blocks for run.npz, which `load_run` opens too; it goes when the file is there. Blocks of an
+    earlier run that never came to its end are moved to run.blocks.1, and so on.
 
     Returns a Trajectory, whose `status` says why it ended: what was computed is never lost. Raises InputError for
-    arguments that are wrong, and for a start at which the accelerations are not finite.
+    arguments that are wrong, for a start at which the accelerations are not finite, and where `keep` cannot be written.
     """
     if not isinstance(scene, Scene):
         scene = load_scene(arguments.subject("scene", scene, "a scene"))
@@ -102,7 +112,20 @@ def simulate(
     else:
         wanted = np.minimum(wanted, settings.duration)
     projected = bool(scene.closures) and settings.stabilisation.kind == "projection"
-    return _integrate(scene, settings, wanted, steps_wanted, progress, scene.system_parameters, projected)
+    keeper = None
+    if keep is not None:
+        from bellcrank.simulation.run_blocks import Keeper
+
+        keeper = Keeper(arguments.path("keep", keep, "the path of a run (.npz)"), keep_every)
+    run = _integrate(scene, settings, wanted, steps_wanted, progress, scene.system_parameters, projected, keeper)
+    if keeper is not None:
+        keeper.finish(run)
+    return run
+
+
+def check_keep_every(seconds: float) -> float:
+    """The seconds of computing between two blocks of a run that is kept; InputError where they are none."""
+    return arguments.number("keep_every", seconds, "s", above=0.0, most=LONGEST_KEEP)
 
 
 def simulate_again(run: Trajectory, settings: Settings, times: Array, p: Array) -> Trajectory:
@@ -120,6 +143,7 @@ def _integrate(
     progress: Callable[[float], None] | None,
     p: Array,
     projected: bool,
+    keeper: Keeper | None = None,
 ) -> Trajectory:
     system, signals = scene.system, scene.signals
     end, duration = scene.drive_end, settings.duration
@@ -150,6 +174,8 @@ def _integrate(
     if together:
         code["project_batch"] = (system.project, "batch")
     make_ready(tuple(code.values()))
+    if keeper is not None:
+        keeper.begin(scene, settings, p, signals)
     address = {name: function.address(kind) for name, (function, kind) in code.items()}
     result = integrate(
         address["rhs"],
@@ -178,6 +204,8 @@ def _integrate(
         lanes=machine.target().lanes if implicit or together else 1,
         max_evaluations=settings.max_evaluations,
         progress=progress,
+        block=None if keeper is None else keeper.add,
+        block_seconds=0.0 if keeper is None else keeper.every,
         staged=staged,
         fallback=address.get("fallback", 0),
         project=address.get("project", 0),
@@ -187,6 +215,8 @@ def _integrate(
         weights=scene.coordinate_weights if projected else None,
     )
     status = tuple(Status)[result.status]
+    if status is Status.INTERRUPTED:
+        interruption.cut_short()
     if status is Status.FINISHED and duration < settings.duration:
         status = Status.DRIVE_ENDED
     if status is Status.NON_FINITE and result.accepted == 0:
@@ -194,25 +224,30 @@ def _integrate(
     time, state = result.time, result.state
     if not len(time) or (status is not Status.FINISHED and time[-1] < result.end_time):
         time, state = np.append(time, result.end_time), np.vstack([state, result.end_state[None]])
-    whole = _unturned(scene, time, state, p)
-    last = math.inf
-    if whole < len(time):
-        time, state, status, last = time[:whole], state[:whole], Status.TURNED_OVER, float(time[whole - 1])
     events = tuple(
         event_at(scene, int(k), float(t), x[: system.nq], x[system.nq : system.nq + system.nv], p)
         for k, t, x in zip(result.event_index, result.event_time, result.event_state, strict=True)
-        if t <= last
     )
-    statistics = Statistics(
-        result.accepted, result.rejected, result.evaluations, result.jacobians, result.factorisations, result.seconds,
-        (
-            *_unresolved(scene, result.unresolved_count, result.unresolved_time),
-            *_unresolved(scene, result.undefined_count, result.undefined_time, undefined=True),
-        ),
-        result.longest_step,
-        _omitted(scene, result.event_counts, result.event_index),
+    cost = result.accepted, result.rejected, result.evaluations, result.jacobians, result.factorisations
+    missed = {name: getattr(result, name) for name in MISSED}
+    statistics = statistics_of(scene, cost, result.seconds, result.longest_step, missed, result.event_index)
+    return unturned(Trajectory(scene, settings, time, state, p, signals, status, events, statistics, result.steps))
+
+
+def statistics_of(
+    scene: Scene, cost: tuple[int, ...], seconds: float, longest: float, missed: Mapping[str, Any],
+    kept: NDArray[np.int32],
+) -> Statistics:  # fmt: skip
+    """Statistics from what the stepper says: its counts, the arrays MISSED by event function, and the events kept."""
+    accepted, rejected, evaluations, jacobians, factorisations = cost
+    unresolved = (
+        *_unresolved(scene, missed["unresolved_count"], missed["unresolved_time"]),
+        *_unresolved(scene, missed["undefined_count"], missed["undefined_time"], undefined=True),
+    )
+    omitted = _omitted(scene, missed["event_counts"], kept)
+    return Statistics(
+        accepted, rejected, evaluations, jacobians, factorisations, seconds, unresolved, longest, omitted
     )  # fmt: skip
-    return Trajectory(scene, settings, time, state, p, signals, status, events, statistics, result.steps)
 
 
 def _unresolved(
@@ -234,12 +269,17 @@ def _omitted(scene: Scene, count: NDArray[np.int64], kept: NDArray[np.int32]) ->
     return found
 
 
-def _unturned(scene: Scene, time: Array, state: Array, p: Array) -> int:
-    """How many of the rows come before one in which a weld or hinge has gone beyond a quarter of a turn."""
+def unturned(run: Trajectory) -> Trajectory:
+    """The run up to the row before one in which a weld or hinge has gone beyond a quarter of a turn."""
+    scene, time = run.scene, run.time
     if not turning(scene):
-        return len(time)
-    good = (cosines_along(scene, time, state, scene.signals_at(time), p) > 0.0).all(axis=1)
-    return len(time) if good.all() else max(int(np.argmin(good)), 1)
+        return run
+    good = (cosines_along(scene, time, run.state, scene.signals_at(time), run.parameters) > 0.0).all(axis=1)
+    if good.all():
+        return run
+    rows = max(int(np.argmin(good)), 1)
+    events = tuple(event for event in run.events if event.time <= time[rows - 1])
+    return replace(run, time=time[:rows], state=run.state[:rows], status=Status.TURNED_OVER, events=events)
 
 
 def with_gains(scene: Scene, settings: Settings) -> Settings:

@@ -18,8 +18,7 @@ class Run {
     const Status status = p_.step > 0 ? stretches<true>() : stretches<false>();
     outputs_.flush();
     if (status != Status::event) record_.end(stepper_.t, stepper_.state());
-    stepper_.add_counts(counts_);
-    counts_.evaluations = rhs_.evaluations;
+    count();
     return status;
   }
 
@@ -61,10 +60,20 @@ class Run {
         step(stepper_.t);
         output_step(stepper_.t);
         until_look_ -= 1 + stepper_.rejected - rejected + events_.effort / 8;
-        if (until_look_ <= 0 && record_.look(stepper_.t, &until_look_)) return Status::interrupted;
+        if (until_look_ <= 0 && look()) return Status::interrupted;
       }
     }
     return Status::finished;
+  }
+
+  void count() {
+    stepper_.add_counts(counts_);
+    counts_.evaluations = rhs_.evaluations;
+  }
+
+  bool look() {
+    count();
+    return record_.look(stepper_.t, stepper_.state(), counts_, &until_look_);
   }
 
   // End of the next step of fixed size: a point of the grid, or the bound where that comes first or lies on it.

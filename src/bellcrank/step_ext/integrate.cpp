@@ -16,6 +16,7 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include "blocks.hpp"
 #include "interrupt.hpp"
 #include "problem.hpp"
 #include "tableaus.hpp"
@@ -33,12 +34,25 @@ void require(bool holds, const char* text) {
   if (!holds) throw std::invalid_argument(text);
 }
 
+// A copy of the entries from `from` on, which become `from`.
+template <class T>
+nb::object copied(const T* values, std::size_t end, std::size_t* from, std::size_t columns = 0) {
+  const std::size_t count = end - *from;
+  auto memory = std::make_unique<T[]>(count);
+  std::copy(values + *from, values + end, memory.get());
+  *from = end;
+  T* data = memory.release();
+  nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+  if (columns) return nb::cast(nb::ndarray<nb::numpy, T, nb::ndim<2>>(data, {count / columns, columns}, owner));
+  return nb::cast(nb::ndarray<nb::numpy, T, nb::ndim<1>>(data, {count}, owner));
+}
+
 class Result final : public Record {
  public:
-  Result(int n, double t0, int event_count, nb::object progress)
-      : n(n), watch(std::move(progress)), event_counts(event_count), last_events(event_count),
-        unresolved_count(event_count), undefined_count(event_count), unresolved_time(event_count),
-        undefined_time(event_count), last_step(t0) {
+  Result(int n, double t0, int event_count, nb::object progress, nb::object block, double block_seconds)
+      : n(n), watch(std::move(progress)), blocks(std::move(block), block_seconds), event_counts(event_count),
+        last_events(event_count), unresolved_count(event_count), undefined_count(event_count),
+        unresolved_time(event_count), undefined_time(event_count), last_step(t0) {
     steps.push_back(t0);
     more_steps();
   }
@@ -96,7 +110,12 @@ class Result final : public Record {
     end_time = t;
     end_state.assign(x, x + n);
   }
-  bool look(double t, std::int64_t* attempts) override { return watch.look(t, attempts); }
+  bool look(double t, const double* x, const Counts& now, std::int64_t* attempts) override {
+    if (watch.look(t, attempts)) return true;
+    if (!blocks.due()) return false;
+    nb::gil_scoped_acquire gil;
+    return !blocks.hand_over(block(t, x, now)) && watch.failed();
+  }
 
   static constexpr std::size_t room = 1024, most_steps = 100'000, most_events = 100'000;
   static constexpr std::int64_t least_events = 100;
@@ -104,9 +123,11 @@ class Result final : public Record {
   std::vector<double> time, state, end_state, steps, event_time, event_state;
   std::vector<int> event_index;
   double end_time = 0, seconds = 0, longest_step = 0;
+  std::chrono::steady_clock::time_point begun;
   Status status = Status::finished;
   Counts counts;
   Watch watch;
+  Blocks blocks;
   std::vector<std::int64_t> event_counts;
 
  private:
@@ -126,6 +147,42 @@ class Result final : public Record {
   std::int64_t number = 1;    // of the first of these; the start is step 0
   std::int64_t stride = 1;    // steps whose number is a multiple of it, a power of two, are kept
   double last_step;
+
+  struct Marks {
+    std::size_t time = 0, state = 0, event_index = 0, event_time = 0, event_state = 0;
+  } given;  // to Python already
+
+  // What was found since the last block; steps, which are thinned as they become more, and counts are all so far.
+  nb::object block(double t, const double* x, const Counts& now) {
+    nb::dict found;
+    const auto add = [&](const char* name, const auto& values, std::size_t* from, std::size_t columns = 0) {
+      found[name] = copied(values.data(), values.size(), from, columns);
+    };
+    const auto whole = [&](const char* name, const auto& values) {
+      std::size_t none = 0;
+      add(name, values, &none);
+    };
+    add("time", time, &given.time);
+    add("state", state, &given.state, n);
+    add("event_index", event_index, &given.event_index);
+    add("event_time", event_time, &given.event_time);
+    add("event_state", event_state, &given.event_state, n);
+    more_steps();
+    std::vector<double> ends(steps.begin(), steps.begin() + fresh);
+    if (ends.back() != last_step) ends.push_back(last_step);
+    whole("steps", ends);
+    whole("event_counts", event_counts);
+    whole("unresolved_count", unresolved_count);
+    whole("unresolved_time", unresolved_time);
+    whole("undefined_count", undefined_count);
+    whole("undefined_time", undefined_time);
+    whole("end_state", std::vector<double>(x, x + n));
+    found["end_time"] = t;
+    found["seconds"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+    found["longest_step"] = longest_step;
+    found["counts"] = nb::make_tuple(now.accepted, now.rejected, now.evaluations, now.jacobians, now.factorisations);
+    return found;
+  }
 
   void keep_event(int index, double t, const double* x) {
     event_index.push_back(index);
@@ -186,6 +243,7 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
                      const std::vector<SignalArguments>& signals, Vector stops, std::uintptr_t events,
                      const std::vector<bool>& terminal, const std::vector<int>& direction, std::uintptr_t jacobian,
                      std::uintptr_t tangent, int lanes, std::int64_t max_evaluations, nb::object progress,
+                     nb::object block, double block_seconds,
                      bool staged, std::uintptr_t fallback, std::uintptr_t project,
                      std::uintptr_t project_fallback, std::uintptr_t project_batch, int nq, int event_samples,
                      std::optional<Vector> weights) {
@@ -194,6 +252,7 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
   require(method == "RK4" || method == "RK45" || method == "DOP853" || method == "Radau", "integrate: unknown method");
   require(std::isfinite(t0) && std::isfinite(t1) && t1 >= t0, "integrate: t1 must be finite and not before t0");
   require(!weights || static_cast<int>(weights->shape(0)) == nq, "integrate: one weight a coordinate");
+  require(block.is_none() || block_seconds > 0, "integrate: blocks need a time between them");
   require(event_samples >= 2, "integrate: events need two samples a step or more");
   require(n > 0 && norm_size > 0 && norm_size <= n, "integrate: norm_size must be between 1 and the number of states");
   require(step > 0 || method != "RK4", "integrate: RK4 needs a step");
@@ -253,7 +312,8 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
   problem.event_count = static_cast<int>(terminal.size()), problem.event_samples = event_samples;
   problem.max_evaluations = max_evaluations;
 
-  auto made = std::make_unique<Result>(n, t0, problem.event_count, std::move(progress));
+  auto made =
+      std::make_unique<Result>(n, t0, problem.event_count, std::move(progress), std::move(block), block_seconds);
   Result& result = *made;
   if (!every_step) {
     result.time.reserve(times.shape(0));
@@ -266,7 +326,7 @@ nb::object integrate(std::uintptr_t rhs, const std::string& method, double t0, d
 #else
     const auto run = baseline::run;
 #endif
-    const auto begun = std::chrono::steady_clock::now();
+    const auto begun = result.begun = std::chrono::steady_clock::now();
     result.status = run(method.c_str(), problem, result, result.counts);
     result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   }
@@ -352,7 +412,8 @@ void bind_integrate(nb::module_& m) {
   m.def("integrate", &integrate, "rhs"_a, "method"_a, "t0"_a, "t1"_a, "x0"_a, "p"_a, nb::kw_only(), "norm_size"_a,
         "rtol"_a, "atol"_a, "step"_a = 0.0, "first_step"_a = 0.0, "max_step"_a = HUGE_VAL, "times"_a, "every_step"_a,
         "unit"_a, "signals"_a, "stops"_a, "events"_a, "terminal"_a, "direction"_a, "jacobian"_a, "tangent"_a,
-        "lanes"_a, "max_evaluations"_a, "progress"_a.none(), "staged"_a = false, "fallback"_a = 0,
+        "lanes"_a, "max_evaluations"_a, "progress"_a.none(), "block"_a.none() = nb::none(),
+        "block_seconds"_a = 0.0, "staged"_a = false, "fallback"_a = 0,
         "project"_a = 0, "project_fallback"_a = 0, "project_batch"_a = 0, "nq"_a = 0, "event_samples"_a = 8,
         "weights"_a.none() = nb::none());
 }

@@ -34,7 +34,12 @@ class Watch {
     return false;
   }
 
-  bool interrupted() const { return interrupted_; }
+  // Called with the GIL, where Python raised: keeps the error, unless it is Ctrl-C. True: the run has to stop.
+  bool failed() {
+    if (PyErr_ExceptionMatches(PyExc_KeyboardInterrupt)) PyErr_Clear();
+    else error_ = raised();
+    return true;
+  }
 
   // Raises what signal handlers or `progress` raised, unless it was Ctrl-C.
   void raise() {
@@ -51,18 +56,7 @@ class Watch {
   nanobind::object progress_;
   Clock::time_point last_look_ = Clock::now(), last_call_ = last_look_, last_progress_ = last_look_;
   std::int64_t count_ = 1;
-  bool interrupted_ = false;
   PyObject* error_ = nullptr;
-
-  bool failed() {
-    if (PyErr_ExceptionMatches(PyExc_KeyboardInterrupt)) {
-      PyErr_Clear();
-      interrupted_ = true;
-    } else {
-      error_ = raised();
-    }
-    return true;
-  }
 
   static PyObject* raised() {
 #if PY_VERSION_HEX >= 0x030C0000

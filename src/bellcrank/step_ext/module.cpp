@@ -48,6 +48,7 @@ nb::object evaluate(std::uintptr_t address, nb::tuple inputs, nb::tuple input_si
 }  // namespace
 
 NB_MODULE(_step, m) {
+  nb::set_leak_warnings(false);  // an error that ends the program may hold a result until after the interpreter
   m.def("evaluate", &evaluate);
   bellcrank::bind_integrate(m);
 }

@@ -67,7 +67,8 @@ class Record {
   virtual void unresolved(int index, double t) = 0;               // crossings may be missed in the step from t on
   virtual void undefined(int index, double t) = 0;                // its function is not a number in this step, first at t
   virtual void end(double t, const double* x) = 0;
-  virtual bool look(double t, std::int64_t* attempts) = 0;        // true: stop; attempts until the next look
+  // Between steps, at time t and state x; true: stop. `attempts` becomes the number of them until the next look.
+  virtual bool look(double t, const double* x, const Counts& counts, std::int64_t* attempts) = 0;
 
  protected:
   ~Record() = default;

@@ -11,7 +11,6 @@ import os
 import platform
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -28,6 +27,7 @@ from bellcrank.machine_code.graph import Graph
 from bellcrank.machine_code.vector_math import Lanes, sincos
 from bellcrank.robot.load import load_robot
 from bellcrank.robot.robot import Robot
+from bellcrank.temporaries import temporary_folder
 from bellcrank.validation import peers
 
 Array = NDArray[np.float64]
@@ -164,8 +164,8 @@ def first_use(name: str) -> dict[str, float]:
         "r.inverse_dynamics(numpy.tile(r.neutral, (16, 1)), numpy.zeros((16, r.nv)), numpy.zeros((16, r.nv)))\n"
         "print(time.perf_counter() - t)\n"
     )
-    with tempfile.TemporaryDirectory() as folder:
-        environment = {**os.environ, "BELLCRANK_CACHE": folder}
+    with temporary_folder("bench") as folder:
+        environment = {**os.environ, "BELLCRANK_CACHE": str(folder)}
         times = []
         for _ in range(2):
             done = subprocess.run(

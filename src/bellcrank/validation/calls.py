@@ -10,7 +10,6 @@ import ctypes
 import re
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +22,7 @@ from bellcrank.machine_code import machine
 from bellcrank.machine_code.compile import Compiled
 from bellcrank.robot.load import load_robot
 from bellcrank.robot.robot import Robot
+from bellcrank.temporaries import temporary_folder
 from bellcrank.urdf.catalog import find_urdf
 from bellcrank.urdf.xml_tree import read_text
 from bellcrank.validation import peers
@@ -150,8 +150,8 @@ def _without_mimics(name: str) -> Robot:
     robot = load_robot(name, gravity, floating_base=name.startswith(FLOATING), friction="none")
     if not robot.mimics():
         return robot
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"{name}.urdf"
+    with temporary_folder("bench") as folder:
+        path = folder / f"{name}.urdf"
         path.write_text(_MIMIC.sub("", read_text(find_urdf(name))), encoding="utf-8")
         independent = load_robot(path, gravity, floating_base=name.startswith(FLOATING), friction="none")
         independent.dynamics("forward_dynamics").address("scalar")  # traced and compiled while the file is there
@@ -198,8 +198,8 @@ def _c_library() -> ctypes.CDLL:
     if compiler is None:
         raise BellcrankError("no C compiler: install gcc or cc")
     headers = Path(__file__).with_name("hand_c")
-    with tempfile.TemporaryDirectory() as folder:
-        source, built = Path(folder) / "rhs.c", Path(folder) / "rhs.so"
+    with temporary_folder("bench") as folder:
+        source, built = folder / "rhs.c", folder / "rhs.so"
         source.write_text(_WRAPPER, encoding="utf-8")
         command = [compiler, *FLAGS, f"-I{headers}", "-shared", "-fPIC", str(source), "-o", str(built), "-lm"]
         done = subprocess.run(command, capture_output=True, text=True, check=False)

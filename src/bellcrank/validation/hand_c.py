@@ -8,13 +8,13 @@ from __future__ import annotations
 import ctypes
 import shutil
 import subprocess
-import tempfile
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 from bellcrank.errors import BellcrankError
+from bellcrank.temporaries import temporary_folder
 from bellcrank.validation.bench_problem import OUTPUTS, Outcome, Problem
 
 FLAGS = ("-O3", "-march=native", "-fno-math-errno")
@@ -65,8 +65,8 @@ def _library(chosen: Problem) -> ctypes.CDLL:
     if compiler is None:
         raise BellcrankError("no C compiler: install gcc or cc")
     source = Path(__file__).with_name("hand_c") / "integrate.c"
-    with tempfile.TemporaryDirectory() as folder:
-        built = Path(folder) / f"{chosen.name}.so"
+    with temporary_folder("bench") as folder:
+        built = folder / f"{chosen.name}.so"
         command = [
             compiler, *FLAGS, f'-DSCENE="{chosen.name}.h"', "-shared", "-fPIC", str(source), "-o", str(built), "-lm",
         ]  # fmt: skip

@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import tempfile
 import time
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from bellcrank.errors import BellcrankError
+from bellcrank.temporaries import temporary_folder
 from bellcrank.validation.bench_problem import Outcome, Problem, Run
 from bellcrank.validation.hand_c import NOTE, HandWritten
 from bellcrank.validation.work_precision import HAND, OWN, PROJECTED
@@ -104,8 +104,8 @@ def first_run(problem: Problem) -> dict[str, float]:
         "bellcrank.simulate(scene, solver='DOP853', rtol=1e-8, atol=1e-8)\n"
         "print(time.perf_counter() - begun)\n"
     )
-    with tempfile.TemporaryDirectory() as folder:
-        environment, seconds = {**os.environ, "BELLCRANK_CACHE": folder}, []
+    with temporary_folder("bench") as folder:
+        environment, seconds = {**os.environ, "BELLCRANK_CACHE": str(folder)}, []
         for _ in range(2):
             command = [sys.executable, "-c", script]
             done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)

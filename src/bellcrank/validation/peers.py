@@ -5,9 +5,7 @@ from __future__ import annotations
 import ctypes
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +14,7 @@ from numpy.typing import NDArray
 from bellcrank.machine_code import machine
 from bellcrank.machine_code.vector_math import Lanes
 from bellcrank.robot.robot import Robot
+from bellcrank.temporaries import temporary_folder
 
 Array = NDArray[np.float64]
 
@@ -65,8 +64,7 @@ def generated_c(
     import casadi
 
     function = robot.equations.dynamics(algorithm)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary_folder("bench") as folder:
         generator = casadi.CodeGenerator(f"{algorithm}.c")
         generator.add(function)
         generator.generate(f"{folder}/")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import atexit
 import hashlib
 import shutil
-import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.simulation.simulate import simulate
 from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.temporaries import new_folder
 
 Array = NDArray[np.float64]
 
@@ -91,6 +91,6 @@ def ended(run: Trajectory) -> Figure:
 
 @cache
 def _folder() -> Path:
-    path = Path(tempfile.mkdtemp(prefix="bellcrank-problems-"))
+    path = new_folder("problems")
     atexit.register(shutil.rmtree, path, ignore_errors=True)
     return path

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from typing import Final
 
 from bellcrank.errors import BellcrankError, InputError, among
 from bellcrank.simulation.simulate import simulate
+from bellcrank.temporaries import temporary_folder
 from bellcrank.validation import (
     problem_cart_pole,
     problem_closed,
@@ -114,8 +114,8 @@ def _fresh_once(statement: str) -> float:
     script = (
         f"import time\nbegun = time.perf_counter()\nimport bellcrank\n{statement}\nprint(time.perf_counter() - begun)\n"
     )
-    with tempfile.TemporaryDirectory() as folder:
-        environment = {**os.environ, "BELLCRANK_CACHE": folder}
+    with temporary_folder("bench") as folder:
+        environment = {**os.environ, "BELLCRANK_CACHE": str(folder)}
         command = [sys.executable, "-c", script]
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     if done.returncode:

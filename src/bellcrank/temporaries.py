@@ -1,0 +1,130 @@
+"""Temporary files and folders whose names say which process made them, so that what killed processes left can go.
+
+A name holds the machine, the number of the process and when that was started. The next process that makes one in the
+same folder removes those of its own user whose process is gone. Where the machine is another one (a shared folder), a
+process cannot be looked for: there they are removed when they are older than a day.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import secrets
+import shutil
+import stat
+import tempfile
+import time
+import zlib
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+OLD = 86_400.0  # s
+_MARK = re.compile(r"(?P<host>[0-9a-f]{8})-(?P<pid>\d{1,10})-(?P<start>\d{1,20})")
+_NAME = re.compile(r"\.?bellcrank-(?P<kind>[a-z]+)-(?P<mark>[0-9a-f]{8}-\d+-\d+)-[0-9a-f]{8}(?:\.\w{1,15})?\Z")
+_SUFFIX = re.compile(r"\.\w{1,15}")
+_LASTING = ("show",)  # pages that a browser may still read when the process is gone
+_cleaned: set[str] = set()
+
+
+def own_mark() -> str:
+    """What says in a name, or in a file, that this process made it."""
+    pid = os.getpid()
+    return f"{_host()}-{pid}-{_started(pid) or 0}"
+
+
+def is_running(mark: str) -> bool | None:
+    """Whether the process of a mark runs; None where it is one of another machine, or no mark."""
+    found = _MARK.fullmatch(mark)
+    if found is None or found["host"] != _host():
+        return None
+    started = _started(int(found["pid"]))
+    return started is not None and started == int(found["start"])
+
+
+def new_file(folder: Path, suffix: str) -> Path:
+    """Make an empty temporary file in a folder, with the permissions that new files have. Raises OSError."""
+    remove_left(folder)
+    ending = suffix if _SUFFIX.fullmatch(suffix) else ""
+    path = folder / f".{_new_name('file')}{ending}"
+    os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+    return path
+
+
+def new_folder(kind: str, within: Path | None = None) -> Path:
+    """Make a temporary folder that only this user can read, in the system's folder for such unless `within` is given;
+    `kind` is one word of small letters. Raises OSError.
+    """
+    where = Path(tempfile.gettempdir()) if within is None else within
+    remove_left(where)
+    path = where / f"{'' if within is None else '.'}{_new_name(kind)}"
+    path.mkdir(0o700 if within is None else 0o777)
+    return path
+
+
+@contextlib.contextmanager
+def temporary_folder(kind: str) -> Iterator[Path]:
+    """A temporary folder of this user for as long as the block lasts. Raises OSError."""
+    path = new_folder(kind)
+    try:
+        yield path
+    finally:
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def remove_left(folder: Path) -> None:
+    """Remove from a folder what killed processes of this user left in it; looks once a process."""
+    key = os.path.realpath(folder)
+    if key in _cleaned:
+        return
+    _cleaned.add(key)
+    with contextlib.suppress(OSError), os.scandir(key) as entries:
+        for entry in entries:
+            found = _NAME.match(entry.name)
+            if found is not None:
+                _remove(entry, found["kind"], found["mark"])
+
+
+def _remove(entry: os.DirEntry[str], kind: str, mark: str) -> None:
+    with contextlib.suppress(OSError):
+        facts = entry.stat(follow_symlinks=False)
+        running = None if kind in _LASTING else is_running(mark)
+        if facts.st_uid != os.geteuid() or running or (running is None and time.time() - facts.st_mtime < OLD):
+            return
+        if stat.S_ISDIR(facts.st_mode):
+            shutil.rmtree(entry.path, ignore_errors=True)
+        elif stat.S_ISREG(facts.st_mode):
+            Path(entry.path).unlink()
+
+
+def _new_name(kind: str) -> str:
+    return f"bellcrank-{kind}-{own_mark()}-{secrets.token_hex(4)}"
+
+
+@cache
+def _host() -> str:
+    """The machine, or the container, in which process numbers mean something: 8 hexadecimal digits."""
+    space = ""
+    with contextlib.suppress(OSError):
+        space = str(Path("/proc/self/ns/pid").readlink())
+    return f"{zlib.crc32(f'{os.uname().nodename} {space}'.encode()):08x}"
+
+
+def _started(pid: int) -> int | None:
+    """When a process was started, in ticks of the kernel's clock; 0 where the system does not say; None: it is gone."""
+    try:
+        text = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
+        return int(text.rpartition(")")[2].split()[19])
+    except FileNotFoundError:
+        if Path("/proc/self/stat").exists():
+            return None
+    except (OSError, ValueError, IndexError):
+        pass
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return None
+    except OSError:
+        pass
+    return 0
