@@ -27,7 +27,7 @@ MADE_BY = {
     "Sizing": "size",
     "Sweep": "sweep",
 }
-ERRORS = ("BellcrankError", "InputError", "UnreachableError", "CompileError")
+ERRORS = ("BellcrankError", "InputError", "NotSavedError", "UnreachableError", "CompileError")
 # What a message may call an argument, besides its own name.
 WORDS = {
     "name": ("joint", "frame", "link", "motion", "measure", "closure", "output", "motor", "column"),
@@ -249,7 +249,8 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         **of(closed_run, closure={"name": "apex"}, closure_rank={"row": 1}),
         **of(run, constraint_residual={}, energy_drift={}, equation_residual={}, error_estimate={},
              frame={"name": "P1"}, joint={"name": "swing"}, output={"name": "energy"},
-             plot={"path": None, "frame": "P1"}, remember_estimate={"value": 1e-9}, save={"path": "r.npz"}, summary={},
+             plot={"path": None, "frame": "P1"}, part={"rows": slice(0, 1)}, parts={},
+             remember_estimate={"value": 1e-9}, remember_origin={"file": "r.npz"}, save={"path": "r.npz"}, summary={},
              to_csv={"path": "r.csv"}, velocity_residual={}),
         **of(swept, column={"measure": "end.time"}, grid={"measure": "end.time"},
              plot={"path": None, "measures": ["end.time"]}, table={"measures": ["end.time"]}, to_csv={"path": "w.csv"},

@@ -139,7 +139,7 @@ def test_bad_input_is_one_sentence_exit_2_and_no_file(arm, capsys, file, old, ne
         (["size", "arm.yaml", "--motion", "jump"], "jump"),
         (["size", "arm.yaml", "--motion", "jump.csv"], "jump.csv"),
         (["size", "arm.yaml", "--payload", "tip"], "MASS@FRAME"),
-        (["size", "arm.yaml", "--payload=-1@tip"], "positive"),
+        (["size", "arm.yaml", "--payload=-1@tip"], "more than 0"),
         (["size", "arm.yaml", "--payload", "1@hand"], "hand"),
         (["size", "arm.yaml", "--mass-tolerance", "150%"], "150%"),
         (["size", "arm.yaml", "--out", "arm.urdf/below"], "arm.urdf"),

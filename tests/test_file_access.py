@@ -119,14 +119,15 @@ def test_a_pipe_on_the_command_line_is_refused_at_once(
 
 def test_the_own_folder_what_is_below_and_what_lies_beside_may_be_named(project: Path) -> None:
     access = FileAccess.of(project / "robots" / "scene.yaml")
-    for name in ("a", "b/c", "./a", "b/../a", "../urdf/x.urdf", "../robots/a", ".hidden/a", "../../project/urdf/a"):
+    for name in ("a", "b/c", "./a", "b/../a", "../urdf/x.urdf", "../robots/a", ".hidden/a", "../../project/urdf/a",
+                 str(project / "robots/a"), str(project / "robots/b/c")):  # fmt: skip
         assert access.path(name).resolve().is_relative_to(project)
     (project / "robots" / "link").symlink_to(project.parent / "private")
     (project / "robots" / "near").symlink_to(project / "urdf")
     assert access.path("near/x.urdf")
     refused = (
         "../../private/x.urdf", "../../gone", "../..", "../.git/config", "../.gone", "/etc/passwd", "link/x.urdf",
-        "link/gone", str(project / "robots/a"), "~/a", "a\0b",
+        "link/gone", str(project / "urdf/x.urdf"), str(project / "robots/link/x.urdf"), "~/a", "a\0b",
     )  # fmt: skip
     for name in refused:
         with pytest.raises(InputError, match=r"is not read: expected a relative path to a file in .*--trust DIR"):

@@ -73,7 +73,7 @@ BROKEN = {
     "line break in a name": (robot('<link name="a&#10;b"/>'), "the <link> in line 2 has control characters"),
     "line break in a reference": (
         tree().replace('parent link="a"', 'parent link="a&#10;b"'),
-        "there is no link 'a b'",
+        r"there is no link 'a\nb'",
     ),
     "link twice": (
         robot(LINKS + '\n<link name="b"/>' + joint() + SECOND),

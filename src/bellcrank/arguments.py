@@ -249,8 +249,8 @@ def subject(name: str, value: Any, what: str) -> Any:
 
 
 def robot(value: Any, name: str = "robot") -> Any:
-    """A robot, or what stands for one: it has joints and makes postures."""
-    if not (hasattr(value, "joints") and hasattr(value, "posture")):
+    """A robot, or what stands for one: it has joints with ranges."""
+    if not (hasattr(value, "joints") and hasattr(value, "lower")):
         refuse(name, "a robot", value, remedy="bc.load_robot(PATH or NAME) makes one")
     return value
 

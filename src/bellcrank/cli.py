@@ -113,7 +113,7 @@ def _command(given: list[str]) -> int:
         sys.stdout.flush()
         return status
     except BellcrankError as error:
-        print(f"bellcrank: {one_line(str(error))}", file=sys.stderr)
+        print(f"bellcrank: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return _interrupted()

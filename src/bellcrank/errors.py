@@ -6,16 +6,19 @@ import difflib
 from collections.abc import Iterable
 from typing import Any
 
+from bellcrank.locale_text import one_line
 from bellcrank.printable import printable
 
 LONGEST_NAME = 200  # characters of an unknown name that a message repeats
 
 
 class BellcrankError(Exception):
-    """Base of all errors of bellcrank: the text names what is wrong, where, and what to do; it is safe to print."""
+    """Base of all errors of bellcrank: the text names what is wrong, where, and what to do; it is one line, safe to
+    print, and without the middle of a very long one.
+    """
 
     def __str__(self) -> str:
-        return printable(super().__str__())
+        return printable(one_line(super().__str__()))
 
 
 class InputError(BellcrankError):

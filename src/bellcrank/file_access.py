@@ -1,8 +1,8 @@
 """Reading files, and which files another file may name.
 
 A file that the user names, on the command line or as a Python argument, is read wherever it is. A file that is named
-inside a file must be given by a relative path. It must lie, symbolic links resolved, in the folder of the file that
-names it, below that, or beside it: below the folder above, without hidden names, unless that is a folder of many
+inside a file must lie, symbolic links resolved, in the folder of the file that names it, or below that; or, where it is
+named by a relative path, beside it: below the folder above, without hidden names, unless that is a folder of many
 things (a home, its Downloads, Documents and Desktop, a temporary folder, the root of the file system). The package's
 own data and example-robot-data can be named by anyone. Everything else is refused without being looked at, and allowed
 by --trust DIR, BELLCRANK_TRUST or `trust=`. What a saved run names must lie in its own folder or below.
@@ -159,24 +159,28 @@ class FileAccess:
         return _resolved(path) or path if ".." in path.parts else path
 
     def allows(self, path: Path, absolute: bool = False) -> bool:
-        """Whether a file may be named; one that is named by an `absolute` path must be data, or trusted."""
+        """Whether a file may be named; one that is named by an `absolute` path must lie in the own folder or below,
+        or be data, or trusted.
+        """
         found = _resolved(path)
         if found is None:
             return False
-        if not absolute and self._is_near(found):
+        if self._is_near(found, beside=not absolute):
             return True
         if any(found.is_relative_to(folder) for folder in self.trusted):
             return True
         return any(found.is_relative_to(folder) for folder in _data_folders(tuple(sys.path)))
 
-    def _is_near(self, path: Path) -> bool:
-        own, beside = self._roots
+    def _is_near(self, path: Path, beside: bool) -> bool:
+        own, above = self._roots
         if own is not None and path.is_relative_to(own):
             inside = path.relative_to(own).parts
             if own == Path(own.anchor):
                 return len(inside) == 1
             return not (_is_shared(own) and _hidden(inside))
-        return beside is not None and path.is_relative_to(beside) and not _hidden(path.relative_to(beside).parts)
+        if not beside or above is None:
+            return False
+        return path.is_relative_to(above) and not _hidden(path.relative_to(above).parts)
 
     @cached_property
     def _roots(self) -> tuple[Path | None, Path | None]:

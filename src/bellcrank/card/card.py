@@ -108,7 +108,11 @@ def load_card(path_or_name: str | Path, *, trust: Trust = ()) -> Card:
 
 def find_card(path_or_name: str | Path) -> tuple[Path, bool]:
     """The file that a path or a name stands for, and whether it is a URDF rather than a card. Raises InputError."""
-    path = arguments.path("path_or_name", path_or_name, "the path of a scene, card or URDF, or the name of a robot")
+    path = arguments.path(
+        "path_or_name",
+        path_or_name,
+        "the path of a scene, card or URDF, or the name of a robot, as bc.load_scene takes",
+    )
     text = str(path_or_name)
     if path.suffix.lower() in (".yaml", ".yml"):
         return path, False

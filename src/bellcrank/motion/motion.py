@@ -18,7 +18,7 @@ from bellcrank.derived import Portable, cached_property
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import Array, JointLike, continuous, from_rates, rates, sizes, velocity_labels
 from bellcrank.motion.hermite import quintic
-from bellcrank.motion.scale import check_size, check_times
+from bellcrank.motion.scale import LONGEST, check_size, check_times
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -249,7 +249,7 @@ def dwell(
     InputError.
     """
     title = f"motion '{arguments.text('name', name, empty=True)}'"
-    duration = arguments.number("duration", duration, "s", above=0.0, where=title)
+    duration = arguments.number("duration", duration, "s", above=0.0, most=LONGEST, where=title)
     arguments.robot(robot)
     if position is None:
         arguments.refuse("position", "a posture: a mapping of joints to numbers, or a list of them", position, title)

@@ -66,7 +66,13 @@ class Trajectory(Portable):
     # ---- rows
 
     def part(self, rows: slice | NDArray[np.intp]) -> Trajectory:
-        """Some rows of the run, as a run."""
+        """Some rows of the run, as a run; a slice, or whole numbers."""
+        if not isinstance(rows, slice):
+            expected = "a slice, or a list of rows of the run"
+            numbers = arguments.instance("rows", rows, np.ndarray, expected)
+            known = numbers.dtype.kind == "i" and numbers.ndim == 1 and not np.ma.is_masked(numbers)
+            if not known or numbers.min(initial=0) < 0 or numbers.max(initial=0) >= len(self):
+                arguments.refuse("rows", expected, rows)
         found = replace(self, time=self.time[rows], state=self.state[rows])
         if "_observed" in vars(self):  # known: not to be computed again
             vars(found)["_observed"] = tuple(each[rows] for each in self._observed)
@@ -389,7 +395,7 @@ class Trajectory(Portable):
 
     def remember_origin(self, file: Path) -> None:
         """Keep what file the run was loaded from."""
-        vars(self)["_origin"] = file
+        vars(self)["_origin"] = arguments.path("file", file, "the path of a file")
 
     @property
     def known_estimate(self) -> float | None:
