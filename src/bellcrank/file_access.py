@@ -194,12 +194,14 @@ def trusted_folders(trust: Trust = ()) -> tuple[Path, ...]:
     """The folders that an argument names, and those of BELLCRANK_TRUST. Raises InputError where the argument is no
     folder.
     """
-    given = [trust] if isinstance(trust, (str, Path)) else list(trust)
+    from bellcrank import arguments  # which reads nothing, but stands on what does
+
     found = []
-    for each in given:
-        path = Path(each).expanduser()
+    given = [trust] if isinstance(trust, (str, Path)) else trust
+    for each in arguments.several("trust", given, object, "folders"):
+        path = arguments.path("trust", each, "a folder whose files may be read").expanduser()
         if not path.is_dir():
-            raise InputError(f"trust: {each}: there is no such folder; name the folder whose files may be read")
+            raise InputError(f"argument 'trust': {path}: there is no such folder; name one whose files may be read")
         found.append(path.resolve())
     for text in os.environ.get(TRUST, "").split(os.pathsep):
         if text.strip() and (resolved := _resolved(Path(text).expanduser())) is not None:

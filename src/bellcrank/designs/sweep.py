@@ -178,8 +178,9 @@ def sweep(
     vary = arguments.mapping("vary", vary, "a mapping of parameters to their values")
     if threads is not None:
         threads = arguments.whole("threads", threads, least=1, most=MOST_THREADS)
-    if progress is not None:
-        arguments.function("progress", progress, "a function of the designs done and all")
+    for name, called in (("progress", progress), ("checking", checking), ("keep", keep)):
+        if called is not None:
+            arguments.function(name, called)
     if not vary:
         raise InputError(f"sweep of {scene.name}: expected at least one parameter to vary, found none")
     axes = tuple(read_axis(scene, path, values) for path, values in vary.items())

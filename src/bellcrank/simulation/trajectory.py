@@ -423,6 +423,8 @@ class Trajectory(Portable):
         """
         from bellcrank.simulation.run_csv import write_run_csv
 
+        if progress is not None:
+            arguments.function("progress", progress, "a function of the number of rows written")
         return write_run_csv(self, arguments.path("path", path, "the path of a file"), progress)
 
     def plot(self, path: str | Path | None = None, frame: str | None = None) -> Any:
