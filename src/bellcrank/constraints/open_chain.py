@@ -16,14 +16,13 @@ from bellcrank.dynamics.inverse import InverseEquations
 from bellcrank.errors import InputError, among
 from bellcrank.motion.csv_file import read_motion
 from bellcrank.motion.motion import Motion
-from bellcrank.robot.robot import Robot, RobotJoint
+from bellcrank.robot.robot import BLOCK_NUMBERS, LARGEST_WHOLE, Robot, RobotJoint
 
 if TYPE_CHECKING:
     from bellcrank.machine_code.compile import Compiled
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
-BLOCK_NUMBERS = 4_000_000  # of mass matrices in memory at a time
 
 
 class OpenChain:
@@ -90,6 +89,8 @@ class OpenChain:
 
     def inertia(self, t: Array, q: Array) -> Array:
         """M_ii (n, k), rotors in it."""
+        if self.robot.nv > LARGEST_WHOLE and not self.equations.sets_tree:
+            return self.robot.inertia_diagonal(q)
         rows = max(1, BLOCK_NUMBERS // self.robot.nv**2)
         blocks = (self.equations.mass_matrix(q[first : first + rows]) for first in range(0, len(q), rows))
         diagonal = [np.diagonal(block, axis1=-2, axis2=-1)[:, self._columns] for block in blocks]

@@ -20,6 +20,7 @@ from bellcrank.machine_code import cache as disk
 from bellcrank.machine_code.compile import Compiled, compiled
 from bellcrank.robot.equations import Equations
 from bellcrank.robot.friction import Friction, checked_friction, friction_coefficients
+from bellcrank.robot.inertias import inertia_diagonal
 from bellcrank.robot.payload import Payload
 from bellcrank.robot.tree import FrameTable, Tree
 
@@ -297,6 +298,24 @@ class Robot(Portable):
         columns = code(np.tile(q, (self.nv, 1)), np.eye(self.nv))
         return np.asarray(0.5 * (columns + columns.T))  # symmetric but for rounding
 
+    def inertia_diagonal(self, q: Any) -> Array:
+        """The diagonal M_kk (k,) or (n, k) of the mass matrix for the joints of one degree of freedom, rotors included.
+
+        Of more than LARGEST_WHOLE joints it takes work and memory that grow with their number only
+        (robot/inertias.py), unless joints mimic others.
+        """
+        (q,) = self._states(_QVA, q)
+        if self.nv <= LARGEST_WHOLE or self._tree.mimics:
+            columns = [joint.v for joint in self.joints if joint.nv == 1]
+            rows = max(1, BLOCK_NUMBERS // max(1, self.nv) ** 2)
+            states = np.atleast_2d(q)
+            blocks = [self.mass_matrix(states[first : first + rows]) for first in range(0, len(states), rows)]
+            diagonal = [np.diagonal(block, axis1=-2, axis2=-1)[:, columns] for block in blocks]
+            found = np.concatenate([np.zeros((0, len(columns))), *diagonal])
+            return found if q.ndim == 2 else np.asarray(found[0])
+        code = self._code("inertia_diagonal", lambda: inertia_diagonal(self._tree))
+        return self._told("an inertia", code(q))
+
     def gravity_torque(self, q: Any) -> Array:
         """The torques (nv,) or (n, nv) that hold the robot at rest at q, N m or N."""
         code = self._code("gravity_torque", self.equations.gravity_torque)
@@ -473,6 +492,7 @@ class Robot(Portable):
 
 _NONE: Array = np.zeros(0)
 LARGEST_WHOLE = 60  # joints up to which the mass matrix is one expression
+BLOCK_NUMBERS = 4_000_000  # of mass matrices in memory at a time
 _DOUBLE = np.dtype(np.float64)
 _QVA, _QVTAU = ("q", "v", "a"), ("q", "v", "tau")
 

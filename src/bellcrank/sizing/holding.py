@@ -3,7 +3,8 @@
 The potential energy is affine in (cos q_i, sin q_i) of every revolute joint and in every prismatic q_i, so a
 gravity torque along one coordinate is A + B cos q_i + C sin q_i, or A + B q_i, and its largest magnitude over
 a range is known in closed form from three (two) values. Coordinates are maximised in turn, from many seeded
-starts at once.
+starts at once. Of more than MANY joints each sweep over the coordinates is a pass along the tree (holding_passes.py);
+where joints mimic others or parameters set masses, so that it is not, there are fewer starts, which a note says.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.sizing.holding_passes import UNSETTLED, HoldingPasses
 from bellcrank.sizing.holding_tolerance import worst_of_masses
 
 if TYPE_CHECKING:
@@ -30,6 +32,8 @@ STARTS = 24  # postures to start from, for each joint and each sign
 SWEEPS = 60  # at most, over all coordinates
 ROUGH = 6  # sweeps after which only the best KEPT starts of each joint go on
 KEPT = 6
+MANY = 40  # joints: of more, passes along the tree are faster than evaluations of all torques
+BLOCK_NUMBERS = 1_000_000  # of postures whose torques are in memory at a time
 GRID = 49  # points along a coordinate that others follow (mimic), where no closed form holds
 
 
@@ -69,6 +73,17 @@ def holding_torques(
     joints = tuple(joint for joint in robot.joints if joint.nv == 1)
     count = len(joints)
     lower, upper, notes = joint_ranges(robot, joints)
+    if count < len(robot.joints):
+        notes += ("holding torques are for the neutral posture of the base",)
+    if count > MANY and statics is robot and not robot.mimics():
+        return _by_passes(robot, joints, (lower, upper), notes, starts, seed, mass_tolerance)
+    if count > MANY:
+        fewer = max(1, starts * MANY // count)
+        notes += (
+            f"holding torques of {count} joints, some of which mimic others or have parameters, are searched from "
+            f"{2 * fewer} postures a joint instead of {2 * starts}: larger ones may exist",
+        )
+        starts = fewer
     leaders = {leader for _, leader, _, _ in robot.mimics()}
     generator = np.random.default_rng(seed)
     places = [joint.q for joint in joints]
@@ -77,8 +92,12 @@ def holding_torques(
     def torque(postures: Array, rows: Rows) -> Array:
         """Signed gravity torque of each row's own joint; postures (r, m, nq) -> (r, m)."""
         count, m, nq = postures.shape
-        every = np.asarray(statics.gravity_torque(postures.reshape(count * m, nq))).reshape(count, m, -1)
-        return np.asarray(sign[rows, None] * every[np.arange(count), :, columns[target[rows]]])
+        own, found, step = columns[target[rows]], np.empty((count, m)), max(1, BLOCK_NUMBERS // (m * nq))
+        for first in range(0, count, step):
+            block, here = postures[first : first + step], own[first : first + step]
+            every = np.asarray(statics.gravity_torque(block.reshape(-1, nq))).reshape(len(block), m, -1)
+            found[first : first + step] = every[np.arange(len(block)), :, here]
+        return np.asarray(sign[rows, None] * found)
 
     # One row for each (joint to maximise, sign, start): `target` and `sign` say which.
     target = np.repeat(np.arange(count), 2 * starts)
@@ -111,8 +130,6 @@ def holding_torques(
             break
     table = value.reshape(count, 2 * starts)
     best = table.argmax(axis=1)
-    if count < len(robot.joints):
-        notes += ("holding torques are for the neutral posture of the base",)
     result = np.maximum(table[np.arange(count), best], 0.0)
     posture = q.reshape(count, 2 * starts, -1)[np.arange(count), best]
     if mass_tolerance > 0.0:
@@ -122,6 +139,32 @@ def holding_torques(
             robot, statics, joints, leaders, (lower, upper), starts_of, mass_tolerance, generator
         )
     return Holding(tuple(joint.name for joint in joints), result, posture, notes)
+
+
+def _by_passes(
+    robot: Robot,
+    joints: tuple[RobotJoint, ...],
+    ranges: tuple[Array, Array],
+    notes: tuple[str, ...],
+    starts: int,
+    seed: int,
+    mass_tolerance: float,
+) -> Holding:
+    search = HoldingPasses(robot, joints, *ranges, mass_tolerance)
+    found = search.worst(starts, SWEEPS, ROUGH, KEPT, np.random.default_rng(seed))
+    names = tuple(joint.name for joint in joints)
+    if mass_tolerance > 0.0:
+        notes += (
+            f"holding torques of {len(joints)} joints within a mass tolerance are searched with masses and coordinates "
+            "in turn: larger ones may exist",
+        )
+    rising = [name for name, share in zip(names, found.rising, strict=True) if share > UNSETTLED]
+    if rising:
+        notes += (
+            f"the search for the holding torques of {len(rising)} joints ('{rising[0]}' among them) ended after "
+            f"{SWEEPS} sweeps, the last of which still raised them, by up to {100.0 * found.rising.max():.2g} %",
+        )
+    return Holding(names, found.torque, found.posture, notes)
 
 
 def _dependence(robot: Robot, statics: Statics, places: list[int], samples: Array) -> NDArray[np.bool_]:

@@ -30,7 +30,8 @@ ROUGH = 3  # sweeps after which only the best KEPT starts of each joint go on
 KEPT = 4
 GRID = 64  # points along one coordinate at which the shares, known in closed form, are compared
 LEADER_GRID = 33  # points along a coordinate that others follow (mimic), where no closed form holds
-BATCH = 4096  # postures whose shares are evaluated at once
+BATCH = 4096  # postures whose shares are evaluated at once, at most
+BLOCK_NUMBERS = 4_000_000  # shares in memory at a time
 
 
 def worst_of_masses(
@@ -58,11 +59,13 @@ def worst_of_masses(
     target = np.repeat([joint.v for joint in joints], each)
     q = q.reshape(count * each, -1)
 
+    batch = max(1, min(BATCH, BLOCK_NUMBERS // max(1, np.size(statics.link_gravity_torques(q[:1])))))
+
     def shares(postures: Array, rows: NDArray[np.intp]) -> Array:
         """Shares (r, links) of the rows' own joints' torques at postures (r, nq), times the rows' signs."""
         parts = []
-        for k in range(0, len(rows), BATCH):
-            some = slice(k, k + BATCH)
+        for k in range(0, len(rows), batch):
+            some = slice(k, k + batch)
             every = np.asarray(statics.link_gravity_torques(postures[some]))
             parts.append(every[np.arange(len(every)), :, target[rows[some]]])
         return sign[rows, None] * np.concatenate(parts)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,8 @@ SETTLED = 1e-9  # of the whole integral of a squared torque: a part that halving
 NOISE = 1e-12  # of the largest integral of a squared torque: smaller ones need not settle
 MOST_PARTS = 30_000  # of a motion's grid that halving may lead to
 NARROWINGS = 13  # each divides the bracket by (PROBES − 1) / 2
+ROUNDING = 4e-16  # of a value: a bracket in which it changes by less is narrow enough
+BLOCK_NUMBERS = 1_000_000  # of one quantity, in memory at a time
 
 
 @dataclass(frozen=True)
@@ -115,10 +118,15 @@ def _halved(motion: Motion, torque: Torque, low: Array, high: Array) -> tuple[Ar
     """The parts, halved until the Gauss-Legendre sum of each squared torque over a part is that over its halves."""
 
     def squares(low: Array, high: Array) -> Array:
-        time = (low[:, None] + (high - low)[:, None] * _NODES[1:-1]).ravel()
-        values = torque(time, *motion.at(time)).reshape(len(low), 3, -1)
-        return np.asarray((high - low)[:, None] * np.einsum("j,njk->nk", _WEIGHTS[1:-1], values**2))
+        found = []
+        for first in range(0, len(low), step):
+            begin, length = low[first : first + step], (high - low)[first : first + step]
+            time = (begin[:, None] + length[:, None] * _NODES[1:-1]).ravel()
+            values = torque(time, *motion.at(time)).reshape(len(begin), 3, -1)
+            found.append(length[:, None] * np.einsum("j,njk->nk", _WEIGHTS[1:-1], values**2))
+        return np.concatenate(found)
 
+    step = _rows(motion)
     sums = squares(low, high)
     whole = sums.sum(axis=0)
     whole = np.maximum(whole, NOISE * whole.max(initial=0.0) + 1e-300)
@@ -165,32 +173,73 @@ def maxima(
 
     `quantities(t, q, v, a)` gives arrays (n, k); what is wanted of a quantity is its maximum.
     """
-    values = dict(quantities(grid.force_time, grid.position, grid.velocity, grid.acceleration))
+    values = _in_blocks(motion, grid, quantities)
     names = list(values)
-    widths = [values[name].shape[1] for name in names]
-    table = np.concatenate([values[name] for name in names], axis=1)
-    best = table.argmax(axis=0)
-    top, when = table[best, np.arange(table.shape[1])], grid.time[best]
-    column, low, high = _brackets(grid.time, table)
-    for _ in range(NARROWINGS if column.size else 0):
+    edges = np.cumsum([0, *(values[name].shape[1] for name in names)])
+    top, when = np.zeros(edges[-1]), np.zeros(edges[-1])
+    found: list[tuple[NDArray[np.intp], Array, Array]] = []
+    for name, begin, end in zip(names, edges[:-1], edges[1:], strict=True):
+        best = values[name].argmax(axis=0)
+        top[begin:end], when[begin:end] = values[name][best, np.arange(end - begin)], grid.time[best]
+        column, low, high = _brackets(grid.time, values[name])
+        found.append((column + begin, low, high))
+    column, low, high = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    for _ in range(NARROWINGS):
+        if not column.size:
+            break
         times = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, PROBES)
-        force_times = np.minimum(times.ravel(), grid.force_time[-1])  # the motion ends before a jump at its end
-        found = np.concatenate(
-            [part for _, part in _ordered(quantities(force_times, *motion.at(times.ravel())), names)], axis=1
-        )
-        line = found.reshape(len(column), PROBES, -1)[np.arange(len(column)), :, column]
+        line = _probed(motion, grid, quantities, times, column)
         here = line.argmax(axis=1)
         each = np.arange(len(column))
         for c, value, time in zip(column, line[each, here], times[each, here], strict=True):
             if value > top[c]:
                 top[c], when[c] = value, time
         low, high = times[each, np.maximum(here - 1, 0)], times[each, np.minimum(here + 1, PROBES - 1)]
-    edges = np.cumsum([0, *widths])
+        level = line.max(axis=1)
+        rising = level - line.min(axis=1) > ROUNDING * np.abs(level)
+        column, low, high = column[rising], low[rising], high[rising]
     return values, {name: (top[a:b], when[a:b]) for name, a, b in zip(names, edges[:-1], edges[1:], strict=True)}
 
 
-def _ordered(values: Mapping[str, Array], names: list[str]) -> list[tuple[str, Array]]:
-    return [(name, values[name]) for name in names]
+def _in_blocks(motion: Motion, grid: Grid, quantities: Quantities) -> dict[str, Array]:
+    """The quantities (n, k) on a grid, evaluated in blocks of its rows."""
+    step, values = _rows(motion), {}
+    for first in range(0, len(grid.time), step):
+        part = slice(first, first + step)
+        found = quantities(grid.force_time[part], grid.position[part], grid.velocity[part], grid.acceleration[part])
+        for name, block in found.items():
+            if name not in values:
+                values[name] = np.empty((len(grid.time), block.shape[1]))
+            values[name][part] = block
+    return values
+
+
+def _probed(motion: Motion, grid: Grid, quantities: Quantities, times: Array, column: NDArray[np.intp]) -> Array:
+    """The values (b, PROBES) of each bracket's own column of all quantities at its times (b, PROBES): times that
+    brackets share are looked at once, in blocks.
+    """
+    step = _rows(motion)
+    every, place = np.unique(times, return_inverse=True)
+    place = place.ravel()
+    order, columns = np.argsort(place, kind="stable"), np.repeat(column, PROBES)
+    ends = np.searchsorted(place[order], np.arange(0, len(every) + step, step))
+    line = np.empty(times.size)
+    for block, (begin, end) in enumerate(pairwise(ends)):
+        first = block * step
+        some, wanted = every[first : first + step], order[begin:end]
+        force_times = np.minimum(some, grid.force_time[-1])  # the motion ends before a jump at its end
+        found = list(quantities(force_times, *motion.at(some)).values())
+        edges = np.cumsum([0, *(part.shape[1] for part in found)])
+        of = np.searchsorted(edges, columns[wanted], side="right") - 1
+        for k, part in enumerate(found):
+            mine = wanted[of == k]
+            line[mine] = part[place[mine] - first, columns[mine] - edges[k]]
+    return line.reshape(times.shape)
+
+
+def _rows(motion: Motion) -> int:
+    """How many states of a motion's robot are looked at together."""
+    return max(PROBES, BLOCK_NUMBERS // max(1, motion.velocity.shape[1]))
 
 
 def _brackets(time: Array, table: Array) -> tuple[NDArray[np.intp], Array, Array]:
