@@ -61,8 +61,7 @@ def test_a_long_chain_is_held_stretched_out_horizontally(tmp_path: Path) -> None
     distances = LINK * (np.arange(count) + 0.5)
     stretched = MASS * G * np.array([distances[: count - k].sum() for k in range(count)])
     assert np.all(found.torque <= stretched * (1 + 1e-12))  # no posture needs more
-    # Joints about z, upright in the straight chain, are turned over by those before them, the first of which is so
-    # far from the others' ends that they are held as far out but for its own turn.
+    # A joint about z holds as much: one before it turns its axis to the horizontal, and it the rest of the chain.
     np.testing.assert_allclose(found.torque, stretched, rtol=1e-6)
     np.testing.assert_allclose(found.torque[::2], stretched[::2], rtol=1e-9)
     assert found.notes == ()
