@@ -239,7 +239,7 @@ def _probed(motion: Motion, grid: Grid, quantities: Quantities, times: Array, co
 
 def _rows(motion: Motion) -> int:
     """How many states of a motion's robot are looked at together."""
-    return max(PROBES, BLOCK_NUMBERS // max(1, motion.velocity.shape[1]))
+    return max(PROBES, BLOCK_NUMBERS // max(1, motion.nv))
 
 
 def _brackets(time: Array, table: Array) -> tuple[NDArray[np.intp], Array, Array]:
