@@ -453,3 +453,18 @@ def test_a_prepared_call_keeps_its_code():
     gc.collect()
     assert call() == 0
     np.testing.assert_array_equal(out, expected)
+
+
+@pytest.mark.parametrize("name", ["used", cache_folder.MARKER])
+def test_a_pipe_or_a_large_file_in_the_place_of_the_caches_own_files_is_not_waited_for_or_read(fresh_cache, name):
+    cache.store(key(1), b"payload")
+    (fresh_cache / name).unlink()
+    if name == "used":
+        os.mkfifo(fresh_cache / name)
+        cache.store(key(2), b"another")  # returns
+        assert cache.load(key(1)) == b"payload"
+    else:
+        with (fresh_cache / name).open("wb") as file:
+            file.truncate(2**36)  # read whole, it would fill the memory
+        with pytest.raises(OSError, match="was not made by bellcrank"):
+            cache_folder._check(fresh_cache)

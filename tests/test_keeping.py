@@ -153,6 +153,74 @@ def test_blocks_that_are_no_blocks_are_refused_in_one_sentence(tmp_path):
             bc.simulate("pendulum", duration=0.1, keep=tmp_path / "x.npz", keep_every=every)
 
 
+@pytest.mark.parametrize("name", ["about.npz", "0001.npz", "0002.npz"])
+def test_a_block_that_is_a_link_is_not_opened_wherever_it_leads(tmp_path, name):
+    folder = stopped_by_its_caller("pendulum", tmp_path, blocks=2, **LASTS)
+    bc.load_run(folder)
+    (folder / name).rename(tmp_path / "elsewhere.npz")
+    (folder / name).symlink_to(tmp_path / "elsewhere.npz")
+    with pytest.raises(InputError, match=f"{name}: is a symbolic link"):
+        bc.load_run(folder)
+
+
+def test_what_compressed_blocks_unpack_to_is_limited_together(tmp_path, monkeypatch):
+    folder = stopped_by_its_caller("pendulum", tmp_path, blocks=2, **LASTS)
+    with np.load(folder / "0001.npz") as whole:
+        about = whole["about"]
+    count = len(list(folder.glob("0*.npz")))
+    claimed = 4 * 10**6  # bytes of zeros a block: alone within what one file may hold, not all together
+    np.savez_compressed(folder / "0001.npz", about=about, time=np.zeros(claimed // 8))
+    size = (folder / "0001.npz").stat().st_size
+    assert 20 * size < claimed / 2
+    monkeypatch.setattr(run_blocks, "UNPACKED", claimed * count // 2)
+    with pytest.raises(InputError, match=r"0001.npz.*its members claim \d+ bytes"):
+        bc.load_run(folder)
+
+
+# ---- links in the folder that a command writes into
+
+
+@pytest.mark.parametrize(
+    ("command", "link"),
+    [
+        (["simulate", "pendulum"], "pendulum_run/run.csv"),
+        (["simulate", "pendulum"], "pendulum_run/run.png"),
+        (["simulate", "planar_2r", "--frame", "tip"], "planar_2r_run/path_tip.png"),
+        (["simulate", "pendulum"], "pendulum_run"),
+        (["simulate", "pendulum", "--out", "results"], "results/run.npz"),
+        (["size", "planar_2r"], "planar_2r_sizing/sizing.json"),
+        (["size", "planar_2r"], "planar_2r_sizing/history_circle.csv"),
+        (["size", "planar_2r"], "planar_2r_sizing"),
+        (["sweep", "pendulum", "--vary", "initial.swing=0.1,0.2"], "pendulum_sweep/sweep.csv"),
+        (["replay", "pendulum"], "pendulum.html"),
+        (["report", "pendulum"], "pendulum_report.html"),
+        (["plot", "pendulum"], "pendulum.png"),
+        (["plot", "planar_2r", "--frame", "tip"], "planar_2r_tip.png"),
+    ],
+)
+def test_links_that_came_with_a_folder_lead_no_output_elsewhere(tmp_path, monkeypatch, capsys, command, link):
+    mine, unpacked = tmp_path / "mine", tmp_path / "unpacked"
+    mine.mkdir()
+    (mine / "keys").write_text("mine", encoding="utf-8")
+    path = unpacked / link
+    path.parent.mkdir(parents=True)
+    path.symlink_to(mine / "keys" if path.suffix else mine)
+    monkeypatch.chdir(unpacked)
+    assert main(command) == 2
+    assert "is a link to" in (told := capsys.readouterr().err) and len(told.splitlines()) == 1
+    assert (mine / "keys").read_text(encoding="utf-8") == "mine" and len(list(mine.iterdir())) == 1
+
+
+def test_links_within_the_folder_and_a_folder_that_the_user_names_are_written_through(tmp_path, monkeypatch):
+    (tmp_path / "here").mkdir(), (tmp_path / "disk").mkdir()
+    (tmp_path / "here" / "run.csv").symlink_to("table.csv")
+    (tmp_path / "named").symlink_to(tmp_path / "disk")
+    monkeypatch.chdir(tmp_path / "here")
+    short = ["simulate", "pendulum", "--duration", "0.1", "--no-plots", "--out"]
+    assert main([*short, "."]) == 0 and Path("table.csv").stat().st_size > 0
+    assert main([*short, str(tmp_path / "named")]) == 0 and (tmp_path / "disk" / "run.npz").is_file()
+
+
 def test_a_disk_that_is_full_at_the_end_leaves_all_rows_in_blocks(tmp_path, monkeypatch):
     def full(*_, **__):
         raise InputError("cannot write run.npz: No space left on device")

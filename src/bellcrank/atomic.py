@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 from bellcrank.errors import InputError
@@ -84,10 +86,12 @@ def check_file(option: str, path: Path) -> None:
 
 
 def check_folder(option: str, folder: Path, names: Iterable[str] = ()) -> None:
-    """Refuse a folder, given by `option`, that cannot be written, or files of these names in it, before anything long
-    is begun (InputError).
+    """Refuse a folder, given by `option`, that cannot be written, or files of these names in it (shell patterns), among
+    them links that lead out of the folder, before anything long is begun (InputError).
     """
     _check_place(f"{option} {folder}", folder)
+    names = list(names)
+    _refuse_links_elsewhere(option, folder, names)
     for name in names:
         try:
             target = file_meant(folder / name)
@@ -95,6 +99,35 @@ def check_folder(option: str, folder: Path, names: Iterable[str] = ()) -> None:
             raise InputError(f"{option}: {error}") from None
         if target.parent != folder:
             _check_place(f"{option} {folder}: {name}", target.parent)
+
+
+def default_place(name: str) -> Path:
+    """Where a command writes that was not told where: a folder of this name in the current folder, or a file, beside
+    which there may be others, NAME_….
+
+    Raises InputError where a link there leads out of the current folder: whoever made that folder, not who gave the
+    command, chose what would be overwritten.
+    """
+    path = Path(re.sub(r"([\[*?])", r"[\1]", name))
+    _refuse_links_elsewhere("--out", Path(), [str(path), f"{path.stem}_*{path.suffix}" if path.suffix else str(path)])
+    return Path(name)
+
+
+def _refuse_links_elsewhere(option: str, folder: Path, names: Sequence[str]) -> None:
+    """Refuse links in a folder, with names of these patterns, to what does not lie in it (InputError)."""
+    try:
+        entries = [entry for entry in folder.iterdir() if entry.is_symlink()]
+    except OSError:  # it is not there yet
+        return
+    own = os.path.realpath(folder)
+    for link in entries:
+        if any(fnmatchcase(link.name, name) for name in names):
+            target = os.path.realpath(link)
+            if not Path(target).is_relative_to(own):
+                raise InputError(
+                    f"{link}: is a link to {target}, which would be overwritten; remove the link, or say by {option} "
+                    "where to write"
+                )
 
 
 def _check_place(what: str, folder: Path) -> None:

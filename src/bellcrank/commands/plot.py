@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank.atomic import check_file
+from bellcrank.atomic import check_file, default_place
 from bellcrank.commands.shown import add_shown, shown, stem, verdict_of
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Draw; 0 where the answer is yes, 1 where it is no. BellcrankError for bad input."""
     from bellcrank.sizing.result import Sizing
 
-    out = arguments.out or Path(f"{stem(arguments.run)}.png")
+    out = arguments.out or default_place(f"{stem(arguments.run)}.png")
     check_file("--out", out)
     thing = shown(arguments)
     files = _sizing_files(thing, out) if isinstance(thing, Sizing) else _run_files(thing, out, arguments.frame)

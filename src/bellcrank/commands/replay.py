@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from bellcrank.atomic import check_file
+from bellcrank.atomic import check_file, default_place
 from bellcrank.commands.options import number_option, size_option
 from bellcrank.commands.shown import add_shown, shown, stem, verdict_of
 from bellcrank.errors import InputError
@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
         if path.suffix.lower() != f".{kind}":
             raise InputError(f"--{kind} {path}: expected a name that ends in .{kind}")
     wanted = bool(arguments.out or arguments.open or not pictures)  # whether the page itself is
-    out = arguments.out or Path(f"{stem(arguments.run)}.html")
+    out = arguments.out or default_place(f"{stem(arguments.run)}.html")
     for option, path in {**pictures, **({"out": out} if wanted else {})}.items():
         check_file(f"--{option}", path)
     draw = _drawing(arguments, pictures)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bellcrank.atomic import check_file
+from bellcrank.atomic import check_file, default_place
 from bellcrank.commands.shown import add_shown, remarks_of, shown, stem, verdict_of
 
 
@@ -24,7 +24,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.replays.replay import open_browser
     from bellcrank.reports.report import report
 
-    out = arguments.out or Path(f"{stem(arguments.run)}_report.html")
+    out = arguments.out or default_place(f"{stem(arguments.run)}_report.html")
     check_file("--out", out)
     thing = shown(arguments)
     path = report(thing, out, trace=arguments.trace)

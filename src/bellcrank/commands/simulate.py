@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bellcrank.atomic import check_folder
+from bellcrank.atomic import check_folder, default_place
 from bellcrank.commands.options import number_option, whole_option
 from bellcrank.commands.trust import add_trust
 from bellcrank.commands.written import telling, write_each
@@ -90,9 +90,9 @@ def run(arguments: argparse.Namespace) -> int:
     }
     samples = whole_option("--samples", arguments.samples, 2, 10**18)
     changes = dict(parse_assignment(text) for text in arguments.changes)
-    folder = arguments.out or Path(f"{Path(arguments.scene).stem}_run")
+    folder = arguments.out or default_place(f"{Path(arguments.scene).stem}_run")
     target, every = folder / "run.npz", keep_every(arguments)
-    check_folder("--out", folder, [target.name, "run.csv", "run.png"])
+    check_folder("--out", folder, [target.name, "run.csv", "run.png", "path_*.png"])
     scene = load_scene(arguments.scene, trust=arguments.trust)
     if changes:
         scene = scene.with_overrides(changes)

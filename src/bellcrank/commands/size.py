@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank.atomic import check_folder
+from bellcrank.atomic import check_folder, default_place
 from bellcrank.card.fields import parse_number
 from bellcrank.card.yaml_file import shown
 from bellcrank.commands.options import number_option
@@ -71,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.commands.shown import remarks_of
     from bellcrank.sizing.front import size
     from bellcrank.sizing.history import write_histories
-    from bellcrank.sizing.report import REPORTS, earlier_files, remove_stale, write_reports
+    from bellcrank.sizing.report import FILES, REPORTS, earlier_files, remove_stale, write_reports
     from bellcrank.sizing.table import table, verdict
 
     if Path(arguments.robot).suffix.lower() == ".csv":
@@ -81,8 +81,8 @@ def run(arguments: argparse.Namespace) -> int:
         )
     payloads = [parse_payload(text) for text in arguments.payload]
     tolerance = parse_share(arguments.mass_tolerance)
-    folder = arguments.out or Path(f"{Path(arguments.robot).stem}_sizing")
-    check_folder("--out", folder, REPORTS)
+    folder = arguments.out or default_place(f"{Path(arguments.robot).stem}_sizing")
+    check_folder("--out", folder, FILES)
     card = load_card(arguments.robot, trust=arguments.trust)
     sizing = size(
         card, arguments.motion or None, None, tolerance, payloads=payloads, allow_massless=arguments.allow_massless

@@ -6,7 +6,7 @@ import argparse
 import math
 from pathlib import Path
 
-from bellcrank.atomic import check_folder
+from bellcrank.atomic import check_folder, default_place
 from bellcrank.commands.options import whole_option
 from bellcrank.commands.simulate import add_keep_every, keep_every
 from bellcrank.commands.trust import add_trust
@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
         vary[path] = values
     threads = whole_option("--threads", arguments.threads, 1, MOST_THREADS)
     changes = dict(parse_assignment(text) for text in arguments.changes)
-    folder = arguments.out or Path(f"{Path(arguments.scene).stem}_sweep")
+    folder = arguments.out or default_place(f"{Path(arguments.scene).stem}_sweep")
     every = keep_every(arguments)
     check_folder("--out", folder, ["sweep.csv", "sweep.json", "sweep.png"])
     scene = load_scene(arguments.scene, trust=arguments.trust)

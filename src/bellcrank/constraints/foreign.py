@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+from xml.parsers import expat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ from bellcrank.constraints.loops import WORLD, Hinge, Point, Weld
 from bellcrank.errors import InputError, among
 from bellcrank.file_access import read_bytes
 from bellcrank.robot.robot import Robot
+from bellcrank.urdf.xml_tree import decoded
 
 Array = NDArray[np.float64]
 APART = 1e-6  # m, and of rotations: how far a joint may lie from where the URDF has it
@@ -229,10 +231,16 @@ def _twelve(pose: Array) -> tuple[float, ...]:
 
 
 def _xml(path: Path) -> ET.Element:
+    text = decoded(read_bytes(path), path)
+    if "<!ENTITY" in text:
+        raise InputError(f"{path}: declares an XML entity, which is not read; write its text out")
     try:
-        return ET.fromstring(read_bytes(path))
+        return ET.fromstring(text)
     except ET.ParseError as error:
-        raise InputError(f"{path}: not XML: {error}") from None
+        line, _ = error.position
+        raise InputError(f"{path}: line {line}: not XML ({expat.ErrorString(error.code)})") from None
+    except UnicodeError:
+        raise InputError(f"{path}: holds characters that are not valid in XML; save it as UTF-8") from None
 
 
 READERS: Final[Mapping[str, Callable[[Path, str, Fields, Robot], list[Constraint]]]] = {

@@ -179,7 +179,10 @@ def _use(where: Path, size: int) -> int | None:
     The file `used` has one byte for each block, so that appending to it counts, whoever else does at the same time, and
     no store has to look at all entries.
     """
-    handle = os.open(where / "used", os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+    flags = (
+        os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+    )  # a FIFO must not wait
+    handle = os.open(where / "used", flags, 0o600)
     try:
         before = os.fstat(handle).st_size
         os.write(handle, bytes(_blocks(size)))

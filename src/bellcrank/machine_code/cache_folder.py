@@ -127,8 +127,9 @@ def _check(path: Path) -> None:
         raise OSError(f"others may write into {path}; delete it")
     for _ in range(2):  # another process may be making it
         if (path / MARKER).is_file():
-            if (path / MARKER).read_bytes() == _TAG:
-                return
+            with (path / MARKER).open("rb") as file:
+                if file.read(len(_TAG) + 1) == _TAG:  # whatever else it is may be large
+                    return
             break
         if all(file.name.startswith(f".{MARKER}-") for file in path.iterdir()):
             _mark(path)

@@ -44,8 +44,9 @@ class NoRun(Exception):
     """A whole archive that is not a run's."""
 
 
-def read_archive(stream: IO[bytes]) -> tuple[dict[str, Any], dict[str, Array]]:
-    """The JSON mapping and the float64 arrays, by the names of their members, of a run's open file.
+def read_archive(stream: IO[bytes], unpacked: int = UNPACKED) -> tuple[dict[str, Any], dict[str, Array]]:
+    """The JSON mapping and the float64 arrays, by the names of their members, of a run's open file. `unpacked` are the
+    bytes that its members may hold beyond RATIO times its size.
 
     Raises NoRun for an archive of something else, an OSError where the file cannot be read, and one of DAMAGE, whose
     text says what is wrong, for all else.
@@ -55,7 +56,7 @@ def read_archive(stream: IO[bytes]) -> tuple[dict[str, Any], dict[str, Array]]:
         members = archive.infolist()
         if "about.npy" not in (member.filename for member in members):
             raise NoRun
-        _check_members(members, stream.seek(0, os.SEEK_END), archive.start_dir)
+        _check_members(members, stream.seek(0, os.SEEK_END), archive.start_dir, unpacked)
         arrays: dict[str, Array] = {}
         about: Any = None
         for member in members:
@@ -87,7 +88,7 @@ def _check_list(stream: IO[bytes]) -> None:
         raise ValueError(f"its list of members takes {listed} bytes, at most {MOST_LISTED} were expected")
 
 
-def _check_members(members: Sequence[zipfile.ZipInfo], size: int, listed: int) -> None:
+def _check_members(members: Sequence[zipfile.ZipInfo], size: int, listed: int, spare: int) -> None:
     """Refuse members that a run does not have, that lie over each other, or that claim more than they can hold."""
     names, end = set(), 0
     for member in sorted(members, key=lambda member: member.header_offset):
@@ -102,7 +103,7 @@ def _check_members(members: Sequence[zipfile.ZipInfo], size: int, listed: int) -
         end = member.header_offset + 30 + len(name) + member.compress_size  # 30: a local header
     if end > listed:
         raise ValueError("its members lie over each other")
-    unpacked, most = sum(member.file_size for member in members), UNPACKED + RATIO * size
+    unpacked, most = sum(member.file_size for member in members), spare + RATIO * size
     if unpacked > most:
         raise ValueError(f"its members claim {unpacked} bytes, of a file of {size} bytes at most {most} are read")
 

@@ -27,6 +27,7 @@ from bellcrank.errors import InputError, NotSavedError
 from bellcrank.scene.scene import Scene
 from bellcrank.scene.settings import Settings
 from bellcrank.simulation.record import Statistics
+from bellcrank.simulation.run_archive import UNPACKED
 from bellcrank.simulation.run_file import (
     BLOCKS,
     FORMAT,
@@ -70,7 +71,7 @@ def set_aside(folder: Path) -> Path | None:
     if not holds_blocks(folder):
         raise InputError(f"{folder}: expected the blocks of an unfinished run there, found something else; rename it")
     try:
-        about, _ = archive_of(folder / "about.npz", BLOCKS)
+        about, _ = archive_of(_member(folder, "about.npz"), BLOCKS)
     except InputError:
         about = {}
     mark = str(about.get("process", ""))
@@ -212,14 +213,15 @@ def joined_blocks(folder: Path) -> tuple[dict[str, Any], dict[str, Array]]:
     """The contents of a folder of blocks, as the file of a run has them. Raises InputError."""
     if not holds_blocks(folder):
         raise InputError(f"{folder}: expected a run (.npz) or a folder of its blocks, found a folder")
-    about, arrays = archive_of(folder / "about.npz", BLOCKS)
+    about, arrays = archive_of(_member(folder, "about.npz"), BLOCKS)
     names = sorted((path.name for path in folder.iterdir() if re.fullmatch(r"\d{4,}\.npz", path.name)), key=_number)
     for k, name in enumerate(names, 1):
         if _number(name) != k:
             raise InputError(f"{folder}: the block {k:04d}.npz is missing; those before it, alone, are a run")
     if not names:
         raise InputError(f"{folder}: there is no block in it")
-    parts = [archive_of(folder / name, BLOCK) for name in names]
+    spare = UNPACKED // len(names)  # what they may hold together is limited as of one file
+    parts = [archive_of(_member(folder, name), BLOCK, spare) for name in names]
     try:
         for name in _ROWS:
             arrays[name] = np.concatenate([rows[name] for _, rows in parts])
@@ -235,6 +237,16 @@ def joined_blocks(folder: Path) -> tuple[dict[str, Any], dict[str, Array]]:
         why = " ".join(str(error).split())[:150]
         raise InputError(f"{folder}: the blocks do not fit together ({why}); copy the folder again") from None
     return about, arrays
+
+
+def _member(folder: Path, name: str) -> Path:
+    """The path of a file in a folder of blocks. Raises InputError for a link: it may lead out of the folder, or let
+    one small file count as many.
+    """
+    path = folder / name
+    if path.is_symlink():
+        raise InputError(f"{path}: is a symbolic link, expected a file of the run itself; copy the folder again")
+    return path
 
 
 def _number(name: str) -> int:

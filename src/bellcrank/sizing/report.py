@@ -19,6 +19,7 @@ from bellcrank.file_access import read_text
 from bellcrank.sizing.result import JointSizing, Peak, ShaftSizing, Sizing
 
 REPORTS = ("sizing.csv", "sizing.json")
+FILES = (*REPORTS, "history_*.csv", "over_time_*.png", "*torque_speed.png")  # all that a sizing writes
 _OURS = re.compile(r"\A(?:history_[^/\\\0]+\.csv|over_time_[^/\\\0]+\.png|(?:motor_)?torque_speed\.png|sizing\.csv)\Z")
 
 
