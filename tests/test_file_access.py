@@ -217,7 +217,7 @@ def test_trust_allows_by_argument_by_variable_and_by_option(
     assert bc.load_scene(path).forces
     monkeypatch.delenv("BELLCRANK_TRUST")
     capsys.readouterr()
-    with pytest.raises(InputError, match="'trust': .*there is no such folder"):
+    with pytest.raises(InputError, match=r"'trust': .*there is no such folder"):
         bc.load_scene(path, trust=project / "gone")
     for each in ("simulate", "size", "replay", "report", "plot"):
         assert cli.main([each, "robots/scene.yaml", "--trust", "gone"]) == 2
