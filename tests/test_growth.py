@@ -195,8 +195,8 @@ def test_functions_made_ready_together_are_compiled_once_each_and_kept(fresh_cac
         ]
 
     wanted = [(function, kind) for function in functions() for kind in ("scalar", "batch")]
-    make_ready(wanted)
-    make_ready(wanted)
+    addresses = make_ready(wanted)
+    assert make_ready(wanted) == addresses == [function.address(kind) for function, kind in wanted]
     assert len(made) == 6
     x = np.array([1.5, 0.3])
     for k, function in zip((2, 3, 4), functions(), strict=True):  # as another process finds them

@@ -10,6 +10,7 @@ import pytest
 import bellcrank as bc
 from bellcrank.errors import InputError
 from bellcrank.motion.csv_file import read_motion
+from bellcrank.motion.hermite import quintic
 from bellcrank.motion.motion import Motion
 from bellcrank.motion.path import waypoints
 from bellcrank.motion.scale import LARGEST, LONGEST, SHORTEST, check_times
@@ -112,3 +113,22 @@ def test_arrays_of_a_motion_are_limited_as_those_of_a_file(arm):
                     Motion(arm.joints, time, *values)
     check_times("t", np.array([0.0, 0.0, SHORTEST, 1.0]))
     assert math.isfinite(LARGEST[2] ** 2 * LONGEST**2)
+
+
+@pytest.mark.parametrize("step", [1e-300, 1e-200, 1e-155, 1e-153, 1e-9, 1.0])
+def test_between_rows_however_close_a_parabola_has_its_own_slope_and_curvature(step):
+    """x = 3 t + 4 t²/2, of which the quintic between two rows is the parabola itself; 1e-155² underflows."""
+    knots = np.array([0.0, step])
+    at = np.array([0.0, 0.25, 0.5, 1.0]) * step
+
+    def parabola(t):
+        return np.stack([3.0 * t + 2.0 * t * t, 3.0 + 4.0 * t, np.full(t.shape, 4.0)])[:, :, None]
+
+    with np.errstate(all="raise", under="ignore"):
+        x, slope, curvature = quintic(knots, *parabola(knots), at)
+    exact = parabola(at)
+    np.testing.assert_allclose(x, exact[0], rtol=1e-13)
+    np.testing.assert_allclose(slope, exact[1], rtol=1e-13)
+    if step == 1.0 or step < 1e-154:  # else a rounding of the slope, over the step, is as large as the curvature
+        np.testing.assert_allclose(curvature, exact[2], rtol=1e-12)
+    assert np.isfinite(curvature).all()

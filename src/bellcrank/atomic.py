@@ -56,7 +56,7 @@ def write_text(path: str | Path, text: str) -> None:
 def file_meant(path: str | Path) -> Path:
     """The file that writing to `path` writes: itself, or what a symbolic link names, be it there or not.
 
-    Raises InputError for a folder, a device, a pipe, and a link that leads back to itself.
+    Raises InputError for a folder, a device, a pipe, a link back to itself, and a name that no file can have.
     """
     target = Path(path)
     try:
@@ -69,6 +69,8 @@ def file_meant(path: str | Path) -> Path:
         return target
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}; choose a folder you may write to") from error
+    except ValueError:  # a NUL, or letters that the locale has none for
+        raise InputError(f"cannot write {path}: no file can have this name here; choose another") from None
     if not stat.S_ISREG(mode):
         raise InputError(f"cannot write {path}: that is a {_kind(mode)}, expected the name of a file")
     return target

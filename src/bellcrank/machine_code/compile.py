@@ -172,11 +172,19 @@ class Compiled:
         return outputs
 
 
-def make_ready(wanted: Sequence[tuple[Compiled, str]]) -> None:
-    """Make machine code (function, kind) where it is not there yet: LLVM compiles while the next IR is written."""
+def make_ready(wanted: Sequence[tuple[Compiled, str]]) -> list[int]:
+    """Make machine code (function, kind) where it is not there yet: LLVM compiles while the next IR is written.
+
+    Returns the addresses of the machine code.
+    """
     name = machine.target_name()
-    if all((kind, name) in function._loaded for function, kind in wanted):
-        return
+    if not all((kind, name) in function._loaded for function, kind in wanted):
+        _make(wanted, name)
+    return [function._loaded[kind, name].address for function, kind in wanted]
+
+
+def _make(wanted: Sequence[tuple[Compiled, str]], name: str) -> None:
+    """Make the machine code of those of `make_ready` that have none for the target `name`."""
     chosen, process = machine.target(), os.getpid()
     with making, ThreadPoolExecutor(1) as compiler:
         begun = []

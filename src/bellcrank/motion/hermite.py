@@ -19,7 +19,7 @@ def quintic(
 
     `step` (m,) says which interval each point is taken to lie in; left out, it is looked up. The error of the
     second derivative is of order step⁴ (E. Hairer, S. Nørsett, G. Wanner, Solving Ordinary Differential
-    Equations I, II.6).
+    Equations I, II.6); in intervals below 1.5e-154 it is interpolated linearly.
     """
     if step is None:
         step = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(knots) - 2)
@@ -35,7 +35,9 @@ def quintic(
     p = value[k] + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
     pd = v0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))
     pdd = a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))
-    return np.asarray(p), np.asarray(pd / h), np.asarray(pdd / (h * h))
+    short = h * h < np.finfo(float).tiny  # squares of such steps underflow: between their ends, it is a line
+    line = second[k] + s * (second[k + 1] - second[k])
+    return np.asarray(p), np.asarray(pd / h), np.where(short, line, pdd / np.where(short, 1.0, h * h))
 
 
 def smooth_between(joints: Sequence[JointLike], time: Array, q: Array, v: Array, a: Array) -> Callable[[Array], Any]:

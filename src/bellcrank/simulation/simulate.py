@@ -16,6 +16,7 @@ from bellcrank._step import integrate
 from bellcrank.constraints.drive_end import signals_until
 from bellcrank.constraints.gains import automatic_gains
 from bellcrank.constraints.turns import cosines_along, turning
+from bellcrank.dynamics.signals import values_at
 from bellcrank.dynamics.system import LARGEST_STAGED
 from bellcrank.errors import InputError
 from bellcrank.machine_code import machine
@@ -173,10 +174,9 @@ def _integrate(
         code["project"], code["project_fallback"] = (system.project, "scalar"), (system.project_fallback, "scalar")
     if together:
         code["project_batch"] = (system.project, "batch")
-    make_ready(tuple(code.values()))
+    address = dict(zip(code, make_ready(tuple(code.values())), strict=True))
     if keeper is not None:
         keeper.begin(scene, settings, p, signals)
-    address = {name: function.address(kind) for name, (function, kind) in code.items()}
     result = integrate(
         address["rhs"],
         settings.solver,
@@ -255,13 +255,16 @@ def _unresolved(
 ) -> tuple[Unresolved, ...]:
     """Events of which crossings may have been missed, from the number of such steps and a time in the first."""
     return tuple(
-        Unresolved(scene.events[k].name, int(count[k]), float(first[k]), undefined)
-        for k in np.flatnonzero(count).tolist()
+        Unresolved(scene.events[k].name, steps, float(first[k]), undefined)
+        for k, steps in enumerate(count.tolist())
+        if steps
     )
 
 
 def _omitted(scene: Scene, count: NDArray[np.int64], kept: NDArray[np.int32]) -> dict[str, int]:
     """How many events of each name were found that are not among those `kept`."""
+    if sum(count.tolist()) == len(kept):  # all of them, which a short run should learn quickly
+        return {}
     left = count - np.bincount(kept, minlength=len(count))
     found: dict[str, int] = {}
     for k in np.flatnonzero(left).tolist():
@@ -295,7 +298,7 @@ def event_at(scene: Scene, k: int, t: float, q: Array, v: Array, p: Array) -> Ev
     """Event k of the scene at a time (s) and a state, with multipliers and what a latch does there."""
     system, rule = scene.system, scene.events[k]
     x = np.concatenate([q, v, np.zeros(system.size - system.nq - system.nv)])
-    arguments = (np.array([t]), x, scene.signals_at(np.array([t]))[0], p)
+    arguments = (np.array([t]), x, values_at(scene.signals, np.array([t]))[0], p)
     multipliers = system.closure(*arguments)[0] if scene.closures else np.zeros(0)
     latch = None
     if rule.latch:
@@ -331,7 +334,7 @@ def _refuse_pulling_contact(scene: Scene, p: Array, x0: Array) -> None:
     places = [k for k, rule in enumerate(scene.events) if rule.stop and isinstance(rule.when, ContactLost)]
     if not places:
         return
-    normal = scene.system.events(np.zeros(1), x0, scene.signals_at(np.zeros(1))[0], p)
+    normal = scene.system.events(np.zeros(1), x0, values_at(scene.signals, np.zeros(1))[0], p)
     for k in places:
         rule = scene.events[k].when
         assert isinstance(rule, ContactLost)
