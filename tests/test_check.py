@@ -196,12 +196,19 @@ CASES = {
         "link 'l0'",
         "has no mass (an <inertial> of mass 0)",
     ),
+    "a shape that stands nowhere": (
+        arm('<visual><origin xyz="0 0 0" rpy="inf 0 nan"/><geometry><sphere radius="1"/></geometry></visual>' + body()),
+        "warning",
+        "link 'l0'",
+        "it is not drawn",
+    ),
     "truncated": (arm(body())[:-20], "error", "file", "is it truncated?"),
     "empty": ("", "error", "file", "the file is empty"),
 }
 
 
 @pytest.mark.parametrize("name", CASES)
+@pytest.mark.filterwarnings("error")
 def test_each_fault_is_found(name: str, tmp_path: Path) -> None:
     text, severity, where, message = CASES[name]
     found = findings(text, tmp_path)

@@ -254,6 +254,17 @@ def test_a_disk_that_is_full_for_a_while_is_told_and_costs_no_rows(tmp_path, mon
     assert len(calls) > 4 and np.array_equal(part.state, run.state[: len(part)])
 
 
+def test_a_sweep_whose_last_table_cannot_be_written_names_the_one_that_is(tmp_path, monkeypatch, capsys):
+    def full(*_):
+        raise InputError("cannot write sweep.json: No space left on device")
+
+    monkeypatch.setattr(bc.Sweep, "to_json", full)
+    command = ["sweep", "planar_2r_swing", "--vary", "initial.elbow=0.1,0.2", "--no-plots", "--out", str(tmp_path)]
+    assert main(command) == 2
+    assert capsys.readouterr().err.endswith("left on device; all designs are in sweep.csv\n")
+    assert len((tmp_path / "sweep.csv").read_text().splitlines()) == 3
+
+
 def limited(size):
     """A limit on the size of files, which refuses to write as a full disk does."""
     return {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))}
@@ -338,6 +349,36 @@ def test_a_signal_keeps_what_was_computed_and_says_so(tmp_path, number, command,
         table = json.loads((tmp_path / result).read_text())
         assert not table["complete"] and table["designs"]
         assert f"{len(table['designs'])} of 1999 designs were run" in out
+
+
+def test_a_sweep_is_ended_by_a_signal_though_a_thread_is_in_what_cannot_be_stopped(tmp_path):
+    marker = tmp_path / "stuck"
+    script = (
+        "import itertools, pathlib, runpy, sys, time\n"
+        "import bellcrank.designs.sweep as m\n"
+        "whole, calls = m.simulate, itertools.count(1)\n"
+        "def simulate(scene, **rest):\n"
+        "    if next(calls) == 4:\n"
+        f"        pathlib.Path({str(marker)!r}).touch()\n"
+        "        time.sleep(1000.0)\n"  # as a compiler does, it looks at nothing
+        "    return whole(scene, **rest)\n"
+        "m.simulate = simulate\n"
+        "sys.argv = 'bellcrank sweep planar_2r_swing --vary initial.elbow=0.1,0.2,0.3,0.4 --out sw'.split()\n"
+        "runpy.run_module('bellcrank', run_name='__main__')\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", script], cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    wait_for(process, marker)
+    time.sleep(0.5)
+    process.terminate()
+    try:
+        out, err = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 143 and "3 of 4 designs were run" in out and not err, (out, err)
+    # tables, and no picture, which whoever asks to stop would have to wait for
+    assert sorted(path.name for path in (tmp_path / "sw").iterdir()) == ["sweep.csv", "sweep.json"]
 
 
 @pytest.fixture

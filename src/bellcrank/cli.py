@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import sys
+import threading
 from typing import TYPE_CHECKING
 
 from bellcrank import __version__, interruption
@@ -33,7 +35,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns 0 (done, or all well), 1 (the answer is no) or 2 (bad input), and 128 + n where
     signal n (2: Ctrl-C, 15: SIGTERM) interrupted it.
 
-    Without `arguments` they are the process's own, and so are its signals and its standard output and error.
+    Without `arguments` they are the process's own, and so are its signals and its standard output and error. Where a
+    signal finds threads in the middle of what cannot be stopped, such as compiling, it ends the process without them.
     """
     if arguments is not None:
         return _run(list(arguments))
@@ -43,7 +46,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             status = _run_on_streams(sys.argv[1:])
         except KeyboardInterrupt:
             _interrupted()
-    return interruption.exit_status() or status
+    asked = interruption.exit_status()
+    if asked is not None and any(not it.daemon for it in threading.enumerate() if it is not threading.main_thread()):
+        os._exit(asked)
+    return asked or status
 
 
 def _run_on_streams(given: list[str]) -> int:

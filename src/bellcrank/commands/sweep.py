@@ -85,7 +85,8 @@ def run(arguments: argparse.Namespace) -> int:
     unknown = [name for name in arguments.measures if name not in result.units]
     if unknown and result.designs:  # after the files: what was computed is not lost for a typing error
         raise InputError(f"--measure: {among('measure', unknown[0], result.units)}; all of them are in {files[0]}")
-    if (measures or result.telling) and files and not arguments.no_plots:
+    drawn = result.complete and not arguments.no_plots  # who asks to stop does not wait for a picture
+    if (measures or result.telling) and files and drawn:
         with telling(files, folder):
             result.plot(folder / "sweep.png", measures)
         files.append(folder / "sweep.png")

@@ -33,11 +33,15 @@ class PartialTables:
 
     def finish(self, sweep: Sweep) -> list[Path]:
         """Write the tables of the sweep as it is at its end; their paths. Raises InputError, with what is kept."""
+        files: list[Path] = []
         try:
-            files = [sweep.to_csv(self.folder / "sweep.csv"), sweep.to_json(self.folder / "sweep.json")]
+            files.append(sweep.to_csv(self.folder / "sweep.csv"))
+            files.append(sweep.to_json(self.folder / "sweep.json"))
         except InputError as error:
             kept = [path.name for path in self.paths if path.exists()]
             left = f"the designs that were done before are kept in {' and '.join(kept)}" if kept else "nothing is kept"
+            if files:
+                left = f"all designs are in {files[0].name}"
             raise InputError(f"{error}; {left}") from None
         for path in self.paths:
             path.unlink(missing_ok=True)

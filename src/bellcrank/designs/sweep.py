@@ -43,6 +43,7 @@ MOST_THREADS = 1024
 DESIGN_BYTES = 3000  # of a design with its measures, of which a small scene has 35
 UNKNOWN = "unknown"  # a run came to its end, and a measure of it is not a finite number
 _LATEST = 0.05  # s between looks at Ctrl-C
+_PATIENCE = 0.5  # s after it that designs have to end in; a compiler does not stop for it
 _SHARE = 50  # of the time goes to keeping designs, at most
 
 
@@ -275,27 +276,27 @@ class _Pool:
         combinations = enumerate(itertools.product(*(axis.values for axis in self.axes)))
         done: list[Design] = []
         waiting: set[Future[Design | None]] = set()
-        with ThreadPoolExecutor(min(self.threads, count), "sweep") as pool:
-            try:
-                while True:
-                    for index, values in itertools.islice(combinations, 4 * self.threads - len(waiting)):
-                        waiting.add(self._submitted(pool, index, values))
-                    if not waiting:
-                        break
-                    finished, waiting = wait(waiting, _LATEST, FIRST_COMPLETED)
-                    done += [design for future in finished if (design := future.result()) is not None]
-                    if progress is not None:
-                        progress(len(done), count)
-                    if keep is not None:
-                        keep(len(done), partial(self.result, done))
-            except KeyboardInterrupt:
-                pass
-            finally:  # an error of ours must not wait for the other designs either
-                self.stopping.set()
-                for future in waiting:
-                    future.cancel()
-        finished = {future for future in waiting if not future.cancelled() and future.exception() is None}
-        done += [design for future in finished if (design := future.result()) is not None]
+        pool = ThreadPoolExecutor(min(self.threads, count), "sweep")
+        try:
+            while True:
+                for index, values in itertools.islice(combinations, 4 * self.threads - len(waiting)):
+                    waiting.add(self._submitted(pool, index, values))
+                if not waiting:
+                    break
+                finished, waiting = wait(waiting, _LATEST, FIRST_COMPLETED)
+                done += [design for future in finished if (design := future.result()) is not None]
+                if progress is not None:
+                    progress(len(done), count)
+                if keep is not None:
+                    keep(len(done), partial(self.result, done))
+        except KeyboardInterrupt:
+            pass
+        finally:  # an error of ours must not wait for the other designs either
+            self.stopping.set()
+            pool.shutdown(wait=False, cancel_futures=True)
+        ended, _ = wait([future for future in waiting if not future.cancelled()], _PATIENCE)
+        whole = [future for future in ended if future.exception() is None]
+        done += [design for future in whole if (design := future.result()) is not None]
         return self.result(done)
 
     def result(self, done: Iterable[Design]) -> Sweep:

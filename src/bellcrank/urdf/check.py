@@ -11,6 +11,7 @@ from typing import Literal
 from bellcrank import arguments
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.file_access import FileAccess, Trust
+from bellcrank.urdf.elements import origin_from
 from bellcrank.urdf.mesh_path import find_mesh, looked_for
 from bellcrank.urdf.read import Inertial, Joint, Link, Urdf, reading_of
 from bellcrank.urdf.xml_tree import Element, parse_xml, read_text
@@ -228,7 +229,7 @@ def _these(kind: str, names: list[str]) -> str:
 
 
 def _element_findings(robot: Element, joints: dict[str, Joint]) -> Iterator[Finding]:
-    """What only the elements themselves tell: parts of the file that have no effect."""
+    """What only the elements themselves tell: parts of the file that have no effect, and shapes that stand nowhere."""
     for element in robot.find_all("joint"):
         name, kind = element.attributes.get("name", ""), element.attributes.get("type")
         if element.find("mimic") is not None and kind in ("fixed", "floating", "planar"):
@@ -239,6 +240,16 @@ def _element_findings(robot: Element, joints: dict[str, Joint]) -> Iterator[Find
             if driven.attributes.get("name", "") not in joints:
                 unknown = driven.attributes.get("name", "")
                 yield Finding("warning", f"transmission '{name}'", f"drives a joint '{unknown}' that is not there")
+    for element in robot.find_all("link"):
+        name = element.attributes.get("name", "")
+        for shape in element.children:
+            if shape.tag in ("visual", "collision"):
+                try:
+                    origin_from(shape, f"<{shape.tag}>", InputError)
+                except InputError as error:
+                    yield Finding(
+                        "warning", f"link '{element.attributes.get('name', '')}'", f"{error}; it is not drawn"
+                    )
 
 
 def _massless_findings(links: dict[str, Link], joints: dict[str, Joint]) -> Iterator[Finding]:

@@ -93,7 +93,7 @@ def link_from(element: Element, fail: Callable[[str], InputError]) -> Link:
 
 
 def _inertial(element: Element, where: str, fail: Callable[[str], InputError]) -> Inertial:
-    xyz, rpy = _origin(element, f"{where}, <inertial>", fail)
+    xyz, rpy = origin_from(element, f"{where}, <inertial>", fail)
     mass_element, inertia_element = element.find("mass"), element.find("inertia")
     if mass_element is None or "value" not in mass_element.attributes:
         raise fail(
@@ -135,7 +135,7 @@ def joint_from(element: Element, fail: Callable[[str], InputError]) -> Joint:
             f"{where} (line {element.line}): link '{child}' is its own parent, a loop; "
             "a joint connects two different links"
         )
-    xyz, rpy = _origin(element, where, fail)
+    xyz, rpy = origin_from(element, where, fail)
     axis, length = _axis(element, kind, where, fail)
     lower, upper, effort, velocity = _limits(element, kind, where, fail)
     damping, friction = _dynamics(element, where, fail)
@@ -175,7 +175,8 @@ def _link_named(element: Element, tag: str, where: str, fail: Callable[[str], In
     return link
 
 
-def _origin(element: Element, where: str, fail: Callable[[str], InputError]) -> tuple[Vector3, Vector3]:
+def origin_from(element: Element, where: str, fail: Callable[[str], InputError]) -> tuple[Vector3, Vector3]:
+    """An element's <origin>: xyz (m) and rpy (rad), 0 where it has none; ``fail(message)`` makes the InputError."""
     origin = element.find("origin")
     if origin is None:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)

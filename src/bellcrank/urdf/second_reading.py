@@ -25,13 +25,14 @@ def differences_from_yourdfpy(urdf: Urdf) -> list[str]:
     level = log.level
     log.setLevel(logging.CRITICAL)
     try:
-        robot: Any = yourdfpy.URDF.load(
-            io.BytesIO(urdf.text.lstrip("\ufeff").encode("utf-8")),
-            build_scene_graph=False,
-            build_collision_scene_graph=False,
-            load_meshes=False,
-            load_collision_meshes=False,
-        ).robot
+        with np.errstate(all="ignore"):  # it turns shapes, too, which nothing is compared of
+            robot: Any = yourdfpy.URDF.load(
+                io.BytesIO(urdf.text.lstrip("\ufeff").encode("utf-8")),
+                build_scene_graph=False,
+                build_collision_scene_graph=False,
+                load_meshes=False,
+                load_collision_meshes=False,
+            ).robot
     except Exception as error:
         return [f"yourdfpy does not read the file ({type(error).__name__}: {' '.join(str(error).split())})"]
     finally:
