@@ -20,6 +20,7 @@ import pytest
 import bellcrank as bc
 from bellcrank import atomic, interruption, temporaries
 from bellcrank.cli import main
+from bellcrank.commands import simulate as simulate_command
 from bellcrank.designs import sweep as sweep_module
 from bellcrank.errors import InputError, NotSavedError
 from bellcrank.simulation import run_blocks
@@ -263,6 +264,28 @@ def test_a_sweep_whose_last_table_cannot_be_written_names_the_one_that_is(tmp_pa
     assert main(command) == 2
     assert capsys.readouterr().err.endswith("left on device; all designs are in sweep.csv\n")
     assert len((tmp_path / "sweep.csv").read_text().splitlines()) == 3
+
+
+def test_whoever_stops_a_run_waits_for_no_picture_and_no_long_table(tmp_path, monkeypatch, capsys):
+    @contextlib.contextmanager
+    def stopping(_):
+        asked = []
+
+        def stop(_):
+            if not asked:
+                asked.append(1)
+                raise KeyboardInterrupt
+
+        yield stop
+
+    monkeypatch.setattr(simulate_command, "simulated_bar", stopping)
+    for most, names in ((0, {"run.npz"}), (10**6, {"run.npz", "run.csv"})):
+        monkeypatch.setattr(simulate_command, "INTERRUPTED_ROWS", most)
+        folder = tmp_path / str(most)
+        command = [*SWING, "--duration", "1e4", "--set", "simulate.max_step=1e-4", "--out", str(folder)]
+        assert main(command) == 130
+        assert {path.name for path in folder.iterdir()} == names
+    assert "run.csv was not written" in capsys.readouterr().out
 
 
 def limited(size):

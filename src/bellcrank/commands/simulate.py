@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 
 CSV_ROWS = 1_000_000  # of more, run.csv is written where it is asked for: it takes about 200 bytes a row and minutes
+INTERRUPTED_ROWS = 20_000  # of a run that a signal cut short: a second of writing
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -120,7 +121,11 @@ def run(arguments: argparse.Namespace) -> int:
             print(error.run.summary())
             raise
         bar(float(result.time[-1]))
-    files, wanted_csv = [target], arguments.csv or len(result) <= CSV_ROWS
+    files, most = [target], CSV_ROWS
+    if result.status is Status.INTERRUPTED:  # who asks to stop waits for no picture and no long table
+        most, arguments.no_plots, arguments.frame = INTERRUPTED_ROWS, True, []
+    wanted_csv = arguments.csv or len(result) <= most
+    arguments.csv = wanted_csv
     with telling(files, folder):
         if arguments.error_estimate and result.success:
             write_each(files, _others(result, folder, arguments))
@@ -133,7 +138,7 @@ def run(arguments: argparse.Namespace) -> int:
             write_each(files, _others(result, folder, arguments))
     print(f"\nwrote {', '.join(path.name for path in files)} in {folder}")
     if not wanted_csv:
-        print(_no_csv(result, folder))
+        print(_no_csv(result, folder, most))
     if result.status is Status.INTERRUPTED:
         return 130
     return 1 if result.warnings else 0
@@ -149,7 +154,7 @@ def _others(
         with _row_bar(len(result)) as progress:
             result.to_csv(path, progress)
 
-    if arguments.csv or len(result) <= CSV_ROWS:
+    if arguments.csv:
         yield folder / "run.csv", csv
     if not arguments.no_plots:
         from bellcrank.simulation.run_plot import plot_run
@@ -162,11 +167,9 @@ def _others(
 _COPIES = 4  # of the states, at most, that writing, summary and pictures hold, a block of rows at a time
 
 
-def _no_csv(result: Trajectory, folder: Path) -> str:
+def _no_csv(result: Trajectory, folder: Path, most: int) -> str:
     """That the run was not written as CSV, and how to have it."""
-    text = (
-        f"run.csv was not written: the run has {len(result)} rows, more than {CSV_ROWS}; --csv writes it all the same"
-    )
+    text = f"run.csv was not written: the run has {len(result)} rows, more than {most}; --csv writes it all the same"
     text += f", and load_run('{folder / 'run.npz'}').to_csv('run.csv') later"
     return text + (f" (the run.csv in {folder} is an earlier run's)" if (folder / "run.csv").exists() else "")
 
