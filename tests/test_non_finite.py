@@ -333,7 +333,7 @@ def test_a_design_whose_measure_is_no_number_is_unknown_and_not_among_those_that
         ["sweep", str(path), "--vary", "initial.shoulder=-0.5,-0.4", "--out", str(tmp_path / "s"), "--no-plots"]
     )
     assert code == 1
-    assert "0 came to their end, 2 did not" in capsys.readouterr().out
+    assert "0 came to their end, 0 did not, 2 unknown, as their reasons say" in capsys.readouterr().out
 
 
 def test_a_design_whose_aim_could_not_be_looked_for_is_unknown(tmp_path):

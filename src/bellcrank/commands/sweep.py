@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank import interruption
     from bellcrank.designs.axes import parse_axis
     from bellcrank.designs.partial import PartialTables
-    from bellcrank.designs.sweep import MOST_THREADS, sweep
+    from bellcrank.designs.sweep import MOST_THREADS, UNKNOWN, sweep
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
 
@@ -95,6 +95,9 @@ def run(arguments: argparse.Namespace) -> int:
     count, ended = len(result.designs), [d for d in result.designs if not d.reason]
     if not result.complete:
         print(f"\ninterrupted: {count} of {math.prod(result.shape)} designs were run")
-    print(f"\n{scene.name}: {count} designs, {len(ended)} came to their end, {count - len(ended)} did not")
+    unclear = sum(design.status == UNKNOWN for design in result.designs)
+    told = f", {unclear} unknown, as their reasons say" if unclear else ""
+    failed = count - len(ended) - unclear
+    print(f"\n{scene.name}: {count} designs, {len(ended)} came to their end, {failed} did not{told}")
     print(f"wrote {', '.join(path.name for path in files) or 'nothing'} in {folder}")
     return (0 if ended else 1) if result.complete else 130
