@@ -526,9 +526,8 @@ def test_targets_that_cannot_be_files_are_refused_before_anything_is_computed(tm
             os.mkfifo(path)
         else:
             path.symlink_to("/dev/null" if kind == "device" else path)
-    said = ["leads back to itself" if kind == "loop" else f"that is a {kind}, expected"]
-    if kind == "device":  # by a link, which is no better
-        said.append("is a link to /dev/null, which would be overwritten")
+    said = "leads back to itself" if kind == "loop" else f"that is a {kind}, expected"
+    link = "is a link to /dev/null, which would be overwritten"  # in a folder: refused without a look at its end
 
     def compute(*_, **__):
         raise AssertionError("computed first")
@@ -544,7 +543,8 @@ def test_targets_that_cannot_be_files_are_refused_before_anything_is_computed(tm
     for command in commands:
         assert main(command) == 2
         err = capsys.readouterr().err
-        assert any(text in err for text in said) and err.startswith("bellcrank: ") and len(err.splitlines()) == 1, err
+        assert said in err or (kind == "device" and link in err)
+        assert err.startswith("bellcrank: ") and len(err.splitlines()) == 1, err
     with pytest.raises(InputError, match=said):
         atomic.write_text(tmp_path / "out" / "run.npz", "")
 
