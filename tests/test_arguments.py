@@ -234,6 +234,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
              dynamics={"algorithm": "inverse_dynamics"}, energy={"q": q, "v": v},
              forward_dynamics={"q": q, "v": v, "tau": a}, frame_pose={"name": "tip", "q": q},
              frame_velocity={"name": "tip", "q": q, "v": v}, friction_torque={"v": v}, gravity_torque={"q": q},
+             inertia_diagonal={"q": q},
              inverse_dynamics=states, joint={"name": "elbow"}, joint_axis={"name": "elbow"}, joint_reactions=states,
              link_gravity_torques={"q": q}, link_torques=states, mass_matrix={"q": q}, mimics={},
              moved_by={"joints": ["elbow"], "set_masses": {1: 2.0}}, one_degree_joint={"name": "elbow", "what": "own"},

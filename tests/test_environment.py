@@ -118,7 +118,7 @@ def test_samples_that_do_not_fit_are_refused_with_how_many_do_and_so_many_do(tmp
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     said, counts = done.stdout.splitlines()
-    assert re.fullmatch(r"100000000 samples need about 3.2 GB of memory, [\d.]+ [MG]B are free; at most \d+ fit", said)
+    assert re.fullmatch(r"100000000 samples need about 4 GB of memory, [\d.]+ [MG]B are free; at most \d+ fit", said)
     most, rows = map(int, counts.split())
     assert most == rows > 10**6
 

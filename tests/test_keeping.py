@@ -350,7 +350,7 @@ def test_a_sweep_that_is_killed_keeps_its_table_and_the_next_one_renames_it(tmp_
         (signal.SIGTERM, [*SWING, *LONG, "--keep-every", "0.1"], "run.npz", 143),
         (
             signal.SIGHUP,
-            ["sweep", "planar_2r_swing", "--vary", "initial.elbow=0.1:1:1999", "--no-plots", "--keep-every", "0.05"],
+            ["sweep", "four_bar", "--vary", "crank_length=1.21:1.24:100001", "--no-plots", "--keep-every", "0.05"],
             "sweep.json",
             129,
         ),
@@ -371,7 +371,7 @@ def test_a_signal_keeps_what_was_computed_and_says_so(tmp_path, number, command,
     else:
         table = json.loads((tmp_path / result).read_text())
         assert not table["complete"] and table["designs"]
-        assert f"{len(table['designs'])} of 1999 designs were run" in out
+        assert f"{len(table['designs'])} of 100001 designs were run" in out
 
 
 def test_a_sweep_is_ended_by_a_signal_though_a_thread_is_in_what_cannot_be_stopped(tmp_path):

@@ -19,6 +19,8 @@ from bellcrank.errors import InputError
 from bellcrank.locale_text import ERRORS
 from bellcrank.temporaries import new_file
 
+_WILD = re.compile(r"([\[*?])")  # what stands for other letters in a pattern of names
+
 
 @contextlib.contextmanager
 def writing(path: str | Path, lasting: bool = False) -> Iterator[Path]:
@@ -110,7 +112,9 @@ def default_place(name: str) -> Path:
     Raises InputError where a link there leads out of the current folder: whoever made that folder, not who gave the
     command, chose what would be overwritten.
     """
-    path = Path(re.sub(r"([\[*?])", r"[\1]", name))
+    if "\0" in name:  # which writing refuses
+        return Path(name)
+    path = Path(_WILD.sub(r"[\1]", name))
     _refuse_links_elsewhere("--out", Path(), [str(path), f"{path.stem}_*{path.suffix}" if path.suffix else str(path)])
     return Path(name)
 
@@ -119,7 +123,7 @@ def _refuse_links_elsewhere(option: str, folder: Path, names: Sequence[str]) -> 
     """Refuse links in a folder, with names of these patterns, to what does not lie in it (InputError)."""
     try:
         entries = [entry for entry in folder.iterdir() if entry.is_symlink()]
-    except OSError:  # it is not there yet
+    except (OSError, ValueError):  # it is not there yet, or no file can have its name
         return
     own = os.path.realpath(folder)
     for link in entries:

@@ -132,6 +132,8 @@ def run(arguments: argparse.Namespace) -> int:
             result.error_estimate()  # told in the summary; the run itself is safe by now
             result.save(target)
         print(result.summary())
+        if result.known_estimate is not None and not arguments.error_estimate:
+            result.save(target)  # with the estimate, which the summary made
         for note in scene_notes(scene, result.settings.duration):
             print(f"  note: {note}")
         if len(files) == 1:

@@ -95,7 +95,7 @@ def read_settings(read: Fields) -> Settings:
         raise read.error(key.strip("'"), text) from None
 
 
-def check_rows(samples: int, width: int, copies: int = 1) -> None:
+def check_rows(samples: int, width: int, copies: float = 1.25) -> None:
     """Refuse more rows of positions and velocities (`width` numbers each) than 4 GB of memory hold, or than the memory
     that is free does (InputError). `copies` is how many times the states are held in all, other results among them.
     """

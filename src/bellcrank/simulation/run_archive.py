@@ -44,9 +44,9 @@ class NoRun(Exception):
     """A whole archive that is not a run's."""
 
 
-def read_archive(stream: IO[bytes], unpacked: int = UNPACKED) -> tuple[dict[str, Any], dict[str, Array]]:
+def read_archive(stream: IO[bytes], unpacked: int | None = None) -> tuple[dict[str, Any], dict[str, Array]]:
     """The JSON mapping and the float64 arrays, by the names of their members, of a run's open file. `unpacked` are the
-    bytes that its members may hold beyond RATIO times its size.
+    bytes that its members may hold beyond RATIO times its size, UNPACKED by default.
 
     Raises NoRun for an archive of something else, an OSError where the file cannot be read, and one of DAMAGE, whose
     text says what is wrong, for all else.
@@ -56,7 +56,9 @@ def read_archive(stream: IO[bytes], unpacked: int = UNPACKED) -> tuple[dict[str,
         members = archive.infolist()
         if "about.npy" not in (member.filename for member in members):
             raise NoRun
-        _check_members(members, stream.seek(0, os.SEEK_END), archive.start_dir, unpacked)
+        _check_members(
+            members, stream.seek(0, os.SEEK_END), archive.start_dir, UNPACKED if unpacked is None else unpacked
+        )
         arrays: dict[str, Array] = {}
         about: Any = None
         for member in members:

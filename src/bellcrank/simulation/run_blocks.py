@@ -47,6 +47,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 BLOCK = "bellcrank run block"
+_NUMBERED = re.compile(r"\d{4,}\.npz")
 SHARE = 50.0  # times as long as a block takes: on a slow disk they are rarer
 _ROWS = ("time", "state", "event_time", "event_position", "event_velocity")
 
@@ -214,7 +215,7 @@ def joined_blocks(folder: Path) -> tuple[dict[str, Any], dict[str, Array]]:
     if not holds_blocks(folder):
         raise InputError(f"{folder}: expected a run (.npz) or a folder of its blocks, found a folder")
     about, arrays = archive_of(_member(folder, "about.npz"), BLOCKS)
-    names = sorted((path.name for path in folder.iterdir() if re.fullmatch(r"\d{4,}\.npz", path.name)), key=_number)
+    names = sorted((path.name for path in folder.iterdir() if _NUMBERED.fullmatch(path.name)), key=_number)
     for k, name in enumerate(names, 1):
         if _number(name) != k:
             raise InputError(f"{folder}: the block {k:04d}.npz is missing; those before it, alone, are a run")

@@ -33,7 +33,7 @@ from bellcrank.locale_text import file_name_here, readable, utf8
 from bellcrank.machine_code import machine
 from bellcrank.scene.run_start import SavedState, explicit_start
 from bellcrank.scene.scene import Scene, load_held_scene
-from bellcrank.simulation.run_archive import DAMAGE, UNPACKED, NoRun, brief, read_archive
+from bellcrank.simulation.run_archive import DAMAGE, NoRun, brief, read_archive
 from bellcrank.simulation.run_checks import check_arrays, checked_about
 from bellcrank.simulation.simulate import event_at, unturned
 from bellcrank.simulation.status import Status
@@ -208,7 +208,7 @@ def _contents(file: Path) -> tuple[dict[str, Any], dict[str, Array]]:
     return archive_of(file, FORMAT)
 
 
-def archive_of(file: Path, form: str, unpacked: int = UNPACKED) -> tuple[dict[str, Any], dict[str, Array]]:
+def archive_of(file: Path, form: str, unpacked: int | None = None) -> tuple[dict[str, Any], dict[str, Array]]:
     """The JSON text and the float64 arrays of an .npz of a format; InputError for any other file. `unpacked` as in
     `read_archive`.
     """
