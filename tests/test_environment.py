@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank import shipped
 from bellcrank.errors import InputError
-from bellcrank.locale_text import file_name_here, readable, utf8
+from bellcrank.files import bundled_data
+from bellcrank.files.locale_text import file_name_here, readable, utf8
 from bellcrank.memory import check_memory, free_memory
 from bellcrank.scene.settings import check_rows
 
@@ -42,7 +42,7 @@ def scene_text(name):
 def test_names_of_other_alphabets_pass_every_command_in_a_locale_without_them(tmp_path):
     folder = tmp_path / "é"
     folder.mkdir()
-    shutil.copy(shipped.folder("urdf") / "planar_2r.urdf", folder / f"{NAME}.urdf")
+    shutil.copy(bundled_data.folder("urdf") / "planar_2r.urdf", folder / f"{NAME}.urdf")
     (folder / f"{NAME}.yaml").write_text(scene_text(NAME), encoding="utf-8")
     scene = f"é/{NAME}.yaml"
     codes, said = run(

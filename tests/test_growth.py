@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.constraints.kkt import elimination_order
-from bellcrank.constraints.start import moved
-from bellcrank.machine_code import machine, schedule
-from bellcrank.machine_code.compile import compiled, make_ready
+from bellcrank.codegen import machine, schedule
+from bellcrank.codegen.compile import compiled, make_ready
+from bellcrank.dynamics.consistent_start import moved
+from bellcrank.dynamics.kkt import elimination_order
+from bellcrank.elements.symbols import Symbols
 from bellcrank.robot.postures import random_posture
 from bellcrank.scene.scene import load_scene
-from bellcrank.scene.symbols import Symbols
-from bellcrank.validation.linkages import n_four_bar
-from bellcrank.validation.problem_urdf import chain
+from bellcrank_bench.problems.linkages import n_four_bar
+from bellcrank_bench.problems.urdf_texts import chain
 
 MEGABYTE = 2**20
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from PIL import Image, ImageDraw, ImageFont
 
-from bellcrank.replays.pictures import still
+from bellcrank.replays.page.pictures import still
 
 SHOWN = {  # page: (time in s, caption)
     "planar_2r_sizing": (6.0, "Planar arm: motors sized over a circle"),

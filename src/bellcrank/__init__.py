@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from bellcrank.machine_code import locks as _locks
+from bellcrank.codegen import locks as _locks
 
 __version__ = "0.4.0"
 
@@ -26,9 +26,9 @@ _HOME = {
     "join": "motion.path",
     "read_motion": "motion.csv_file",
     "write_motion": "motion.csv_file",
-    "Card": "card.card",
-    "load_card": "card.card",
-    "Drive": "sizing.drive",
+    "Card": "scene.robot_config",
+    "load_card": "scene.robot_config",
+    "Drive": "actuators.actuator",
     "Sizing": "sizing.result",
     "size": "sizing.front",
     "Scene": "scene.scene",
@@ -37,43 +37,43 @@ _HOME = {
     "simulate": "simulation.simulate",
     "Trajectory": "simulation.trajectory",
     "load_run": "simulation.run_file",
-    "sweep": "designs.sweep",
-    "Sweep": "designs.sweep",
-    "scene_inverse_dynamics": "constraints.inverse",
-    "closed_inverse_dynamics": "constraints.inverse",
-    "Linkage": "constraints.linkage",
+    "sweep": "studies.sweep",
+    "Sweep": "studies.sweep",
+    "scene_inverse_dynamics": "dynamics.scene_inverse_dynamics",
+    "closed_inverse_dynamics": "dynamics.scene_inverse_dynamics",
+    "Linkage": "dynamics.linkage",
     "plot": "simulation.run_plot:plot_run",
     "replay": "replays.replay",
     "show": "replays.replay",
     "report": "reports.report",
-    "check_urdf": "urdf.check",
+    "check_urdf": "robot.check",
 }
 __all__ = ["__version__", *_HOME]
 
 if TYPE_CHECKING:
-    from bellcrank.card.card import Card, load_card
-    from bellcrank.constraints.inverse import closed_inverse_dynamics, scene_inverse_dynamics
-    from bellcrank.constraints.linkage import Linkage
-    from bellcrank.designs.sweep import Sweep, sweep
+    from bellcrank.actuators.actuator import Drive
+    from bellcrank.dynamics.linkage import Linkage
+    from bellcrank.dynamics.scene_inverse_dynamics import closed_inverse_dynamics, scene_inverse_dynamics
     from bellcrank.errors import BellcrankError, CompileError, InputError, NotSavedError, UnreachableError
     from bellcrank.motion.csv_file import read_motion, write_motion
     from bellcrank.motion.motion import Motion
     from bellcrank.motion.path import circle, dwell, join, line, waypoints
     from bellcrank.replays.replay import replay, show
     from bellcrank.reports.report import report
+    from bellcrank.robot.check import check_urdf
     from bellcrank.robot.load import load_robot
     from bellcrank.robot.payload import Payload
     from bellcrank.robot.robot import Robot
+    from bellcrank.scene.robot_config import Card, load_card
     from bellcrank.scene.scene import Scene, load_scene
     from bellcrank.scene.settings import Settings
     from bellcrank.simulation.run_file import load_run
     from bellcrank.simulation.run_plot import plot_run as plot
     from bellcrank.simulation.simulate import simulate
     from bellcrank.simulation.trajectory import Trajectory
-    from bellcrank.sizing.drive import Drive
     from bellcrank.sizing.front import size
     from bellcrank.sizing.result import Sizing
-    from bellcrank.urdf.check import check_urdf
+    from bellcrank.studies.sweep import Sweep, sweep
 
 
 def __getattr__(name: str) -> Any:

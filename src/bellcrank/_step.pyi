@@ -1,4 +1,4 @@
-"""Calls compiled functions (step_ext/module.cpp) and steps them through time (step_ext/integrate.cpp)."""
+"""Calls compiled functions and steps them through time (src/cpp/integrator)."""
 
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""Traces Pinocchio's algorithms on symbols (trace_ext); functions come back as casadi serialises them."""
+"""Traces Pinocchio's algorithms on symbols (src/cpp/tracer); functions come back as casadi serialises them."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -18,7 +18,7 @@ from typing import Any, NoReturn, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.card.yaml_file import shown
+from bellcrank.config.yaml_file import shown
 from bellcrank.errors import InputError, among
 
 Array = NDArray[np.float64]

@@ -7,7 +7,8 @@ import sys
 import threading
 from typing import TYPE_CHECKING
 
-from bellcrank import __version__, interruption
+from bellcrank import __version__
+from bellcrank.terminal import interruption
 
 if TYPE_CHECKING:
     import argparse
@@ -20,15 +21,22 @@ _COMMANDS = {
     "replay": "show a run or a sizing as one page that opens in any browser",
     "report": "put a run or a sizing on one page: verdict, tables, pictures, replay",
     "plot": "draw a run or a scene as PNG",
-    "verify": "compare compiled equations with a textbook's",
     "check": "say what is wrong with a URDF before it bites",
     "robots": "list the robots and cards that can be named",
-    "bench": "measure time against error beside hand-written C and other tools",
 }
 
 
-def _module(name: str) -> str:
-    return f"bellcrank.commands.{name}"
+def _modules(given: list[str]) -> dict[str, str]:
+    """Module of each subcommand by name: bellcrank's own, and, unless one of these is chosen, those that other packages
+    add by an entry point.
+    """
+    own = {name: f"bellcrank.commands.{name}" for name in _COMMANDS}
+    if given[:1] and given[0] in own:
+        return own  # looking for entry points takes a while
+    from importlib.metadata import entry_points
+
+    added = {entry.name: entry.value for entry in entry_points(group="bellcrank.commands")}
+    return own | {name: added[name] for name in sorted(added) if name not in own}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -53,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run_on_streams(given: list[str]) -> int:
-    from bellcrank.standard_streams import standard_streams
+    from bellcrank.terminal.streams import standard_streams
 
     with standard_streams() as output:
         try:
@@ -85,10 +93,12 @@ def _parser(given: list[str]) -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"bellcrank {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name, summary in _COMMANDS.items():
+    for name, module in _modules(given).items():
+        summary = _COMMANDS.get(name) or importlib.import_module(module).SUMMARY
         sub = commands.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
         if given[:1] == [name]:  # only the chosen command's module is loaded, so that help is quick
-            importlib.import_module(_module(name)).add_arguments(sub)
+            importlib.import_module(module).add_arguments(sub)
+            sub.set_defaults(module=module)
     return parser
 
 
@@ -96,7 +106,7 @@ def _run(given: list[str]) -> int:
     """Run a command; what it prints shows the control characters that names in files may hold, and does not send them
     to a terminal.
     """
-    from bellcrank.printable import printable_streams
+    from bellcrank.terminal.printable import printable_streams
 
     with printable_streams():
         return _command(given)
@@ -107,7 +117,7 @@ def _command(given: list[str]) -> int:
     import traceback
 
     from bellcrank.errors import BellcrankError
-    from bellcrank.locale_text import ERRORS, one_line
+    from bellcrank.files.locale_text import ERRORS, one_line
 
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)
@@ -115,7 +125,7 @@ def _command(given: list[str]) -> int:
             reconfigure(errors=ERRORS)  # a terminal without ² shows \xb2, and the files have it
     try:
         parsed = _parser(given).parse_args(given)
-        status: int = importlib.import_module(_module(parsed.command)).run(parsed)
+        status: int = importlib.import_module(parsed.module).run(parsed)
         sys.stdout.flush()
         return status
     except BellcrankError as error:

@@ -6,8 +6,8 @@ import difflib
 from collections.abc import Iterable
 from typing import Any
 
-from bellcrank.locale_text import one_line
-from bellcrank.printable import printable
+from bellcrank.files.locale_text import one_line
+from bellcrank.terminal.printable import printable
 
 LONGEST_NAME = 200  # characters of an unknown name that a message repeats
 

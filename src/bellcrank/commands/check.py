@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 
 from bellcrank.commands.trust import add_trust
-from bellcrank.urdf.catalog import find_urdf
-from bellcrank.urdf.check import check_urdf, format_findings
-from bellcrank.urdf.xml_tree import parse_xml, read_text
+from bellcrank.robot.catalog import find_urdf
+from bellcrank.robot.check import check_urdf, format_findings
+from bellcrank.robot.xml_tree import parse_xml, read_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

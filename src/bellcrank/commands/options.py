@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from bellcrank.card.fields import parse_number
-from bellcrank.card.number_text import whole_number
-from bellcrank.card.yaml_file import shown
+from bellcrank.config.fields import parse_number
+from bellcrank.config.number_text import whole_number
+from bellcrank.config.yaml_file import shown
 from bellcrank.errors import InputError
 
 

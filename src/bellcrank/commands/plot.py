@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank.atomic import check_file, default_place
 from bellcrank.commands.shown import add_shown, shown, stem, verdict_of
+from bellcrank.files.atomic_write import check_file, default_place
 
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory
@@ -53,7 +53,7 @@ def _run_files(run: Trajectory, out: Path, frames: list[str]) -> list[Path]:
 
 def _sizing_files(sizing: Sizing, out: Path) -> list[Path]:
     """A picture for each motion, and the torque-speed planes, named after `out`."""
-    from bellcrank.atomic import writing
+    from bellcrank.files.atomic_write import writing
     from bellcrank.plot_style import DPI, save_figure
     from bellcrank.sizing.plots import draw
 

@@ -6,12 +6,12 @@ import argparse
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from bellcrank.atomic import check_file, default_place
 from bellcrank.commands.options import number_option, size_option
 from bellcrank.commands.shown import add_shown, shown, stem, verdict_of
 from bellcrank.errors import InputError
-from bellcrank.progress import counting
-from bellcrank.temporaries import temporary_folder
+from bellcrank.files.atomic_write import check_file, default_place
+from bellcrank.files.temporaries import temporary_folder
+from bellcrank.terminal.progress import counting
 
 PICTURES = ("png", "gif", "mp4")
 
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the page; 0 done, 1 where the run ended early or a limit is exceeded. BellcrankError for bad input."""
-    from bellcrank.replays.page import write_page
+    from bellcrank.replays.page.page import write_page
     from bellcrank.replays.replay import film_of, open_browser
 
     pictures = {kind: path for kind in PICTURES if (path := getattr(arguments, kind)) is not None}
@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
         check_file(f"--{option}", path)
     draw = _drawing(arguments, pictures)
     if pictures:
-        from bellcrank.replays.pictures import check_tools
+        from bellcrank.replays.page.pictures import check_tools
 
         check_tools(pictures)
     thing = shown(arguments)
@@ -73,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _drawing(arguments: argparse.Namespace, kinds: Iterable[str]) -> Callable[[str, Path, Path], Path]:
     """What draws a picture of a kind, of a page, into a file; numbers are checked first (InputError)."""
-    from bellcrank.replays.pictures import FASTEST
+    from bellcrank.replays.page.pictures import FASTEST
 
     fastest = min((FASTEST[f".{kind}"] for kind in kinds if f".{kind}" in FASTEST), default=max(FASTEST.values()))
     speed = number_option("--speed", arguments.speed, above=0.0)
@@ -82,7 +82,7 @@ def _drawing(arguments: argparse.Namespace, kinds: Iterable[str]) -> Callable[[s
     size = size_option("--window", arguments.window, 64, 4096)
 
     def draw(kind: str, page: Path, path: Path) -> Path:
-        from bellcrank.replays.pictures import film, still
+        from bellcrank.replays.page.pictures import film, still
 
         if kind == "png":
             return still(page, path, at, size)

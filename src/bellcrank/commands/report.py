@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bellcrank.atomic import check_file, default_place
 from bellcrank.commands.shown import add_shown, remarks_of, shown, stem, verdict_of
+from bellcrank.files.atomic_write import check_file, default_place
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

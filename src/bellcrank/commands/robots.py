@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bellcrank.urdf import catalog
+from bellcrank.robot import catalog
 
 # A card is meant for a command where it has one of these keys.
 USES = {"size": ("motions",), "simulate": ("initial", "forces", "control", "base", "simulate")}
@@ -17,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print cards and scenes with what they are for, then the URDFs, by name."""
-    from bellcrank.card.card import names
+    from bellcrank.scene.robot_config import names
 
     print("robot cards and scenes:")
     for name, path in names().items():
@@ -31,7 +31,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _facts(path: Path) -> tuple[str, str]:
     """What a card calls itself, and the commands that it is for."""
-    from bellcrank.card.yaml_file import read_yaml
+    from bellcrank.config.yaml_file import read_yaml
 
     data = read_yaml(path)
     uses = [command for command, keys in USES.items() if not data.keys().isdisjoint(keys)]

@@ -11,7 +11,7 @@ from bellcrank.commands.trust import add_trust
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
-    from bellcrank.card.card import Card
+    from bellcrank.scene.robot_config import Card
     from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory import Trajectory
     from bellcrank.sizing.result import Sizing
@@ -48,9 +48,9 @@ def stem(name: str) -> str:
 
 def shown(arguments: argparse.Namespace) -> Trajectory | Sizing:
     """The run or sizing that the arguments mean. Raises BellcrankError."""
-    from bellcrank.card.card import find_card, load_card
-    from bellcrank.card.yaml_file import read_yaml
+    from bellcrank.config.yaml_file import read_yaml
     from bellcrank.replays.replay import find_run
+    from bellcrank.scene.robot_config import find_card, load_card
     from bellcrank.scene.scene import load_scene
     from bellcrank.simulation.run_file import load_run
 

@@ -9,12 +9,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bellcrank.atomic import check_folder, default_place
 from bellcrank.commands.options import number_option, whole_option
 from bellcrank.commands.trust import add_trust
 from bellcrank.commands.written import telling, write_each
 from bellcrank.errors import InputError, NotSavedError
-from bellcrank.progress import bars
+from bellcrank.files.atomic_write import check_folder, default_place
+from bellcrank.terminal.progress import bars
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -77,7 +77,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate a scene; 0 where it came to its end, 1 where it did not or is warned of, 130 where it was interrupted;
     what was computed is written in any case. BellcrankError for bad input.
     """
-    from bellcrank import interruption
     from bellcrank.scene.notes import scene_notes
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
@@ -85,6 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.simulation.run_blocks import blocks_folder, set_aside
     from bellcrank.simulation.simulate import simulate
     from bellcrank.simulation.status import Status
+    from bellcrank.terminal import interruption
 
     numbers: dict[str, Any] = {
         key: number_option(f"--{key}", getattr(arguments, key), unit, above=0.0) for key, unit in _NUMBERS.items()

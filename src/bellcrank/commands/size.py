@@ -6,20 +6,20 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank.atomic import check_folder, default_place
-from bellcrank.card.fields import parse_number
-from bellcrank.card.yaml_file import shown
 from bellcrank.commands.options import number_option
 from bellcrank.commands.trust import add_trust
 from bellcrank.commands.written import telling
+from bellcrank.config.fields import parse_number
+from bellcrank.config.yaml_file import shown
 from bellcrank.errors import InputError
+from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.robot.payload import Payload
 
 if TYPE_CHECKING:
-    from bellcrank.card.card import Card
-    from bellcrank.constraints.mechanism import Mechanism
+    from bellcrank.dynamics.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import Robot
+    from bellcrank.scene.robot_config import Card
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -67,8 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Size a robot; 0 where all limits are kept, 1 where one is exceeded or a motor cannot be sized. BellcrankError for
     bad input.
     """
-    from bellcrank.card.card import load_card
     from bellcrank.commands.shown import remarks_of
+    from bellcrank.scene.robot_config import load_card
     from bellcrank.sizing.front import size
     from bellcrank.sizing.history import write_histories
     from bellcrank.sizing.report import FILES, REPORTS, earlier_files, remove_stale, write_reports

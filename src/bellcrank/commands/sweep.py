@@ -6,13 +6,13 @@ import argparse
 import math
 from pathlib import Path
 
-from bellcrank.atomic import check_folder, default_place
 from bellcrank.commands.options import whole_option
 from bellcrank.commands.simulate import add_keep_every, keep_every
 from bellcrank.commands.trust import add_trust
 from bellcrank.commands.written import telling
 from bellcrank.errors import InputError, among
-from bellcrank.progress import counting
+from bellcrank.files.atomic_write import check_folder, default_place
+from bellcrank.terminal.progress import counting
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,12 +44,12 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the designs; 0 where some design came to its end, 1 where none did, 130 where it was interrupted; what was
     computed is written in any case. BellcrankError for bad input.
     """
-    from bellcrank import interruption
-    from bellcrank.designs.axes import parse_axis
-    from bellcrank.designs.partial import PartialTables
-    from bellcrank.designs.sweep import MOST_THREADS, UNKNOWN, sweep
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
+    from bellcrank.studies.axes import parse_axis
+    from bellcrank.studies.partial import PartialTables
+    from bellcrank.studies.sweep import MOST_THREADS, UNKNOWN, sweep
+    from bellcrank.terminal import interruption
 
     vary = {}
     for text in arguments.axes:

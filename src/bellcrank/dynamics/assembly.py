@@ -14,11 +14,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bellcrank.dynamics.closed import Rows, Solution, close, solve
+from bellcrank.dynamics.base_frame_elimination import mass_matrix
+from bellcrank.dynamics.constrained import Rows, Solution, close, solve
 from bellcrank.dynamics.reactions import Reactions
-from bellcrank.dynamics.roots import mass_matrix
+from bellcrank.elements.symbols import Symbols
 from bellcrank.robot.postures import lengths_in_velocity
-from bellcrank.scene.symbols import Symbols
 
 if TYPE_CHECKING:
     import casadi

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from bellcrank.constraints.kkt import Factor, proximal
-from bellcrank.dynamics.closed import REFINEMENTS, REGULARISATION, flow
+from bellcrank.dynamics.constrained import REFINEMENTS, REGULARISATION, flow
+from bellcrank.dynamics.kkt import Factor, proximal
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bellcrank.constraints.constraint import Constraint
-from bellcrank.constraints.kkt import Factor
+from bellcrank.dynamics.kkt import Factor
+from bellcrank.elements.constraint import Constraint
 
 if TYPE_CHECKING:
     import casadi
 
-    from bellcrank.dynamics.closed import Solution
-    from bellcrank.scene.symbols import Symbols
+    from bellcrank.dynamics.constrained import Solution
+    from bellcrank.elements.symbols import Symbols
 
 PASSES: Final = 6  # of the power iterations
 FLOOR: Final = 1e-12  # regularisation of the inverse iteration, as a share of a row's usual J M⁻¹ Jᵀ

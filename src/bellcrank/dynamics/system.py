@@ -13,14 +13,14 @@ from weakref import WeakValueDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.codegen import cache as disk
+from bellcrank.codegen.compile import Compiled
+from bellcrank.codegen.locks import making
 from bellcrank.derived import cached_property
 from bellcrank.dynamics.assembly import Assembly, assemble
-from bellcrank.dynamics.closed import flow, row_names
+from bellcrank.dynamics.constrained import flow, row_names
 from bellcrank.dynamics.latch import latch
 from bellcrank.dynamics.sparse import Places, entries
-from bellcrank.machine_code import cache as disk
-from bellcrank.machine_code.compile import Compiled
-from bellcrank.machine_code.locks import making
 
 if TYPE_CHECKING:
     import casadi

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank import arguments
-from bellcrank.card.number_text import decimal_number
-from bellcrank.csv_cells import unguarded
+from bellcrank.config.number_text import decimal_number
 from bellcrank.errors import InputError, among
-from bellcrank.file_access import MOST_TABLE, read_text
-from bellcrank.locale_text import readable
+from bellcrank.files.access import MOST_TABLE, read_text
+from bellcrank.files.csv_cells import unguarded
+from bellcrank.files.csv_table import ROWS, write_table
+from bellcrank.files.locale_text import readable
 from bellcrank.motion.coordinates import Array, JointLike, position_labels, velocity_labels
-from bellcrank.motion.csv_table import ROWS, write_table
 from bellcrank.motion.disagreement import disagreement
 from bellcrank.motion.motion import Motion, limit_notes
 from bellcrank.motion.resolution import end_speed_noise, half_unit

@@ -21,7 +21,7 @@ from bellcrank.motion.coordinates import Array
 from bellcrank.numerics import svd
 
 if TYPE_CHECKING:
-    from bellcrank.machine_code.compile import Compiled
+    from bellcrank.codegen.compile import Compiled
     from bellcrank.robot.robot import Robot
 
 FLAT = 1e-5  # a frame that leaves a plane by less than this part of its motion moves in that plane

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 from bellcrank import arguments
 from bellcrank.errors import BellcrankError, InputError
+from bellcrank.files.temporaries import new_folder
 from bellcrank.motion.motion import Motion
-from bellcrank.replays.bar import share_bar
-from bellcrank.replays.film import Film
-from bellcrank.replays.meshes import Detail
-from bellcrank.replays.page import page, write_page
+from bellcrank.replays.film.film import Film
+from bellcrank.replays.geometry.meshes import Detail
+from bellcrank.replays.page.page import page, write_page
 from bellcrank.sizing.history import file_name
 from bellcrank.sizing.result import Sizing
-from bellcrank.temporaries import new_folder
+from bellcrank.terminal.bar import share_bar
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -103,8 +103,8 @@ def film_of(
 
     Raises InputError for anything else.
     """
-    from bellcrank.replays.motion_film import film_of_motion, film_of_sizing
-    from bellcrank.replays.run_film import film_of_run
+    from bellcrank.replays.film.motion_film import film_of_motion, film_of_sizing
+    from bellcrank.replays.film.run_film import film_of_run
 
     arguments.one_of("detail", detail, ("reduced", "full"))
     trace = arguments.several("trace", trace, str, "names of frames", alone=True)

@@ -6,16 +6,16 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from bellcrank.constraints.elements import acts_on
+from bellcrank.dynamics.element_forces import acts_on
 from bellcrank.reports.document import Table
 
 if TYPE_CHECKING:
+    from bellcrank.actuators.actuator import Drive
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.payload import Payload
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory import Trajectory
-    from bellcrank.sizing.drive import Drive
 
 RPM = 30.0 / math.pi
 

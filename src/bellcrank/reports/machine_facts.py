@@ -8,7 +8,7 @@ import platform
 from importlib import metadata
 
 from bellcrank import __version__
-from bellcrank.machine_code.machine import processor
+from bellcrank.codegen.machine import processor
 
 PACKAGES = ("pin", "casadi", "llvmlite", "numpy")
 

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 from bellcrank import arguments
 from bellcrank.errors import InputError
 from bellcrank.motion.motion import Motion
-from bellcrank.replays.meshes import Detail
-from bellcrank.replays.page import write_page
+from bellcrank.replays.geometry.meshes import Detail
+from bellcrank.replays.page.page import write_page
 from bellcrank.replays.replay import film_of, name_of, opened
 from bellcrank.reports.html import document_html
 from bellcrank.sizing.history import file_name
 from bellcrank.sizing.result import Sizing
 
 if TYPE_CHECKING:
-    from bellcrank.replays.film import Film
+    from bellcrank.replays.film.film import Film
     from bellcrank.reports.document import Document
     from bellcrank.simulation.trajectory import Trajectory
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from bellcrank.plot_style import svg_of
-from bellcrank.replays.film import Film
+from bellcrank.replays.film.film import Film
 from bellcrank.reports.document import Document, Facts, Picture, Still, Table
 from bellcrank.reports.inputs import drive_table, force_table, joint_table, motion_table, robot_facts
 from bellcrank.reports.machine_facts import about, made_with

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.robot.trace import setting, trace_tree
 from bellcrank.robot.tree import Tree
-from bellcrank.trace import setting, trace_tree
 
 if TYPE_CHECKING:
     import casadi
 
 Array = NDArray[np.float64]
-MASS = 6  # the tracer's number for a link's mass (trace_ext/tree.hpp)
-SCALE = 16  # the tracer's number for a factor on a link's mass and inertia (trace_ext/tree.hpp)
+MASS = 6  # the tracer's number for a link's mass (cpp/tracer/tree.hpp)
+SCALE = 16  # the tracer's number for a factor on a link's mass and inertia (cpp/tracer/tree.hpp)
 
 
 @dataclass(frozen=True)

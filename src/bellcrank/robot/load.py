@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bellcrank import arguments
-from bellcrank.file_access import FileAccess, Trust
-from bellcrank.machine_code import cache as disk
+from bellcrank.codegen import cache as disk
+from bellcrank.files.access import FileAccess, Trust
+from bellcrank.robot.catalog import find_urdf
 from bellcrank.robot.friction import Friction, checked_friction
 from bellcrank.robot.payload import Payload
 from bellcrank.robot.robot import FRICTION_WIDTH, Robot
 from bellcrank.robot.tree import FrameTable, Tree
-from bellcrank.urdf.catalog import find_urdf
-from bellcrank.urdf.xml_tree import read_text
+from bellcrank.robot.xml_tree import read_text
 
 if TYPE_CHECKING:
-    from bellcrank.urdf.read import Urdf
+    from bellcrank.robot.urdf_file import Urdf
 
 
 def load_robot(
@@ -45,7 +45,7 @@ def load_robot(
     `friction_width` (rad/s, m/s); payloads fixed to frames; rotor_inertia {joint: kg m²} as felt at the joint;
     frames {name: (link, xyz, rpy)} adds frames to the URDF's own; clean=False keeps residues of rounded
     rotations. Meshes that the URDF names are drawn from files near it, or in the folders `trust`
-    (file_access.py). Raises InputError, one sentence, for anything wrong with the file or the arguments.
+    (files/access.py). Raises InputError, one sentence, for anything wrong with the file or the arguments.
     """
     g = tuple(arguments.vector("gravity", gravity, 3, "m/s²", most=arguments.LARGEST).tolist())
     floating_base, clean = arguments.flag("floating_base", floating_base), arguments.flag("clean", clean)
@@ -109,7 +109,7 @@ _STORED = {
 
 def _version() -> str:
     package = Path(__file__).parent.parent
-    sources = sorted([*package.glob("robot/*.py"), *package.glob("urdf/*.py")])
+    sources = sorted(package.glob("robot/*.py"))
     return importlib.metadata.version("libpinocchio") + disk.digest(*[p.read_bytes() for p in sources])
 
 
@@ -132,10 +132,10 @@ def _read(
     source: Path, text: str, floating_base: bool, payloads: tuple[Payload, ...], frames: FrameTable, clean: bool
 ) -> dict[str, Any]:
     """Everything of the file that a robot needs, as data that JSON can hold."""
+    from bellcrank.robot.articulated_inertia import articulated_inertias
+    from bellcrank.robot.check import element_findings, moving_without_mass, vanishing_inertia
     from bellcrank.robot.tree import lay_out, pinocchio_model
-    from bellcrank.urdf.articulated import articulated_inertias
-    from bellcrank.urdf.check import element_findings, moving_without_mass, vanishing_inertia
-    from bellcrank.urdf.read import Urdf
+    from bellcrank.robot.urdf_file import Urdf
 
     urdf = Urdf.from_text(text, source)
     full, cleaning = pinocchio_model(urdf, floating_base, payloads, frames, clean, mimic=False)

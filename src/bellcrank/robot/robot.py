@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.codegen import cache as disk
+from bellcrank.codegen.compile import Compiled, compiled
 from bellcrank.derived import Portable, cached_property
 from bellcrank.errors import InputError, among
-from bellcrank.file_access import FileAccess
-from bellcrank.machine_code import cache as disk
-from bellcrank.machine_code.compile import Compiled, compiled
+from bellcrank.files.access import FileAccess
 from bellcrank.robot.equations import Equations
 from bellcrank.robot.friction import Friction, checked_friction, friction_coefficients
 from bellcrank.robot.inertias import inertia_diagonal
@@ -27,7 +27,7 @@ from bellcrank.robot.tree import FrameTable, Tree
 if TYPE_CHECKING:
     import casadi
 
-    from bellcrank.urdf.read import Urdf
+    from bellcrank.robot.urdf_file import Urdf
 
 Array = NDArray[np.float64]
 FRICTION_WIDTH = 1e-3  # rad/s or m/s: Coulomb friction is at 71 % of its value at this speed
@@ -121,7 +121,7 @@ class Robot(Portable):
     @cached_property
     def urdf(self) -> Urdf:
         """The URDF's own data, limits, friction and transmissions included."""
-        from bellcrank.urdf.read import Urdf
+        from bellcrank.robot.urdf_file import Urdf
 
         return Urdf.from_text(self._text, self.source)
 

@@ -18,7 +18,7 @@ from bellcrank.errors import InputError, among
 from bellcrank.robot.payload import Payload
 
 if TYPE_CHECKING:
-    from bellcrank.urdf.read import Urdf
+    from bellcrank.robot.urdf_file import Urdf
 
 NEAR = 1e-11  # a rotation entry this close to -1, 0 or 1 is taken for it
 LEAST_MASS = 2.3e-16  # kg: Pinocchio divides sums of inertias by their mass, or by the rounding of 1 where that is more
@@ -71,7 +71,7 @@ class Cleaning:
 
 @dataclass
 class Tree:
-    """A robot's tree as plain data, in the layout of the tracer (trace_ext/tree.hpp); JSON can hold it."""
+    """A robot's tree as plain data, in the layout of the tracer (cpp/tracer/tree.hpp); JSON can hold it."""
 
     joints: list[dict[str, Any]] = field(default_factory=list)  # without the world; mimicking joints too
     frames: list[dict[str, Any]] = field(default_factory=list)

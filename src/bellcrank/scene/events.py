@@ -15,12 +15,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from bellcrank.card.fields import Fields
-from bellcrank.constraints.constraint import Constraint
-from bellcrank.constraints.rolling import RollingDisk
+from bellcrank.config.fields import Fields
+from bellcrank.elements.constraint import Constraint
+from bellcrank.elements.element import joint_unit, read_joint
+from bellcrank.elements.expression import Expression, parse_expression
+from bellcrank.elements.rolling import RollingDisk
 from bellcrank.errors import InputError
 from bellcrank.robot.robot import Robot, RobotJoint
-from bellcrank.scene.closure_conditions import (
+from bellcrank.scene.constraint_conditions import (
     Aligned,
     Condition,
     ContactLost,
@@ -31,13 +33,11 @@ from bellcrank.scene.closure_conditions import (
     read_contact,
     read_singular,
 )
-from bellcrank.scene.expression import Expression, parse_expression
-from bellcrank.scene.part import joint_unit, read_joint
 
 if TYPE_CHECKING:
     import casadi
 
-    from bellcrank.scene.symbols import Symbols
+    from bellcrank.elements.symbols import Symbols
 
 DIRECTIONS: Final = {"up": 1, "down": -1, "any": 0}
 CONDITIONS: Final = ("joint", "expression", "aligned", "singular_closure", "contact_lost", "friction_demand")

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.card.fields import Fields
-from bellcrank.card.yaml_file import shown
+from bellcrank.config.fields import Fields
+from bellcrank.config.yaml_file import shown
 from bellcrank.numerics import length as norm
 
 if TYPE_CHECKING:

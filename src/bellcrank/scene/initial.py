@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.card.fields import Fields, parse_number
-from bellcrank.card.yaml_file import shown
+from bellcrank.config.fields import Fields, parse_number
+from bellcrank.config.yaml_file import shown
+from bellcrank.elements.element import joint_named, joint_unit
 from bellcrank.errors import among
 from bellcrank.scene.free_joint_start import FreeJointStart, read_free_joint_start
-from bellcrank.scene.part import joint_named, joint_unit
-from bellcrank.scene.run_start import SavedState, read_clock, read_run_start
+from bellcrank.simulation.run_start import SavedState, read_clock, read_run_start
 
 if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion

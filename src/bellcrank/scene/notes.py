@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.elements.controllers import PD
+from bellcrank.elements.element import Part, joint_unit
+from bellcrank.elements.expression import Expression
+from bellcrank.elements.frame_forces import Wrench
+from bellcrank.elements.joint_forces import Torque
+from bellcrank.elements.torque_table import COMPONENTS
 from bellcrank.motion.motion import FAR_OUT, MOST_TURNED
-from bellcrank.scene.control import PD
-from bellcrank.scene.expression import Expression
-from bellcrank.scene.frame_forces import Wrench
-from bellcrank.scene.joint_forces import Torque
-from bellcrank.scene.part import Part, joint_unit
-from bellcrank.scene.torque_table import COMPONENTS
 
 if TYPE_CHECKING:
-    from bellcrank.dynamics.signals import Signal
+    from bellcrank.elements.signals import Signal
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]

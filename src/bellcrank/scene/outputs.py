@@ -15,19 +15,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from bellcrank.card.fields import Fields
-from bellcrank.constraints.constraint import Constraint
-from bellcrank.constraints.rolling import RollingDisk
+from bellcrank.config.fields import Fields
+from bellcrank.elements.constraint import Constraint
+from bellcrank.elements.element import Part, joint_unit, read_frame, read_joint
+from bellcrank.elements.expression import Expression
+from bellcrank.elements.rolling import RollingDisk
 from bellcrank.errors import among
 from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.events import read_expression
-from bellcrank.scene.expression import Expression
-from bellcrank.scene.part import Part, joint_unit, read_frame, read_joint
 
 if TYPE_CHECKING:
     import casadi
 
-    from bellcrank.scene.symbols import Symbols
+    from bellcrank.elements.symbols import Symbols
 
 FRAME_LABELS: Final = {
     "position": tuple(f"{c} [m]" for c in "xyz"),

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 
 from bellcrank import arguments
-from bellcrank.card.card import CARD_KEYS, SCENE_KEYS
-from bellcrank.card.number_text import whole_number
-from bellcrank.card.yaml_file import Lines, read_value, shown
+from bellcrank.config.number_text import whole_number
+from bellcrank.config.yaml_file import Lines, read_value, shown
+from bellcrank.elements.element import entry_names
 from bellcrank.errors import InputError, among
 from bellcrank.scene.free_joint_start import START_KEYS
-from bellcrank.scene.part import entry_names
+from bellcrank.scene.robot_config import CARD_KEYS, SCENE_KEYS
 from bellcrank.scene.settings import Settings
 
 DEEPEST = 100

@@ -17,41 +17,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank.card.card import SCENE_KEYS, Card, card_from_fields, find_card
-from bellcrank.card.fields import Fields
-from bellcrank.card.motions import csv_texts
-from bellcrank.card.yaml_file import read_yaml
-from bellcrank.constraints.closures import read_closures
-from bellcrank.constraints.constraint import Constraint
-from bellcrank.constraints.drive_end import DriveEnd, drive_end
-from bellcrank.constraints.foreign import foreign_motors
-from bellcrank.constraints.formula import Own, own_constraint
-from bellcrank.constraints.frame_joints import refuse_joints_off_paths
+from bellcrank.config.fields import Fields
+from bellcrank.config.yaml_file import read_yaml
 from bellcrank.derived import Portable, cached_property
-from bellcrank.dynamics.signals import Signal, values_at
+from bellcrank.dynamics.frame_joints import refuse_joints_off_paths
+from bellcrank.dynamics.prescribed_motion_end import DriveEnd, drive_end
+from bellcrank.elements.constraint import Constraint
+from bellcrank.elements.constraints import read_closures
+from bellcrank.elements.controllers import Controller, read_control
+from bellcrank.elements.element import Part
+from bellcrank.elements.expression_constraint import Own, own_constraint
+from bellcrank.elements.forces import read_forces
+from bellcrank.elements.frame_forces import Wrench
+from bellcrank.elements.importers import foreign_motors
+from bellcrank.elements.joint_forces import Torque
+from bellcrank.elements.parameters import Parameter, read_parameters
+from bellcrank.elements.signal_source import SignalSource, later_signal, later_stops
+from bellcrank.elements.signals import Signal, values_at
 from bellcrank.errors import InputError
-from bellcrank.file_access import FileAccess, Trust, read_text
+from bellcrank.files.access import FileAccess, Trust, read_text
+from bellcrank.motion.entries import csv_texts
 from bellcrank.robot.postures import lengths_in_position
 from bellcrank.robot.robot import Robot, RobotJoint
-from bellcrank.scene.control import Controller, read_control
 from bellcrank.scene.events import EventRule, read_events
-from bellcrank.scene.forces import read_forces
-from bellcrank.scene.frame_forces import Wrench
 from bellcrank.scene.initial import Initial, read_initial
-from bellcrank.scene.joint_forces import Torque
 from bellcrank.scene.notes import scene_notes
 from bellcrank.scene.outputs import Output, read_outputs
 from bellcrank.scene.overrides import apply_overrides, marked, plain
-from bellcrank.scene.parameters import Parameter, read_parameters
-from bellcrank.scene.part import Part
+from bellcrank.scene.robot_config import SCENE_KEYS, Card, card_from_fields, find_card
 from bellcrank.scene.settings import Settings, check_rows, read_settings
-from bellcrank.scene.signal_source import SignalSource, later_signal, later_stops
 
 if TYPE_CHECKING:
-    from bellcrank.dynamics.binding import Binding
+    from bellcrank.dynamics.constraint_rank import Binding
     from bellcrank.dynamics.system import System
+    from bellcrank.elements.symbols import Symbols
     from bellcrank.motion.motion import Motion
-    from bellcrank.scene.symbols import Symbols
 
 Array = NDArray[np.float64]
 
@@ -130,7 +130,7 @@ class Scene(Portable):
         q = self.initial.posture(self.robot, motion)
         if not self.closures:
             return q, self.initial.rates(self.robot, q, motion)
-        from bellcrank.constraints.start import consistent_posture, consistent_velocity
+        from bellcrank.dynamics.consistent_start import consistent_posture, consistent_velocity
 
         held_q, held_v = self.initial.held(self.robot)
         q = consistent_posture(self, q, held_q)
@@ -159,7 +159,7 @@ class Scene(Portable):
         """The parameters p of the equations: `own_parameters`, and with closures how large their rows usually are and,
         last, their regularisation. Not to be written to.
         """
-        from bellcrank.dynamics.closed import REGULARISATION
+        from bellcrank.dynamics.constrained import REGULARISATION
 
         own = self.own_parameters
         found = np.concatenate([own, self.binding.parameters, [REGULARISATION]]) if self.closures else own
@@ -182,15 +182,15 @@ class Scene(Portable):
     @cached_property
     def binding(self) -> Binding:
         """Which rows of its closures bind at its parameters. Raises InputError where one can never close."""
-        from bellcrank.dynamics.binding import binding_of
+        from bellcrank.dynamics.constraint_rank import binding_of
 
         return binding_of(self)
 
     @cached_property
     def structure_key(self) -> str:
         """A digest of all that the equations depend on besides the values of parameters."""
-        from bellcrank.machine_code.cache import digest
-        from bellcrank.machine_code.compile import sources
+        from bellcrank.codegen.cache import digest
+        from bellcrank.codegen.compile import sources
 
         return digest(self.robot.key, self.physics_key(), sources())
 
@@ -255,7 +255,7 @@ def load_scene(path_or_name: str | Path, overrides: Mapping[str, Any] | None = N
     """Read a scene from a file, or by the name of a shipped one; a URDF (path or name) is a scene without forces.
 
     `overrides` changes it by dotted path: {"initial.crank": "1.5 deg", "simulate.rtol": 1e-6} (overrides.py). Files
-    that it names lie near it, or in the folders `trust` (file_access.py). Raises InputError, one sentence naming file
+    that it names lie near it, or in the folders `trust` (files/access.py). Raises InputError, one sentence naming file
     and key, for whatever is not as it should be.
     """
     if overrides is not None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from bellcrank import arguments
-from bellcrank.card.fields import Fields
+from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError, among
 from bellcrank.memory import check_memory
 
@@ -21,7 +21,8 @@ MOST_NUMBERS = 4 * 10**9 // 8  # doubles in the states of a run: 4 GB
 @dataclass(frozen=True)
 class Stabilisation:
     """How closures are kept from drifting: kind "projection" (back onto them after each step), "baumgarte" with gains
-    alpha and beta (1/s), or "none". `auto`: the gains follow from solver, tolerances and step (constraints/gains.py).
+    alpha and beta (1/s), or "none". `auto`: the gains follow from solver, tolerances and step
+    (simulation/baumgarte_gains.py).
     """
 
     kind: str = "projection"

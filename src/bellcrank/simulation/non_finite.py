@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.signals import values_at
+from bellcrank.elements.signals import values_at
 from bellcrank.simulation.status import Status
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from bellcrank.motion.hermite import smooth_between
 from bellcrank.motion.resampling import before
 
 if TYPE_CHECKING:
-    from bellcrank.dynamics.signals import Signal
+    from bellcrank.elements.signals import Signal
     from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory import Array, Trajectory
 

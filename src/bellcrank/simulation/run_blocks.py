@@ -21,9 +21,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.atomic import file_meant
-from bellcrank.dynamics.signals import Signal
+from bellcrank.elements.signals import Signal
 from bellcrank.errors import InputError, NotSavedError
+from bellcrank.files.atomic_write import file_meant
+from bellcrank.files.temporaries import is_running, new_folder, own_mark
 from bellcrank.scene.scene import Scene
 from bellcrank.scene.settings import Settings
 from bellcrank.simulation.record import Statistics
@@ -40,7 +41,6 @@ from bellcrank.simulation.run_file import (
 )
 from bellcrank.simulation.simulate import check_keep_every, statistics_of
 from bellcrank.simulation.status import Status
-from bellcrank.temporaries import is_running, new_folder, own_mark
 
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.constraints.turns import turning
+from bellcrank.elements.turns import turning
 from bellcrank.scene.settings import STABILISATIONS, Settings, Stabilisation
 from bellcrank.simulation.record import Statistics, Unresolved
 from bellcrank.simulation.run_archive import brief

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank.elements.joint_forces import Torque
+from bellcrank.files.csv_table import write_table
 from bellcrank.motion.coordinates import position_labels, velocity_labels
-from bellcrank.motion.csv_table import write_table
-from bellcrank.scene.joint_forces import Torque
 
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Array, Trajectory

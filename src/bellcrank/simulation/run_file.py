@@ -23,22 +23,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank import __version__, arguments, interruption
-from bellcrank.atomic import writing
-from bellcrank.constraints.formula import Own
-from bellcrank.dynamics.signals import Signal
+from bellcrank import __version__, arguments
+from bellcrank.codegen import machine
+from bellcrank.elements.expression_constraint import Own
+from bellcrank.elements.signals import Signal
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.file_access import MOST_RUN, FileAccess, Trust, open_regular
-from bellcrank.locale_text import file_name_here, readable, utf8
-from bellcrank.machine_code import machine
-from bellcrank.scene.run_start import SavedState, explicit_start
+from bellcrank.files.access import MOST_RUN, FileAccess, Trust, open_regular
+from bellcrank.files.atomic_write import writing
+from bellcrank.files.locale_text import file_name_here, readable, utf8
+from bellcrank.files.temporaries import new_folder
 from bellcrank.scene.scene import Scene, load_held_scene
 from bellcrank.simulation.run_archive import DAMAGE, NoRun, brief, read_archive
 from bellcrank.simulation.run_checks import check_arrays, checked_about
+from bellcrank.simulation.run_start import SavedState, explicit_start
 from bellcrank.simulation.simulate import event_at, unturned
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
-from bellcrank.temporaries import new_folder
+from bellcrank.terminal import interruption
 
 Array = NDArray[np.float64]
 FORMAT = "bellcrank run"
@@ -130,7 +131,7 @@ def load_run(path: str | Path, *, trust: Trust = ()) -> Trajectory:
 
     Entries, shapes and numbers are checked (run_checks.py); whether they are a motion of the scene, the certificate of
     the run says. Meshes of its robot are drawn from files in its folder, below it, and in the folders `trust`
-    (file_access.py). Raises InputError, one sentence, for a file that is missing, damaged, foreign or of a later
+    (files/access.py). Raises InputError, one sentence, for a file that is missing, damaged, foreign or of a later
     version.
     """
     file = arguments.path("path", path, "the path of a run (.npz)")

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank import arguments
-from bellcrank.atomic import writing
 from bellcrank.errors import InputError, among
+from bellcrank.files.atomic_write import writing
 from bellcrank.plot_style import DASHES, DPI, PALETTE, colour, dash, literal, new_figure, plain, save_figure
 from bellcrank.simulation.run_panels import Panel, extremes, run_panels, shown_unit
 

@@ -3,7 +3,7 @@
 Three things make a run wrong. *Steps*: a run with a hundredth of the tolerances has about a hundredth of that error, so
 that the difference is the error. *Closures without projection* drift, and where the linkage passes a position in which
 they lose rank they may go on along another branch: runs made again are projected. *Regularisation*: near such positions
-a share of each row's usual J M⁻¹ Jᵀ is added to it (dynamics/closed.py). What it leaves grows with the share, what
+a share of each row's usual J M⁻¹ Jᵀ is added to it (dynamics/constrained.py). What it leaves grows with the share, what
 rounding leaves there falls with it, and no tolerance makes either less: where passages amplify them they are the floor
 of the error. Runs with ten times the share and with a tenth of it are off by about ten times the one and the other, and
 shares of their differences, with a margin for how passages scatter, are taken for the floor.

@@ -11,23 +11,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank import arguments, interruption
+from bellcrank import arguments
 from bellcrank._step import integrate
-from bellcrank.constraints.drive_end import signals_until
-from bellcrank.constraints.gains import automatic_gains
-from bellcrank.constraints.turns import cosines_along, turning
-from bellcrank.dynamics.signals import values_at
+from bellcrank.codegen import machine
+from bellcrank.codegen.compile import make_ready
+from bellcrank.dynamics.prescribed_motion_end import signals_until
 from bellcrank.dynamics.system import LARGEST_STAGED
+from bellcrank.elements.signals import values_at
+from bellcrank.elements.turns import cosines_along, turning
 from bellcrank.errors import InputError
-from bellcrank.machine_code import machine
-from bellcrank.machine_code.compile import make_ready
-from bellcrank.scene.closure_conditions import ContactLost
+from bellcrank.scene.constraint_conditions import ContactLost
 from bellcrank.scene.overrides import EXPECTED_OVERRIDES
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.settings import SOLVERS, Settings, Stabilisation, check_rows
+from bellcrank.simulation.baumgarte_gains import automatic_gains
 from bellcrank.simulation.record import Event, Latch, Statistics, Unresolved
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.terminal import interruption
 
 if TYPE_CHECKING:
     from bellcrank.simulation.run_blocks import Keeper
@@ -322,7 +323,7 @@ def _checked_times(times: Any) -> Array:
 
 def _refuse_massless_motion(scene: Scene) -> None:
     """Name the joints that can move without moving mass, with the scene's own parameters (InputError)."""
-    from bellcrank.dynamics.determined import massless_motion
+    from bellcrank.dynamics.singular_mass import massless_motion
 
     motion = massless_motion(scene)
     if motion is not None:

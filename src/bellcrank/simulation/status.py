@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class Status(StrEnum):
-    """The ways to end, first those of the stepper in the order of its numbers (step_ext/problem.hpp)."""
+    """The ways to end, first those of the stepper in the order of its numbers (cpp/integrator/problem.hpp)."""
 
     FINISHED = "finished"
     EVENT = "event"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bellcrank.dynamics.signals import values_at
+from bellcrank.elements.signals import values_at
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 from bellcrank.simulation.second_run import DRIFTED, departure, error_estimate, expected_cost

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank.constraints.turns import cosines_along, true_gaps, turning
 from bellcrank.derived import Portable, cached_property
-from bellcrank.dynamics.signals import Signal, values_at
+from bellcrank.elements.signals import Signal, values_at
+from bellcrank.elements.turns import cosines_along, true_gaps, turning
 from bellcrank.errors import InputError, among
 from bellcrank.simulation.record import ClosureHistory, Event, FrameHistory, JointHistory, Statistics
 from bellcrank.simulation.status import Status

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from bellcrank import arguments
+from bellcrank.actuators.actuator import Drive
 from bellcrank.motion.motion import Motion
-from bellcrank.sizing.drive import Drive
 
 
 def tolerance_of(value: object) -> float:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bellcrank.constraints.mechanism import force_times
+from bellcrank.dynamics.mechanism import force_times
 from bellcrank.motion.motion import Motion
 from bellcrank.sizing.loads import Loads
 from bellcrank.sizing.result import JointSizing, Peak

@@ -8,18 +8,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bellcrank import arguments
+from bellcrank.actuators.actuator import Drive
 from bellcrank.errors import InputError, among
 from bellcrank.motion.motion import Motion
 from bellcrank.robot.payload import Payload
 from bellcrank.robot.robot import Robot
 from bellcrank.sizing.arguments import drives_of, tolerance_of
-from bellcrank.sizing.drive import Drive
 from bellcrank.sizing.linkage import Mechanism, mechanism_of, mechanism_of_card
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.size import size as size_robot
 
 if TYPE_CHECKING:
-    from bellcrank.card.card import Card
+    from bellcrank.scene.robot_config import Card
     from bellcrank.scene.scene import Scene
 
 OneMotion = Motion | str | Path
@@ -57,7 +57,7 @@ def size(
         >>> sizing = bc.size("ur5", mass_tolerance=0.1)
         >>> sizing.joint("elbow_joint").peak_torque
     """
-    from bellcrank.card.card import Card, load_card
+    from bellcrank.scene.robot_config import Card, load_card
     from bellcrank.scene.scene import Scene
 
     mass_tolerance = tolerance_of(mass_tolerance)

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from bellcrank.errors import InputError, among
 
 if TYPE_CHECKING:
+    from bellcrank.actuators.actuator import Drive
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import RobotJoint
-    from bellcrank.sizing.drive import Drive
 
 Array = NDArray[np.float64]
 Torques = Callable[[Array, Array, Array, Array], Array]  # (t, q, v, a) -> (n, joints)

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.constraints.mechanism import force_times, mechanism_of
+from bellcrank.dynamics.mechanism import force_times, mechanism_of
 from bellcrank.errors import InputError
-from bellcrank.locale_text import file_name_here
+from bellcrank.files.locale_text import file_name_here
 from bellcrank.motion.csv_file import write_motion
 from bellcrank.sizing.histories import MotionHistory, motion_history
 
 if TYPE_CHECKING:
-    from bellcrank.constraints.mechanism import Mechanism
+    from bellcrank.actuators.actuator import Drive
+    from bellcrank.dynamics.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import Robot, RobotJoint
-    from bellcrank.sizing.drive import Drive
     from bellcrank.sizing.result import Sizing
 
 Array = NDArray[np.float64]

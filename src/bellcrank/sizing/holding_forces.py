@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.constraints.elements import force_breaks
-from bellcrank.constraints.open_chain import OpenChain
-from bellcrank.scene.joint_forces import Damper, Friction, JointSpring
+from bellcrank.dynamics.element_forces import force_breaks
+from bellcrank.dynamics.open_chain import OpenChain
+from bellcrank.elements.joint_forces import Damper, Friction, JointSpring
 from bellcrank.sizing.holding import Holding, holding_torques, joint_ranges
 from bellcrank.sizing.peaks import grid_along, maxima
 
 if TYPE_CHECKING:
-    from bellcrank.constraints.mechanism import Mechanism
+    from bellcrank.dynamics.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import RobotJoint
 

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from bellcrank.constraints.linkage import Linkage
-from bellcrank.constraints.mechanism import Mechanism, mechanism_of
-from bellcrank.constraints.open_chain import OpenChain
+from bellcrank.dynamics.linkage import Linkage
+from bellcrank.dynamics.mechanism import Mechanism, mechanism_of
+from bellcrank.dynamics.open_chain import OpenChain
 
 if TYPE_CHECKING:
-    from bellcrank.card.card import Card
     from bellcrank.robot.robot import Robot
+    from bellcrank.scene.robot_config import Card
 
 __all__ = ["Linkage", "Mechanism", "mechanism_of", "mechanism_of_card"]
 
 
 def mechanism_of_card(card: Card, robot: Robot) -> Mechanism:
     """The mechanism of a card's file with its closures, forces and parameters, for its robot with payloads."""
-    from bellcrank.card.yaml_file import read_yaml
+    from bellcrank.config.yaml_file import read_yaml
     from bellcrank.scene.scene import load_scene
 
     if card.source == card.urdf or read_yaml(card.source).keys().isdisjoint(COUNTED):

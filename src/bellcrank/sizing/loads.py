@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.sizing.drive import Drive
+from bellcrank.actuators.actuator import Drive
 
 if TYPE_CHECKING:
-    from bellcrank.constraints.mechanism import Mechanism
+    from bellcrank.dynamics.mechanism import Mechanism
     from bellcrank.robot.robot import RobotJoint
 
 Array = NDArray[np.float64]

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bellcrank.constraints.linkage import Linkage
+from bellcrank.dynamics.linkage import Linkage
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
-    from bellcrank.constraints.mechanism import Mechanism
+    from bellcrank.dynamics.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import RobotJoint
 

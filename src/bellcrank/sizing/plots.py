@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank import atomic
-from bellcrank.constraints.mechanism import Mechanism, mechanism_of
+from bellcrank.actuators.actuator import Drive
+from bellcrank.dynamics.mechanism import Mechanism, mechanism_of
 from bellcrank.errors import InputError, among
+from bellcrank.files import atomic_write
 from bellcrank.motion.motion import Motion
 from bellcrank.plot_style import DPI, colour, dash, literal, new_figure, plain, save_figure
-from bellcrank.sizing.drive import Drive
 from bellcrank.sizing.history import file_names, joint_torques
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def write_plots(
     folder = Path(folder)
     figures = draw(robot, motions, drives, title, mass_tolerance, lines)
     for name, figure in figures.items():
-        with atomic.writing(folder / name) as temporary:
+        with atomic_write.writing(folder / name) as temporary:
             save_figure(figure, temporary, "png", dpi=DPI)
     return [folder / name for name in figures]
 
@@ -111,7 +111,7 @@ def plot_sizing(sizing: Sizing, path: str | Path | None, what: str | None, motio
         known = figure.canvas.get_supported_filetypes()
         if form not in known:
             raise InputError(f"{path}: {among('picture format', form, sorted(known))}")
-        with atomic.writing(path) as temporary:
+        with atomic_write.writing(path) as temporary:
             save_figure(figure, temporary, form, dpi=DPI)
     return figure
 

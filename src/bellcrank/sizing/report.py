@@ -12,10 +12,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from bellcrank import atomic
-from bellcrank.csv_cells import guarded
 from bellcrank.errors import InputError
-from bellcrank.file_access import read_text
+from bellcrank.files import atomic_write
+from bellcrank.files.access import read_text
+from bellcrank.files.csv_cells import guarded
 from bellcrank.sizing.result import JointSizing, Peak, ShaftSizing, Sizing
 
 REPORTS = ("sizing.csv", "sizing.json")
@@ -32,7 +32,7 @@ def write_reports(sizing: Sizing, folder: str | Path, others: Iterable[Path] = (
     names = [*REPORTS, *(path.name for path in others)]
     files = {folder / "sizing.csv": csv_text(sizing), folder / "sizing.json": json_text(sizing, names)}
     for path, text in files.items():
-        atomic.write_text(path, text)
+        atomic_write.write_text(path, text)
     return list(files)
 
 

@@ -13,16 +13,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank import arguments, atomic
-from bellcrank.constraints.elements import Element
+from bellcrank import arguments
+from bellcrank.actuators.actuator import Drive
 from bellcrank.derived import Portable, cached_property
+from bellcrank.dynamics.element_forces import Element
 from bellcrank.errors import InputError, among
-from bellcrank.sizing.drive import Drive
+from bellcrank.files import atomic_write
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from bellcrank.constraints.mechanism import Mechanism
+    from bellcrank.dynamics.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
     from bellcrank.sizing.histories import MotionHistory
 
@@ -366,7 +367,7 @@ class Sizing(Portable):
 
 def _written(path: str | Path, text: str) -> Path:
     target = arguments.path("path", path, "the path of a file")
-    atomic.write_text(target, text)
+    atomic_write.write_text(target, text)
     return target
 
 

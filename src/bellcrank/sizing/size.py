@@ -1,11 +1,11 @@
 """Size a robot's motors over one or several motions: at the joint, at the motor shaft and at the supply.
 
 Torque at a joint is inverse dynamics, τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction − the forces of the scene (Ghosal,
-lecture 18; dynamics/inverse.py), and of a linkage what its motors feel of it (constraints/chain.py). Where a joint has
-a drive, that is the torque at the gear's output: the rotor's inertia counts at the shaft. A mass tolerance scales each
-massive link and payload as a whole, mass and inertia together, by one factor of its own within 1 ± tolerance. Torque is
-linear in these factors, so it changes by at most tolerance · Σ|share of each link|, and that bound is reached: peaks
-are exact worst cases, RMS and energies are upper bounds. Reactions and inertias stay nominal.
+lecture 18; dynamics/inverse_dynamics.py), and of a linkage what its motors feel of it (dynamics/closed_chain.py).
+Where a joint has a drive, that is the torque at the gear's output: the rotor's inertia counts at the shaft. A mass
+tolerance scales each massive link and payload as a whole, mass and inertia together, by one factor of its own within
+1 ± tolerance. Torque is linear in these factors, so it changes by at most tolerance · Σ|share of each link|, and that
+bound is reached: peaks are exact worst cases, RMS and energies are upper bounds. Reactions and inertias stay nominal.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.constraints.elements import (
+from bellcrank.actuators.actuator import Drive
+from bellcrank.dynamics.element_forces import (
     coulomb_widths,
     elements,
     force_breaks,
@@ -26,12 +27,11 @@ from bellcrank.constraints.elements import (
     parameter_values,
     with_force_rows,
 )
-from bellcrank.constraints.mechanism import Mechanism, mechanism_of
+from bellcrank.dynamics.mechanism import Mechanism, mechanism_of
 from bellcrank.errors import InputError, among
 from bellcrank.motion.motion import Motion
 from bellcrank.sizing.arguments import drives_of, motions_of, renamed, tolerance_of
 from bellcrank.sizing.between import between_warnings, peaks_at_rows
-from bellcrank.sizing.drive import Drive
 from bellcrank.sizing.finite import refuse_non_finite, refuse_non_finite_line, root_mean_square
 from bellcrank.sizing.holding_forces import holding_of
 from bellcrank.sizing.loads import Loads

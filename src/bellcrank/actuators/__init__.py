@@ -1,0 +1,1 @@
+"""Actuators: a motor with its gear."""

@@ -1,0 +1,263 @@
+"""Compiled functions: an expression graph as machine code, one sample or a batch at a call."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank import arguments
+from bellcrank._step import evaluate
+from bellcrank.codegen import cache as disk
+from bellcrank.codegen import machine
+from bellcrank.codegen.graph import Graph, graph_of
+from bellcrank.codegen.locks import making
+from bellcrank.codegen.scalar import scalar_ir
+from bellcrank.codegen.simd import batch_ir
+from bellcrank.errors import CompileError, InputError
+
+if TYPE_CHECKING:
+    import casadi
+
+Array = NDArray[np.float64]
+_BATCH = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
+
+
+class Compiled:
+    """A function of several vectors as machine code.
+
+    Call it with one array an input, each (m,) or (n, m): single samples and batches may be mixed, a
+    single one is repeated. It returns one array an output, (k,) or (n, k). Machine code for one sample and
+    for batches is made when first needed, kept on disk, and freed with this object: whoever takes an address keeps it.
+    Pickled, it is its graph.
+    """
+
+    def __init__(self, name: str, recipe: str, graph: Callable[[], Graph], inputs: Sequence[int] = ()) -> None:
+        """`recipe` is its name in the cache; a recipe there whose first inputs have other sizes is not used."""
+        self.name, self._recipe, self._graph = name, recipe, graph
+        self._loaded: dict[tuple[str, str], machine.Loaded] = {}
+        stored = _read_recipe(recipe)
+        if stored is None or stored["inputs"][: len(inputs)] != list(inputs):
+            stored = {**_sizes(graph()), "objects": {}}
+        self._hints: dict[str, str] = stored["objects"]
+        self.input_sizes: tuple[int, ...] = tuple(stored["inputs"])
+        self.output_sizes: tuple[int, ...] = tuple(stored["outputs"])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _unpickled, (self.name, self._recipe, self.graph)
+
+    def __copy__(self) -> Self:
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self
+
+    @property
+    def graph(self) -> Graph:
+        """The expression graph (traced anew where only machine code was cached)."""
+        return self._graph()
+
+    def ir(self, kind: str) -> str:
+        """The LLVM IR, `kind` being "scalar" or "batch"."""
+        chosen = machine.target()
+        if kind == "scalar":
+            return scalar_ir(self.graph, chosen.lanes, chosen.fused)
+        return batch_ir(self.graph, chosen.lanes, chosen.fused)
+
+    def address(self, kind: str) -> int:
+        """The address of the machine code; its signature is in scalar.py or simd.py."""
+        key = (kind, machine.target_name())
+        if key not in self._loaded:
+            with making:
+                if key not in self._loaded:
+                    loaded = self._kept(kind)
+                    if loaded is None:
+                        ir = self.ir(kind)
+                        loaded = self._made(kind, ir, machine.object_code(ir, machine.target(), self._level))
+                    self._loaded[key] = loaded
+        return self._loaded[key].address
+
+    @property
+    def _level(self) -> int:
+        """LLVM's optimisation level."""
+        return 0 if self.graph.soon_compiled else 2
+
+    def _hint(self, kind: str) -> str:
+        chosen = machine.target()
+        return f"{kind}:{chosen.name}:{chosen.cpu}:{chosen.features}"
+
+    def _kept(self, kind: str) -> machine.Loaded | None:
+        """The code that lies in the cache, loaded; None where there is none for these sizes."""
+        key = self._hints.get(self._hint(kind))
+        data = disk.load(key) if key else None
+        sizes, _, code = (data or b"").partition(b"\n")
+        if code and sizes == self._signature():
+            try:
+                return machine.Loaded(self.name, code, machine.target())
+            except (RuntimeError, KeyError):
+                pass  # not an object this LLVM can load: make it anew
+        return None
+
+    def _made(self, kind: str, ir: str, code: bytes) -> machine.Loaded:
+        """New code, loaded and kept in the cache with the sizes that it was made for."""
+        sizes = _sizes(self.graph)
+        self.input_sizes, self.output_sizes = tuple(sizes["inputs"]), tuple(sizes["outputs"])
+        key = machine.object_key(ir, machine.target(), self._level)
+        disk.store(key, self._signature() + b"\n" + code)
+        self._hints[self._hint(kind)] = key
+        disk.store(self._recipe, json.dumps({**sizes, "objects": self._hints}).encode())
+        return machine.Loaded(self.name, code, machine.target())
+
+    def _signature(self) -> bytes:
+        return json.dumps([self.input_sizes, self.output_sizes]).encode()
+
+    def prepared(self, arrays: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], int]:
+        """A call of the batch code on these very arrays (C-contiguous, at least as many rows as lanes), bare."""
+        call = _BATCH(self.address("batch"))
+        ins = (ctypes.c_void_p * len(arrays))(*[v.ctypes.data for v in arrays])
+        outs = (ctypes.c_void_p * len(outputs))(*[o.ctypes.data for o in outputs])
+        strides = (ctypes.c_int64 * len(arrays))(*[0 if v.ndim == 1 else v.shape[1] for v in arrays])
+        rows = outputs[0].shape[0]
+        held = (self, arrays, outputs)
+        return lambda: int(call(ins, outs, strides, rows)) if held else 0
+
+    def __call__(self, *arrays: Any) -> Any:
+        """Evaluate; InputError where an array has the wrong shape or batches differ in length."""
+        if all(type(a) is np.ndarray and a.ndim == 1 for a in arrays):
+            quick = evaluate(self.address("scalar"), arrays, self.input_sizes, self.output_sizes)
+            if quick is not None:
+                return quick[0] if len(quick) == 1 else quick
+        if len(arrays) != len(self.input_sizes):
+            raise InputError(f"{self.name} takes {len(self.input_sizes)} arrays, {len(arrays)} were given")
+        values = [np.ascontiguousarray(a, dtype=np.float64) for a in arrays]
+        self.address("batch" if any(v.ndim == 2 for v in values) else "scalar")  # its sizes are certain from here on
+        rows = None
+        for k, (value, size) in enumerate(zip(values, self.input_sizes, strict=True)):
+            if value.ndim not in (1, 2) or value.shape[-1] != size:
+                raise InputError(
+                    f"{self.name}: argument {k + 1} has shape {value.shape}, expected ({size},) or (n, {size})"
+                )
+            if value.ndim == 2:
+                if rows not in (None, value.shape[0]):
+                    raise InputError(f"{self.name}: batches of different length, {rows} and {value.shape[0]}")
+                rows = value.shape[0]
+        if rows is not None:
+            many = self._many(values, rows)
+            return many[0] if len(many) == 1 else tuple(many)
+        one = evaluate(self.address("scalar"), tuple(values), self.input_sizes, self.output_sizes)
+        if one is None:
+            raise CompileError(f"{self.name} could not be evaluated at this sample")
+        return one[0] if len(one) == 1 else one
+
+    def _many(self, values: list[Array], rows: int) -> list[Array]:
+        lanes = machine.target().lanes
+        if rows == 0:
+            return [np.empty((0, size)) for size in self.output_sizes]
+        if rows < lanes:  # a batch shorter than a vector: repeat its last row, then cut
+            values = [v if v.ndim == 1 else np.vstack([v, np.repeat(v[-1:], lanes - rows, 0)]) for v in values]
+            return [o[:rows].copy() for o in self._many(values, lanes)]
+        outputs = [np.empty((rows, size)) for size in self.output_sizes]
+        status = self.prepared(values, outputs)()
+        if status:
+            raise CompileError(f"{self.name} ended with status {status}")
+        return outputs
+
+
+def make_ready(wanted: Sequence[tuple[Compiled, str]]) -> list[int]:
+    """Make machine code (function, kind) where it is not there yet: LLVM compiles while the next IR is written.
+
+    Returns the addresses of the machine code.
+    """
+    name = machine.target_name()
+    if not all((kind, name) in function._loaded for function, kind in wanted):
+        _make(wanted, name)
+    return [function._loaded[kind, name].address for function, kind in wanted]
+
+
+def _make(wanted: Sequence[tuple[Compiled, str]], name: str) -> None:
+    """Make the machine code of those of `make_ready` that have none for the target `name`."""
+    chosen, process = machine.target(), os.getpid()
+    with making, ThreadPoolExecutor(1) as compiler:
+        begun = []
+        for function, kind in wanted:
+            if (kind, name) in function._loaded:
+                continue
+            loaded = function._kept(kind)
+            if loaded is not None:
+                function._loaded[kind, name] = loaded
+                continue
+            ir = function.ir(kind)
+            begun.append((function, kind, ir, compiler.submit(machine.object_code, ir, chosen, function._level)))
+        for function, kind, ir, code in begun:
+            # in a process that a function that builds expressions has forked the compiling thread is not there
+            made = code.result() if os.getpid() == process else machine.object_code(ir, chosen, function._level)
+            function._loaded[kind, name] = function._made(kind, ir, made)
+
+
+@cache
+def sources() -> str:
+    """A digest of the package: whatever builds an expression or compiles it, a change makes cached recipes stale."""
+    package = Path(__file__).parent.parent
+    paths = sorted([*package.rglob("*.py"), *package.glob("_trace*.so")])
+    return disk.digest(*[p.read_bytes() for p in paths])
+
+
+def compiled(
+    name: str,
+    key: Sequence[str],
+    build: Callable[[], casadi.Function],
+    seldom: bool = False,
+    inputs: Sequence[int] = (),
+) -> Compiled:
+    """The compiled function that `build` describes, from the cache where `key` is known there.
+
+    `key` must say everything that `build` depends on; `build` is not called while machine code for
+    what is asked of the function lies in the cache. `seldom` is the graph's. `inputs`: the sizes of its first inputs,
+    as the caller will pass them. Raises CompileError where `build` makes a function of others.
+    """
+    graphs: list[Graph] = []
+
+    def graph() -> Graph:
+        with making:
+            if not graphs:
+                made = replace(graph_of(_serialized(build())), seldom=seldom)
+                if made.input_sizes[: len(inputs)] != tuple(inputs):
+                    raise CompileError(
+                        f"{name} takes vectors of sizes {made.input_sizes} where {tuple(inputs)} … are passed, a fault "
+                        "of bellcrank; BELLCRANK_CACHE=off may help"
+                    )
+                graphs.append(made)
+            return graphs[0]
+
+    return Compiled(name, "recipe-" + disk.digest(name, *key, sources()), graph, inputs)
+
+
+def _unpickled(name: str, recipe: str, graph: Graph) -> Compiled:
+    return Compiled(name, recipe, lambda: graph, graph.input_sizes)
+
+
+def _sizes(graph: Graph) -> dict[str, list[int]]:
+    return {"inputs": list(graph.input_sizes), "outputs": [size for size, _ in graph.outputs]}
+
+
+def _serialized(function: Any) -> bytes:
+    if isinstance(function, bytes):
+        return function
+    if not hasattr(function, "serialize"):
+        arguments.refuse("build", "a function that makes a casadi.Function", function, remedy="this is what it made")
+    text: str = function.serialize()
+    return text.encode("latin-1")
+
+
+def _read_recipe(key: str) -> dict[str, Any] | None:
+    stored: dict[str, Any] | None = disk.load_data(key, {"inputs": [int], "outputs": [int], "objects": {str: str}})
+    return stored if stored and min([*stored["inputs"], *stored["outputs"]], default=0) >= 0 else None

@@ -1,0 +1,134 @@
+"""LLVM as a library: target machine, object code, and code that is loaded and ready to call."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import platform
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from bellcrank.codegen import cache as disk
+from bellcrank.codegen import locks
+from bellcrank.errors import CompileError, InputError, among
+
+ABI = 1  # of the compiled functions (scalar.py, simd.py); a change makes every cached object stale
+_serial = itertools.count()
+
+
+@dataclass(frozen=True)
+class Target:
+    """A processor as code is generated for it: LLVM's CPU name, features, SIMD lanes, fused multiply-add."""
+
+    name: str
+    cpu: str
+    features: str
+    lanes: int
+    fused: bool
+
+
+def processor() -> str:
+    """What the processor calls itself."""
+    try:
+        with Path("/proc/cpuinfo").open(encoding="utf-8") as file:
+            return next(line.split(":")[1].strip() for line in file if line.startswith("model name"))
+    except (OSError, StopIteration, IndexError):
+        return platform.processor() or platform.machine()
+
+
+@cache
+def _llvm() -> Any:
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm
+
+
+_LEVELS = {
+    "avx512": ("skylake-avx512", "+avx512f,+avx512dq,+avx512vl,+fma", 8, True),
+    "avx2": ("haswell", "+avx2,+fma,-avx512f", 4, True),
+    "baseline": ("x86-64", "", 2, False),
+}
+
+
+def target() -> Target:
+    """The target that BELLCRANK_TARGET names: "native" (also when unset), "avx512", "avx2" or "baseline".
+
+    Raises InputError for an unknown name, or for one that this processor cannot run.
+    """
+    return _target(target_name())
+
+
+def target_name() -> str:
+    """The value of BELLCRANK_TARGET, "native" where it is not set."""
+    return os.environ.get("BELLCRANK_TARGET") or "native"
+
+
+@cache
+def _target(name: str) -> Target:
+    if name != "native" and name not in _LEVELS:
+        raise InputError("BELLCRANK_TARGET: " + among("target", name, ["native", *_LEVELS]))
+    llvm = _llvm()
+    has = llvm.get_host_cpu_features()
+    if name == "native":
+        lanes = 8 if has.get("avx512f") and has.get("avx512dq") else 4 if has.get("avx2") else 2
+        return Target(name, llvm.get_host_cpu_name(), has.flatten(), lanes, bool(has.get("fma")))
+    cpu, features, lanes, fused = _LEVELS[name]
+    missing = [f[1:] for f in features.split(",") if f.startswith("+") and not has.get(f[1:])]
+    if missing:
+        raise InputError(
+            f"BELLCRANK_TARGET={name}: this processor lacks {', '.join(missing)}; leave it unset for the best it has"
+        )
+    return Target(name, cpu, features, lanes, fused)
+
+
+@cache
+def _target_machine(chosen: Target, level: int = 2) -> Any:
+    llvm = _llvm()
+    triple = llvm.Target.from_triple(llvm.get_process_triple())
+    return triple.create_target_machine(
+        cpu=chosen.cpu, features=chosen.features, opt=level, reloc="pic", codemodel="small", jit=True
+    )
+
+
+@cache
+def _jit(chosen: Target) -> Any:
+    return _llvm().create_lljit_compiler(_target_machine(chosen))
+
+
+def object_key(ir: str, chosen: Target, level: int = 2) -> str:
+    """The name of the machine code of `ir` on disk: what it is made of and what it is made for."""
+    import llvmlite
+
+    return "object-" + disk.digest(ir, chosen.cpu, chosen.features, llvmlite.__version__, str(ABI), str(level))
+
+
+def object_code(ir: str, chosen: Target, level: int = 2) -> bytes:
+    """Compile IR to an object file, by LLVM's optimisation level 0 … 2. Raises CompileError where LLVM refuses it.
+
+    Level 0 takes a quarter of the time; code cut into short functions then runs about as fast in SIMD lanes, and a
+    quarter slower for one sample.
+    """
+    llvm = _llvm()
+    with locks.llvm:
+        try:
+            module = llvm.parse_assembly(ir)
+        except RuntimeError as error:
+            raise CompileError(f"LLVM refused generated code, a fault of bellcrank: {error}") from error
+        module.triple = llvm.get_process_triple()
+        return bytes(_target_machine(chosen, level).emit_object(module))
+
+
+class Loaded:
+    """Machine code in memory; the address of `evaluate` stays valid as long as this object lives, which frees it."""
+
+    def __init__(self, name: str, code: bytes, chosen: Target) -> None:
+        llvm = _llvm()
+        with locks.llvm:
+            builder = llvm.JITLibraryBuilder().add_object_img(code).add_current_process()
+            unique = f"{name}.{next(_serial)}"  # LLVM refuses a name that it has had before
+            self._library = builder.export_symbol("evaluate").link(_jit(chosen), unique)
+            self.address: int = self._library["evaluate"]

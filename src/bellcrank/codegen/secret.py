@@ -1,0 +1,60 @@
+"""The secret that marks entries of the cache as the user's own.
+
+It is 32 random bytes in XDG_STATE_HOME/bellcrank/cache-secret, else ~/.local/state/bellcrank/cache-secret, which only
+the user may read (mode 0600). It never lies in the cache, so that no folder brings its own.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import stat
+from functools import cache
+from pathlib import Path
+
+from bellcrank.codegen.cache_folder import users_folder
+
+_SIZE = 32
+
+
+def secret() -> bytes | None:
+    """The user's secret, made when first needed; None where there is none and none can be kept."""
+    base = users_folder("XDG_STATE_HOME", ".local/state")
+    return None if base is None else _kept(base / "bellcrank" / "cache-secret")
+
+
+@cache
+def _kept(path: Path) -> bytes | None:
+    try:
+        return _read(path) or _made(path)
+    except OSError:
+        return None
+
+
+def _read(path: Path) -> bytes | None:
+    """What the file holds; None where there is none, or one that is not sound. OSError where it is another user's."""
+    try:
+        handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return None
+    with os.fdopen(handle, "rb") as file:
+        facts = os.fstat(handle)
+        if facts.st_uid != os.geteuid() or not stat.S_ISREG(facts.st_mode):
+            raise PermissionError(path)
+        found = file.read(_SIZE + 1)
+    return found if len(found) == _SIZE and not stat.S_IMODE(facts.st_mode) & 0o077 else None
+
+
+def _made(path: Path) -> bytes | None:
+    """A new secret, written in one piece; where two processes make one at once, both take the one that stays."""
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    temporary = path.with_name(f"{path.name}-{os.urandom(8).hex()}")
+    handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(os.urandom(_SIZE))
+        os.replace(temporary, path)
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+    return _read(path)

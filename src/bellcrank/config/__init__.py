@@ -1,0 +1,1 @@
+"""YAML with line numbers, units and checked fields."""

@@ -1,0 +1,320 @@
+"""Checked reading of YAML mappings: every value is asked for by name, kind and unit, and nothing is left
+over."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from bellcrank.config.number_text import split_number
+from bellcrank.config.yaml_file import read_yaml, shown
+from bellcrank.errors import InputError, among
+from bellcrank.files.access import FileAccess
+from bellcrank.files.locale_text import file_name_here
+
+# Unit written in a file -> factor to the SI unit that the reader asked for.
+UNITS: Final[dict[str, dict[str, float]]] = {
+    "": {"": 1.0, "%": 0.01},
+    "m": {"m": 1.0, "cm": 0.01, "mm": 0.001},
+    "rad": {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0},
+    "s": {"s": 1.0, "ms": 0.001, "min": 60.0},
+    "kg": {"kg": 1.0, "g": 0.001},
+    "N m": {"N m": 1.0, "Nm": 1.0, "N*m": 1.0, "mN m": 0.001, "mNm": 0.001},
+    "N": {"N": 1.0, "kN": 1000.0},
+    "kg m^2": {
+        "kg m^2": 1.0,
+        "kg m²": 1.0,
+        "kg*m^2": 1.0,
+        "kg cm^2": 1e-4,
+        "kg cm²": 1e-4,
+        "g cm^2": 1e-7,
+        "g cm²": 1e-7,
+    },
+    "m/s": {"m/s": 1.0, "mm/s": 0.001},
+    "m/s^2": {"m/s^2": 1.0, "m/s²": 1.0, "mm/s^2": 0.001},
+    "m/s^3": {"m/s^3": 1.0, "m/s³": 1.0, "mm/s^3": 0.001},
+    "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180.0, "°/s": math.pi / 180.0, "rpm": math.pi / 30.0},
+    "rad/s^2": {"rad/s^2": 1.0, "rad/s²": 1.0, "deg/s^2": math.pi / 180.0},
+    "N/m": {"N/m": 1.0, "N/mm": 1000.0, "kN/m": 1000.0},
+    "N m/rad": {"N m/rad": 1.0, "Nm/rad": 1.0, "N m/deg": 180.0 / math.pi},
+    "N s/m": {"N s/m": 1.0, "Ns/m": 1.0},
+    "N m s/rad": {"N m s/rad": 1.0, "Nms/rad": 1.0},
+    "1/s": {"1/s": 1.0},
+    "1/s^2": {"1/s^2": 1.0, "1/s²": 1.0},
+    "rad or m": {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0, "m": 1.0, "cm": 0.01, "mm": 0.001},
+}
+# What joints of both kinds share is written in either unit.
+for _turning, _sliding in (("N m", "N"), ("N m/rad", "N/m"), ("N m s/rad", "N s/m")):
+    UNITS[f"{_turning} or {_sliding}"] = UNITS[_turning] | UNITS[_sliding]
+_REQUIRED: Final = object()
+MOST_WHOLE = 10**9
+
+
+def parse_number(value: object, unit: str) -> float:
+    """The SI value of a number, or of a text such as "30 deg"; ValueError says what was expected instead."""
+    known = UNITS.get(unit, {unit: 1.0})
+    if isinstance(value, (bool, np.bool_)):
+        raise ValueError(f"expected {_wanted(unit)}, found {str(value).lower()}")
+    if isinstance(value, (int, float, np.integer, np.floating)):
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
+    elif isinstance(value, str) and (split := split_number(value)):
+        figure, written = split
+        if written and written not in known:
+            others = ", ".join(f"'{name}'" for name in known if name)
+            raise ValueError(
+                f"expected {_wanted(unit)}{f' (units known here: {others})' if others else ''}, found {shown(value)}"
+            )
+        number = figure * (known[written] if written else 1.0)
+    else:
+        raise ValueError(f"expected {_wanted(unit)}, found {shown(value)}")
+    if not math.isfinite(number):
+        raise ValueError(f"expected {_wanted(unit)} that is finite, found {shown(value)}")
+    return number
+
+
+def _wanted(unit: str) -> str:
+    return {
+        "": "a number",
+        "rad": 'an angle in rad (or "30 deg")',
+        "m": "a length in m",
+        "rad or m": 'an angle in rad (or "30 deg") or a length in m',
+    }.get(unit, f"a number in {unit}")
+
+
+class Fields:
+    """One mapping of a file, read key by key; `done()` refuses what nobody asked for. `access` says which files it may
+    name, by default those near the file `where`.
+    """
+
+    def __init__(
+        self, data: Mapping[str, Any], where: str = "", path: str = "", access: FileAccess | None = None
+    ) -> None:
+        if not isinstance(data, Mapping):
+            raise InputError(f"{_place(where, path)}: expected a mapping of keys to values, found {shown(data)}")
+        self._data = data
+        self.where = where
+        self.path = path
+        self.access = FileAccess.of(where) if access is None else access
+        self._asked: dict[str, None] = {}
+        self._named: dict[str, None] = {}  # those that `known` names
+
+    @classmethod
+    def from_file(cls, path: str | Path, access: FileAccess | None = None) -> Fields:
+        """The top mapping of a YAML file; InputError as `read_yaml`."""
+        return cls(read_yaml(path), str(path), access=access)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.keys())
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._data
+
+    def keys(self) -> list[str]:
+        """The keys that are there, in the order of the file."""
+        return [str(key) for key in self._data]
+
+    def error(self, key: str, message: str) -> InputError:
+        """An InputError that names the file, the key and, where known, the line or the override that set it."""
+        path = f"{self.path}.{key}" if self.path and key else self.path or key
+        lines: dict[str, int] = getattr(self._data, "lines", {})
+        line = f" (line {lines[key]})" if key in lines else ""
+        overrides: dict[str, str] = getattr(self._data, "overrides", {})
+        text = f"{_place(self.where, path)}{line}: {message}"
+        if key in overrides:
+            text = f"override '{overrides[key]}': {_place(self.where, path)}: {message}"
+        return InputError(" ".join(text.splitlines()))
+
+    def overridden(self, key: str) -> bool:
+        """Whether an override set the key."""
+        return key in getattr(self._data, "overrides", {})
+
+    def raw(self, key: str, default: Any = _REQUIRED) -> Any:
+        """The value as the file has it; InputError where it is missing and no default is given."""
+        self._asked[key] = None
+        if key in self._data:
+            return self._data[key]
+        if default is _REQUIRED:
+            keys = self.keys()
+            there = ", ".join(keys[:20]) + (f", … ({len(keys)} in all)" if len(keys) > 20 else "") or "nothing"
+            near = difflib.get_close_matches(key, [name for name in self.keys() if name not in self._asked], n=1)
+            hint = f"; did you mean '{key}' by '{near[0]}'?" if near else ""
+            others = ", ".join(name for name in self._named if name not in self and name != key)
+            there += f"; also known here: {others}" if others else ""
+            raise self.error(near[0] if near else "", f"the key '{key}' is missing{hint} (there are: {there})")
+        return default
+
+    def known(self, *keys: str) -> None:
+        """Name keys that may stand here: `done` allows and suggests them, and a missing key's message tells them."""
+        self._asked.update(dict.fromkeys(keys))
+        self._named.update(dict.fromkeys(keys))
+
+    def number(
+        self,
+        key: str,
+        unit: str = "",
+        default: float | object = _REQUIRED,
+        *,
+        positive: bool = False,
+        nonnegative: bool = False,
+        maximum: float = math.inf,
+    ) -> float:
+        """A finite number in the SI unit named, or a text with a unit ("30 deg"); InputError otherwise."""
+        value = self.raw(key, default)
+        return self._number(key, value, unit, positive, nonnegative, maximum)
+
+    def optional_number(
+        self,
+        key: str,
+        unit: str = "",
+        *,
+        positive: bool = False,
+        nonnegative: bool = False,
+        maximum: float = math.inf,
+    ) -> float | None:
+        """As `number`, or None where the key is missing."""
+        value = self.raw(key, None)
+        if value is None and key not in self._data:
+            return None
+        return self._number(key, value, unit, positive, nonnegative, maximum)
+
+    def _number(self, key: str, value: object, unit: str, positive: bool, nonnegative: bool, maximum: float) -> float:
+        try:
+            number = parse_number(value, unit)
+        except ValueError as error:
+            raise self.error(key, str(error)) from None
+        suffix = f" {unit}" if unit else ""
+        if positive and number <= 0.0:
+            raise self.error(key, f"expected more than 0{suffix}, found {shown(value)}")
+        if nonnegative and number < 0.0:
+            raise self.error(key, f"expected 0{suffix} or more, found {shown(value)}")
+        if number > maximum:
+            raise self.error(key, f"expected at most {maximum:g}{suffix}, found {shown(value)}")
+        return number
+
+    def parsed(self, key: str, value: object, unit: str = "") -> float:
+        """The SI value of one entry of what stands under a key; InputError naming the key otherwise."""
+        return self._number(key, value, unit, False, False, math.inf)
+
+    def integer(self, key: str, default: int | object = _REQUIRED, *, minimum: int = 0) -> int:
+        """A whole number of at least `minimum`; InputError otherwise."""
+        value = self.raw(key, default)
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise self.error(key, f"expected a whole number, found {shown(value)}")
+        if not minimum <= value <= MOST_WHOLE:
+            bounds = f"of {minimum} or more" if value < minimum else f"of at most {MOST_WHOLE}"
+            raise self.error(key, f"expected a whole number {bounds}, found {shown(value)}")
+        return value
+
+    def vector(
+        self,
+        key: str,
+        length: int,
+        unit: str = "",
+        default: Sequence[float] | object = _REQUIRED,
+    ) -> tuple[float, ...]:
+        """A list of `length` numbers in the unit named; InputError otherwise."""
+        return self._numbers(key, self.raw(key, default), length, unit)
+
+    def rows(self, key: str, width: int, unit: str = "") -> tuple[tuple[float, ...], ...]:
+        """A list of lists of `width` numbers each; InputError otherwise."""
+        value = self.raw(key)
+        if not isinstance(value, (list, tuple)) or not value:
+            raise self.error(key, f"expected a list of lists of {width} numbers, found {shown(value)}")
+        return tuple(self._numbers(key, row, width, unit) for row in value)
+
+    def numbers(self, key: str, unit: str = "") -> tuple[float, ...]:
+        """A list of any number of numbers in the unit named; InputError otherwise."""
+        value = self.raw(key)
+        if not isinstance(value, (list, tuple)):
+            raise self.error(key, f"expected a list of numbers, found {shown(value)}")
+        return self._numbers(key, value, len(value), unit)
+
+    def _numbers(self, key: str, value: object, length: int, unit: str) -> tuple[float, ...]:
+        if not isinstance(value, (list, tuple)) or len(value) != length:
+            raise self.error(
+                key,
+                f"expected a list of {length} numbers{f' in {unit}' if unit else ''}, found {shown(value)}",
+            )
+        return tuple(self._number(key, entry, unit, False, False, math.inf) for entry in value)
+
+    def text(self, key: str, default: str | object = _REQUIRED) -> str:
+        """A text that is not empty; InputError otherwise."""
+        value = self.raw(key, default)
+        if not isinstance(value, str) or not value.strip():
+            raise self.error(key, f"expected a text, found {shown(value)}")
+        return value
+
+    def unit(self, key: str = "unit") -> str:
+        """A unit as a text; "1", also where it is missing, or written as the number 1. InputError otherwise."""
+        value = self.raw(key, "1")
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            if value != 1:
+                raise self.error(key, f"expected a unit such as 'm/s', or 1 for a plain number, found {shown(value)}")
+            return "1"
+        return self.text(key, "1")
+
+    def file(self, key: str) -> Path:
+        """The path of the file that is named under a key, relative to the folder of this one.
+
+        Raises InputError where it is no text, and where the file may not be named (files/access.py); an override, which
+        the user writes, may name any.
+        """
+        name = self.text(key)
+        if self.overridden(key):
+            return self.access.folder / file_name_here(name)
+        try:
+            return self.access.path(name)
+        except InputError as error:
+            raise self.error(key, str(error)) from None
+
+    def flag(self, key: str, default: bool) -> bool:
+        """true or false; InputError otherwise."""
+        value = self.raw(key, default)
+        if not isinstance(value, bool):
+            raise self.error(key, f"expected true or false, found {shown(value)}")
+        return value
+
+    def choice(self, key: str, options: Sequence[str], default: str | object = _REQUIRED) -> str:
+        """One of the texts named; InputError, with the nearest of them, otherwise."""
+        value = self.raw(key, default)
+        if not isinstance(value, str):
+            raise self.error(key, f"expected one of {', '.join(options)}, found {shown(value)}")
+        if value not in options:
+            raise self.error(key, among(key, value, options))
+        return value
+
+    def mapping(self, key: str, default: Mapping[str, Any] | object = _REQUIRED) -> Fields:
+        """The mapping under a key, as Fields of its own; InputError where it is something else."""
+        value = self.raw(key, default)
+        if not isinstance(value, Mapping):
+            raise self.error(key, f"expected a mapping of keys to values, found {shown(value)}")
+        return Fields(value, self.where, f"{self.path}.{key}" if self.path else key, self.access)
+
+    def mappings(self, key: str) -> list[Fields]:
+        """The list of mappings under a key, empty where the key is missing; InputError otherwise."""
+        value = self.raw(key, ())
+        if not isinstance(value, (list, tuple)):
+            raise self.error(key, f"expected a list of mappings, found {shown(value)}")
+        path = f"{self.path}.{key}" if self.path else key
+        for index, entry in enumerate(value):
+            if not isinstance(entry, Mapping):
+                raise self.error(key, f"expected a list of mappings, found {shown(entry)} at place {index + 1}")
+        return [Fields(entry, self.where, f"{path}[{index + 1}]", self.access) for index, entry in enumerate(value)]
+
+    def done(self) -> None:
+        """Refuse keys that were not asked for, with the nearest known one (InputError)."""
+        for key in self:
+            if key not in self._asked:
+                raise self.error(key, among("key", key, self._asked).replace("(there are:", "(known here:"))
+
+
+def _place(where: str, path: str) -> str:
+    return ": ".join(part for part in (where, path) if part) or "input"

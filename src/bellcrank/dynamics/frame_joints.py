@@ -1,0 +1,57 @@
+"""Which joints a motion of a card moves that draws a frame along a path: on a tree, those that carry the frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from bellcrank.elements.constraint import Constraint
+from bellcrank.elements.controllers import Controller
+from bellcrank.elements.element import Part
+from bellcrank.elements.joint_relations import Drive
+from bellcrank.elements.symbols import frame_index
+from bellcrank.motion.entries import MotionEntry
+from bellcrank.robot.robot import Robot
+
+
+def carrying(robot: Robot, frame: str) -> list[str]:
+    """The joints between a frame and the world, the outermost first. Raises InputError for an unknown frame."""
+    tree = robot.equations.tree
+    at, names = int(tree.frames[frame_index(robot, frame)]["parent_joint"]), []
+    while at > 0:
+        names.append(robot.all_joint_names[at - 1])
+        at = int(tree.joints[at - 1]["parent"])
+    return names
+
+
+def frames_drawn(entry: MotionEntry, entries: Mapping[str, MotionEntry]) -> Iterator[str]:
+    """The frames that a motion draws along paths, in the parts of a join too."""
+    if entry.kind in ("circle", "line"):
+        yield entry.arguments["frame"]
+    for part in entry.arguments.get("parts", ()):
+        yield from frames_drawn(entries[part] if isinstance(part, str) else part, entries)
+
+
+def refuse_joints_off_paths(
+    closures: Iterable[Constraint], control: Iterable[Controller], robot: Robot, entries: Mapping[str, MotionEntry]
+) -> None:
+    """InputError where closures tie joints together and a drive or controller follows, at a joint that does not carry
+    the frame, a motion that draws a frame: in a scene such a motion moves the joints that carry it alone.
+    """
+    closures = tuple(closures)
+    if all(isinstance(closure, Drive) for closure in closures):
+        return
+    followers: list[tuple[Part, list[str]]] = [(c, [c.joint.name]) for c in closures if isinstance(c, Drive)]
+    followers += [(part, [joint.name for joint in part.joints]) for part in control]
+    for part, joints in followers:
+        entry = entries.get(str(part.place.raw("motion", None)))
+        if entry is None:
+            continue
+        for frame in frames_drawn(entry, entries):
+            off = [name for name in joints if name not in carrying(robot, frame)]
+            if off:
+                raise part.place.error(
+                    "motion",
+                    f"'{entry.name}' draws frame '{frame}' along a path, and {', '.join(off)} does not carry that "
+                    "frame in the tree of joints, so that it would stand still; `bellcrank size` solves the path on "
+                    "the closed mechanism and writes all joints: follow that history as {kind: csv, file: …}",
+                )

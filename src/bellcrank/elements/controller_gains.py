@@ -1,0 +1,81 @@
+"""What controllers are given in a scene file: their joints, gains, limits, motion and mass error."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from bellcrank.config.fields import Fields
+from bellcrank.elements.element import MASS_ERROR, NONNEGATIVE, POSITIVE, common_unit, joint_named, number
+from bellcrank.errors import among
+from bellcrank.robot.robot import Robot, RobotJoint
+
+Gain = float | Mapping[str, float]
+
+
+def unit_of(joints: tuple[RobotJoint, ...], quantity: str) -> str:
+    """The unit of a quantity at joints; what is no quantity is a unit already."""
+    return common_unit(joints, quantity) if quantity in ("stiffness", "damping", "torque", "position") else quantity
+
+
+def all_joints(robot: Robot) -> tuple[RobotJoint, ...]:
+    """The joints with one degree of freedom: those that can have a motor."""
+    return tuple(joint for joint in robot.joints if joint.nv == 1)
+
+
+def read_joints(read: Fields, robot: Robot, otherwise: tuple[RobotJoint, ...]) -> tuple[RobotJoint, ...]:
+    """The keys `joint` or `joints` (a list, or "all"), or `otherwise`; InputError naming file and key."""
+    read.known("joint", "joints")
+    if "joint" in read and "joints" in read:
+        raise read.error("joints", "expected 'joint' or 'joints', found both")
+    if "joint" in read:
+        return (joint_named(read, "joint", read.text("joint"), robot),)
+    if "joints" not in read:
+        joints = otherwise
+    elif read.raw("joints") == "all":
+        joints = all_joints(robot)
+    else:
+        given = read.raw("joints")
+        if not isinstance(given, list) or not all(isinstance(name, str) for name in given):
+            raise read.error("joints", 'expected a list of joint names, or "all"')
+        if len(set(given)) < len(given):
+            raise read.error("joints", "expected each joint once, found one twice")
+        joints = tuple(joint_named(read, "joints", name, robot) for name in given)
+    if not joints:
+        raise read.error("joints", "expected at least one joint with one degree of freedom, found none")
+    return joints
+
+
+def read_motion_name(read: Fields, motions: Mapping[str, Any]) -> str:
+    """The name of a motion of the card; InputError naming file and key."""
+    name = read.text("motion")
+    if name not in motions:
+        raise read.error("motion", among("motion", name, motions))
+    return name
+
+
+def read_gain(
+    read: Fields, key: str, joints: tuple[RobotJoint, ...], quantity: str, default: float | None = None
+) -> Gain:
+    """One gain, or {joint: gain} of each of the joints; InputError naming file and key."""
+    if isinstance(read.raw(key, default), Mapping):
+        each = read.mapping(key)
+        gains = {j.name: number(each, j.name, unit_of((j,), quantity), None, NONNEGATIVE) for j in joints}
+        each.done()
+        return gains
+    return number(read, key, unit_of(joints, quantity), default, NONNEGATIVE)
+
+
+def read_limit(read: Fields, joints: tuple[RobotJoint, ...], robot: Robot) -> Gain | None:
+    """None, one limit, or each joint's effort limit where "effort" is written; InputError naming file and key."""
+    given = read.raw("limit", None)
+    if given is None:
+        return None
+    if given == "effort":
+        return {joint.name: float(robot.effort_limit[joint.v]) for joint in joints}
+    return number(read, "limit", unit_of(joints, "torque"), None, POSITIVE)
+
+
+def read_mass_error(read: Fields) -> float:
+    """A share by which the controller's links are too heavy, more than -1; InputError naming file and key."""
+    return number(read, "mass_error", "", 0.0, MASS_ERROR)

@@ -1,0 +1,265 @@
+"""The controllers of a scene: they add actuator torques, whose power counts as work.
+
+Each entry of the list `control` has a `kind`, maybe a `name`, and the keys of its kind. Gains are one number or
+{joint: number}; `limit` clamps what this controller gives each joint to ±limit: a number (N m or N), or "effort" for
+the URDF's limits. It is the limit of one controller: two of them at a joint may give it the sum of both.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
+
+from bellcrank.config.fields import Fields
+from bellcrank.elements.controller_gains import (  # fmt: skip
+    Gain,
+    all_joints,
+    read_gain,
+    read_joints,
+    read_limit,
+    read_mass_error,
+    read_motion_name,
+    unit_of,
+)
+from bellcrank.elements.element import (  # fmt: skip
+    ANY,
+    MASS_ERROR,
+    NONNEGATIVE,
+    POSITIVE,
+    Applied,
+    Part,
+    Settable,
+    joint_named,
+    joint_unit,
+    named_entries,
+)
+from bellcrank.elements.signal_source import SignalSource, motion_source
+from bellcrank.robot.robot import Robot, RobotJoint
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.elements.symbols import Symbols
+    from bellcrank.motion.motion import Motion
+
+MotionOf = Callable[[str], "Motion"]
+BOUNDS: Final = {"limit": POSITIVE, "kp": NONNEGATIVE, "kd": NONNEGATIVE, "target": ANY, "mass_error": MASS_ERROR}
+
+
+@dataclass(frozen=True)
+class Controller(Part):
+    """Torques at some joints. `limit`: None, a number (N m or N), or {joint: effort limit}."""
+
+    joints: tuple[RobotJoint, ...]
+    limit: Gain | None
+    owner: ClassVar[str] = "control"
+
+    @property
+    def settable(self) -> dict[str, Settable]:
+        """Gains, the limit, targets and mass errors can be set."""
+        found: dict[str, Settable] = {}
+        for name, quantity in self.quantities().items():
+            value, bound = getattr(self, name), BOUNDS[name]
+            if isinstance(value, Mapping):
+                mine = [joint for joint in self.joints if joint.name in value]
+                found |= {f"{name}.{j.name}": Settable(unit_of((j,), quantity), bound) for j in mine}
+            elif value is not None:
+                found[name] = Settable(unit_of(self.joints, quantity), bound)
+        return found
+
+    def quantities(self) -> dict[str, str]:
+        """Field -> quantity (of JOINT_UNITS) or unit."""
+        return {"limit": "torque"} if isinstance(self.limit, float) else {}
+
+    def of_joint(self, symbols: Symbols, name: str, joint: RobotJoint) -> casadi.SX | float:
+        """A gain, target or limit at one joint."""
+        each = isinstance(getattr(self, name), Mapping)
+        return self.value(symbols, f"{name}.{joint.name}" if each else name)
+
+    def applied(self, symbols: Symbols, torques: list[casadi.SX]) -> Applied:
+        """Clamped torques, one a joint, as a force of actuators."""
+        import casadi
+
+        force, power = casadi.SX.zeros(symbols.robot.nv, 1), symbols.zero
+        for joint, wanted in zip(self.joints, torques, strict=True):
+            torque = wanted
+            if self.limit is not None:
+                most = self.of_joint(symbols, "limit", joint)
+                if not (isinstance(most, float) and math.isinf(most)):
+                    torque = casadi.fmax(casadi.fmin(torque, most), -most)
+            force[joint.v] = torque
+            power += torque * symbols.v[joint.v]
+        return Applied(force, symbols.zero, power, True)
+
+    def labels(self, robot: Robot) -> tuple[str, ...]:
+        """Its torque at each of its joints."""
+        if len(self.joints) == 1:
+            return (f"[{joint_unit(self.joints[0], 'torque')}]",)
+        return tuple(f"{joint.name} [{joint_unit(joint, 'torque')}]" for joint in self.joints)
+
+    def measure(self, symbols: Symbols) -> casadi.SX:
+        """Its torque at each of its joints, N m or N."""
+        return self.apply(symbols).force[[joint.v for joint in self.joints]]
+
+
+@dataclass(frozen=True)
+class PD(Controller):
+    """τ = kp (target − θ) + kd (target rate − θ̇) at each joint.
+
+    `joint`, or `joints` (a list, or "all"); without either those of `target`, else all. `target` {joint: rad or m} is
+    a posture, `motion` a motion of the card with its velocity. kp N m/rad or N/m, kd N m s/rad or N s/m.
+    """
+
+    kp: Gain
+    kd: Gain
+    target: Mapping[str, float] | None
+    motion: SignalSource | None
+    kind: ClassVar[str] = "pd"
+
+    @classmethod
+    def read(cls, name: str, read: Fields, robot: Robot, motions: Mapping[str, Any], motion_of: MotionOf) -> Self:
+        """From its mapping; InputError naming file and key."""
+        read.known("joint", "joints", "target", "motion", "kp", "kd", "limit")
+        if ("target" in read) == ("motion" in read):
+            found = "both" if "target" in read else "neither"
+            raise read.error("target", f"expected a 'target' {{joint: value}} or the name of a 'motion', found {found}")
+        target, source = None, None
+        if "target" in read:
+            places = read.mapping("target")
+            of = {key: joint_named(places, key, key, robot) for key in places}
+            target = {key: places.number(key, joint_unit(j, "position")) for key, j in of.items()}
+            joints = read_joints(read, robot, tuple(of.values()))
+            for joint in joints:
+                if joint.name not in target:
+                    raise read.error("target", f"expected a value for joint '{joint.name}', found none")
+        else:
+            joints = read_joints(read, robot, all_joints(robot))
+            motion = read_motion_name(read, motions)
+            source = motion_source(motion, partial(motion_of, motion), joints, 1)
+        kp, kd = read_gain(read, "kp", joints, "stiffness"), read_gain(read, "kd", joints, "damping", 0.0)
+        return cls(name, read, joints, read_limit(read, joints, robot), kp, kd, target, source)
+
+    def quantities(self) -> dict[str, str]:
+        """Gains, targets and the limit."""
+        return super().quantities() | {"kp": "stiffness", "kd": "damping", "target": "position"}
+
+    @property
+    def source(self) -> SignalSource | None:
+        """The motion."""
+        return self.motion
+
+    def apply(self, symbols: Symbols) -> Applied:
+        """Its expressions."""
+        wanted = None if self.motion is None else symbols.signal(self.motion)
+        torques = []
+        for k, joint in enumerate(self.joints):
+            angle, rate, _ = symbols.joint(joint)
+            aim = self.of_joint(symbols, "target", joint) if wanted is None else wanted[k, 0]
+            aim_rate = 0.0 if wanted is None else wanted[k, 1]
+            kp, kd = self.of_joint(symbols, "kp", joint), self.of_joint(symbols, "kd", joint)
+            torques.append(kp * (aim - angle) + kd * (aim_rate - rate))
+        return self.applied(symbols, torques)
+
+
+@dataclass(frozen=True)
+class ComputedTorque(Controller):
+    """τ = inverse dynamics of (θ, θ̇, a) with a = θ̈_d + kd (θ̇_d − θ̇) + kp (θ_d − θ) along a motion.
+
+    With an exact model the error e obeys ë + kd ė + kp e = 0: kd = 2 √kp is critically damped. kp 1/s², kd 1/s.
+    `mass_error` makes the links of the controller's model (1 + mass_error) times as heavy, mass and inertia. The model
+    has the robot's friction and rotor inertia, and none of the scene's forces. Source: J. Craig, Introduction to
+    Robotics (2005), ch. 10.
+    """
+
+    motion: SignalSource
+    kp: Gain
+    kd: Gain
+    mass_error: float
+    kind: ClassVar[str] = "computed_torque"
+
+    @classmethod
+    def read(cls, name: str, read: Fields, robot: Robot, motions: Mapping[str, Any], motion_of: MotionOf) -> Self:
+        """From its mapping; InputError naming file and key."""
+        read.known("motion", "kp", "kd", "limit", "mass_error")
+        joints = all_joints(robot)
+        other = next((joint for joint in robot.joints if joint.nv != 1), None)
+        if other is not None:
+            raise read.error(
+                "kind", f"computed_torque needs a motor at every joint, and '{other.name}' is {other.kind}; use pd"
+            )
+        motion = read_motion_name(read, motions)
+        kp, kd = read_gain(read, "kp", joints, "1/s^2"), read_gain(read, "kd", joints, "1/s")
+        source = motion_source(motion, partial(motion_of, motion), joints, 2)
+        error = read_mass_error(read)
+        return cls(name, read, joints, read_limit(read, joints, robot), source, kp, kd, error)
+
+    def quantities(self) -> dict[str, str]:
+        """Gains, the mass error and the limit."""
+        return super().quantities() | {"kp": "1/s^2", "kd": "1/s", "mass_error": ""}
+
+    @property
+    def source(self) -> SignalSource | None:
+        """The motion."""
+        return self.motion
+
+    def apply(self, symbols: Symbols) -> Applied:
+        """Its expressions."""
+        import casadi
+
+        wanted = symbols.signal(self.motion)
+        demand = casadi.SX.zeros(symbols.robot.nv, 1)
+        for k, joint in enumerate(self.joints):
+            angle, rate, index = symbols.joint(joint)
+            kp, kd = self.of_joint(symbols, "kp", joint), self.of_joint(symbols, "kd", joint)
+            demand[index] = wanted[k, 2] + kd * (wanted[k, 1] - rate) + kp * (wanted[k, 0] - angle)
+        scale = 1.0 + self.value(symbols, "mass_error")
+        torque = symbols.inverse_dynamics(symbols.q, symbols.v, demand, scale)
+        torque += symbols.robot.equations.friction(symbols.v)
+        return self.applied(symbols, [torque[joint.v] for joint in self.joints])
+
+
+@dataclass(frozen=True)
+class GravityCompensation(Controller):
+    """τ = the gravity torque at θ of a robot whose links are (1 + mass_error) times as heavy.
+
+    At `joints` (a list, or "all", the default); a free base has no motor and gets nothing.
+    """
+
+    mass_error: float
+    kind: ClassVar[str] = "gravity_compensation"
+
+    @classmethod
+    def read(cls, name: str, read: Fields, robot: Robot, motions: Mapping[str, Any], motion_of: MotionOf) -> Self:
+        """From its mapping; InputError naming file and key."""
+        joints = read_joints(read, robot, all_joints(robot))
+        return cls(name, read, joints, read_limit(read, joints, robot), read_mass_error(read))
+
+    def quantities(self) -> dict[str, str]:
+        """The mass error and the limit."""
+        return super().quantities() | {"mass_error": ""}
+
+    def apply(self, symbols: Symbols) -> Applied:
+        """Its expressions."""
+        import casadi
+
+        rest = casadi.SX(symbols.robot.nv, 1)
+        torque = symbols.inverse_dynamics(symbols.q, rest, rest) * (1.0 + self.value(symbols, "mass_error"))
+        return self.applied(symbols, [torque[joint.v] for joint in self.joints])
+
+
+KINDS: Final[dict[str, type[PD | ComputedTorque | GravityCompensation]]] = {
+    cls.kind: cls for cls in (PD, ComputedTorque, GravityCompensation)
+}
+
+
+def read_control(read: Fields, robot: Robot, motions: Mapping[str, Any], motion_of: MotionOf) -> tuple[Controller, ...]:
+    """The list `control` of a scene; `motions` are the card's, made by `motion_of`. InputError naming file and key."""
+    controllers: list[Controller] = []
+    for name, entry in named_entries(read, "control"):
+        kind = KINDS[entry.choice("kind", tuple(KINDS))]
+        controllers.append(kind.read(name, entry, robot, motions, motion_of))
+        entry.done()
+    return tuple(controllers)

@@ -1,0 +1,156 @@
+"""Constraints of the user's own: a formula in the scene file, or a function in Python."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+from bellcrank import arguments
+from bellcrank.config.fields import Fields
+from bellcrank.elements.constraint import Constraint, Residual
+from bellcrank.elements.expression import Expression, parse_expression
+from bellcrank.errors import InputError
+from bellcrank.robot.robot import Robot
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.elements.symbols import Symbols
+    from bellcrank.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Formula(Constraint):
+    """A formula (expression.py) stays zero: φ(q, t) where no velocity stands in it (holonomic), else ψ(q, v, t),
+    which must be linear in velocities (non-holonomic).
+
+    λ is the generalised force per unit of the formula; with a formula in m it is a force in N, in rad a torque in N m,
+    as `unit` ("m", "rad", "1", …) says.
+    """
+
+    expression: Expression
+    unit: str
+    kind: ClassVar[str] = "formula"
+
+    @classmethod
+    def read_with(cls, name: str, read: Fields, robot: Robot, parameters: Mapping[str, Any]) -> Self:
+        """From its mapping; `parameters` are the names that the formula may use. InputError naming file and key."""
+        text = read.text("expression")
+        try:
+            expression = parse_expression(text, robot, parameters)
+        except InputError as error:
+            raise read.error("expression", str(error)) from None
+        if any(leaf.operation == "joint" and leaf.value[1] == "acceleration" for leaf in expression.term.leaves()):
+            raise read.error("expression", "a constraint is written in positions or velocities, not accelerations")
+        return cls(name, read, expression, read.unit())
+
+    @property
+    def moves(self) -> bool:
+        """Whether a joint or a frame stands in the formula."""
+        return any(leaf.operation in ("joint", "frame") for leaf in self.expression.term.leaves())
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Those in the formula."""
+        return self.expression.frames
+
+    def residual(self, symbols: Symbols) -> Residual:
+        """One row."""
+        return one_row(self.name, self.expression.apply(symbols), symbols)
+
+    def labels(self, robot: Robot) -> tuple[str, ...]:
+        """The generalised force."""
+        moving = any(
+            leaf.operation in ("joint", "frame") and leaf.value[1][0] == "v" for leaf in self.expression.term.leaves()
+        )
+        return (label_of(self.unit, moving),)
+
+
+@dataclass(frozen=True)
+class Own(Constraint):
+    """A constraint that a Python function builds; made by `Scene.with_constraint`.
+
+    `function` takes Symbols and gives a casadi.SX column, each row as in Formula; all rows are of one unit. `digest`
+    stands for the expressions in what tells equations apart.
+    """
+
+    function: Callable[[Symbols], Any] = field(compare=False)
+    rows: int
+    moving: bool
+    unit: str
+    digest: str
+    kind: ClassVar[str] = "own"
+
+    def residual(self, symbols: Symbols) -> Residual:
+        """As the function says. Raises InputError where the scene's clock does not start at 0, as its t does."""
+        if symbols.clock:
+            raise InputError(
+                f"closure '{self.name}' is a Python function whose t starts at 0, and the scene's clock starts at "
+                f"{symbols.clock:.6g} s; take initial.clock away"
+            )
+        return one_row(self.name, _column(self.function(symbols)), symbols)
+
+    def labels(self, robot: Robot) -> tuple[str, ...]:
+        """The generalised forces."""
+        one = label_of(self.unit, self.moving)
+        return (one,) if self.rows == 1 else tuple(f"{k + 1} {one}" for k in range(self.rows))
+
+
+def own_constraint(scene: Scene, name: str, function: Callable[[Symbols], Any], unit: str) -> Own:
+    """The constraint that keeps function(symbols) at zero; InputError where it is no column of expressions."""
+    import casadi
+
+    from bellcrank.elements.symbols import Symbols
+
+    if name in [closure.name for closure in scene.closures]:
+        raise InputError(f"{scene.source}: with_constraint: the name '{name}' is taken by another closure")
+    if inspect.isclass(function):
+        arguments.refuse("function", "a function of Symbols that gives casadi expressions", function)
+    s = Symbols(scene.robot, scene.parameters, scene.frames)
+    column = _column(function(s))
+    if s.u.numel():
+        raise InputError(f"{scene.source}: with_constraint: '{name}' uses signals; write t and parameters instead")
+    known = casadi.vertcat(s.t, s.q, s.v, s.p)
+    unknown = [str(x) for x in casadi.symvar(column) if not casadi.depends_on(known, x)]
+    if unknown:
+        raise InputError(
+            f"{scene.source}: with_constraint: '{name}' depends on {', '.join(unknown)}, which is no symbol of the "
+            "scene; take positions, velocities, t and parameters from the Symbols that the function is given"
+        )
+    text = casadi.Function("own", [s.t, s.q, s.v, s.p], [casadi.densify(column)]).serialize()
+    digest = hashlib.sha256(text.encode("latin-1")).hexdigest()
+    moving = bool(casadi.depends_on(column, s.v))
+    own = Own(name, Fields({}, str(scene.source)), function, column.size1(), moving, unit, digest)
+    own.residual(s)
+    return own
+
+
+def one_row(name: str, value: casadi.SX, symbols: Symbols) -> Residual:
+    """A residual of rows of one kind: of positions, or linear in velocities. InputError for any other."""
+    import casadi
+
+    if not casadi.depends_on(value, symbols.v):
+        return Residual(value, casadi.SX(0, 1))
+    if casadi.depends_on(casadi.jacobian(value, symbols.v), symbols.v):
+        raise InputError(f"{symbols.robot.name}: closure '{name}' must be linear in velocities")
+    return Residual(casadi.SX(0, 1), value)
+
+
+def label_of(unit: str, moving: bool) -> str:
+    """What a multiplier is called: λ times a constraint of positions is an energy (J), of velocities a power (W)."""
+    known = {"m": "force [N]", "rad": "torque [N m]", "m/s": "force [N]", "rad/s": "torque [N m]"}
+    energy = "W" if moving else "J"
+    return known.get(unit, f"multiplier [{energy}]" if unit == "1" else f"multiplier [{energy}/({unit})]")
+
+
+def _column(value: Any) -> casadi.SX:
+    import casadi
+
+    try:
+        column = casadi.SX(value) if not isinstance(value, (list, tuple)) else casadi.vertcat(*value)
+        return casadi.SX(casadi.vec(column))
+    except (TypeError, NotImplementedError, RuntimeError) as error:
+        raise InputError(f"a constraint's function must give a column of casadi.SX, it gave {value!r}") from error

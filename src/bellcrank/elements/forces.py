@@ -1,0 +1,30 @@
+"""The forces of a scene: springs, dampers, friction, torques and wrenches.
+
+Each entry of the list `forces` has a `kind`, maybe a `name`, and the keys of its kind (joint_forces.py and
+frame_forces.py), SI units unless others are written. Power, and so the work W of a run, is what no potential accounts
+for.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from bellcrank.config.fields import Fields
+from bellcrank.elements.element import Part, named_entries
+from bellcrank.elements.frame_forces import Spring, Wrench
+from bellcrank.elements.joint_forces import Damper, Friction, JointForce, JointSpring, Torque
+from bellcrank.robot.robot import Robot
+
+KINDS: Final[dict[str, type[JointForce | Spring | Wrench]]] = {
+    cls.kind: cls for cls in (JointSpring, Spring, Damper, Friction, Torque, Wrench)
+}
+
+
+def read_forces(read: Fields, robot: Robot) -> tuple[Part, ...]:
+    """The list `forces` of a scene; InputError naming file and key."""
+    forces: list[Part] = []
+    for name, entry in named_entries(read, "forces"):
+        kind = KINDS[entry.choice("kind", tuple(KINDS))]
+        forces.append(kind.read(name, entry, robot))
+        entry.done()
+    return tuple(forces)

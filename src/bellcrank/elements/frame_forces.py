@@ -1,0 +1,223 @@
+"""Forces between and on frames: a spring with a damper, and a wrench. The generalised force is Jᵀ F."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar, Self
+
+from bellcrank.config.fields import Fields
+from bellcrank.elements.element import NONNEGATIVE, Applied, Part, Settable, number, read_frame
+from bellcrank.elements.signal_source import SignalSource
+from bellcrank.elements.torque_table import INTERPOLATIONS, read_wrench_table
+from bellcrank.robot.robot import Robot
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.elements.symbols import Symbols
+
+WORLD = "world"
+# A spring's length is sqrt(d² + (SHORTEST free_length)² + NOTHING²), which has a slope where its ends meet.
+SHORTEST = 1e-9  # of its free length
+NOTHING = 1e-30  # m
+
+
+@dataclass(frozen=True)
+class Spring(Part):
+    """A spring with a damper between two frames' origins, or a frame and a point of the world.
+
+    With d the way from a to b, its length l = sqrt(d·d) (kept from 0 by 1e-9 of its free length, so that it has a
+    slope where its ends meet) and l̇: tension = stiffness (l − free_length) + damping l̇, V = ½ stiffness (l −
+    free_length)². stiffness N/m, damping N s/m and free_length m (0 where left out). `frame_b: world` is the fixed
+    world and takes the `point` [x, y, z], m, which must be written where the robot has a frame `world` that moves. The
+    generalised force is Jᵀ F, J being the derivative of the velocities of the ends by v.
+    """
+
+    frame_a: str
+    frame_b: str
+    stiffness: float
+    damping: float
+    free_length: float
+    point: tuple[float, ...]
+    kind: ClassVar[str] = "spring"
+
+    @classmethod
+    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
+        """From its mapping; InputError naming file and key."""
+        read.known("frame_a", "frame_b", "point", "stiffness", "damping", "free_length")
+        a = read_frame(read, robot, "frame_a")
+        fixed = read.text("frame_b") == WORLD
+        b = WORLD if fixed else read_frame(read, robot, "frame_b")
+        if not fixed and "point" in read:
+            raise read.error("point", "a point is for 'frame_b: world'; a frame's own origin is used otherwise")
+        if fixed and "point" not in read and _is_elsewhere(WORLD, robot):
+            raise read.error(
+                "frame_b",
+                "'world' is the fixed world, and a frame of this robot that is not fixed at its origin has that name "
+                "too: write point: [0, 0, 0] for the fixed one, or for the frame give it another name by "
+                "frames: {NAME: {link: world}} and write frame_b: NAME",
+            )
+        if a == b:
+            raise read.error("frame_b", f"a spring needs two ends, both are at the frame '{a}'")
+        return cls(
+            name, read, a, b,
+            read.number("stiffness", "N/m"),
+            number(read, "damping", "N s/m", 0.0, NONNEGATIVE),
+            number(read, "free_length", "m", 0.0, NONNEGATIVE),
+            read.vector("point", 3, "m", (0.0, 0.0, 0.0)),
+        )  # fmt: skip
+
+    @property
+    def settable(self) -> dict[str, Settable]:
+        """Every number can be set."""
+        point = {f"point.{c}": Settable("m") for c in "xyz"} if self.frame_b == WORLD else {}
+        return {
+            "stiffness": Settable("N/m"), "damping": Settable("N s/m", NONNEGATIVE),
+            "free_length": Settable("m", NONNEGATIVE), **point,
+        }  # fmt: skip
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Its ends."""
+        return (self.frame_a,) if self.frame_b == WORLD else (self.frame_a, self.frame_b)
+
+    def apply(self, symbols: Symbols) -> Applied:
+        """Its expressions."""
+        import casadi
+
+        way, rate, length, slope, pull = self._geometry(symbols)
+        force = casadi.jtimes(rate, symbols.v, -pull * way, True)
+        stretch = length - self.value(symbols, "free_length")
+        potential = 0.5 * self.value(symbols, "stiffness") * stretch * stretch
+        return Applied(force, potential, -self.value(symbols, "damping") * slope * slope, False)
+
+    def wrenches(self, symbols: Symbols) -> tuple[tuple[str, casadi.SX], ...]:
+        """What it does to the bodies of its ends: forces along the way between them, and no moments about them."""
+        import casadi
+
+        way, _, _, _, pull = self._geometry(symbols)
+        on_a, none = pull * way, casadi.SX.zeros(3, 1)
+        found = ((self.frame_a, casadi.vertcat(on_a, none)), (self.frame_b, casadi.vertcat(-on_a, none)))
+        return found[: len(self.frames)]
+
+    def labels(self, robot: Robot) -> tuple[str, ...]:
+        """The tension."""
+        return ("[N]",)
+
+    def measure(self, symbols: Symbols) -> casadi.SX:
+        """The tension, N: positive where it pulls its ends together."""
+        _, _, length, _, pull = self._geometry(symbols)
+        return pull * length
+
+    def _geometry(self, symbols: Symbols) -> tuple[casadi.SX, ...]:
+        """d, ḋ, l, l̇ and tension / l."""
+        import casadi
+
+        a = symbols.frame(self.frame_a)
+        if self.frame_b == WORLD:
+            way, rate = self.vector(symbols, "point") - a.position, -a.linear
+        else:
+            b = symbols.frame(self.frame_b)
+            way, rate = b.position - a.position, b.linear - a.linear
+        stiffness, damping, free = (self.value(symbols, k) for k in ("stiffness", "damping", "free_length"))
+        least = SHORTEST * free
+        length = casadi.sqrt(casadi.dot(way, way) + (least * least + NOTHING * NOTHING))
+        slope = casadi.dot(way, rate) / length
+        pull = stiffness * (1.0 - free / length) + damping * slope / length
+        return way, rate, length, slope, pull
+
+
+@dataclass(frozen=True)
+class Wrench(Part):
+    """A force (N) at a frame's origin and a torque (N m), in the axes of the world or of the frame: constant, or a
+    table over time in a CSV `file` beside the scene.
+
+    The table has the column "time [s]" and one or more of "force x [N]", "force y [N]", "force z [N]",
+    "torque x [N m]", "torque y [N m]" and "torque z [N m]"; components without a column are 0. It is read `linear` (the
+    default), `cubic` (a not-a-knot spline) or `hold` (each value until the next), and its first and last values are
+    held before and after it. Its power counts as work.
+    """
+
+    frame: str
+    force: tuple[float, ...]
+    torque: tuple[float, ...]
+    expressed_in: str
+    table: SignalSource | None = None
+    text: str = field(default="", repr=False, compare=False)  # of the table's file, as it was read
+    kind: ClassVar[str] = "wrench"
+
+    @classmethod
+    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
+        """From its mapping; InputError naming file and key."""
+        read.known("frame", "force", "torque", "expressed_in", "file", "interpolation")
+        nothing = (0.0, 0.0, 0.0)
+        frame, axes = read_frame(read, robot), read.choice("expressed_in", (WORLD, "frame"), WORLD)
+        if "file" in read:
+            for key in ("force", "torque"):
+                if key in read:
+                    raise read.error(key, f"a wrench takes its {key} from the 'file'; leave out one of them")
+            interpolation = read.choice("interpolation", INTERPOLATIONS, "linear")
+            table, text = read_wrench_table(read, interpolation)
+            return cls(name, read, frame, nothing, nothing, axes, table, text)
+        if "interpolation" in read:
+            raise read.error("interpolation", "a constant wrench has no interpolation; it belongs to a 'file'")
+        if "force" not in read and "torque" not in read:
+            raise read.error("", "the key 'force' or 'torque' is missing: a wrench needs one of them, or a 'file'")
+        return cls(
+            name, read, frame, read.vector("force", 3, "N", nothing), read.vector("torque", 3, "N m", nothing), axes
+        )
+
+    @property
+    def settable(self) -> dict[str, Settable]:
+        """Every component of a constant wrench can be set."""
+        if self.table is not None:
+            return {}
+        return {f"force.{c}": Settable("N") for c in "xyz"} | {f"torque.{c}": Settable("N m") for c in "xyz"}
+
+    @property
+    def source(self) -> SignalSource | None:
+        """The table."""
+        return self.table
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The frame it acts on."""
+        return (self.frame,)
+
+    def apply(self, symbols: Symbols) -> Applied:
+        """Its expressions."""
+        import casadi
+
+        at = symbols.frame(self.frame)
+        wrench = self.measure(symbols)
+        velocity = casadi.vertcat(at.linear, at.angular)
+        force = casadi.jtimes(velocity, symbols.v, wrench, True)
+        return Applied(force, symbols.zero, casadi.dot(wrench, velocity), False)
+
+    def wrenches(self, symbols: Symbols) -> tuple[tuple[str, casadi.SX], ...]:
+        """What it does to the frame's body: itself."""
+        return ((self.frame, self.measure(symbols)),)
+
+    def labels(self, robot: Robot) -> tuple[str, ...]:
+        """Force and torque, world axes."""
+        return (*(f"{c} [N]" for c in "xyz"), *(f"r{c} [N m]" for c in "xyz"))
+
+    def measure(self, symbols: Symbols) -> casadi.SX:
+        """Force (3) N and torque (3) N m in the world's axes."""
+        import casadi
+
+        if self.table is None:
+            force, torque = self.vector(symbols, "force"), self.vector(symbols, "torque")
+        else:
+            both = symbols.signal(self.table)[:, 0]
+            force, torque = both[:3], both[3:]
+        if self.expressed_in == WORLD:
+            return casadi.vertcat(force, torque)
+        turn = symbols.frame(self.frame).rotation
+        return casadi.vertcat(turn @ force, turn @ torque)
+
+
+def _is_elsewhere(name: str, robot: Robot) -> bool:
+    """Whether a frame of that name moves, or lies elsewhere than the world's origin."""
+    frames = [frame for frame in robot.equations.tree.frames[1:] if frame["name"] == name]
+    return any(frame["parent_joint"] > 0 or any(frame["placement"]["translation"]) for frame in frames)

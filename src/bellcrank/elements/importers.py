@@ -1,0 +1,248 @@
+"""Loops that files of other tools tell of, beside a URDF that is their tree.
+
+gepetto: the YAML of Gepetto's parallel robots (example-parallel-robots): `closed_loop` lists pairs of frames, `type`
+says 3d (they share a point) or 6d (they coincide), and `name_mot` which joints have motors.
+mjcf: <equality> of MuJoCo's XML. Pinocchio reads <connect> and <weld>; <joint> is a coupling where its polynomial is
+linear. Joints have the names that they have in the URDF, and lie where it puts them.
+sdf: joints of SDFormat whose child is another joint's child already: revolute, ball or fixed. Pinocchio's wheels read
+no SDFormat, so a reader of its own takes poses of links in the model and of joints in their child, no `relative_to`.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+from xml.parsers import expat
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.config.fields import Fields
+from bellcrank.config.number_text import decimal_number
+from bellcrank.config.yaml_file import read_yaml, shown
+from bellcrank.elements.constraint import Constraint
+from bellcrank.elements.joint_relations import Coupling
+from bellcrank.elements.loops import WORLD, Hinge, Point, Weld
+from bellcrank.errors import InputError, among
+from bellcrank.files.access import read_bytes
+from bellcrank.robot.robot import Robot
+from bellcrank.robot.xml_tree import decoded
+
+Array = NDArray[np.float64]
+APART = 1e-6  # m, and of rotations: how far a joint may lie from where the URDF has it
+ORIGIN = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class GepettoLoops:
+    """What such a YAML says: (frame a, frame b, "3d" or "6d") of each loop, and the joints with motors."""
+
+    loops: tuple[tuple[str, str, str], ...]
+    motors: tuple[str, ...]
+
+
+def read_gepetto(path: str | Path) -> GepettoLoops:
+    """The loops and motors of a Gepetto YAML; InputError, one sentence, where it is not one."""
+    data = read_yaml(path)
+    pairs, kinds = data.get("closed_loop", []), data.get("type", [])
+    if not isinstance(pairs, list) or not all(isinstance(p, list) and len(p) == 2 for p in pairs):
+        raise InputError(f"{path}: closed_loop: expected a list of pairs of frames, such as [[loop_A, loop_B]]")
+    if not isinstance(kinds, list) or len(kinds) != len(pairs):
+        raise InputError(
+            f"{path}: type: expected one of 3d and 6d for each of the {len(pairs)} loops, found {shown(kinds)}"
+        )
+    for kind in kinds:
+        if str(kind).lower() not in ("3d", "6d"):
+            raise InputError(f"{path}: type: {among('type', str(kind), ['3d', '6d'])}")
+    if data.get("joint_name"):
+        raise InputError(
+            f"{path}: joint_name: joints that change their type ({', '.join(map(str, data['joint_name']))}) are not "
+            "read; write them in the URDF, a spherical one as three revolute joints, and take the key away"
+        )
+    motors = data.get("name_mot", [])
+    loops = tuple((str(a), str(b), str(kind).lower()) for (a, b), kind in zip(pairs, kinds, strict=True))
+    return GepettoLoops(loops, tuple(map(str, motors if isinstance(motors, list) else [motors])))
+
+
+def read_foreign(kind: str, name: str, read: Fields, robot: Robot) -> list[Constraint]:
+    """The closures of the file under the key `file`, named NAME_1, NAME_2, … InputError naming file and key."""
+    path = read.file("file")
+    try:
+        found = READERS[kind](path, name, read, robot)
+    except InputError as error:
+        raise read.error("file", str(error)) from None
+    except ValueError as error:
+        raise read.error("file", f"{path}: not a number where one is needed: {error}") from None
+    if not found:
+        raise read.error("file", f"{path} closes no loops")
+    return found
+
+
+def foreign_motors(closures: Sequence[Constraint], robot: Robot) -> tuple[str, ...]:
+    """The joints with motors (`name_mot`) of the Gepetto files that closures were read from; InputError naming file."""
+    files = {c.place.raw("file"): c.place for c in closures if c.place.raw("kind", None) == "gepetto"}
+    found: list[str] = []
+    for place in files.values():
+        path = place.file("file")
+        for name in read_gepetto(path).motors:
+            if name not in robot.joint_names:
+                raise place.error("file", f"{path}: name_mot: {among('joint', name, robot.joint_names)}")
+            found.append(name)
+    return tuple(dict.fromkeys(found))
+
+
+# ---- Gepetto
+
+
+def _gepetto(path: Path, name: str, read: Fields, robot: Robot) -> list[Constraint]:
+    closures: list[Constraint] = []
+    for k, (a, b, kind) in enumerate(read_gepetto(path).loops):
+        for frame in (a, b):
+            if frame not in robot.frame_names:
+                raise InputError(f"{path}: closed_loop: {among('frame', frame, robot.frame_names)}")
+        closures.append((Point if kind == "3d" else Weld)(f"{name}_{k + 1}", read, a, b, ORIGIN))
+    return closures
+
+
+# ---- MJCF
+
+
+def _mjcf(path: Path, name: str, read: Fields, robot: Robot) -> list[Constraint]:
+    import pinocchio as pin
+
+    root = _xml(path)
+    if root.tag != "mujoco":
+        raise InputError(f"{path}: expected an MJCF file with a <mujoco>")
+    if root.find(".//include") is not None:
+        raise InputError(f"{path}: its <include> is not read; write what it includes in its place")
+    try:
+        model, loops = pin.buildModelAndLegacyConstraintsFromMJCF(str(path))[:2]
+    except Exception as error:  # Pinocchio raises whatever its parsers do
+        raise InputError(f"{path}: Pinocchio refuses it: {' '.join(str(error).split())[:150]}") from None
+    closures: list[Constraint] = []
+    for loop in loops:
+        title = f"{name}_{len(closures) + 1}"
+        kind = Point if loop.type == pin.ContactType.CONTACT_3D else Weld
+        sides = [_at_joint(path, robot, model, loop.joint1_id, loop.joint1_placement)]
+        sides.append(_at_joint(path, robot, model, loop.joint2_id, loop.joint2_placement))
+        (a, at_a), (b, at_b) = sides if sides[0][0] != WORLD else sides[::-1]
+        closures.append(kind(title, read, a, b, ORIGIN, at_a=at_a, at_b=at_b))
+    for element in root.iterfind("equality/*"):
+        if element.get("active") == "false":
+            raise InputError(f"{path}: <{element.tag}> under <equality> is not active; take it out of the file")
+        if element.tag == "joint":
+            closures.append(_mjcf_coupling(path, f"{name}_{len(closures) + 1}", element, read, robot))
+        elif element.tag not in ("connect", "weld"):
+            raise InputError(f"{path}: <{element.tag}> under <equality> is not read (connect, weld and joint are)")
+    return closures
+
+
+def _mjcf_coupling(path: Path, name: str, element: ET.Element, read: Fields, robot: Robot) -> Coupling:
+    """joint1 = c₀ + c₁ joint2, or joint1 = c₀."""
+    numbers = [decimal_number(x) for x in element.get("polycoef", "0 1 0 0 0").split()] + [0.0, 0.0]
+    if any(numbers[2:]) or element.get("joint2") is None:
+        raise InputError(f"{path}: <joint> under <equality> must couple two joints linearly (polycoef c0 c1 0 0 0)")
+    first, second = (_one_joint(path, robot, element.get(key, "")) for key in ("joint1", "joint2"))
+    return Coupling(name, read, second, first, numbers[1], numbers[0])
+
+
+def _one_joint(path: Path, robot: Robot, name: str) -> Any:
+    if name not in robot.joint_names:
+        raise InputError(f"{path}: {among('joint', name, robot.joint_names)}")
+    return robot.joint(name)
+
+
+def _at_joint(path: Path, robot: Robot, model: Any, joint: int, placement: Any) -> tuple[str, tuple[float, ...]]:
+    """The frame of a joint of another model in this robot, and a place in it."""
+    import pinocchio as pin
+
+    at = (*placement.translation.tolist(), *placement.rotation.ravel().tolist())
+    if joint == 0:
+        return WORLD, at
+    name = model.names[joint]
+    if name not in robot.all_joint_names:
+        raise InputError(f"{path}: {among('joint', name, robot.all_joint_names)}")
+    placed = []
+    for each in (model, robot.model):
+        data = each.createData()
+        pin.forwardKinematics(each, data, pin.neutral(each))
+        placed.append(data.oMi[each.getJointId(name)].homogeneous)
+    if np.abs(placed[0] - placed[1]).max() > APART:
+        raise InputError(
+            f"{path}: joint '{name}' is not where {robot.source.name} has it (they differ by "
+            f"{np.abs(placed[0] - placed[1]).max():.3g}); both files must put it in one place, with the same axes"
+        )
+    return robot.urdf.joints[name].child, at
+
+
+# ---- SDF
+
+
+def _sdf(path: Path, name: str, read: Fields, robot: Robot) -> list[Constraint]:
+    model = next(iter(_xml(path).iter("model")), None)
+    if model is None:
+        raise InputError(f"{path}: expected an SDFormat file with a <model>")
+    links = {link.get("name", ""): _pose(path, link) for link in model.iterfind("link")}
+    taken: set[str] = set()
+    closures: list[Constraint] = []
+    for joint in model.iterfind("joint"):
+        parent, child = ((joint.findtext(key) or "").strip() for key in ("parent", "child"))
+        if child not in taken:
+            taken.add(child)
+            continue
+        for link in (parent, child):
+            if link not in links or link not in robot.frame_names:
+                raise InputError(f"{path}: joint '{joint.get('name')}': {among('link', link, robot.frame_names)}")
+        kind, title = joint.get("type", ""), f"{name}_{len(closures) + 1}"
+        in_child = _pose(path, joint)
+        in_parent = np.linalg.inv(links[parent]) @ links[child] @ in_child
+        at = {"at_a": _twelve(in_child), "at_b": _twelve(in_parent)}
+        if kind in ("revolute", "continuous"):
+            axis = np.array([decimal_number(x) for x in (joint.findtext("axis/xyz") or "0 0 1").split()])
+            axis /= np.linalg.norm(axis)
+            closures.append(Hinge(title, read, child, parent, ORIGIN, tuple(axis.tolist()), **at))
+        elif kind in ("ball", "fixed"):
+            closures.append((Point if kind == "ball" else Weld)(title, read, child, parent, ORIGIN, **at))
+        else:
+            raise InputError(
+                f"{path}: joint '{joint.get('name')}' closes a loop and is {kind}; revolute, ball and fixed are read"
+            )
+    return closures
+
+
+def _pose(path: Path, element: ET.Element) -> Array:
+    """The pose (4, 4) of a link or joint: x y z roll pitch yaw."""
+    pose = element.find("pose")
+    if pose is None:
+        return np.eye(4)
+    if pose.get("relative_to"):
+        raise InputError(f"{path}: the pose of '{element.get('name')}' is relative_to another; write plain poses")
+    x, y, z, roll, pitch, yaw = (decimal_number(value) for value in (pose.text or "0 0 0 0 0 0").split())
+    import pinocchio as pin
+
+    return np.asarray(pin.SE3(pin.rpy.rpyToMatrix(roll, pitch, yaw), np.array([x, y, z])).homogeneous)
+
+
+def _twelve(pose: Array) -> tuple[float, ...]:
+    return (*pose[:3, 3].tolist(), *pose[:3, :3].ravel().tolist())
+
+
+def _xml(path: Path) -> ET.Element:
+    text = decoded(read_bytes(path), path)
+    if "<!ENTITY" in text:
+        raise InputError(f"{path}: declares an XML entity, which is not read; write its text out")
+    try:
+        return ET.fromstring(text)
+    except ET.ParseError as error:
+        line, _ = error.position
+        raise InputError(f"{path}: line {line}: not XML ({expat.ErrorString(error.code)})") from None
+    except UnicodeError:
+        raise InputError(f"{path}: holds characters that are not valid in XML; save it as UTF-8") from None
+
+
+READERS: Final[Mapping[str, Callable[[Path, str, Fields, Robot], list[Constraint]]]] = {
+    "gepetto": _gepetto, "mjcf": _mjcf, "sdf": _sdf,
+}  # fmt: skip

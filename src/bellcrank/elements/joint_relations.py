@@ -1,0 +1,92 @@
+"""Constraints on joint coordinates: a linear relation between two, and a joint that follows a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+from bellcrank.config.fields import Fields
+from bellcrank.elements.constraint import Constraint, Residual
+from bellcrank.elements.controller_gains import read_motion_name
+from bellcrank.elements.element import Settable, joint_unit, read_joint
+from bellcrank.elements.signal_source import SignalSource, motion_source
+from bellcrank.robot.robot import Robot, RobotJoint
+
+if TYPE_CHECKING:
+    from bellcrank.elements.symbols import Symbols
+    from bellcrank.motion.motion import Motion
+
+
+@dataclass(frozen=True)
+class Coupling(Constraint):
+    """θ_b = ratio θ_a + offset, as gears and belts keep it, and what `<mimic>` means: φ = θ_b − ratio θ_a − offset.
+
+    λ is the torque (N m, or N) on joint b; joint a feels −ratio times it. offset rad or m.
+    """
+
+    joint_a: RobotJoint
+    joint_b: RobotJoint
+    ratio: float
+    offset: float
+    kind: ClassVar[str] = "coupling"
+
+    @classmethod
+    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
+        """From its mapping; InputError naming file and key."""
+        a, b = read_joint(read, robot, "joint_a"), read_joint(read, robot, "joint_b")
+        if a == b:
+            raise read.error("joint_b", f"a coupling needs two joints, both are '{a.name}'")
+        return cls(name, read, a, b, read.number("ratio", ""), read.number("offset", joint_unit(b, "position"), 0.0))
+
+    @property
+    def settable(self) -> dict[str, Settable]:
+        """Ratio and offset can be set."""
+        return {"ratio": Settable(""), "offset": Settable(joint_unit(self.joint_b, "position"))}
+
+    def residual(self, symbols: Symbols) -> Residual:
+        """One row."""
+        import casadi
+
+        a, b = symbols.joint(self.joint_a), symbols.joint(self.joint_b)
+        gap = b.position - self.value(symbols, "ratio") * a.position - self.value(symbols, "offset")
+        return Residual(gap, casadi.SX(0, 1))
+
+    def labels(self, robot: Robot) -> tuple[str, ...]:
+        """The torque on joint b."""
+        return (f"torque on {self.joint_b.name} [{joint_unit(self.joint_b, 'torque')}]",)
+
+
+@dataclass(frozen=True)
+class Drive(Constraint):
+    """A joint follows a motion of the card: φ = θ − θ_motion(t). λ is the actuator's torque, N m or N, and its power
+    is work.
+    """
+
+    joint: RobotJoint
+    motion: SignalSource
+    kind: ClassVar[str] = "drive"
+
+    @classmethod
+    def read(
+        cls, name: str, read: Fields, robot: Robot, motions: Mapping[str, Any], motion_of: Callable[[str], Motion]
+    ) -> Self:
+        """From its mapping; InputError naming file and key."""
+        joint, title = read_joint(read, robot), read_motion_name(read, motions)
+        return cls(name, read, joint, motion_source(title, partial(motion_of, title), (joint,), 2))
+
+    @property
+    def source(self) -> SignalSource:
+        """The motion, with two derivatives."""
+        return self.motion
+
+    def residual(self, symbols: Symbols) -> Residual:
+        """One row."""
+        import casadi
+
+        return Residual(symbols.joint(self.joint).position - symbols.signal(self.motion)[0, 0], casadi.SX(0, 1))
+
+    def labels(self, robot: Robot) -> tuple[str, ...]:
+        """The actuator's torque."""
+        return (f"[{joint_unit(self.joint, 'torque')}]",)

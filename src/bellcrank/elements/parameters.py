@@ -1,0 +1,147 @@
+"""The parameters of a scene: numbers that stay symbols in the compiled equations, so that changing one costs nothing.
+
+parameters: {crank_length: {value: 1.241, sets: [joint.coupler.origin.x]}}. A target is one of trace.setting's
+(joint.NAME.origin.x, link.NAME.mass, …), frame.NAME.origin.x (y, z, roll, pitch, yaw) of a frame that the card adds,
+or force.NAME.FIELD, control.NAME.FIELD, closure.NAME.FIELD (forces and closures, as in overrides, too). The value has
+the unit of its targets, and keeps the bounds that hold for them in the file.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bellcrank.config.fields import Fields
+from bellcrank.config.yaml_file import shown
+from bellcrank.elements.element import ANY, NONNEGATIVE, Part, Settable
+from bellcrank.errors import InputError, among
+from bellcrank.robot.trace import INERTIA, ORIGIN, setting
+from bellcrank.robot.tree import LEAST_MASS
+
+if TYPE_CHECKING:
+    from bellcrank.robot.robot import Robot
+
+_NAME = re.compile(r"\A[A-Za-z_]\w*\Z")
+PLURAL = {"forces": "force", "closures": "closure"}  # as overrides write them
+_MEANT = ("pi", "t")  # what expressions mean by these is something else
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number by name. `sets`: what it sets; `places`: those of the targets that are the tracer's, (frame, what)."""
+
+    name: str
+    value: float
+    unit: str
+    sets: tuple[str, ...]
+    places: tuple[tuple[int, int], ...]
+
+
+def read_parameters(read: Fields, robot: Robot, parts: Sequence[Part]) -> dict[str, Parameter]:
+    """The mapping `parameters` of a scene, for its robot, forces and controllers; InputError naming file and key."""
+    table = read.mapping("parameters", {})
+    parameters: dict[str, Parameter] = {}
+    owner: dict[object, str] = {}
+    for name in table:
+        if not _NAME.match(name) or name in _MEANT:
+            raise table.error(name, "expected a name of letters, digits and _ other than pi and t")
+        entry = table.mapping(name)
+        sets = _targets(entry)
+        units, places, bounds = [], [], []
+        for target in sets:
+            try:
+                (unit, bound), place = _resolve(target, robot, parts)
+            except InputError as error:
+                raise entry.error("sets", str(error)) from None
+            units.append(unit)
+            bounds.append(bound)
+            if place is not None:
+                places.append(place)
+            claim: object = target if place is None else place
+            if claim in owner:
+                raise entry.error("sets", f"'{target}' is set by the parameter '{owner[claim]}' already")
+            owner[claim] = name
+        if len(set(units)) > 1:
+            raise entry.error("sets", f"expected targets of one unit, found {', '.join(u or '1' for u in units)}")
+        unit = units[0] if units else ""
+        value = entry.number("value", unit)
+        for target, bound in zip(sets, bounds, strict=True):
+            if not bound.admits(value):
+                found = shown(entry.raw("value"))
+                raise entry.error("value", f"expected {bound.wanted(unit)} for '{target}', found {found}")
+            if unit == "kg" and 0.0 < value < LEAST_MASS:
+                raise entry.error("value", f"expected 0 kg, or {LEAST_MASS:g} kg or more for '{target}'")
+        entry.done()
+        parameters[name] = Parameter(name, value, unit, sets, tuple(places))
+    _check_inertias(table, parameters, robot)
+    return parameters
+
+
+def _check_inertias(table: Fields, parameters: Mapping[str, Parameter], robot: Robot) -> None:
+    """Refuse parameters that leave a link a principal moment of inertia below 0, which no body has."""
+    given = {place: (p.value, name) for name, p in parameters.items() for place in p.places if 10 <= place[1] < 16}
+    for frame, name in {frame: name for (frame, _), (_, name) in given.items()}.items():
+        data = robot.equations.tree.frames[frame]
+        xx, xy, yy, xz, yz, zz = (given.get((frame, 10 + k), (x,))[0] for k, x in enumerate(data["inertia"]))
+        moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        if moments[0] < -1e-9 * abs(moments[2]):
+            raise table.mapping(name).error(
+                "value",
+                f"with {parameters[name].value:g} kg m^2 the link '{data['name']}' has a principal moment of inertia "
+                f"of {moments[0]:.4g} kg m^2, expected none below 0",
+            )
+
+
+def _targets(entry: Fields) -> tuple[str, ...]:
+    given = entry.raw("sets", [])
+    if not isinstance(given, (list, tuple)) or not all(isinstance(target, str) for target in given):
+        raise entry.error("sets", "expected a list of targets, such as [link.tool.mass]")
+    return tuple(PLURAL.get(kind, kind) + dot + rest for kind, dot, rest in (target.partition(".") for target in given))
+
+
+def _resolve(target: str, robot: Robot, parts: Sequence[Part]) -> tuple[Settable, tuple[int, int] | None]:
+    """The unit of a target with what it may be, and where it is the tracer's."""
+    kind, _, rest = target.partition(".")
+    if kind in ("force", "control", "closure"):
+        mine: Mapping[str, Part] = {part.name: part for part in parts if part.owner == kind}
+        name, _, field = rest.partition(".")
+        if name not in mine:
+            raise InputError(among(kind, name, mine))
+        settable = mine[name].settable
+        if field not in settable:
+            raise InputError(among(f"number of {kind} '{name}'", field, settable))
+        return settable[field], None
+    tree = robot.equations.tree
+    if kind == "frame":
+        name, dot, component = rest.rpartition(".origin.")
+        added = {f["name"]: k for k, f in enumerate(tree.frames) if k and not f["is_body"] and not f["is_joint"]}
+        if not dot or component not in ORIGIN:
+            raise InputError(f"a parameter cannot set '{target}'; of a frame it can set frame.NAME.origin.x (y, z, "
+                             "roll, pitch, yaw)")  # fmt: skip
+        if name not in added:
+            raise InputError(among("frame of the card", name, added))
+        what = ORIGIN.index(component)
+        return Settable("m" if what < 3 else "rad"), (added[name], what)
+    try:
+        frame, what = setting(tree, target)
+    except InputError as error:
+        others = "force.NAME.FIELD, control.NAME.FIELD, closure.NAME.FIELD, frame.NAME.origin.x"
+        others = f"; or {others}" if "cannot set" in str(error) else ""
+        raise InputError(f"{error}{others}") from None
+    return _of_tracer(what), (frame, what)
+
+
+def _of_tracer(what: int) -> Settable:
+    """Unit and bound by the tracer's number (trace.setting): masses, moments of inertia and factors are 0 or more."""
+    if what < 6:
+        return Settable("m" if what < 3 else "rad")
+    if 7 <= what < 10:
+        return Settable("m")
+    if 10 <= what < 16:
+        diagonal = INERTIA[what - 10] in ("xx", "yy", "zz")
+        return Settable("kg m^2", NONNEGATIVE if diagonal else ANY)
+    return Settable("kg" if what == 6 else "", NONNEGATIVE)

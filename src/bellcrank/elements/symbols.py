@@ -1,0 +1,226 @@
+"""The symbols that forces, controllers, outputs and events write their expressions in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bellcrank.derived import cached_property
+from bellcrank.errors import InputError, among
+from bellcrank.robot.trace import trace_tree
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.dynamics.reactions import Reactions
+    from bellcrank.elements.parameters import Parameter
+    from bellcrank.elements.signal_source import SignalSource
+    from bellcrank.robot.robot import Robot, RobotJoint
+
+_FRAME = 18  # numbers a frame: position 3, rotation 9, linear and angular velocity 3 each
+
+
+class JointSymbols(NamedTuple):
+    """A one-degree-of-freedom joint: position (rad or m), velocity, and its row in v."""
+
+    position: casadi.SX
+    velocity: casadi.SX
+    row: int
+
+
+class FrameSymbols(NamedTuple):
+    """A frame in the world: position (3) m, rotation (3, 3), linear (3) m/s of its origin, angular (3) rad/s."""
+
+    position: casadi.SX
+    rotation: casadi.SX
+    linear: casadi.SX
+    angular: casadi.SX
+
+
+class Symbols:
+    """Time t, position q (nq), velocity v (nv), signals u and parameters p, and what follows from them by kinematics.
+
+    Whatever the parameters set is a symbol in every traced algorithm. `frames` may name the frames that will be asked
+    for, so that they are traced together. A formula's t is t + `clock` (s). `acceleration` (nv), `joint_torque` (nv),
+    `kinetic` and `potential` (J) are set by whoever assembles the equations, before outputs and events are written.
+    """
+
+    acceleration: casadi.SX
+    joint_torque: casadi.SX
+    kinetic: casadi.SX
+    potential: casadi.SX
+    reactions: Reactions  # of a scene with closures
+
+    def __init__(
+        self,
+        robot: Robot,
+        parameters: Mapping[str, Parameter] | None = None,
+        frames: Iterable[str] = (),
+        clock: float = 0.0,
+    ):
+        import casadi
+
+        self.robot = robot
+        self.clock = clock
+        self.parameters = dict(parameters or {})
+        self.t, self.q, self.v = (casadi.SX.sym(n, k) for n, k in (("t", 1), ("q", robot.nq), ("v", robot.nv)))
+        self.p = casadi.SX.sym("p", len(self.parameters))
+        self._places = {name: k for k, name in enumerate(self.parameters)}
+        self._setters = {target: k for k, (_, p) in enumerate(self.parameters.items()) for target in p.sets}
+        self._settings = [(*place, k) for k, p in enumerate(self.parameters.values()) for place in p.places]
+        self._groups: dict[SignalSource, casadi.SX] = {}
+        self._algorithms: dict[str, casadi.Function] = {}
+        self._frames: dict[str, FrameSymbols] = {}
+        self._gathered = list(dict.fromkeys(frames))
+
+    # ---- inputs
+
+    @property
+    def u(self) -> casadi.SX:
+        """All signals asked for so far (nu), in the order in which they were first asked for."""
+        import casadi
+
+        return casadi.vertcat(casadi.SX(0, 1), *self._groups.values())
+
+    @property
+    def signal_rates(self) -> casadi.SX:
+        """du/dt (nu): a value's is its first derivative, and so on; that of the last derivative is left out, as 0."""
+        import casadi
+
+        rates = [casadi.SX(0, 1)]
+        for source, u in self._groups.items():
+            rates += [u[source.width :]] if source.derivatives else []  # an empty slice of one number is a row
+            rates += [casadi.SX.zeros(source.width, 1)]
+        return casadi.vertcat(*rates)
+
+    def signal(self, source: SignalSource) -> casadi.SX:
+        """A signal's entries of u, (width, derivatives + 1): values, then derivatives, column by column."""
+        import casadi
+
+        if source not in self._groups:
+            self._groups[source] = casadi.SX.sym(f"u{len(self._groups)}", source.size)
+        return casadi.reshape(self._groups[source], source.width, source.derivatives + 1)
+
+    def parameter(self, name: str) -> casadi.SX:
+        """The symbol of a parameter."""
+        return self.p[self._places[name]]
+
+    def value(self, owner_kind: str, owner_name: str, field: str, number: float) -> casadi.SX | float:
+        """The symbol of the parameter that sets "force.NAME.FIELD" (or "control.…"), else the number."""
+        k = self._setters.get(f"{owner_kind}.{owner_name}.{field}")
+        return number if k is None else self.p[k]
+
+    @property
+    def zero(self) -> casadi.SX:
+        """The scalar 0: no potential, or no power."""
+        import casadi
+
+        return casadi.SX(0)
+
+    # ---- kinematics
+
+    def joint(self, joint: str | RobotJoint) -> JointSymbols:
+        """A joint with one degree of freedom. Raises InputError for any other."""
+        j = self.robot.one_degree_joint(joint, "scene") if isinstance(joint, str) else joint
+        return JointSymbols(self.q[j.q], self.v[j.v], j.v)
+
+    def frame(self, name: str) -> FrameSymbols:
+        """A frame's placement and velocity in the world. Raises InputError with what there is."""
+        if name not in self._frames:
+            wanted = [n for n in dict.fromkeys([*self._gathered, name]) if n not in self._frames]
+            self._frames |= self._named_frames(wanted, self.q)
+        return self._frames[name]
+
+    def joint_frames(self) -> list[FrameSymbols]:
+        """The frames of all joints of the tree, mimicking ones too, in the order of `Robot.all_joint_names`."""
+        frames = self.robot.equations.tree.frames
+        places = {frame["name"]: k for k, frame in enumerate(frames) if frame["is_joint"]}
+        return self._traced_frames([places[name] for name in self.robot.all_joint_names], self.q)
+
+    def _named_frames(self, names: Sequence[str], q: casadi.SX) -> dict[str, FrameSymbols]:
+        """Frames at the position q, traced together."""
+        return dict(zip(names, self._traced_frames([frame_index(self.robot, n) for n in names], q), strict=True))
+
+    def _traced_frames(self, indices: Sequence[int], q: casadi.SX) -> list[FrameSymbols]:
+        import casadi
+
+        rows = _function(self._tree.frames(list(indices)))(q, self.v, self.tracer_parameters)
+        parts = [rows[_FRAME * k : _FRAME * (k + 1)] for k in range(len(indices))]
+        return [FrameSymbols(x[:3], casadi.reshape(x[3:12], 3, 3).T, x[12:15], x[15:18]) for x in parts]
+
+    def local_frame(self, name: str) -> tuple[FrameSymbols, casadi.SX]:
+        """A frame's placement from the axes' origin, and velocity, in axes B in which they are short; and B (3, 3).
+
+        The world's own axes here; those of a free base while closures are differentiated.
+        """
+        import casadi
+
+        return self.frame(name), casadi.SX.eye(3)
+
+    # ---- dynamics
+
+    @property
+    def tracer_parameters(self) -> casadi.SX:
+        """What the traced algorithms take as p: all parameters where one of them sets the tree, else nothing."""
+        import casadi
+
+        return self.p if self._settings else casadi.SX(0, 1)
+
+    def algorithm(self, name: str) -> casadi.Function:
+        """A traced algorithm with its last argument p: "forward_dynamics" (q, v, tau, p), "energy" (q, v, p), …"""
+        if name not in self._algorithms:
+            self._algorithms[name] = _function(getattr(self._tree, name)())
+        return self._algorithms[name]
+
+    def inverse_dynamics(self, q: casadi.SX, v: casadi.SX, a: casadi.SX, scale: casadi.SX | float = 1.0) -> casadi.SX:
+        """Joint forces (nv) without friction, of a robot whose links have `scale` times their mass and inertia.
+
+        Rotors, reflected to the joints, keep their inertia.
+        """
+        import casadi
+
+        torque = self.algorithm("inverse_dynamics")(q, v, a, self.tracer_parameters)
+        if isinstance(scale, float) and scale == 1.0:
+            return torque
+        rotor = casadi.SX(casadi.sparsify(casadi.DM(self.robot.rotor_inertia))) * a
+        return scale * (torque - rotor) + rotor
+
+    def inertia(self) -> casadi.Function:
+        """(q, a, p) -> M(q) a, rotors included, by recursive Newton-Euler without gravity."""
+        import casadi
+
+        f = _function(self._traced((0.0, 0.0, 0.0)).inverse_dynamics())
+        q, v, a, p = f.sx_in()
+        return casadi.Function("inertia", [q, a, p], [casadi.densify(f(q, casadi.SX.zeros(v.shape), a, p))])
+
+    def joint_force(self, index: int, value: casadi.SX | float) -> casadi.SX:
+        """A generalised force (nv) with one entry."""
+        import casadi
+
+        force = casadi.SX.zeros(self.robot.nv, 1)
+        force[index] = value
+        return force
+
+    @cached_property
+    def _tree(self) -> Any:
+        gravity = (float(self.robot.gravity[0]), float(self.robot.gravity[1]), float(self.robot.gravity[2]))
+        return self._traced(gravity)
+
+    def _traced(self, gravity: tuple[float, float, float]) -> Any:
+        count = len(self.parameters) if self._settings else 0
+        return trace_tree(self.robot.equations.tree, gravity, self._settings, count)
+
+
+def frame_index(robot: Robot, name: str) -> int:
+    """The tracer's number of a frame, links before joints of the same name. Raises InputError with what there is."""
+    frames = robot.equations.tree.frames
+    found = [k for k, frame in enumerate(frames) if frame["name"] == name]
+    if not found:
+        raise InputError(f"{robot.name}: {among('frame', name, robot.frame_names)}")
+    return min(found, key=lambda k: bool(frames[k]["is_joint"]))
+
+
+def _function(serialized: bytes) -> casadi.Function:
+    import casadi
+
+    return casadi.Function.deserialize(serialized.decode("latin-1"))

@@ -1,0 +1,180 @@
+"""Forces over time in CSV files: a column "time [s]", and one "JOINT torque [N m]" (or [N]) for each joint, or the
+components of a wrench, "force x [N]" to "torque z [N m]".
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.config.fields import UNITS, Fields
+from bellcrank.config.number_text import decimal_number
+from bellcrank.elements.signal_source import SignalSource
+from bellcrank.elements.signals import Signal
+from bellcrank.errors import InputError, among
+from bellcrank.files.access import MOST_TABLE, read_text
+from bellcrank.files.csv_cells import unguarded
+from bellcrank.motion.scale import LARGEST, check_size, check_times
+
+Array = NDArray[np.float64]
+INTERPOLATIONS = ("linear", "cubic", "hold")
+CLOSEST = 1e-9  # s between the rows of a cubic table: a spline through nearer ones overshoots without bounds
+COMPONENTS = {f"{what} {c}": unit for what, unit in (("force", "N"), ("torque", "N m")) for c in "xyz"}  # of a wrench
+_HEADER = re.compile(r"^(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]$")
+
+
+def read_torque_table(read: Fields, column: str, unit: str, interpolation: str) -> tuple[SignalSource, str]:
+    """The table of a torque force, read and checked at once, and its text; InputError naming the scene's key and the
+    CSV's line.
+    """
+    path = read.file("file")
+    try:
+        text = table_text(path)
+        time, torque = read_table(path, text, column, unit)
+    except InputError as error:
+        raise read.error("file", str(error)) from None
+    _check_spacing(read, path, time, interpolation)
+    name = f"table {path}: {column}, {interpolation}"
+    return SignalSource(name, 1, 0, partial(table_signal, time, torque[:, None], interpolation)), text
+
+
+def read_wrench_table(read: Fields, interpolation: str) -> tuple[SignalSource, str]:
+    """The table of a wrench, six values wide (force, torque), as `read_torque_table`. Columns that are no component of
+    a wrench are refused.
+    """
+    path = read.file("file")
+    try:
+        text = table_text(path)
+        header, _ = _rows(path, text)
+        there = [_label(title) for title in header if _label(title) != "time"]
+        if not there:
+            raise InputError(f"{path}: there is no column of a wrench; expected one of {', '.join(COMPONENTS)}")
+        for label in there:
+            if label not in COMPONENTS:
+                raise InputError(f"{path}: {among('column of a wrench', label, COMPONENTS)}")
+        found = {label: read_table(path, text, label, COMPONENTS[label]) for label in there}
+    except InputError as error:
+        raise read.error("file", str(error)) from None
+    time = next(iter(found.values()))[0]
+    _check_spacing(read, path, time, interpolation)
+    nothing = np.zeros(len(time))
+    values = np.stack([found[label][1] if label in found else nothing for label in COMPONENTS], axis=1)
+    name = f"table {path}: wrench, {interpolation}"
+    return SignalSource(name, 6, 0, partial(table_signal, time, values, interpolation)), text
+
+
+def _check_spacing(read: Fields, path: Path, time: Array, interpolation: str) -> None:
+    if interpolation == "cubic" and np.diff(time).min() < CLOSEST:
+        k = int(np.diff(time).argmin())
+        raise read.error(
+            "interpolation",
+            f"a cubic spline needs times at least {CLOSEST:g} s apart, {path} has {time[k]!r} s and {time[k + 1]!r} s; "
+            "use linear, which takes jumps",
+        )
+
+
+def table_text(path: Path) -> str:
+    """The text of a table's file. Raises InputError, one sentence with the file."""
+    return read_text(path, MOST_TABLE)
+
+
+def read_table(path: Path, text: str, column: str, unit: str) -> tuple[Array, Array]:
+    """Times (n,) s, increasing, and the values (n,) of a column in `unit`, n >= 2, from the text of a table's file.
+
+    Other columns are passed over. Raises InputError, one sentence with file and line.
+    """
+    header, rows = _rows(path, text)
+    labels = [_label(title) for title in header]
+    for label in ("time", column):
+        if label not in labels:
+            if label == column and "torque" in labels:
+                raise InputError(
+                    f"{path}: the column 'torque' names no joint; rename the column to '{column} [{unit}]'"
+                )
+            raise InputError(f"{path}: {among('column', label, labels)}")
+        if labels.count(label) > 1:
+            raise InputError(f"{path}: column '{label}' stands twice")
+    columns = []
+    for label, wanted in (("time", "s"), (column, unit)):
+        place = labels.index(label)
+        match, known = _HEADER.match(header[place]), UNITS[wanted]
+        if match is None:
+            raise InputError(f"{path}: column '{label}' has no unit; write '{label} [{wanted}]'")
+        if match["unit"].strip() not in known:
+            raise InputError(f"{path}: column '{label}' is in '{match['unit']}', expected {' or '.join(known)}")
+        columns.append(_column(path, header[place], rows, place) * known[match["unit"].strip()])
+    time, torque = columns
+    if np.any(np.diff(time) <= 0.0):
+        k = int(np.argmax(np.diff(time) <= 0.0))
+        raise InputError(
+            f"{path}: time must increase, but {time[k + 1]:g} s (line {rows[k + 1][0]}) follows {time[k]:g} s"
+        )
+    check_times(str(path), time)
+    check_size(str(path), f"column '{column}':", torque)
+    return time, torque
+
+
+def _label(title: str) -> str:
+    """The title of a column without its unit."""
+    match = _HEADER.match(title)
+    return match["name"] if match else title
+
+
+def table_signal(time: Array, values: Array, interpolation: str) -> tuple[Signal, Array]:
+    """Values (n, width) at times (n,) as piecewise polynomials (straight lines, a cubic spline, or steps), and the
+    times at which they are not smooth besides the breaks of a kinked one.
+    """
+    if interpolation == "cubic":
+        from scipy.interpolate import CubicSpline
+
+        spline = CubicSpline(time, values)  # c: (4, m, width), descending powers
+        return Signal(time, np.ascontiguousarray(spline.c[::-1].transpose(1, 0, 2)), 0, False), time[[0, -1]]
+    if interpolation == "hold":  # the last value needs a piece of its own, beyond which it is held
+        return Signal(np.append(time, time[-1] + 1.0), values[:, None], 0, True), np.zeros(0)
+    slope = np.diff(values, axis=0) / np.diff(time)[:, None]
+    return Signal(time, np.stack([values[:-1], slope], axis=1), 0, True), np.zeros(0)
+
+
+def _rows(path: Path, text: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    try:
+        lines = [(k, row) for k, row in enumerate(csv.reader(io.StringIO(text)), 1) if any(c.strip() for c in row)]
+    except csv.Error as error:
+        raise InputError(f"{path}: not a CSV file: {error}") from None
+    if len(lines) < 3:
+        raise InputError(
+            f"{path}: expected a header such as 'time [s],JOINT torque [N m]' and at least 2 rows of numbers, "
+            f"found {max(len(lines) - 1, 0)} rows"
+        )
+    header = [" ".join(unguarded(cell).split()) for cell in lines[0][1]]
+    if all(_label(title) != "time" for title in header):  # no table, and nothing of it is told
+        raise InputError(f"{path}: there is no column 'time [s]'; expected a header 'time [s],JOINT torque [N m]'")
+    for number, row in lines[1:]:
+        if len(row) != len(header):
+            raise InputError(f"{path}: line {number} has {len(row)} columns, the header has {len(header)}")
+    return header, lines[1:]
+
+
+def _column(path: Path, title: str, rows: list[tuple[int, list[str]]], place: int) -> Array:
+    values = np.empty(len(rows))
+    for k, (number, row) in enumerate(rows):
+        try:
+            values[k] = decimal_number(row[place])
+        except ValueError:
+            values[k] = math.nan
+        if not math.isfinite(values[k]):
+            raise InputError(
+                f"{path}: line {number}, column '{title}': {row[place].strip()[:40]!r} is not a finite number"
+            )
+        if abs(values[k]) > LARGEST[-1]:
+            raise InputError(
+                f"{path}: line {number}, column '{title}': {row[place].strip()[:40]!r} is too large, expected at most "
+                f"{LARGEST[-1]:g}"
+            )
+    return values

@@ -1,0 +1,1 @@
+"""What a replay shows: poses, arrows, series and cameras, as plain data."""

@@ -1,0 +1,1 @@
+"""Shapes of robots: mesh files, triangles, boxes."""

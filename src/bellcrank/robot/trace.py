@@ -1,0 +1,71 @@
+"""A robot's tree as the tracer takes it, which runs Pinocchio's algorithms on symbols."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from bellcrank.codegen.tracer import extension
+from bellcrank.errors import InputError, among
+
+if TYPE_CHECKING:
+    from bellcrank.robot.tree import Tree
+
+ORIGIN = ("x", "y", "z", "roll", "pitch", "yaw")
+INERTIA = ("xx", "xy", "yy", "xz", "yz", "zz")
+
+
+def setting(tree: Tree, target: str) -> tuple[int, int]:
+    """What a parameter sets, as (frame, what) of the tracer.
+
+    Targets: "joint.NAME.origin.x|y|z|roll|pitch|yaw" (m, rad, in the parent link), "link.NAME.mass" (kg),
+    "link.NAME.cg.x|y|z" (m, link frame), "link.NAME.inertia.xx|xy|yy|xz|yz|zz" (kg m², about the CG, link
+    axes), "link.NAME.scale" (a factor on mass and inertia). Raises InputError for anything else.
+    """
+    kind, _, rest = target.partition(".")
+    frames = tree.frames
+    for tail, whats in (
+        ("origin", {n: i for i, n in enumerate(ORIGIN)}),
+        ("cg", {n: 7 + i for i, n in enumerate(ORIGIN[:3])}),
+        ("inertia", {n: 10 + i for i, n in enumerate(INERTIA)}),
+    ):
+        name, dot, component = rest.rpartition(f".{tail}.")
+        if dot and component in whats and (kind == "joint") == (tail == "origin"):
+            return _frame_of(frames, kind, name), whats[component]
+    name, dot, component = rest.rpartition(".")
+    if kind == "link" and component in ("mass", "scale"):
+        return _frame_of(frames, kind, name), 6 if component == "mass" else 16
+    raise InputError(
+        f"a parameter cannot set '{target}'; it can set joint.NAME.origin.x (y, z, roll, pitch, yaw), link.NAME.mass, "
+        "link.NAME.cg.x, link.NAME.inertia.xx or link.NAME.scale"
+    )
+
+
+def _frame_of(frames: list[dict[str, Any]], kind: str, name: str) -> int:
+    def fits(frame: dict[str, Any]) -> bool:
+        return bool(frame["is_body"] if kind == "link" else not frame["is_body"])
+
+    for k, frame in enumerate(frames):
+        if frame["name"] == name and fits(frame):
+            return k
+    raise InputError(among(kind, name, [f["name"] for f in frames[1:] if fits(f)]))
+
+
+def trace_tree(tree: Tree, gravity: tuple[float, ...], settings: list[tuple[int, int, int]], parameters: int) -> Any:
+    """The tracer's tree. settings: (frame, what, index into the parameter vector p)."""
+    t = extension()
+
+    def placement(d: dict[str, Any]) -> Any:
+        return t.Placement(d["rotation"], d["translation"])
+
+    joints = [
+        t.Joint(j["kind"], j["sign"], j["parent"], j["axis"], placement(j), j["mass"], j["lever"], j["inertia"],
+                j["armature"])
+        for j in tree.joints
+    ]  # fmt: skip
+    frames = [
+        t.Frame(f["parent_frame"], f["parent_joint"], f["moving_joint"], placement(f["placement"]),
+                placement(f["in_parent"]), f["rpy"], f["mass"], f["lever"], f["inertia"])
+        for f in tree.frames
+    ]  # fmt: skip
+    mimics = [t.Mimic(*m) for m in tree.mimics]
+    return t.Tree(joints, frames, mimics, [t.Setting(*s) for s in settings], list(gravity), parameters)

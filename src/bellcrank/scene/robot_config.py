@@ -1,0 +1,242 @@
+"""A robot card: one YAML file that says which URDF, how it is mounted and loaded, how it moves and what
+drives it.
+
+Keys: name, urdf (a path beside the card, or the name of a robot), gravity (m/s²), floating_base, friction
+("urdf", "none" or {joint: {viscous, coulomb}}), payloads [{mass, frame, cg, inertia}], frames {name: {link,
+xyz, rpy}}, motions (see motions.py), drives {joint: {…}} (see drive.py) and, for a robot whose loops are closed,
+actuated, the list of joints with motors (left out: those with drives). A scene's keys (see scene/scene.py) may stand in
+the same file; sizing takes closures, the start, forces and parameters from them, says that control and the clock of the
+start do not count, and passes over the others.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bellcrank import arguments
+from bellcrank.actuators.actuator import Drive, drive_from_fields
+from bellcrank.config.fields import Fields
+from bellcrank.errors import InputError, among
+from bellcrank.files import bundled_data
+from bellcrank.files.access import FileAccess, Trust
+from bellcrank.files.locale_text import file_name_here, readable
+from bellcrank.motion.entries import MotionEntry, check_references, read_motion_entry
+from bellcrank.robot import catalog
+from bellcrank.robot.payload import Payload
+
+if TYPE_CHECKING:
+    from bellcrank.motion.motion import Motion
+    from bellcrank.robot.robot import Robot
+
+CARD_KEYS = (
+    "name", "urdf", "gravity", "floating_base", "friction", "payloads", "frames", "motions", "drives", "actuated",
+)  # fmt: skip
+SCENE_KEYS = ("closures", "forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate")
+
+Frame = tuple[str, tuple[float, ...], tuple[float, ...]]
+
+
+@dataclass(frozen=True)
+class Card:
+    """What a card says, checked as far as that is possible without the URDF. Made by `load_card`."""
+
+    name: str
+    source: Path
+    urdf: Path
+    gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
+    floating_base: bool = False
+    friction: str | Mapping[str, tuple[float, float]] = "urdf"
+    payloads: tuple[Payload, ...] = ()
+    frames: Mapping[str, Frame] = field(default_factory=dict)
+    motions: Mapping[str, MotionEntry] = field(default_factory=dict)
+    drives: Mapping[str, Drive] = field(default_factory=dict)
+    actuated: tuple[str, ...] = ()
+    access: FileAccess | None = field(default=None, repr=False, compare=False)  # which files the URDF may name
+
+    def robot(self, extra_payloads: Iterable[Payload] = ()) -> Robot:
+        """The robot with its mounting, payloads, frames and the drives' reflected inertias; InputError."""
+        from bellcrank.robot.load import load_robot
+
+        extra = arguments.several("extra_payloads", extra_payloads, Payload, "Payloads")
+        rotor = {joint: drive.reflected_inertia for joint, drive in self.drives.items()}
+        try:
+            robot = load_robot(
+                self.urdf,
+                gravity=self.gravity,
+                floating_base=self.floating_base,
+                friction=self.friction,
+                payloads=(*self.payloads, *extra),
+                rotor_inertia=rotor,
+                frames=dict(self.frames),
+            )
+        except InputError as error:
+            # Without a card of its own the URDF's name is in the message already.
+            if self.source == self.urdf or str(error).startswith(str(self.urdf)):
+                raise
+            raise InputError(f"{self.source}: {error}") from None
+        if self.access is not None:
+            robot.mesh_access = self.access
+        return robot
+
+    def motion(self, robot: Robot, name: str) -> Motion:
+        """One of the card's motions for the robot; InputError or UnreachableError naming the place."""
+        arguments.robot(robot)
+        if arguments.text("name", name, "the name of a motion") not in self.motions:
+            raise InputError(f"{self.source}: {among('motion', name, self.motions)}")
+        return self.motions[name].build(robot, self.motions)
+
+
+def names() -> dict[str, Path]:
+    """The shipped cards by name."""
+    return {path.stem: path for path in sorted(bundled_data.folder("robots").glob("*.yaml"))}
+
+
+def load_card(path_or_name: str | Path, *, trust: Trust = ()) -> Card:
+    """Read a card from a file or by the name of a shipped one; a URDF (path or name) gives a card without
+    motions. Files that it names may also lie in the folders `trust` (files/access.py).
+
+    Raises InputError, one sentence naming file and key.
+    """
+    source, urdf = find_card(path_or_name)
+    if urdf:
+        return Card(source.stem, source, source, access=FileAccess.of(source.resolve(), trust))
+    return read_card(source, FileAccess.of(source, trust))
+
+
+def find_card(path_or_name: str | Path) -> tuple[Path, bool]:
+    """The file that a path or a name stands for, and whether it is a URDF rather than a card. Raises InputError."""
+    path = arguments.path(
+        "path_or_name",
+        path_or_name,
+        "the path of a scene, card or URDF, or the name of a robot, as bc.load_scene takes",
+    )
+    text = str(path_or_name)
+    if path.suffix.lower() in (".yaml", ".yml"):
+        return path, False
+    if path.suffix.lower() in (".npz", ".csv"):
+        raise InputError(
+            f"{text}: expected a scene, a card or a URDF; bc.load_run opens a saved run (.npz), and read_motion, or "
+            "size with --motion, a CSV"
+        )
+    cards = names()
+    if not _is_file(path):
+        if text in cards:
+            return cards[text], False
+        if path.name == text and path.suffix == "":
+            known = {**cards, **catalog.names()}
+            if text not in known:
+                near = difflib.get_close_matches(text, known, n=1)
+                hint = f"did you mean '{near[0]}'? " if near else ""
+                raise InputError(f"there is no scene or robot '{text}'; {hint}`bellcrank robots` lists them")
+    return catalog.find_urdf(path_or_name), True
+
+
+def read_card(path: str | Path, access: FileAccess | None = None) -> Card:
+    """Read a card's YAML file; InputError, one sentence naming file, key and line."""
+    path = Path(path)
+    fields = Fields.from_file(path, access)
+    card = card_from_fields(fields, path)
+    fields.known(*SCENE_KEYS)
+    fields.done()
+    return card
+
+
+def card_from_fields(fields: Fields, path: Path) -> Card:
+    """The card among the keys of a file; keys that are not a card's are left for the caller to ask for or refuse."""
+    name = fields.text("name", readable(path.stem))
+    urdf = _urdf(fields)
+    named = fields.access.by(urdf)
+    access = replace(named, area=urdf.parent) if fields.overridden("urdf") else named
+    gravity = fields.vector("gravity", 3, "m/s^2", (0.0, 0.0, -9.81))
+    floating = fields.flag("floating_base", False)
+    friction = _friction(fields)
+    payloads = tuple(_payload(entry) for entry in fields.mappings("payloads"))
+    frames = _frames(fields.mapping("frames", {}))
+    motions = fields.mapping("motions", {})
+    entries = {key: read_motion_entry(key, motions.mapping(key)) for key in motions}
+    check_references(entries)
+    drives = fields.mapping("drives", {})
+    motors = {joint: drive_from_fields(drives.mapping(joint)) for joint in drives}
+    actuated = fields.raw("actuated", ())
+    if not isinstance(actuated, (list, tuple)) or not all(isinstance(joint, str) for joint in actuated):
+        raise fields.error("actuated", "expected a list of joints, such as [crank]")
+    return Card(
+        name, path, urdf, gravity, floating, friction, payloads, frames, entries, motors, tuple(actuated), access
+    )  # fmt: skip
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _is_there(path: Path) -> bool:
+    """Whether there is something that is no folder; whether it can be read is for others to say."""
+    try:
+        return path.exists() and not path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
+def _urdf(fields: Fields) -> Path:
+    text = fields.text("urdf")
+    path_like = Path(text).suffix == ".urdf" or "/" in text
+    named = None if path_like or _is_there(fields.access.folder / file_name_here(text)) else catalog.find_named(text)
+    if named is not None:
+        return named
+    path = fields.file("urdf")
+    if _is_there(path):
+        return path.resolve()
+    if path_like:
+        raise fields.error("urdf", f"there is no file {path}; give a path that starts at the card's folder")
+    raise fields.error("urdf", among("robot", text, catalog.names()))
+
+
+def _friction(fields: Fields) -> str | dict[str, tuple[float, float]]:
+    value = fields.raw("friction", "urdf")
+    if isinstance(value, str):
+        return fields.choice("friction", ("urdf", "none"), "urdf")
+    table = fields.mapping("friction")
+    result = {}
+    for joint in table:
+        entry = table.mapping(joint)
+        result[joint] = (
+            entry.number("viscous", "N m s/rad", 0.0, nonnegative=True),
+            entry.number("coulomb", "N m", 0.0, nonnegative=True),
+        )
+        entry.done()
+    return result
+
+
+def _payload(fields: Fields) -> Payload:
+    cg, inertia = fields.vector("cg", 3, "m", (0.0,) * 3), fields.vector("inertia", 6, "kg m^2", (0.0,) * 6)
+    mass, frame = fields.number("mass", "kg", positive=True), fields.text("frame")
+    fields.done()
+    try:
+        return Payload(
+            mass,
+            frame,
+            (cg[0], cg[1], cg[2]),
+            (inertia[0], inertia[1], inertia[2], inertia[3], inertia[4], inertia[5]),
+        )
+    except InputError as error:
+        raise fields.error("", str(error)) from None
+
+
+def _frames(fields: Fields) -> dict[str, Frame]:
+    result = {}
+    for name in fields:
+        entry = fields.mapping(name)
+        result[name] = (
+            entry.text("link"),
+            entry.vector("xyz", 3, "m", (0.0,) * 3),
+            entry.vector("rpy", 3, "rad", (0.0,) * 3),
+        )
+        entry.done()
+    return result

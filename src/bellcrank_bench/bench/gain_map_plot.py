@@ -1,0 +1,179 @@
+"""Pictures of the gain maps: error and work over (α, β), and slices along α = β."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bellcrank.files import atomic_write
+from bellcrank.plot_style import new_figure, save_figure
+from bellcrank.simulation.baumgarte_gains import drift_bound
+from bellcrank_bench.bench.gain_map import ADAPTIVE, FACTORS, FIXED_DECAY, MOST_WORK, SOLVERS, TOLERANCE, GainMap, Point
+from bellcrank_bench.bench.work_precision_plot import METHOD
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLUMNS = ("closure", "error", "evaluations")
+LINE = {1e-6: ":", 1e-9: "--", 1e-12: "-"}
+KINDS = {"none": "none", "automatic": "baumgarte", "projection": "projection"}
+AUTOMATIC = "#D55E00"
+STAR: dict[str, Any] = {
+    "marker": "*", "markersize": 15, "color": AUTOMATIC, "markeredgecolor": "white", "linestyle": "none"
+}  # fmt: skip
+DIAMOND: dict[str, Any] = {
+    "marker": "D", "markersize": 8, "color": "#56B4E9", "markeredgecolor": "black", "linestyle": "none"
+}  # fmt: skip
+
+
+def write(path: Path, figure: Figure) -> None:
+    """Write the PNG. Raises InputError where the folder cannot be written."""
+    with atomic_write.writing(path) as temporary:
+        save_figure(figure, temporary, "png", dpi=110)
+
+
+def draw_map(report: GainMap) -> Figure:
+    """A row a solver: largest |φ| at step ends, error of the motion, and work (for RK4 |φ| against the step)."""
+    figure = new_figure(15.0, 12.0)
+    axes = figure.subplots(3, 3)
+    for row, solver in zip(axes, SOLVERS, strict=True):
+        for axis, column in zip(row, COLUMNS, strict=True):
+            if solver == "RK4" and column == "evaluations":
+                _orders(axis, report)
+            else:
+                _panel(axis, report, solver, column)
+    from matplotlib.lines import Line2D
+
+    c, g = report.case, report.automatic
+    figure.suptitle(
+        f"Baumgarte's gains on {c.scene}, {c.duration:g} s; yellow is better; "
+        f"white: burst, or took over {MOST_WORK} times the evaluations"
+    )
+    handles = [
+        Line2D([], [], label=f"automatic choice, α = β = {g.alpha:.2g} /s", **STAR),
+        Line2D([], [], color="black", linewidth=2.5, label="on the scales: without stabilisation"),
+        Line2D([], [], label="on the scales, or at their ends: projection", **DIAMOND),
+        Line2D([], [], color=AUTOMATIC, label="|φ| of 10 tolerances; twice the evaluations"),
+        Line2D([], [], color="0.5", linestyle=":", label="α = β"),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+def draw_slices(report: GainMap) -> Figure:
+    """Work and largest |φ| along α = β at several tolerances: the bend lies at the same gains for all."""
+    figure = new_figure(13.0, 5.4)
+    work, closure = figure.subplots(1, 2)
+    for solver in ADAPTIVE:
+        for tolerance, line in LINE.items():
+            plain = report.plain(solver, "none", tolerance).evaluations
+            mine = [p for p in report.slices if p.solver == solver and p.setting == tolerance]
+            mine = [p for p in mine if math.isfinite(p.closure)]
+            style: dict[str, Any] = {"color": METHOD[solver], "linestyle": line}
+            alpha = [p.alpha for p in mine]
+            work.loglog(alpha, [p.evaluations / plain for p in mine], label=f"{solver}, {tolerance:.0e}", **style)
+            closure.loglog(alpha, [p.closure / tolerance for p in mine], **style)
+            unstabilised = report.plain(solver, "none", tolerance).closure / tolerance
+            closure.plot(
+                0.0, unstabilised, "<", color=METHOD[solver], clip_on=False, transform=closure.get_yaxis_transform(),
+                label=f"{solver}, none" if tolerance == TOLERANCE else "_",
+            )  # fmt: skip
+            if tolerance == TOLERANCE:
+                bound = [drift_bound(p.alpha, p.beta, 1.0, p.step) for p in mine]
+                closure.loglog(alpha, bound, linewidth=0.8, color=METHOD[solver], label=f"{solver}, bound at 1e-09")
+    for axis, level, name in ((work, 2.0, "2 x"), (closure, 10.0, "10 atol")):
+        axis.axhline(level, color="0.5", linewidth=0.8)
+        axis.text(0.01, level, name, transform=axis.get_yaxis_transform(), va="bottom", color="0.3")
+        axis.axvline(report.automatic.alpha, color=AUTOMATIC, linewidth=1.2, label="automatic")
+        axis.set_xlabel("α = β [1/s]")
+        axis.grid(visible=True, which="major", color="0.9", linewidth=0.6)
+        axis.legend(frameon=False, fontsize="small", loc="upper left" if axis is work else "best")
+    work.set_ylabel("evaluations, of those without stabilisation")
+    closure.set_ylabel("largest |φ| at step ends / tolerance")
+    projected = max(report.plain(v, "projection", t).closure for v in ADAPTIVE for t in LINE)
+    closure.set_title(f"projection: |φ| ≤ {projected:.0e} m or rad at every tolerance", fontsize="medium")
+    work.set_title("projection: as many as without, or fewer" if _free(report) else "", fontsize="medium")
+    figure.suptitle(f"Along α = β on {report.case.scene}: the bend lies at the motion's rate, not at a given α h")
+    return figure
+
+
+def _free(report: GainMap) -> bool:
+    """Whether projection takes the evaluations of a run without stabilisation, to 2 %, or fewer."""
+    places = [(v, t) for v in ADAPTIVE for t in LINE]
+    return all(
+        report.plain(v, "projection", t).evaluations <= 1.02 * report.plain(v, "none", t).evaluations for v, t in places
+    )
+
+
+def _panel(axis: Axes, report: GainMap, solver: str, column: str) -> None:
+    from matplotlib.colors import LogNorm
+
+    points = [p for p in report.grid if p.solver == solver]
+    beside = {name: report.plain(solver, kind) for name, kind in KINDS.items()}
+    scale = beside["none"].evaluations if column == "evaluations" else 1.0
+    n = len(FACTORS)
+    values = np.array([_figure_of(p, column) for p in points]).reshape(n, n) / scale
+    alpha, beta = np.array([p.alpha for p in points[:n]]), np.array([p.beta for p in points[::n]])
+    shown = np.ma.masked_invalid(np.where(np.isfinite(values), values, np.nan))
+    mesh = axis.pcolormesh(
+        alpha, beta, shown, norm=LogNorm(shown.min(), shown.max()), cmap="viridis_r", shading="nearest"
+    )
+    _scale(axis.figure.colorbar(mesh, ax=axis).ax, shown, {k: _figure_of(p, column) / scale for k, p in beside.items()})
+    bar = 2.0 if column == "evaluations" else 10 * TOLERANCE
+    if solver != "RK4" and column != "error" and shown.min() < bar < shown.max():
+        axis.contour(alpha, beta, shown, [bar], colors=AUTOMATIC, linewidths=1.5)
+    axis.plot(alpha, alpha, color="white", linewidth=0.8, linestyle=":")
+    axis.plot(report.automatic.alpha, report.automatic.beta, **STAR)
+    axis.set_xscale("log")
+    axis.set_yscale("log")
+    axis.set_xlabel("α [1/s]")
+    axis.set_ylabel("β [1/s]")
+    where = f"{solver}, step {report.case.step:g} s" if solver == "RK4" else f"{solver}, {TOLERANCE:.0e}"
+    titles = {
+        "closure": "largest |φ| at step ends [m or rad]", "error": "error of the motion [m or rad]",
+        "evaluations": "evaluations, of those of none",
+    }  # fmt: skip
+    form = ".2f" if column == "evaluations" else ".1e"
+    told = ", ".join(f"{name} {_figure_of(p, column) / scale:{form}}" for name, p in beside.items())
+    axis.set_title(f"{where}: {titles[column]}\n{told}", fontsize="medium")
+
+
+def _scale(axis: Axes, shown: Any, beside: dict[str, float]) -> None:
+    """Where none, the automatic choice and projection stand on a panel's scale, or at its end."""
+    low, high = float(shown.min()), float(shown.max())
+    at = {name: min(max(value, low), high) for name, value in beside.items()}
+    axis.plot([0.0, 1.0], [at["none"]] * 2, color="black", linewidth=2.5)
+    axis.plot(0.5, at["automatic"], clip_on=False, **STAR)
+    axis.plot(0.5, at["projection"], clip_on=False, **DIAMOND)
+
+
+def _figure_of(point: Point, column: str) -> float:
+    return math.inf if math.isinf(point.closure) else float(getattr(point, column))
+
+
+def _orders(axis: Axes, report: GainMap) -> None:
+    """RK4's closure against the step: order 4 with gains of the motion, order 2 with gains of the step."""
+    ways = {"none": [], "automatic gains": [], f"α = β = {FIXED_DECAY:g}/h": []}  # type: dict[str, list[Point]]
+    for k, p in enumerate(report.halvings):
+        list(ways.values())[k % 3].append(p)
+    for (name, mine), colour in zip(ways.items(), ("0.4", AUTOMATIC, "#0072B2"), strict=True):
+        mine = [p for p in mine if math.isfinite(p.closure)]
+        axis.loglog([p.setting for p in mine], [p.closure for p in mine], "o-", color=colour, label=name)
+    h = np.array([p.setting for p in report.halvings])
+    last = report.halvings[-2:]
+    for order, p in ((4, last[0]), (2, last[1])):
+        line = 0.4 * p.closure * (h / p.setting) ** order
+        axis.loglog(h, line, ":", color="0.4", linewidth=1.2)
+        axis.text(h[-1], line[-1], f"  order {order}", ha="left", va="top", color="0.3", fontsize="small")
+    axis.set_xlabel("step h [s]")
+    axis.xaxis.set_major_formatter("{x:.3g}")
+    axis.set_xticks(sorted(set(h.tolist())), minor=False)
+    axis.minorticks_off()
+    axis.set_ylabel("largest |φ| at step ends [m or rad]")
+    axis.set_title("RK4: |φ| against the step", fontsize="medium")
+    axis.grid(visible=True, which="major", color="0.9", linewidth=0.6)
+    axis.legend(frameon=False, fontsize="small")

@@ -1,0 +1,1 @@
+"""Scenes written by hand in C."""

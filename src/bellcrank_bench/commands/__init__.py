@@ -1,0 +1,1 @@
+"""The subcommands `bench` and `verify` of `bellcrank`."""

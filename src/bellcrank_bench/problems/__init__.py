@@ -1,0 +1,1 @@
+"""The reference problems: scenes with known answers."""

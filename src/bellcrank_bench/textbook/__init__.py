@@ -1,0 +1,1 @@
+"""Equations of textbook mechanisms, written by hand."""

@@ -1,0 +1,1 @@
+"""Compiled dynamics against textbook equations."""

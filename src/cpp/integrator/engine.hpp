@@ -1,0 +1,35 @@
+// The entry of the engine: chooses the stepper for a method and a number of states.
+#pragma once
+
+#include "integration_loop.hpp"
+#include "explicit.hpp"
+#include "radau.hpp"
+
+namespace bellcrank {
+namespace BELLCRANK_ISA {
+
+template <class Method>
+Status run_explicit(const Problem& problem, Record& record, Counts& counts) {
+  switch ((problem.n + 3) / 4) {
+    case 1: return Run<Explicit<Method, 1>>(problem, record, counts)();
+    case 2: return Run<Explicit<Method, 2>>(problem, record, counts)();
+    case 3: return Run<Explicit<Method, 3>>(problem, record, counts)();
+    case 4: return Run<Explicit<Method, 4>>(problem, record, counts)();
+    default: return Run<Explicit<Method, 0>>(problem, record, counts)();
+  }
+}
+
+Status run(const char* method, const Problem& problem, Record& record, Counts& counts) {
+  if (std::strcmp(method, Rk4::name) == 0) return run_explicit<Rk4>(problem, record, counts);
+  if (std::strcmp(method, DormandPrince::name) == 0) return run_explicit<DormandPrince>(problem, record, counts);
+  if (std::strcmp(method, Dop853::name) == 0) return run_explicit<Dop853>(problem, record, counts);
+  switch ((problem.n + 3) / 4) {
+    case 1: return Run<Radau<1>>(problem, record, counts)();
+    case 2: return Run<Radau<2>>(problem, record, counts)();
+    case 3: return Run<Radau<3>>(problem, record, counts)();
+    default: return Run<Radau<0>>(problem, record, counts)();
+  }
+}
+
+}  // namespace BELLCRANK_ISA
+}  // namespace bellcrank
