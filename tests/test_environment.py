@@ -14,9 +14,9 @@ import pytest
 import bellcrank as bc
 from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
-from bellcrank.files.locale_text import file_name_here, readable, utf8
 from bellcrank.memory import check_memory, free_memory
 from bellcrank.scene.settings import check_rows
+from bellcrank.text import file_name_here, readable, utf8
 
 COMMANDS = "import sys, bellcrank.cli as c; print([c.main(line.split('|')) for line in sys.argv[1:]])"
 NAME = "名前é"

@@ -12,6 +12,7 @@ from bellcrank.codegen import machine, schedule
 from bellcrank.codegen.compile import compiled, make_ready
 from bellcrank.dynamics.consistent_start import moved
 from bellcrank.dynamics.kkt import elimination_order
+from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.symbols import Symbols
 from bellcrank.robot.postures import random_posture
 from bellcrank.scene.scene import load_scene
@@ -96,7 +97,7 @@ def test_an_algorithm_is_traced_once_for_all_who_ask():
 def test_equations_of_a_row_of_loops_grow_with_the_number_of_loops():
     counts = {"rhs": [], "fallback": [], "project": [], "entries": []}
     for loops in (4, 8, 16):
-        system = n_four_bar(loops).system
+        system = system_of(n_four_bar(loops))
         for name in ("rhs", "fallback", "project"):
             counts[name].append(getattr(system, name).graph.operations)
         counts["entries"].append(sum(system._linearised.output_sizes))
@@ -107,8 +108,8 @@ def test_equations_of_a_row_of_loops_grow_with_the_number_of_loops():
 @pytest.mark.parametrize("case", ["n_four_bar", "bricard", "rolling_disk", "five_bar"])
 def test_the_sparse_jacobian_of_closures_is_that_of_finite_differences(case):
     scene = n_four_bar(5) if case == "n_four_bar" else load_scene(case)
-    system, random, h = scene.system, np.random.default_rng(3), 1e-6
-    t, u, p = np.zeros(1), scene.signals_at(np.zeros(1))[0], scene.system_parameters
+    system, random, h = system_of(scene), np.random.default_rng(3), 1e-6
+    t, u, p = np.zeros(1), scene.signals_at(np.zeros(1))[0], system_parameters(scene)
 
     def at(q, v):
         return system.linearised_closures(t, np.concatenate([q, v, np.zeros(system.size - len(q) - len(v))]), u, p)

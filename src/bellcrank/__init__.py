@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from bellcrank.codegen import locks as _locks
 
-__version__ = "0.4.0"
-
 _HOME = {
     "BellcrankError": "errors",
     "InputError": "errors",
@@ -51,6 +49,7 @@ _HOME = {
 __all__ = ["__version__", *_HOME]
 
 if TYPE_CHECKING:
+    __version__: str
     from bellcrank.actuators.actuator import Drive
     from bellcrank.dynamics.linkage import Linkage
     from bellcrank.dynamics.scene_inverse_dynamics import closed_inverse_dynamics, scene_inverse_dynamics
@@ -77,6 +76,10 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from bellcrank.version import version
+
+        return version()
     if name in _HOME:
         module, _, attribute = _HOME[name].partition(":")
         return getattr(importlib.import_module(f"bellcrank.{module}"), attribute or name)

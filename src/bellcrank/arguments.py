@@ -18,8 +18,8 @@ from typing import Any, NoReturn, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.config.yaml_file import shown
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
+from bellcrank.messages import format_value, unknown_name
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -40,21 +40,21 @@ def found(value: object) -> str:
     """A value as a message shows it: short, on one line, without calling what a foreign class may define."""
     kind = type(value)
     if isinstance(value, str):
-        seen = shown(value[:200])
+        seen = format_value(value[:200])
         return seen if seen.isprintable() else ascii(seen[1:-1])
     if value is None or kind in (bool, float):
         return repr(value)
     if isinstance(value, (list, tuple, dict)) and not value:
         return f"an empty {'mapping' if isinstance(value, dict) else 'list'}"
     if kind in (dict, list, tuple):
-        return shown(value)
+        return format_value(value)
     if isinstance(value, int) and kind is int:
         return str(value) if abs(value) < 10**20 else f"a whole number beyond {'-' if value < 0 else ''}1e20"
     if isinstance(value, np.ndarray):
         held = "" if value.dtype == np.float64 else f" ({value.dtype})"
         return f"{'a masked' if np.ma.isMaskedArray(value) else 'an'} array of shape {value.shape}{held}"
     if isinstance(value, np.generic):
-        return f"{shown(value.item())} ({kind.__name__})"
+        return f"{format_value(value.item())} ({kind.__name__})"
     article = "an" if kind.__name__[:1].lower() in "aeiou" else "a"
     return f"{article} {kind.__name__}"
 
@@ -230,7 +230,7 @@ def one_of(name: str, value: object, options: Iterable[str], *, where: str = "")
     if not isinstance(value, str):
         refuse(name, f"one of {', '.join(map(repr, listed))}", value, where)
     if value not in listed:
-        raise InputError(f"{f'{where}: ' if where else ''}argument '{name}': {among('choice', value, listed)}")
+        raise InputError(f"{f'{where}: ' if where else ''}argument '{name}': {unknown_name('choice', value, listed)}")
     return value
 
 

@@ -7,8 +7,8 @@ import sys
 import threading
 from typing import TYPE_CHECKING
 
-from bellcrank import __version__
 from bellcrank.terminal import interruption
+from bellcrank.version import version
 
 if TYPE_CHECKING:
     import argparse
@@ -91,7 +91,7 @@ def _parser(given: list[str]) -> argparse.ArgumentParser:
         description="Size motors and simulate robots from a URDF.",
         epilog="exit codes: 0 done, 1 the answer is no, 2 bad input, 128 + n interrupted by signal n",
     )
-    parser.add_argument("--version", action="version", version=f"bellcrank {__version__}")
+    parser.add_argument("--version", action="version", version=f"bellcrank {version()}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, module in _modules(given).items():
         summary = _COMMANDS.get(name) or importlib.import_module(module).SUMMARY
@@ -117,7 +117,7 @@ def _command(given: list[str]) -> int:
     import traceback
 
     from bellcrank.errors import BellcrankError
-    from bellcrank.files.locale_text import ERRORS, one_line
+    from bellcrank.text import ERRORS, one_line
 
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import wraps
 from typing import Any, Generic, Self, TypeVar, overload
 
 import numpy as np
@@ -36,10 +37,28 @@ class cached_property(Generic[T]):
         return value
 
 
+def computed_once(function: Callable[[Any], T]) -> Callable[[Any], T]:
+    """A function of one object, whose value is kept with that object, as a cached property's is.
+
+    For what belongs to the object and is computed in a room above its own, such as the equations of a scene.
+    """
+    place = f"{function.__module__}.{function.__qualname__}"
+
+    @wraps(function)
+    def once(owner: Any) -> T:
+        kept = vars(owner)
+        if place not in kept:
+            kept.setdefault(place, function(owner))
+        value: T = kept[place]
+        return value
+
+    return once
+
+
 class Portable:
     """A base of classes whose objects are pickled and copied by their data alone, to the bit.
 
-    Cached properties, and attributes that `left_out` names, stay behind: they are made anew when asked for. Arrays
+    Cached properties, what `computed_once` keeps, and attributes that `left_out` names, stay behind: they are made anew when asked for. Arrays
     that could not be written to still cannot.
     """
 
@@ -47,7 +66,7 @@ class Portable:
 
     def __getstate__(self) -> tuple[dict[str, Any], tuple[str, ...]]:
         derived = _derived(type(self))
-        state = {name: value for name, value in vars(self).items() if name not in derived}
+        state = {name: value for name, value in vars(self).items() if name not in derived and "." not in name}
         return state, tuple(n for n, v in state.items() if isinstance(v, np.ndarray) and not v.flags.writeable)
 
     def __setstate__(self, saved: tuple[dict[str, Any], tuple[str, ...]]) -> None:

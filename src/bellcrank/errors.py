@@ -1,15 +1,10 @@
-"""One exception base for everything bellcrank refuses, and the helper that suggests a near name."""
+"""The exceptions of bellcrank: one base, whose message is one line that is safe to print."""
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable
 from typing import Any
 
-from bellcrank.files.locale_text import one_line
-from bellcrank.terminal.printable import printable
-
-LONGEST_NAME = 200  # characters of an unknown name that a message repeats
+from bellcrank.text import one_line, printable
 
 
 class BellcrankError(Exception):
@@ -39,14 +34,3 @@ class UnreachableError(BellcrankError):
 
 class CompileError(BellcrankError):
     """An expression graph could not be turned into machine code."""
-
-
-def among(kind: str, name: str, known: Iterable[str]) -> str:
-    """One phrase for an unknown name: what there is, and the nearest of it."""
-    names = list(known)
-    if len(name) > LONGEST_NAME or not name.isprintable():
-        name = ascii(name[:LONGEST_NAME])[1:-1] + ("…" if len(name) > LONGEST_NAME else "")
-    near = difflib.get_close_matches(name, names, n=1)
-    hint = f"; did you mean '{near[0]}'?" if near else ""
-    shown = ", ".join(names[:20]) + (f", … ({len(names)} in all)" if len(names) > 20 else "")
-    return f"there is no {kind} '{name}'{hint} (there are: {shown or 'none'})"

@@ -12,7 +12,7 @@ import warnings
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from bellcrank.files.locale_text import readable
+from bellcrank.text import readable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

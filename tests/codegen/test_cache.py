@@ -15,6 +15,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.codegen import cache, cache_folder, machine, secret
+from bellcrank.dynamics.system import system_of
 
 HEX = "0" * 64
 BLOCK = 4096
@@ -417,7 +418,7 @@ def test_machine_code_of_scenes_that_are_gone_is_freed():
     def one(k):
         changed = scene.with_overrides({"outputs": {"x": {"expression": f"{k} * sin(t)"}}})
         run = bc.simulate(changed, duration=0.01, samples=2)
-        return [run, *changed.system.rhs._loaded.values(), *changed.system.stage._loaded.values()]
+        return [run, *system_of(changed).rhs._loaded.values(), *system_of(changed).stage._loaded.values()]
 
     import weakref
 

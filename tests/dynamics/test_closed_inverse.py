@@ -9,6 +9,7 @@ import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.dynamics.linkage import Linkage
 from bellcrank.dynamics.scene_inverse_dynamics import closed_inverse_dynamics
+from bellcrank.dynamics.system import system_of
 from bellcrank.motion.motion import Motion
 
 FOUR_BAR = """
@@ -117,7 +118,7 @@ def test_a_drive_closure_s_multiplier_is_the_motor_s_torque(tmp_path):
     closures = [*scene.data["closures"], {"name": "motor", "kind": "drive", "joint": "crank", "motion": "unfold"}]
     driven = scene.with_overrides({"closures": closures, "simulate": {"duration": 4.0, "rtol": 1e-11, "atol": 1e-11}})
     run = bc.simulate(driven, times=found.time[5:-5])
-    place = run.scene.system.multiplier_names.index(("motor", "[N m]"))
+    place = system_of(run.scene).multiplier_names.index(("motor", "[N m]"))
     np.testing.assert_allclose(run.multipliers[:, place], found.torque[5:-5, 0], rtol=0, atol=1e-5)
     np.testing.assert_allclose(run.position, found.position[5:-5], rtol=0, atol=1e-8)
     # and such a scene says by itself where the motor is, its drive taken away

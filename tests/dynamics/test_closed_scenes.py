@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.errors import InputError
 from bellcrank.files.bundled_data import folder
 from bellcrank.scene.scene import load_scene
@@ -21,7 +22,7 @@ SHIPPED = {  # with the number of rows that bind
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_shipped_scene_starts_closed_and_stays_so_at_every_output(name):
     run = simulate(name, duration=0.3)
-    assert len(run.scene.system.multiplier_names) == SHIPPED[name]
+    assert len(system_of(run.scene).multiplier_names) == SHIPPED[name]
     assert run.success and run.constraint_residual() < 1e-12 and run.velocity_residual() < 1e-12
     assert run.energy_drift() < 1e-7
 
@@ -51,7 +52,7 @@ def test_the_first_top_frame_is_b0_at_one_metre_a_second():
     scene = n_four_bar(3)
     run = simulate(scene, duration=0.1)
     assert run.frame("B0").velocity[0] == pytest.approx([1, 0, 0], abs=1e-12)
-    assert scene.robot.nv == 7 and len(scene.system.multiplier_names) == 6
+    assert scene.robot.nv == 7 and len(system_of(scene).multiplier_names) == 6
 
 
 @pytest.mark.parametrize("loops", [0, -3, 10**6])
@@ -61,7 +62,7 @@ def test_a_number_of_loops_that_is_none_is_refused(loops):
 
 
 def test_a_step_costs_a_number_of_operations_proportional_to_the_loops():
-    operations = {n: n_four_bar(n).system._facts["operations"] for n in (3, 6, 12)}
+    operations = {n: system_of(n_four_bar(n))._facts["operations"] for n in (3, 6, 12)}
     assert operations[12] - operations[6] == pytest.approx(2 * (operations[6] - operations[3]), rel=0.05)
 
 
@@ -123,8 +124,8 @@ def test_six_coordinates_become_a_free_base_whose_frame_is_the_robots():
     q, v = random.uniform(-1, 1, (5, 6)), random.normal(0, 1, (5, 6))
     place, speed = free_base(q, v)
     nothing, t = np.zeros((5, 0)), np.zeros((5, 1))
-    six = scene.system.frame("disk")(t, np.hstack([q, v]), nothing, scene.system_parameters)
-    one = free.system.frame("disk")(t, np.hstack([place, speed]), nothing, free.system_parameters)
+    six = system_of(scene).frame("disk")(t, np.hstack([q, v]), nothing, system_parameters(scene))
+    one = system_of(free).frame("disk")(t, np.hstack([place, speed]), nothing, system_parameters(free))
     np.testing.assert_allclose(one, six, atol=1e-14)
 
 

@@ -10,6 +10,7 @@ from bellcrank.cli import main
 from bellcrank.errors import InputError
 from bellcrank.motion.csv_file import write_motion
 from bellcrank.motion.motion import Motion, join
+from bellcrank.simulation.scene_notes import scene_notes
 from bellcrank.simulation.status import Status
 
 SCENE = """
@@ -76,7 +77,7 @@ def test_a_motion_that_ends_at_rest_is_held(arm, tmp_path):
     assert run.status is Status.FINISHED and run.time[-1] == 3.0
     assert run.position[-1, 0] == pytest.approx(1.3, abs=1e-9) and abs(run.velocity[-1, 0]) < 1e-9
     assert run.energy_drift() < 1e-8
-    assert "drive 'motor': its motion ends at 2 s; then its last position is held" in run.scene.notes
+    assert "drive 'motor': its motion ends at 2 s; then its last position is held" in scene_notes(run.scene)
 
 
 @pytest.mark.parametrize(
@@ -144,7 +145,7 @@ def test_a_controller_holds_the_end_of_a_moving_motion_and_says_so(arm, tmp_path
     assert (
         "control 'servo': its motion ends at 2 s while it still moves at up to 1.3 rad/s or m/s, and the run at 3 s; "
         "in between the last posture is the target, at rest"
-    ) in run.scene.notes
+    ) in scene_notes(run.scene)
 
 
 def test_a_run_that_goes_on_from_a_saved_one_meets_the_end_of_the_motion_by_the_same_clock(arm, tmp_path):

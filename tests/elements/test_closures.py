@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 from bellcrank import load_run, load_scene, simulate
 from bellcrank.dynamics.consistent_start import consistent_posture, consistent_velocity
 from bellcrank.dynamics.scene_inverse_dynamics import closed_inverse_dynamics
+from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.importers import read_gepetto
 from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
@@ -105,8 +106,8 @@ def test_accelerations_and_forces_of_a_loop_are_those_of_pinocchios_jacobians(fo
     kkt = np.block([[mass, -rows.T], [rows, np.zeros((m, m))]])
     solved = np.linalg.solve(kkt, np.concatenate([-bias, -gamma]))
     x = np.concatenate([q, v])
-    multipliers = scene.system.closure(np.zeros(1), x, np.zeros(0), scene.system_parameters)[0]
-    acceleration = scene.system.observation(np.zeros(1), x, np.zeros(0), scene.system_parameters)[0]
+    multipliers = system_of(scene).closure(np.zeros(1), x, np.zeros(0), system_parameters(scene))[0]
+    acceleration = system_of(scene).observation(np.zeros(1), x, np.zeros(0), system_parameters(scene))[0]
     np.testing.assert_allclose(acceleration, solved[:7], rtol=0, atol=1e-8 * np.abs(solved[:7]).max())
     np.testing.assert_allclose(multipliers, solved[7:], atol=1e-7 * np.abs(solved[7:]).max())
 
@@ -206,7 +207,7 @@ def test_the_multiplier_of_a_drive_is_the_torque_of_inverse_dynamics_and_its_pow
     np.testing.assert_allclose(run.multipliers[inner], expected[inner], atol=1e-6 * np.abs(expected).max())
     assert np.ptp(run.work) > 1.0
     assert run.energy_drift() < 1e-7
-    assert [label for _, label in scene.system.multiplier_names] == ["[N m]", "[N m]", "[N]"]
+    assert [label for _, label in system_of(scene).multiplier_names] == ["[N m]", "[N m]", "[N]"]
 
 
 def test_formulas_and_python_functions_close_loops_as_the_kinds_do(four_bar):
@@ -325,7 +326,7 @@ def test_closeness_to_singular_is_the_ratio_of_singular_values_and_can_end_a_run
     event = [{"name": "near", "when": {"singular_closure": 0.05}, "direction": "up", "stop": True}]
     run = simulate(four_bar, overrides={"events": event})
     near = run.events[-1]
-    jacobian, mass = run.scene.system.closure_metric(
+    jacobian, mass = system_of(run.scene).closure_metric(
         np.array([near.time]), np.concatenate([near.position, near.velocity]), np.zeros(0), run.parameters
     )
     values = np.linalg.svd(np.linalg.solve(np.linalg.cholesky(mass), jacobian.T), compute_uv=False)
@@ -591,7 +592,7 @@ def test_two_wheels_on_one_axle_share_their_side_force_and_nothing_else(tmp_path
     run = simulate(scene, 1.0)
     rank = run.closure_rank()
     assert rank.rank == 5
-    names = [f"{owner} {label}" for owner, label in scene.system.multiplier_names]
+    names = [f"{owner} {label}" for owner, label in system_of(scene).multiplier_names]
     shared = {name for name, unique in zip(names, rank.unique, strict=True) if not unique}
     assert shared == {"left friction sideways [N]", "right friction sideways [N]"}
     weight = run.closure("left").multipliers[0, 0] + run.closure("right").multipliers[0, 0]

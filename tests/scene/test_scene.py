@@ -13,6 +13,7 @@ from crane import FILES, SCENE, TABLE
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.elements.controllers import PD, GravityCompensation
 from bellcrank.elements.forces import Damper, JointSpring, Spring, Torque, Wrench
 from bellcrank.errors import InputError
@@ -20,6 +21,7 @@ from bellcrank.scene.overrides import parse_assignment
 from bellcrank.scene.robot_config import load_card, names, read_card
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.settings import Settings
+from bellcrank.simulation.scene_notes import scene_notes
 
 # (what is broken, file, old text, new text, a piece of the sentence)
 BROKEN = [
@@ -169,7 +171,7 @@ def test_a_scene_says_what_the_file_says(scene):
     weight, hold = scene.control
     assert isinstance(weight, GravityCompensation) and weight.mass_error == pytest.approx(0.05)
     assert isinstance(hold, PD) and hold.limit == {"shoulder": 80.0, "elbow": 40.0} and hold.source.size == 4
-    q, v = scene.start
+    q, v = consistent_start(scene)
     np.testing.assert_allclose(q, [math.radians(10), 0.5, 0.1], rtol=1e-15)
     np.testing.assert_allclose(v, [0.0, math.radians(3), 0.0], rtol=1e-15)
     assert scene.initial.guesses == ("elbow",)
@@ -194,9 +196,9 @@ def test_one_file_serves_sizing_and_simulation(crane):
 @pytest.mark.parametrize("name", sorted(names()))
 def test_every_shipped_card_is_a_scene_with_a_finite_start(name):
     scene = load_scene(name)
-    q, v = scene.start
+    q, v = consistent_start(scene)
     assert np.isfinite(q).all() and np.isfinite(v).all()
-    assert scene.notes == () or "initial" not in scene.data  # the zero posture of some is outside
+    assert scene_notes(scene) == () or "initial" not in scene.data  # the zero posture of some is outside
     assert load_card(name).name == scene.name
 
 
@@ -204,7 +206,11 @@ def test_a_bare_urdf_is_a_scene_without_forces(crane):
     scene = load_scene(
         crane / "crane.urdf", {"initial.elbow": "30 deg", "gravity": [0, 0, 0], "simulate.solver": "Radau"}
     )
-    assert scene.forces == () and scene.start[0][1] == pytest.approx(math.pi / 6) and not scene.robot.gravity.any()
+    assert (
+        scene.forces == ()
+        and consistent_start(scene)[0][1] == pytest.approx(math.pi / 6)
+        and not scene.robot.gravity.any()
+    )
     assert scene.settings.solver == "Radau" and load_scene("spring_pendulum").name == "Spring pendulum"
     assert sentence(lambda: load_scene("spring_pendulums")) == (
         "there is no scene or robot 'spring_pendulums'; did you mean 'spring_pendulum'? `bellcrank robots` lists them"
@@ -214,9 +220,9 @@ def test_a_bare_urdf_is_a_scene_without_forces(crane):
 def test_the_tracking_scene_starts_on_its_motion():
     scene = load_scene("planar_2r_tracking")
     motion = scene.motion("circle")
-    np.testing.assert_array_equal(scene.start[0], motion.position[0])
-    np.testing.assert_array_equal(scene.start[1], motion.velocity[0])
-    assert scene.with_overrides({"initial.elbow": 0.1}).start[0][1] == 0.1
+    np.testing.assert_array_equal(consistent_start(scene)[0], motion.position[0])
+    np.testing.assert_array_equal(consistent_start(scene)[1], motion.velocity[0])
+    assert consistent_start(scene.with_overrides({"initial.elbow": 0.1}))[0][1] == 0.1
 
 
 def test_a_base_velocity_in_the_world_is_turned_into_the_body(crane):
@@ -225,7 +231,7 @@ def test_a_base_velocity_in_the_world_is_turned_into_the_body(crane):
     q, v = world.start
     np.testing.assert_allclose(q[:7], [0, 0, 2, 0, math.sin(math.radians(5)), 0, math.cos(math.radians(5))], atol=1e-16)
     np.testing.assert_allclose(v[:6], [c, 0, s, 0, 0, 0], atol=1e-16)
-    body = world.with_overrides({"base.expressed_in": "body"}).start[1]
+    body = consistent_start(world.with_overrides({"base.expressed_in": "body"}))[1]
     np.testing.assert_array_equal(body[:6], [1, 0, 0, 0, 0, 0])
 
 
@@ -267,7 +273,9 @@ def test_what_is_no_scene_is_told_what_opens_it(scene):
 def test_a_target_out_of_range_is_noted_and_far_out_taken_for_degrees(crane, target, asks):
     hold = {"kind": "pd", "joint": "elbow", "kp": 1, "target": {"elbow": target}}
     found = [
-        note for note in load_scene(crane / "scene.yaml", {"control": [hold]}).notes if "outside the range" in note
+        note
+        for note in scene_notes(load_scene(crane / "scene.yaml", {"control": [hold]}))
+        if "outside the range" in note
     ]
     assert found == [] if asks is None else ("were degrees meant" in found[0]) is asks
 
@@ -364,14 +372,14 @@ BARE = {"forces": [], "parameters": {}, "outputs": {}}
 
 
 def test_a_start_outside_the_limits_is_noted_and_not_refused(scene):
-    notes = scene.with_overrides({"initial.elbow": "150 deg"}).notes
-    assert "elbow" in notes[0] and "2.61799 rad" in notes[0] and len(notes) == len(scene.notes) + 1
+    notes = scene_notes(scene.with_overrides({"initial.elbow": "150 deg"}))
+    assert "elbow" in notes[0] and "2.61799 rad" in notes[0] and len(notes) == len(scene_notes(scene)) + 1
 
 
 def test_effort_limits_that_are_0_or_missing_are_noted(crane):
     urdf = (crane / "crane.urdf").read_text().replace('effort="80"', 'effort="0"').replace(' effort="40"', "")
     (crane / "crane.urdf").write_text(urdf)
-    off, free = load_scene(crane / "scene.yaml", BARE).notes
+    off, free = scene_notes(load_scene(crane / "scene.yaml", BARE))
     assert "'hold'" in off and "0 at joint shoulder" in off and "switches it off" in off
     assert "'hold'" in free and "no effort limit at joint elbow" in free
 
@@ -380,12 +388,12 @@ def test_effort_limits_that_are_0_or_missing_are_noted(crane):
 def test_tables_and_motions_that_do_not_cover_the_run_are_noted(crane, interpolation):
     (crane / "torque.csv").write_text(TABLE.replace("\n0,", "\n0.25,"))
     scene = load_scene(crane / "scene.yaml", {"forces.push.interpolation": interpolation})
-    end, begin = scene.notes
+    end, begin = scene_notes(scene)
     assert "force 'push': its table ends at 1 s and the run at 2 s" in end and "last value is held" in end
     assert "begins at 0.25 s" in begin and "first value is held" in begin
-    longer = scene.with_overrides({"simulate.duration": 3}).notes
+    longer = scene_notes(scene.with_overrides({"simulate.duration": 3}))
     assert len(longer) == 3 and "control 'hold': its motion ends at 2 s and the run at 3 s" in longer[2]
-    assert scene.with_overrides({**BARE, "simulate.duration": 2}).notes == ()
+    assert scene_notes(scene.with_overrides({**BARE, "simulate.duration": 2})) == ()
 
 
 def test_cubic_tables_refuse_coincident_rows_and_note_what_overshoots(crane):
@@ -407,7 +415,7 @@ def test_an_event_that_is_no_number_at_the_start_is_noted(scene):
         {"name": "late", "when": {"expression": "sqrt(slide.position - 0.2)"}},
         {"name": "z", "when": {"expression": "t - 1"}},
     ]
-    (note,) = scene.with_overrides({**BARE, "events": events}).notes
+    (note,) = scene_notes(scene.with_overrides({**BARE, "events": events}))
     assert "event 'late'" in note and "not a number at the start" in note
 
 
@@ -459,7 +467,7 @@ def test_joint_names_with_dots_are_found(crane):
     (crane / "crane.urdf").write_text((crane / "crane.urdf").read_text().replace('"elbow"', '"arm.elbow"'))
     (crane / "scene.yaml").write_text("urdf: crane.urdf\ninitial: {arm.elbow: 0.1}\n")
     scene = load_scene(crane / "scene.yaml", {"initial.arm.elbow": 0.2})
-    assert scene.start[0][1] == 0.2
+    assert consistent_start(scene)[0][1] == 0.2
     moving = load_scene(crane / "crane.urdf", {"initial.velocity.arm.elbow": 0.3, "friction.arm.elbow.viscous": 2})
     assert moving.start[1][1] == 0.3 and moving.robot.viscous[1] == 2.0
     fresh = load_scene(crane / "crane.urdf", {"initial.arm.elbow": 0.3})

@@ -13,6 +13,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank import InputError
+from bellcrank.dynamics.system import system_of
 from bellcrank.simulation.run_file import saved_state
 
 # a pendulum of 0.7 s in 3 rows, as bellcrank 0.4.0 saved it, compressed
@@ -254,8 +255,8 @@ def test_states_that_are_no_motion_of_the_scene_fail_the_certificate(whole, tmp_
 
 def test_singular_closures_have_no_rank_and_the_summary_says_so(whole, tmp_path, monkeypatch):
     run = bc.load_run(written(tmp_path / "run.npz", whole["closed"]))
-    jacobian, mass = run.scene.system.closure_metric(*(a if a.ndim == 1 else a[-1] for a in run._arguments))
-    monkeypatch.setattr(run.scene.system, "closure_metric", lambda *a: (jacobian, -mass))
+    jacobian, mass = system_of(run.scene).closure_metric(*(a if a.ndim == 1 else a[-1] for a in run._arguments))
+    monkeypatch.setattr(system_of(run.scene), "closure_metric", lambda *a: (jacobian, -mass))
     with pytest.raises(InputError, match="closures have no rank"):
         run.closure_rank()
     assert "unknown: the closures have no rank" in run.summary()

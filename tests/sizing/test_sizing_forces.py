@@ -13,7 +13,9 @@ import pytest
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.dynamics.mechanism import mechanism_of
+from bellcrank.dynamics.system import system_of
 from bellcrank.motion.csv_file import write_motion
+from bellcrank.simulation.scene_notes import scene_notes
 from bellcrank.sizing.table import table
 
 LINK = (
@@ -148,7 +150,7 @@ def held(scene: bc.Scene, shape: str, motion: str, times: Any) -> np.ndarray[Any
     )
     run = bc.simulate(driven, times=times)
     assert run.success, run.message
-    names = [name for name, _ in driven.system.multiplier_names]
+    names = [name for name, _ in system_of(driven).multiplier_names]
     return run.multipliers[:, [names.index(f"drive_{j}") for j in MOTORS[shape]]]
 
 
@@ -393,7 +395,7 @@ def test_size_over_a_run_made_with_forces_gives_the_actuators_of_that_run(
         assert "its table ends at 1.6 s and motion 'run' at 2 s; in between the last value is held" in out
         report = json.loads((tmp_path / shape / "sizing.json").read_text(encoding="utf-8"))
         assert [force["name"] for force in report["forces"]] == list(kinds)
-        names = [name for name, _ in run.scene.system.multiplier_names]
+        names = [name for name, _ in system_of(run.scene).multiplier_names]
         for joint in report["joints"]:
             v = scene.robot.joint(joint["name"]).v
             wanted = run.multipliers[:, names.index(f"drive_{joint['name']}")]
@@ -461,7 +463,7 @@ def test_a_wrench_s_table_pushes_a_simulated_block_as_its_polynomials_say(tmp_pa
     t = run.time  # F = 2 t up to 2 s, then 4 N, on 2 kg
     x = np.where(t <= 2.0, t**3 / 6.0, 8.0 / 6.0 + 2.0 * (t - 2.0) + (t - 2.0) ** 2)
     np.testing.assert_allclose(run.position[:, 0], x, atol=1e-9)
-    assert any("its table ends at 2 s and the run at" in note for note in run.scene.notes)
+    assert any("its table ends at 2 s and the run at" in note for note in scene_notes(run.scene))
 
 
 @pytest.mark.parametrize(

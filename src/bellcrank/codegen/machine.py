@@ -12,7 +12,8 @@ from typing import Any
 
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen import locks
-from bellcrank.errors import CompileError, InputError, among
+from bellcrank.errors import CompileError, InputError
+from bellcrank.messages import unknown_name
 
 ABI = 1  # of the compiled functions (scalar.py, simd.py); a change makes every cached object stale
 _serial = itertools.count()
@@ -70,7 +71,7 @@ def target_name() -> str:
 @cache
 def _target(name: str) -> Target:
     if name != "native" and name not in _LEVELS:
-        raise InputError("BELLCRANK_TARGET: " + among("target", name, ["native", *_LEVELS]))
+        raise InputError("BELLCRANK_TARGET: " + unknown_name("target", name, ["native", *_LEVELS]))
     llvm = _llvm()
     has = llvm.get_host_cpu_features()
     if name == "native":

@@ -17,7 +17,7 @@ def extension() -> Any:
     try:
         import casadi  # noqa: F401  loads the shared library that the extension links to
 
-        from bellcrank import _trace
+        import bellcrank._trace as _trace
     except ImportError as error:
         try:
             found = importlib.metadata.version("casadi")

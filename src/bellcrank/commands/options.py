@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from bellcrank.config.fields import parse_number
 from bellcrank.config.number_text import whole_number
-from bellcrank.config.yaml_file import shown
 from bellcrank.errors import InputError
+from bellcrank.messages import format_value
 
 
 def number_option(
@@ -20,7 +20,7 @@ def number_option(
     try:
         value = parse_number(text, unit)
     except ValueError as error:
-        raise InputError(f"{option} {shown(text)}: {error}") from None
+        raise InputError(f"{option} {format_value(text)}: {error}") from None
     if (
         (above is not None and value <= above)
         or (least is not None and value < least)
@@ -28,7 +28,7 @@ def number_option(
     ):
         bounds = f" of more than {above:g}" if above is not None else "" if least is None else f" of {least:g} or more"
         bounds += "" if most is None else f"{' and' if bounds else ' of'} at most {most:g}"
-        raise InputError(f"{option} {shown(text)}: expected a number{bounds}{f' ({unit})' if unit else ''}")
+        raise InputError(f"{option} {format_value(text)}: expected a number{bounds}{f' ({unit})' if unit else ''}")
     return value
 
 
@@ -38,7 +38,7 @@ def whole_option(option: str, text: str | None, least: int, most: int) -> int | 
         return None
     value = whole_number(text)
     if value is None or not least <= value <= most:
-        raise InputError(f"{option} {shown(text)}: expected a whole number from {least} to {most}")
+        raise InputError(f"{option} {format_value(text)}: expected a whole number from {least} to {most}")
     return value
 
 
@@ -48,7 +48,7 @@ def size_option(option: str, text: str, least: int, most: int) -> tuple[int, int
     width, height = whole_number(first), whole_number(second)
     if not cross or width is None or height is None or not least <= min(width, height) <= max(width, height) <= most:
         raise InputError(
-            f"{option} {shown(text)}: expected WIDTHxHEIGHT, each a whole number of pixels from {least} to {most}, "
+            f"{option} {format_value(text)}: expected WIDTHxHEIGHT, each a whole number of pixels from {least} to {most}, "
             "such as 960x720"
         )
     return width, height

@@ -77,11 +77,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate a scene; 0 where it came to its end, 1 where it did not or is warned of, 130 where it was interrupted;
     what was computed is written in any case. BellcrankError for bad input.
     """
-    from bellcrank.scene.notes import scene_notes
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
     from bellcrank.scene.settings import check_rows
     from bellcrank.simulation.run_blocks import blocks_folder, set_aside
+    from bellcrank.simulation.scene_notes import scene_notes
     from bellcrank.simulation.simulate import simulate
     from bellcrank.simulation.status import Status
     from bellcrank.terminal import interruption
@@ -180,11 +180,11 @@ _NUMBERS = {"duration": "s", "rtol": "", "atol": "", "step": "s"}
 
 
 def _check_frames(robot: Any, frames: list[str]) -> None:
-    from bellcrank.errors import among
+    from bellcrank.messages import unknown_name
 
     for frame in frames:
         if frame not in robot.frame_names:
-            raise InputError(f"--frame: {among('frame', frame, robot.frame_names)}")
+            raise InputError(f"--frame: {unknown_name('frame', frame, robot.frame_names)}")
 
 
 @contextmanager

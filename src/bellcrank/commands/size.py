@@ -10,9 +10,9 @@ from bellcrank.commands.options import number_option
 from bellcrank.commands.trust import add_trust
 from bellcrank.commands.written import telling
 from bellcrank.config.fields import parse_number
-from bellcrank.config.yaml_file import shown
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
+from bellcrank.messages import format_value
 from bellcrank.robot.payload import Payload
 
 if TYPE_CHECKING:
@@ -122,16 +122,16 @@ def parse_payload(text: str) -> Payload:
     """A Payload from MASS@FRAME, the mass in kg unless a unit is written; InputError otherwise."""
     mass, at, frame = text.partition("@")
     if not at or not frame.strip():
-        raise InputError(f"--payload {shown(text)}: expected MASS@FRAME, such as 2.5@tool0")
+        raise InputError(f"--payload {format_value(text)}: expected MASS@FRAME, such as 2.5@tool0")
     try:
         return Payload(parse_number(mass, "kg"), frame.strip())
     except (ValueError, InputError) as error:
-        raise InputError(f"--payload {shown(text)}: {error}") from None
+        raise InputError(f"--payload {format_value(text)}: {error}") from None
 
 
 def parse_share(text: str) -> float:
     """A share from "0.1" or "10%"; InputError unless it is at least 0 and below 1."""
     share = number_option("--mass-tolerance", text, least=0.0)
     if share is None or share >= 1.0:
-        raise InputError(f"--mass-tolerance {shown(text)}: expected at least 0 and less than 100%")
+        raise InputError(f"--mass-tolerance {format_value(text)}: expected at least 0 and less than 100%")
     return share

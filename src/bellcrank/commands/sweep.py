@@ -10,8 +10,9 @@ from bellcrank.commands.options import whole_option
 from bellcrank.commands.simulate import add_keep_every, keep_every
 from bellcrank.commands.trust import add_trust
 from bellcrank.commands.written import telling
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
+from bellcrank.messages import unknown_name
 from bellcrank.terminal.progress import counting
 
 
@@ -84,7 +85,9 @@ def run(arguments: argparse.Namespace) -> int:
     measures = arguments.measures or None
     unknown = [name for name in arguments.measures if name not in result.units]
     if unknown and result.designs:  # after the files: what was computed is not lost for a typing error
-        raise InputError(f"--measure: {among('measure', unknown[0], result.units)}; all of them are in {files[0]}")
+        raise InputError(
+            f"--measure: {unknown_name('measure', unknown[0], result.units)}; all of them are in {files[0]}"
+        )
     drawn = result.complete and not arguments.no_plots  # who asks to stop does not wait for a picture
     if (measures or result.telling) and files and drawn:
         with telling(files, folder):

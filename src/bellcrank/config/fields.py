@@ -12,10 +12,11 @@ from typing import Any, Final
 import numpy as np
 
 from bellcrank.config.number_text import split_number
-from bellcrank.config.yaml_file import read_yaml, shown
-from bellcrank.errors import InputError, among
+from bellcrank.config.yaml_file import read_yaml
+from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
-from bellcrank.files.locale_text import file_name_here
+from bellcrank.messages import format_value, unknown_name
+from bellcrank.text import file_name_here
 
 # Unit written in a file -> factor to the SI unit that the reader asked for.
 UNITS: Final[dict[str, dict[str, float]]] = {
@@ -70,13 +71,13 @@ def parse_number(value: object, unit: str) -> float:
         if written and written not in known:
             others = ", ".join(f"'{name}'" for name in known if name)
             raise ValueError(
-                f"expected {_wanted(unit)}{f' (units known here: {others})' if others else ''}, found {shown(value)}"
+                f"expected {_wanted(unit)}{f' (units known here: {others})' if others else ''}, found {format_value(value)}"
             )
         number = figure * (known[written] if written else 1.0)
     else:
-        raise ValueError(f"expected {_wanted(unit)}, found {shown(value)}")
+        raise ValueError(f"expected {_wanted(unit)}, found {format_value(value)}")
     if not math.isfinite(number):
-        raise ValueError(f"expected {_wanted(unit)} that is finite, found {shown(value)}")
+        raise ValueError(f"expected {_wanted(unit)} that is finite, found {format_value(value)}")
     return number
 
 
@@ -98,7 +99,7 @@ class Fields:
         self, data: Mapping[str, Any], where: str = "", path: str = "", access: FileAccess | None = None
     ) -> None:
         if not isinstance(data, Mapping):
-            raise InputError(f"{_place(where, path)}: expected a mapping of keys to values, found {shown(data)}")
+            raise InputError(f"{_place(where, path)}: expected a mapping of keys to values, found {format_value(data)}")
         self._data = data
         self.where = where
         self.path = path
@@ -192,11 +193,11 @@ class Fields:
             raise self.error(key, str(error)) from None
         suffix = f" {unit}" if unit else ""
         if positive and number <= 0.0:
-            raise self.error(key, f"expected more than 0{suffix}, found {shown(value)}")
+            raise self.error(key, f"expected more than 0{suffix}, found {format_value(value)}")
         if nonnegative and number < 0.0:
-            raise self.error(key, f"expected 0{suffix} or more, found {shown(value)}")
+            raise self.error(key, f"expected 0{suffix} or more, found {format_value(value)}")
         if number > maximum:
-            raise self.error(key, f"expected at most {maximum:g}{suffix}, found {shown(value)}")
+            raise self.error(key, f"expected at most {maximum:g}{suffix}, found {format_value(value)}")
         return number
 
     def parsed(self, key: str, value: object, unit: str = "") -> float:
@@ -207,10 +208,10 @@ class Fields:
         """A whole number of at least `minimum`; InputError otherwise."""
         value = self.raw(key, default)
         if isinstance(value, bool) or not isinstance(value, int):
-            raise self.error(key, f"expected a whole number, found {shown(value)}")
+            raise self.error(key, f"expected a whole number, found {format_value(value)}")
         if not minimum <= value <= MOST_WHOLE:
             bounds = f"of {minimum} or more" if value < minimum else f"of at most {MOST_WHOLE}"
-            raise self.error(key, f"expected a whole number {bounds}, found {shown(value)}")
+            raise self.error(key, f"expected a whole number {bounds}, found {format_value(value)}")
         return value
 
     def vector(
@@ -227,21 +228,21 @@ class Fields:
         """A list of lists of `width` numbers each; InputError otherwise."""
         value = self.raw(key)
         if not isinstance(value, (list, tuple)) or not value:
-            raise self.error(key, f"expected a list of lists of {width} numbers, found {shown(value)}")
+            raise self.error(key, f"expected a list of lists of {width} numbers, found {format_value(value)}")
         return tuple(self._numbers(key, row, width, unit) for row in value)
 
     def numbers(self, key: str, unit: str = "") -> tuple[float, ...]:
         """A list of any number of numbers in the unit named; InputError otherwise."""
         value = self.raw(key)
         if not isinstance(value, (list, tuple)):
-            raise self.error(key, f"expected a list of numbers, found {shown(value)}")
+            raise self.error(key, f"expected a list of numbers, found {format_value(value)}")
         return self._numbers(key, value, len(value), unit)
 
     def _numbers(self, key: str, value: object, length: int, unit: str) -> tuple[float, ...]:
         if not isinstance(value, (list, tuple)) or len(value) != length:
             raise self.error(
                 key,
-                f"expected a list of {length} numbers{f' in {unit}' if unit else ''}, found {shown(value)}",
+                f"expected a list of {length} numbers{f' in {unit}' if unit else ''}, found {format_value(value)}",
             )
         return tuple(self._number(key, entry, unit, False, False, math.inf) for entry in value)
 
@@ -249,7 +250,7 @@ class Fields:
         """A text that is not empty; InputError otherwise."""
         value = self.raw(key, default)
         if not isinstance(value, str) or not value.strip():
-            raise self.error(key, f"expected a text, found {shown(value)}")
+            raise self.error(key, f"expected a text, found {format_value(value)}")
         return value
 
     def unit(self, key: str = "unit") -> str:
@@ -257,7 +258,9 @@ class Fields:
         value = self.raw(key, "1")
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             if value != 1:
-                raise self.error(key, f"expected a unit such as 'm/s', or 1 for a plain number, found {shown(value)}")
+                raise self.error(
+                    key, f"expected a unit such as 'm/s', or 1 for a plain number, found {format_value(value)}"
+                )
             return "1"
         return self.text(key, "1")
 
@@ -279,41 +282,41 @@ class Fields:
         """true or false; InputError otherwise."""
         value = self.raw(key, default)
         if not isinstance(value, bool):
-            raise self.error(key, f"expected true or false, found {shown(value)}")
+            raise self.error(key, f"expected true or false, found {format_value(value)}")
         return value
 
     def choice(self, key: str, options: Sequence[str], default: str | object = _REQUIRED) -> str:
         """One of the texts named; InputError, with the nearest of them, otherwise."""
         value = self.raw(key, default)
         if not isinstance(value, str):
-            raise self.error(key, f"expected one of {', '.join(options)}, found {shown(value)}")
+            raise self.error(key, f"expected one of {', '.join(options)}, found {format_value(value)}")
         if value not in options:
-            raise self.error(key, among(key, value, options))
+            raise self.error(key, unknown_name(key, value, options))
         return value
 
     def mapping(self, key: str, default: Mapping[str, Any] | object = _REQUIRED) -> Fields:
         """The mapping under a key, as Fields of its own; InputError where it is something else."""
         value = self.raw(key, default)
         if not isinstance(value, Mapping):
-            raise self.error(key, f"expected a mapping of keys to values, found {shown(value)}")
+            raise self.error(key, f"expected a mapping of keys to values, found {format_value(value)}")
         return Fields(value, self.where, f"{self.path}.{key}" if self.path else key, self.access)
 
     def mappings(self, key: str) -> list[Fields]:
         """The list of mappings under a key, empty where the key is missing; InputError otherwise."""
         value = self.raw(key, ())
         if not isinstance(value, (list, tuple)):
-            raise self.error(key, f"expected a list of mappings, found {shown(value)}")
+            raise self.error(key, f"expected a list of mappings, found {format_value(value)}")
         path = f"{self.path}.{key}" if self.path else key
         for index, entry in enumerate(value):
             if not isinstance(entry, Mapping):
-                raise self.error(key, f"expected a list of mappings, found {shown(entry)} at place {index + 1}")
+                raise self.error(key, f"expected a list of mappings, found {format_value(entry)} at place {index + 1}")
         return [Fields(entry, self.where, f"{path}[{index + 1}]", self.access) for index, entry in enumerate(value)]
 
     def done(self) -> None:
         """Refuse keys that were not asked for, with the nearest known one (InputError)."""
         for key in self:
             if key not in self._asked:
-                raise self.error(key, among("key", key, self._asked).replace("(there are:", "(known here:"))
+                raise self.error(key, unknown_name("key", key, self._asked).replace("(there are:", "(known here:"))
 
 
 def _place(where: str, path: str) -> str:

@@ -7,7 +7,6 @@ which aliases repeat (*NAME, also below <<) counted as often as it is repeated.
 from __future__ import annotations
 
 import re
-import reprlib
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any
 
 from bellcrank.errors import InputError
 from bellcrank.files.access import MOST_YAML, read_text
+from bellcrank.messages import format_value
 
 MOST_ENTRIES = 1_000_000  # keys, values and entries of lists: tables of 100,000 rows of ten
 MOST_REPEATED = 100_000  # of them by aliases
@@ -39,7 +39,7 @@ def read_yaml(path: str | Path) -> Mapping[str, Any]:
     if data is None:
         raise InputError(f"{path}: expected a mapping of keys to values, found an empty file")
     if not isinstance(data, dict):
-        kind = shown(data) if isinstance(data, list) else "a text" if isinstance(data, str) else "one value"
+        kind = format_value(data) if isinstance(data, list) else "a text" if isinstance(data, str) else "one value"
         raise InputError(f"{path}: expected a mapping of keys to values, found {kind}")
     return data
 
@@ -143,7 +143,7 @@ def _loader() -> Callable[[str], Any]:
             key = loader.construct_object(key_node, deep=True)
             line = key_node.start_mark.line + 1
             if not isinstance(key, str):
-                raise refuse(f"expected a text as key, found {shown(key)}; put it in quotes", key_node)
+                raise refuse(f"expected a text as key, found {format_value(key)}; put it in quotes", key_node)
             if key in seen:
                 raise refuse(f"the key '{key}' stands twice (first on line {seen[key]})", key_node)
             seen[key] = line
@@ -170,16 +170,3 @@ def _loader() -> Callable[[str], Any]:
     for kind in ("int", "float", "bool", "null"):
         Loader.add_constructor(f"tag:yaml.org,2002:{kind}", checked(getattr(safe, f"construct_yaml_{kind}")))
     return Loader
-
-
-def shown(value: object) -> str:
-    """A value as an error message shows it: short, on one line."""
-    if value is None:
-        return "nothing"
-    if isinstance(value, Mapping):
-        return "a mapping"
-    if isinstance(value, (list, tuple)):
-        return f"a list of {len(value)}"
-    text = " ".join(str(value).split())
-    text = text if len(text) <= 60 else text[:57] + "…"
-    return f"'{text}'" if isinstance(value, str) else reprlib.repr(value) if len(text) > 57 else text

@@ -20,10 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.derived import cached_property
-from bellcrank.dynamics.consistent_start import moved
+from bellcrank.dynamics.consistent_start import consistent_start, moved
+from bellcrank.dynamics.constraint_angles import cosines_along, turning
+from bellcrank.dynamics.constraint_rank import binding_of
 from bellcrank.dynamics.inverse_dynamics import InverseEquations
+from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.joint_relations import Drive
-from bellcrank.elements.turns import cosines_along, turning
 from bellcrank.errors import InputError, UnreachableError
 from bellcrank.motion.motion import Motion
 from bellcrank.numerics import least_squares, pseudo_inverse, singular_values, svd
@@ -85,7 +87,7 @@ class Chain:
     @property
     def multiplier_names(self) -> tuple[tuple[str, str], ...]:
         """(closure, what it is) of each multiplier."""
-        return self.scene.system.multiplier_names
+        return system_of(self.scene).multiplier_names
 
     @cached_property
     def _position_rows(self) -> int:
@@ -96,7 +98,7 @@ class Chain:
     @cached_property
     def terms(self) -> Compiled:
         """(t, q, v, u, p) -> φ (h), (φ̇, ψ) (m), J column after column, γ (m)."""
-        key = f"linkage {self.scene.physics_key()} {self.scene.binding.signature}"
+        key = f"linkage {self.scene.physics_key()} {binding_of(self.scene).signature}"
         return self.robot.compiled(key, self._build)
 
     def _build(self) -> casadi.Function:
@@ -106,7 +108,7 @@ class Chain:
         from bellcrank.elements.symbols import Symbols
 
         s = Symbols(self.robot, self.scene.parameters, self.scene.frames, self.scene.initial.clock)
-        closed = close(self.scene.closures, Rows.plain(self.scene.binding.kept), s)
+        closed = close(self.scene.closures, Rows.plain(binding_of(self.scene).kept), s)
         outputs = [closed.position, closed.speed, casadi.vec(closed.jacobian), closed.drift]
         return casadi.Function("linkage", [s.t, s.q, s.v, s.u, s.p], [casadi.densify(x) for x in outputs])
 
@@ -126,11 +128,11 @@ class Chain:
         """φ (h) and J (h, nv), in rad and lengths of the mechanism."""
         still, time = np.zeros(self.robot.nv), np.array([t])
         gap, _, flat, _ = self.terms(time, q, still, self.scene.signals_at(time)[0], self.scene.parameter_values)
-        return gap / self.scene.binding.unit, self._scaled(flat.reshape(self.robot.nv, -1).T)
+        return gap / binding_of(self.scene).unit, self._scaled(flat.reshape(self.robot.nv, -1).T)
 
     def _scaled(self, jacobian: Array) -> Array:
         """J (…, rows, nv) in rad and lengths of the mechanism."""
-        return jacobian / self.scene.binding.unit[:, None] * self.columns
+        return jacobian / binding_of(self.scene).unit[:, None] * self.columns
 
     @cached_property
     def columns(self) -> Array:
@@ -140,14 +142,14 @@ class Chain:
     @property
     def length(self) -> float:
         """The mechanism's own length, m."""
-        return self.scene.binding.length
+        return binding_of(self.scene).length
 
     # ---- kinematics
 
     @cached_property
     def start(self) -> Array:
         """The posture (nq,) of the scene's start, which says which branch is meant."""
-        return self.scene.start[0]
+        return consistent_start(self.scene)[0]
 
     def independent(self, candidates: Sequence[RobotJoint], name: str) -> tuple[RobotJoint, ...]:
         """As many of the candidates, the first that will do, as the linkage has freedoms; InputError where they are too
@@ -216,7 +218,7 @@ class Chain:
                 f"motion '{motion.name}' passes a dead point of the linkage at {time[worst]:.6g} s: there "
                 f"{_listed(joints, wanted[worst])} no longer says where the others are; end it before"
             )
-        inverse = self.columns[dep][:, None] * _inverse(scaled) / self.scene.binding.unit
+        inverse = self.columns[dep][:, None] * _inverse(scaled) / binding_of(self.scene).unit
         v[:, dep] = -_times(inverse, speed)
         drift = self.closed(time, q, v)[3]
         a[:, dep] = -_times(inverse, drift + _times(jacobian[:, :, ind], a[:, ind]))
@@ -229,9 +231,9 @@ class Chain:
 
     def _refuse_turned(self, name: str, time: Array, q: Array) -> None:
         """UnreachableError where a weld or hinge is closed with its sides turned half around."""
-        state = np.zeros((len(time), self.scene.system.size))
+        state = np.zeros((len(time), system_of(self.scene).size))
         state[:, : self.robot.nq] = q
-        found = cosines_along(self.scene, time, state, self.scene.signals_at(time), self.scene.system_parameters)
+        found = cosines_along(self.scene, time, state, self.scene.signals_at(time), system_parameters(self.scene))
         for closure, cosine in zip(turning(self.scene), found.T, strict=False):
             if not cosine.min() > 0.0:
                 raise UnreachableError(
@@ -318,7 +320,7 @@ class Chain:
         left = need.copy()
         left[:, [joint.v for joint in self.actuated]] -= torque
         inverse = _inverse(self._scaled(jacobian).transpose(0, 2, 1))
-        return torque, _times(inverse, left * self.columns) / self.scene.binding.unit
+        return torque, _times(inverse, left * self.columns) / binding_of(self.scene).unit
 
 
 def _rank(jacobian: Array) -> int:

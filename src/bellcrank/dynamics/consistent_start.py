@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.elements.turns import angle_rows, cosines, way
+from bellcrank.derived import computed_once
+from bellcrank.dynamics.constraint_angles import angle_rows, cosines, way
+from bellcrank.dynamics.constraint_rank import binding_of
+from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.errors import InputError
 from bellcrank.numerics import LARGEST, least_squares, length
 from bellcrank.robot.postures import lengths_in_velocity
@@ -24,6 +27,19 @@ CLOSED = 1e-13  # rad, or of the mechanism's length: Newton's method ends below 
 ROUNDED = 1e-6  # the same: what held values may miss by, as rounded digits do; then all of them move
 MOST_STEPS = 200
 ASIDE = 0.05  # rad, or of the mechanism's length: away from half a turn, where no way back is the shorter
+
+
+@computed_once
+def consistent_start(scene: Scene) -> tuple[Array, Array]:
+    """Position (nq,) and velocity (nv,) at time 0 that fit the closures, a free base's velocity in its own frame."""
+    name = scene.initial.motion
+    motion = None if name is None else scene.motion(name)
+    q = scene.initial.posture(scene.robot, motion)
+    if not scene.closures:
+        return q, scene.initial.rates(scene.robot, q, motion)
+    held_q, held_v = scene.initial.held(scene.robot)
+    q = consistent_posture(scene, q, held_q)
+    return q, consistent_velocity(scene, q, scene.initial.rates(scene.robot, q, motion), held_v)
 
 
 def consistent_posture(scene: Scene, q: Array, held: Mask) -> Array:
@@ -58,7 +74,7 @@ def consistent_velocity(scene: Scene, q: Array, v: Array, held: Mask) -> Array:
     """
     speed, jacobian = _linearised(scene, q, v)[1:]
     _refuse_no_value(scene, speed, jacobian)
-    columns, unit = _columns(scene), scene.binding.unit
+    columns, unit = _columns(scene), binding_of(scene).unit
     axes = scene.initial.axes(scene.robot, q)[1]
     change = np.zeros_like(v)
     scaled = _along(jacobian / unit[:, None] * columns, axes)
@@ -69,7 +85,7 @@ def consistent_velocity(scene: Scene, q: Array, v: Array, held: Mask) -> Array:
     left = np.abs(speed + jacobian @ change)
     if (left / unit).max(initial=0.0) > 1e-9 * max(1.0, float(np.abs(v / columns).max(initial=0.0))):
         worst = int(np.argmax(left / unit))
-        name, label = scene.system.multiplier_names[worst]
+        name, label = system_of(scene).multiplier_names[worst]
         raise InputError(
             f"{scene.source}: initial: the velocities that are given break closure '{name}' ({label}) by "
             f"{left[worst]:.3g} (m/s or rad/s); give fewer of them, the rest follow"
@@ -83,7 +99,7 @@ def _refuse_no_value(scene: Scene, values: Array, jacobian: Array) -> None:
         found = np.append(row, value)
         wrong = found[~(np.abs(found) <= LARGEST)]
         if len(wrong):
-            name, label = scene.system.multiplier_names[k]
+            name, label = system_of(scene).multiplier_names[k]
             raise InputError(
                 f"{scene.source}: initial: closure '{name}' or its derivative is no number of at most {LARGEST:g} at "
                 f"the start: its row {label} has {wrong[-1]:.4g}; start where it has values, or write it another way"
@@ -105,13 +121,13 @@ def _refuse_flat_disks(scene: Scene, q: Array) -> None:
     """InputError where a rolling disk has no lowest point."""
     from bellcrank.scene.constraint_conditions import LiesFlat
 
-    system = scene.system
+    system = system_of(scene)
     x = np.zeros(system.size)
     x[: system.nq] = q
     flat = [k for k, event in enumerate(scene.events) if isinstance(event.when, LiesFlat)]
     if not flat:
         return
-    values = system.events(np.zeros(1), x, scene.signals_at(np.zeros(1))[0], scene.system_parameters)
+    values = system.events(np.zeros(1), x, scene.signals_at(np.zeros(1))[0], system_parameters(scene))
     for k in flat:
         if not values[k] > 0.0:
             raise InputError(
@@ -184,7 +200,7 @@ def _in_body(step: Array, axes: Axes) -> Array:
 
 def _columns(scene: Scene) -> Array:
     """How large 1 is in each degree of freedom (nv): the mechanism's length, m, or 1 rad."""
-    return np.where(lengths_in_velocity(scene.robot), scene.binding.length, 1.0)
+    return np.where(lengths_in_velocity(scene.robot), binding_of(scene).length, 1.0)
 
 
 def moved(scene: Scene, q: Array, step: Array) -> Array:
@@ -199,16 +215,16 @@ def moved(scene: Scene, q: Array, step: Array) -> Array:
 
 def _linearised(scene: Scene, q: Array, v: Array) -> tuple[Array, Array, Array]:
     """φ (h), (φ̇, ψ) (rows) and J (rows, nv) at time 0."""
-    system = scene.system
+    system = system_of(scene)
     x = np.zeros(system.size)
     x[: system.nq], x[system.nq : system.nq + system.nv] = q, v
-    return system.linearised_closures(np.zeros(1), x, scene.signals_at(np.zeros(1))[0], scene.system_parameters)
+    return system.linearised_closures(np.zeros(1), x, scene.signals_at(np.zeros(1))[0], system_parameters(scene))
 
 
 def _position(scene: Scene, q: Array) -> tuple[Array, Array]:
     """φ (h) and J (h, nv) at time 0, in rad and lengths of the mechanism."""
     gap, _, jacobian = _linearised(scene, q, np.zeros(scene.robot.nv))
-    unit = scene.binding.unit[: len(gap)]
+    unit = binding_of(scene).unit[: len(gap)]
     return gap / unit, jacobian[: len(gap)] / unit[:, None] * _columns(scene)
 
 
@@ -224,4 +240,4 @@ def _worst(scene: Scene, q: Array) -> tuple[str, str, float]:
     """The closure and row that is furthest apart, and how far, m or rad."""
     gap = np.abs(_position(scene, q)[0])
     worst = int(np.argmax(gap))
-    return *scene.system.multiplier_names[worst], float(gap[worst] * scene.binding.unit[worst])
+    return *system_of(scene).multiplier_names[worst], float(gap[worst] * binding_of(scene).unit[worst])

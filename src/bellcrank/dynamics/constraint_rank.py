@@ -18,13 +18,14 @@ from numpy.typing import NDArray
 
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen.locks import making
+from bellcrank.derived import computed_once
 from bellcrank.dynamics.constraint_functions import POSTURES, RowFunctions, in_metres
 from bellcrank.elements.expression_constraint import Formula
 from bellcrank.elements.loops import WORLD, Loop
 from bellcrank.elements.rolling import RollingDisk
 from bellcrank.errors import InputError
 from bellcrank.numerics import LARGEST, checked, eigenvectors, svd
-from bellcrank.robot.postures import lengths_in_velocity
+from bellcrank.robot.postures import lengths_in_position, lengths_in_velocity
 
 if TYPE_CHECKING:
     from bellcrank.elements.constraint import Constraint
@@ -84,6 +85,14 @@ _structures: dict[str, RowFunctions] = {}
 _known: dict[tuple[str, bytes], Binding] = {}
 
 
+@computed_once
+def coordinate_weights(scene: Scene) -> Array | None:
+    """How much 1 is in each coordinate (nq), lengths told in the mechanism's own; None where all are angles."""
+    far = lengths_in_position(scene.robot)
+    return np.where(far, 1.0 / binding_of(scene).length, 1.0) if far.any() else None
+
+
+@computed_once
 def binding_of(scene: Scene) -> Binding:
     """The binding rows of a scene at its parameters. Raises InputError where a row cannot hold whatever joints do."""
     key = scene.structure_key

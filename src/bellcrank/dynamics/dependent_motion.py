@@ -13,11 +13,13 @@ import numpy as np
 
 from bellcrank import arguments
 from bellcrank.dynamics.consistent_start import consistent_posture
+from bellcrank.dynamics.constraint_rank import binding_of
 from bellcrank.dynamics.element_forces import changed_lengths, path_note
-from bellcrank.dynamics.frame_joints import carrying, frames_drawn
 from bellcrank.dynamics.frame_path import FrameFollower
-from bellcrank.errors import BellcrankError, InputError, among
+from bellcrank.elements.frame_joints import carrying, frames_drawn
+from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.csv_cells import unguarded
+from bellcrank.messages import unknown_name
 from bellcrank.motion.csv_file import motion_text, read_motion
 from bellcrank.motion.entries import MotionEntry, frame_path
 from bellcrank.motion.motion import Motion, dwell, join
@@ -57,7 +59,9 @@ def guided_motion(
         whole = read_partial_motion(robot, Path(motion), Path(motion).stem, text)
         given = _columns(robot, text)
     else:
-        raise InputError(f"{chain.given.source}: {among('motion', str(motion), card.motions)}, nor a file of that name")
+        raise InputError(
+            f"{chain.given.source}: {unknown_name('motion', str(motion), card.motions)}, nor a file of that name"
+        )
     if len(whole.joints) != len(robot.joints) or whole.nq != robot.nq:
         raise InputError(
             f"motion '{whole.name}' is for the joints {', '.join(whole.joint_names)}, the robot {robot.name} has "
@@ -166,7 +170,7 @@ def _check_agreement(chain: Chain, wanted: Motion, found: Motion, joints: Sequen
     for joint in joints:
         gap = found.position[:, joint.q] - wanted.position[:, joint.q]
         gap = np.abs(np.remainder(gap + np.pi, 2.0 * np.pi) - np.pi if joint.kind == "revolute" else gap)
-        if gap.max() > AGREEMENT * (1.0 if joint.kind == "revolute" else chain.scene.binding.length):
+        if gap.max() > AGREEMENT * (1.0 if joint.kind == "revolute" else binding_of(chain.scene).length):
             row = int(gap.argmax())
             raise InputError(
                 f"motion '{wanted.name}' wants joint '{joint.name}' at {wanted.position[row, joint.q]:.6g} at "

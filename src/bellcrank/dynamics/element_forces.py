@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.frame_joints import frames_drawn
+from bellcrank.elements.element import table_span
+from bellcrank.elements.expression import has_time
 from bellcrank.elements.frame_forces import Spring
+from bellcrank.elements.frame_joints import frames_drawn
 from bellcrank.elements.joint_forces import Friction, JointForce, Torque
 from bellcrank.elements.signal_source import SMALL_JUMP
-from bellcrank.scene.notes import has_time, table_span
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.mechanism import Mechanism

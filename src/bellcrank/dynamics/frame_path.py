@@ -17,6 +17,7 @@ import numpy as np
 
 from bellcrank.dynamics.closed_chain import CLOSED, DEAD, FINEST, LEAP, ROUNDED, SINGULAR
 from bellcrank.dynamics.consistent_start import moved
+from bellcrank.dynamics.constraint_rank import binding_of
 from bellcrank.errors import InputError, UnreachableError
 from bellcrank.motion.frame_task import vector_text
 from bellcrank.motion.motion import Motion, limit_notes
@@ -116,7 +117,7 @@ class FrameFollower:
         _, _, speed, jacobian, _ = chain.at(time, q, still, still)
         position, _, flat, _ = self.code(q, still, chain.scene.parameter_values)
         frame = flat.reshape(n, robot.nv, 6).transpose(0, 2, 1)[:, self.rows]
-        units = np.concatenate([chain.scene.binding.unit, self._sizes])
+        units = np.concatenate([binding_of(chain.scene).unit, self._sizes])
         whole = np.concatenate([jacobian, frame], axis=1) / units[:, None] * chain.columns
         what = f"motion '{self.path.name}': the closures and the frame along it are"
         sizes = singular_values(whole, what)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.derived import cached_property
 from bellcrank.dynamics.closed_chain import Chain
+from bellcrank.dynamics.constraint_rank import binding_of
 from bellcrank.dynamics.dependent_motion import guided_motion
 from bellcrank.dynamics.joint_wrenches import joint_wrenches
 from bellcrank.motion.motion import Motion
@@ -108,7 +109,7 @@ class Linkage:
     @cached_property
     def _wrenches(self) -> Compiled:
         scene = self.chain.loaded
-        key = f"joint wrenches {scene.physics_key()} {scene.binding.signature}"
+        key = f"joint wrenches {scene.physics_key()} {binding_of(scene).signature}"
         return self.robot.compiled(key, lambda: joint_wrenches(scene))
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array) -> tuple[float, float]:

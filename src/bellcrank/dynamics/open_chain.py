@@ -13,7 +13,8 @@ from bellcrank import arguments
 from bellcrank.derived import cached_property
 from bellcrank.dynamics.inverse_dynamics import InverseEquations
 from bellcrank.dynamics.joint_wrenches import joint_wrenches
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
 from bellcrank.motion.csv_file import read_motion
 from bellcrank.motion.motion import Motion
 from bellcrank.robot.robot import BLOCK_NUMBERS, LARGEST_WHOLE, Robot, RobotJoint
@@ -71,7 +72,7 @@ class OpenChain:
             whole = read_motion(self.robot, Path(motion), Path(motion).stem)
         else:
             source = self.robot.source if self.scene is None else self.scene.source
-            raise InputError(f"{source}: {among('motion', str(motion), motions)}, nor a file of that name")
+            raise InputError(f"{source}: {unknown_name('motion', str(motion), motions)}, nor a file of that name")
         check_layout(whole, self.robot)
         return whole, every
 

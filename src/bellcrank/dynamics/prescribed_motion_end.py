@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.derived import computed_once
 from bellcrank.elements.element import joint_unit
 from bellcrank.elements.joint_relations import Drive
 from bellcrank.elements.signals import Signal
@@ -53,6 +54,7 @@ class DriveEnd:
         )
 
 
+@computed_once
 def drive_end(scene: Scene) -> DriveEnd | None:
     """The first time after 0 s at which the speed of a drive's motion jumps; None where none does. Raises InputError
     where the motion ends moving at 0 s.

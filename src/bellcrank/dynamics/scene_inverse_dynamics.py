@@ -14,7 +14,8 @@ from bellcrank import arguments
 from bellcrank.derived import cached_property
 from bellcrank.dynamics.linkage import Linkage
 from bellcrank.dynamics.mechanism import Mechanism, force_times, mechanism_of
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
 from bellcrank.motion.motion import Motion
 from bellcrank.scene.scene import Scene, load_scene
 
@@ -76,7 +77,7 @@ class SceneInverseDynamics:
     def motor(self, name: str) -> Array:
         """One motor's torque (n,). Raises InputError with what there is."""
         if arguments.text("name", name, "the name of a joint with a motor") not in self.actuated:
-            raise InputError(f"{self.mechanism.robot.name}: {among('motor', name, self.actuated)}")
+            raise InputError(f"{self.mechanism.robot.name}: {unknown_name('motor', name, self.actuated)}")
         return self.torque[:, self.actuated.index(name)]
 
     @property

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen.locks import making
-from bellcrank.dynamics.constraint_rank import FIXED, ROUNDING
+from bellcrank.dynamics.constraint_rank import FIXED, ROUNDING, binding_of
+from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.numerics import checked, eigenvectors, svd
 from bellcrank.robot.postures import lengths_in_velocity, random_posture
 
@@ -35,7 +36,7 @@ def massless_motion(scene: Scene) -> str | None:
     stored: str | None = disk.load_data(key, str)
     if stored is None:
         with making:
-            stored = _massless_motion(scene, scene.system.assembly) or ""
+            stored = _massless_motion(scene, system_of(scene).assembly) or ""
         disk.store(key, json.dumps(stored).encode())
     return stored or None
 
@@ -43,7 +44,7 @@ def massless_motion(scene: Scene) -> str | None:
 def _massless_motion(scene: Scene, assembly: Assembly) -> str | None:
     random = np.random.default_rng(0)
     for _ in range(POSTURES):
-        q = random_posture(scene.robot, random, scene.binding.length)
+        q = random_posture(scene.robot, random, binding_of(scene).length)
         mass, jacobian = _inertia(scene, assembly, q)
         checked(mass, f"{scene.source}: the mass matrix of '{scene.robot.name}' is")
         own = mass.diagonal()
@@ -76,15 +77,15 @@ def _inertia(scene: Scene, assembly: Assembly, q: Array) -> tuple[Array, Array]:
     """M (nv, nv) and J (rows, nv) in a posture, lengths in units of the mechanism's own."""
     import casadi
 
-    a, found = assembly, scene.binding
+    a, found = assembly, binding_of(scene)
     columns = np.where(lengths_in_velocity(scene.robot), found.length, 1.0)
     p = scene.parameter_values[: None if a.symbols.tracer_parameters.numel() else 0]
     mass = np.array(a.symbols.inertia()(q, np.eye(scene.robot.nv), p)) * np.outer(columns, columns)
     if a.solution is None:
         return mass, np.zeros((0, scene.robot.nv))
     f = casadi.Function("rows", [a.t, a.state, a.u, a.p], [a.solution.closed.jacobian])
-    state = np.concatenate([q, np.zeros(scene.system.size - len(q))])
-    rows = np.array(f(0.0, state, scene.signals_at(np.zeros(1))[0], scene.system_parameters).full())
+    state = np.concatenate([q, np.zeros(system_of(scene).size - len(q))])
+    rows = np.array(f(0.0, state, scene.signals_at(np.zeros(1))[0], system_parameters(scene)).full())
     return mass, rows / found.unit[:, None] * columns
 
 
@@ -96,5 +97,5 @@ def _satisfied(scene: Scene, assembly: Assembly, q: Array, random: np.random.Gen
     forces = casadi.vertcat(a.bias, a.actuator, a.passive)
     f = casadi.Function("residual", [a.t, a.state, a.u, a.p], [a.acceleration, a.residual, forces])
     x = np.concatenate([q, random.normal(size=scene.robot.nv), np.zeros(int(a.has_work))])
-    rate, missed, sizes = (np.array(y) for y in f(0.0, x, scene.signals_at(np.zeros(1))[0], scene.system_parameters))
+    rate, missed, sizes = (np.array(y) for y in f(0.0, x, scene.signals_at(np.zeros(1))[0], system_parameters(scene)))
     return bool(np.isfinite(rate).all() and np.abs(missed).max() <= MISSED * np.abs(sizes).max())

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen.compile import Compiled
 from bellcrank.codegen.locks import making
-from bellcrank.derived import cached_property
+from bellcrank.derived import cached_property, computed_once
 from bellcrank.dynamics.assembly import Assembly, assemble
-from bellcrank.dynamics.constrained import flow, row_names
+from bellcrank.dynamics.constrained import REGULARISATION, flow, row_names
+from bellcrank.dynamics.constraint_rank import binding_of
 from bellcrank.dynamics.latch import latch
 from bellcrank.dynamics.sparse import Places, entries
 
@@ -55,7 +56,7 @@ class System:
         self._scene, self._key = scene, key
         self.nq, self.nv = scene.robot.nq, scene.robot.nv
         signals = sum(source.size for source in scene.signal_sources)
-        sizes = {w: [1, self.nq + self.nv + w, signals, len(scene.system_parameters)] for w in (False, True)}
+        sizes = {w: [1, self.nq + self.nv + w, signals, len(system_parameters(scene))] for w in (False, True)}
         stored = disk.load_data("system-" + key, _FACTS)
         sound = stored is not None and stored["sizes"] == sizes[stored["has_work"]]
         self._facts: dict[str, Any] = stored if sound else self._find_facts(sizes)
@@ -313,12 +314,24 @@ class System:
             return self._scene.robot.compiled(f"{what} {self._key}", build, seldom, self._facts["sizes"])
 
 
+@computed_once
+def system_parameters(scene: Scene) -> Array:
+    """The parameters p of the equations: `Scene.own_parameters`, and with closures how large their rows usually are and,
+    last, their regularisation. Not to be written to.
+    """
+    own = scene.own_parameters
+    found = np.concatenate([own, binding_of(scene).parameters, [REGULARISATION]]) if scene.closures else own
+    found.setflags(write=False)
+    return found
+
+
+@computed_once
 def system_of(scene: Scene) -> System:
     """The system of a scene, shared by scenes with the same equations.
 
     It lives as long as one of them, and those last used a little longer, so that scenes that are read again are warm.
     """
-    key = disk.digest(scene.structure_key, scene.binding.signature)
+    key = disk.digest(scene.structure_key, binding_of(scene).signature)
     with making:
         system = _systems.get(key)
         if system is None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from bellcrank.config.fields import Fields
 from bellcrank.elements.element import MASS_ERROR, NONNEGATIVE, POSITIVE, common_unit, joint_named, number
-from bellcrank.errors import among
+from bellcrank.messages import unknown_name
 from bellcrank.robot.robot import Robot, RobotJoint
 
 Gain = float | Mapping[str, float]
@@ -50,7 +50,7 @@ def read_motion_name(read: Fields, motions: Mapping[str, Any]) -> str:
     """The name of a motion of the card; InputError naming file and key."""
     name = read.text("motion")
     if name not in motions:
-        raise read.error("motion", among("motion", name, motions))
+        raise read.error("motion", unknown_name("motion", name, motions))
     return name
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
 
 from bellcrank.config.fields import Fields
-from bellcrank.config.yaml_file import shown
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
+from bellcrank.messages import format_value, unknown_name
 
 if TYPE_CHECKING:
     import casadi
@@ -161,7 +161,7 @@ def read_frame(read: Fields, robot: Robot, key: str = "frame") -> str:
     """The name of a frame under a key; InputError naming file and key."""
     name = read.text(key)
     if name not in robot.frame_names:
-        raise read.error(key, among("frame", name, robot.frame_names))
+        raise read.error(key, unknown_name("frame", name, robot.frame_names))
     return name
 
 
@@ -169,7 +169,7 @@ def number(read: Fields, key: str, unit: str, default: float | None = None, boun
     """A number within a bound, needed where the default is None; InputError naming file and key."""
     value = read.number(key, unit) if default is None else read.number(key, unit, default)
     if not bound.admits(value):
-        raise read.error(key, f"expected {bound.wanted(unit)}, found {shown(read.raw(key, default))}")
+        raise read.error(key, f"expected {bound.wanted(unit)}, found {format_value(read.raw(key, default))}")
     return value
 
 
@@ -209,3 +209,11 @@ def named_entries(read: Fields, key: str) -> list[tuple[str, Fields]]:
                 raise entry.error("name", f"the name '{name}' is taken by entry {names.index(name) + 1}")
         entry.known("name")
     return list(zip(names, entries, strict=True))
+
+
+def table_span(part: Part) -> tuple[float, float]:
+    """First and last time of the table of a torque or wrench, s."""
+    assert part.source is not None
+    signal = part.source.signal
+    held = signal.kinked and signal.coefficients.shape[1] == 1
+    return float(signal.breaks[0]), float(signal.breaks[-2 if held else -1])  # held values have a piece beyond the last

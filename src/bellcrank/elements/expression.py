@@ -11,10 +11,11 @@ import ast
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
 from bellcrank.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -150,7 +151,7 @@ class _Reader:
             return Term("parameter", value=node.id)
         if node.id in self.robot.joint_names:
             raise self._error(node, f"expected one of {', '.join(f'{node.id}.{what}' for what in JOINT)}")
-        raise self._error(node, among("name", node.id, ["pi", "t", *self.parameters, *self.robot.joint_names]))
+        raise self._error(node, unknown_name("name", node.id, ["pi", "t", *self.parameters, *self.robot.joint_names]))
 
     def _quantity(self, node: ast.Attribute) -> Term:
         owner, what = node.value, node.attr
@@ -164,17 +165,17 @@ class _Reader:
             if owner.func.id == "joint":
                 return self._joint(node, name, what)
             if name not in self.robot.frame_names:
-                raise self._error(node, among("frame", name, self.robot.frame_names))
+                raise self._error(node, unknown_name("frame", name, self.robot.frame_names))
             if what not in FRAME:
-                raise self._error(node, among("number of a frame", what, FRAME))
+                raise self._error(node, unknown_name("number of a frame", what, FRAME))
             return Term("frame", value=(name, what))
         raise self._error(node, "expected JOINT.position, joint('NAME').position or frame('NAME').x")
 
     def _joint(self, node: ast.Attribute, name: str, what: str) -> Term:
         if name not in self.robot.joint_names:
-            raise self._error(node, among("joint", name, self.robot.joint_names))
+            raise self._error(node, unknown_name("joint", name, self.robot.joint_names))
         if what not in JOINT:
-            raise self._error(node, among("number of a joint", what, JOINT))
+            raise self._error(node, unknown_name("number of a joint", what, JOINT))
         return Term("joint", value=(name, what))
 
     def _call(self, node: ast.Call, name: str, depth: int) -> Term:
@@ -183,7 +184,7 @@ class _Reader:
                 node, f"expected a number of it, such as {name}('NAME').{'x' if name == 'frame' else JOINT[0]}"
             )
         if name not in FUNCTIONS:
-            raise self._error(node, among("function", name, FUNCTIONS))
+            raise self._error(node, unknown_name("function", name, FUNCTIONS))
         count = FUNCTIONS[name]
         if len(node.args) < 2 if count is None else len(node.args) != count:
             wanted = "two arguments or more" if count is None else f"{count} argument{'s' if count > 1 else ''}"
@@ -230,3 +231,20 @@ def _build(term: Term, s: Symbols) -> Any:
 def _short(text: str) -> str:
     line = " ".join(text.split())
     return line if len(line) <= 60 else line[:57] + "…"
+
+
+def has_time(part: Any) -> bool:
+    """Whether a formula in an entry of a scene depends on t."""
+    return any("time" in expression.operations for expression in expressions_in(part))
+
+
+def expressions_in(value: Any) -> Iterator[Expression]:
+    """The formulas in an entry of a scene."""
+    if isinstance(value, Expression):
+        yield value
+    elif isinstance(value, (list, tuple)):
+        for entry in value:
+            yield from expressions_in(entry)
+    elif is_dataclass(value):
+        for entry in fields(value):
+            yield from expressions_in(getattr(value, entry.name))

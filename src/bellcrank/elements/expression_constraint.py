@@ -6,6 +6,7 @@ import hashlib
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from bellcrank import arguments
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     import casadi
 
     from bellcrank.elements.symbols import Symbols
-    from bellcrank.scene.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -99,31 +99,28 @@ class Own(Constraint):
         return (one,) if self.rows == 1 else tuple(f"{k + 1} {one}" for k in range(self.rows))
 
 
-def own_constraint(scene: Scene, name: str, function: Callable[[Symbols], Any], unit: str) -> Own:
-    """The constraint that keeps function(symbols) at zero; InputError where it is no column of expressions."""
+def own_constraint(function: Callable[[Symbols], Any], name: str, unit: str, symbols: Symbols, source: Path) -> Own:
+    """The constraint that keeps function(symbols) at zero; InputError, which names the scene's file `source`, where it
+    is no column of expressions in the symbols.
+    """
     import casadi
 
-    from bellcrank.elements.symbols import Symbols
-
-    if name in [closure.name for closure in scene.closures]:
-        raise InputError(f"{scene.source}: with_constraint: the name '{name}' is taken by another closure")
     if inspect.isclass(function):
         arguments.refuse("function", "a function of Symbols that gives casadi expressions", function)
-    s = Symbols(scene.robot, scene.parameters, scene.frames)
-    column = _column(function(s))
+    s, column = symbols, _column(function(symbols))
     if s.u.numel():
-        raise InputError(f"{scene.source}: with_constraint: '{name}' uses signals; write t and parameters instead")
+        raise InputError(f"{source}: with_constraint: '{name}' uses signals; write t and parameters instead")
     known = casadi.vertcat(s.t, s.q, s.v, s.p)
     unknown = [str(x) for x in casadi.symvar(column) if not casadi.depends_on(known, x)]
     if unknown:
         raise InputError(
-            f"{scene.source}: with_constraint: '{name}' depends on {', '.join(unknown)}, which is no symbol of the "
+            f"{source}: with_constraint: '{name}' depends on {', '.join(unknown)}, which is no symbol of the "
             "scene; take positions, velocities, t and parameters from the Symbols that the function is given"
         )
     text = casadi.Function("own", [s.t, s.q, s.v, s.p], [casadi.densify(column)]).serialize()
     digest = hashlib.sha256(text.encode("latin-1")).hexdigest()
     moving = bool(casadi.depends_on(column, s.v))
-    own = Own(name, Fields({}, str(scene.source)), function, column.size1(), moving, unit, digest)
+    own = Own(name, Fields({}, str(source)), function, column.size1(), moving, unit, digest)
     own.residual(s)
     return own
 

@@ -22,12 +22,13 @@ from numpy.typing import NDArray
 
 from bellcrank.config.fields import Fields
 from bellcrank.config.number_text import decimal_number
-from bellcrank.config.yaml_file import read_yaml, shown
+from bellcrank.config.yaml_file import read_yaml
 from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.joint_relations import Coupling
 from bellcrank.elements.loops import WORLD, Hinge, Point, Weld
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
 from bellcrank.files.access import read_bytes
+from bellcrank.messages import format_value, unknown_name
 from bellcrank.robot.robot import Robot
 from bellcrank.robot.xml_tree import decoded
 
@@ -52,11 +53,11 @@ def read_gepetto(path: str | Path) -> GepettoLoops:
         raise InputError(f"{path}: closed_loop: expected a list of pairs of frames, such as [[loop_A, loop_B]]")
     if not isinstance(kinds, list) or len(kinds) != len(pairs):
         raise InputError(
-            f"{path}: type: expected one of 3d and 6d for each of the {len(pairs)} loops, found {shown(kinds)}"
+            f"{path}: type: expected one of 3d and 6d for each of the {len(pairs)} loops, found {format_value(kinds)}"
         )
     for kind in kinds:
         if str(kind).lower() not in ("3d", "6d"):
-            raise InputError(f"{path}: type: {among('type', str(kind), ['3d', '6d'])}")
+            raise InputError(f"{path}: type: {unknown_name('type', str(kind), ['3d', '6d'])}")
     if data.get("joint_name"):
         raise InputError(
             f"{path}: joint_name: joints that change their type ({', '.join(map(str, data['joint_name']))}) are not "
@@ -89,7 +90,7 @@ def foreign_motors(closures: Sequence[Constraint], robot: Robot) -> tuple[str, .
         path = place.file("file")
         for name in read_gepetto(path).motors:
             if name not in robot.joint_names:
-                raise place.error("file", f"{path}: name_mot: {among('joint', name, robot.joint_names)}")
+                raise place.error("file", f"{path}: name_mot: {unknown_name('joint', name, robot.joint_names)}")
             found.append(name)
     return tuple(dict.fromkeys(found))
 
@@ -102,7 +103,7 @@ def _gepetto(path: Path, name: str, read: Fields, robot: Robot) -> list[Constrai
     for k, (a, b, kind) in enumerate(read_gepetto(path).loops):
         for frame in (a, b):
             if frame not in robot.frame_names:
-                raise InputError(f"{path}: closed_loop: {among('frame', frame, robot.frame_names)}")
+                raise InputError(f"{path}: closed_loop: {unknown_name('frame', frame, robot.frame_names)}")
         closures.append((Point if kind == "3d" else Weld)(f"{name}_{k + 1}", read, a, b, ORIGIN))
     return closures
 
@@ -151,7 +152,7 @@ def _mjcf_coupling(path: Path, name: str, element: ET.Element, read: Fields, rob
 
 def _one_joint(path: Path, robot: Robot, name: str) -> Any:
     if name not in robot.joint_names:
-        raise InputError(f"{path}: {among('joint', name, robot.joint_names)}")
+        raise InputError(f"{path}: {unknown_name('joint', name, robot.joint_names)}")
     return robot.joint(name)
 
 
@@ -164,7 +165,7 @@ def _at_joint(path: Path, robot: Robot, model: Any, joint: int, placement: Any) 
         return WORLD, at
     name = model.names[joint]
     if name not in robot.all_joint_names:
-        raise InputError(f"{path}: {among('joint', name, robot.all_joint_names)}")
+        raise InputError(f"{path}: {unknown_name('joint', name, robot.all_joint_names)}")
     placed = []
     for each in (model, robot.model):
         data = each.createData()
@@ -195,7 +196,9 @@ def _sdf(path: Path, name: str, read: Fields, robot: Robot) -> list[Constraint]:
             continue
         for link in (parent, child):
             if link not in links or link not in robot.frame_names:
-                raise InputError(f"{path}: joint '{joint.get('name')}': {among('link', link, robot.frame_names)}")
+                raise InputError(
+                    f"{path}: joint '{joint.get('name')}': {unknown_name('link', link, robot.frame_names)}"
+                )
         kind, title = joint.get("type", ""), f"{name}_{len(closures) + 1}"
         in_child = _pose(path, joint)
         in_parent = np.linalg.inv(links[parent]) @ links[child] @ in_child

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.config.fields import Fields
-from bellcrank.config.yaml_file import shown
 from bellcrank.elements.element import ANY, NONNEGATIVE, Part, Settable
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
+from bellcrank.messages import format_value, unknown_name
 from bellcrank.robot.trace import INERTIA, ORIGIN, setting
 from bellcrank.robot.tree import LEAST_MASS
 
@@ -71,7 +71,7 @@ def read_parameters(read: Fields, robot: Robot, parts: Sequence[Part]) -> dict[s
         value = entry.number("value", unit)
         for target, bound in zip(sets, bounds, strict=True):
             if not bound.admits(value):
-                found = shown(entry.raw("value"))
+                found = format_value(entry.raw("value"))
                 raise entry.error("value", f"expected {bound.wanted(unit)} for '{target}', found {found}")
             if unit == "kg" and 0.0 < value < LEAST_MASS:
                 raise entry.error("value", f"expected 0 kg, or {LEAST_MASS:g} kg or more for '{target}'")
@@ -110,10 +110,10 @@ def _resolve(target: str, robot: Robot, parts: Sequence[Part]) -> tuple[Settable
         mine: Mapping[str, Part] = {part.name: part for part in parts if part.owner == kind}
         name, _, field = rest.partition(".")
         if name not in mine:
-            raise InputError(among(kind, name, mine))
+            raise InputError(unknown_name(kind, name, mine))
         settable = mine[name].settable
         if field not in settable:
-            raise InputError(among(f"number of {kind} '{name}'", field, settable))
+            raise InputError(unknown_name(f"number of {kind} '{name}'", field, settable))
         return settable[field], None
     tree = robot.equations.tree
     if kind == "frame":
@@ -123,7 +123,7 @@ def _resolve(target: str, robot: Robot, parts: Sequence[Part]) -> tuple[Settable
             raise InputError(f"a parameter cannot set '{target}'; of a frame it can set frame.NAME.origin.x (y, z, "
                              "roll, pitch, yaw)")  # fmt: skip
         if name not in added:
-            raise InputError(among("frame of the card", name, added))
+            raise InputError(unknown_name("frame of the card", name, added))
         what = ORIGIN.index(component)
         return Settable("m" if what < 3 else "rad"), (added[name], what)
     try:

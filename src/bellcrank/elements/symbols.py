@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from bellcrank.derived import cached_property
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
 from bellcrank.robot.trace import trace_tree
 
 if TYPE_CHECKING:
     import casadi
 
-    from bellcrank.dynamics.reactions import Reactions
     from bellcrank.elements.parameters import Parameter
     from bellcrank.elements.signal_source import SignalSource
     from bellcrank.robot.robot import Robot, RobotJoint
@@ -35,6 +35,19 @@ class FrameSymbols(NamedTuple):
     rotation: casadi.SX
     linear: casadi.SX
     angular: casadi.SX
+
+
+class Reactions(Protocol):
+    """What constraints do to the robot, as expressions for outputs and events."""
+
+    def of(self, name: str) -> casadi.SX:
+        """The multipliers of one constraint, N or N m, in the order of its labels."""
+        ...
+
+    @property
+    def closeness(self) -> casadi.SX:
+        """σ_min/σ_max of J M⁻¹ᐟ²: 0 where the constraints are singular."""
+        ...
 
 
 class Symbols:
@@ -216,7 +229,7 @@ def frame_index(robot: Robot, name: str) -> int:
     frames = robot.equations.tree.frames
     found = [k for k, frame in enumerate(frames) if frame["name"] == name]
     if not found:
-        raise InputError(f"{robot.name}: {among('frame', name, robot.frame_names)}")
+        raise InputError(f"{robot.name}: {unknown_name('frame', name, robot.frame_names)}")
     return min(found, key=lambda k: bool(frames[k]["is_joint"]))
 
 

@@ -18,9 +18,10 @@ from bellcrank.config.fields import UNITS, Fields
 from bellcrank.config.number_text import decimal_number
 from bellcrank.elements.signal_source import SignalSource
 from bellcrank.elements.signals import Signal
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
 from bellcrank.files.access import MOST_TABLE, read_text
 from bellcrank.files.csv_cells import unguarded
+from bellcrank.messages import unknown_name
 from bellcrank.motion.scale import LARGEST, check_size, check_times
 
 Array = NDArray[np.float64]
@@ -58,7 +59,7 @@ def read_wrench_table(read: Fields, interpolation: str) -> tuple[SignalSource, s
             raise InputError(f"{path}: there is no column of a wrench; expected one of {', '.join(COMPONENTS)}")
         for label in there:
             if label not in COMPONENTS:
-                raise InputError(f"{path}: {among('column of a wrench', label, COMPONENTS)}")
+                raise InputError(f"{path}: {unknown_name('column of a wrench', label, COMPONENTS)}")
         found = {label: read_table(path, text, label, COMPONENTS[label]) for label in there}
     except InputError as error:
         raise read.error("file", str(error)) from None
@@ -98,7 +99,7 @@ def read_table(path: Path, text: str, column: str, unit: str) -> tuple[Array, Ar
                 raise InputError(
                     f"{path}: the column 'torque' names no joint; rename the column to '{column} [{unit}]'"
                 )
-            raise InputError(f"{path}: {among('column', label, labels)}")
+            raise InputError(f"{path}: {unknown_name('column', label, labels)}")
         if labels.count(label) > 1:
             raise InputError(f"{path}: column '{label}' stands twice")
     columns = []

@@ -19,8 +19,10 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import BinaryIO
 
+from bellcrank import arguments
 from bellcrank.errors import InputError
-from bellcrank.files.locale_text import file_name_here
+from bellcrank.files import bundled_data
+from bellcrank.text import file_name_here
 
 MOST_TEXT = 64 * 2**20  # bytes of a URDF, or of another text that is read whole
 MOST_YAML = 16 * 2**20  # bytes: a million entries
@@ -194,8 +196,6 @@ def trusted_folders(trust: Trust = ()) -> tuple[Path, ...]:
     """The folders that an argument names, and those of BELLCRANK_TRUST. Raises InputError where the argument is no
     folder.
     """
-    from bellcrank import arguments  # which reads nothing, but stands on what does
-
     found = []
     given = [trust] if isinstance(trust, (str, Path)) else trust
     for each in arguments.several("trust", given, object, "folders"):
@@ -239,8 +239,5 @@ def _is_shared(folder: Path) -> bool:
 @lru_cache(maxsize=4)
 def _data_folders(import_path: tuple[str, ...]) -> list[Path]:
     """Where the package's own files and example-robot-data lie."""
-    from bellcrank.files import bundled_data
-    from bellcrank.robot.catalog import example_folders
-
-    folders = [*(bundled_data.folder(name) for name in bundled_data.FOLDERS), *example_folders()]
+    folders = [*(bundled_data.folder(name) for name in bundled_data.FOLDERS), *bundled_data.example_folders()]
     return [found for folder in folders if (found := _resolved(folder)) is not None]

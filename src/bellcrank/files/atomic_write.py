@@ -16,8 +16,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from bellcrank.errors import InputError
-from bellcrank.files.locale_text import ERRORS
 from bellcrank.files.temporaries import new_file
+from bellcrank.text import ERRORS
 
 _WILD = re.compile(r"([\[*?])")  # what stands for other letters in a pattern of names
 

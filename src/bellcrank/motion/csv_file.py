@@ -17,17 +17,18 @@ import numpy as np
 
 from bellcrank import arguments
 from bellcrank.config.number_text import decimal_number
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
 from bellcrank.files.access import MOST_TABLE, read_text
 from bellcrank.files.csv_cells import unguarded
 from bellcrank.files.csv_table import ROWS, write_table
-from bellcrank.files.locale_text import readable
+from bellcrank.messages import unknown_name
 from bellcrank.motion.coordinates import Array, JointLike, position_labels, velocity_labels
 from bellcrank.motion.disagreement import disagreement
 from bellcrank.motion.motion import Motion, limit_notes
 from bellcrank.motion.resolution import end_speed_noise, half_unit
 from bellcrank.motion.sampled import sampled_motion
 from bellcrank.motion.scale import LARGEST
+from bellcrank.text import readable
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -251,7 +252,7 @@ def _converted(
         match = _HEADER.match(text)
         label = match["name"] if match else text
         if label not in units:
-            raise InputError(f"{file}: {among('column', label, units)}")
+            raise InputError(f"{file}: {unknown_name('column', label, units)}")
         known = UNITS[units[label]]
         if match is None:
             raise InputError(f"{file}: column '{label}' has no unit; write '{label} [{units[label]}]'")

@@ -15,8 +15,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from bellcrank.config.fields import Fields, parse_number
-from bellcrank.config.yaml_file import shown
-from bellcrank.errors import BellcrankError, InputError, among
+from bellcrank.errors import BellcrankError, InputError
+from bellcrank.messages import format_value, unknown_name
 
 if TYPE_CHECKING:
     from bellcrank.motion.coordinates import Array
@@ -74,7 +74,7 @@ def check_references(entries: Mapping[str, MotionEntry]) -> None:
             if isinstance(part, MotionEntry):
                 inside = visit(part, above)
             elif part not in entries:
-                raise entry.fields.error("parts", among("motion", part, entries))
+                raise entry.fields.error("parts", unknown_name("motion", part, entries))
             elif part in above:
                 raise entry.fields.error("parts", f"the motion '{part}' is joined to itself")
             else:
@@ -120,7 +120,7 @@ def _posture(fields: Fields, key: str, value: object) -> Posture:
             return tuple(parse_number(entry, "rad or m") for entry in value)
         except ValueError as error:
             raise fields.error(key, str(error)) from None
-    raise fields.error(key, f"expected {{joint: angle}} or a list of coordinates, found {shown(value)}")
+    raise fields.error(key, f"expected {{joint: angle}} or a list of coordinates, found {format_value(value)}")
 
 
 def _read_timing(fields: Fields, profile: str) -> dict[str, Any]:
@@ -150,7 +150,7 @@ def _read_timing(fields: Fields, profile: str) -> dict[str, Any]:
 def _read_coordinates(fields: Fields) -> tuple[str, ...]:
     given = fields.raw("coordinates")
     if not isinstance(given, (list, tuple)) or not given or not {"x", "y", "z"}.issuperset(map(str, given)):
-        raise fields.error("coordinates", f"expected a list of some of x, y, z, found {shown(given)}")
+        raise fields.error("coordinates", f"expected a list of some of x, y, z, found {format_value(given)}")
     return tuple(dict.fromkeys(map(str, given)))
 
 
@@ -174,7 +174,7 @@ def _read_line(fields: Fields, name: str) -> dict[str, Any]:
 def _read_waypoints(fields: Fields, name: str) -> dict[str, Any]:
     times, positions = fields.numbers("times", "s"), fields.raw("positions")
     if not isinstance(positions, (list, tuple)):
-        raise fields.error("positions", f"expected a list of postures, found {shown(positions)}")
+        raise fields.error("positions", f"expected a list of postures, found {format_value(positions)}")
     if len(positions) != len(times):
         raise fields.error(
             "positions", f"expected one posture for each of the {len(times)} times, found {len(positions)}"
@@ -209,7 +209,7 @@ def _read_csv(fields: Fields, name: str) -> dict[str, Any]:
 def _read_join(fields: Fields, name: str) -> dict[str, Any]:
     raw = fields.raw("parts")
     if not isinstance(raw, (list, tuple)) or not raw:
-        raise fields.error("parts", f"expected a list of motions, found {shown(raw)}")
+        raise fields.error("parts", f"expected a list of motions, found {format_value(raw)}")
     parts: list[str | MotionEntry] = []
     for index, entry in enumerate(raw):
         if isinstance(entry, str):
@@ -218,7 +218,7 @@ def _read_join(fields: Fields, name: str) -> dict[str, Any]:
             place = Fields(entry, fields.where, f"{fields.path}.parts[{index + 1}]", fields.access)
             parts.append(read_motion_entry(f"{name} part {index + 1}", place))
         else:
-            raise fields.error("parts", f"expected names of motions or mappings, found {shown(entry)}")
+            raise fields.error("parts", f"expected names of motions or mappings, found {format_value(entry)}")
     return {"parts": tuple(parts)}
 
 

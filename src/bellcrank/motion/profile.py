@@ -18,7 +18,8 @@ from typing import Any, Literal
 import numpy as np
 
 from bellcrank import arguments
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
 from bellcrank.motion.coordinates import Array
 
 KINDS = ("constant", "trapezoid", "quintic", "s_curve")
@@ -123,7 +124,7 @@ def profile(
     allow.
     """
     if arguments.text("profile", kind, "the name of a profile") not in KINDS:
-        raise InputError(among("profile", kind, KINDS))
+        raise InputError(unknown_name("profile", kind, KINDS))
     given = {"duration": duration, "speed": speed, "acceleration": acceleration, "jerk": jerk}
     for key, value in {"distance": distance, **given}.items():
         if value is None:

@@ -7,8 +7,8 @@ import os
 import platform
 from importlib import metadata
 
-from bellcrank import __version__
 from bellcrank.codegen.machine import processor
+from bellcrank.version import version
 
 PACKAGES = ("pin", "casadi", "llvmlite", "numpy")
 
@@ -16,7 +16,7 @@ PACKAGES = ("pin", "casadi", "llvmlite", "numpy")
 def made_with() -> tuple[tuple[str, str], ...]:
     """(name, value) of the library, the packages below it, the machine and the day."""
     return (
-        ("bellcrank", __version__),
+        ("bellcrank", version()),
         ("with", ", ".join(f"{name} {metadata.version(name)}" for name in PACKAGES)),
         ("Python", f"{platform.python_version()} on {platform.system()} {platform.machine()}"),
         ("processor", f"{processor()}, {os.cpu_count()} threads"),

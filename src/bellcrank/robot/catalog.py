@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from functools import lru_cache
 from pathlib import Path
 
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
-
-EXAMPLES = Path("cmeel.prefix", "share", "example-robot-data", "robots")  # below a site-packages folder
+from bellcrank.files.bundled_data import example_folders
+from bellcrank.messages import unknown_name
 
 # Names that people use for what example-robot-data files under another name.
 SHORT_NAMES = {
@@ -59,7 +58,7 @@ def find_urdf(name_or_path: str | Path) -> Path:
         if known is not None:
             return known
         if path.suffix != ".urdf" and Path(given).name == given and not folder:
-            raise InputError(among("robot", given, names()))
+            raise InputError(unknown_name("robot", given, names()))
     if folder:
         raise InputError(f"{given}: is a folder; name the URDF file in it")
     raise InputError(
@@ -69,9 +68,9 @@ def find_urdf(name_or_path: str | Path) -> Path:
 
 def find_named(name: str) -> Path | None:
     """The URDF file of a robot that has this name here, or None."""
-    bundled_data = _shipped()
-    if name in bundled_data:
-        return bundled_data[name]
+    own = _shipped()
+    if name in own:
+        return own[name]
     if name in SHORT_NAMES:
         for root in example_folders():
             if (root / SHORT_NAMES[name]).is_file():
@@ -81,17 +80,12 @@ def find_named(name: str) -> Path | None:
 
 def names() -> dict[str, Path]:
     """Every robot that has a name here, with its URDF file: shipped ones first, then example-robot-data's."""
-    bundled_data = _shipped()
-    return bundled_data | {name: path for name, path in _examples().items() if name not in bundled_data}
+    own = _shipped()
+    return own | {name: path for name, path in _examples().items() if name not in own}
 
 
 def _shipped() -> dict[str, Path]:
     return {path.stem: path for path in sorted(bundled_data.folder("urdf").glob("*.urdf"))}
-
-
-def example_folders() -> list[Path]:
-    """The folders of example-robot-data that the import path offers (none where it is not installed)."""
-    return [root for entry in dict.fromkeys(sys.path) if (root := Path(entry or ".") / EXAMPLES).is_dir()]
 
 
 @lru_cache(maxsize=1)

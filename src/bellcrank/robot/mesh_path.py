@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from bellcrank.files.access import ALLOW, FileAccess
-from bellcrank.files.locale_text import file_name_here
+from bellcrank.text import file_name_here
 
 PACKAGE = "package.xml"  # what a folder holds that is a ROS package
 

@@ -16,8 +16,9 @@ from bellcrank import arguments
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen.compile import Compiled, compiled
 from bellcrank.derived import Portable, cached_property
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
+from bellcrank.messages import unknown_name
 from bellcrank.robot.equations import Equations
 from bellcrank.robot.friction import Friction, checked_friction, friction_coefficients
 from bellcrank.robot.inertias import inertia_diagonal
@@ -181,7 +182,7 @@ class Robot(Portable):
                     f"{self.name}: joint '{name}' mimics '{self.all_joint_names[leader - 1]}' and has no coordinate "
                     "of its own; set that joint instead"
                 )
-        raise InputError(f"{self.name}: " + among("joint", name, [j.name for j in self.joints]))
+        raise InputError(f"{self.name}: " + unknown_name("joint", name, [j.name for j in self.joints]))
 
     def one_degree_joint(self, name: str, what: str) -> RobotJoint:
         """The revolute or prismatic joint of that name; InputError, with `what` asked, for any other."""
@@ -194,7 +195,7 @@ class Robot(Portable):
         """The joint's unit axis (3,) in its own frame."""
         arguments.text("name", name, "the name of a joint")
         if name not in self.all_joint_names:
-            raise InputError(f"{self.name}: " + among("joint", name, self.all_joint_names))
+            raise InputError(f"{self.name}: " + unknown_name("joint", name, self.all_joint_names))
         return np.array(self._tree.joints[self.all_joint_names.index(name)]["axis"])
 
     def mimics(self) -> tuple[tuple[str, str, float, float], ...]:
@@ -211,7 +212,7 @@ class Robot(Portable):
         """
         names = set(arguments.several("joints", joints, str, "names of joints"))
         for unknown in names.difference(self.all_joint_names):
-            raise InputError(f"{self.name}: " + among("joint", unknown, self.all_joint_names))
+            raise InputError(f"{self.name}: " + unknown_name("joint", unknown, self.all_joint_names))
         if set_masses is not None:
             set_masses = self._masses(set_masses)
         numbers = [k for k, name in enumerate(self.all_joint_names, 1) if name in names]
@@ -234,7 +235,7 @@ class Robot(Portable):
         """The joint that the link moves with, or None for a link of the world. Raises InputError for an unknown one."""
         arguments.text("link", link, "the name of a link")
         if link not in self.urdf.links:
-            raise InputError(f"{self.name}: " + among("link", link, self.urdf.links))
+            raise InputError(f"{self.name}: " + unknown_name("link", link, self.urdf.links))
         number = next(f["parent_joint"] for f in self._tree.frames if f["is_body"] and f["name"] == link)
         return self.all_joint_names[number - 1] if number else None
 
@@ -428,7 +429,7 @@ class Robot(Portable):
         arguments.text("name", name, "the name of a frame")
         found = [k for k, f in enumerate(self._tree.frames) if f["name"] == name]
         if not found:
-            raise InputError(f"{self.name}: " + among("frame", name, self.frame_names))
+            raise InputError(f"{self.name}: " + unknown_name("frame", name, self.frame_names))
         return min(found, key=lambda k: bool(self._tree.frames[k]["is_joint"]))
 
     # ---- variants

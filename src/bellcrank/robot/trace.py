@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from bellcrank.codegen.tracer import extension
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
 
 if TYPE_CHECKING:
     from bellcrank.robot.tree import Tree
@@ -47,7 +48,7 @@ def _frame_of(frames: list[dict[str, Any]], kind: str, name: str) -> int:
     for k, frame in enumerate(frames):
         if frame["name"] == name and fits(frame):
             return k
-    raise InputError(among(kind, name, [f["name"] for f in frames[1:] if fits(f)]))
+    raise InputError(unknown_name(kind, name, [f["name"] for f in frames[1:] if fits(f)]))
 
 
 def trace_tree(tree: Tree, gravity: tuple[float, ...], settings: list[tuple[int, int, int]], parameters: int) -> Any:

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
 from bellcrank.robot.payload import Payload
 
 if TYPE_CHECKING:
@@ -196,7 +197,7 @@ def frame_index(model: Any, name: str, kind: str) -> int:
 
     found = [i for i, f in enumerate(model.frames) if f.name == name]
     if not found:
-        raise InputError(among(kind, name, [f.name for f in model.frames][1:]))
+        raise InputError(unknown_name(kind, name, [f.name for f in model.frames][1:]))
     return min(found, key=lambda i: model.frames[i].type == pin.FrameType.JOINT)
 
 

@@ -7,7 +7,8 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
 from bellcrank.robot.xml_tree import Element
 
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -128,7 +129,7 @@ def joint_from(element: Element, fail: Callable[[str], InputError]) -> Joint:
     if kind is None:
         raise fail(f"{where} (line {element.line}): has no type; expected one of {', '.join(JOINT_TYPES)}")
     if kind not in JOINT_TYPES:
-        raise fail(f"{where} (line {element.line}): {among('joint type', kind, JOINT_TYPES)}")
+        raise fail(f"{where} (line {element.line}): {unknown_name('joint type', kind, JOINT_TYPES)}")
     parent, child = (_link_named(element, tag, where, fail) for tag in ("parent", "child"))
     if parent == child:
         raise fail(

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TypeVar
 from xml.sax.saxutils import quoteattr
 
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
 from bellcrank.robot.urdf_elements import Inertial, Joint, Link, Mimic, joint_from, link_from, reduction_from
 from bellcrank.robot.xml_tree import Element, parse_xml, read_text
 
@@ -163,7 +164,7 @@ def _root(links: dict[str, Link], joints: dict[str, Joint], fail: Callable[[str]
     for joint in joints.values():
         for role, link in (("parent", joint.parent), ("child", joint.child)):
             if link not in links:
-                raise fail(f"joint '{joint.name}', <{role}>: {among('link', link, links)}")
+                raise fail(f"joint '{joint.name}', <{role}>: {unknown_name('link', link, links)}")
         if joint.child in above:
             raise fail(
                 f"link '{joint.child}' has two parents, by the joints '{above[joint.child].name}' and "
@@ -217,7 +218,7 @@ def _resolved(joint: Joint, joints: dict[str, Joint], fail: Callable[[str], Inpu
             what = "mimics itself" if len(passed) == 1 else f"mimics itself by way of '{passed[-1]}'"
             raise fail(f"joint '{joint.name}', <mimic>: {what}; it must follow an independent joint")
         if leader not in joints:
-            raise fail(f"joint '{passed[-1]}', <mimic>: {among('joint', leader, joints)}")
+            raise fail(f"joint '{passed[-1]}', <mimic>: {unknown_name('joint', leader, joints)}")
         if joints[leader].type not in ("revolute", "continuous", "prismatic"):
             raise fail(
                 f"joint '{passed[-1]}', <mimic>: joint '{leader}' is {joints[leader].type}; "

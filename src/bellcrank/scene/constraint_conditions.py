@@ -17,7 +17,7 @@ from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.element import read_joint
 from bellcrank.elements.loops import WORLD, Loop
 from bellcrank.elements.rolling import RollingDisk
-from bellcrank.errors import among
+from bellcrank.messages import unknown_name
 from bellcrank.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -156,7 +156,7 @@ def read_aligned(read: Fields, robot: Robot, closures: Sequence[Constraint]) -> 
         name = read.text("closure")
         found = [loop for loop in loops if loop.name == name]
         if not found:
-            raise read.error("closure", among("loop", name, [loop.name for loop in loops]))
+            raise read.error("closure", unknown_name("loop", name, [loop.name for loop in loops]))
     else:
         read.known("closure")
         found = [loop for loop in loops if between(loop)]
@@ -183,7 +183,7 @@ def read_contact(read: Fields, key: str, closures: Sequence[Constraint]) -> str:
     name = read.text(key)
     disks = [closure.name for closure in closures if isinstance(closure, RollingDisk)]
     if name not in disks:
-        raise read.error(key, among("rolling disk", name, disks))
+        raise read.error(key, unknown_name("rolling disk", name, disks))
     return name
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.config.fields import Fields
-from bellcrank.config.yaml_file import shown
+from bellcrank.messages import format_value
 from bellcrank.numerics import length as norm
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ def _components(read: Fields, key: str, names: str, unit: str, guess: bool = Fal
         raise read.error(
             key,
             f"expected a list of {len(names)} numbers in {unit}, ~ for those that follow, or a mapping such as "
-            f"{{{names[0]}: 0.1}}, found {shown(written)}",
+            f"{{{names[0]}: 0.1}}, found {format_value(written)}",
         )
     given = tuple(x is not None for x in values)
     return Components(tuple(x or 0.0 for x in values), given, given)

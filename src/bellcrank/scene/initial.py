@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.config.fields import Fields, parse_number
-from bellcrank.config.yaml_file import shown
 from bellcrank.elements.element import joint_named, joint_unit
-from bellcrank.errors import among
+from bellcrank.messages import format_value, unknown_name
 from bellcrank.scene.free_joint_start import FreeJointStart, read_free_joint_start
 from bellcrank.simulation.run_start import SavedState, read_clock, read_run_start
 
@@ -118,7 +117,7 @@ def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any]) -> Init
         elif key == "motion" and isinstance(given, str) and not _is_position(given):
             motion = given
             if motion not in motions:
-                raise start.error(key, among("motion", motion, motions))
+                raise start.error(key, unknown_name("motion", motion, motions))
         elif key == "run" and isinstance(given, str) and not _is_position(given):
             saved = read_run_start(start, robot, "time" in times)
         elif key in times:
@@ -165,7 +164,7 @@ def _read_free(start: Fields, key: str, robot: Robot) -> FreeJointStart | None:
     if not isinstance(start.raw(key), Mapping):
         pose = "position: [x, y], angle: …" if joint.kind == "planar" else "position: [x, y, z], rpy: […]"
         raise start.error(
-            key, f"joint '{key}' is {joint.kind}; expected a mapping {{{pose}}}, found {shown(start.raw(key))}"
+            key, f"joint '{key}' is {joint.kind}; expected a mapping {{{pose}}}, found {format_value(start.raw(key))}"
         )
     return read_free_joint_start(start.mapping(key), joint)
 

@@ -20,7 +20,7 @@ from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.element import Part, joint_unit, read_frame, read_joint
 from bellcrank.elements.expression import Expression
 from bellcrank.elements.rolling import RollingDisk
-from bellcrank.errors import among
+from bellcrank.messages import unknown_name
 from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.events import read_expression
 
@@ -293,7 +293,7 @@ def read_outputs(read: Fields, robot: Robot, parameters: Mapping[str, Any], part
         forces = [part for part in parts if not isinstance(part, Constraint)]
         found = [part for part in forces if part.name == name]
         if not found:
-            raise entry.error("force", among("force or controller", name, [part.name for part in forces]))
+            raise entry.error("force", unknown_name("force or controller", name, [part.name for part in forces]))
         if len(found) > 1:
             raise entry.error("force", f"a force and a controller are both named '{name}'; give one another name")
         return ForceOutput(found[0], found[0].labels(robot))
@@ -302,7 +302,7 @@ def read_outputs(read: Fields, robot: Robot, parameters: Mapping[str, Any], part
         closures = {part.name: part for part in parts if isinstance(part, Constraint)}
         name, what = entry.text("closure"), entry.choice("what", CLOSURE_WHAT, "multipliers")
         if name not in closures:
-            raise entry.error("closure", among("closure", name, closures))
+            raise entry.error("closure", unknown_name("closure", name, closures))
         chosen = closures[name]
         if what == "multipliers":
             return ClosureOutput(chosen, chosen.labels(robot))

@@ -17,9 +17,10 @@ import numpy as np
 
 from bellcrank import arguments
 from bellcrank.config.number_text import whole_number
-from bellcrank.config.yaml_file import Lines, read_value, shown
+from bellcrank.config.yaml_file import Lines, read_value
 from bellcrank.elements.element import entry_names
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
+from bellcrank.messages import format_value, unknown_name
 from bellcrank.scene.free_joint_start import START_KEYS
 from bellcrank.scene.robot_config import CARD_KEYS, SCENE_KEYS
 from bellcrank.scene.settings import Settings
@@ -48,8 +49,10 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     """The path and value of "path=value", the value read as YAML: a number, a text, [1, 2, 3]. Raises InputError."""
     path, equals, value = text.partition("=")
     if not equals or not path.strip():
-        raise InputError(f"{shown(text)}: expected PATH=VALUE, such as initial.crank=1.5deg or simulate.rtol=1e-6")
-    return path.strip(), read_value(value, f"override {shown(path.strip())}: {shown(value)}")
+        raise InputError(
+            f"{format_value(text)}: expected PATH=VALUE, such as initial.crank=1.5deg or simulate.rtol=1e-6"
+        )
+    return path.strip(), read_value(value, f"override {format_value(path.strip())}: {format_value(value)}")
 
 
 def apply_overrides(data: Mapping[str, Any], overrides: Mapping[str, Any]) -> Marked:
@@ -61,7 +64,7 @@ def apply_overrides(data: Mapping[str, Any], overrides: Mapping[str, Any]) -> Ma
     changed: Marked = marked(data)
     for path, value in overrides.items():
         if not path.strip():
-            raise InputError(f"override {shown(path)}: expected a path of keys with dots, such as simulate.rtol")
+            raise InputError(f"override {format_value(path)}: expected a path of keys with dots, such as simulate.rtol")
         try:
             _set(changed, path.strip(), marked(value, path.strip()))
         except InputError as error:
@@ -79,7 +82,7 @@ def marked(value: Any, override: str | None = None, depth: int = 0) -> Any:
         copy = Marked.like(value)
         for key, entry in value.items():
             if not isinstance(key, str):
-                raise InputError(f"expected a text as key, found {shown(key)}; put it in quotes")
+                raise InputError(f"expected a text as key, found {format_value(key)}; put it in quotes")
             copy[key] = marked(entry, override, depth + 1)
             if override:
                 copy.overrides[key] = override
@@ -127,7 +130,9 @@ def _set(data: Marked, path: str, value: Any) -> None:
                 break
             at = at[k]
         else:
-            raise InputError(f"'{at_key}' is {shown(at)}, so there is nothing in it to set at '{'.'.join(keys)}'")
+            raise InputError(
+                f"'{at_key}' is {format_value(at)}, so there is nothing in it to set at '{'.'.join(keys)}'"
+            )
     holder.overrides[at_key] = path
 
 
@@ -154,7 +159,7 @@ def _unknown(path: str, key: str, known: list[str]) -> str:
             f"an override changes the scene's file, and '{path}' is in the URDF; name it in the scene as a parameter, "
             f"parameters: {{NAME: {{value: …, sets: [{path}]}}}}, and set NAME"
         )
-    return among("key or parameter", key, known)
+    return unknown_name("key or parameter", key, known)
 
 
 def _longest(at: Mapping[str, Any], keys: list[str]) -> int:
@@ -182,4 +187,4 @@ def _entry(at: list[Any], keys: list[str]) -> tuple[int, int]:
     number = whole_number(keys[0])
     if number is not None and 1 <= number <= len(at):
         return number - 1, 1
-    raise InputError(among("entry", keys[0], [*names, *map(str, range(1, len(at) + 1))]))
+    raise InputError(unknown_name("entry", keys[0], [*names, *map(str, range(1, len(at) + 1))]))

@@ -20,13 +20,14 @@ from typing import TYPE_CHECKING
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Drive, drive_from_fields
 from bellcrank.config.fields import Fields
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
 from bellcrank.files.access import FileAccess, Trust
-from bellcrank.files.locale_text import file_name_here, readable
+from bellcrank.messages import unknown_name
 from bellcrank.motion.entries import MotionEntry, check_references, read_motion_entry
 from bellcrank.robot import catalog
 from bellcrank.robot.payload import Payload
+from bellcrank.text import file_name_here, readable
 
 if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
@@ -86,7 +87,7 @@ class Card:
         """One of the card's motions for the robot; InputError or UnreachableError naming the place."""
         arguments.robot(robot)
         if arguments.text("name", name, "the name of a motion") not in self.motions:
-            raise InputError(f"{self.source}: {among('motion', name, self.motions)}")
+            raise InputError(f"{self.source}: {unknown_name('motion', name, self.motions)}")
         return self.motions[name].build(robot, self.motions)
 
 
@@ -195,7 +196,7 @@ def _urdf(fields: Fields) -> Path:
         return path.resolve()
     if path_like:
         raise fields.error("urdf", f"there is no file {path}; give a path that starts at the card's folder")
-    raise fields.error("urdf", among("robot", text, catalog.names()))
+    raise fields.error("urdf", unknown_name("robot", text, catalog.names()))
 
 
 def _friction(fields: Fields) -> str | dict[str, tuple[float, float]]:

@@ -20,8 +20,6 @@ from bellcrank import arguments
 from bellcrank.config.fields import Fields
 from bellcrank.config.yaml_file import read_yaml
 from bellcrank.derived import Portable, cached_property
-from bellcrank.dynamics.frame_joints import refuse_joints_off_paths
-from bellcrank.dynamics.prescribed_motion_end import DriveEnd, drive_end
 from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.constraints import read_closures
 from bellcrank.elements.controllers import Controller, read_control
@@ -29,6 +27,7 @@ from bellcrank.elements.element import Part
 from bellcrank.elements.expression_constraint import Own, own_constraint
 from bellcrank.elements.forces import read_forces
 from bellcrank.elements.frame_forces import Wrench
+from bellcrank.elements.frame_joints import refuse_joints_off_paths
 from bellcrank.elements.importers import foreign_motors
 from bellcrank.elements.joint_forces import Torque
 from bellcrank.elements.parameters import Parameter, read_parameters
@@ -37,19 +36,15 @@ from bellcrank.elements.signals import Signal, values_at
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess, Trust, read_text
 from bellcrank.motion.entries import csv_texts
-from bellcrank.robot.postures import lengths_in_position
 from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.events import EventRule, read_events
 from bellcrank.scene.initial import Initial, read_initial
-from bellcrank.scene.notes import scene_notes
 from bellcrank.scene.outputs import Output, read_outputs
 from bellcrank.scene.overrides import apply_overrides, marked, plain
 from bellcrank.scene.robot_config import SCENE_KEYS, Card, card_from_fields, find_card
 from bellcrank.scene.settings import Settings, check_rows, read_settings
 
 if TYPE_CHECKING:
-    from bellcrank.dynamics.constraint_rank import Binding
-    from bellcrank.dynamics.system import System
     from bellcrank.elements.symbols import Symbols
     from bellcrank.motion.motion import Motion
 
@@ -120,26 +115,13 @@ class Scene(Portable):
         arguments.function("function", function, "a function of Symbols that gives casadi expressions")
         arguments.text("name", name)
         arguments.text("unit", unit, "a unit such as 'm' or 'rad/s', or '1'")
-        return replace(self, closures=(*self.closures, own_constraint(self, name, function, unit)))
+        if name in [closure.name for closure in self.closures]:
+            raise InputError(f"{self.source}: with_constraint: the name '{name}' is taken by another closure")
+        from bellcrank.elements.symbols import Symbols
 
-    @cached_property
-    def start(self) -> tuple[Array, Array]:
-        """Position (nq,) and velocity (nv,) at time 0, a free base's velocity in its own frame."""
-        name = self.initial.motion
-        motion = None if name is None else self.motion(name)
-        q = self.initial.posture(self.robot, motion)
-        if not self.closures:
-            return q, self.initial.rates(self.robot, q, motion)
-        from bellcrank.dynamics.consistent_start import consistent_posture, consistent_velocity
-
-        held_q, held_v = self.initial.held(self.robot)
-        q = consistent_posture(self, q, held_q)
-        return q, consistent_velocity(self, q, self.initial.rates(self.robot, q, motion), held_v)
-
-    @cached_property
-    def notes(self) -> tuple[str, ...]:
-        """What is odd about the scene without being wrong (notes.py), such as joints that start outside their range."""
-        return scene_notes(self, self.settings.duration)
+        symbols = Symbols(self.robot, self.parameters, self.frames)
+        own = own_constraint(function, name, unit, symbols, self.source)
+        return replace(self, closures=(*self.closures, own))
 
     @property
     def files(self) -> dict[str, str]:
@@ -154,37 +136,12 @@ class Scene(Portable):
         """The values of the parameters (np,), in SI units."""
         return np.array([parameter.value for parameter in self.parameters.values()], dtype=np.float64)
 
-    @cached_property
-    def system_parameters(self) -> Array:
-        """The parameters p of the equations: `own_parameters`, and with closures how large their rows usually are and,
-        last, their regularisation. Not to be written to.
-        """
-        from bellcrank.dynamics.constrained import REGULARISATION
-
-        own = self.own_parameters
-        found = np.concatenate([own, self.binding.parameters, [REGULARISATION]]) if self.closures else own
-        found.setflags(write=False)
-        return found
-
-    @cached_property
-    def coordinate_weights(self) -> Array | None:
-        """How much 1 is in each coordinate (nq), lengths told in the mechanism's own; None where all are angles."""
-        far = lengths_in_position(self.robot)
-        return np.where(far, 1.0 / self.binding.length, 1.0) if far.any() else None
-
     @property
     def own_parameters(self) -> Array:
         """The scene's parameters, and Baumgarte's gains where they are used."""
         s = self.settings.stabilisation
         gains = [s.alpha, s.beta] if self.closures and s.kind == "baumgarte" else []
         return np.append(self.parameter_values, gains)
-
-    @cached_property
-    def binding(self) -> Binding:
-        """Which rows of its closures bind at its parameters. Raises InputError where one can never close."""
-        from bellcrank.dynamics.constraint_rank import binding_of
-
-        return binding_of(self)
 
     @cached_property
     def structure_key(self) -> str:
@@ -213,11 +170,6 @@ class Scene(Portable):
         stops = [later_stops(source, self.initial.clock) for source in self.signal_sources]
         return np.unique(np.concatenate([np.zeros(0), *stops]))
 
-    @cached_property
-    def drive_end(self) -> DriveEnd | None:
-        """Where the speed of a drive's motion jumps first, its end among them: no run goes on there."""
-        return drive_end(self)
-
     def signals_at(self, times: Array) -> Array:
         """All signals (n, nu) at times (n,) s."""
         return values_at(self.signals, arguments.array("times", times, (None,), "s"))
@@ -230,13 +182,6 @@ class Scene(Portable):
         groups = [p.frames for p in (*self.forces, *self.control, *self.closures)]
         groups += [e.frames for e in self.events] + [o.frames for o in self.outputs.values()]
         return tuple(dict.fromkeys(name for group in groups for name in group))
-
-    @cached_property
-    def system(self) -> System:
-        """The equations of motion as machine code, shared with scenes that differ only in numbers of the start."""
-        from bellcrank.dynamics.system import system_of
-
-        return system_of(self)
 
     def physics_key(self) -> str:
         """All that the equations depend on besides the robot, as a text: not the start, nor the values of parameters,

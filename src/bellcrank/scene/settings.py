@@ -9,8 +9,9 @@ from typing import Any
 
 from bellcrank import arguments
 from bellcrank.config.fields import Fields
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
 from bellcrank.memory import check_memory
+from bellcrank.messages import unknown_name
 
 STABILISATIONS = ("projection", "none", "baumgarte")
 SOLVERS = ("RK45", "RK4", "DOP853", "Radau")
@@ -54,7 +55,7 @@ class Settings:
     def __post_init__(self) -> None:
         if not isinstance(self.solver, str) or self.solver not in SOLVERS:
             solver = arguments.text("solver", self.solver, f"one of {', '.join(SOLVERS)}")
-            raise InputError(f"solver: {among('solver', solver, SOLVERS)}")
+            raise InputError(f"solver: {unknown_name('solver', solver, SOLVERS)}")
         for name in ("duration", "rtol", "atol", "step", "first_step", "max_step"):
             value = getattr(self, name)
             if value is None and name in ("step", "first_step", "max_step"):

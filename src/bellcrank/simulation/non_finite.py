@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.dynamics.system import system_of
 from bellcrank.elements.signals import values_at
 from bellcrank.simulation.status import Status
 
@@ -123,7 +124,7 @@ def cause(run: Trajectory) -> str:
     good = np.flatnonzero(np.isfinite(run.state).all(axis=1))
     if run.status is not Status.NON_FINITE or not len(good):
         return ""
-    system, row = run.scene.system, int(good[-1])
+    system, row = system_of(run.scene), int(good[-1])
     ahead = np.array(AHEAD) * run.settings.duration
     time = run.time[row] + ahead
     with np.errstate(all="ignore"):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank.dynamics.system import system_of
 from bellcrank.motion.coordinates import from_rates, rates
 from bellcrank.motion.hermite import smooth_between
 from bellcrank.motion.resampling import before
@@ -81,7 +82,7 @@ def between(run: Trajectory) -> Callable[[Array], Trajectory]:
 
 def _with_work(run: Trajectory, times: Array, state: Array) -> Array:
     """States (m, size) with the work that energy takes for its balance to be what it is at the run's rows."""
-    if run.scene.system.has_work:
+    if system_of(run.scene).has_work:
         energy = replace(run, time=times, state=state).total_energy
         state[:, -1] = energy - np.interp(times, run.time, run.total_energy - run.work)
     return state

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.dynamics.system import system_of
 from bellcrank.elements.signals import Signal
 from bellcrank.errors import InputError, NotSavedError
 from bellcrank.files.atomic_write import file_meant
@@ -111,7 +112,7 @@ class Keeper:
         from bellcrank.simulation.trajectory import Trajectory
 
         none = np.zeros(0)
-        state = np.zeros((0, scene.system.size))
+        state = np.zeros((0, system_of(scene).size))
         cost = Statistics(0, 0, 0, 0, 0, 0.0)
         self._run = Trajectory(scene, settings, none, state, parameters, signals, Status.INTERRUPTED, (), cost, none)
         refuse_functions(scene)

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.elements.turns import turning
+from bellcrank.dynamics.constraint_angles import turning
+from bellcrank.dynamics.prescribed_motion_end import drive_end
 from bellcrank.scene.settings import STABILISATIONS, Settings, Stabilisation
 from bellcrank.simulation.record import Statistics, Unresolved
 from bellcrank.simulation.run_archive import brief
@@ -281,7 +282,7 @@ def _check_story(about: Mapping[str, Any], arrays: Mapping[str, Array], scene: S
             raise ValueError(f"the scene has no event {brief(name)}")
     if status is Status.TURNED_OVER and not turning(scene):
         raise ValueError(f"the status is '{status}', and the scene has no weld or hinge")
-    if status is Status.DRIVE_ENDED and scene.drive_end is None:
+    if status is Status.DRIVE_ENDED and drive_end(scene) is None:
         raise ValueError(f"the status is '{status}', and the scene has no drive that ends")
     steps, duration = arrays["steps"], about["settings"].duration
     if status is Status.FINISHED and not (len(steps) and steps[-1] >= duration * (1.0 - SAME)):

@@ -23,14 +23,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank import __version__, arguments
+from bellcrank import arguments
 from bellcrank.codegen import machine
+from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.expression_constraint import Own
 from bellcrank.elements.signals import Signal
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import MOST_RUN, FileAccess, Trust, open_regular
 from bellcrank.files.atomic_write import writing
-from bellcrank.files.locale_text import file_name_here, readable, utf8
 from bellcrank.files.temporaries import new_folder
 from bellcrank.scene.scene import Scene, load_held_scene
 from bellcrank.simulation.run_archive import DAMAGE, NoRun, brief, read_archive
@@ -40,6 +40,8 @@ from bellcrank.simulation.simulate import event_at, unturned
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
 from bellcrank.terminal import interruption
+from bellcrank.text import file_name_here, readable, utf8
+from bellcrank.version import version
 
 Array = NDArray[np.float64]
 FORMAT = "bellcrank run"
@@ -106,7 +108,7 @@ def run_facts(run: Trajectory) -> tuple[dict[str, Any], dict[str, Array]]:
         "error_estimate": run.known_estimate if math.isfinite(run.known_estimate or 0.0) else None,
         "events": [{"name": event.name, "stopped": event.stopped} for event in run.events],
         "signals": [{k: v for k, v in vars(s).items() if not isinstance(v, np.ndarray)} for s in run.signals],
-        "versions": {"bellcrank": __version__} | {p: _version(p) for p in ("pin", "casadi", "llvmlite", "numpy")},
+        "versions": {"bellcrank": version()} | {p: _version(p) for p in ("pin", "casadi", "llvmlite", "numpy")},
         "machine": {"target": asdict(machine.target()), "python": platform.python_version(), "on": platform.platform()},
     }
     arrays: dict[str, Array] = {"parameters": run.scene.own_parameters}
@@ -140,8 +142,8 @@ def load_run(path: str | Path, *, trust: Trust = ()) -> Trajectory:
         robot, settings, estimate = scene.robot, about["settings"], about.get("error_estimate")
         robot.mesh_source = Path(file_name_here(about.get("urdf") or str(robot.source)))
         robot.mesh_access = FileAccess.below(file.parent, trust)
-        check_arrays(about, arrays, scene, (robot.nq + robot.nv + scene.system.has_work,))
-        p = np.concatenate([arrays["parameters"], scene.system_parameters[len(arrays["parameters"]) :]])
+        check_arrays(about, arrays, scene, (robot.nq + robot.nv + system_of(scene).has_work,))
+        p = np.concatenate([arrays["parameters"], system_parameters(scene)[len(arrays["parameters"]) :]])
         rules = [rule.name for rule in scene.events]
         events = tuple(
             event_at(scene, rules.index(e["name"]), float(t), q, v, p)
@@ -224,7 +226,7 @@ def archive_of(file: Path, form: str, unpacked: int | None = None) -> tuple[dict
         raise InputError(f"{file}: not a run: expected an .npz that Trajectory.save wrote")
     if about.get("version") != VERSION:
         raise InputError(
-            f"{file}: the run has format version {brief(about.get('version'), '')}, this bellcrank {__version__} reads "
+            f"{file}: the run has format version {brief(about.get('version'), '')}, this bellcrank {version()} reads "
             f"{VERSION}; load it with the bellcrank that wrote it, or a later one"
         )
     return about, arrays

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.dynamics.system import system_of
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 from bellcrank.motion.resampling import BETWEEN, SHARE, extreme_rows, ranges, refined
 from bellcrank.simulation.run_between import between, with_jumps
@@ -108,7 +109,7 @@ def _linear(run: Trajectory) -> list[Panel]:
     labels = [(joint.name, torque_unit(joint.kind)) for joint in one]
     panels += by_unit("joint torque", labels, run.torque[:, [joint.v for joint in one]])
     if run.scene.closures:
-        names = [titled(f"{owner} {label}") for owner, label in run.scene.system.multiplier_names]
+        names = [titled(f"{owner} {label}") for owner, label in system_of(run.scene).multiplier_names]
         panels += by_unit("multiplier", names, run.multipliers)
     outputs = [(label, unit, column) for name in run.outputs for label, unit, column in _output_columns(run, name)]
     for unit in dict.fromkeys(unit for _, unit, _ in outputs):

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank import arguments
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import writing
+from bellcrank.messages import unknown_name
 from bellcrank.plot_style import DASHES, DPI, PALETTE, colour, dash, literal, new_figure, plain, save_figure
 from bellcrank.simulation.run_panels import Panel, extremes, run_panels, shown_unit
 
@@ -48,7 +49,7 @@ def plot_run(run: Trajectory, path: str | Path | None = None, frame: str | None 
         kind = Path(path).suffix.removeprefix(".").lower() or "png"
         known = figure.canvas.get_supported_filetypes()
         if kind not in known:
-            raise InputError(f"{path}: {among('picture format', kind, sorted(known))}")
+            raise InputError(f"{path}: {unknown_name('picture format', kind, sorted(known))}")
         with writing(path) as temporary:
             save_figure(figure, temporary, kind, dpi=DPI)
     return figure

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.config.fields import Fields
+from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
@@ -87,7 +88,7 @@ def read_clock(start: Fields, saved: SavedState | None) -> float:
 
 def explicit_start(scene: Scene) -> dict[str, Any]:
     """The keys `initial` and `base` of a scene with the numbers of its start in them."""
-    q, v = scene.start
+    q, v = consistent_start(scene)
     initial: dict[str, Any] = {"velocity": {}}
     found: dict[str, Any] = {}
     for k, j in enumerate(scene.robot.joints):

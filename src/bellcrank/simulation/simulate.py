@@ -15,10 +15,12 @@ from bellcrank import arguments
 from bellcrank._step import integrate
 from bellcrank.codegen import machine
 from bellcrank.codegen.compile import make_ready
-from bellcrank.dynamics.prescribed_motion_end import signals_until
-from bellcrank.dynamics.system import LARGEST_STAGED
+from bellcrank.dynamics.consistent_start import consistent_start
+from bellcrank.dynamics.constraint_angles import cosines_along, turning
+from bellcrank.dynamics.constraint_rank import binding_of, coordinate_weights
+from bellcrank.dynamics.prescribed_motion_end import drive_end, signals_until
+from bellcrank.dynamics.system import LARGEST_STAGED, system_of, system_parameters
 from bellcrank.elements.signals import values_at
-from bellcrank.elements.turns import cosines_along, turning
 from bellcrank.errors import InputError
 from bellcrank.scene.constraint_conditions import ContactLost
 from bellcrank.scene.overrides import EXPECTED_OVERRIDES
@@ -119,7 +121,7 @@ def simulate(
         from bellcrank.simulation.run_blocks import Keeper
 
         keeper = Keeper(arguments.path("keep", keep, "the path of a run (.npz)"), keep_every)
-    run = _integrate(scene, settings, wanted, steps_wanted, progress, scene.system_parameters, projected, keeper)
+    run = _integrate(scene, settings, wanted, steps_wanted, progress, system_parameters(scene), projected, keeper)
     if keeper is not None:
         keeper.finish(run)
     return run
@@ -147,14 +149,14 @@ def _integrate(
     projected: bool,
     keeper: Keeper | None = None,
 ) -> Trajectory:
-    system, signals = scene.system, scene.signals
-    end, duration = scene.drive_end, settings.duration
+    system, signals = system_of(scene), scene.signals
+    end, duration = drive_end(scene), settings.duration
     if end is not None and end.time <= duration:
         duration, signals, times = end.time, signals_until(scene, end.time), times[times <= end.time]
-    if scene.binding.massless:
+    if binding_of(scene).massless:
         _refuse_massless_motion(scene)
     x0 = np.zeros(system.size)
-    q0, v0 = scene.start
+    q0, v0 = consistent_start(scene)
     x0[: system.nq], x0[system.nq : system.nq + system.nv] = q0, v0
     _refuse_pulling_contact(scene, p, x0)
     implicit = settings.solver == "Radau"
@@ -213,7 +215,7 @@ def _integrate(
         project_fallback=address.get("project_fallback", 0),
         project_batch=address.get("project_batch", 0),
         nq=system.nq,
-        weights=scene.coordinate_weights if projected else None,
+        weights=coordinate_weights(scene) if projected else None,
     )
     status = tuple(Status)[result.status]
     if status is Status.INTERRUPTED:
@@ -297,7 +299,7 @@ def with_gains(scene: Scene, settings: Settings) -> Settings:
 
 def event_at(scene: Scene, k: int, t: float, q: Array, v: Array, p: Array) -> Event:
     """Event k of the scene at a time (s) and a state, with multipliers and what a latch does there."""
-    system, rule = scene.system, scene.events[k]
+    system, rule = system_of(scene), scene.events[k]
     x = np.concatenate([q, v, np.zeros(system.size - system.nq - system.nv)])
     arguments = (np.array([t]), x, values_at(scene.signals, np.array([t]))[0], p)
     multipliers = system.closure(*arguments)[0] if scene.closures else np.zeros(0)
@@ -335,7 +337,7 @@ def _refuse_pulling_contact(scene: Scene, p: Array, x0: Array) -> None:
     places = [k for k, rule in enumerate(scene.events) if rule.stop and isinstance(rule.when, ContactLost)]
     if not places:
         return
-    normal = scene.system.events(np.zeros(1), x0, values_at(scene.signals, np.zeros(1))[0], p)
+    normal = system_of(scene).events(np.zeros(1), x0, values_at(scene.signals, np.zeros(1))[0], p)
     for k in places:
         rule = scene.events[k].when
         assert isinstance(rule, ContactLost)
@@ -348,7 +350,7 @@ def _refuse_pulling_contact(scene: Scene, p: Array, x0: Array) -> None:
 
 def _refuse_infinite_start(scene: Scene, p: Array, x0: Array) -> None:
     """Name the joint whose acceleration is not finite at the start, with what to do (InputError)."""
-    system = scene.system
+    system = system_of(scene)
     u = scene.signals_at(np.zeros(1))[0]
     rhs = system.fallback if scene.closures else system.rhs
     rate = rhs(np.zeros(1), x0, u, p)[system.nq : system.nq + system.nv]

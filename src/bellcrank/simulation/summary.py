@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank.dynamics.system import system_of
 from bellcrank.elements.signals import values_at
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import position_labels, velocity_labels
@@ -149,7 +150,7 @@ def _false_events(run: Trajectory) -> list[str]:
     """A clause for each event whose function is not zero where the run has it, nor jumps across zero there."""
     if not run.events:
         return []
-    system, names = run.scene.system, [rule.name for rule in run.scene.events]
+    system, names = system_of(run.scene), [rule.name for rule in run.scene.events]
     which = np.array([names.index(event.name) for event in run.events])
     time = np.array([event.time for event in run.events])
     state = np.zeros((len(time), system.size))
@@ -220,7 +221,7 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
         effort += f", {_count(cost.jacobians, 'Jacobian')}, {_count(cost.factorisations, 'factorisation')}"
     last = run.part(slice(-1, None))
     t, v, w = float(last.kinetic_energy[0]), float(last.potential_energy[0]), float(last.work[0])
-    work = f", work {w:.6g} J" if run.scene.system.has_work else ""
+    work = f", work {w:.6g} J" if system_of(run.scene).has_work else ""
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
         certificate = [
             ("energy drift", _known(run.energy_drift(), "of the largest energy")),
@@ -255,7 +256,7 @@ def _error(run: Trajectory) -> str:
     if value is None:
         if not run.success:
             return "not computed (the run stopped early)"
-        if not run.scene.system.is_loaded:
+        if not system_of(run.scene).is_loaded:
             return f"not computed (it takes code that is not loaded; {ask})"
         cost = expected_cost(run)
         value = error_estimate(run, UNASKED) if cost < UNASKED else None
@@ -286,7 +287,7 @@ def _closures(run: Trajectory) -> list[tuple[str, str]]:
         rows.append((f"{closure.name} at the end", ", ".join(shown)))
     if len(run.scene.closures) > CLOSURES:
         rows.append(("", f"… and {_count(len(run.scene.closures) - CLOSURES, 'more closure')}"))
-    count = len(run.scene.system.multiplier_names)
+    count = len(system_of(run.scene).multiplier_names)
     if not np.isfinite(run.state[-1]).all():
         return rows
     try:
@@ -294,7 +295,7 @@ def _closures(run: Trajectory) -> list[tuple[str, str]]:
     except InputError as error:
         return [*rows, ("not unique", f"unknown: {error}")]
     if rank.rank < count:
-        rows_of = run.scene.system.multiplier_names
+        rows_of = system_of(run.scene).multiplier_names
         names = [" ".join(name) for name, unique in zip(rows_of, rank.unique, strict=True) if unique]
         rows.append(
             (

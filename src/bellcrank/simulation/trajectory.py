@@ -17,9 +17,13 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.derived import Portable, cached_property
+from bellcrank.dynamics.constraint_angles import cosines_along, true_gaps, turning
+from bellcrank.dynamics.constraint_rank import binding_of
+from bellcrank.dynamics.prescribed_motion_end import drive_end
+from bellcrank.dynamics.system import system_of
 from bellcrank.elements.signals import Signal, values_at
-from bellcrank.elements.turns import cosines_along, true_gaps, turning
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
 from bellcrank.simulation.record import ClosureHistory, Event, FrameHistory, JointHistory, Statistics
 from bellcrank.simulation.status import Status
 
@@ -121,8 +125,8 @@ class Trajectory(Portable):
         """Why the run ended, and what to do about it, as a clause."""
         if self.status is Status.EVENT:
             return f"event '{next(e.name for e in self.events if e.stopped)}' ended the run"
-        if self.status is Status.DRIVE_ENDED and self.scene.drive_end is not None:
-            return self.scene.drive_end.sentence
+        if self.status is Status.DRIVE_ENDED and (end := drive_end(self.scene)) is not None:
+            return end.sentence
         if self.status is Status.TURNED_OVER:
             last = self.part(slice(-1, None))
             cosine = cosines_along(self.scene, last.time, *last._arguments[1:])[-1]
@@ -146,7 +150,7 @@ class Trajectory(Portable):
     @property
     def work(self) -> Array:
         """Work (n,) J that actuators, dampers and friction have put in since the start; the solver's quadrature."""
-        return self.state[:, -1] if self.scene.system.has_work else np.zeros(len(self.time))
+        return self.state[:, -1] if system_of(self.scene).has_work else np.zeros(len(self.time))
 
     @cached_property
     def inputs(self) -> Array:
@@ -161,7 +165,7 @@ class Trajectory(Portable):
 
     @cached_property
     def _observed(self) -> tuple[Array, ...]:
-        found = tuple(self.scene.system.observation(*self._arguments))
+        found = tuple(system_of(self.scene).observation(*self._arguments))
         if self.success and self.origin is not None and not all(np.isfinite(rows).all() for rows in found[:2]):
             bad = ~(np.isfinite(found[0]).all(axis=1) & np.isfinite(found[1]).all(axis=1))
             when = self.time[np.flatnonzero(bad)[0]]
@@ -211,7 +215,7 @@ class Trajectory(Portable):
         if not self.scene.closures:
             none = np.zeros((len(self.time), 0))
             return none, none, none
-        return tuple(self.scene.system.closure(*self._arguments))
+        return tuple(system_of(self.scene).closure(*self._arguments))
 
     @cached_property
     def _gaps(self) -> Array:
@@ -225,15 +229,15 @@ class Trajectory(Portable):
         arguments.text("name", name, "the name of a closure")
         names = [closure.name for closure in self.scene.closures]
         if name not in names:
-            raise InputError(f"{self.scene.name}: {among('closure', name, names)}")
-        rows = [k for k, (owner, _) in enumerate(self.scene.system.multiplier_names) if owner == name]
+            raise InputError(f"{self.scene.name}: {unknown_name('closure', name, names)}")
+        rows = [k for k, (owner, _) in enumerate(system_of(self.scene).multiplier_names) if owner == name]
         multipliers, _, speed = self._closure
         holonomic = [k for k in rows if k < self._gaps.shape[1]]
         gaps = self._gaps[:, holonomic]
         return ClosureHistory(
-            tuple(self.scene.system.multiplier_names[k][1] for k in rows), multipliers[:, rows],
+            tuple(system_of(self.scene).multiplier_names[k][1] for k in rows), multipliers[:, rows],
             gaps.max(axis=1, initial=0.0), np.abs(speed[:, rows]).max(axis=1, initial=0.0),
-            (gaps / self.scene.binding.unit[holonomic]).max(axis=1, initial=0.0),
+            (gaps / binding_of(self.scene).unit[holonomic]).max(axis=1, initial=0.0),
         )  # fmt: skip
 
     @property
@@ -242,7 +246,7 @@ class Trajectory(Portable):
         units = {"[N]": "m", "[N m]": "rad"}
         found: dict[str, Array] = {}
         for per, table in (("", self._gaps), ("/s", np.abs(self._closure[2]) if self.scene.closures else self._gaps)):
-            for (_, label), column in zip(self.scene.system.multiplier_names, table.T, strict=False):
+            for (_, label), column in zip(system_of(self.scene).multiplier_names, table.T, strict=False):
                 own = next((unit for end, unit in units.items() if label.endswith(end)), "")
                 unit = own and own + per
                 found[unit] = np.maximum(found.get(unit, 0.0), column)
@@ -254,12 +258,12 @@ class Trajectory(Portable):
 
         count = len(self.time)
         row = arguments.whole("row", row, least=-count, most=count - 1)
-        return rank_of(self.scene.system, *(a if a.ndim == 1 else a[row] for a in self._arguments))
+        return rank_of(system_of(self.scene), *(a if a.ndim == 1 else a[row] for a in self._arguments))
 
     @property
     def event_values(self) -> Array:
         """The event functions (n, events) of the scene, whose zeros are its events."""
-        rows = self.scene.system.events(*self._arguments)
+        rows = system_of(self.scene).events(*self._arguments)
         return np.asarray(rows).reshape(len(self), -1)
 
     @property
@@ -274,7 +278,7 @@ class Trajectory(Portable):
     def output(self, name: str) -> Array:
         """A named output of the scene, (n,) or (n, k). Raises InputError with what there is."""
         if arguments.text("name", name, "the name of an output") not in self.scene.outputs:
-            raise InputError(f"{self.scene.name}: {among('output', name, self.scene.outputs)}")
+            raise InputError(f"{self.scene.name}: {unknown_name('output', name, self.scene.outputs)}")
         return self._output(list(self.scene.outputs).index(name))
 
     def joint(self, name: str) -> JointHistory:
@@ -294,8 +298,8 @@ class Trajectory(Portable):
     def frame(self, name: str) -> FrameHistory:
         """What a frame did, in the world. Raises InputError with what there is."""
         if arguments.text("name", name, "the name of a frame") not in self.robot.frame_names:
-            raise InputError(f"{self.scene.name}: {among('frame', name, self.robot.frame_names)}")
-        rows = self.scene.system.frame(name)(*self._arguments)
+            raise InputError(f"{self.scene.name}: {unknown_name('frame', name, self.robot.frame_names)}")
+        rows = system_of(self.scene).frame(name)(*self._arguments)
         return FrameHistory(rows[:, :3], rows[:, 3:12].reshape(-1, 3, 3), rows[:, 12:15], rows[:, 15:18])
 
     # ---- the certificate
@@ -326,7 +330,7 @@ class Trajectory(Portable):
 
         def measures(run: Trajectory) -> list[Any]:
             with np.errstate(all="ignore"):
-                residual, bias = run.scene.system.residual(*run._arguments)
+                residual, bias = system_of(run.scene).residual(*run._arguments)
                 return [np.abs(residual).max(), np.abs(run.torque).max(), np.abs(bias).max()]
 
         residual, torque, bias = self._largest(measures)

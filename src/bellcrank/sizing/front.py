@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Drive
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
 from bellcrank.motion.motion import Motion
 from bellcrank.robot.payload import Payload
 from bellcrank.robot.robot import Robot
@@ -132,4 +133,4 @@ def _motion(card: Card, mechanism: Mechanism, one: OneMotion) -> Motion:
     path = arguments.path("motions", one, "the name of a motion, or the path of a CSV file")
     if path.suffix or "/" in str(one):
         return read_motion(robot, path, name=path.stem)
-    raise InputError(f"{card.source}: {among('motion', str(one), card.motions)}, nor a file of that name")
+    raise InputError(f"{card.source}: {unknown_name('motion', str(one), card.motions)}, nor a file of that name")

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
 
 if TYPE_CHECKING:
     from bellcrank.actuators.actuator import Drive
@@ -65,7 +66,9 @@ class MotionHistory:
         for joint in self.joints:
             if joint.name == name:
                 return joint
-        raise InputError(f"history of '{self.motion}': {among('joint', name, [joint.name for joint in self.joints])}")
+        raise InputError(
+            f"history of '{self.motion}': {unknown_name('joint', name, [joint.name for joint in self.joints])}"
+        )
 
 
 def motion_history(

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from bellcrank.dynamics.mechanism import force_times, mechanism_of
 from bellcrank.errors import InputError
-from bellcrank.files.locale_text import file_name_here
 from bellcrank.motion.csv_file import write_motion
 from bellcrank.sizing.histories import MotionHistory, motion_history
+from bellcrank.text import file_name_here
 
 if TYPE_CHECKING:
     from bellcrank.actuators.actuator import Drive

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import Drive
 from bellcrank.dynamics.mechanism import Mechanism, mechanism_of
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
+from bellcrank.messages import unknown_name
 from bellcrank.motion.motion import Motion
 from bellcrank.plot_style import DPI, colour, dash, literal, new_figure, plain, save_figure
 from bellcrank.sizing.history import file_names, joint_torques
@@ -92,14 +93,14 @@ def plot_sizing(sizing: Sizing, path: str | Path | None, what: str | None, motio
     mechanism, motions, drives = sizing.study
     kind = what or ("motors" if drives else "joints")
     if kind not in KINDS:
-        raise InputError(f"plot of a sizing: {among('picture', kind, KINDS)}")
+        raise InputError(f"plot of a sizing: {unknown_name('picture', kind, KINDS)}")
     if kind == "motors" and not drives:
         raise InputError(f"sizing of {sizing.robot}: no joint has a drive, so there is nothing to draw at motor shafts")
     if motion is not None and kind != "time":
         raise InputError(f"plot of a sizing: 'motion' is for the picture 'time'; '{kind}' shows all motions")
     names = [each.name for each in motions]
     if motion is not None and motion not in names:
-        raise InputError(f"sizing of {sizing.robot}: {among('motion', motion, names)}")
+        raise InputError(f"sizing of {sizing.robot}: {unknown_name('motion', motion, names)}")
     shown = [motions[names.index(motion)] if motion else motions[0]] if kind == "time" else motions
     figures = draw(
         mechanism, shown, drives, sizing.robot, sizing.mass_tolerance, () if kind == "time" else sizing.joints
@@ -110,7 +111,7 @@ def plot_sizing(sizing: Sizing, path: str | Path | None, what: str | None, motio
         form = Path(path).suffix.removeprefix(".").lower() or "png"
         known = figure.canvas.get_supported_filetypes()
         if form not in known:
-            raise InputError(f"{path}: {among('picture format', form, sorted(known))}")
+            raise InputError(f"{path}: {unknown_name('picture format', form, sorted(known))}")
         with atomic_write.writing(path) as temporary:
             save_figure(figure, temporary, form, dpi=DPI)
     return figure

@@ -17,8 +17,9 @@ from bellcrank import arguments
 from bellcrank.actuators.actuator import Drive
 from bellcrank.derived import Portable, cached_property
 from bellcrank.dynamics.element_forces import Element
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
+from bellcrank.messages import unknown_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -337,7 +338,9 @@ class Sizing(Portable):
         for joint in self.joints:
             if joint.name == name:
                 return joint
-        raise InputError(f"sizing of {self.robot}: {among('joint', name, [joint.name for joint in self.joints])}")
+        raise InputError(
+            f"sizing of {self.robot}: {unknown_name('joint', name, [joint.name for joint in self.joints])}"
+        )
 
     @property
     def undriven(self) -> tuple[str, ...]:

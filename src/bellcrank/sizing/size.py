@@ -28,7 +28,8 @@ from bellcrank.dynamics.element_forces import (
     with_force_rows,
 )
 from bellcrank.dynamics.mechanism import Mechanism, mechanism_of
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
 from bellcrank.motion.motion import Motion
 from bellcrank.sizing.arguments import drives_of, motions_of, renamed, tolerance_of
 from bellcrank.sizing.between import between_warnings, peaks_at_rows
@@ -165,7 +166,7 @@ def _check(
     known = [joint.name for joint in joints]
     for name in drives:
         if name not in known:
-            raise InputError(f"drives of {robot.name}: {among('joint', name, known)}")
+            raise InputError(f"drives of {robot.name}: {unknown_name('joint', name, known)}")
     for joint in joints:
         drive, given = drives.get(joint.name), float(robot.rotor_inertia[joint.v])
         if drive is None or given == 0.0 or math.isclose(given, drive.reflected_inertia, rel_tol=1e-9):

@@ -12,8 +12,9 @@ import numpy as np
 from bellcrank import arguments
 from bellcrank.config.fields import parse_number
 from bellcrank.config.number_text import split_number, whole_number
-from bellcrank.config.yaml_file import read_value, shown
+from bellcrank.config.yaml_file import read_value
 from bellcrank.errors import InputError
+from bellcrank.messages import format_value
 from bellcrank.scene.scene import Scene
 
 MOST_VALUES = arguments.MOST_ITEMS  # of an axis
@@ -48,15 +49,15 @@ def parse_axis(text: str) -> tuple[str, tuple[Any, ...]]:
     """Path and values of "path=first:last:count" (equally spaced, both ends in) or "path=value,value,…"; InputError."""
     path, equals, given = text.partition("=")
     if not equals or not path.strip() or not given.strip():
-        raise InputError(f"--vary {shown(text)}: {EXPECTED}")
+        raise InputError(f"--vary {format_value(text)}: {EXPECTED}")
     if ":" in given:
         return path.strip(), _range(text, given.split(":"))
     parts = given.split(",")
     if len(parts) > MOST_VALUES:
-        raise InputError(f"--vary {shown(text)}: expected at most {MOST_VALUES} values, found {len(parts)}")
-    values = tuple(read_value(part, f"--vary {shown(text)}: {shown(part)}") for part in parts)
+        raise InputError(f"--vary {format_value(text)}: expected at most {MOST_VALUES} values, found {len(parts)}")
+    values = tuple(read_value(part, f"--vary {format_value(text)}: {format_value(part)}") for part in parts)
     if any(value is None or isinstance(value, (list, dict)) for value in values):
-        raise InputError(f"--vary {shown(text)}: {EXPECTED}")
+        raise InputError(f"--vary {format_value(text)}: {EXPECTED}")
     return path.strip(), values
 
 
@@ -95,19 +96,19 @@ def _range(text: str, parts: list[str]) -> tuple[Any, ...]:
     ends = [_split(part) for part in parts[:2]]
     count = whole_number(parts[2]) if len(parts) == 3 else None
     if None in ends or count is None:
-        raise InputError(f"--vary {shown(text)}: {EXPECTED}")
+        raise InputError(f"--vary {format_value(text)}: {EXPECTED}")
     if not 1 <= count <= MOST_VALUES:
         raise InputError(
-            f"--vary {shown(text)}: expected a count from 1 to {MOST_VALUES}, found {shown(parts[2].strip())}"
+            f"--vary {format_value(text)}: expected a count from 1 to {MOST_VALUES}, found {format_value(parts[2].strip())}"
         )
     (first, before), (last, after) = (end for end in ends if end is not None)
     if before and after and before != after:
-        raise InputError(f"--vary {shown(text)}: the ends are in '{before}' and in '{after}'; write one unit")
+        raise InputError(f"--vary {format_value(text)}: the ends are in '{before}' and in '{after}'; write one unit")
     unit = after or before
     if count == 1 and first != last:
-        raise InputError(f"--vary {shown(text)}: one value cannot be at both ends; write a count of 2 or more")
+        raise InputError(f"--vary {format_value(text)}: one value cannot be at both ends; write a count of 2 or more")
     if not math.isfinite(last - first):
-        raise InputError(f"--vary {shown(text)}: expected finite ends that doubles can hold the difference of")
+        raise InputError(f"--vary {format_value(text)}: expected finite ends that doubles can hold the difference of")
     numbers = np.linspace(first, last, count).tolist()
     return tuple(f"{number!r} {unit}" for number in numbers) if unit else tuple(numbers)
 

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank.dynamics.consistent_start import consistent_start
+from bellcrank.dynamics.system import system_of
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 from bellcrank.scene.constraint_conditions import ContactLost, FrictionDemand, SingularClosure
 
@@ -32,7 +34,7 @@ def aims(scene: Scene) -> list[str]:
 
 def start_measures(scene: Scene) -> Iterator[Measure]:
     """Where the joints start: closures that can be assembled in several ways are told apart by it."""
-    yield from _positions("start", scene.robot, scene.start[0])
+    yield from _positions("start", scene.robot, consistent_start(scene)[0])
 
 
 def measures_of(run: Trajectory) -> Iterator[Measure]:
@@ -85,6 +87,6 @@ def _named(prefix: str, label: str) -> tuple[str, str]:
 
 
 def _forces(prefix: str, run: Trajectory, multipliers: Array) -> Iterator[Measure]:
-    names = run.scene.system.multiplier_names
+    names = system_of(run.scene).multiplier_names
     for (closure, label), value in zip(names, multipliers.tolist(), strict=True):
         yield *_named(f"{prefix}.{closure}.force", label), value

@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.derived import Portable, cached_property
-from bellcrank.errors import BellcrankError, InputError, among
+from bellcrank.errors import BellcrankError, InputError
 from bellcrank.memory import check_memory
+from bellcrank.messages import unknown_name
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.simulation.simulate import KEEP_EVERY, check_keep_every, simulate
 from bellcrank.simulation.status import Status
@@ -98,7 +99,7 @@ class Sweep(Portable):
         there is.
         """
         if arguments.text("measure", measure, "the name of a measure") not in self.units:
-            raise InputError(f"sweep of {self.scene.name}: {among('measure', measure, self.units)}")
+            raise InputError(f"sweep of {self.scene.name}: {unknown_name('measure', measure, self.units)}")
         return np.array([design.measures.get(measure, math.nan) for design in self.designs])
 
     def grid(self, measure: str) -> Array:

@@ -8,14 +8,9 @@ import sys
 from collections.abc import Iterable, Iterator
 from typing import Any, TextIO, cast
 
-# controls but for newline and tab; what turns the direction of writing; what breaks lines besides a newline
-_CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+from bellcrank.text import printable
+
 _STEPS = re.compile("\\A\n*(?:\x1b\\[A)+")  # with which tqdm goes back up from the lines of other bars
-
-
-def printable(text: str) -> str:
-    r"""The text with control characters and marks of direction as \x1b or \u202e; newlines and tabs stay."""
-    return _CONTROLS.sub(lambda found: ascii(found[0])[1:-1], text)
 
 
 class _Printable:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
 from bellcrank_bench.textbook.open_chains import PlanarTwoLink, SimplePendulum, SpringPendulum
 from bellcrank_bench.textbook.reduced_coordinates import BricardRing, FourBar, FourBars, RollingDisk, SteadyTurn
 
@@ -160,7 +161,7 @@ def usual() -> list[str]:
 def problem(name: str) -> Problem:
     """The problem of that name. Raises InputError for an unknown one."""
     if name not in PROBLEMS:
-        raise InputError("bench: " + among("scene", name, PROBLEMS))
+        raise InputError("bench: " + unknown_name("scene", name, PROBLEMS))
     return PROBLEMS[name]
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from bellcrank.dynamics.constrained import REFINEMENTS
 from bellcrank.dynamics.kkt import Factor, proximal
+from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.simulation.simulate import simulate
 from bellcrank_bench.textbook.closed_linkages import ClosedFourBar
@@ -73,7 +74,7 @@ def _solver(scene: Scene, refinements: int) -> Callable[[Array, Array, float], l
     """(q, v, μ) -> M, J, force, right-hand side, acceleration and Jᵀ λ of the proximal solve."""
     import casadi
 
-    assembly, share = scene.system.assembly, casadi.SX.sym("share")
+    assembly, share = system_of(scene).assembly, casadi.SX.sym("share")
     assert assembly.solution is not None
     mass, closed = assembly.solution.mass, assembly.solution.closed
     force, right = assembly.actuator + assembly.passive - assembly.bias, closed.required(0.0, 0.0)
@@ -81,10 +82,10 @@ def _solver(scene: Scene, refinements: int) -> Callable[[Array, Array, float], l
     a, multipliers = proximal(factor, force, right, refinements)
     parts = [mass, closed.jacobian, force, right, a, closed.jacobian.T @ multipliers]
     f = casadi.Function("study", [assembly.t, assembly.state, assembly.u, assembly.p, share], parts)
-    u, p = scene.signals_at(np.zeros(1))[0], scene.system_parameters
+    u, p = scene.signals_at(np.zeros(1))[0], system_parameters(scene)
 
     def solve(q: Array, v: Array, value: float) -> list[Array]:
-        x = np.concatenate([q, v, np.zeros(scene.system.size - len(q) - len(v))])
+        x = np.concatenate([q, v, np.zeros(system_of(scene).size - len(q) - len(v))])
         return [np.array(part) for part in f(0.0, x, u, p, value)]
 
     return solve

@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.dynamics.system import system_of
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.simulation.simulate import simulate
 from bellcrank.simulation.trajectory import Trajectory
@@ -198,7 +199,7 @@ def judge_bricard(run: Trajectory) -> list[Figure]:
 
 def _dependence(run: Trajectory) -> float:
     """The largest share, over the rows of the run, that the least singular value of J is of the greatest."""
-    system, shares = run.scene.system, []
+    system, shares = system_of(run.scene), []
     for t, x, u in zip(run.time, run.state, run.inputs, strict=True):
         jacobian = system.linearised_closures(np.array([t]), x, u, run.parameters)[2]
         values = np.linalg.svd(jacobian, compute_uv=False)
@@ -210,7 +211,7 @@ def judge_five_bar(run: Trajectory) -> list[Figure]:
     """Known: energy is what motors and bearings put in; at rest in the end, the motors' torques balance the weight in
     every motion that the closure allows.
     """
-    system = run.scene.system
+    system = system_of(run.scene)
     jacobian = system.linearised_closures(run.time[-1:], run.state[-1], run.inputs[-1], run.parameters)[2]
     free = np.linalg.svd(jacobian)[2][2:]
     weight = run.robot.inverse_dynamics(run.position[-1], np.zeros(system.nv), np.zeros(system.nv))

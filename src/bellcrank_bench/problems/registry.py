@@ -10,8 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from bellcrank.errors import BellcrankError, InputError, among
+from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.temporaries import temporary_folder
+from bellcrank.messages import unknown_name
 from bellcrank.simulation.simulate import simulate
 from bellcrank_bench.problems import cart_pole, closed_linkages, free_body, open_chains, robots, rolling, upright_falls
 from bellcrank_bench.problems.problem import Figure, Problem
@@ -43,7 +44,7 @@ class Row:
 def problem(name: str) -> Problem:
     """The reference problem of that name. Raises InputError with what there is."""
     if name not in PROBLEMS:
-        raise InputError(among("problem", name, PROBLEMS))
+        raise InputError(unknown_name("problem", name, PROBLEMS))
     return PROBLEMS[name]
 
 

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bellcrank.errors import InputError, among
+from bellcrank.dynamics.system import system_of
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
 from bellcrank.robot.load import load_robot
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.scene import Scene, load_scene
@@ -32,7 +34,7 @@ class Textbook:
 def verify(name: str, samples: int = 1000) -> list[Difference]:
     """Verify a shipped robot or scene by name. Raises InputError where no analytic equations are known for it."""
     if name not in VERIFIABLE:
-        raise InputError("analytic equations: " + among("scene", name, VERIFIABLE))
+        raise InputError("analytic equations: " + unknown_name("scene", name, VERIFIABLE))
     if name == "planar_2r":
         return verify_planar_2r(load_robot(name, gravity=(0.0, -9.81, 0.0), friction="none"), samples)
     if name in _CLOSED:
@@ -79,7 +81,7 @@ def verify_scene(scene: Scene, textbook: Textbook, samples: int = 1000, seed: in
     """
     from scipy.integrate import solve_ivp
 
-    if scene.system.size != 4:
+    if system_of(scene).size != 4:
         raise InputError(f"{scene.name}: the analytic equations have 2 coordinates and 2 velocities and no work")
     x = np.hstack(textbook.draw(np.random.default_rng(seed), samples))
     found = _compare(scene, textbook, "random", x)
@@ -100,7 +102,7 @@ def _compare(scene: Scene, textbook: Textbook, states: str, x: Array) -> list[Di
     """Accelerations, energies and outputs at states (n, 4)."""
     q, v = x[:, :2], x[:, 2:]
     none = np.zeros((len(x), 0))
-    acceleration, energies, _, _, *outputs = scene.system.observation(
+    acceleration, energies, _, _, *outputs = system_of(scene).observation(
         np.zeros((len(x), 1)), x, none, np.tile(scene.parameter_values, (len(x), 1))
     )
     kinetic, potential = textbook.equations.energy(q, v)

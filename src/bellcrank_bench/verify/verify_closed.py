@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.simulate import simulate
 from bellcrank.simulation.trajectory import Trajectory
@@ -123,9 +124,9 @@ def _product(a: Array, b: Array) -> Array:
 def _evaluated(scene: Scene, q: Array, v: Array) -> tuple[Array, Array, Array]:
     """Accelerations (n, nv), energies (n, 2) and multipliers (n, rows) of the compiled equations."""
     n = len(q)
-    arguments = np.zeros((n, 1)), np.hstack([q, v]), np.zeros((n, 0)), np.tile(scene.system_parameters, (n, 1))
-    acceleration, energies, *_ = scene.system.observation(*arguments)
-    return acceleration, energies, scene.system.closure(*arguments)[0]
+    arguments = np.zeros((n, 1)), np.hstack([q, v]), np.zeros((n, 0)), np.tile(system_parameters(scene), (n, 1))
+    acceleration, energies, *_ = system_of(scene).observation(*arguments)
+    return acceleration, energies, system_of(scene).closure(*arguments)[0]
 
 
 def _along(run: Trajectory, q: Array, v: Array) -> list[Difference]:

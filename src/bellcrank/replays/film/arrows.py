@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.derived import cached_property
+from bellcrank.dynamics.system import system_of
 from bellcrank.elements import frame_forces
 from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.element import Part
@@ -78,18 +79,18 @@ class Moments(PlacedScene):
     @cached_property
     def multipliers(self) -> Array:
         """Multipliers (n, rows) of the closures."""
-        return np.asarray(self.run.scene.system.closure(*self._arguments)[0])
+        return np.asarray(system_of(self.run.scene).closure(*self._arguments)[0])
 
     @cached_property
     def actuator_torque(self) -> Array:
         """Torques of motors and controllers (n, nv), N m or N."""
-        return np.asarray(self.run.scene.system.observation(*self._arguments)[2])
+        return np.asarray(system_of(self.run.scene).observation(*self._arguments)[2])
 
     def of(self, closure: Constraint) -> Array:
         """A closure's multipliers (n, k), one a label, 0 for a row that does not bind."""
         labels = closure.labels(self.run.robot)
         full = np.zeros((len(self.time), len(labels)))
-        for row, (owner, label) in enumerate(self.run.scene.system.multiplier_names):
+        for row, (owner, label) in enumerate(system_of(self.run.scene).multiplier_names):
             if owner == closure.name and label in labels:
                 full[:, labels.index(label)] = self.multipliers[:, row]
         return full

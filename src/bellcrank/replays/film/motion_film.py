@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank import __version__
 from bellcrank.dynamics.element_forces import mechanism_notes, motion_notes, with_force_rows
 from bellcrank.dynamics.mechanism import Mechanism, mechanism_of
 from bellcrank.elements.joint_forces import JointSpring
@@ -32,6 +31,7 @@ from bellcrank.simulation.run_csv import torque_unit
 from bellcrank.simulation.run_panels import by_unit, titled_apart
 from bellcrank.sizing.history import joint_torques
 from bellcrank.sizing.table import verdict
+from bellcrank.version import version
 
 if TYPE_CHECKING:
     from bellcrank.actuators.actuator import Drive
@@ -210,7 +210,7 @@ def _film(
         arrows, tuple(Spring(s.name, s.ends[once]) for s in springs), film_axes(robot, bodies, _sprung(scene)),
         tuple(sorted([*(begun if len(motions) > 1 else ()), *marks], key=lambda mark: mark.time)),
         _charts(mechanism, off, during, *groups[:4]), torque_speed_planes(mechanism, drives, off, during, *groups[4:]),
-        (*facts, ("bellcrank", __version__)), good, tuple(Rod(r.name, r.ends[once]) for r in rods),
+        (*facts, ("bellcrank", version())), good, tuple(Rod(r.name, r.ends[once]) for r in rods),
         (*notes, *warnings),
     )  # fmt: skip
 

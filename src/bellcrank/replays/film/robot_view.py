@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.errors import InputError, among
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
 from bellcrank.replays.film.arrows import child_link
 from bellcrank.replays.film.camera import Scenery
 from bellcrank.replays.film.film import Arrow, Axis, Body
@@ -71,7 +72,7 @@ def traced_frames(robot: Robot, asked: Iterable[str], followed: Sequence[str] = 
     asked = (asked,) if isinstance(asked, str) else tuple(dict.fromkeys(asked))
     for name in asked:
         if name not in robot.frame_names:
-            raise InputError(f"trace: {among('frame', name, robot.frame_names)}")
+            raise InputError(f"trace: {unknown_name('frame', name, robot.frame_names)}")
     if asked or followed:
         return asked or tuple(followed)
     for name in _TIPS:

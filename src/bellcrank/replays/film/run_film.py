@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank import __version__
+from bellcrank.dynamics.system import system_of
 from bellcrank.elements.joint_forces import JointSpring
 from bellcrank.elements.rolling import RollingDisk
 from bellcrank.errors import InputError
@@ -42,6 +42,7 @@ from bellcrank.scene.outputs import FrameOutput
 from bellcrank.simulation.run_between import with_jumps
 from bellcrank.simulation.run_csv import titled
 from bellcrank.simulation.summary import event_consequence, run_facts
+from bellcrank.version import version
 
 if TYPE_CHECKING:
     from bellcrank.simulation.record import Event
@@ -109,14 +110,14 @@ def film_of_run(
         title or scene.name, shots.time, shots.poses, bodies, camera_for(view), shots.bound,
         ground_for(planes, view, not robot.floating_base), shots.traces, shots.arrows, springs,
         film_axes(robot, bodies, {f.joint.name for f in scene.forces if isinstance(f, JointSpring)}),
-        _marks(run, events, float(time[-1])), charts, (), (*facts, ("bellcrank", __version__)),
+        _marks(run, events, float(time[-1])), charts, (), (*facts, ("bellcrank", version())),
         run.success and not run.non_finite,
         rods, (*more, *notes),
     )  # fmt: skip
 
 
 def _moments(run: Trajectory, time: Array, q: Array, v: Array, placed: Placed) -> Moments:
-    state = np.zeros((len(time), run.scene.system.size))
+    state = np.zeros((len(time), system_of(run.scene).size))
     state[:, : run.robot.nq], state[:, run.robot.nq : run.robot.nq + run.robot.nv] = q, v
     return Moments(run.scene, run.parameters, state, placed, run, time)
 
@@ -178,7 +179,7 @@ def _event_text(run: Trajectory, event: Event) -> str:
     """An event with its consequence, the joints and the closures' forces there, where they are few."""
     parts = [f"{event.name}{event_consequence(event)}"]
     parts.append(_values(position_labels(run.robot.joints), event.position))
-    names = [titled(f"{owner} {label}") for owner, label in run.scene.system.multiplier_names]
+    names = [titled(f"{owner} {label}") for owner, label in system_of(run.scene).multiplier_names]
     parts.append(_values(names, event.multipliers))
     return "; ".join(part for part in parts if part)
 

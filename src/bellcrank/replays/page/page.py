@@ -11,13 +11,13 @@ import json
 import re
 from pathlib import Path
 
-from bellcrank import __version__
 from bellcrank.errors import BellcrankError
 from bellcrank.files.atomic_write import write_text
-from bellcrank.files.locale_text import readable
 from bellcrank.replays.film.film import Film
 from bellcrank.replays.page.block import compressed
 from bellcrank.replays.page.pack import pack
+from bellcrank.text import readable
+from bellcrank.version import version
 
 _PLACE = re.compile(r"\{\{(\w+)\}\}")
 ASSETS = Path(__file__).with_name("assets")
@@ -46,7 +46,7 @@ def page(film: Film, *, plots: bool = True, around: tuple[str, str] = ("", "")) 
     )
     parts = {
         "policy": policy,
-        "version": __version__,
+        "version": version(),
         "title": html.escape(readable(film.title)),
         "style": _asset("uplot/uPlot.min.css") + _asset("page.css") + (_asset("report.css") if any(around) else ""),
         "film": film_json,

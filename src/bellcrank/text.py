@@ -1,4 +1,4 @@
-"""Texts and names of files in any locale.
+"""Texts of messages and names of files, in any locale and safe to print.
 
 Where the locale is not UTF-8 (LC_ALL=C), Python holds the bytes of file names that it cannot decode as lone surrogates
 (PEP 383), and refuses to encode these into UTF-8, and letters of other alphabets into names of files. Here the bytes
@@ -9,10 +9,13 @@ from __future__ import annotations
 
 import codecs
 import os
+import re
 import sys
 
 ERRORS = "bellcrank"  # the error handler that encodes such texts
 MOST_LETTERS = 1200  # of a message
+# controls but for newline and tab; what turns the direction of writing; what breaks lines besides a newline
+_CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 
 
 def utf8(text: str) -> bytes:
@@ -41,6 +44,11 @@ def one_line(text: str) -> str:
     plain = (c if c.isprintable() or "\ud800" <= c <= "\udfff" else ascii(c)[1:-1] for c in text)
     text = "".join(plain)
     return text if len(text) <= MOST_LETTERS else f"{text[: MOST_LETTERS - 403]}… …{text[-400:]}"
+
+
+def printable(text: str) -> str:
+    r"""The text with control characters and marks of direction as \x1b or \u202e; newlines and tabs stay."""
+    return _CONTROLS.sub(lambda found: ascii(found[0])[1:-1], text)
 
 
 def _encoded(error: UnicodeError) -> tuple[str | bytes, int]:

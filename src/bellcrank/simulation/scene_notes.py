@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.dynamics.consistent_start import consistent_start
+from bellcrank.dynamics.constraint_rank import binding_of
+from bellcrank.dynamics.prescribed_motion_end import drive_end
+from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.controllers import PD
-from bellcrank.elements.element import Part, joint_unit
-from bellcrank.elements.expression import Expression
+from bellcrank.elements.element import Part, joint_unit, table_span
+from bellcrank.elements.expression import has_time
 from bellcrank.elements.frame_forces import Wrench
 from bellcrank.elements.joint_forces import Torque
 from bellcrank.elements.torque_table import COMPONENTS
@@ -28,8 +31,11 @@ MOVING = 1e-4  # of a motion's largest speed: slower than this it is at rest
 OVERSHOOT = 3.0  # times the range of a table's values: what a cubic spline may reach without a note
 
 
-def scene_notes(scene: Scene, duration: float) -> tuple[str, ...]:
-    """The notes on a scene that is simulated for a duration, s. Motions are made for it, and its events compiled."""
+def scene_notes(scene: Scene, duration: float | None = None) -> tuple[str, ...]:
+    """The notes on a scene that is simulated for a duration, s, by default its own. Motions are made for it, and its
+    events compiled.
+    """
+    duration = scene.settings.duration if duration is None else duration
     return (
         *_rows(scene),
         *_start(scene),
@@ -44,7 +50,7 @@ def scene_notes(scene: Scene, duration: float) -> tuple[str, ...]:
 
 def _rows(scene: Scene) -> Iterator[str]:
     """Closures, or rows of them, that are left out, as no joint moves them."""
-    left_out = scene.binding.left_out if scene.closures else ()
+    left_out = binding_of(scene).left_out if scene.closures else ()
     for closure in scene.closures:
         rows = [(label, gap) for name, label, gap in left_out if name == closure.name]
         if not rows:
@@ -62,7 +68,7 @@ def _rows(scene: Scene) -> Iterator[str]:
 
 def _start(scene: Scene) -> Iterator[str]:
     """Joints that start outside the URDF's range: a simulation does not know the stops."""
-    robot, q = scene.robot, scene.start[0]
+    robot, q = scene.robot, consistent_start(scene)[0]
     for j in robot.joints:
         if j.nq == 1 and not robot.lower[j.q] <= q[j.q] <= robot.upper[j.q]:
             unit = joint_unit(j, "position")
@@ -79,7 +85,10 @@ def _saved(scene: Scene) -> Iterator[str]:
         return
     q = scene.initial.posture(robot)
     v = scene.initial.rates(robot, q)
-    for what, before, after in (("position", q, scene.start[0]), ("velocity", v, scene.start[1])):
+    for what, before, after in (
+        ("position", q, consistent_start(scene)[0]),
+        ("velocity", v, consistent_start(scene)[1]),
+    ):
         moved = np.abs(after - before)
         if moved.max(initial=0.0) > MOVED * max(1.0, float(np.abs(before).max(initial=0.0))):
             k = int(moved.argmax())
@@ -103,23 +112,6 @@ def _with_time(scene: Scene) -> Iterator[str]:
     whole += [(f"event '{event.name}'", event) for event in scene.events]
     whole += [(f"output '{name}'", output) for name, output in scene.outputs.items()]
     yield from (name for name, part in whole if has_time(part))
-
-
-def has_time(part: Any) -> bool:
-    """Whether a formula in an entry of a scene depends on t."""
-    return any("time" in expression.operations for expression in expressions_in(part))
-
-
-def expressions_in(value: Any) -> Iterator[Expression]:
-    """The formulas in an entry of a scene."""
-    if isinstance(value, Expression):
-        yield value
-    elif isinstance(value, (list, tuple)):
-        for entry in value:
-            yield from expressions_in(entry)
-    elif is_dataclass(value):
-        for entry in fields(value):
-            yield from expressions_in(getattr(value, entry.name))
 
 
 def _limits(scene: Scene) -> Iterator[str]:
@@ -194,7 +186,7 @@ def _moving(signal: Signal, time: Array) -> str:
 
 def _drives(scene: Scene, duration: float) -> Iterator[str]:
     """Motions of drives that do not cover the run and are held; where they cannot be, the run ends."""
-    end = scene.drive_end
+    end = drive_end(scene)
     until = duration if end is None else min(duration, end.time)
     for closure in scene.closures:
         if closure.kind != "drive" or closure.source is None:
@@ -204,14 +196,6 @@ def _drives(scene: Scene, duration: float) -> Iterator[str]:
             yield f"drive '{closure.name}': its motion ends at {breaks[-1]:.6g} s; then its last position is held"
         if 0.0 < breaks[0] <= until:
             yield f"drive '{closure.name}': its motion begins at {breaks[0]:.6g} s; before, its first position is held"
-
-
-def table_span(part: Part) -> tuple[float, float]:
-    """First and last time of the table of a torque or wrench, s."""
-    assert part.source is not None
-    signal = part.source.signal
-    held = signal.kinked and signal.coefficients.shape[1] == 1
-    return float(signal.breaks[0]), float(signal.breaks[-2 if held else -1])  # held values have a piece beyond the last
 
 
 def _overshoot(who: str, signal: Signal, column: int, values: str) -> Iterator[str]:
@@ -230,9 +214,11 @@ def _events(scene: Scene) -> Iterator[str]:
     """Events whose function is no number where the run starts."""
     if not scene.events:
         return
-    state = np.concatenate([*scene.start, np.zeros(scene.system.size - scene.robot.nq - scene.robot.nv)])
+    state = np.concatenate(
+        [*consistent_start(scene), np.zeros(system_of(scene).size - scene.robot.nq - scene.robot.nv)]
+    )
     inputs = scene.signals_at(np.zeros(1))[0]
-    values = scene.system.events(np.zeros(1), state, inputs, scene.system_parameters)
+    values = system_of(scene).events(np.zeros(1), state, inputs, system_parameters(scene))
     for event, value in zip(scene.events, np.atleast_1d(values).tolist(), strict=True):
         if math.isnan(value):
             yield f"event '{event.name}': its function is not a number at the start; no event is seen while that is so"

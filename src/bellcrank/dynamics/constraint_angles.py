@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.loops import Hinge, Weld
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ def turning(scene: Scene) -> tuple[str, ...]:
 
 def angle_rows(scene: Scene) -> dict[str, list[int]]:
     """Which of the rows of φ that bind are sines of angles of these closures."""
-    names = scene.system.multiplier_names
+    names = system_of(scene).multiplier_names
     return {
         closure: [k for k, (name, label) in enumerate(names) if name == closure and label.endswith("[N m]")]
         for closure in turning(scene)
@@ -34,7 +35,7 @@ def cosines(scene: Scene, q: Array) -> dict[str, float]:
     names = turning(scene)
     if not names:
         return {}
-    found = np.atleast_1d(scene.system.facing(*_at_rest(scene, q)))
+    found = np.atleast_1d(system_of(scene).facing(*_at_rest(scene, q)))
     return dict(zip(names, found.tolist(), strict=True))
 
 
@@ -42,12 +43,12 @@ def cosines_along(scene: Scene, time: Array, state: Array, inputs: Array, parame
     """The same (n, closures) at states (n, size) of a run, with its signals (n, nu) and parameters."""
     if not turning(scene):
         return np.ones((len(time), 0))
-    return np.asarray(scene.system.facing(time[:, None], state, inputs, parameters)).reshape(len(time), -1)
+    return np.asarray(system_of(scene).facing(time[:, None], state, inputs, parameters)).reshape(len(time), -1)
 
 
 def way(scene: Scene, q: Array) -> tuple[Array, Array]:
     """What vanishes where all these cosines are 1 and nowhere else, and its derivative (m, nv) by v."""
-    found, flat = scene.system.way(*_at_rest(scene, q))
+    found, flat = system_of(scene).way(*_at_rest(scene, q))
     return found, flat.reshape(scene.robot.nv, len(found)).T
 
 
@@ -66,6 +67,6 @@ def true_gaps(scene: Scene, gap: Array, cosine: Array) -> Array:
 
 
 def _at_rest(scene: Scene, q: Array) -> tuple[Array, Array, Array, Array]:
-    x = np.zeros(scene.system.size)
+    x = np.zeros(system_of(scene).size)
     x[: len(q)] = q
-    return np.zeros(1), x, scene.signals_at(np.zeros(1))[0], scene.system_parameters
+    return np.zeros(1), x, scene.signals_at(np.zeros(1))[0], system_parameters(scene)
