@@ -6,6 +6,7 @@ casadi.
 
 from __future__ import annotations
 
+import importlib
 import importlib.metadata
 from typing import Any
 
@@ -17,14 +18,14 @@ def extension() -> Any:
     try:
         import casadi  # noqa: F401  loads the shared library that the extension links to
 
-        import bellcrank._trace as _trace
+        found = importlib.import_module("bellcrank._trace")
     except ImportError as error:
         try:
-            found = importlib.metadata.version("casadi")
+            installed = importlib.metadata.version("casadi")
         except importlib.metadata.PackageNotFoundError:
-            found = "none"
+            installed = "none"
         raise BellcrankError(
             f"the tracer cannot be loaded ({error}); it needs the casadi that bellcrank was built with (see "
-            f"`pip show bellcrank`), and casadi {found} is installed: reinstall bellcrank"
+            f"`pip show bellcrank`), and casadi {installed} is installed: reinstall bellcrank"
         ) from error
-    return _trace
+    return found
