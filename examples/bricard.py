@@ -1,4 +1,4 @@
-"""Bricard's linkage moves although counting joints says it cannot: one row of its closure repeats. bricard.html."""
+"""Bricard's linkage moves although counting joints says it cannot: one row of its constraint repeats. bricard.html."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ P3 = (0.9999999977, -1.000067258, 0.99993274)  # m at 5 s, IFToMM's benchmark pr
 
 def main() -> None:
     run = bc.simulate("bricard")
-    rank = run.closure_rank()
+    rank = run.constraint_rank()
     print(f"rank {rank.rank} of {len(system_of(run.scene).multiplier_names)} rows, drift {run.energy_drift():.0e}")
     at_five = bc.simulate("bricard", times=[5.0], duration=5.0).output("P3")[0]
     print(f"P3 at 5 s is off by {np.abs(at_five - P3).max():.1e} m")

@@ -4,8 +4,8 @@ import bellcrank as bc
 
 
 def main() -> None:
-    card = bc.load_card("five_bar")
-    linkage = bc.Linkage(bc.load_scene("five_bar"), card.robot())
+    config = bc.load_robot_config("five_bar")
+    linkage = bc.Linkage(bc.load_scene("five_bar"), config.robot())
     motion = linkage.motion("pick")  # the motors' motion is given, the elbows follow
     sizing = bc.size(linkage, motion)
     for joint in sizing.joints:

@@ -9,7 +9,7 @@ def main() -> None:
     for name in ("rolling_disk", "rolling_disk_b", "rolling_disk_c"):
         run = bc.simulate(name)
         x, y, _ = run.position[-1, :3]
-        normal, *friction = run.closure("floor").multipliers.T
+        normal, *friction = run.constraint("floor").multipliers.T
         demand = (np.linalg.norm(friction, axis=0) / normal).max()
         print(f"{name}: ends at ({x:.6f}, {y:.6f}) m, needs a friction of {demand:.3f}, drift {run.energy_drift():.0e}")
         print(bc.replay(run, f"{name}.html"))

@@ -4,11 +4,11 @@ import bellcrank as bc
 
 
 def main() -> None:
-    card = bc.load_card("ur5")
-    loaded, empty = card.robot(), bc.load_robot("ur5")
-    motion = card.motion(loaded, "pick_and_place")
-    sizing = bc.size(loaded, motion, card.drives)
-    without = bc.size(empty, card.motion(empty, "pick_and_place"), card.drives)
+    config = bc.load_robot_config("ur5")
+    loaded, empty = config.robot(), bc.load_robot("ur5")
+    motion = config.motion(loaded, "pick_and_place")
+    sizing = bc.size(loaded, motion, config.drives)
+    without = bc.size(empty, config.motion(empty, "pick_and_place"), config.drives)
     print(f"{'joint':22} {'empty [N m]':>12} {'3 kg [N m]':>12}  motor")
     for joint in sizing.joints:
         light = without.joint(joint.name).peak_torque

@@ -147,7 +147,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
     robot = bc.load_robot("planar_2r")
     pendulum, four_bar = bc.load_scene("pendulum"), bc.load_scene("four_bar")
     linkage = bc.Linkage(four_bar)
-    card = bc.load_card("planar_2r")
+    config = bc.load_robot_config("planar_2r")
     drive = bc.Drive(100.0, 1.0, 2.0, 300.0, 400.0)
     payload = bc.Payload(1.0, "tip")
     motion = bc.waypoints(robot, [0.0, 1.0], [[0.0, 0.0], [1.0, 1.0]], samples=11)
@@ -198,7 +198,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         "read_motion": (bc.read_motion, {"robot": robot, "path": "given.csv", "name": "own", "text": None}),
         "write_motion": (bc.write_motion, {"motion": motion, "path": "written.csv", "torque": np.zeros((11, 2)),
                                            "more": {("own", "W"): np.zeros(11)}}),
-        "load_card": (bc.load_card, {"path_or_name": "planar_2r", "trust": ["."]}),
+        "load_card": (bc.load_robot_config, {"path_or_name": "planar_2r", "trust": ["."]}),
         "Drive": (bc.Drive, {
             "ratio": 100.0, "rated_torque": 1.0, "peak_torque": 2.0, "rated_speed": 300.0, "max_speed": 400.0,
             "efficiency": 0.9, "rotor_inertia": 1e-4, "gear_inertia": 1e-5, "safety_factor": 1.2,
@@ -241,7 +241,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
              posture={"values": {"elbow": 1.0}}, trace_frames={"names": ["tip"]},
              with_payloads={"payloads": [payload]}),
         **of(motion, at={"t": [0.1, 0.2], "side": "after"}),
-        **of(card, motion={"robot": card.robot(), "name": next(iter(card.motions))},
+        **of(config, motion={"robot": config.robot(), "name": next(iter(config.motions))},
              robot={"extra_payloads": [payload]}),
         **of(drive, available_torque={"speed": v}, curve_use={"torque": v, "speed": a},
              electrical_power={"shaft_power": v}, shaft_torque={"load_torque": q, "velocity": v, "acceleration": a}),
@@ -250,7 +250,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         **of(four_bar, motion={"name": "unfold"}, physics_key={}, signals_at={"times": np.array([0.1, 0.2])},
              with_constraint={"function": lambda s: s.q[0], "name": "own", "unit": "rad"},
              with_overrides={"overrides": {"simulate.rtol": 1e-6}}),
-        **of(closed_run, closure={"name": "apex"}, closure_rank={"row": 1}),
+        **of(closed_run, constraint={"name": "apex"}, constraint_rank={"row": 1}),
         **of(run, constraint_residual={}, energy_drift={}, equation_residual={}, error_estimate={},
              frame={"name": "P1"}, joint={"name": "swing"}, output={"name": "energy"},
              plot={"path": None, "frame": "P1"}, part={"rows": slice(0, 1)}, parts={},

@@ -95,7 +95,7 @@ def test_a_copied_sweep_says_the_same(copied):
 
 def test_a_copied_motion_has_equal_rows_that_still_cannot_be_written_to(copied):
     scene = bc.load_scene("planar_2r_tracking")
-    motion = scene.motion(next(iter(scene.card.motions)))
+    motion = scene.motion(next(iter(scene.config.motions)))
     again = copied(motion)
     for name in ("time", "position", "velocity", "acceleration"):
         np.testing.assert_array_equal(getattr(again, name), getattr(motion, name))

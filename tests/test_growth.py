@@ -91,7 +91,7 @@ def test_an_algorithm_is_traced_once_for_all_who_ask():
     assert s.algorithm("energy") is s.algorithm("energy")
 
 
-# ---- closures
+# ---- constraints
 
 
 def test_equations_of_a_row_of_loops_grow_with_the_number_of_loops():
@@ -106,13 +106,13 @@ def test_equations_of_a_row_of_loops_grow_with_the_number_of_loops():
 
 
 @pytest.mark.parametrize("case", ["n_four_bar", "bricard", "rolling_disk", "five_bar"])
-def test_the_sparse_jacobian_of_closures_is_that_of_finite_differences(case):
+def test_the_sparse_jacobian_of_constraints_is_that_of_finite_differences(case):
     scene = n_four_bar(5) if case == "n_four_bar" else load_scene(case)
     system, random, h = system_of(scene), np.random.default_rng(3), 1e-6
     t, u, p = np.zeros(1), scene.signals_at(np.zeros(1))[0], system_parameters(scene)
 
     def at(q, v):
-        return system.linearised_closures(t, np.concatenate([q, v, np.zeros(system.size - len(q) - len(v))]), u, p)
+        return system.linearised_constraints(t, np.concatenate([q, v, np.zeros(system.size - len(q) - len(v))]), u, p)
 
     for _ in range(3):
         q, v = random_posture(scene.robot, random), random.normal(size=system.nv)
@@ -123,10 +123,10 @@ def test_the_sparse_jacobian_of_closures_is_that_of_finite_differences(case):
         slopes = [at(moved(scene, q, h * e), v)[0] - at(moved(scene, q, -h * e), v)[0] for e in np.eye(system.nv)]
         np.testing.assert_allclose(jacobian[: len(gap)], np.array(slopes).T / (2 * h), atol=1e-8)
         x = np.concatenate([q, v, np.zeros(system.size - len(q) - len(v))])
-        metric = system.closure_metric(t, x, u, p)
+        metric = system.constraint_metric(t, x, u, p)
         np.testing.assert_allclose(metric[0], jacobian, atol=1e-14)
         np.testing.assert_allclose(metric[1], scene.robot.mass_matrix(q), atol=1e-12)
-    many = system.linearised_closures(t, np.stack([x, 0.5 * x]), u, p)[2]
+    many = system.linearised_constraints(t, np.stack([x, 0.5 * x]), u, p)[2]
     np.testing.assert_allclose(many[0], jacobian, atol=1e-14)
 
 

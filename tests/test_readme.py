@@ -42,8 +42,8 @@ def test_the_scene_is_simulated(tmp_path, monkeypatch, capsys):
 
 def test_the_card_and_the_motion_are_sized(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    card, (motion,) = blocks("yaml")[0], blocks("csv")
-    Path("arm.yaml").write_text(card)
+    config, (motion,) = blocks("yaml")[0], blocks("csv")
+    Path("arm.yaml").write_text(config)
     Path("motion.csv").write_text(motion)
     assert main(["size", "arm.yaml", "--no-plots"]) in (0, 1)
     text = capsys.readouterr().out

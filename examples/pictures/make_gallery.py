@@ -15,7 +15,7 @@ SHOWN = {  # page: (time in s, caption)
     "planar_2r_swing": (6.3, "Planar arm let go: the path of its tip"),
     "spring_pendulum": (9.0, "Spring pendulum: its mass bounces and swings"),
     "rolling_disk": (2.0, "Thin disk: contact's trace and force"),
-    "bricard": (1.7, "Bricard's linkage: a repeated closure"),
+    "bricard": (1.7, "Bricard's linkage: a repeated constraint"),
 }
 VIEW, CAPTION, COLUMNS = (400, 300), 34, 4
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from bellcrank import deprecated
 from bellcrank.codegen import locks as _locks
+
+deprecated.install()
 
 _HOME = {
     "BellcrankError": "errors",
@@ -24,8 +27,8 @@ _HOME = {
     "join": "motion.path",
     "read_motion": "motion.csv_file",
     "write_motion": "motion.csv_file",
-    "Card": "scene.robot_config",
-    "load_card": "scene.robot_config",
+    "RobotConfig": "scene.robot_config",
+    "load_robot_config": "scene.robot_config",
     "Drive": "actuators.actuator",
     "Sizing": "sizing.result",
     "size": "sizing.front",
@@ -63,7 +66,7 @@ if TYPE_CHECKING:
     from bellcrank.robot.load import load_robot
     from bellcrank.robot.payload import Payload
     from bellcrank.robot.robot import Robot
-    from bellcrank.scene.robot_config import Card, load_card
+    from bellcrank.scene.robot_config import RobotConfig, load_robot_config
     from bellcrank.scene.scene import Scene, load_scene
     from bellcrank.scene.settings import Settings
     from bellcrank.simulation.run_file import load_run
@@ -80,6 +83,9 @@ def __getattr__(name: str) -> Any:
         from bellcrank.version import version
 
         return version()
+    if name in deprecated.NAMES:
+        deprecated.warn(f"bellcrank.{name}", f"bellcrank.{deprecated.NAMES[name]}")
+        name = deprecated.NAMES[name]
     if name in _HOME:
         module, _, attribute = _HOME[name].partition(":")
         return getattr(importlib.import_module(f"bellcrank.{module}"), attribute or name)

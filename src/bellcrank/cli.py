@@ -22,7 +22,7 @@ _COMMANDS = {
     "report": "put a run or a sizing on one page: verdict, tables, pictures, replay",
     "plot": "draw a run or a scene as PNG",
     "check": "say what is wrong with a URDF before it bites",
-    "robots": "list the robots and cards that can be named",
+    "robots": "list the robots and configurations that can be named",
 }
 
 

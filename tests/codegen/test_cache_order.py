@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics import constraint_rank, system
-from bellcrank.dynamics.constraint_rank import binding_of
+from bellcrank.dynamics import binding_rows, system
+from bellcrank.dynamics.binding_rows import binding_of
 from bellcrank.dynamics.system import system_of
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import load_scene
@@ -92,7 +92,7 @@ def answer(path, values):
 
 def forget():
     """What a new process would not know."""
-    for known in (system._systems, constraint_rank._structures, constraint_rank._known):
+    for known in (system._systems, binding_rows._structures, binding_rows._known):
         known.clear()
 
 

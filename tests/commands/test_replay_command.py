@@ -84,9 +84,9 @@ def test_what_a_reader_should_know_of_a_run_is_told_on_screen_and_at_the_top_of_
 
 
 def test_a_limit_that_is_exceeded_is_exit_1(here, capsys):
-    card = ARM + "motions: {go: {kind: waypoints, times: [0, 0.1], positions: [{elbow: 0}, {elbow: 3}]}}\n"
+    config = ARM + "motions: {go: {kind: waypoints, times: [0, 0.1], positions: [{elbow: 0}, {elbow: 3}]}}\n"
     drive = "{ratio: 1, rated_torque: 1, peak_torque: 2, rated_speed: 1, max_speed: 2}"
-    (here / "weak.yaml").write_text(card + f"drives: {{elbow: {drive}}}\n")
+    (here / "weak.yaml").write_text(config + f"drives: {{elbow: {drive}}}\n")
     assert given("weak.yaml") == 1 and (here / "weak.html").is_file()
     capsys.readouterr()
 
@@ -99,11 +99,11 @@ def test_a_limit_that_is_exceeded_is_exit_1(here, capsys):
         (["gone.npz"], "gone.npz: there is no such file"),
         (["."], "there is no run.npz in this folder; `bellcrank simulate SCENE` writes one"),
         (["arm.yaml", "--trace", "tipp"], "trace: there is no frame 'tipp'; did you mean 'tip'"),
-        (["sized"], "this folder holds the figures of a sizing, not its motions; name the card or URDF"),
+        (["sized"], "this folder holds the figures of a sizing, not its motions; name the configuration or URDF"),
         (["arm.yaml", "--png", "a.png", "--at", "2"], "a still at 2 s: expected a time from 0 s to 1 s"),
         (["four_baar"], "there is no scene or robot 'four_baar'"),
         (["arm.yaml", "--size"], "there is no motion to size over"),
-        ([".", "--simulate"], "--simulate is for a scene or card; . is a run already"),
+        ([".", "--simulate"], "--simulate is for a scene or configuration; . is a run already"),
     ],
 )
 def test_what_cannot_be_shown_is_refused_in_one_sentence_and_leaves_nothing(here, words, sentence):

@@ -139,13 +139,13 @@ def test_notes_are_of_the_duration_that_was_simulated(arm, capsys):
 def test_the_list_of_robots_says_what_each_card_is_and_what_it_is_for(capsys):
     assert main(["robots"]) == 0
     head, *lines = capsys.readouterr().out.splitlines()
-    assert head == "robot cards and scenes:"
-    cards = {
+    assert head == "robot configurations and scenes:"
+    configs = {
         line.split()[0]: line for line in lines[: lines.index("URDFs (bellcrank's own and example-robot-data's):")]
     }
-    assert re.fullmatch(r"  planar_2r +size, simulate +Planar 2R arm", cards["planar_2r"])
-    assert re.fullmatch(r"  talos_free_fall +simulate +Talos in free fall", cards["talos_free_fall"])
-    assert re.fullmatch(r"  xarm7 +size +xArm 7 stacking", cards["xarm7"])
+    assert re.fullmatch(r"  planar_2r +size, simulate +Planar 2R arm", configs["planar_2r"])
+    assert re.fullmatch(r"  talos_free_fall +simulate +Talos in free fall", configs["talos_free_fall"])
+    assert re.fullmatch(r"  xarm7 +size +xArm 7 stacking", configs["xarm7"])
 
 
 def test_an_event_that_stops_the_run_is_a_good_end(arm, capsys):

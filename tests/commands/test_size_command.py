@@ -17,7 +17,7 @@ from bellcrank.commands.size import parse_payload, parse_share
 from bellcrank.errors import InputError
 from bellcrank.motion.csv_file import read_motion, write_motion
 from bellcrank.motion.motion import Motion
-from bellcrank.scene.robot_config import Card, load_card
+from bellcrank.scene.robot_config import RobotConfig, load_robot_config
 from bellcrank.sizing.history import file_name
 from bellcrank.sizing.plots import draw
 from bellcrank.sizing.report import csv_text, earlier_files, json_text
@@ -117,9 +117,9 @@ def test_bad_input_is_one_sentence_and_leaves_nothing_behind(
 
 
 def test_a_motion_from_a_file(tmp_path: Path) -> None:
-    card = load_card("geared_pendulum")
-    robot = card.robot()
-    write_motion(card.motion(robot, "lift_and_return"), tmp_path / "lift.csv")
+    config = load_robot_config("geared_pendulum")
+    robot = config.robot()
+    write_motion(config.motion(robot, "lift_and_return"), tmp_path / "lift.csv")
     assert (
         main(
             [
@@ -173,9 +173,9 @@ def test_file_names_are_safe() -> None:
 
 def test_histories_hold_the_torques_and_can_be_read_as_motions(tmp_path: Path) -> None:
     assert main(["size", "geared_pendulum", "--out", str(tmp_path / "out"), "--no-plots"]) in (0, 1)
-    card = load_card("geared_pendulum")
-    robot = card.robot()
-    for name in card.motions:
+    config = load_robot_config("geared_pendulum")
+    robot = config.robot()
+    for name in config.motions:
         path = tmp_path / "out" / f"history_{name}.csv"
         motion = read_motion(robot, path)
         header, *rows = path.read_text().splitlines()
@@ -221,12 +221,12 @@ def test_a_sizing_json_that_lists_nothing_is_passed_over(tmp_path: Path, text: s
 
 
 def test_pictures_with_a_mass_tolerance_are_said_to_be_nominal_and_hold_all_their_text(tmp_path: Path) -> None:
-    card = load_card("geared_pendulum")
-    robot = card.robot()
-    motions = [card.motion(robot, name) for name in card.motions]
+    config = load_robot_config("geared_pendulum")
+    robot = config.robot()
+    motions = [config.motion(robot, name) for name in config.motions]
     seen = []
     for tolerance in (0.0, 0.1):
-        figures = draw(robot, motions, card.drives, card.name, tolerance)
+        figures = draw(robot, motions, config.drives, config.name, tolerance)
         assert set(figures) == {"over_time_lift_and_return.png", "torque_speed.png", "motor_torque_speed.png"}
         for figure in figures.values():
             figure.canvas.draw()
@@ -244,14 +244,14 @@ def test_pictures_with_a_mass_tolerance_are_said_to_be_nominal_and_hold_all_thei
 def test_errors_of_the_urdf_are_printed_and_stand_in_the_verdict(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    original = Card.robot
+    original = RobotConfig.robot
 
-    def with_finding(card: Card, payloads: Any = ()) -> Any:
-        robot = original(card, payloads)
+    def with_finding(config: RobotConfig, payloads: Any = ()) -> Any:
+        robot = original(config, payloads)
         robot.findings = ("link 'tip' is heavier than lead",)
         return robot
 
-    monkeypatch.setattr(Card, "robot", with_finding)
+    monkeypatch.setattr(RobotConfig, "robot", with_finding)
     assert main(["size", "planar_2r", "--no-plots", "--motion", "elbow_up", "--out", str(tmp_path)]) == 0
     text = capsys.readouterr().out
     assert "error: link 'tip' is heavier than lead\n" in text

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
+from bellcrank.dynamics.binding_rows import binding_of
 from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.constraint_rank import binding_of
 from bellcrank.dynamics.system import system_of
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import load_scene
@@ -51,34 +51,34 @@ def mechanism(kind, s, folder):
     if kind in ("point", "distance"):
         parts += rocker
         frames["rocker_tip"] = {"link": "rocker_link", "xyz": [1.0 * s, 0, 0]}
-        closure = {"kind": "point", "frame_a": "rod_tip", "frame_b": "rocker_tip"}
+        constraint = {"kind": "point", "frame_a": "rod_tip", "frame_b": "rocker_tip"}
         if kind == "distance":
-            closure = {"kind": "distance", "frame_a": "rod_link", "frame_b": "rocker_tip", "length": 1.1 * s}
+            constraint = {"kind": "distance", "frame_a": "rod_link", "frame_b": "rocker_tip", "length": 1.1 * s}
             initial["rod"] = "-30 deg"
     elif kind == "weld":  # a rod that ends in a link of a second chain, three joints in a row
         parts += [*rocker, joint("tip", "continuous", "rocker_link", 1.0, s), link("tip_link", s, 0.1, 0.2)]
         frames["end"] = {"link": "rod_link", "xyz": [1.1 * s, 0, 0], "rpy": [0, 0, 0.4]}
-        closure = {"kind": "weld", "frame_a": "end", "frame_b": "tip_link"}
+        constraint = {"kind": "weld", "frame_a": "end", "frame_b": "tip_link"}
     elif kind == "slider":
         parts += slider
         del initial["rocker"]
         initial["slider"] = {"guess": 1.2 * s}
-        closure = {"kind": "point", "frame_a": "rod_tip", "frame_b": "slider_link"}
+        constraint = {"kind": "point", "frame_a": "rod_tip", "frame_b": "slider_link"}
         scene["forces"] = [{"kind": "joint_spring", "joint": "slider", "stiffness": 3.0 * s, "rest": 0.5 * s}]
     elif kind == "hinge in space":
         parts += [*slider, joint("turn", "continuous", "slider_link", 0.0, s), link("turn_link", s, 0.1, 0.3)]
         del initial["rocker"]
         initial["slider"] = {"guess": 1.2 * s}
-        closure = {"kind": "hinge", "frame_a": "rod_tip", "frame_b": "turn_link"}
+        constraint = {"kind": "hinge", "frame_a": "rod_tip", "frame_b": "turn_link"}
     else:
         parts = ['<link name="wheel">', link("wheel", s, 0.1, 1.0).removeprefix('<link name="wheel">')]
         scene |= {
             "floating_base": True, "initial": {}, "frames": {}, "gravity": [0, 0, -9.81 * s],
             "base": {"position": [0, 0, 0.5 * s], "rpy": [0.2, 0, 0], "angular_velocity": [0.3, 4.0, 0.1]},
         }  # fmt: skip
-        closure = {"kind": "rolling_disk", "frame": "wheel", "radius": 0.5 * s, "axis": [0, 1, 0]}
+        constraint = {"kind": "rolling_disk", "frame": "wheel", "radius": 0.5 * s, "axis": [0, 1, 0]}
         scene["base"] = {"rpy": [0.2, 0, 0], "angular_velocity": [0.3, 4.0, 0.1]}
-    scene["closures"] = [{"name": "loop", **closure}]
+    scene["closures"] = [{"name": "loop", **constraint}]
     (folder / f"{kind}.urdf").write_text(f'<robot name="machine">{"".join(parts)}</robot>')
     return scene
 
@@ -106,7 +106,7 @@ def test_a_mechanism_moves_alike_from_micrometres_to_kilometres(kind, tmp_path):
         scene = read(mechanism(kind, s, tmp_path), tmp_path)
         run = bc.simulate(scene)
         assert run.success and run.warnings == ()
-        assert run.closure("loop").relative.max() < 1e-13
+        assert run.constraint("loop").relative.max() < 1e-13
         names = [label for _, label in system_of(scene).multiplier_names]
         powers = np.array([2 if label.endswith("[N]") else 3 for label in names])
         both = [in_own_lengths(scene.robot, x, s) for x in (run.position, run.velocity)]

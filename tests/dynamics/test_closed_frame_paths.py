@@ -52,7 +52,7 @@ def delta(folder, carried, motions):
         )
         parent = child
     middle = "0" if carried == "slides" else str(-PLATFORM)  # from the hub's origin to the platform's centre
-    frames, closures = f"  tool: {{link: hub, xyz: [{middle}, 0, 0]}}\n", ""
+    frames, constraints = f"  tool: {{link: hub, xyz: [{middle}, 0, 0]}}\n", ""
     for k, turn in enumerate(TURNS):
         sides = [0.0] if carried == "slides" else [] if k == 0 else [-HALF, HALF]
         for side in sides:
@@ -63,10 +63,10 @@ def delta(folder, carried, motions):
             frames += f"  elbow_{name}: {{link: arm_{k}, xyz: [{ARM}, {side}, 0]}}\n"
             frames += f"  corner_{name}: {{link: hub, xyz: [{at[0] + float(middle)}, {at[1]}, 0]}}\n"
             rod = f"kind: distance, frame_a: elbow_{name}, frame_b: corner_{name}, length: {ROD}"
-            closures += f"  - {{name: rod_{name}, {rod}}}\n"
+            constraints += f"  - {{name: rod_{name}, {rod}}}\n"
     (folder / "delta.urdf").write_text(text + "</robot>")
     (folder / "delta.yaml").write_text(
-        f"name: Delta\nurdf: delta.urdf\ngravity: [0, 0, -9.81]\nframes:\n{frames}closures:\n{closures}"
+        f"name: Delta\nurdf: delta.urdf\ngravity: [0, 0, -9.81]\nframes:\n{frames}closures:\n{constraints}"
         f"initial: {{arm_0: 0.3, arm_1: 0.3, arm_2: 0.3, {guesses}}}\nactuated: [arm_0, arm_1, arm_2]\n"
         f"motions:\n{motions}"
     )
@@ -105,7 +105,7 @@ def slope(rows, dt):
 
 
 def check_along(scene, motion, frame, x, velocity, acceleration):
-    """Posture, velocity and acceleration of a frame along a motion, by Pinocchio's own functions; closures too."""
+    """Posture, velocity and acceleration of a frame along a motion, by Pinocchio's own functions; constraints too."""
     model = scene.robot.model
     data, at = model.createData(), model.getFrameId(frame)
     axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED

@@ -112,11 +112,13 @@ def test_the_motor_that_repeats_the_free_unfolding_is_the_spring(tmp_path):
     assert np.abs(idle.torque).max() < 1e-8 and np.array_equal(idle.position, found.position)
 
 
-def test_a_drive_closure_s_multiplier_is_the_motor_s_torque(tmp_path):
+def test_a_drive_constraint_s_multiplier_is_the_motor_s_torque(tmp_path):
     scene = four_bar(tmp_path)
     found = closed_inverse_dynamics(scene, "unfold")
-    closures = [*scene.data["closures"], {"name": "motor", "kind": "drive", "joint": "crank", "motion": "unfold"}]
-    driven = scene.with_overrides({"closures": closures, "simulate": {"duration": 4.0, "rtol": 1e-11, "atol": 1e-11}})
+    constraints = [*scene.data["closures"], {"name": "motor", "kind": "drive", "joint": "crank", "motion": "unfold"}]
+    driven = scene.with_overrides(
+        {"closures": constraints, "simulate": {"duration": 4.0, "rtol": 1e-11, "atol": 1e-11}}
+    )
     run = bc.simulate(driven, times=found.time[5:-5])
     place = system_of(run.scene).multiplier_names.index(("motor", "[N m]"))
     np.testing.assert_allclose(run.multipliers[:, place], found.torque[5:-5, 0], rtol=0, atol=1e-5)
@@ -314,7 +316,7 @@ def test_heavier_links_and_payloads_make_the_worst_case_of_a_linkage(tmp_path):
     bound = np.abs(torque) + 0.1 * np.abs(shares).sum(axis=1)
     assert worst.joint("crank").peak_torque == pytest.approx(bound.max(), rel=1e-4)
     assert worst.joint("crank").peak_torque > nominal.joint("crank").peak_torque
-    loaded = Linkage(scene, scene.card.robot([bc.Payload(5.0, "coupler_tip")]))
+    loaded = Linkage(scene, scene.config.robot([bc.Payload(5.0, "coupler_tip")]))
     still = np.zeros_like(v)
     gravity = (loaded.torques(motion.time, q, still, still)[0] - linkage.torques(motion.time, q, still, still)[0])[:, 0]
     height = scene.robot.frame_pose("coupler_tip", q)[0][:, 1]

@@ -1,4 +1,4 @@
-"""The shipped closed scenes start closed and stay so, and agree with equations written by hand."""
+"""The bundled closed scenes start closed and stay so, and agree with equations written by hand."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ SHIPPED = {  # with the number of rows that bind
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_a_shipped_scene_starts_closed_and_stays_so_at_every_output(name):
+def test_a_bundled_scene_starts_closed_and_stays_so_at_every_output(name):
     run = simulate(name, duration=0.3)
     assert len(system_of(run.scene).multiplier_names) == SHIPPED[name]
     assert run.success and run.constraint_residual() < 1e-12 and run.velocity_residual() < 1e-12
@@ -31,13 +31,13 @@ def test_a_shipped_scene_starts_closed_and_stays_so_at_every_output(name):
 
 
 @pytest.mark.parametrize("loops", [2, 40])
-def test_the_shipped_n_four_bars_are_those_of_the_factory(loops):
+def test_the_bundled_n_four_bars_are_those_of_the_factory(loops):
     urdf, scene = n_four_bar_texts(loops)
     assert (folder("urdf") / f"n_four_bar_{loops}.urdf").read_text(encoding="utf-8") == urdf
     assert (folder("robots") / f"n_four_bar_{loops}.yaml").read_text(encoding="utf-8") == scene
 
 
-def test_the_shipped_disk_in_six_coordinates_is_the_factorys():
+def test_the_bundled_disk_in_six_coordinates_is_the_factorys():
     assert (folder("urdf") / "thin_disk_six.urdf").read_text(encoding="utf-8").endswith(disk_urdf())
 
 
@@ -75,12 +75,12 @@ def test_loops_are_timed_against_the_fewest():
 # ---- the textbook's equations
 
 
-def test_the_four_bars_equations_keep_its_energy_and_its_closure():
+def test_the_four_bars_equations_keep_its_energy_and_its_constraint():
     book = ClosedFourBar()
     q, v = book.closed(np.array(0.5), np.array(0.2), np.array(1.0))
     x = solve_along(book.derivative, np.r_[q, v], np.linspace(0.0, 3.0, 31))
     energy = sum(book.energy(x[:, :3], x[:, 3:]))
-    assert np.ptp(energy) < 1e-11 * energy[0] and np.abs(book.closure(x[:, :3])).max() < 1e-12
+    assert np.ptp(energy) < 1e-11 * energy[0] and np.abs(book.constraint(x[:, :3])).max() < 1e-12
 
 
 def test_the_four_bars_lock_angle_is_twice_the_arc_sine_and_missing_where_links_are_too_long():
@@ -92,7 +92,7 @@ def test_the_four_bars_lock_angle_is_twice_the_arc_sine_and_missing_where_links_
 def test_both_branches_of_the_four_bar_are_mirror_images_about_the_line_between_tip_and_pivot():
     book, crank = ClosedFourBar(), np.array([0.4, 1.1, 2.0])
     (q, _), (p, _) = (book.closed(crank, np.zeros(3), np.full(3, side)) for side in (1.0, -1.0))
-    assert np.abs(book.closure(q)).max() < 1e-15 and np.abs(book.closure(p)).max() < 1e-15
+    assert np.abs(book.constraint(q)).max() < 1e-15 and np.abs(book.constraint(p)).max() < 1e-15
     way = np.arctan2(-1.241 * np.sin(crank), 1.241 - 1.241 * np.cos(crank))
     np.testing.assert_allclose(np.exp(1j * (q + p)[:, 1]), np.exp(2j * (way - crank)), atol=1e-12)
 

@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 
 import bellcrank as bc
 from bellcrank.cli import main
+from bellcrank.dynamics.binding_rows import binding_of
 from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.constraint_rank import binding_of
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import load_scene
 from bellcrank.simulation.scene_notes import scene_notes
@@ -182,7 +182,7 @@ def test_a_speed_in_part_gives_a_disk_its_spin_and_drift_follows(tmp_path):
 
 
 def test_a_world_velocity_stays_where_the_attitude_is_a_guess(tmp_path):
-    """The closure turns the disk upright; the velocity held in world axes must not turn with it."""
+    """The constraint turns the disk upright; the velocity held in world axes must not turn with it."""
     text = ROLLER.format(
         base="position: [0, 0, 0.1], rpy: {guess: [0.2, 0, 0.4]}, angular_velocity: [~, ~, 3], linear_velocity: {x: 1}"
     )
@@ -274,9 +274,9 @@ def test_a_tumbling_body_goes_on_from_its_file_to_the_bit(tmp_path):
 def test_a_closed_scene_goes_on_from_its_file(tmp_path, name):
     import shutil
 
-    shipped = load_scene(name)
-    shutil.copy(shipped.robot.source, tmp_path)
-    data = {**shipped.data, "urdf": shipped.robot.source.name}
+    bundled = load_scene(name)
+    shutil.copy(bundled.robot.source, tmp_path)
+    data = {**bundled.data, "urdf": bundled.robot.source.name}
     import yaml
 
     (tmp_path / "scene.yaml").write_text(yaml.safe_dump(data))
@@ -337,8 +337,8 @@ def test_a_clock_that_starts_anew_and_a_moved_start_are_said(tmp_path):
     simulate(scene, duration=0.4).save(tmp_path / "half.npz")
     anew = scene.with_overrides({"initial.run": "half.npz"})
     notes = " ".join(anew.notes)
-    assert "half.npz ends where its clock reads 0.4 s" in notes and "push" in notes and "closure 'way'" in notes
-    assert "the closures do not fit the state of half.npz" in notes
+    assert "half.npz ends where its clock reads 0.4 s" in notes and "push" in notes and "constraint 'way'" in notes
+    assert "the constraints do not fit the state of half.npz" in notes
 
 
 def test_another_time_of_a_run_is_one_of_its_rows(tmp_path):

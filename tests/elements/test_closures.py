@@ -1,4 +1,4 @@
-"""Closures of scenes against solutions that are found another way: Pinocchio's Jacobians, closed forms, plain trees."""
+"""Constraints of scenes against solutions that are found another way: Pinocchio's Jacobians, closed forms, plain trees."""
 
 import json
 import math
@@ -55,7 +55,7 @@ def folder(tmp_path_factory):
 
 
 def linkage(changes=()):
-    """The shipped four-bar without parameters and outputs, which name its closure."""
+    """The bundled four-bar without parameters and outputs, which name its constraint."""
     return load_scene("four_bar", {"parameters": {}, "outputs": {}} | dict(changes))
 
 
@@ -71,12 +71,12 @@ def closed_chain(folder, kind, **keys):
     pin.framesForwardKinematics(bare.robot.model, data, POSTURE)
     end = data.oMf[bare.robot.model.getFrameId("l6")]
     anchor = {"link": "base", "xyz": end.translation.tolist(), "rpy": pin.rpy.matrixToRpy(end.rotation).tolist()}
-    closure = {"name": "hold", "kind": kind, "frame_a": "l6", "frame_b": "anchor", **keys}
+    constraint = {"name": "hold", "kind": kind, "frame_a": "l6", "frame_b": "anchor", **keys}
     start = {f"j{k}": float(x) for k, x in enumerate(POSTURE)}
-    return load_scene(folder / "chain.urdf", {"frames": {"anchor": anchor}, "closures": [closure], "initial": start})
+    return load_scene(folder / "chain.urdf", {"frames": {"anchor": anchor}, "closures": [constraint], "initial": start})
 
 
-# ---- kinds of closure
+# ---- kinds of constraint
 
 
 @pytest.mark.parametrize("kind", ["point", "hinge", "weld"])
@@ -106,24 +106,24 @@ def test_accelerations_and_forces_of_a_loop_are_those_of_pinocchios_jacobians(fo
     kkt = np.block([[mass, -rows.T], [rows, np.zeros((m, m))]])
     solved = np.linalg.solve(kkt, np.concatenate([-bias, -gamma]))
     x = np.concatenate([q, v])
-    multipliers = system_of(scene).closure(np.zeros(1), x, np.zeros(0), system_parameters(scene))[0]
+    multipliers = system_of(scene).constraint(np.zeros(1), x, np.zeros(0), system_parameters(scene))[0]
     acceleration = system_of(scene).observation(np.zeros(1), x, np.zeros(0), system_parameters(scene))[0]
     np.testing.assert_allclose(acceleration, solved[:7], rtol=0, atol=1e-8 * np.abs(solved[:7]).max())
     np.testing.assert_allclose(multipliers, solved[7:], atol=1e-7 * np.abs(solved[7:]).max())
 
 
 def test_a_body_that_hangs_at_a_point_is_pulled_up_by_its_weight(folder):
-    closure = {"name": "hook", "kind": "point", "frame_a": "body", "frame_b": "world", "point": [0, 0, 1]}
-    run = simulate(load_scene(folder / "body.urdf", {"floating_base": True, "closures": [closure]}), 0.1)
-    np.testing.assert_allclose(run.closure("hook").multipliers, np.tile([0, 0, 2 * 9.81], (len(run), 1)), atol=1e-9)
-    assert run.closure("hook").labels == ("x [N]", "y [N]", "z [N]")
+    constraint = {"name": "hook", "kind": "point", "frame_a": "body", "frame_b": "world", "point": [0, 0, 1]}
+    run = simulate(load_scene(folder / "body.urdf", {"floating_base": True, "closures": [constraint]}), 0.1)
+    np.testing.assert_allclose(run.constraint("hook").multipliers, np.tile([0, 0, 2 * 9.81], (len(run), 1)), atol=1e-9)
+    assert run.constraint("hook").labels == ("x [N]", "y [N]", "z [N]")
     assert np.abs(run.position[:, 2] - 1.0).max() < 1e-14
 
 
 def test_a_rod_makes_a_pendulum_whose_pull_is_weight_and_centripetal_force(folder):
-    closure = {"name": "rod", "kind": "distance", "frame_a": "body", "frame_b": "world", "length": 0.8}
+    constraint = {"name": "rod", "kind": "distance", "frame_a": "body", "frame_b": "world", "length": 0.8}
     start = {"position": [0.8 * math.sin(1.0), 0, -0.8 * math.cos(1.0)]}
-    scene = load_scene(folder / "body.urdf", {"floating_base": True, "closures": [closure], "base": start})
+    scene = load_scene(folder / "body.urdf", {"floating_base": True, "closures": [constraint], "base": start})
     times = np.linspace(0, 3, 31)
     run = simulate(scene, 3.0, times=times, rtol=1e-12, atol=1e-12)
     exact = solve_ivp(
@@ -162,7 +162,7 @@ def test_a_spatial_loop_of_a_hinge_and_a_ball_is_redundant_and_moves_in_its_plan
     run, plane = simulate(scene, 10, times=times), simulate(four_bar, 10, times=times)
     for name in ("crank", "coupler", "rocker"):
         np.testing.assert_allclose(run.joint(name).position, plane.joint(name).position, atol=1e-6)
-    rank = run.closure_rank()
+    rank = run.constraint_rank()
     assert rank.rank == 4 and len(rank.singular_values) == 5
     assert "not unique" in run.summary() and "rank 4 of 5" in run.summary()
     assert run.equation_residual() < 1e-9
@@ -221,7 +221,7 @@ def test_formulas_and_python_functions_close_loops_as_the_kinds_do(four_bar):
     formula = simulate(bare, 8, times=times)
     np.testing.assert_allclose(formula.position, usual.position, atol=1e-9)
     np.testing.assert_allclose(formula.multipliers, usual.multipliers, rtol=1e-7)
-    assert formula.closure("x").labels == ("force [N]",)
+    assert formula.constraint("x").labels == ("force [N]",)
 
     def apex(s):
         return (s.frame("coupler_tip").position - s.frame("rocker_tip").position)[:2]
@@ -229,7 +229,7 @@ def test_formulas_and_python_functions_close_loops_as_the_kinds_do(four_bar):
     own = four_bar.with_overrides({"closures": [], "events": []}).with_constraint(apex, "apex", "m")
     run = simulate(own, 8, times=times, overrides={"simulate.rtol": 1e-11})
     np.testing.assert_allclose(run.position, usual.position, atol=1e-8)
-    with pytest.raises(InputError, match="closure 'apex' is a Python function, which no file can hold"):
+    with pytest.raises(InputError, match="constraint 'apex' is a Python function, which no file can hold"):
         run.save("run.npz")
 
 
@@ -253,7 +253,7 @@ def test_a_formula_of_velocities_is_non_holonomic_and_keeps_what_a_coupling_keep
 # ---- stabilisation
 
 
-def test_without_stabilisation_the_closure_drifts_and_gains_or_projection_keep_it(four_bar):
+def test_without_stabilisation_the_constraint_drifts_and_gains_or_projection_keep_it(four_bar):
     runs = {
         name: simulate(four_bar, 10.0, rtol=1e-6, atol=1e-6, stabilisation=how)
         for name, how in {
@@ -291,7 +291,7 @@ def test_the_four_bar_locks_when_where_and_with_the_forces_of_the_reference(four
     assert abs(lock.time - LOCK_TIME) < 1e-7
     assert abs(lock.position[0] - LOCK_ANGLE) < 1e-8
     assert abs(np.linalg.norm(lock.multipliers) - LOCK_FORCE) < 1e-6 * LOCK_FORCE + 0.005
-    assert run.closure("apex").labels == ("x [N]", "y [N]")
+    assert run.constraint("apex").labels == ("x [N]", "y [N]")
 
 
 def test_a_latch_takes_all_the_kinetic_energy_out_of_the_four_bar(four_bar, tmp_path):
@@ -326,7 +326,7 @@ def test_closeness_to_singular_is_the_ratio_of_singular_values_and_can_end_a_run
     event = [{"name": "near", "when": {"singular_closure": 0.05}, "direction": "up", "stop": True}]
     run = simulate(four_bar, overrides={"events": event})
     near = run.events[-1]
-    jacobian, mass = system_of(run.scene).closure_metric(
+    jacobian, mass = system_of(run.scene).constraint_metric(
         np.array([near.time]), np.concatenate([near.position, near.velocity]), np.zeros(0), run.parameters
     )
     values = np.linalg.svd(np.linalg.solve(np.linalg.cholesky(mass), jacobian.T), compute_uv=False)
@@ -341,16 +341,16 @@ def test_a_disk_that_is_lifted_ends_the_run_where_its_normal_force_vanishes():
     run = simulate("rolling_disk", 5.0, overrides=lift)
     lost = run.events[-1]
     assert lost.name == "floor contact lost" and lost.stopped and run.time[-1] < 5.0
-    assert abs(lost.multipliers[0]) < 1e-8 < run.closure("floor").multipliers[0, 0]
+    assert abs(lost.multipliers[0]) < 1e-8 < run.constraint("floor").multipliers[0, 0]
     railed = simulate("rolling_disk", 5.0, overrides=lift | {"closures.floor.two_sided": True})
-    assert railed.closure("floor").multipliers[:, 0].min() < 0.0 and not railed.events
+    assert railed.constraint("floor").multipliers[:, 0].min() < 0.0 and not railed.events
     with pytest.raises(InputError, match="'floor' is not in contact at the start: its plane would have to pull by"):
         simulate("rolling_disk", 1.0, overrides=lift | {"gravity": [0, 0, 9.81]})
 
 
 def test_friction_demand_and_contact_point_of_the_rolling_disk(four_bar):
     run = simulate("rolling_disk", 2.0)
-    normal, *friction = run.closure("floor").multipliers.T
+    normal, *friction = run.constraint("floor").multipliers.T
     np.testing.assert_allclose(run.output("friction"), np.hypot(*friction) / normal, rtol=1e-12)
     contact, centre = run.output("contact"), run.output("centre")
     assert np.abs(contact[:, 2]).max() < 1e-12
@@ -361,23 +361,23 @@ def test_friction_demand_and_contact_point_of_the_rolling_disk(four_bar):
     assert stopped.output("friction")[-1] == pytest.approx(0.6, rel=1e-8)
 
 
-def test_a_closure_written_twice_shares_its_force_and_the_summary_says_so(four_bar, tmp_path):
+def test_a_constraint_written_twice_shares_its_force_and_the_summary_says_so(four_bar, tmp_path):
     once = simulate(four_bar, 5.0)
     twin = {"name": "twin", "kind": "point", "frame_a": "coupler_tip", "frame_b": "rocker_tip"}
     both = simulate(four_bar, 5.0, overrides={"closures": [*four_bar.data["closures"], twin], "events": []})
     np.testing.assert_allclose(both.position, once.position, atol=1e-8)
-    np.testing.assert_allclose(both.closure("twin").multipliers, once.closure("apex").multipliers / 2, rtol=1e-5)
+    np.testing.assert_allclose(both.constraint("twin").multipliers, once.constraint("apex").multipliers / 2, rtol=1e-5)
     assert "rank 2 of 4 rows" in both.summary() and "unique are none" in both.summary()
     assert "not unique" not in once.summary()
     header = once.to_csv(tmp_path / "run.csv").read_text().splitlines()[0]
     assert "apex x [N],apex y [N],apex residual [m or rad]" in header
     titles = [axis.get_title(loc="left") for axis in both.plot().axes]
-    assert "multiplier" in titles and {"closure position residual", "closure velocity residual"} <= set(titles)
+    assert "multiplier" in titles and {"constraint position residual", "constraint velocity residual"} <= set(titles)
     stored = np.load(once.save(tmp_path / "run.npz"))
     assert np.array_equal(stored["multipliers"], once.multipliers)
 
 
-def test_output_of_a_closure_and_its_parameter(folder):
+def test_output_of_a_constraint_and_its_parameter(folder):
     rod = {"name": "rod", "kind": "distance", "frame_a": "tip", "frame_b": "base", "length": 1.6}
     scene = load_scene(
         folder / "crane.urdf",
@@ -415,7 +415,7 @@ FOREIGN = {"mjcf": ("loops.xml", MJCF), "sdf": ("loops.sdf", SDF), "gepetto": ("
 
 @pytest.fixture
 def beside(tmp_path, four_bar):
-    """The four-bar's files in one folder, its closure from a file of another tool."""
+    """The four-bar's files in one folder, its constraint from a file of another tool."""
 
     def write(kind, text=None):
         name, usual = FOREIGN[kind]
@@ -433,7 +433,7 @@ def test_loops_beside_a_urdf_close_the_four_bar(beside, kind, four_bar, tmp_path
     scene = load_scene(beside(kind))
     run, own = simulate(scene), simulate(four_bar)
     assert abs(run.events[-1].time - own.events[-1].time) < 1e-8
-    assert [c.name for c in scene.closures] == [f"{kind}_1"]
+    assert [c.name for c in scene.constraints] == [f"{kind}_1"]
     again = load_run(run.save(tmp_path / "run.npz"))
     assert np.array_equal(again.multipliers, run.multipliers)
 
@@ -446,7 +446,7 @@ def test_gepettos_yaml_says_which_joints_have_motors(tmp_path):
 
 def test_motors_of_gepettos_yaml_are_those_that_are_sized_unless_the_scene_names_others(beside):
     scene = beside("gepetto")
-    assert load_scene(scene).card.actuated == ("crank",)
+    assert load_scene(scene).config.actuated == ("crank",)
     unfold = {"kind": "waypoints", "times": [0, 1], "positions": [{"crank": 0.1}, {"crank": 0.2}]}
     data = json.loads(scene.read_text()) | {"motions": {"unfold": unfold}}
     for given, motor in (({}, "crank"), ({"actuated": ["rocker"]}, "rocker")):
@@ -459,7 +459,7 @@ def test_motors_of_gepettos_yaml_are_those_that_are_sized_unless_the_scene_names
 def test_a_coupling_of_joints_in_mjcf_is_read_with_its_sign(beside):
     equality = '<equality><joint joint1="rocker" joint2="crank" polycoef="0.5 2 0 0 0"/></equality>'
     scene = load_scene(beside("mjcf", re.sub("<equality>.*</equality>", equality, MJCF)), {"events": []})
-    (gear,) = scene.closures
+    (gear,) = scene.constraints
     assert (gear.joint_a.name, gear.joint_b.name, gear.ratio, gear.offset) == ("crank", "rocker", 2.0, 0.5)
 
 
@@ -503,7 +503,7 @@ APEX = {"name": "apex", "kind": "point", "frame_a": "coupler_tip", "frame_b": "r
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"closures": [APEX | {"kind": "pin"}]}, "closures[1].kind: there is no kind 'pin'"),
+        ({"closures": [APEX | {"kind": "pin"}]}, "constraints[1].kind: there is no kind 'pin'"),
         ({"closures": [APEX | {"frame_a": "coupler_top"}]}, "there is no frame 'coupler_top'; did you mean"),
         ({"closures": [APEX | {"frame_b": "coupler_tip"}]}, "a loop closes two frames, both are 'coupler_tip'"),
         ({"closures": [APEX | {"point": [0, 0, 0]}]}, "a point is for 'frame_b: world'"),
@@ -528,21 +528,21 @@ APEX = {"name": "apex", "kind": "point", "frame_a": "coupler_tip", "frame_b": "r
         ({"simulate.stabilisation": "projektion"}, "did you mean 'projection'"),
         ({"simulate.stabilisation": {"kind": "none", "alpha": 1}}, "there is no key 'alpha'"),
         ({"events.lock.when": {"aligned": {"joint_a": "crank", "joint_b": "crank"}}}, "two joints line up, both are"),
-        ({"events.lock.when": {"aligned": {"joint_a": "crank", "joint_b": "coupler"}}}, "expected one closure between"),
+        ({"events.lock.when": {"aligned": {"joint_a": "crank", "joint_b": "coupler"}}}, "expected one constraint between"),
         ({"events.lock.when": {"aligned": {"joint_a": "coupler", "joint_b": "rocker", "closure": "x"}}}, "loop 'x'"),
         ({"events.lock.when": {"contact_lost": "apex"}}, "there is no rolling disk 'apex'"),
         ({"events.lock.when": {"singular_closure": 2}}, "expected at most 1"),
-        ({"events.lock.when": {"singular_closure": 0.1}, "closures": []}, "the scene has no closures"),
+        ({"events.lock.when": {"singular_closure": 0.1}, "closures": []}, "the scene has no constraints"),
         ({"events.lock.when": {"singular_closure": 0.1, "joint": "crank"}}, "expected one condition"),
         ({"events.lock.when": {"joint": "crank", "velocity": 1}, "events.lock.latch": True}, "not a velocity"),
         ({"events.lock.latch": True, "events.lock.stop": False}, "a latch ends the run"),
-        ({"outputs.force": {"closure": "base"}}, "there is no closure 'base'"),
+        ({"outputs.force": {"closure": "base"}}, "there is no constraint 'base'"),
         ({"outputs.force": {"closure": "apex", "what": "contact_point"}}, "only a rolling disk has a contact_point"),
         ({"outputs.force": {"force": "apex"}}, "there is no force or controller 'apex'"),
-        ({"parameters.x": {"value": 1, "sets": ["closure.apex.length"]}}, "no number of closure 'apex' 'length'"),
+        ({"parameters.x": {"value": 1, "sets": ["closure.apex.length"]}}, "no number of constraint 'apex' 'length'"),
     ],
 )  # fmt: skip
-def test_a_wrong_closure_event_or_setting_is_named(changes, message):
+def test_a_wrong_constraint_event_or_setting_is_named(changes, message):
     with pytest.raises(InputError, match=re.escape(message)) as caught:
         linkage(changes)
     assert "\n" not in str(caught.value)
@@ -556,9 +556,9 @@ def test_a_wrong_closure_event_or_setting_is_named(changes, message):
         ([APEX, {"kind": "formula", "expression": "crank.position - 2"}], "do not close with crank held"),
     ],
 )
-def test_closures_that_cannot_hold_end_in_one_sentence(closures, message):
+def test_constraints_that_cannot_hold_end_in_one_sentence(constraints, message):
     with pytest.raises(InputError, match=re.escape(message)):
-        simulate(linkage({"closures": closures, "events": []}), 1.0)
+        simulate(linkage({"closures": constraints, "events": []}), 1.0)
 
 
 def test_functions_that_are_no_constraints_are_refused(four_bar):
@@ -590,22 +590,22 @@ def test_two_wheels_on_one_axle_share_their_side_force_and_nothing_else(tmp_path
     base = {"position": [0, 0, 0.2], "linear_velocity": [1, 0, 0], "expressed_in": "body"}
     scene = load_scene(tmp_path / "cart.urdf", {"floating_base": True, "closures": wheels, "base": base})
     run = simulate(scene, 1.0)
-    rank = run.closure_rank()
+    rank = run.constraint_rank()
     assert rank.rank == 5
     names = [f"{owner} {label}" for owner, label in system_of(scene).multiplier_names]
     shared = {name for name, unique in zip(names, rank.unique, strict=True) if not unique}
     assert shared == {"left friction sideways [N]", "right friction sideways [N]"}
-    weight = run.closure("left").multipliers[0, 0] + run.closure("right").multipliers[0, 0]
+    weight = run.constraint("left").multipliers[0, 0] + run.constraint("right").multipliers[0, 0]
     assert weight == pytest.approx(7 * 9.81, rel=0.3)
     assert run.energy_drift() < 1e-7 and run.velocity_residual() < 1e-12
 
 
-def test_lengths_and_angles_that_closures_are_apart_stand_apart_with_their_units(four_bar):
-    assert set(simulate(four_bar, 0.1).closure_residuals) == {"m", "m/s"}
+def test_lengths_and_angles_that_constraints_are_apart_stand_apart_with_their_units(four_bar):
+    assert set(simulate(four_bar, 0.1).constraint_residuals) == {"m", "m/s"}
     ring = simulate(load_scene("bricard"), 0.5, overrides={"simulate.stabilisation": {"kind": "none"}})
-    found = ring.closure_residuals
+    found = ring.constraint_residuals
     assert set(found) == {"m", "rad", "m/s", "rad/s"}
-    (closure,) = (ring.closure(closure.name) for closure in ring.scene.closures)
-    assert np.array_equal(np.maximum(found["m"], found["rad"]), closure.residual)
-    assert np.array_equal(np.maximum(found["m/s"], found["rad/s"]), closure.velocity_residual)
+    (constraint,) = (ring.constraint(constraint.name) for constraint in ring.scene.constraints)
+    assert np.array_equal(np.maximum(found["m"], found["rad"]), constraint.residual)
+    assert np.array_equal(np.maximum(found["m/s"], found["rad/s"]), constraint.velocity_residual)
     assert found["m"].max() > 0.0 and found["rad"].max() > 0.0

@@ -20,7 +20,7 @@ GRAVITY = {"x y": [0, -9.81, 0], "x z": [0, 0, -9.81]}
 
 
 def four_bar(
-    mass=(1, 1, 1), ground=1.0, stand="0 0 0", plane="x y", start=None, closures=(PIN,), rocker_rpy="0 0 0", **more
+    mass=(1, 1, 1), ground=1.0, stand="0 0 0", plane="x y", start=None, constraints=(PIN,), rocker_rpy="0 0 0", **more
 ):
     """A four-bar of links 0.3, 0.8 and 0.7 m; `stand` and `rocker_rpy` turn its ground and its rocker's bearing."""
     lengths = (0.3, 0.8, 0.7)
@@ -56,7 +56,7 @@ def four_bar(
             "tip_b": {"link": "b", "xyz": [lengths[1], 0, 0]},
             "tip_c": {"link": "c", "xyz": [lengths[2], 0, 0]},
         },
-        "closures": list(closures),
+        "closures": list(constraints),
         "initial": start
         or {"crank": 1.0, "coupler": {"guess": -0.5}, "rocker": {"guess": 1.5}, "velocity": {"crank": 2.0}},
         "simulate": {"duration": 3.0, "rtol": 1e-9, "atol": 1e-9},
@@ -81,16 +81,16 @@ def same(run, plain, bar=1e-7):
 # ---- rows that repeat, contradict, or say nothing
 
 
-def test_a_closure_written_twice_moves_as_once_and_shares_its_force(plain):
-    run = simulate(four_bar(closures=(PIN, PIN | {"name": "again"})))
+def test_a_constraint_written_twice_moves_as_once_and_shares_its_force(plain):
+    run = simulate(four_bar(constraints=(PIN, PIN | {"name": "again"})))
     assert same(run, plain)
     np.testing.assert_allclose(run.multipliers[:, :2] + run.multipliers[:, 2:], plain.multipliers, atol=1e-5)
     np.testing.assert_allclose(run.multipliers[:, :2], run.multipliers[:, 2:], atol=1e-5)
 
 
 def test_a_rod_along_a_link_repeats_what_the_link_says(plain):
-    """It does so on the closure alone, so that the stages of a step contradict it a little, and steps shrink."""
-    assert same(simulate(four_bar(closures=(PIN, ROD)), rtol=1e-11, atol=1e-11), plain, 1e-4)
+    """It does so on the constraint alone, so that the stages of a step contradict it a little, and steps shrink."""
+    assert same(simulate(four_bar(constraints=(PIN, ROD)), rtol=1e-11, atol=1e-11), plain, 1e-4)
 
 
 @pytest.mark.parametrize(
@@ -101,22 +101,22 @@ def test_a_rod_along_a_link_repeats_what_the_link_says(plain):
         ((PIN,), 3.0, "'pin' stays 1.[0-9]+ .m or rad. apart"),
     ],
 )  # fmt: skip
-def test_closures_that_contradict_or_are_out_of_reach_say_which_and_by_how_much(closures, ground, message):
+def test_constraints_that_contradict_or_are_out_of_reach_say_which_and_by_how_much(constraints, ground, message):
     with pytest.raises(InputError, match=message):
-        simulate(four_bar(closures=closures, ground=ground))
+        simulate(four_bar(constraints=constraints, ground=ground))
 
 
-def test_a_closure_that_a_motor_would_stretch_past_reach_ends_with_a_status():
-    """The rocker follows a motion that the crank's 0.3 m cannot: at its dead centre the closure holds no more."""
+def test_a_constraint_that_a_motor_would_stretch_past_reach_ends_with_a_status():
+    """The rocker follows a motion that the crank's 0.3 m cannot: at its dead centre the constraint holds no more."""
     motion = {"kind": "waypoints", "times": [0, 2], "positions": [{"rocker": 1.8}, {"rocker": 3.0}]}
     drive = {"name": "motor", "kind": "drive", "joint": "rocker", "motion": "away"}
     start = {"crank": {"guess": 1.0}, "coupler": {"guess": -0.5}, "rocker": {"guess": 1.8}}
-    scene = four_bar(closures=(PIN, drive), motions={"away": motion}, start=start)
+    scene = four_bar(constraints=(PIN, drive), motions={"away": motion}, start=start)
     run = simulate(scene, max_evaluations=50_000)
     assert not run.success and 0.0 < run.time[-1] < 2.0
     assert np.isfinite(run.state).all() and f"at {run.time[-1]:.9g} s" in run.message
     torn = simulate(scene, max_evaluations=50_000, stabilisation="none")  # nothing holds it together
-    assert np.isfinite(torn.state).all() and any("closure 'pin' is" in text for text in torn.warnings)
+    assert np.isfinite(torn.state).all() and any("constraint 'pin' is" in text for text in torn.warnings)
 
 
 # ---- drawings with rounded right angles
@@ -203,7 +203,7 @@ def test_a_massless_link_at_the_end_that_nothing_turns_is_no_hindrance():
 
 
 @pytest.mark.parametrize("coupler", [1e-6, 1e6])
-def test_a_mass_ratio_of_a_million_across_a_loop_keeps_energy_and_closure(coupler):
+def test_a_mass_ratio_of_a_million_across_a_loop_keeps_energy_and_constraint(coupler):
     run = simulate(four_bar(mass=(1, coupler, 1)), rtol=1e-11, atol=1e-11)
     assert run.success and run.energy_drift() < 1e-9
     assert run.constraint_residual() < 1e-12 and run.velocity_residual() < 1e-12
@@ -257,7 +257,9 @@ def test_near_a_lost_rank_its_error_grows_as_mu_to_the_fourth_over_the_distance_
     assert studies["four-bar, 0.01 rad from flat"].acceleration[at(1e-9)] < 1e-13
 
 
-def test_off_its_closure_a_redundant_row_contradicts_the_others_unless_mu_is_above_a_hundredth_of_the_distance(studies):
+def test_off_its_constraint_a_redundant_row_contradicts_the_others_unless_mu_is_above_a_hundredth_of_the_distance(
+    studies,
+):
     at, far, near = (
         list(SHARES).index,
         *(studies[f"Bricard mechanism, {d} off"].acceleration for d in ("0.01", "0.0001")),
@@ -272,7 +274,7 @@ def test_the_table_of_the_study_has_a_row_a_state_and_a_column_a_mu(studies):
     assert len(lines) == 1 + len(studies) and all(len(line.split()) >= 10 for line in lines)
 
 
-def test_the_dense_reference_obeys_newton_and_the_closure():
+def test_the_dense_reference_obeys_newton_and_the_constraint():
     random = np.random.default_rng(2)
     root, j = random.normal(size=(5, 5)), random.normal(size=(2, 5))
     mass, force, right = root @ root.T + np.eye(5), random.normal(size=5), random.normal(size=2)

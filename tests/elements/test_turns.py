@@ -1,4 +1,4 @@
-"""Welds and hinges close the right way round, and closures between frames that cannot move are told of."""
+"""Welds and hinges close the right way round, and constraints between frames that cannot move are told of."""
 
 import numpy as np
 import pytest
@@ -26,12 +26,12 @@ LINK = (
 
 @pytest.fixture
 def chain(tmp_path):
-    """A function that makes the scene of a chain of four links with these closures."""
+    """A function that makes the scene of a chain of four links with these constraints."""
 
-    def make(closures, initial="{a: 0}", more="", axis="0 0 1"):
+    def make(constraints, initial="{a: 0}", more="", axis="0 0 1"):
         links = "".join(LINK.format(name) for name in "abcd")
         (tmp_path / "chain.urdf").write_text(ROBOT.format(links=links, kind="continuous", axis=axis))
-        listed = "\n".join(f"  - {closure}" for closure in closures)
+        listed = "\n".join(f"  - {constraint}" for constraint in constraints)
         (tmp_path / "scene.yaml").write_text(
             f"name: chain\nurdf: chain.urdf\ngravity: [0, -9.81, 0]\nframes:\n"
             "  tip: {link: d, xyz: [1, 0, 0]}\n  on_b: {link: b, xyz: [0.3, 0, 0]}\n"
@@ -56,9 +56,9 @@ def angle_to_x(scene, frame, q):
 
 @pytest.mark.parametrize("closure", SHUT, ids=["weld", "hinge"])
 @pytest.mark.parametrize("guess", GUESSES)
-def test_a_guess_at_any_angle_closes_with_the_frames_aligned(chain, closure, guess):
+def test_a_guess_at_any_angle_closes_with_the_frames_aligned(chain, constraint, guess):
     initial = f"{{a: {{guess: 10 deg}}, b: {{guess: {guess - 10} deg}}, c: 20 deg, d: 0}}"
-    scene = chain([closure], initial)
+    scene = chain([constraint], initial)
     q, _ = consistent_start(scene)
     assert angle_to_x(scene, "b", q) < 1e-7  # arccos near 1
     run = bc.simulate(scene)
@@ -67,8 +67,8 @@ def test_a_guess_at_any_angle_closes_with_the_frames_aligned(chain, closure, gue
 
 def test_a_weld_that_only_half_a_turn_closes_is_refused_by_name(chain):
     for kind in ("weld", "hinge, axis: [1, 0, 0]"):
-        closure = f"{{name: shut, kind: {kind}, frame_a: turned_on_b, frame_b: world, point: [1.3, 0, 0]}}"
-        scene = chain([closure], "{a: 0, b: 0}")
+        constraint = f"{{name: shut, kind: {kind}, frame_a: turned_on_b, frame_b: world, point: [1.3, 0, 0]}}"
+        scene = chain([constraint], "{a: 0, b: 0}")
         with pytest.raises(InputError, match="'shut' closes only with its sides turned by 180 deg"):
             bc.simulate(scene)
 
@@ -90,7 +90,7 @@ def test_a_run_whose_weld_is_turned_over_ends_and_names_it(chain, monkeypatch):
     run = bc.simulate(scene)
     assert run.status is Status.TURNED_OVER and not run.success
     assert len(run) == 4 and run.time[-1] == whole.time[3]
-    assert "closure 'shut'" in run.message and any("stopped before" in text for text in run.warnings)
+    assert "constraint 'shut'" in run.message and any("stopped before" in text for text in run.warnings)
 
 
 def test_closed_loops_in_space_with_a_hinge_start_the_right_way_round_from_any_guess(chain):
@@ -108,7 +108,7 @@ def test_closed_loops_in_space_with_a_hinge_start_the_right_way_round_from_any_g
         assert rotation[2, 2] > 1.0 - 1e-12
 
 
-RIGID = {  # closures between frames that cannot move against each other, and what is far from closing in them
+RIGID = {  # constraints between frames that cannot move against each other, and what is far from closing in them
     "point": ("{name: rigid, kind: point, frame_a: on_b, frame_b: turned_on_b}", None),
     "same link, turned": ("{name: rigid, kind: weld, frame_a: b, frame_b: on_b}", "x [N] is 0."),
     "the ground": ("{name: rigid, kind: weld, frame_a: on_ground, frame_b: world}", None),
@@ -123,10 +123,12 @@ RIGID = {  # closures between frames that cannot move against each other, and wh
 
 @pytest.mark.parametrize("alone", [True, False])
 @pytest.mark.parametrize("case", RIGID)
-def test_closures_between_frames_that_cannot_move_are_refused_or_told_of(chain, case, alone):
-    closure, apart = RIGID[case]
+def test_constraints_between_frames_that_cannot_move_are_refused_or_told_of(chain, case, alone):
+    constraint, apart = RIGID[case]
     loop = "{name: loop, kind: point, frame_a: tip, frame_b: world, point: [2, 0.5, 0]}"
-    scene = chain([closure] if alone else [loop, closure], "{a: 70 deg, b: {guess: -80 deg}, c: {guess: -60 deg}}")
+    scene = chain(
+        [constraint] if alone else [loop, constraint], "{a: 70 deg, b: {guess: -80 deg}, c: {guess: -60 deg}}"
+    )
     if apart is not None:
         with pytest.raises(InputError, match="'rigid' cannot close: its row") as refused:
             bc.simulate(scene)

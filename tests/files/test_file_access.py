@@ -233,10 +233,10 @@ def test_what_the_user_writes_on_the_command_line_is_read_wherever_it_is(project
     with pytest.raises(InputError, match="is not read"):  # of another key
         bc.load_scene(scene(project, f"urdf: {private}/x.urdf\n"), {"gravity": [0, 0, -1]})
     assert bc.load_scene(private / "x.urdf").robot.name == "planar_2r"
-    assert bc.load_card(private / "x.urdf").robot().name == "planar_2r"
+    assert bc.load_robot_config(private / "x.urdf").robot().name == "planar_2r"
 
 
-def test_shipped_robots_and_data_may_be_named_from_anywhere(project: Path) -> None:
+def test_bundled_robots_and_data_may_be_named_from_anywhere(project: Path) -> None:
     data = bundled_data.folder("urdf") / "planar_2r.urdf"
     for name in ("planar_2r", "ur5", "../urdf/x.urdf", "x.urdf", str(data), str(find_urdf("ur5"))):
         assert bc.load_scene(scene(project, f"urdf: {name}\n")).robot.nv in (2, 6)
@@ -347,8 +347,8 @@ def test_a_scene_does_not_lend_its_urdf_a_wider_area(project: Path) -> None:
     (project.parent / "private" / "m.stl").write_bytes(TRIANGLE)
     path = scene(project, "urdf: ../up.urdf\n")
     assert not drawn(bc.load_scene(path).robot)[0]
-    assert not drawn(bc.load_card(path).robot())[0]
-    assert drawn(bc.load_card(path, trust=project.parent / "private").robot())[0]
+    assert not drawn(bc.load_robot_config(path).robot())[0]
+    assert drawn(bc.load_robot_config(path, trust=project.parent / "private").robot())[0]
     assert drawn(bc.load_robot(project / "up.urdf"))[0]  # named by the user, it has an area of its own
 
 

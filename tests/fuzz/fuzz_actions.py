@@ -274,10 +274,10 @@ def _calls(x: Any, y: Any) -> Iterator[Callable[[], Any]]:
     yield functools.partial(bc.Motion, arm.joints, x, [[0.0, 0.0]], [[0.0, 0.0]], [[0.0, 0.0]])
     yield functools.partial(bc.load_run, x)
     yield functools.partial(bc.load_scene, x)
-    yield functools.partial(bc.load_card, x)
+    yield functools.partial(bc.load_robot_config, x)
     yield functools.partial(bc.read_motion, arm, x)
     yield functools.partial(bc.check_urdf, x)
-    for method in (run.joint, run.frame, run.output, run.closure):
+    for method in (run.joint, run.frame, run.output, run.constraint):
         yield functools.partial(method, x)
 
 

@@ -54,7 +54,7 @@ def _scene(d: Damage) -> Case:
     return Case({"scene.yaml": _yaml(d, SCENE)}, "scene", ("scene.yaml",))
 
 
-def _closures(d: Damage) -> Case:
+def _constraints(d: Damage) -> Case:
     others = [
         {"name": "apex", "kind": "weld", "frame_a": "a", "frame_b": "b"},
         {"kind": "distance", "frame_a": "a", "frame_b": "world", "length": 0.5},
@@ -280,7 +280,7 @@ def _argument(d: Damage) -> Case:
 KINDS: dict[str, Callable[[Damage], Case]] = {
     "urdf": _urdf,
     "scene": _scene,
-    "closures": _closures,
+    "closures": _constraints,
     "expression": _expression,
     "csv": _csv,
     "configuration": _configuration,

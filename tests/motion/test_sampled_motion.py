@@ -150,7 +150,7 @@ def test_smooth_samples_keep_their_order_of_accuracy_and_get_no_rows(arm, tmp_pa
         assert np.abs(motion.at(fine)[2][:, 0] - sine(fine)[2]).max() < bound * 20.0
 
 
-def test_a_shipped_circle_comes_back_bit_for_bit(arm, tmp_path):
+def test_a_bundled_circle_comes_back_bit_for_bit(arm, tmp_path):
     motion = bellcrank.circle(arm, "tip", (1.2, 1.2, 0), 0.2, 10, start={"elbow": -1.0})
     back = read_motion(arm, write_motion(motion, tmp_path / "circle.csv"))
     for key in ("time", "position", "velocity", "acceleration"):

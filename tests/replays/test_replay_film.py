@@ -59,9 +59,9 @@ def arm(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def sizing():
-    card = bc.load_card("planar_2r")
-    robot = card.robot()
-    return bc.size(robot, [card.motion(robot, name) for name in card.motions], card.drives)
+    config = bc.load_robot_config("planar_2r")
+    robot = config.robot()
+    return bc.size(robot, [config.motion(robot, name) for name in config.motions], config.drives)
 
 
 def rotation(turns):
@@ -188,13 +188,13 @@ WELD = "{name: weld, kind: weld, frame_a: grip, frame_b: world, point: [0.5, 0.1
 
 
 @pytest.mark.parametrize("closures", [f"{ROD}, {PIN}", WELD], ids=["rod and hinge", "weld"])
-def test_arrows_of_closures_do_the_work_of_their_multipliers(tmp_path, closures):
+def test_arrows_of_constraints_do_the_work_of_their_multipliers(tmp_path, constraints):
     """Jᵀ λ at a joint is axis · (moment about it) of all that the arrows put on the links beyond it."""
     (tmp_path / "loop.yaml").write_text(
         "name: held\nurdf: panda\nfriction: none\ninitial: {panda_joint2: {guess: -0.5}, panda_joint4: {guess: -2.0}, "
         "panda_joint6: {guess: 1.6}}\n"
         "frames: {grip: {link: panda_link7, xyz: [0.02, 0.01, 0.1], rpy: [180 deg, 10 deg, 0]}}\n"
-        f"closures: [{closures}]\n"
+        f"closures: [{constraints}]\n"
         "simulate: {duration: 0.1, samples: 3}\n"
     )
     run = bc.simulate(tmp_path / "loop.yaml")
@@ -208,7 +208,7 @@ def test_arrows_of_closures_do_the_work_of_their_multipliers(tmp_path, closures)
     need = run.robot.inverse_dynamics(q, run.velocity, run.acceleration) - run.torque
     names = list(run.robot.joint_names)
     arrows = list(run_arrows(moments))
-    assert len(arrows) == 2 + ("rod" in closures)
+    assert len(arrows) == 2 + ("rod" in constraints)
     assert all(arrow.name.endswith((" on panda_link4", " on panda_link7")) for arrow in arrows)
     got = np.zeros_like(need)
     for arrow in arrows:
@@ -275,7 +275,7 @@ def test_charts_are_those_of_the_plots_and_keep_values_of_the_run(four_bar):
         crank.values[there], four_bar.joint("crank").position[np.searchsorted(four_bar.time, crank.time[there])]
     )
     assert charts["multiplier"].unit == "N"
-    for title, unit in (("closure position residual", "m"), ("closure velocity residual", "m/s")):
+    for title, unit in (("constraint position residual", "m"), ("constraint velocity residual", "m/s")):
         assert charts[title].logarithmic and charts[title].unit == unit
 
 
@@ -368,10 +368,10 @@ def test_a_sizing_plays_its_motions_one_after_the_other_with_its_torques_and_lim
 
 
 def test_where_a_limit_is_exceeded_a_sizing_has_a_mark():
-    card = bc.load_card("planar_2r")
-    robot = card.robot()
-    weak = {"shoulder": replace(card.drives["shoulder"], rated_torque=0.1, peak_torque=0.5)}
-    sizing = bc.size(robot, card.motion(robot, "elbow_down"), weak)
+    config = bc.load_robot_config("planar_2r")
+    robot = config.robot()
+    weak = {"shoulder": replace(config.drives["shoulder"], rated_torque=0.1, peak_torque=0.5)}
+    sizing = bc.size(robot, config.motion(robot, "elbow_down"), weak)
     marks = film_of_sizing(sizing).marks
     worst = sizing.joint("shoulder").shaft.peak_torque
     assert any("shoulder exceeds its motor's peak torque" in m.text and m.time == worst.time for m in marks)

@@ -1,4 +1,4 @@
-"""The plots of a page show what the run, or the motion, says at any time: every shipped page, and what jumps."""
+"""The plots of a page show what the run, or the motion, says at any time: every bundled page, and what jumps."""
 
 from dataclasses import replace
 
@@ -90,7 +90,7 @@ def looked_up(lines, truth):
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name != HUGE])
-def test_every_shipped_run_is_shown_as_it_is_at_random_times(name):
+def test_every_bundled_run_is_shown_as_it_is_at_random_times(name):
     run, rng = bc.simulate(name), np.random.default_rng(5)
     lines = charts_of(decoded(pack(bare(run_charts(run)[0]))))
     if name in UNRESOLVED:
@@ -104,12 +104,12 @@ def test_every_shipped_run_is_shown_as_it_is_at_random_times(name):
 
 
 def sized(name):
-    card = bc.load_card(name)
-    robot = card.robot()
-    return bc.size(robot, [card.motion(robot, each) for each in card.motions], card.drives)
+    config = bc.load_robot_config(name)
+    robot = config.robot()
+    return bc.size(robot, [config.motion(robot, each) for each in config.motions], config.drives)
 
 
-SIZED = [name for name in NAMES if bc.load_card(name).motions]
+SIZED = [name for name in NAMES if bc.load_robot_config(name).motions]
 
 
 @pytest.fixture
@@ -121,7 +121,7 @@ def no_meshes(monkeypatch):
 
 
 @pytest.mark.parametrize("name", SIZED)
-def test_every_shipped_sizing_is_shown_as_its_motions_are_at_random_times(name, no_meshes):
+def test_every_bundled_sizing_is_shown_as_its_motions_are_at_random_times(name, no_meshes):
     sizing = sized(name)
     mechanism, motions, drives = sizing.study
     robot = mechanism.robot
@@ -161,7 +161,7 @@ def cycle(robot):
 
 
 def test_a_dwell_between_motions_is_shown_at_rest_with_the_torque_that_holds_it(no_meshes):
-    robot = bc.load_card("planar_2r").robot()
+    robot = bc.load_robot_config("planar_2r").robot()
     motion = cycle(robot)
     page = decoded(pack(film_of_motion(motion, robot)))
     lines = charts_of(page)
@@ -275,7 +275,7 @@ def test_what_cannot_be_told_in_so_few_numbers_is_said_to_be_extremes():
 def test_the_page_reads_off_what_is_true_in_a_dwell_and_after_a_zoom_its_playhead_stays_with_its_time(
     open_page, tmp_path, no_meshes
 ):
-    robot = bc.load_card("planar_2r").robot()
+    robot = bc.load_robot_config("planar_2r").robot()
     motion = cycle(robot)
     page = open_page(write_page(film_of_motion(motion, robot), tmp_path / "cycle.html"), size=(1280, 800))
     page.tab.wait_for_selector(".chart .playhead")

@@ -32,8 +32,8 @@ simulate: {{duration: 2, samples: 101}}
 STOP = "events: [{name: <b>low</b>, when: {joint: shoulder, position: -2 rad}, stop: true}]"
 
 
-def simulated(folder, card, **options):
-    (folder / "arm.yaml").write_text(card, encoding="utf-8")
+def simulated(folder, config, **options):
+    (folder / "arm.yaml").write_text(config, encoding="utf-8")
     return bc.simulate(folder / "arm.yaml", **options)
 
 
@@ -81,10 +81,10 @@ def test_rows_that_are_no_numbers_are_no_ok_and_the_still_stands_before_them(sto
     assert document.still.time == stopped.time[19]
 
 
-def test_a_closure_reports_its_largest_force_which_is_the_multipliers(tmp_path):
+def test_a_constraint_reports_its_largest_force_which_is_the_multipliers(tmp_path):
     run = bc.simulate("four_bar", samples=101)
     document = run_document(run)
-    (forces,) = (part for part in document.parts if part.title == "Forces in the closures")
+    (forces,) = (part for part in document.parts if part.title == "Forces in the constraints")
     largest = np.abs(run.multipliers).max(axis=0)
     assert [abs(float(row[1].split()[0])) for row in forces.rows] == pytest.approx(largest, rel=1e-5)
     assert report(run, tmp_path / "page").stat().st_size < 0.7e6
@@ -118,7 +118,7 @@ def test_a_page_and_a_report_count_all_that_is_exceeded(sizing):
 
 
 def test_a_report_of_a_sizing_holds_its_inputs_under_headings_of_words(tmp_path):
-    card = (
+    config = (
         "name: Loaded\nurdf: geared_pendulum\ngravity: [0, -9.81, 0]\n"
         "friction: {shoulder: {viscous: 0.25, coulomb: 0.75}}"
         "\nframes: {hook: {link: %s, xyz: [0, 0, 0]}}\npayloads: [{mass: 1.75, frame: hook, cg: [0.01, 0.02, 0.03]}]\n"
@@ -128,7 +128,7 @@ def test_a_report_of_a_sizing_holds_its_inputs_under_headings_of_words(tmp_path)
         "safety_factor: 1.35, motor_efficiency: 0.91}}"
     )
     link = bc.load_robot("geared_pendulum").urdf.joints["shoulder"].child
-    (tmp_path / "loaded.yaml").write_text(card % link, encoding="utf-8")
+    (tmp_path / "loaded.yaml").write_text(config % link, encoding="utf-8")
     sizing = bc.size(tmp_path / "loaded.yaml", mass_tolerance=0.15)
     document = sizing_document(sizing, film_of(sizing))
     text = "".join(document_html(document))

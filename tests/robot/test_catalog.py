@@ -1,4 +1,4 @@
-"""Robots by name, by path, and where the shipped files lie."""
+"""Robots by name, by path, and where the bundled files lie."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from bellcrank.robot.catalog import SHORT_NAMES, find_urdf, names
 from bellcrank.robot.urdf_file import read_urdf
 
 
-def test_a_path_a_shipped_name_and_an_example_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shipped = folder("urdf") / "planar_2r.urdf"
-    assert find_urdf(shipped) == shipped
-    assert find_urdf(str(shipped)) == shipped
-    assert find_urdf("planar_2r") == shipped
+def test_a_path_a_bundled_name_and_an_example_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bundled = folder("urdf") / "planar_2r.urdf"
+    assert find_urdf(bundled) == bundled
+    assert find_urdf(str(bundled)) == bundled
+    assert find_urdf("planar_2r") == bundled
     assert find_urdf("ur5").name == "ur5_robot.urdf"
     assert find_urdf("talos").name == "talos_reduced.urdf"
     monkeypatch.chdir(tmp_path)

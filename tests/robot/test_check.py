@@ -239,7 +239,7 @@ def test_what_is_sound_is_left_alone(name: str, tmp_path: Path) -> None:
     assert findings(SOUND[name], tmp_path) == []
 
 
-def test_the_shipped_robots_have_nothing_to_find() -> None:
+def test_the_bundled_robots_have_nothing_to_find() -> None:
     for path in folder("urdf").glob("*.urdf"):
         if path.stem in ("planar_2r", "geared_pendulum"):
             assert check_urdf(path) == []

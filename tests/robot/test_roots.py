@@ -46,11 +46,11 @@ def test_mass_matrix_of_a_disk_keeps_its_digits_a_hundred_kilometres_away():
     np.testing.assert_array_equal(mass_of(robot, q), np.diag([0.5, 0.5, 0.5, 0.00125, 0.0025, 0.00125]))
 
 
-def test_closures_of_a_free_body_differentiate_to_what_the_quaternion_gives():
+def test_constraints_of_a_free_body_differentiate_to_what_the_quaternion_gives():
     scene = load_scene("rolling_disk")
     s = Symbols(scene.robot, scene.parameters, scene.frames)
-    c = close(scene.closures, None, s)
-    residuals = [closure.residual(s) for closure in scene.closures]
+    c = close(scene.constraints, None, s)
+    residuals = [constraint.residual(s) for constraint in scene.constraints]
     speed = casadi.vertcat(*[flow(r.position, s) for r in residuals], *[r.velocity for r in residuals])
     by_quaternion = [speed, casadi.jacobian(speed, s.v), flow(speed, s)]
     by_rotation = [c.speed, c.jacobian, c.drift]

@@ -1,4 +1,4 @@
-"""Robot cards: what they say, and one sentence for what is wrong with one."""
+"""Robot configurations: what they say, and one sentence for what is wrong with one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from two_link import CONTINUOUS
 from bellcrank.errors import BellcrankError, InputError, UnreachableError
 from bellcrank.motion.csv_file import write_motion
 from bellcrank.robot.payload import Payload
-from bellcrank.scene.robot_config import load_card, names, read_card
+from bellcrank.scene.robot_config import load_robot_config, names, read_config
 from bellcrank.sizing.size import size
 
 URDF = str(names()["planar_2r"].parent.parent / "urdf" / "planar_2r.urdf")
@@ -37,10 +37,10 @@ def card_with(folder: Path, **keys: Any) -> Path:
 
 
 @pytest.mark.parametrize(("motion", "branch"), [("elbow_up", -1), ("elbow_down", 1)])
-def test_the_shipped_circle_gives_the_lectures_extremes(motion: str, branch: int) -> None:
-    card = load_card("planar_2r")
-    robot = card.robot()
-    sizing = size(robot, card.motion(robot, motion), card.drives)
+def test_the_bundled_circle_gives_the_lectures_extremes(motion: str, branch: int) -> None:
+    config = load_robot_config("planar_2r")
+    robot = config.robot()
+    sizing = size(robot, config.motion(robot, motion), config.drives)
     found = [
         value
         for name in ("shoulder", "elbow")
@@ -50,22 +50,22 @@ def test_the_shipped_circle_gives_the_lectures_extremes(motion: str, branch: int
 
 
 @pytest.mark.parametrize("name", ["planar_2r", "geared_pendulum", "ur5", "panda", "xarm7"])
-def test_shipped_cards_are_sized_and_stay_inside_their_limits(name: str) -> None:
-    card = load_card(name)
-    robot = card.robot()
-    motions = [card.motion(robot, motion) for motion in card.motions]
-    sizing = size(robot, motions, card.drives)
+def test_bundled_cards_are_sized_and_stay_inside_their_limits(name: str) -> None:
+    config = load_robot_config(name)
+    robot = config.robot()
+    motions = [config.motion(robot, motion) for motion in config.motions]
+    sizing = size(robot, motions, config.drives)
     assert sizing.inside, sizing.exceeded
-    assert set(card.drives) <= set(robot.joint_names)
+    assert set(config.drives) <= set(robot.joint_names)
     for joint in sizing.joints:
         for peak in joint.peaks.values():
             assert np.isfinite(peak.value) and np.isfinite(peak.time) and np.isfinite(peak.position).all()
 
 
 def test_the_geared_pendulum_holds_9_81() -> None:
-    card = load_card("geared_pendulum")
-    robot = card.robot()
-    line = size(robot, card.motion(robot, "lift_and_return"), card.drives).joint("shoulder")
+    config = load_robot_config("geared_pendulum")
+    robot = config.robot()
+    line = size(robot, config.motion(robot, "lift_and_return"), config.drives).joint("shoulder")
     assert line.peak_torque == pytest.approx(9.81, rel=1e-9)
     assert line.shaft is not None and line.shaft.peak_torque.value == pytest.approx(0.24525, rel=1e-6)
     # All that is put in for lifting comes back: m g l = 9.81 J.
@@ -82,8 +82,8 @@ def test_payloads_frames_friction_and_rotors_reach_the_robot(tmp_path: Path) -> 
         friction={"elbow": {"viscous": 2.0, "coulomb": 1.0}},
         drives={"elbow": DRIVE | {"rotor_inertia": 1e-4}},
     )
-    card = read_card(path)
-    robot, plain = card.robot([Payload(1.0, "tip")]), read_card(card_with(tmp_path)).robot()
+    config = read_config(path)
+    robot, plain = config.robot([Payload(1.0, "tip")]), read_config(card_with(tmp_path)).robot()
     held = robot.gravity_torque(np.zeros(2)) - plain.gravity_torque(np.zeros(2))
     np.testing.assert_allclose(held, 9.81 * np.array([0.5 * 1.5 + 2.0, 0.5 * 0.5 + 1.0]), rtol=1e-12)
     np.testing.assert_allclose([robot.viscous[1], robot.coulomb[1], robot.rotor_inertia[1]], [2.0, 1.0, 1.0])
@@ -113,10 +113,10 @@ def test_every_kind_of_motion(tmp_path: Path) -> None:
             "all": {"kind": "join", "parts": ["swing", {"kind": "dwell", "duration": 0.5}]},
         },
     )
-    card = read_card(path)
-    robot = card.robot()
-    write_motion(card.motion(robot, "swing"), tmp_path / "swing.csv")
-    motions = {name: card.motion(robot, name) for name in card.motions}
+    config = read_config(path)
+    robot = config.robot()
+    write_motion(config.motion(robot, "swing"), tmp_path / "swing.csv")
+    motions = {name: config.motion(robot, name) for name in config.motions}
     assert motions["swing"].position[0] == pytest.approx([0, np.pi / 6])
     assert motions["rest"].duration == 2 and motions["all"].duration == pytest.approx(1.5)
     np.testing.assert_allclose(motions["file"].position, motions["swing"].position)
@@ -178,7 +178,7 @@ def test_every_kind_of_motion(tmp_path: Path) -> None:
 def test_broken_cards_are_one_sentence(tmp_path: Path, change: dict[str, Any], message: str) -> None:
     path = card_with(tmp_path, **change)
     with pytest.raises(InputError, match=message) as caught:
-        read_card(path)
+        read_config(path)
     assert str(caught.value).startswith(str(path)) and "\n" not in str(caught.value)
 
 
@@ -199,16 +199,16 @@ def test_broken_cards_are_one_sentence(tmp_path: Path, change: dict[str, Any], m
 def test_what_only_the_robot_can_tell_names_the_card_too(tmp_path: Path, change: dict[str, Any], message: str) -> None:
     path = card_with(tmp_path, **change)
     with pytest.raises((InputError, UnreachableError), match=message) as caught:
-        card = read_card(path)
-        card.motion(card.robot(), "m")
+        config = read_config(path)
+        config.motion(config.robot(), "m")
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 
 
 def test_names_paths_and_urdfs_all_load(tmp_path: Path) -> None:
-    assert load_card("ur5").motions and load_card(names()["ur5"]).motions
-    bare = load_card(URDF)
+    assert load_robot_config("ur5").motions and load_robot_config(names()["ur5"]).motions
+    bare = load_robot_config(URDF)
     assert not bare.motions and bare.robot().joint_names == ("shoulder", "elbow")
-    assert load_card("talos").urdf.name == "talos_reduced.urdf"
+    assert load_robot_config("talos").urdf.name == "talos_reduced.urdf"
     for wrong, message in (
         ("planar_2rr", "did you mean 'planar_2r'"),
         ("", "expected the path"),
@@ -217,9 +217,9 @@ def test_names_paths_and_urdfs_all_load(tmp_path: Path) -> None:
         (tmp_path / "no.urdf", "no such file"),
     ):
         with pytest.raises(InputError, match=message):
-            load_card(wrong)
+            load_robot_config(wrong)
     with pytest.raises(InputError, match="no motion 'elbow_upp'; did you mean 'elbow_up'"):
-        load_card("planar_2r").motion(load_card("planar_2r").robot(), "elbow_upp")
+        load_robot_config("planar_2r").motion(load_robot_config("planar_2r").robot(), "elbow_upp")
 
 
 leaves = (
@@ -262,6 +262,6 @@ trees = st.recursive(
 )
 def test_no_card_raises_anything_but_our_own_errors(tmp_path: Path, keys: dict[str, Any]) -> None:
     try:
-        read_card(card_with(tmp_path, **keys))
+        read_config(card_with(tmp_path, **keys))
     except BellcrankError as error:
         assert "\n" not in str(error)

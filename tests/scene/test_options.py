@@ -15,7 +15,7 @@ from bellcrank.config.number_text import decimal_number, split_number, whole_num
 from bellcrank.config.yaml_file import read_value
 from bellcrank.errors import InputError
 from bellcrank.scene.overrides import parse_assignment
-from bellcrank.scene.robot_config import load_card
+from bellcrank.scene.robot_config import load_robot_config
 from bellcrank.studies.axes import parse_axis
 from bellcrank.studies.sweep import sweep
 
@@ -201,15 +201,15 @@ def test_values_of_a_grid_are_all_combinations_the_last_axis_fastest():
 
 
 def test_what_is_chosen_of_a_configuration_sizes_as_the_configuration():
-    card = load_card("planar_2r")
-    mechanism, motions = chosen(card, card.robot(), [])
-    assert [motion.name for motion in motions] == list(card.motions)
-    assert bc.size(mechanism, motions, card.drives).joints == bc.size("planar_2r").joints
-    first = next(iter(card.motions))
-    assert [motion.name for motion in chosen(card, card.robot(), [first])[1]] == [first]
+    config = load_robot_config("planar_2r")
+    mechanism, motions = chosen(config, config.robot(), [])
+    assert [motion.name for motion in motions] == list(config.motions)
+    assert bc.size(mechanism, motions, config.drives).joints == bc.size("planar_2r").joints
+    first = next(iter(config.motions))
+    assert [motion.name for motion in chosen(config, config.robot(), [first])[1]] == [first]
     with pytest.raises(InputError, match="nowhere"):
-        chosen(card, card.robot(), ["nowhere"])
-    linkage, (turn, *_) = chosen(load_card("five_bar"), load_card("five_bar").robot(), [])
+        chosen(config, config.robot(), ["nowhere"])
+    linkage, (turn, *_) = chosen(load_robot_config("five_bar"), load_robot_config("five_bar").robot(), [])
     assert linkage.closed and turn.position.shape[1] == linkage.robot.nq
 
 

@@ -18,7 +18,7 @@ from bellcrank.elements.controllers import PD, GravityCompensation
 from bellcrank.elements.forces import Damper, JointSpring, Spring, Torque, Wrench
 from bellcrank.errors import InputError
 from bellcrank.scene.overrides import parse_assignment
-from bellcrank.scene.robot_config import load_card, names, read_card
+from bellcrank.scene.robot_config import load_robot_config, names, read_config
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.settings import Settings
 from bellcrank.simulation.scene_notes import scene_notes
@@ -187,19 +187,19 @@ def test_a_scene_says_what_the_file_says(scene):
 
 
 def test_one_file_serves_sizing_and_simulation(crane):
-    card = read_card(crane / "scene.yaml")
-    assert list(card.motions) == ["swing"] and card.name == load_scene(crane / "scene.yaml").name
+    config = read_config(crane / "scene.yaml")
+    assert list(config.motions) == ["swing"] and config.name == load_scene(crane / "scene.yaml").name
     (crane / "scene.yaml").write_text((crane / "scene.yaml").read_text().replace("simulate:", "simulat:"))
-    assert "did you mean 'simulate'" in sentence(lambda: read_card(crane / "scene.yaml"))
+    assert "did you mean 'simulate'" in sentence(lambda: read_config(crane / "scene.yaml"))
 
 
 @pytest.mark.parametrize("name", sorted(names()))
-def test_every_shipped_card_is_a_scene_with_a_finite_start(name):
+def test_every_bundled_card_is_a_scene_with_a_finite_start(name):
     scene = load_scene(name)
     q, v = consistent_start(scene)
     assert np.isfinite(q).all() and np.isfinite(v).all()
     assert scene_notes(scene) == () or "initial" not in scene.data  # the zero posture of some is outside
-    assert load_card(name).name == scene.name
+    assert load_robot_config(name).name == scene.name
 
 
 def test_a_bare_urdf_is_a_scene_without_forces(crane):

@@ -35,7 +35,7 @@ def run(scene, stabilisation, solver="DOP853", tolerance=1e-9, **more):
     )
 
 
-def test_closures_drift_without_stabilisation_and_not_with_projection():
+def test_constraints_drift_without_stabilisation_and_not_with_projection():
     disk = load_scene("rolling_disk")
     drift = [run(disk, NONE, duration=t).constraint_residual() for t in (10.0, 40.0)]
     assert drift[0] > 3e-8  # m, at tolerances of 1e-9
@@ -66,7 +66,7 @@ def test_a_redundant_ring_closes_to_the_tolerance_at_twice_the_evaluations_and_t
     assert projected.statistics.evaluations <= 1.02 * plain.statistics.evaluations
 
 
-def test_closures_keep_order_four_of_RK4_with_automatic_gains_and_fall_to_two_where_gains_follow_the_step(four_bar):
+def test_constraints_keep_order_four_of_RK4_with_automatic_gains_and_fall_to_two_where_gains_follow_the_step(four_bar):
     gains = automatic_gains(four_bar).stabilisation
     times = np.linspace(0.0, 12.0, 21)
     tight = {"rtol": 1e-13, "atol": 1e-13, "times": times}
@@ -162,7 +162,7 @@ def test_radau_takes_automatic_gains_at_the_evaluations_of_none(scene):
 
 
 def test_a_tree_has_no_gains_to_choose():
-    with pytest.raises(InputError, match=r"automatic gains are for closures, and this scene has none"):
+    with pytest.raises(InputError, match=r"automatic gains are for constraints, and this scene has none"):
         automatic_gains(load_scene("planar_2r_swing"))
 
 

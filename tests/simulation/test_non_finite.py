@@ -1,4 +1,4 @@
-"""What is not a finite number is told: outputs, events, closures and loads that are NaN, infinite or overflow."""
+"""What is not a finite number is told: outputs, events, constraints and loads that are NaN, infinite or overflow."""
 
 import csv
 import json
@@ -13,7 +13,7 @@ from bellcrank.cli import main
 from bellcrank.commands.shown import verdict_of
 from bellcrank.elements.expression import parse_expression
 from bellcrank.elements.rolling import RollingDisk
-from bellcrank.simulation.closure_rank import rank_of
+from bellcrank.simulation.constraint_rank import rank_of
 from bellcrank.simulation.non_finite import EACH
 from bellcrank.simulation.status import Status
 from bellcrank.sizing.finite import refuse_non_finite_line, root_mean_square
@@ -150,7 +150,7 @@ def test_energies_that_overflow_are_told_and_certificates_are_infinite_not_nan(t
     assert "unknown of the largest energy" in run.summary()
 
 
-# ---- closures
+# ---- constraints
 
 
 @pytest.mark.parametrize("expression", ["t", "1e308*1e308", "sqrt(-1)", "log(0)", "1", "log(-1-t)"])
@@ -181,7 +181,7 @@ def test_a_formula_that_has_values_in_part_of_the_postures_binds(tmp_path, expre
 
 @pytest.mark.parametrize("expression", [f"sqrt({SHOULDER}-0.3)", f"1/({SHOULDER}-0.3)"])
 def test_a_formula_without_a_derivative_at_the_start_is_refused_by_name(tmp_path, expression):
-    with pytest.raises(bc.InputError, match=r"closure 'own' or its derivative is no number .* at the start"):
+    with pytest.raises(bc.InputError, match=r"constraint 'own' or its derivative is no number .* at the start"):
         bc.simulate(closed(tmp_path, expression))
 
 
@@ -189,7 +189,7 @@ def test_a_formula_that_loses_its_value_ends_the_run_with_its_name_and_time(tmp_
     run = bc.simulate(closed(tmp_path, f"sqrt(0.05-t)*({SHOULDER}-0.3)"))
     assert run.status is Status.NON_FINITE
     assert run.time[-1] == pytest.approx(0.05, abs=1e-6)
-    assert "closure 'own' is not a finite number" in run.message
+    assert "constraint 'own' is not a finite number" in run.message
 
 
 def test_a_disk_that_lies_flat_in_all_postures_is_refused_by_name(tmp_path):
@@ -209,14 +209,14 @@ def test_a_disk_on_a_base_that_is_fixed_is_refused_in_one_sentence(tmp_path):
         "closures: [{name: floor, kind: rolling_disk, frame: disk, axis: [0, 1, 0], radius: 0.1}]\n"
     )
     loaded = bc.load_scene(path)
-    assert isinstance(loaded.closures[0], RollingDisk)
+    assert isinstance(loaded.constraints[0], RollingDisk)
     with pytest.raises(bc.InputError, match="no joint that moves"):
         bc.simulate(loaded)
     with pytest.raises(bc.InputError, match="'floor' cannot close"):
         _ = loaded.notes
 
 
-def test_the_rank_of_closures_does_not_need_a_mass_matrix_that_is_regular():
+def test_the_rank_of_constraints_does_not_need_a_mass_matrix_that_is_regular():
     """Rank and uniqueness are those of J in any metric: with a massless coordinate as without it."""
     jacobian = np.array([[1.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 1.0]])
 
@@ -224,7 +224,7 @@ def test_the_rank_of_closures_does_not_need_a_mass_matrix_that_is_regular():
         def __init__(self, mass):
             self.mass = mass
 
-        def closure_metric(self, *_):
+        def constraint_metric(self, *_):
             return jacobian, self.mass
 
     nothing = np.zeros(1)

@@ -55,7 +55,7 @@ BODY = """<robot name="free"><link name="body"><inertial><mass value="1"/>
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """The members of saved runs, one with a free base, one with closures, one with signals: {name: bytes} each."""
+    """The members of saved runs, one with a free base, one with constraints, one with signals: {name: bytes} each."""
     folder = tmp_path_factory.mktemp("runs")
     (folder / "free.urdf").write_text(BODY)
     (folder / "free.yaml").write_text(FREE)
@@ -253,13 +253,13 @@ def test_states_that_are_no_motion_of_the_scene_fail_the_certificate(whole, tmp_
     assert "no finite acceleration or energy" in sentence(path, lambda run: run.summary())
 
 
-def test_singular_closures_have_no_rank_and_the_summary_says_so(whole, tmp_path, monkeypatch):
+def test_singular_constraints_have_no_rank_and_the_summary_says_so(whole, tmp_path, monkeypatch):
     run = bc.load_run(written(tmp_path / "run.npz", whole["closed"]))
-    jacobian, mass = system_of(run.scene).closure_metric(*(a if a.ndim == 1 else a[-1] for a in run._arguments))
+    jacobian, mass = system_of(run.scene).constraint_metric(*(a if a.ndim == 1 else a[-1] for a in run._arguments))
     monkeypatch.setattr(system_of(run.scene), "closure_metric", lambda *a: (jacobian, -mass))
-    with pytest.raises(InputError, match="closures have no rank"):
-        run.closure_rank()
-    assert "unknown: the closures have no rank" in run.summary()
+    with pytest.raises(InputError, match="constraints have no rank"):
+        run.constraint_rank()
+    assert "unknown: the constraints have no rank" in run.summary()
 
 
 def test_a_run_that_0_4_0_saved_is_read_to_the_bit(tmp_path):

@@ -134,7 +134,7 @@ def test_an_estimate_that_is_not_computed_says_why(parallel):
     assert "not computed (the run stopped early)" in short.summary()
 
 
-def test_a_saved_run_of_an_earlier_version_with_closures_is_read(tmp_path):
+def test_a_saved_run_of_an_earlier_version_with_constraints_is_read(tmp_path):
     """Its parameters have no regularisation at their end."""
     run = bc.simulate("four_bar", samples=11)
     loaded = bc.load_run(run.save(tmp_path / "run.npz"))

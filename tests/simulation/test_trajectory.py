@@ -467,7 +467,7 @@ def test_the_summary_says_why_it_ended_what_it_cost_and_certifies_itself(damped)
     assert max(map(len, text.splitlines())) < 120
 
 
-def test_a_good_run_has_no_warnings_and_shipped_scenes_are_good(damped):
+def test_a_good_run_has_no_warnings_and_bundled_scenes_are_good(damped):
     assert run_warnings(damped) == () and "warning" not in damped.summary()
     for name in ("planar_2r_swing", "spring_pendulum", "ur5_held"):
         assert run_warnings(bc.simulate(name)) == (), name

@@ -201,7 +201,7 @@ def slider_crank(folder: Path, **more: Any) -> bc.Scene:
         urdf,
         gravity=[0, -9.81, 0],
         frames={"tip": {"link": "rod_link", "xyz": [0.7, 0, 0]}},
-        closures=[{"name": "pin", "kind": "point", "frame_a": "tip", "frame_b": "slider_link"}],
+        constraints=[{"name": "pin", "kind": "point", "frame_a": "tip", "frame_b": "slider_link"}],
         initial={"crank": 0.4, "rod": {"guess": -0.5}, "slider": {"guess": 0.88}},
         actuated=["crank"],
         motions={"turn": turn},
@@ -384,6 +384,8 @@ def test_a_page_of_a_motion_with_its_scene_shows_the_torques_under_the_scene_s_f
 
 def test_a_drive_that_follows_another_motion_than_the_one_that_is_sized_is_said(tmp_path: Path) -> None:
     drive = {"name": "lift", "kind": "drive", "joint": "quill", "motion": "press"}
-    path = written(tmp_path, SCARA, motions={"press": PRESS, "slow": {**PRESS, "times": [0, 2, 4]}}, closures=[drive])
+    path = written(
+        tmp_path, SCARA, motions={"press": PRESS, "slow": {**PRESS, "times": [0, 2, 4]}}, constraints=[drive]
+    )
     assert [text for text in bc.size(path, "slow").warnings if "drive 'lift'" in text and "'press'" in text]
     assert not [text for text in bc.size(path, "press").warnings if "drive" in text]

@@ -228,7 +228,7 @@ def test_a_parameter_of_a_linkage_counts_in_sizing(folder: Path) -> None:
     rows = np.searchsorted(found.time, TIMES - 1e-9)
     wanted = held(scene, "closed", "go", TIMES)
     np.testing.assert_allclose(found.torque[rows], wanted, rtol=0, atol=1e-8 * np.abs(wanted).max())
-    sizing = bc.size(scene, found.motion, scene.card.drives)
+    sizing = bc.size(scene, found.motion, scene.config.drives)
     assert sizing.parameters == (("radius", 0.25, "m"), ("heavy", 9.0, "kg"))
     rotor = scene.robot.rotor_inertia[0] * found.acceleration[:, 0]
     assert sizing.joint("crank").max_torque == pytest.approx((found.torque[:, 0] - rotor).max(), rel=1e-3)
@@ -377,16 +377,16 @@ def test_size_over_a_run_made_with_forces_gives_the_actuators_of_that_run(
         kinds = ("joint_spring", "spring_to_world", "damper", "torque_cubic", "wrench_frame")
         scene = loaded(folder, shape, *kinds)
         drives = [{"name": f"drive_{j}", "kind": "drive", "joint": j, "motion": "go"} for j in MOTORS[shape]]
-        closures = [*scene.data.get("closures", []), *drives]
+        constraints = [*scene.data.get("closures", []), *drives]
         at_start = {"initial": {"turn": 0.2, "slide": 0.1}} if shape == "open" else {}
-        driven = scene.with_overrides({"closures": closures, **at_start})
+        driven = scene.with_overrides({"closures": constraints, **at_start})
         run = bc.simulate(driven, duration=2.0, rtol=1e-11, atol=1e-11,
                           samples=401)  # fmt: skip
         run.to_csv(tmp_path / "run.csv")
         import yaml
 
         path = folder / f"{shape}_driven.yaml"
-        path.write_text(yaml.safe_dump({**scene.data, "closures": closures, **at_start}))
+        path.write_text(yaml.safe_dump({**scene.data, "closures": constraints, **at_start}))
         monkeypatch.chdir(tmp_path)
         assert main(["size", str(path), "--motion", "run.csv", "--no-plots", "--out", shape]) == 0
         out = capsys.readouterr().out
@@ -509,7 +509,7 @@ def test_payloads_and_forces_count_together(folder: Path) -> None:
     scene = loaded(folder, "open", "spring_between", "wrench_linear")
     heavy = scene.with_overrides({"payloads": [{"mass": 4.0, "frame": "tip"}]})
     sized = bc.size(
-        mechanism_of(scene, scene.card.robot([bc.Payload(4.0, "tip")])), scene.motion("go"), scene.card.drives
+        mechanism_of(scene, scene.config.robot([bc.Payload(4.0, "tip")])), scene.motion("go"), scene.config.drives
     )
     wanted = held(heavy, "open", "go", TIMES)
     found = bc.scene_inverse_dynamics(heavy, "go")
@@ -539,7 +539,7 @@ def test_a_counterbalance_spring_and_process_forces_change_the_sizing(tmp_path: 
     for name in ("elbow_up", "elbow_down"):
         plain, found = (bc.scene_inverse_dynamics(each, name) for each in (scene, sprung))
         np.testing.assert_allclose(found.torque - plain.torque, found.position * [200.0, 0.0], atol=1e-9)
-    sizing = bc.size(sprung, [sprung.motion("elbow_up")], sprung.card.drives)
+    sizing = bc.size(sprung, [sprung.motion("elbow_up")], sprung.config.drives)
     assert sizing.joint("shoulder").peak_torque > 1.5 * 168.3 and "forces joint_spring 'balance'" in table(sizing)
 
 

@@ -42,7 +42,7 @@ drives:
 
 
 @pytest.fixture(scope="module")
-def card(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("slider")
     (folder / "slider.urdf").write_text(SLIDER, encoding="utf-8")
     (folder / "slider.yaml").write_text(CARD, encoding="utf-8")
@@ -50,45 +50,45 @@ def card(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def sizing(card: Path) -> Sizing:
-    return bc.size(card)
+def sizing(config: Path) -> Sizing:
+    return bc.size(config)
 
 
 # ---- what bc.size takes
 
 
-def test_a_configuration_sizes_as_its_robot_and_motions_do(card: Path, sizing: Sizing) -> None:
-    config = bc.load_card(card)
+def test_a_configuration_sizes_as_its_robot_and_motions_do(config: Path, sizing: Sizing) -> None:
+    config = bc.load_robot_config(config)
     robot = config.robot()
     by_hand = bc.size(robot, [config.motion(robot, name) for name in config.motions], config.drives)
     assert sizing.joints == by_hand.joints and sizing.motions == ("reach", "hold") and sizing.robot == "Slider"
-    for same in (config, str(card), bc.load_scene(card)):
+    for same in (config, str(config), bc.load_scene(config)):
         assert bc.size(same) == sizing
-    weightless = bc.size(bc.load_scene(card).with_overrides({"gravity": [0, 0, 0]}), "hold")
+    weightless = bc.size(bc.load_scene(config).with_overrides({"gravity": [0, 0, 0]}), "hold")
     assert weightless.gravity == (0.0, 0.0, 0.0) and weightless.joint("turn").peak_torque == pytest.approx(
         0.0, abs=1e-12
     )
     assert bc.size("planar_2r").joint("shoulder").max_torque == pytest.approx(242.272603138, rel=1e-8)
 
 
-def test_motions_are_chosen_by_name_file_or_object(card: Path, sizing: Sizing, tmp_path: Path) -> None:
-    one = bc.size(card, "hold")
+def test_motions_are_chosen_by_name_file_or_object(config: Path, sizing: Sizing, tmp_path: Path) -> None:
+    one = bc.size(config, "hold")
     assert one.motions == ("hold",) and one.joint("slide").cycles == (sizing.joint("slide").cycles[1],)
     assert sizing.study is not None
     reach = sizing.study[1][0]
     path = bc.write_motion(reach, tmp_path / "again.csv")
-    both = bc.size(card, [reach, path])
+    both = bc.size(config, [reach, path])
     assert both.motions == ("reach", "again")
     assert both.joint("turn").cycles[0].rms_torque == pytest.approx(both.joint("turn").cycles[1].rms_torque, rel=1e-12)
 
 
-def test_payloads_drives_and_tolerance_are_those_asked_for(card: Path, sizing: Sizing) -> None:
-    heavier = bc.size(card, payloads=[bc.Payload(1.0, "rod")])
+def test_payloads_drives_and_tolerance_are_those_asked_for(config: Path, sizing: Sizing) -> None:
+    heavier = bc.size(config, payloads=[bc.Payload(1.0, "rod")])
     assert heavier.payloads == ((0.5, "rod"), (1.0, "rod"))
     assert heavier.joint("turn").holding_torque == pytest.approx(sizing.joint("turn").holding_torque + 9.81 * 0.6)
-    assert bc.size(card, drives={}).undriven == ("turn", "slide")
-    assert bc.size(card, mass_tolerance=0.1).joint("turn").peak_torque > sizing.joint("turn").peak_torque
-    robot = bc.load_card(card).robot()
+    assert bc.size(config, drives={}).undriven == ("turn", "slide")
+    assert bc.size(config, mass_tolerance=0.1).joint("turn").peak_torque > sizing.joint("turn").peak_torque
+    robot = bc.load_robot_config(config).robot()
     carrying = bc.size(robot, bc.dwell(robot, {}, 1.0), payloads=[bc.Payload(2.0, "rod", (0.1, 0.0, 0.0))])
     plain = bc.size(robot, bc.dwell(robot, {}, 1.0))
     gained = carrying.joint("turn").peak_torque - plain.joint("turn").peak_torque
@@ -107,9 +107,9 @@ def test_payloads_drives_and_tolerance_are_those_asked_for(card: Path, sizing: S
         ({"allow_massless": [1]}, "expected a list of names of links"),
     ],
 )
-def test_what_does_not_fit_is_named(card: Path, arguments: dict[str, object], message: str) -> None:
+def test_what_does_not_fit_is_named(config: Path, arguments: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        bc.size(card, **arguments)  # type: ignore[arg-type]
+        bc.size(config, **arguments)  # type: ignore[arg-type]
 
 
 # ---- how it prints
@@ -147,9 +147,9 @@ def test_csv_and_json_give_the_figures_back(sizing: Sizing, tmp_path: Path) -> N
 # ---- histories
 
 
-def test_histories_are_inverse_dynamics_without_the_rotor(card: Path, sizing: Sizing) -> None:
+def test_histories_are_inverse_dynamics_without_the_rotor(config: Path, sizing: Sizing) -> None:
     assert sizing.study is not None and list(sizing.histories) == ["reach", "hold"]
-    robot, motions, _ = bc.load_card(card).robot(), sizing.study[1], None
+    robot, motions, _ = bc.load_robot_config(config).robot(), sizing.study[1], None
     for motion in motions:
         history = sizing.histories[motion.name]
         assert isinstance(history, MotionHistory) and np.array_equal(history.time, motion.time)
@@ -192,11 +192,11 @@ def line_time(sizing: Sizing) -> np.ndarray:
     return sizing.histories["reach"].time
 
 
-def test_histories_in_files_have_the_shaft_and_can_be_read_as_motions(card: Path, tmp_path: Path) -> None:
+def test_histories_in_files_have_the_shaft_and_can_be_read_as_motions(config: Path, tmp_path: Path) -> None:
     from bellcrank.cli import main
 
-    assert main(["size", str(card), "--no-plots", "--out", str(tmp_path)]) in (0, 1)
-    sizing = bc.size(card)
+    assert main(["size", str(config), "--no-plots", "--out", str(tmp_path)]) in (0, 1)
+    sizing = bc.size(config)
     with (tmp_path / "history_reach.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     history = sizing.histories["reach"]
@@ -212,7 +212,7 @@ def test_histories_in_files_have_the_shaft_and_can_be_read_as_motions(card: Path
     for title, values in columns.items():
         np.testing.assert_array_equal([float(row[title]) for row in rows], values)
     assert not any(title.startswith("slide shaft") for title in rows[0])
-    again = bc.size(card, tmp_path / "history_reach.csv")
+    again = bc.size(config, tmp_path / "history_reach.csv")
     assert again.joint("turn").peak_torque == pytest.approx(sizing.joint("turn").peak_torque, rel=1e-9)
     assert again.joint("turn").cycles[0].rms_shaft_torque == pytest.approx(
         sizing.joint("turn").cycles[0].rms_shaft_torque, rel=1e-9

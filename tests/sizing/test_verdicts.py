@@ -38,34 +38,34 @@ def urdf(upper: str = "", fore: str = "", more: str = "") -> str:
     return f'<robot name="arm">{links}{joints}{more}</robot>'
 
 
-def arm(folder: Path, *parts: str, card: str = "", **masses: str) -> Path:
+def arm(folder: Path, *parts: str, config: str = "", **masses: str) -> Path:
     """A robot configuration of the arm in a folder."""
     (folder / "arm.urdf").write_text(urdf(**masses, more="".join(parts)), encoding="utf-8")
     path = folder / "arm.yaml"
     path.write_text(
         "name: arm\nurdf: arm.urdf\nmotions:\n  swing: {kind: waypoints, times: [0, 1], positions: [{}, {shoulder: 1, "
-        "elbow: 0.5}]}\n" + card,
+        "elbow: 0.5}]}\n" + config,
         encoding="utf-8",
     )
     return path
 
 
-def size_command(card: Path, *arguments: str) -> int:
-    return main(["size", str(card), "--no-plots", "--out", str(card.parent / "out"), *arguments])
+def size_command(config: Path, *arguments: str) -> int:
+    return main(["size", str(config), "--no-plots", "--out", str(config.parent / "out"), *arguments])
 
 
 def test_motors_that_move_no_mass_cannot_be_sized_and_the_exit_code_is_1(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    card = arm(tmp_path)
-    assert size_command(card) == 1
+    config = arm(tmp_path)
+    assert size_command(config) == 1
     text = capsys.readouterr().out
     answer = text[text.index("cannot be sized:") :]
     assert "joint 'shoulder' moves no mass: links 'upper', 'fore'" in answer and "All inside" not in text
     assert "joint 'elbow' moves no mass: link 'fore'" in answer and "--allow-massless fore" in answer
     document = json.loads((tmp_path / "out" / "sizing.json").read_text())
     assert document["inside"] is False and len(document["cannot_be_sized"]) == 2
-    sizing = bc.size(card)
+    sizing = bc.size(config)
     assert not sizing.inside and len(sizing.unsizable) == 2 and "cannot be sized" in repr(sizing)
 
 
@@ -79,12 +79,12 @@ def test_a_motor_that_moves_mass_is_sized_beside_one_that_does_not(tmp_path: Pat
 def test_what_is_allowed_is_sized_and_the_result_says_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], allowed: list[str], left: list[str]
 ) -> None:
-    card = arm(tmp_path)
-    sizing = bc.size(card, allow_massless=allowed)
+    config = arm(tmp_path)
+    sizing = bc.size(config, allow_massless=allowed)
     assert [text.split("'")[1] for text in sizing.unsizable] == left
     assert set(sizing.allowed_massless) == {"shoulder", "elbow"} - set(left)
     options = [word for link in allowed for word in ("--allow-massless", link)]
-    assert size_command(card, *options) == (1 if left else 0)
+    assert size_command(config, *options) == (1 if left else 0)
     text = capsys.readouterr().out
     assert f"Joints that move no mass, as allowed: {', '.join(sizing.allowed_massless)}." in text
     assert all(any(f"joint '{name}' moves no mass" in t for t in sizing.warnings) for name in sizing.allowed_massless)
@@ -103,11 +103,11 @@ def test_what_is_allowed_is_sized_and_the_result_says_so(
 def test_what_need_not_be_allowed_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], link: str, message: str
 ) -> None:
-    card = arm(tmp_path, upper=MASS)
-    assert size_command(card, "--allow-massless", link) == 2
+    config = arm(tmp_path, upper=MASS)
+    assert size_command(config, "--allow-massless", link) == 2
     assert message in capsys.readouterr().err
     with pytest.raises(InputError, match=message):
-        bc.size(card, allow_massless=[link])
+        bc.size(config, allow_massless=[link])
 
 
 def test_a_payload_is_mass(tmp_path: Path) -> None:
@@ -122,7 +122,7 @@ def test_a_payload_is_mass(tmp_path: Path) -> None:
 
 def test_a_rotor_is_no_mass_that_the_motor_moves(tmp_path: Path) -> None:
     drive = "{ratio: 50, rated_torque: 1, peak_torque: 3, rated_speed: 300, max_speed: 500, rotor_inertia: 1e-4}"
-    sizing = bc.size(arm(tmp_path, card=f"drives: {{shoulder: {drive}, elbow: {drive}}}"))
+    sizing = bc.size(arm(tmp_path, config=f"drives: {{shoulder: {drive}, elbow: {drive}}}"))
     assert len(sizing.unsizable) == 2
 
 
@@ -139,12 +139,12 @@ def test_a_follower_with_mass_is_what_its_leader_moves(tmp_path: Path) -> None:
 def test_a_moving_link_without_mass_is_warned_of_by_check_size_report_page_and_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    card = arm(tmp_path, **UNIVERSAL, card="initial: {shoulder: 0.3}\nsimulate: {duration: 0.1}\n")
+    config = arm(tmp_path, **UNIVERSAL, config="initial: {shoulder: 0.3}\nsimulate: {duration: 0.1}\n")
     words = "link 'upper': moves with a joint and has no mass (no <inertial>)"
     assert main(["check", str(tmp_path / "arm.urdf")]) == 0
-    assert f"warning  {words}" in capsys.readouterr().out and size_command(card) == 0
+    assert f"warning  {words}" in capsys.readouterr().out and size_command(config) == 0
     assert f"warning: {words}" in capsys.readouterr().out
-    sizing = bc.size(card)
+    sizing = bc.size(config)
     film = film_of(sizing)
     assert any(text.startswith(words) for text in sizing_document(sizing, film).warnings)
     assert [value[: len(words)] for name, value in film.facts if name == "warning"] == [words]
@@ -152,7 +152,7 @@ def test_a_moving_link_without_mass_is_warned_of_by_check_size_report_page_and_r
     assert sizing.study is not None
     swing = film_of(sizing.study[1][0], bc.load_robot(tmp_path / "arm.urdf"))
     assert any(name == "warning" and value.startswith(words) for name, value in swing.facts)
-    run = bc.simulate(card)
+    run = bc.simulate(config)
     document = run_document(run)
     assert document.word == "OK" and any(text.startswith(words) for text in document.warnings)
     assert any(name == "warning" and value.startswith(words) for name, value in film_of(run).facts)
@@ -178,14 +178,14 @@ def test_errors_of_check_stand_in_the_verdict(tmp_path: Path) -> None:
 
 
 def five_bar(place: Path, without: tuple[str, ...]) -> Path:
-    """The shipped five-bar robot with some links that have no <inertial>."""
+    """The bundled five-bar robot with some links that have no <inertial>."""
     text = (folder("urdf") / "five_bar.urdf").read_text(encoding="utf-8")
     for name in without:
         text, count = re.subn(rf'(<link name="{name}">.*?)<inertial>.*?</inertial>', r"\1", text, flags=re.DOTALL)
         assert count == 1, name
     (place / "five_bar.urdf").write_text(text, encoding="utf-8")
-    card = (folder("robots") / "five_bar.yaml").read_text(encoding="utf-8")
-    (place / "five_bar.yaml").write_text(card.replace("urdf: five_bar", "urdf: five_bar.urdf"), encoding="utf-8")
+    config = (folder("robots") / "five_bar.yaml").read_text(encoding="utf-8")
+    (place / "five_bar.yaml").write_text(config.replace("urdf: five_bar", "urdf: five_bar.urdf"), encoding="utf-8")
     return place / "five_bar.yaml"
 
 

@@ -191,7 +191,7 @@ class Drive:
 
 
 def drive_from_fields(fields: Fields) -> Drive:
-    """The Drive that a card's mapping describes; InputError naming file and key."""
+    """The Drive that a configuration's mapping describes; InputError naming file and key."""
     curve = tuple((speed, torque) for speed, torque in fields.rows("curve", 2)) if "curve" in fields else None
     fields.known("curve")
     values = {

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from bellcrank.robot import catalog
 
-# A card is meant for a command where it has one of these keys.
+# A configuration is meant for a command where it has one of these keys.
 USES = {"size": ("motions",), "simulate": ("initial", "forces", "control", "base", "simulate")}
 
 
@@ -16,10 +16,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print cards and scenes with what they are for, then the URDFs, by name."""
+    """Print configurations and scenes with what they are for, then the URDFs, by name."""
     from bellcrank.scene.robot_config import names
 
-    print("robot cards and scenes:")
+    print("robot configurations and scenes:")
     for name, path in names().items():
         title, uses = _facts(path)
         print(f"  {name:20} {uses:16} {title}")
@@ -30,7 +30,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _facts(path: Path) -> tuple[str, str]:
-    """What a card calls itself, and the commands that it is for."""
+    """What a configuration calls itself, and the commands that it is for."""
     from bellcrank.config.yaml_file import read_yaml
 
     data = read_yaml(path)

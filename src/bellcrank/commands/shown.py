@@ -1,4 +1,4 @@
-"""What a command shows: a run that is there, a scene that is simulated first, or a card that is sized first."""
+"""What a command shows: a run that is there, a scene that is simulated first, or a configuration that is sized first."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from bellcrank.commands.trust import add_trust
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
-    from bellcrank.scene.robot_config import Card
+    from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory import Trajectory
     from bellcrank.sizing.result import Sizing
 
-_MOVED = ("closures", "forces", "control", "initial", "base")  # keys that make a card a scene to simulate
+_MOVED = ("closures", "forces", "control", "initial", "base")  # keys that make a configuration a scene to simulate
 
 
 def add_shown(parser: argparse.ArgumentParser) -> None:
@@ -24,16 +24,18 @@ def add_shown(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "run", metavar="RUN",
         help="what bellcrank simulate wrote (run.npz or its folder), or a scene, which is simulated first, or a robot "
-        "card with motions, which is sized first",
+        "configuration with motions, which is sized first",
     )  # fmt: skip
     parser.add_argument(
-        "--motion", action="append", default=[], metavar="FILE", help="size RUN, a card or URDF, over this motion of "
-        "the card or CSV file; may be repeated",
+        "--motion", action="append", default=[], metavar="FILE", help="size RUN, a configuration or URDF, over this motion of "
+        "the configuration or CSV file; may be repeated",
     )  # fmt: skip
     add_allow_massless(parser)
     add_trust(parser)
     what = parser.add_mutually_exclusive_group()
-    what.add_argument("--simulate", action="store_true", help="simulate a card that has both drives and a start")
+    what.add_argument(
+        "--simulate", action="store_true", help="simulate a configuration that has both drives and a start"
+    )
     what.add_argument("--size", action="store_true", help="size a scene that has motions")
 
 
@@ -50,7 +52,7 @@ def shown(arguments: argparse.Namespace) -> Trajectory | Sizing:
     """The run or sizing that the arguments mean. Raises BellcrankError."""
     from bellcrank.config.yaml_file import read_yaml
     from bellcrank.replays.replay import find_run
-    from bellcrank.scene.robot_config import find_card, load_card
+    from bellcrank.scene.robot_config import find_config, load_robot_config
     from bellcrank.scene.scene import load_scene
     from bellcrank.simulation.run_file import load_run
 
@@ -63,21 +65,21 @@ def shown(arguments: argparse.Namespace) -> Trajectory | Sizing:
             option = (
                 "simulate" if simulated else "motion" if arguments.motion else "size" if sized else "allow-massless"
             )
-            raise InputError(f"--{option} is for a scene or card; {name} is a run already")
+            raise InputError(f"--{option} is for a scene or configuration; {name} is a run already")
         return load_run(find_run(path), trust=arguments.trust)
-    source, urdf = find_card(name)
+    source, urdf = find_config(name)
     data = {} if urdf else read_yaml(source)
     if sized or (not simulated and "motions" in data and ("drives" in data or data.keys().isdisjoint(_MOVED))):
-        return _sized(load_card(name, trust=arguments.trust), arguments.motion, arguments.allow_massless)
+        return _sized(load_robot_config(name, trust=arguments.trust), arguments.motion, arguments.allow_massless)
     if arguments.allow_massless:
         raise InputError(f"--allow-massless is for sizing; {name} is simulated")
     return _simulated(load_scene(name, trust=arguments.trust))
 
 
-def _sized(card: Card, motions: list[str], allow_massless: list[str]) -> Sizing:
+def _sized(config: RobotConfig, motions: list[str], allow_massless: list[str]) -> Sizing:
     from bellcrank.sizing.front import size
 
-    return size(card, motions or None, allow_massless=allow_massless)
+    return size(config, motions or None, allow_massless=allow_massless)
 
 
 def _simulated(scene: Scene) -> Trajectory:

@@ -29,7 +29,7 @@ INTERRUPTED_ROWS = 20_000  # of a run that a signal cut short: a second of writi
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The scene, what to change in it, and where to write."""
     parser.add_argument(
-        "scene", metavar="SCENE", help="a scene or robot card: a path, or a name (see bellcrank robots)"
+        "scene", metavar="SCENE", help="a scene or robot configuration: a path, or a name (see bellcrank robots)"
     )
     parser.add_argument("--duration", metavar="S", help="how long to simulate, s")
     parser.add_argument("--solver", metavar="NAME", help="DOP853, RK45, Radau (stiff) or RK4 (fixed step)")

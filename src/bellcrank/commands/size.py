@@ -19,18 +19,20 @@ if TYPE_CHECKING:
     from bellcrank.dynamics.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import Robot
-    from bellcrank.scene.robot_config import Card
+    from bellcrank.scene.robot_config import RobotConfig
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The robot, its motions and payloads, and where to write."""
-    parser.add_argument("robot", metavar="ROBOT", help="a robot card or URDF: a path, or a name (see bellcrank robots)")
+    parser.add_argument(
+        "robot", metavar="ROBOT", help="a robot configuration or URDF: a path, or a name (see bellcrank robots)"
+    )
     parser.add_argument(
         "--motion",
         action="append",
         default=[],
         metavar="FILE|NAME",
-        help="a motion of the card, or a CSV file; may be repeated (default: all of the card's)",
+        help="a motion of the configuration, or a CSV file; may be repeated (default: all of the configuration's)",
     )
     parser.add_argument(
         "--payload",
@@ -68,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     bad input.
     """
     from bellcrank.commands.shown import remarks_of
-    from bellcrank.scene.robot_config import load_card
+    from bellcrank.scene.robot_config import load_robot_config
     from bellcrank.sizing.front import size
     from bellcrank.sizing.history import write_histories
     from bellcrank.sizing.report import FILES, REPORTS, earlier_files, remove_stale, write_reports
@@ -76,16 +78,16 @@ def run(arguments: argparse.Namespace) -> int:
 
     if Path(arguments.robot).suffix.lower() == ".csv":
         raise InputError(
-            f"{arguments.robot}: expected a robot card or URDF, found a CSV file; a motion goes to --motion: "
+            f"{arguments.robot}: expected a robot configuration or URDF, found a CSV file; a motion goes to --motion: "
             f"bellcrank size ROBOT --motion {arguments.robot}"
         )
     payloads = [parse_payload(text) for text in arguments.payload]
     tolerance = parse_share(arguments.mass_tolerance)
     folder = arguments.out or default_place(f"{Path(arguments.robot).stem}_sizing")
     check_folder("--out", folder, FILES)
-    card = load_card(arguments.robot, trust=arguments.trust)
+    config = load_robot_config(arguments.robot, trust=arguments.trust)
     sizing = size(
-        card, arguments.motion or None, None, tolerance, payloads=payloads, allow_massless=arguments.allow_massless
+        config, arguments.motion or None, None, tolerance, payloads=payloads, allow_massless=arguments.allow_massless
     )
     assert sizing.study is not None
     mechanism, motions, drives = sizing.study
@@ -100,7 +102,7 @@ def run(arguments: argparse.Namespace) -> int:
             from bellcrank.sizing.plots import write_plots
 
             files += write_plots(
-                mechanism, motions, folder, drives, title=card.name, mass_tolerance=tolerance, lines=sizing.joints
+                mechanism, motions, folder, drives, title=config.name, mass_tolerance=tolerance, lines=sizing.joints
             )
         write_reports(sizing, folder, files[len(REPORTS) :])
     remove_stale(folder, earlier, files)
@@ -108,14 +110,14 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if sizing.inside else 1
 
 
-def chosen(card: Card, robot: Robot, names: list[str]) -> tuple[Mechanism, list[Motion]]:
+def chosen(config: RobotConfig, robot: Robot, names: list[str]) -> tuple[Mechanism, list[Motion]]:
     """The mechanism and the motions that `--motion` names, all of the configuration's where it names none.
 
     Raises InputError for an unknown motion, and where there is none; see `bellcrank.sizing.front.chosen`.
     """
     from bellcrank.sizing import front
 
-    return front.chosen(card, robot, names or None)
+    return front.chosen(config, robot, names or None)
 
 
 def parse_payload(text: str) -> Payload:

@@ -19,7 +19,7 @@ from bellcrank.terminal.progress import counting
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The scene, what to vary, and where to write."""
     parser.add_argument(
-        "scene", metavar="SCENE", help="a scene or robot card: a path, or a name (see bellcrank robots)"
+        "scene", metavar="SCENE", help="a scene or robot configuration: a path, or a name (see bellcrank robots)"
     )
     parser.add_argument(
         "--vary", action="append", required=True, metavar="PATH=FIRST:LAST:COUNT", dest="axes",

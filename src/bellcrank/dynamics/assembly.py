@@ -5,7 +5,7 @@ and friction. With τ the sum of the joint forces of the scene,
 
     q̇ = E(q) v,    v̇ = M(q)⁻¹ (τ − bias(q, v)) by the articulated-body algorithm,    Ẇ = power.
 
-Closures add their multipliers (closed.py). Source: Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 7, by
+Constraints add their multipliers (closed.py). Source: Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 7, by
 Pinocchio.
 """
 
@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from bellcrank.dynamics.base_frame_elimination import mass_matrix
+from bellcrank.dynamics.binding_rows import binding_of
 from bellcrank.dynamics.constrained import Rows, Solution, close, solve
-from bellcrank.dynamics.constraint_rank import binding_of
 from bellcrank.dynamics.reactions import Reactions
 from bellcrank.elements.symbols import Symbols
 from bellcrank.robot.postures import lengths_in_velocity
@@ -33,7 +33,7 @@ class Assembly:
 
     `actuator` and `passive` (nv) are the joint forces of motors (torques, control) and of everything else (springs,
     dampers, friction, wrenches); `power` (W) is what enters `work`, and `plain_power` the same by the plain solve of
-    closures; `outputs` are column vectors by name.
+    constraints; `outputs` are column vectors by name.
     """
 
     t: casadi.SX
@@ -55,7 +55,7 @@ class Assembly:
     events: casadi.SX
     work: casadi.SX
     symbols: Symbols
-    solution: Solution | None = None  # of a scene with closures
+    solution: Solution | None = None  # of a scene with constraints
 
     @property
     def has_work(self) -> bool:
@@ -76,7 +76,7 @@ class Assembly:
 
     @property
     def plain_state_rate(self) -> casadi.SX:
-        """dx/dt by the plain solve, for a scene with closures."""
+        """dx/dt by the plain solve, for a scene with constraints."""
         assert self.solution is not None
         return self._rate(self.solution.plain_acceleration, self.plain_power)
 
@@ -119,9 +119,9 @@ def assemble(scene: Scene) -> Assembly:
     gains = casadi.SX.sym("gains", 2 if scene.settings.stabilisation.kind == "baumgarte" else 0)
     p = casadi.vertcat(s.p, gains)
     solution, reaction, plain_power = None, casadi.SX(robot.nv, 1), power
-    if scene.closures:
+    if scene.constraints:
         rows, sizes = _rows(scene)
-        closed = close(scene.closures, rows, s)
+        closed = close(scene.constraints, rows, s)
         share = casadi.SX.sym("regularisation")
         solution = solve(mass_matrix(s), closed, torque - bias, gains, share)
         p = casadi.vertcat(p, sizes, share)
@@ -139,10 +139,10 @@ def assemble(scene: Scene) -> Assembly:
     s.joint_torque = torque
     s.kinetic, s.potential = energy[0], energy[1] + potential
     if solution is not None:
-        s.reactions = Reactions(scene.closures, solution, solution.multipliers, s)
+        s.reactions = Reactions(scene.constraints, solution, solution.multipliers, s)
     outputs = {name: output.apply(s) for name, output in scene.outputs.items()}
     if solution is not None:
-        s.reactions = Reactions(scene.closures, solution, solution.quick_multipliers, s)
+        s.reactions = Reactions(scene.constraints, solution, solution.quick_multipliers, s)
     events = casadi.vertcat(*[event.apply(s) for event in scene.events])
     return Assembly(
         s.t, s.q, s.v, s.u, p, s.algorithm("configuration_rate")(s.q, s.v), acceleration,

@@ -1,5 +1,5 @@
 """What the bodies next to the world make simpler: a mass matrix without their coordinates, and a free base's rotation
-as nine symbols while closures are differentiated.
+as nine symbols while constraints are differentiated.
 
 Both save most of the work of a wheel or a disk, and M keeps its digits however far from the origin the base has gone.
 """

@@ -1,7 +1,7 @@
 """Closed linkages with motors: the posture that follows from some joints, and the torques that some motors need.
 
 With independent joints i and the others d, φ(q, t) = 0 gives q_d by Newton's method from the posture before, so that
-the branch is kept, and J v = −φ_t, J a = −γ give their rates. The motions that the closures allow are v = N v_i with
+the branch is kept, and J v = −φ_t, J a = −γ give their rates. The motions that the constraints allow are v = N v_i with
 N_i = 1 and N_d = −J_d⁺ J_i. Motors at the joints of S (nv, k), with joint forces Q that the motion needs,
 
     S τ + Jᵀ λ = Q,    hence  (Nᵀ S) τ = Nᵀ Q,
@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.derived import cached_property
+from bellcrank.dynamics.binding_rows import binding_of
 from bellcrank.dynamics.consistent_start import consistent_start, moved
 from bellcrank.dynamics.constraint_angles import cosines_along, turning
-from bellcrank.dynamics.constraint_rank import binding_of
 from bellcrank.dynamics.inverse_dynamics import InverseEquations
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.joint_relations import Drive
@@ -50,33 +50,33 @@ SINGULAR = 1e-8  # a singular value below this share of the largest counts as 0
 
 
 class Chain:
-    """The linkage of a scene, its `drive` closures taken away, with motors at `actuated` joints.
+    """The linkage of a scene, its `drive` constraints taken away, with motors at `actuated` joints.
 
-    Without `actuated` the motors sit where the scene has drives: its `drive` closures, or the card's `actuated`, or the
-    card's drives. Raises InputError where there is no closure, no motor, or rolling contact, whose positions depend on
+    Without `actuated` the motors sit where the scene has drives: its `drive` constraints, or the configuration's `actuated`, or the
+    configuration's drives. Raises InputError where there is no constraint, no motor, or rolling contact, whose positions depend on
     the way that was gone.
     """
 
     def __init__(self, scene: Scene, actuated: Sequence[str] | None = None) -> None:
         scene = replace(scene, initial=replace(scene.initial, clock=0.0))  # times are those of the motion
-        drives = [closure for closure in scene.closures if isinstance(closure, Drive)]
-        loops = tuple(closure for closure in scene.closures if not isinstance(closure, Drive))
+        drives = [constraint for constraint in scene.constraints if isinstance(constraint, Drive)]
+        loops = tuple(constraint for constraint in scene.constraints if not isinstance(constraint, Drive))
         if not loops:
             raise InputError(
                 f"{scene.source}: nothing closes a loop; use bc.scene_inverse_dynamics, which takes open chains"
             )
         self.given = scene
-        self.loaded = replace(scene, closures=loops, control=(), events=(), outputs={})
+        self.loaded = replace(scene, constraints=loops, control=(), events=(), outputs={})
         self.scene = replace(self.loaded, forces=())  # what the kinematics need
         self.robot = scene.robot
         self.equations = InverseEquations(scene.robot, scene)
         rows = self.multiplier_names
         if self._position_rows < len(rows):
             raise InputError(
-                f"{scene.source}: closure '{rows[-1][0]}' rolls, so that positions depend on the way that was gone; "
-                "simulate with drive closures instead, their multipliers are the motors' torques"
+                f"{scene.source}: constraint '{rows[-1][0]}' rolls, so that positions depend on the way that was gone; "
+                "simulate with drive constraints instead, their multipliers are the motors' torques"
             )
-        names = list(actuated or [drive.joint.name for drive in drives] or scene.card.actuated or scene.card.drives)
+        names = list(actuated or [drive.joint.name for drive in drives] or scene.config.actuated or scene.config.drives)
         if not names:
             raise InputError(
                 f"{scene.source}: which joints of the linkage have motors? write them as actuated: [JOINT, …], of "
@@ -86,7 +86,7 @@ class Chain:
 
     @property
     def multiplier_names(self) -> tuple[tuple[str, str], ...]:
-        """(closure, what it is) of each multiplier."""
+        """(constraint, what it is) of each multiplier."""
         return system_of(self.scene).multiplier_names
 
     @cached_property
@@ -108,7 +108,7 @@ class Chain:
         from bellcrank.elements.symbols import Symbols
 
         s = Symbols(self.robot, self.scene.parameters, self.scene.frames, self.scene.initial.clock)
-        closed = close(self.scene.closures, Rows.plain(binding_of(self.scene).kept), s)
+        closed = close(self.scene.constraints, Rows.plain(binding_of(self.scene).kept), s)
         outputs = [closed.position, closed.speed, casadi.vec(closed.jacobian), closed.drift]
         return casadi.Function("linkage", [s.t, s.q, s.v, s.u, s.p], [casadi.densify(x) for x in outputs])
 
@@ -183,7 +183,7 @@ class Chain:
         """The motion with all other joints following these (independent) ones; the branch is that of the posture
         `start` (nq,), else of the scene's start.
 
-        Raises UnreachableError where the closures cannot follow, or lose their hold on the others (dead point).
+        Raises UnreachableError where the constraints cannot follow, or lose their hold on the others (dead point).
         """
         n = len(motion)
         time, ind = motion.time, [joint.v for joint in joints]
@@ -211,7 +211,7 @@ class Chain:
         v[:, ind], a[:, ind] = motion.velocity[:, ind], motion.acceleration[:, ind]
         _, speed, jacobian, _ = self.closed(time, q, v)
         scaled = self._scaled(jacobian)[:, :, dep]
-        singular = singular_values(scaled, f"motion '{motion.name}': the closures along it are")
+        singular = singular_values(scaled, f"motion '{motion.name}': the constraints along it are")
         worst = int(np.argmin(singular[:, -1] / singular[:, 0])) if len(dep) else 0
         if len(dep) and singular[worst, -1] < DEAD * singular[worst, 0]:
             raise UnreachableError(
@@ -234,10 +234,10 @@ class Chain:
         state = np.zeros((len(time), system_of(self.scene).size))
         state[:, : self.robot.nq] = q
         found = cosines_along(self.scene, time, state, self.scene.signals_at(time), system_parameters(self.scene))
-        for closure, cosine in zip(turning(self.scene), found.T, strict=False):
+        for constraint, cosine in zip(turning(self.scene), found.T, strict=False):
             if not cosine.min() > 0.0:
                 raise UnreachableError(
-                    f"motion '{name}' closes closure '{closure}' with its sides turned half around at "
+                    f"motion '{name}' closes constraint '{constraint}' with its sides turned half around at "
                     f"{time[np.argmin(cosine)]:.6g} s; the linkage cannot follow it there"
                 )
 
@@ -251,7 +251,7 @@ class Chain:
         if depth == FINEST:
             joints = [joint for joint in self.robot.joints if joint.v in ind]
             raise UnreachableError(
-                f"motion '{name}' cannot be followed at {t:.6g} s: the closures hold up to "
+                f"motion '{name}' cannot be followed at {t:.6g} s: the constraints hold up to "
                 f"{_listed(joints, q[places])} and no further towards {_listed(joints, target)}; the linkage is out of "
                 "reach or at a dead point, or the scene's start is on another branch"
             )
@@ -265,7 +265,7 @@ class Chain:
         step[ind] = (target - q[places]) / self.columns[ind]
         if not _finite(gap, jacobian):
             return None
-        what = f"motion '{name}': the closures at {t:.6g} s are"
+        what = f"motion '{name}': the constraints at {t:.6g} s are"
         step[dep] = least_squares(jacobian[:, dep], -gap - jacobian[:, ind] @ step[ind], what, rcond=SINGULAR)
         q = moved(self.scene, q, self.columns * step)
         strayed, before = np.zeros(self.robot.nv), np.inf
@@ -295,12 +295,12 @@ class Chain:
         """
         jacobian = self._scaled(jacobian)
         rank = int(max(_rank(jacobian[k]) for k in np.linspace(0, len(jacobian) - 1, 7).astype(int)))
-        _, _, vt = svd(jacobian, f"{self.given.source}: the closures are")
+        _, _, vt = svd(jacobian, f"{self.given.source}: the constraints are")
         null = vt[:, rank:, :]  # rows: an orthonormal basis of the motions allowed
         grip = null[:, :, [joint.v for joint in self.actuated]]
         if null.shape[1] == 0:
-            raise InputError(f"{self.given.source}: the closures of {self.robot.name} leave nothing to move")
-        singular = singular_values(grip, f"{self.given.source}: the motions that the closures allow are")
+            raise InputError(f"{self.given.source}: the constraints of {self.robot.name} leave nothing to move")
+        singular = singular_values(grip, f"{self.given.source}: the motions that the constraints allow are")
         too_few = grip.shape[2] < grip.shape[1]
         weak = int(np.argmin(singular[:, -1]))
         if too_few or singular[weak, -1] < SINGULAR:
@@ -311,10 +311,10 @@ class Chain:
                 f"{'more joints' if too_few else 'another joint, or keep away from that posture'}"
             )
         null, motors = null * self.columns, [joint.v for joint in self.actuated]
-        return np.asarray(pseudo_inverse(null[:, :, motors], f"{self.given.source}: the closures are") @ null)
+        return np.asarray(pseudo_inverse(null[:, :, motors], f"{self.given.source}: the constraints are") @ null)
 
     def torques(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-        """τ (n, k) of the motors and λ (n, m), the least ones where closures are redundant, at n states."""
+        """τ (n, k) of the motors and λ (n, m), the least ones where constraints are redundant, at n states."""
         need, _, _, jacobian, _ = self.at(t, q, v, a)
         torque = _times(self.shares(jacobian, t), need)
         left = need.copy()

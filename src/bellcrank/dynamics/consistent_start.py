@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.derived import computed_once
+from bellcrank.dynamics.binding_rows import binding_of
 from bellcrank.dynamics.constraint_angles import angle_rows, cosines, way
-from bellcrank.dynamics.constraint_rank import binding_of
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.errors import InputError
 from bellcrank.numerics import LARGEST, least_squares, length
@@ -31,11 +31,11 @@ ASIDE = 0.05  # rad, or of the mechanism's length: away from half a turn, where 
 
 @computed_once
 def consistent_start(scene: Scene) -> tuple[Array, Array]:
-    """Position (nq,) and velocity (nv,) at time 0 that fit the closures, a free base's velocity in its own frame."""
+    """Position (nq,) and velocity (nv,) at time 0 that fit the constraints, a free base's velocity in its own frame."""
     name = scene.initial.motion
     motion = None if name is None else scene.motion(name)
     q = scene.initial.posture(scene.robot, motion)
-    if not scene.closures:
+    if not scene.constraints:
         return q, scene.initial.rates(scene.robot, q, motion)
     held_q, held_v = scene.initial.held(scene.robot)
     q = consistent_posture(scene, q, held_q)
@@ -43,7 +43,7 @@ def consistent_start(scene: Scene) -> tuple[Array, Array]:
 
 
 def consistent_posture(scene: Scene, q: Array, held: Mask) -> Array:
-    """The position (nq,) on the closures, nearest to the given one, lengths counted in the mechanism's own.
+    """The position (nq,) on the constraints, nearest to the given one, lengths counted in the mechanism's own.
 
     `held` (nv) is a mask over the degrees of freedom whose positions stay, a free joint's along its parent's axes.
     Raises InputError where no posture with the held values closes, with the nearest reached.
@@ -56,7 +56,7 @@ def consistent_posture(scene: Scene, q: Array, held: Mask) -> Array:
         name, label, apart = _worst(scene, q)
         names = [j.name for j in scene.robot.joints if held[j.v : j.v + j.nv].any()]
         raise InputError(
-            f"{scene.source}: initial: the closures do not close with {', '.join(names) or 'nothing'} held: "
+            f"{scene.source}: initial: the constraints do not close with {', '.join(names) or 'nothing'} held: "
             f"'{name}' stays {apart:.3g} (m or rad) apart ({label}); hold less, write a guess nearer to the branch "
             "that is meant ({guess: …}), or change lengths"
         )
@@ -66,11 +66,11 @@ def consistent_posture(scene: Scene, q: Array, held: Mask) -> Array:
 
 
 def consistent_velocity(scene: Scene, q: Array, v: Array, held: Mask) -> Array:
-    """The velocity (nv,) on the closures at the position q (nq,), nearest to the given one, lengths counted in the
+    """The velocity (nv,) on the constraints at the position q (nq,), nearest to the given one, lengths counted in the
     mechanism's own.
 
     `held` (nv) is a mask over the degrees of freedom whose velocities stay, a free joint's along the axes that its
-    velocity is given in. Raises InputError where no velocity with the held values keeps the closures.
+    velocity is given in. Raises InputError where no velocity with the held values keeps the constraints.
     """
     speed, jacobian = _linearised(scene, q, v)[1:]
     _refuse_no_value(scene, speed, jacobian)
@@ -79,7 +79,7 @@ def consistent_velocity(scene: Scene, q: Array, v: Array, held: Mask) -> Array:
     change = np.zeros_like(v)
     scaled = _along(jacobian / unit[:, None] * columns, axes)
     change[~held] = least_squares(
-        scaled[:, ~held], -speed / unit, f"{scene.source}: initial: the closures at the start are", rcond=1e-10
+        scaled[:, ~held], -speed / unit, f"{scene.source}: initial: the constraints at the start are", rcond=1e-10
     )
     change = columns * _in_body(change, axes)
     left = np.abs(speed + jacobian @ change)
@@ -87,21 +87,21 @@ def consistent_velocity(scene: Scene, q: Array, v: Array, held: Mask) -> Array:
         worst = int(np.argmax(left / unit))
         name, label = system_of(scene).multiplier_names[worst]
         raise InputError(
-            f"{scene.source}: initial: the velocities that are given break closure '{name}' ({label}) by "
+            f"{scene.source}: initial: the velocities that are given break constraint '{name}' ({label}) by "
             f"{left[worst]:.3g} (m/s or rad/s); give fewer of them, the rest follow"
         )
     return v + change
 
 
 def _refuse_no_value(scene: Scene, values: Array, jacobian: Array) -> None:
-    """InputError where a closure's rows (m,), or their J (m, nv), are no numbers of at most LARGEST at the start."""
+    """InputError where a constraint's rows (m,), or their J (m, nv), are no numbers of at most LARGEST at the start."""
     for k, (value, row) in enumerate(zip(values, jacobian, strict=False)):
         found = np.append(row, value)
         wrong = found[~(np.abs(found) <= LARGEST)]
         if len(wrong):
             name, label = system_of(scene).multiplier_names[k]
             raise InputError(
-                f"{scene.source}: initial: closure '{name}' or its derivative is no number of at most {LARGEST:g} at "
+                f"{scene.source}: initial: constraint '{name}' or its derivative is no number of at most {LARGEST:g} at "
                 f"the start: its row {label} has {wrong[-1]:.4g}; start where it has values, or write it another way"
             )
 
@@ -111,7 +111,7 @@ def _refuse_turned(scene: Scene, q: Array) -> None:
     for name, cosine in cosines(scene, q).items():
         if not cosine > 0.0:
             raise InputError(
-                f"{scene.source}: initial: closure '{name}' closes only with its sides turned by "
+                f"{scene.source}: initial: constraint '{name}' closes only with its sides turned by "
                 f"{np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))):.4g} deg against each other; write a guess nearer "
                 "to the branch that is meant ({guess: …}), or turn one of its frames"
             )
@@ -165,7 +165,7 @@ def _posture(scene: Scene, q: Array, free: Mask, position: Position | None = Non
         axes = scene.initial.axes(scene.robot, q)[0]
         if not (np.isfinite(gap).all() and np.isfinite(jacobian).all()):
             break
-        what = f"{scene.source}: initial: the closures near the start are"
+        what = f"{scene.source}: initial: the constraints near the start are"
         step[free] = least_squares(_along(jacobian, axes)[:, free], -gap, what, rcond=1e-10)
         step = _in_body(step, axes)
         step *= min(1.0, 0.5 / max(float(np.abs(step).max()), 1e-300))  # half a radian: further is another branch
@@ -218,7 +218,7 @@ def _linearised(scene: Scene, q: Array, v: Array) -> tuple[Array, Array, Array]:
     system = system_of(scene)
     x = np.zeros(system.size)
     x[: system.nq], x[system.nq : system.nq + system.nv] = q, v
-    return system.linearised_closures(np.zeros(1), x, scene.signals_at(np.zeros(1))[0], system_parameters(scene))
+    return system.linearised_constraints(np.zeros(1), x, scene.signals_at(np.zeros(1))[0], system_parameters(scene))
 
 
 def _position(scene: Scene, q: Array) -> tuple[Array, Array]:
@@ -237,7 +237,7 @@ def _guided(scene: Scene, q: Array) -> tuple[Array, Array]:
 
 
 def _worst(scene: Scene, q: Array) -> tuple[str, str, float]:
-    """The closure and row that is furthest apart, and how far, m or rad."""
+    """The constraint and row that is furthest apart, and how far, m or rad."""
     gap = np.abs(_position(scene, q)[0])
     worst = int(np.argmax(gap))
     return *system_of(scene).multiplier_names[worst], float(gap[worst] * binding_of(scene).unit[worst])

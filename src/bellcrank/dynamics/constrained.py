@@ -1,4 +1,4 @@
-"""Constrained equations of motion: closures differentiated, and solved for accelerations and multipliers.
+"""Constrained equations of motion: constraints differentiated, and solved for accelerations and multipliers.
 
 With φ(q, t) = 0 (holonomic rows) and ψ(q, v, t) = 0 (non-holonomic ones), J = ∂(φ̇, ψ)/∂v and γ = what is left of
 (φ̈, ψ̇) at v̇ = 0,
@@ -34,7 +34,7 @@ NEAR_SINGULAR = 1e-4  # a pivot below this share of its usual value calls for th
 class Rows(NamedTuple):
     """The rows of constraints that bind; for each its usual J M⁻¹ Jᵀ (`scale`), its usual square of J with columns as
     in `columns` (`square`), and how large 1 is in it (`unit`). `columns` (nv): the mechanism's length, m, for
-    coordinates in m, 1 for others. Numbers or symbols. `singular`: M is, as some joint moves nothing but what closures
+    coordinates in m, 1 for others. Numbers or symbols. `singular`: M is, as some joint moves nothing but what constraints
     hold.
     """
 
@@ -94,7 +94,7 @@ class Closed:
         return -self.drift - 2.0 * alpha * self.speed - beta * beta * gap
 
     def power(self, multipliers: casadi.SX) -> casadi.SX:
-        """The power of closures that move with time: v·Jᵀλ = −λ·(φ_t, ψ at rest) on φ̇ = 0, ψ = 0."""
+        """The power of constraints that move with time: v·Jᵀλ = −λ·(φ_t, ψ at rest) on φ̇ = 0, ψ = 0."""
         import casadi
 
         return -casadi.dot(multipliers, self.explicit_rate)
@@ -180,7 +180,7 @@ def regularisation(mass: casadi.SX, closed: Closed, share: casadi.SX) -> casadi.
 
 
 def row_names(constraints: Sequence[Constraint], s: Symbols) -> list[tuple[str, str]]:
-    """(closure, what its multiplier is) of every row, all φ and then all ψ."""
+    """(constraint, what its multiplier is) of every row, all φ and then all ψ."""
     position, velocity = [], []
     for constraint in constraints:
         h = constraint.residual(s).position.size1()

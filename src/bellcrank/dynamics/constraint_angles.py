@@ -17,21 +17,21 @@ Array = NDArray[np.float64]
 
 
 def turning(scene: Scene) -> tuple[str, ...]:
-    """The closures whose rows vanish at half a turn too, in the order of the scene."""
-    return tuple(closure.name for closure in scene.closures if isinstance(closure, (Weld, Hinge)))
+    """The constraints whose rows vanish at half a turn too, in the order of the scene."""
+    return tuple(constraint.name for constraint in scene.constraints if isinstance(constraint, (Weld, Hinge)))
 
 
 def angle_rows(scene: Scene) -> dict[str, list[int]]:
-    """Which of the rows of φ that bind are sines of angles of these closures."""
+    """Which of the rows of φ that bind are sines of angles of these constraints."""
     names = system_of(scene).multiplier_names
     return {
-        closure: [k for k, (name, label) in enumerate(names) if name == closure and label.endswith("[N m]")]
-        for closure in turning(scene)
+        constraint: [k for k, (name, label) in enumerate(names) if name == constraint and label.endswith("[N m]")]
+        for constraint in turning(scene)
     }
 
 
 def cosines(scene: Scene, q: Array) -> dict[str, float]:
-    """The cosine of the angle between the sides of each of these closures at a position (nq,)."""
+    """The cosine of the angle between the sides of each of these constraints at a position (nq,)."""
     names = turning(scene)
     if not names:
         return {}
@@ -40,7 +40,7 @@ def cosines(scene: Scene, q: Array) -> dict[str, float]:
 
 
 def cosines_along(scene: Scene, time: Array, state: Array, inputs: Array, parameters: Array) -> Array:
-    """The same (n, closures) at states (n, size) of a run, with its signals (n, nu) and parameters."""
+    """The same (n, constraints) at states (n, size) of a run, with its signals (n, nu) and parameters."""
     if not turning(scene):
         return np.ones((len(time), 0))
     return np.asarray(system_of(scene).facing(time[:, None], state, inputs, parameters)).reshape(len(time), -1)
@@ -53,7 +53,7 @@ def way(scene: Scene, q: Array) -> tuple[Array, Array]:
 
 
 def true_gaps(scene: Scene, gap: Array, cosine: Array) -> Array:
-    """|φ| (n, h) with whole angles in place of their sines, of φ (n, h) and the cosines (n, closures)."""
+    """|φ| (n, h) with whole angles in place of their sines, of φ (n, h) and the cosines (n, constraints)."""
     gaps = np.abs(gap)
     for k, rows in enumerate(angle_rows(scene).values()):
         if not rows:

@@ -67,17 +67,17 @@ class RowFunctions:
 
             s = Symbols(scene.robot, scene.parameters, scene.frames, scene.initial.clock)
             at_rest = casadi.SX.zeros(scene.robot.nv, 1)
-            whole = close(scene.closures, None, s)
+            whole = close(scene.constraints, None, s)
             jacobian = casadi.sparsify(casadi.substitute(whole.jacobian, s.v, at_rest))
-            arms = [casadi.jacobian(constraint.reach(s), s.v) for constraint in scene.closures]
+            arms = [casadi.jacobian(constraint.reach(s), s.v) for constraint in scene.constraints]
             turning = [k for k, far in enumerate(lengths_in_velocity(scene.robot)) if not far]
             lengths = [casadi.vec(casadi.densify(casadi.sparsify(arm[:, turning]))) for arm in arms if arm.numel()]
-            lengths += [constraint.lengths(s) for constraint in scene.closures]
+            lengths += [constraint.lengths(s) for constraint in scene.constraints]
             gaps = casadi.vertcat(whole.position, casadi.substitute(whole.velocity, s.v, at_rest))
             entries = casadi.reshape(jacobian.nz[:], jacobian.nnz(), 1)
             every = casadi.vertcat(entries, gaps, *lengths)
             places = [list(place) for place in jacobian.sparsity().get_triplet()]
-            self._layout = {"names": row_names(scene.closures, s), "places": places, "signals": s.u.numel()}
+            self._layout = {"names": row_names(scene.constraints, s), "places": places, "signals": s.u.numel()}
             rows = casadi.Function("rows", [s.q, s.t, s.u, s.p], [casadi.densify(every)])
             self._made = rows, s.inertia()
         return self._made
@@ -159,7 +159,7 @@ def _length(scene: Scene, found: Array, parametric: bool) -> float:
     meant = found[np.abs(found) > MEANT * longest]
     if meant.size and np.abs(meant).max() < SMALLEST:
         raise InputError(
-            f"{scene.source}: the lengths of '{scene.robot.name}' and its closures are at most "
+            f"{scene.source}: the lengths of '{scene.robot.name}' and its constraints are at most "
             f"{np.abs(meant).max():.3g} m; expected some of {SMALLEST:g} m or more, so that their squares are numbers"
         )
     return float(np.sqrt((meant * meant).mean())) if meant.size else float(longest) or 1.0

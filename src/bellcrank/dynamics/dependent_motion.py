@@ -1,4 +1,4 @@
-"""Motions of a linkage: which joints a motion of the card or a CSV file is given for, and all others following them."""
+"""Motions of a linkage: which joints a motion of the configuration or a CSV file is given for, and all others following them."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from bellcrank import arguments
+from bellcrank.dynamics.binding_rows import binding_of
 from bellcrank.dynamics.consistent_start import consistent_posture
-from bellcrank.dynamics.constraint_rank import binding_of
 from bellcrank.dynamics.element_forces import changed_lengths, path_note
 from bellcrank.dynamics.frame_path import FrameFollower
 from bellcrank.elements.frame_joints import carrying, frames_drawn
@@ -35,24 +35,24 @@ def guided_motion(
     chain: Chain, motion: Motion | str | Path, independent: Sequence[str] | None = None
 ) -> tuple[Motion, tuple[str, ...]]:
     """The motion of all joints of a linkage, and the independent joints it was given by. Raises BellcrankError."""
-    robot, card = chain.robot, chain.given.card
+    robot, config = chain.robot, chain.given.config
     given: set[str] | None = None
     if isinstance(motion, Motion):
         whole = motion
     elif not isinstance(motion, (str, Path)):
         arguments.refuse("motion", "a Motion, the name of a motion, or the path of a CSV file", motion)
-    elif str(motion) in card.motions:
-        entry = card.motions[str(motion)]
-        along = _frame_motion(chain, entry, card.motions)
+    elif str(motion) in config.motions:
+        entry = config.motions[str(motion)]
+        along = _frame_motion(chain, entry, config.motions)
         if along is not None:
             return along, _independent(chain, along, independent)
-        given = _given(entry, robot, card.motions)
+        given = _given(entry, robot, config.motions)
         if entry.kind == "csv":
             whole = read_partial_motion(robot, entry.arguments["path"], entry.name, entry.arguments["text"])
         else:
             whole = chain.given.motion(str(motion))
             moved = changed_lengths(chain.given)
-            if moved and any(frames_drawn(entry, card.motions)):
+            if moved and any(frames_drawn(entry, config.motions)):
                 whole = replace(whole, notes=(*whole.notes, path_note(whole.name, moved)))
     elif arguments.path("motion", motion, "a motion's name or the path of a CSV file").suffix or "/" in str(motion):
         text = motion_text(Path(motion))
@@ -60,7 +60,7 @@ def guided_motion(
         given = _columns(robot, text)
     else:
         raise InputError(
-            f"{chain.given.source}: {unknown_name('motion', str(motion), card.motions)}, nor a file of that name"
+            f"{chain.given.source}: {unknown_name('motion', str(motion), config.motions)}, nor a file of that name"
         )
     if len(whole.joints) != len(robot.joints) or whole.nq != robot.nq:
         raise InputError(
@@ -145,7 +145,7 @@ def _part(chain: Chain, entry: MotionEntry, entries: Mapping[str, MotionEntry], 
 
 
 def _started(chain: Chain, posture: Any, near: Array) -> Array:
-    """The posture (nq,) on the closures nearest to `near` with the joints of a start posture where they are given."""
+    """The posture (nq,) on the constraints nearest to `near` with the joints of a start posture where they are given."""
     q = near.copy()
     if isinstance(posture, Mapping):
         for name, value in posture.items():
@@ -166,7 +166,7 @@ def _independent(chain: Chain, motion: Motion, names: Sequence[str] | None) -> t
 
 
 def _check_agreement(chain: Chain, wanted: Motion, found: Motion, joints: Sequence[RobotJoint]) -> None:
-    """Refuse a motion that moves more joints than can be chosen, unless the closures move them so anyway."""
+    """Refuse a motion that moves more joints than can be chosen, unless the constraints move them so anyway."""
     for joint in joints:
         gap = found.position[:, joint.q] - wanted.position[:, joint.q]
         gap = np.abs(np.remainder(gap + np.pi, 2.0 * np.pi) - np.pi if joint.kind == "revolute" else gap)
@@ -174,14 +174,14 @@ def _check_agreement(chain: Chain, wanted: Motion, found: Motion, joints: Sequen
             row = int(gap.argmax())
             raise InputError(
                 f"motion '{wanted.name}' wants joint '{joint.name}' at {wanted.position[row, joint.q]:.6g} at "
-                f"{wanted.time[row]:.6g} s, the closures put it at {found.position[row, joint.q]:.6g} (rad or m): it "
+                f"{wanted.time[row]:.6g} s, the constraints put it at {found.position[row, joint.q]:.6g} (rad or m): it "
                 "moves more joints, or a frame along more dimensions, than the linkage has freedoms, or is on another "
                 "branch; leave that joint out of it"
             )
 
 
 def _given(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEntry]) -> set[str]:
-    """The joints that a motion of the card is given for: those that it names; on the path of a frame those that carry
+    """The joints that a motion of the configuration is given for: those that it names; on the path of a frame those that carry
     the frame.
     """
     one = {joint.name for joint in robot.joints if joint.nv == 1}

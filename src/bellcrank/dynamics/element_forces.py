@@ -78,7 +78,7 @@ def _clock_notes(scene: Scene) -> Iterator[str]:
     """What depends on time where a simulation of the scene starts with another clock than 0."""
     clock = scene.initial.clock
     moving = [f"{force.kind} '{force.name}'" for force in scene.forces if force.source is not None]
-    moving += [f"closure '{part.name}'" for part in scene.closures if part.kind != "drive" and has_time(part)]
+    moving += [f"constraint '{part.name}'" for part in scene.constraints if part.kind != "drive" and has_time(part)]
     if clock and moving:
         yield (
             f"initial.clock, {clock:.6g} s, does not count: {', '.join(moving)} {'is' if len(moving) == 1 else 'are'} "
@@ -129,10 +129,10 @@ def _base_notes(scene: Scene, motion: Motion) -> Iterator[str]:
 
 def _drive_notes(scene: Scene, motion: Motion) -> Iterator[str]:
     """Drives of the scene that have their joints follow another motion."""
-    for closure in scene.closures:
-        if closure.kind == "drive" and (follows := str(closure.place.raw("motion"))) != motion.name:
+    for constraint in scene.constraints:
+        if constraint.kind == "drive" and (follows := str(constraint.place.raw("motion"))) != motion.name:
             yield (
-                f"drive '{closure.name}' of the scene follows motion '{follows}'; here motion '{motion.name}' counts "
+                f"drive '{constraint.name}' of the scene follows motion '{follows}'; here motion '{motion.name}' counts "
                 "for its joint"
             )
 
@@ -146,7 +146,7 @@ def path_note(name: str, moved: Sequence[str]) -> str:
 
 
 def changed_lengths(scene: Scene) -> list[str]:
-    """The parameters that give a joint or frame another place than the URDF or the card."""
+    """The parameters that give a joint or frame another place than the URDF or the configuration."""
     frames = scene.robot.equations.tree.frames
     found = []
     for name, parameter in scene.parameters.items():
@@ -160,7 +160,7 @@ def changed_lengths(scene: Scene) -> list[str]:
 
 def _follows_frame(mechanism: Mechanism, name: str) -> bool:
     """Whether a motion of the scene is made from the path of a frame, wholly or in part."""
-    entries = {} if mechanism.scene is None else mechanism.scene.card.motions
+    entries = {} if mechanism.scene is None else mechanism.scene.config.motions
     return name in entries and any(frames_drawn(entries[name], entries))
 
 

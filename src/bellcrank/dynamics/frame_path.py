@@ -1,6 +1,6 @@
 """A frame of a closed linkage along a path: inverse kinematics on the closed mechanism.
 
-Unknown is the posture of all joints. With the closures φ(q, t) = 0, of Jacobian J, and the prescribed coordinates of
+Unknown is the posture of all joints. With the constraints φ(q, t) = 0, of Jacobian J, and the prescribed coordinates of
 the frame's pose x(q) = x_path(s(t)), of Jacobian F, Newton's method solves
 
     [J; F] δ = [−φ; x_path − x],    [J; F] v = [−φ_t; ẋ_path],    [J; F] a = [−γ; ẍ_path − Ḟ v]
@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank.dynamics.binding_rows import binding_of
 from bellcrank.dynamics.closed_chain import CLOSED, DEAD, FINEST, LEAP, ROUNDED, SINGULAR
 from bellcrank.dynamics.consistent_start import moved
-from bellcrank.dynamics.constraint_rank import binding_of
 from bellcrank.errors import InputError, UnreachableError
 from bellcrank.motion.frame_task import vector_text
 from bellcrank.motion.motion import Motion, limit_notes
@@ -72,13 +72,13 @@ class FrameFollower:
     def prescribed(self) -> tuple[int, int]:
         """How many degrees of freedom the mechanism has at the start posture, and how many of them the path sets."""
         _, jacobian = self._system(0.0, self.start, self.begin, self.attitude)
-        closures = len(jacobian) - len(self.rows)
+        constraints = len(jacobian) - len(self.rows)
         size = max(float(np.abs(jacobian).max(initial=0.0)), 1e-300)
-        rank = self._rank(jacobian[:closures], SINGULAR * size)
+        rank = self._rank(jacobian[:constraints], SINGULAR * size)
         return self.robot.nv - rank, self._rank(jacobian, SINGULAR * size) - rank
 
     def _rank(self, matrix: Array, least: float) -> int:
-        what = f"motion '{self.path.name}': the closures and the frame at the start are"
+        what = f"motion '{self.path.name}': the constraints and the frame at the start are"
         return int(np.count_nonzero(singular_values(matrix, what) > least)) if matrix.size else 0
 
     def refusal(self) -> str:
@@ -119,7 +119,7 @@ class FrameFollower:
         frame = flat.reshape(n, robot.nv, 6).transpose(0, 2, 1)[:, self.rows]
         units = np.concatenate([binding_of(chain.scene).unit, self._sizes])
         whole = np.concatenate([jacobian, frame], axis=1) / units[:, None] * chain.columns
-        what = f"motion '{self.path.name}': the closures and the frame along it are"
+        what = f"motion '{self.path.name}': the constraints and the frame along it are"
         sizes = singular_values(whole, what)
         worst = int(np.argmin(sizes[:, -1] / sizes[:, 0]))
         if sizes[worst, -1] < DEAD * sizes[worst, 0]:
@@ -169,7 +169,7 @@ class FrameFollower:
             )
             raise InputError(
                 f"motion '{self.path.name}' moves frame '{self.path.frame}' along {asked} coordinates, and the "
-                f"mechanism has {freedoms} degree(s) of freedom: the closures keep the frame off this path; {fewer}, "
+                f"mechanism has {freedoms} degree(s) of freedom: the constraints keep the frame off this path; {fewer}, "
                 "or move joints instead"
             )
 
@@ -186,7 +186,7 @@ class FrameFollower:
             before = size
             if not (np.isfinite(missing).all() and np.isfinite(jacobian).all()):
                 return None
-            step = least_squares(jacobian, missing, f"motion '{self.path.name}': the closures are", rcond=SINGULAR)
+            step = least_squares(jacobian, missing, f"motion '{self.path.name}': the constraints are", rcond=SINGULAR)
             strayed = strayed + step if k else strayed  # the first step is the way itself
             if not (np.abs(step).max() <= LEAP and np.abs(strayed).max() <= LEAP):
                 return None
@@ -194,7 +194,7 @@ class FrameFollower:
         return None
 
     def _system(self, t: float, q: Array, position: Array, rotation: Array) -> tuple[Array, Array]:
-        """What is missing to closures and pose (rows,), and [J; F] (rows, nv), in rad and lengths of the mechanism."""
+        """What is missing to constraints and pose (rows,), and [J; F] (rows, nv), in rad and lengths of the mechanism."""
         gap, jacobian = self.chain._gap(t, q)
         at, turn, flat, _ = self.code(q, np.zeros(self.robot.nv), self.chain.scene.parameter_values)
         turned = 0.5 * np.cross(turn.reshape(3, 3).T, rotation.T).sum(axis=0)

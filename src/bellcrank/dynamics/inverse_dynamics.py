@@ -40,7 +40,7 @@ LARGEST = 1e100  # N or N m: squares of more, which RMS needs, overflow
 
 class InverseEquations:
     """The functions of a batch of times (n,) s and states q (n, nq), v and a (n, nv) that inverse dynamics is made of,
-    for a robot under a scene's forces and parameters (its closures and control aside), or for the robot alone. Tables
+    for a robot under a scene's forces and parameters (its constraints and control aside), or for the robot alone. Tables
     are read at these times, whatever the clock of the scene's start.
     """
 
@@ -48,7 +48,7 @@ class InverseEquations:
         self.robot = robot
         self.scene = None
         if scene is not None:
-            bare = replace(scene, robot=robot, closures=(), control=(), events=(), outputs={})
+            bare = replace(scene, robot=robot, constraints=(), control=(), events=(), outputs={})
             self.scene = replace(bare, initial=replace(scene.initial, clock=0.0))
         self.forces: tuple[Part, ...] = () if scene is None else scene.forces
         self.parameters: Array = np.zeros(0) if scene is None else scene.parameter_values

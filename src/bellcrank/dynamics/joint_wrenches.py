@@ -1,11 +1,11 @@
-"""What each joint passes on: the tree's reaction, less what closures and forces at frames put on links beyond it."""
+"""What each joint passes on: the tree's reaction, less what constraints and forces at frames put on links beyond it."""
 
 from __future__ import annotations
 
 import copy
 from typing import TYPE_CHECKING
 
-from bellcrank.dynamics.constraint_rank import binding_of
+from bellcrank.dynamics.binding_rows import binding_of
 from bellcrank.elements.symbols import FrameSymbols, Symbols, frame_index
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ def joint_wrenches(scene: Scene) -> casadi.Function:
     """(t, q, v, u, p, a, λ) -> the wrench through each joint, joint after joint: force (N) then moment (N m) that the
     parent link exerts on the child link, in the joint's own (child) frame, about its origin.
 
-    A virtual displacement δ of a frame changes φ by G δ (a virtual velocity changes ψ so), hence closures put the
+    A virtual displacement δ of a frame changes φ by G δ (a virtual velocity changes ψ so), hence constraints put the
     wrench Gᵀ λ on the frame's link; springs and wrenches of the scene put theirs on the links of their frames. What the
     parent gives a joint's child is what the motion of all links beyond needs (recursive Newton-Euler), less all that
     others give them. What acts between joint coordinates (couplings, motors, joint springs, friction) passes across
@@ -30,10 +30,10 @@ def joint_wrenches(scene: Scene) -> casadi.Function:
     for source in scene.signal_sources:  # all of them, in the order of the scene's signals
         s.signal(source)
     given = [item for force in scene.forces for item in force.wrenches(s)]
-    kept = binding_of(scene).kept if scene.closures else ()
+    kept = binding_of(scene).kept if scene.constraints else ()
     a, multipliers = casadi.SX.sym("a", scene.robot.nv), casadi.SX.sym("lambda", len(kept))
     tree = s.algorithm("reactions")(s.q, s.v, a, s.tracer_parameters)
-    if scene.closures:
+    if scene.constraints:
         given += _loads(scene, s, kept, multipliers)
     wrenches = [(_joints_below(scene, name), s.frame(name).position, w) for name, w in given]
     columns = []
@@ -48,14 +48,14 @@ def joint_wrenches(scene: Scene) -> casadi.Function:
 
 
 def _loads(scene: Scene, s: Symbols, kept: tuple[int, ...], multipliers: casadi.SX) -> list[tuple[str, casadi.SX]]:
-    """(frame, wrench of all closures on its link: force, moment about its origin, world axes)."""
+    """(frame, wrench of all constraints on its link: force, moment about its origin, world axes)."""
     import casadi
 
-    names = list(dict.fromkeys(name for closure in scene.closures for name in closure.frames))
+    names = list(dict.fromkeys(name for constraint in scene.constraints for name in constraint.frames))
     shift, speed = casadi.SX.sym("shift", 6, len(names)), casadi.SX.sym("speed", 6, len(names))
     touched = copy.copy(s)
     touched._frames = {name: _displaced(s.frame(name), shift[:, k], speed[:, k]) for k, name in enumerate(names)}
-    residuals = [closure.residual(touched) for closure in scene.closures]
+    residuals = [constraint.residual(touched) for constraint in scene.constraints]
     position = casadi.vertcat(casadi.SX(0, 1), *[r.position for r in residuals])
     velocity = casadi.vertcat(casadi.SX(0, 1), *[r.velocity for r in residuals])
     still = casadi.SX.zeros(6 * len(names), 1)

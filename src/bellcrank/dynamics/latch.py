@@ -1,4 +1,4 @@
-"""A latch that closes: the plastic impact that takes a rate to zero while closures stay closed."""
+"""A latch that closes: the plastic impact that takes a rate to zero while constraints stay closed."""
 
 from __future__ import annotations
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.derived import cached_property
+from bellcrank.dynamics.binding_rows import binding_of
 from bellcrank.dynamics.closed_chain import Chain
-from bellcrank.dynamics.constraint_rank import binding_of
 from bellcrank.dynamics.dependent_motion import guided_motion
 from bellcrank.dynamics.joint_wrenches import joint_wrenches
 from bellcrank.motion.motion import Motion
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 
 class Linkage:
-    """A scene whose closures tie joints, as a Mechanism: what its motors feel is P Q and P M Pᵀ (closed_chain.py).
+    """A scene whose constraints tie joints, as a Mechanism: what its motors feel is P Q and P M Pᵀ (closed_chain.py).
 
     `robot` stands for the scene's, with payloads; `actuated` are the joints with motors (chain.py says which without).
     Forces and parameters of the scene count, its control does not. Raises InputError for what has no such answer.
@@ -56,7 +56,7 @@ class Linkage:
 
     @property
     def multiplier_names(self) -> tuple[tuple[str, str], ...]:
-        """(closure, what it is) of each multiplier."""
+        """(constraint, what it is) of each multiplier."""
         return self.chain.multiplier_names
 
     def motion(self, motion: Motion | str | Path) -> Motion:
@@ -100,7 +100,7 @@ class Linkage:
         return self.chain.shares(self.chain.closed(t, q, np.zeros((len(q), self.robot.nv)))[2], t)
 
     def reactions(self, t: Array, q: Array, v: Array, a: Array) -> Array:
-        """The wrench (n, joints, 6) through each joint of the tree, what closures and forces put on the links in it."""
+        """The wrench (n, joints, 6) through each joint of the tree, what constraints and forces put on the links in it."""
         t, q, v, a = self._rows(t=t, q=q, v=v, a=a)
         scene, (_, multipliers) = self.chain.loaded, self.torques(t, q, v, a)
         flat = self._wrenches(t[:, None], q, v, scene.signals_at(t), scene.parameter_values, a, multipliers)
@@ -113,7 +113,7 @@ class Linkage:
         return self.robot.compiled(key, lambda: joint_wrenches(scene))
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array) -> tuple[float, float]:
-        """The largest violation of a closure, m or rad, and the largest |S τ + Jᵀλ − Q|, a share of the largest |Q|."""
+        """The largest violation of a constraint, m or rad, and the largest |S τ + Jᵀλ − Q|, a share of the largest |Q|."""
         t, q, v, a = self._rows(t=t, q=q, v=v, a=a)
         need, gap, _, jacobian, _ = self.chain.at(t, q, v, a)
         torque, multipliers = self.torques(t, q, v, a)

@@ -1,4 +1,4 @@
-"""What sizing and inverse dynamics ask of a mechanism with motors, whether or not closures tie its joints."""
+"""What sizing and inverse dynamics ask of a mechanism with motors, whether or not constraints tie its joints."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Mechanism(Protocol):
     """A robot with motors at some joints, under the forces and parameters of a scene.
 
     All functions take batches: times t (n,) s, q (n, nq), v and a (n, nv); k is the number of motors, in the order of
-    `motors`. Torques are N m or N. `closed` says whether closures tie the joints together.
+    `motors`. Torques are N m or N. `closed` says whether constraints tie the joints together.
     """
 
     @property
@@ -40,7 +40,7 @@ class Mechanism(Protocol):
 
     @property
     def closed(self) -> bool:
-        """Whether closures tie the joints together."""
+        """Whether constraints tie the joints together."""
 
     @property
     def motors(self) -> tuple[RobotJoint, ...]:
@@ -52,7 +52,7 @@ class Mechanism(Protocol):
 
     @property
     def multiplier_names(self) -> tuple[tuple[str, str], ...]:
-        """(closure, what it is) of each multiplier."""
+        """(constraint, what it is) of each multiplier."""
 
     def along(
         self, motion: Motion | str | Path, independent: Sequence[str] | None = None
@@ -75,7 +75,7 @@ class Mechanism(Protocol):
         """The wrench (n, joints, 6) through each joint of the tree, as `Robot.joint_reactions`."""
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array) -> tuple[float, float]:
-        """The largest violation of a closure, m or rad, and of the equations of motion, as a share of all."""
+        """The largest violation of a constraint, m or rad, and of the equations of motion, as a share of all."""
 
 
 def mechanism_of(
@@ -83,7 +83,7 @@ def mechanism_of(
     robot: Robot | None = None,
     actuated: Sequence[str] | None = None,
 ) -> Mechanism:
-    """The mechanism of a robot alone or of a scene: a closed linkage where closures other than drives tie joints.
+    """The mechanism of a robot alone or of a scene: a closed linkage where constraints other than drives tie joints.
 
     `robot` stands for the scene's, with payloads; `actuated` names the joints with motors. Raises InputError.
     """
@@ -97,9 +97,9 @@ def mechanism_of(
         if not hasattr(given, "joints"):
             arguments.refuse("robot", "a robot, a scene or a linkage", given, remedy="bc.load_scene reads a scene")
         return OpenChain(cast(Robot, given))
-    if any(not isinstance(closure, Drive) for closure in given.closures):
+    if any(not isinstance(constraint, Drive) for constraint in given.constraints):
         return Linkage(given, robot, actuated)
-    return OpenChain(given.robot if robot is None else robot, given, actuated or given.card.actuated or None)
+    return OpenChain(given.robot if robot is None else robot, given, actuated or given.config.actuated or None)
 
 
 def force_times(time: Array, end: float | None = None) -> Array:

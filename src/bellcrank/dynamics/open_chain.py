@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 
 class OpenChain:
-    """A robot alone, or a scene that no closure but drives ties, as a Mechanism. Whatever holds joints of several
+    """A robot alone, or a scene that no constraint but drives ties, as a Mechanism. Whatever holds joints of several
     degrees of freedom (a free base) is not looked at.
 
     Raises InputError where `actuated` leaves out a joint, which nothing would hold.
@@ -47,7 +47,7 @@ class OpenChain:
             left = [joint.name for joint in self.motors if joint.name not in actuated]
             if left:
                 raise InputError(
-                    f"{robot.name}: actuated leaves out {', '.join(left)}: no closure ties the joints of an open "
+                    f"{robot.name}: actuated leaves out {', '.join(left)}: no constraint ties the joints of an open "
                     "chain, so each needs a motor to follow a motion; leave actuated out"
                 )
 
@@ -58,10 +58,10 @@ class OpenChain:
         every = tuple(joint.name for joint in self.motors)
         if independent is not None and set(independent) != set(every):
             raise InputError(
-                f"{self.robot.name}: independent: no closure ties the joints of an open chain, so all are independent: "
+                f"{self.robot.name}: independent: no constraint ties the joints of an open chain, so all are independent: "
                 f"{', '.join(every)}; leave it out"
             )
-        motions = {} if self.scene is None else self.scene.card.motions
+        motions = {} if self.scene is None else self.scene.config.motions
         if isinstance(motion, Motion):
             whole = motion
         elif not isinstance(motion, (str, Path)):
@@ -130,7 +130,7 @@ class OpenChain:
         return self.robot.compiled("joint wrenches " + scene.physics_key(), lambda: joint_wrenches(scene))
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array) -> tuple[float, float]:
-        """0, as no closure can be violated, and what acts at joints without a motor (a free base), a share of the
+        """0, as no constraint can be violated, and what acts at joints without a motor (a free base), a share of the
         largest force.
         """
         need = np.abs(self.equations.needed(t, q, v, a))

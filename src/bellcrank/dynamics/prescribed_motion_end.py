@@ -1,4 +1,4 @@
-"""Until when the motions of `drive` closures can be followed: a speed that jumps would take an infinite force.
+"""Until when the motions of `drive` constraints can be followed: a speed that jumps would take an infinite force.
 
 A motion that ends at rest is held. One that ends moving, whose speed jumps on the way, or that begins moving after the
 run does, ends the run there: the joint cannot change its speed at once, and the energy of a jump would be lost without
@@ -61,7 +61,7 @@ def drive_end(scene: Scene) -> DriveEnd | None:
     """
     found = []
     signals = dict(zip(scene.signal_sources, scene.signals, strict=True))
-    for drive in scene.closures:
+    for drive in scene.constraints:
         if not isinstance(drive, Drive):
             continue
         signal = signals[drive.source]
@@ -82,7 +82,7 @@ def drive_end(scene: Scene) -> DriveEnd | None:
 
 def signals_until(scene: Scene, time: float) -> tuple[Signal, ...]:
     """The scene's signals, those of drives cut off at a time (s), at which they then have their limits from before."""
-    driven = {drive.source for drive in scene.closures if isinstance(drive, Drive)}
+    driven = {drive.source for drive in scene.constraints if isinstance(drive, Drive)}
     return tuple(
         _cut(signal, time) if source in driven else signal
         for source, signal in zip(scene.signal_sources, scene.signals, strict=True)

@@ -1,4 +1,4 @@
-"""What closures do, as expressions for outputs and events: their multipliers, and how near to singular they are."""
+"""What constraints do, as expressions for outputs and events: their multipliers, and how near to singular they are."""
 
 from __future__ import annotations
 
@@ -21,14 +21,16 @@ FLOOR: Final = 1e-12  # regularisation of the inverse iteration, as a share of a
 
 
 class Reactions:
-    """The multipliers of a scene's closures, N or N m, by the closure's name."""
+    """The multipliers of a scene's constraints, N or N m, by the constraint's name."""
 
-    def __init__(self, closures: Sequence[Constraint], solution: Solution, multipliers: casadi.SX, s: Symbols) -> None:
+    def __init__(
+        self, constraints: Sequence[Constraint], solution: Solution, multipliers: casadi.SX, s: Symbols
+    ) -> None:
         self._solution, self._multipliers = solution, multipliers
-        self._rows = closure_rows(closures, s)
+        self._rows = constraint_rows(constraints, s)
 
     def of(self, name: str) -> casadi.SX:
-        """The multipliers of one closure in the order of its labels; 0 for rows that were dropped."""
+        """The multipliers of one constraint in the order of its labels; 0 for rows that were dropped."""
         import casadi
 
         place = {row: k for k, row in enumerate(self._solution.closed.kept)}
@@ -70,12 +72,12 @@ class Reactions:
         return casadi.sqrt(casadi.fmax(quotient(least), 0.0) / quotient(largest))
 
 
-def closure_rows(closures: Sequence[Constraint], s: Symbols) -> dict[str, list[int]]:
-    """Which rows of all φ, and then of all ψ, are a closure's, in the order of its labels."""
-    sizes = [[part.size1() for part in closure.residual(s)] for closure in closures]
+def constraint_rows(constraints: Sequence[Constraint], s: Symbols) -> dict[str, list[int]]:
+    """Which rows of all φ, and then of all ψ, are a constraint's, in the order of its labels."""
+    sizes = [[part.size1() for part in constraint.residual(s)] for constraint in constraints]
     first, second = 0, sum(h for h, _ in sizes)
     rows = {}
-    for closure, (h, k) in zip(closures, sizes, strict=True):
-        rows[closure.name] = [*range(first, first + h), *range(second, second + k)]
+    for constraint, (h, k) in zip(constraints, sizes, strict=True):
+        rows[constraint.name] = [*range(first, first + h), *range(second, second + k)]
         first, second = first + h, second + k
     return rows

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True, eq=False)
 class SceneInverseDynamics:
     """What a motion of a scene needs: torques (n, k) of the motors at `actuated` joints, N m or N, rotors in them, and
-    the multipliers (n, rows) of closures, named by `multiplier_names` (none for an open chain).
+    the multipliers (n, rows) of constraints, named by `multiplier_names` (none for an open chain).
 
     `motion` is the motion of all joints, `independent` the joints that it was given by, `notes` what did not count.
     With more motors than freedoms (`redundancy` > 0) torques are those of least Σ τ²: any others differ by internal
@@ -71,7 +71,7 @@ class SceneInverseDynamics:
 
     @property
     def multiplier_names(self) -> tuple[tuple[str, str], ...]:
-        """(closure, what it is) of each multiplier."""
+        """(constraint, what it is) of each multiplier."""
         return self.mechanism.multiplier_names
 
     def motor(self, name: str) -> Array:
@@ -95,12 +95,12 @@ class SceneInverseDynamics:
     @cached_property
     def reactions(self) -> Array:
         """The wrench through each joint of the tree, (n, len(all_joint_names), 6), as `Robot.joint_reactions`, what
-        closures and the scene's forces at frames put on the links in it.
+        constraints and the scene's forces at frames put on the links in it.
         """
         return self.mechanism.reactions(*self._states)
 
     def constraint_residual(self) -> float:
-        """The largest violation of a closure, m or rad."""
+        """The largest violation of a constraint, m or rad."""
         return self.mechanism.residuals(*self._states)[0]
 
     def equation_residual(self) -> float:
@@ -125,8 +125,8 @@ def scene_inverse_dynamics(
 
     `motion` is a Motion, a motion of the scene by name, or a CSV file, for a linkage with columns of the independent
     joints. Of a linkage only `independent` joints of it count (default: what the motion moves, motors first), the
-    others follow the closures on the branch of the scene's start; `actuated` are its joints with motors (default: those
-    of `drive` closures, which are taken away, else the scene's `actuated`, else its drives). In an open chain every
+    others follow the constraints on the branch of the scene's start; `actuated` are its joints with motors (default: those
+    of `drive` constraints, which are taken away, else the scene's `actuated`, else its drives). In an open chain every
     joint of one degree of freedom has a motor. All forces of the scene act, at the times of the motion: springs,
     dampers, wrenches, friction, and torques, which act beside the motors. Its control does not, which `notes` say.
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen.locks import making
-from bellcrank.dynamics.constraint_rank import FIXED, ROUNDING, binding_of
+from bellcrank.dynamics.binding_rows import FIXED, ROUNDING, binding_of
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.numerics import checked, eigenvectors, svd
 from bellcrank.robot.postures import lengths_in_velocity, random_posture

@@ -18,8 +18,8 @@ from bellcrank.codegen.compile import Compiled
 from bellcrank.codegen.locks import making
 from bellcrank.derived import cached_property, computed_once
 from bellcrank.dynamics.assembly import Assembly, assemble
+from bellcrank.dynamics.binding_rows import binding_of
 from bellcrank.dynamics.constrained import REGULARISATION, flow, row_names
-from bellcrank.dynamics.constraint_rank import binding_of
 from bellcrank.dynamics.latch import latch
 from bellcrank.dynamics.sparse import Places, entries
 
@@ -68,7 +68,7 @@ class System:
         a = self.assembly
         rhs = self._state_function("rhs", [a.state_rate])
         solution = a.solution
-        rows = [] if solution is None else row_names(self._scene.closures, a.symbols)
+        rows = [] if solution is None else row_names(self._scene.constraints, a.symbols)
         facts = {
             "has_work": a.has_work,
             "rows": [rows[k] for k in solution.closed.kept] if solution is not None else [],
@@ -89,7 +89,7 @@ class System:
 
     @cached_property
     def rhs(self) -> Compiled:
-        """(t, x, u, p) -> dx/dt; with closures by the plain solve, and a guard, which is positive where that holds."""
+        """(t, x, u, p) -> dx/dt; with constraints by the plain solve, and a guard, which is positive where that holds."""
         return self._compiled("rhs", lambda: self._state_function("rhs", self._rates()))
 
     def _rates(self) -> list[casadi.SX]:
@@ -107,7 +107,7 @@ class System:
 
     @cached_property
     def fallback(self) -> Compiled:
-        """(t, x, u, p) -> dx/dt by the proximal solve, which also holds where closures depend on each other."""
+        """(t, x, u, p) -> dx/dt by the proximal solve, which also holds where constraints depend on each other."""
         return self._compiled("fallback", lambda: self._state_function("fallback", [self.assembly.state_rate]))
 
     @cached_property
@@ -142,7 +142,7 @@ class System:
         return self._state_function(name, [correction, a.solution.guard] if plain else [correction])
 
     @cached_property
-    def closure(self) -> Compiled:
+    def constraint(self) -> Compiled:
         """(t, x, u, p) -> multipliers, φ, and (φ̇, ψ), of the rows that bind."""
 
         def build() -> casadi.Function:
@@ -153,7 +153,7 @@ class System:
 
         return self._compiled("closure", build, seldom=True)
 
-    def linearised_closures(self, t: Array, x: Array, u: Array, p: Array) -> tuple[Array, Array, Array]:
+    def linearised_constraints(self, t: Array, x: Array, u: Array, p: Array) -> tuple[Array, Array, Array]:
         """φ (h), (φ̇, ψ) (rows) and J (rows, nv) at a state, or at each state of a batch."""
         position, speed, numbers = self._linearised(t, x, u, p)
         return position, speed, self._places["jacobian"].matrix(numbers)
@@ -170,19 +170,19 @@ class System:
 
         return self._compiled("linearised", build, seldom=True)
 
-    def closure_metric(self, t: Array, x: Array, u: Array, p: Array) -> tuple[Array, Array]:
+    def constraint_metric(self, t: Array, x: Array, u: Array, p: Array) -> tuple[Array, Array]:
         """J (rows, nv) and M (nv, nv) at a state, or at each state of a batch."""
         jacobian, mass = self._metric(t, x, u, p)
         return self._places["jacobian"].matrix(jacobian), self._places["mass"].matrix(mass)
 
     @cached_property
     def facing(self) -> Compiled:
-        """(t, x, u, p) -> the cosine of the angle between the sides of each closure that has one (`turning`)."""
+        """(t, x, u, p) -> the cosine of the angle between the sides of each constraint that has one (`turning`)."""
 
         def build() -> casadi.Function:
             import casadi
 
-            found = [closure.facing(self.assembly.symbols) for closure in self._scene.closures]
+            found = [constraint.facing(self.assembly.symbols) for constraint in self._scene.constraints]
             return self._state_function("facing", [casadi.vertcat(*found)])
 
         return self._compiled("facing", build)
@@ -195,7 +195,7 @@ class System:
             import casadi
 
             s = self.assembly.symbols
-            found = casadi.vertcat(*[closure.way(s) for closure in self._scene.closures])
+            found = casadi.vertcat(*[constraint.way(s) for constraint in self._scene.constraints])
             return self._state_function("way", [found, _dense(casadi.jacobian(flow(found, s), s.v))])
 
         return self._compiled("way", build)
@@ -226,7 +226,7 @@ class System:
 
     @property
     def multiplier_names(self) -> tuple[tuple[str, str], ...]:
-        """(closure, what it is) of each multiplier."""
+        """(constraint, what it is) of each multiplier."""
         return tuple((name, label) for name, label in self._facts["rows"])
 
     @cached_property
@@ -316,11 +316,11 @@ class System:
 
 @computed_once
 def system_parameters(scene: Scene) -> Array:
-    """The parameters p of the equations: `Scene.own_parameters`, and with closures how large their rows usually are and,
+    """The parameters p of the equations: `Scene.own_parameters`, and with constraints how large their rows usually are and,
     last, their regularisation. Not to be written to.
     """
     own = scene.own_parameters
-    found = np.concatenate([own, binding_of(scene).parameters, [REGULARISATION]]) if scene.closures else own
+    found = np.concatenate([own, binding_of(scene).parameters, [REGULARISATION]]) if scene.constraints else own
     found.setflags(write=False)
     return found
 

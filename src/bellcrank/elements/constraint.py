@@ -24,7 +24,7 @@ class Residual(NamedTuple):
 
 @dataclass(frozen=True)
 class Constraint(Part):
-    """A closure of a scene. Its multipliers λ stand in M v̇ = f + Jᵀλ with J = ∂φ̇/∂v, ∂ψ/∂v; `labels` say what each is:
+    """A constraint of a scene. Its multipliers λ stand in M v̇ = f + Jᵀλ with J = ∂φ̇/∂v, ∂ψ/∂v; `labels` say what each is:
     a force or moment on the body of the first frame, its axes, its unit.
     """
 

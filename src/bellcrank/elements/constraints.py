@@ -1,6 +1,6 @@
-"""The closures of a scene: what a URDF tree cannot say.
+"""The constraints of a scene: what a URDF tree cannot say.
 
-Each entry of the list `closures` has a `kind`, maybe a `name`, and the keys of its kind (loops.py, joint_relations.py,
+Each entry of the list `constraints` has a `kind`, maybe a `name`, and the keys of its kind (loops.py, joint_relations.py,
 rolling.py, formula.py); `{kind: gepetto | mjcf | sdf, file}` stands for all loops that such a file beside the URDF
 tells of (foreign.py).
 """
@@ -28,26 +28,26 @@ KINDS: Final[dict[str, Any]] = {
 }
 
 
-def read_closures(
+def read_constraints(
     read: Fields, robot: Robot, motions: Mapping[str, Any], motion_of: Callable[[str], Motion]
 ) -> tuple[Constraint, ...]:
-    """The list `closures` of a scene; InputError naming file and key."""
+    """The list `constraints` of a scene; InputError naming file and key."""
     parameters = read.raw("parameters", {})
-    closures: list[Constraint] = []
+    constraints: list[Constraint] = []
     for name, entry in named_entries(read, "closures"):
         kind = entry.choice("kind", (*KINDS, *READERS))
         if kind in READERS:
-            closures += read_foreign(kind, name, entry, robot)
+            constraints += read_foreign(kind, name, entry, robot)
         elif kind == Drive.kind:
-            closures.append(Drive.read(name, entry, robot, motions, motion_of))
+            constraints.append(Drive.read(name, entry, robot, motions, motion_of))
         elif kind == Formula.kind:
             names = parameters if isinstance(parameters, Mapping) else {}
-            closures.append(Formula.read_with(name, entry, robot, names))
+            constraints.append(Formula.read_with(name, entry, robot, names))
         else:
-            closures.append(KINDS[kind].read(name, entry, robot))
+            constraints.append(KINDS[kind].read(name, entry, robot))
         entry.done()
-    taken = [closure.name for closure in closures]
+    taken = [constraint.name for constraint in constraints]
     for name in taken:
         if taken.count(name) > 1:
-            raise read.error("closures", f"two closures are named '{name}'; name the entries")
-    return tuple(closures)
+            raise read.error("closures", f"two constraints are named '{name}'; name the entries")
+    return tuple(constraints)

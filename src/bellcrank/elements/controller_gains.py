@@ -47,7 +47,7 @@ def read_joints(read: Fields, robot: Robot, otherwise: tuple[RobotJoint, ...]) -
 
 
 def read_motion_name(read: Fields, motions: Mapping[str, Any]) -> str:
-    """The name of a motion of the card; InputError naming file and key."""
+    """The name of a motion of the configuration; InputError naming file and key."""
     name = read.text("motion")
     if name not in motions:
         raise read.error("motion", unknown_name("motion", name, motions))

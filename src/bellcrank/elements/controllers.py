@@ -110,7 +110,7 @@ class PD(Controller):
     """τ = kp (target − θ) + kd (target rate − θ̇) at each joint.
 
     `joint`, or `joints` (a list, or "all"); without either those of `target`, else all. `target` {joint: rad or m} is
-    a posture, `motion` a motion of the card with its velocity. kp N m/rad or N/m, kd N m s/rad or N s/m.
+    a posture, `motion` a motion of the configuration with its velocity. kp N m/rad or N/m, kd N m s/rad or N s/m.
     """
 
     kp: Gain
@@ -256,7 +256,7 @@ KINDS: Final[dict[str, type[PD | ComputedTorque | GravityCompensation]]] = {
 
 
 def read_control(read: Fields, robot: Robot, motions: Mapping[str, Any], motion_of: MotionOf) -> tuple[Controller, ...]:
-    """The list `control` of a scene; `motions` are the card's, made by `motion_of`. InputError naming file and key."""
+    """The list `control` of a scene; `motions` are the configuration's, made by `motion_of`. InputError naming file and key."""
     controllers: list[Controller] = []
     for name, entry in named_entries(read, "control"):
         kind = KINDS[entry.choice("kind", tuple(KINDS))]

@@ -88,7 +88,7 @@ class Own(Constraint):
         """As the function says. Raises InputError where the scene's clock does not start at 0, as its t does."""
         if symbols.clock:
             raise InputError(
-                f"closure '{self.name}' is a Python function whose t starts at 0, and the scene's clock starts at "
+                f"constraint '{self.name}' is a Python function whose t starts at 0, and the scene's clock starts at "
                 f"{symbols.clock:.6g} s; take initial.clock away"
             )
         return one_row(self.name, _column(self.function(symbols)), symbols)
@@ -132,7 +132,7 @@ def one_row(name: str, value: casadi.SX, symbols: Symbols) -> Residual:
     if not casadi.depends_on(value, symbols.v):
         return Residual(value, casadi.SX(0, 1))
     if casadi.depends_on(casadi.jacobian(value, symbols.v), symbols.v):
-        raise InputError(f"{symbols.robot.name}: closure '{name}' must be linear in velocities")
+        raise InputError(f"{symbols.robot.name}: constraint '{name}' must be linear in velocities")
     return Residual(casadi.SX(0, 1), value)
 
 

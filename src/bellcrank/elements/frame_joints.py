@@ -1,4 +1,4 @@
-"""Which joints a motion of a card moves that draws a frame along a path: on a tree, those that carry the frame."""
+"""Which joints a motion of a configuration moves that draws a frame along a path: on a tree, those that carry the frame."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ def frames_drawn(entry: MotionEntry, entries: Mapping[str, MotionEntry]) -> Iter
 
 
 def refuse_joints_off_paths(
-    closures: Iterable[Constraint], control: Iterable[Controller], robot: Robot, entries: Mapping[str, MotionEntry]
+    constraints: Iterable[Constraint], control: Iterable[Controller], robot: Robot, entries: Mapping[str, MotionEntry]
 ) -> None:
-    """InputError where closures tie joints together and a drive or controller follows, at a joint that does not carry
+    """InputError where constraints tie joints together and a drive or controller follows, at a joint that does not carry
     the frame, a motion that draws a frame: in a scene such a motion moves the joints that carry it alone.
     """
-    closures = tuple(closures)
-    if all(isinstance(closure, Drive) for closure in closures):
+    constraints = tuple(constraints)
+    if all(isinstance(constraint, Drive) for constraint in constraints):
         return
-    followers: list[tuple[Part, list[str]]] = [(c, [c.joint.name]) for c in closures if isinstance(c, Drive)]
+    followers: list[tuple[Part, list[str]]] = [(c, [c.joint.name]) for c in constraints if isinstance(c, Drive)]
     followers += [(part, [joint.name for joint in part.joints]) for part in control]
     for part, joints in followers:
         entry = entries.get(str(part.place.raw("motion", None)))

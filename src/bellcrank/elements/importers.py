@@ -69,7 +69,7 @@ def read_gepetto(path: str | Path) -> GepettoLoops:
 
 
 def read_foreign(kind: str, name: str, read: Fields, robot: Robot) -> list[Constraint]:
-    """The closures of the file under the key `file`, named NAME_1, NAME_2, … InputError naming file and key."""
+    """The constraints of the file under the key `file`, named NAME_1, NAME_2, … InputError naming file and key."""
     path = read.file("file")
     try:
         found = READERS[kind](path, name, read, robot)
@@ -82,9 +82,9 @@ def read_foreign(kind: str, name: str, read: Fields, robot: Robot) -> list[Const
     return found
 
 
-def foreign_motors(closures: Sequence[Constraint], robot: Robot) -> tuple[str, ...]:
-    """The joints with motors (`name_mot`) of the Gepetto files that closures were read from; InputError naming file."""
-    files = {c.place.raw("file"): c.place for c in closures if c.place.raw("kind", None) == "gepetto"}
+def foreign_motors(constraints: Sequence[Constraint], robot: Robot) -> tuple[str, ...]:
+    """The joints with motors (`name_mot`) of the Gepetto files that constraints were read from; InputError naming file."""
+    files = {c.place.raw("file"): c.place for c in constraints if c.place.raw("kind", None) == "gepetto"}
     found: list[str] = []
     for place in files.values():
         path = place.file("file")
@@ -99,13 +99,13 @@ def foreign_motors(closures: Sequence[Constraint], robot: Robot) -> tuple[str, .
 
 
 def _gepetto(path: Path, name: str, read: Fields, robot: Robot) -> list[Constraint]:
-    closures: list[Constraint] = []
+    constraints: list[Constraint] = []
     for k, (a, b, kind) in enumerate(read_gepetto(path).loops):
         for frame in (a, b):
             if frame not in robot.frame_names:
                 raise InputError(f"{path}: closed_loop: {unknown_name('frame', frame, robot.frame_names)}")
-        closures.append((Point if kind == "3d" else Weld)(f"{name}_{k + 1}", read, a, b, ORIGIN))
-    return closures
+        constraints.append((Point if kind == "3d" else Weld)(f"{name}_{k + 1}", read, a, b, ORIGIN))
+    return constraints
 
 
 # ---- MJCF
@@ -123,22 +123,22 @@ def _mjcf(path: Path, name: str, read: Fields, robot: Robot) -> list[Constraint]
         model, loops = pin.buildModelAndLegacyConstraintsFromMJCF(str(path))[:2]
     except Exception as error:  # Pinocchio raises whatever its parsers do
         raise InputError(f"{path}: Pinocchio refuses it: {' '.join(str(error).split())[:150]}") from None
-    closures: list[Constraint] = []
+    constraints: list[Constraint] = []
     for loop in loops:
-        title = f"{name}_{len(closures) + 1}"
+        title = f"{name}_{len(constraints) + 1}"
         kind = Point if loop.type == pin.ContactType.CONTACT_3D else Weld
         sides = [_at_joint(path, robot, model, loop.joint1_id, loop.joint1_placement)]
         sides.append(_at_joint(path, robot, model, loop.joint2_id, loop.joint2_placement))
         (a, at_a), (b, at_b) = sides if sides[0][0] != WORLD else sides[::-1]
-        closures.append(kind(title, read, a, b, ORIGIN, at_a=at_a, at_b=at_b))
+        constraints.append(kind(title, read, a, b, ORIGIN, at_a=at_a, at_b=at_b))
     for element in root.iterfind("equality/*"):
         if element.get("active") == "false":
             raise InputError(f"{path}: <{element.tag}> under <equality> is not active; take it out of the file")
         if element.tag == "joint":
-            closures.append(_mjcf_coupling(path, f"{name}_{len(closures) + 1}", element, read, robot))
+            constraints.append(_mjcf_coupling(path, f"{name}_{len(constraints) + 1}", element, read, robot))
         elif element.tag not in ("connect", "weld"):
             raise InputError(f"{path}: <{element.tag}> under <equality> is not read (connect, weld and joint are)")
-    return closures
+    return constraints
 
 
 def _mjcf_coupling(path: Path, name: str, element: ET.Element, read: Fields, robot: Robot) -> Coupling:
@@ -188,7 +188,7 @@ def _sdf(path: Path, name: str, read: Fields, robot: Robot) -> list[Constraint]:
         raise InputError(f"{path}: expected an SDFormat file with a <model>")
     links = {link.get("name", ""): _pose(path, link) for link in model.iterfind("link")}
     taken: set[str] = set()
-    closures: list[Constraint] = []
+    constraints: list[Constraint] = []
     for joint in model.iterfind("joint"):
         parent, child = ((joint.findtext(key) or "").strip() for key in ("parent", "child"))
         if child not in taken:
@@ -199,21 +199,21 @@ def _sdf(path: Path, name: str, read: Fields, robot: Robot) -> list[Constraint]:
                 raise InputError(
                     f"{path}: joint '{joint.get('name')}': {unknown_name('link', link, robot.frame_names)}"
                 )
-        kind, title = joint.get("type", ""), f"{name}_{len(closures) + 1}"
+        kind, title = joint.get("type", ""), f"{name}_{len(constraints) + 1}"
         in_child = _pose(path, joint)
         in_parent = np.linalg.inv(links[parent]) @ links[child] @ in_child
         at = {"at_a": _twelve(in_child), "at_b": _twelve(in_parent)}
         if kind in ("revolute", "continuous"):
             axis = np.array([decimal_number(x) for x in (joint.findtext("axis/xyz") or "0 0 1").split()])
             axis /= np.linalg.norm(axis)
-            closures.append(Hinge(title, read, child, parent, ORIGIN, tuple(axis.tolist()), **at))
+            constraints.append(Hinge(title, read, child, parent, ORIGIN, tuple(axis.tolist()), **at))
         elif kind in ("ball", "fixed"):
-            closures.append((Point if kind == "ball" else Weld)(title, read, child, parent, ORIGIN, **at))
+            constraints.append((Point if kind == "ball" else Weld)(title, read, child, parent, ORIGIN, **at))
         else:
             raise InputError(
                 f"{path}: joint '{joint.get('name')}' closes a loop and is {kind}; revolute, ball and fixed are read"
             )
-    return closures
+    return constraints
 
 
 def _pose(path: Path, element: ET.Element) -> Array:

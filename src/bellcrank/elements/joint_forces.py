@@ -115,7 +115,7 @@ class Damper(JointForce):
 class Friction(JointForce):
     """τ = −viscous θ̇ − coulomb θ̇ / sqrt(θ̇² + width²): Coulomb friction smoothed over `width` (rad/s or m/s).
 
-    It comes on top of the friction that the card's key `friction` gives the robot.
+    It comes on top of the friction that the configuration's key `friction` gives the robot.
     """
 
     viscous: float

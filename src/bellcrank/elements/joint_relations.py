@@ -60,7 +60,7 @@ class Coupling(Constraint):
 
 @dataclass(frozen=True)
 class Drive(Constraint):
-    """A joint follows a motion of the card: φ = θ − θ_motion(t). λ is the actuator's torque, N m or N, and its power
+    """A joint follows a motion of the configuration: φ = θ − θ_motion(t). λ is the actuator's torque, N m or N, and its power
     is work.
     """
 

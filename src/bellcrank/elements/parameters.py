@@ -1,8 +1,8 @@
 """The parameters of a scene: numbers that stay symbols in the compiled equations, so that changing one costs nothing.
 
 parameters: {crank_length: {value: 1.241, sets: [joint.coupler.origin.x]}}. A target is one of trace.setting's
-(joint.NAME.origin.x, link.NAME.mass, …), frame.NAME.origin.x (y, z, roll, pitch, yaw) of a frame that the card adds,
-or force.NAME.FIELD, control.NAME.FIELD, closure.NAME.FIELD (forces and closures, as in overrides, too). The value has
+(joint.NAME.origin.x, link.NAME.mass, …), frame.NAME.origin.x (y, z, roll, pitch, yaw) of a frame that the configuration adds,
+or force.NAME.FIELD, control.NAME.FIELD, closure.NAME.FIELD (forces and constraints, as in overrides, too). The value has
 the unit of its targets, and keeps the bounds that hold for them in the file.
 """
 
@@ -123,7 +123,7 @@ def _resolve(target: str, robot: Robot, parts: Sequence[Part]) -> tuple[Settable
             raise InputError(f"a parameter cannot set '{target}'; of a frame it can set frame.NAME.origin.x (y, z, "
                              "roll, pitch, yaw)")  # fmt: skip
         if name not in added:
-            raise InputError(unknown_name("frame of the card", name, added))
+            raise InputError(unknown_name("frame of the configuration", name, added))
         what = ORIGIN.index(component)
         return Settable("m" if what < 3 else "rad"), (added[name], what)
     try:

@@ -62,7 +62,7 @@ class Symbols:
     joint_torque: casadi.SX
     kinetic: casadi.SX
     potential: casadi.SX
-    reactions: Reactions  # of a scene with closures
+    reactions: Reactions  # of a scene with constraints
 
     def __init__(
         self,
@@ -164,7 +164,7 @@ class Symbols:
     def local_frame(self, name: str) -> tuple[FrameSymbols, casadi.SX]:
         """A frame's placement from the axes' origin, and velocity, in axes B in which they are short; and B (3, 3).
 
-        The world's own axes here; those of a free base while closures are differentiated.
+        The world's own axes here; those of a free base while constraints are differentiated.
         """
         import casadi
 

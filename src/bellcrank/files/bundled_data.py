@@ -15,7 +15,7 @@ EXAMPLES = Path("cmeel.prefix", "share", "example-robot-data", "robots")  # belo
 
 
 def folder(name: str) -> Path:
-    """The folder of shipped ``urdf`` or ``robots`` files, in an installed package or in a source checkout.
+    """The folder of bundled ``urdf`` or ``robots`` files, in an installed package or in a source checkout.
 
     Raises InputError for another name, or where the installation lacks the folder.
     """

@@ -236,7 +236,7 @@ def _refuse_free_base(file: Path, robot: Robot, header: list[str]) -> None:
     if free is not None and all(joint.kind != "floating" for joint in robot.joints):
         raise InputError(
             f"{file}: the file has a free base (column '{free}') and the base of the robot '{robot.name}' is fixed; "
-            "write floating_base: true on its card, or load_robot(…, floating_base=True)"
+            "write floating_base: true on its configuration, or load_robot(…, floating_base=True)"
         )
 
 

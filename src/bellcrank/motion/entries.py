@@ -1,4 +1,4 @@
-"""The motions of a robot card: read and checked at once, built when asked for.
+"""The motions of a robot configuration: read and checked at once, built when asked for.
 
 Kinds and their keys, units as elsewhere (m, rad or "… deg", s): circle {frame, center, radius, normal, turns}
 and line {frame, end, begin}, both with {start, duration, speed, acceleration, jerk, profile, orientation,
@@ -33,7 +33,7 @@ Posture = dict[str, float] | tuple[float, ...]
 
 @dataclass(frozen=True)
 class MotionEntry:
-    """One motion of a card: its kind, checked arguments, and where it stands."""
+    """One motion of a configuration: its kind, checked arguments, and where it stands."""
 
     name: str
     kind: str
@@ -43,7 +43,7 @@ class MotionEntry:
     def build(self, robot: Robot, entries: Mapping[str, MotionEntry], previous: Any = None) -> Motion:
         """The motion for a robot, going on from the posture `previous` (nq,) where it says no other.
 
-        `entries` are the card's motions. Raises BellcrankError naming the place in the card.
+        `entries` are the configuration's motions. Raises BellcrankError naming the place in the configuration.
         """
         try:
             motion: Motion = _BUILD[self.kind](self, robot, entries, previous)
@@ -201,7 +201,10 @@ def _read_csv(fields: Fields, name: str) -> dict[str, Any]:
 
     path = fields.file("file")
     try:
-        return {"path": path, "text": motion_text(path)}  # read now, so that a card is what it was when it was loaded
+        return {
+            "path": path,
+            "text": motion_text(path),
+        }  # read now, so that a configuration is what it was when it was loaded
     except InputError:
         return {"path": path, "text": None}  # whoever asks for the motion is told
 

@@ -142,7 +142,7 @@ def find_run(path: str | Path) -> Path:
         return blocks
     if (file / "sizing.json").is_file():
         raise InputError(
-            f"{file}: this folder holds the figures of a sizing, not its motions; name the card or URDF that was sized"
+            f"{file}: this folder holds the figures of a sizing, not its motions; name the configuration or URDF that was sized"
         )
     if not (file / "run.npz").is_file():
         raise InputError(f"{file}: there is no run.npz in this folder; `bellcrank simulate SCENE` writes one")

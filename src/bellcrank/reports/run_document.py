@@ -1,4 +1,4 @@
-"""The report of a run: whether it finished and passed its self-checks, events, closures, the end, and the pictures."""
+"""The report of a run: whether it finished and passed its self-checks, events, constraints, the end, and the pictures."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def run_document(run: Trajectory) -> Document:
     warnings = (*against, *run.robot.inertia_warnings)
     more = len(notes) - NOTES
     facts = tuple((name, text) for name, text in run_facts(run) if name not in ("warning", "note"))
-    parts: list[Facts | Table | Picture] = [Facts("The run", facts), *_events(run), *_closures(run), _end(run)]
+    parts: list[Facts | Table | Picture] = [Facts("The run", facts), *_events(run), *_constraints(run), _end(run)]
     inputs = (*robot_facts(run.robot), *scene_facts(run))
     parts += [Facts("Robot and scene", inputs), joint_table(run.robot)]
     if run.scene.forces or run.scene.control:
         parts.append(force_table(run.scene, run.parameters.tolist()))
-    if run.scene.card.drives:
-        parts.append(drive_table(run.scene.card.drives))
+    if run.scene.config.drives:
+        parts.append(drive_table(run.scene.config.drives))
     made = made_with()
     parts.append(Facts("Made with", (("scene", run.scene.source.name), *made)))
     pages = run_pages(run)
@@ -59,8 +59,8 @@ def _verdict(run: Trajectory, warnings: tuple[str, ...]) -> tuple[str, ...]:
     if not warnings:
         drift, residual = run.energy_drift(), run.equation_residual()
         text = f"Self-checks passed: energy is in balance to {drift:.1e}, the equations of motion to {residual:.1e}"
-        if run.scene.closures:
-            text += f", and closures are closed to {run.constraint_residual():.1e} m or rad"
+        if run.scene.constraints:
+            text += f", and constraints are closed to {run.constraint_residual():.1e} m or rad"
         lines.append(text + ".")
     return tuple(line[:1].upper() + line[1:] for line in lines)
 
@@ -91,17 +91,17 @@ def _then(stopped: bool, lost: float) -> str:
     return f"{text}, {lost:.6g} J lost".removeprefix(", ") if lost else text
 
 
-def _closures(run: Trajectory) -> list[Table]:
-    """Each multiplier's largest size and when, and how far its closure came apart."""
+def _constraints(run: Trajectory) -> list[Table]:
+    """Each multiplier's largest size and when, and how far its constraint came apart."""
     rows = []
-    for closure in run.scene.closures:
-        history = run.closure(closure.name)
+    for constraint in run.scene.constraints:
+        history = run.constraint(constraint.name)
         for label, values in zip(history.labels, history.multipliers.T, strict=True):
             what, _, unit = label.removesuffix("]").rpartition(" [")
             at = int(np.argmax(np.abs(values)))
             rows.append(
                 (
-                    f"{closure.name}: {what}",
+                    f"{constraint.name}: {what}",
                     f"{values[at]:.6g} {unit}",
                     f"{run.time[at]:.6g}",
                     f"{values[-1]:.6g} {unit}",
@@ -109,10 +109,10 @@ def _closures(run: Trajectory) -> list[Table]:
             )
     if not rows:
         return []
-    note = "Forces of closures on the body of their first frame, in the world's axes where labels say x, y, z."
+    note = "Forces of constraints on the body of their first frame, in the world's axes where labels say x, y, z."
     hidden = len(rows) - FORCES
     note += f" … and {hidden} more." if hidden > 0 else ""
-    return [Table("Forces in the closures", ("", "largest", "at\n[s]", "at the end"), tuple(rows[:FORCES]), note)]
+    return [Table("Forces in the constraints", ("", "largest", "at\n[s]", "at the end"), tuple(rows[:FORCES]), note)]
 
 
 def _end(run: Trajectory) -> Table:

@@ -1,4 +1,4 @@
-"""Robots by name: those that ship with bellcrank and those of the package example-robot-data."""
+"""Robots by name: those that come with bellcrank and those of the package example-robot-data."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ SHORT_NAMES = {
 
 
 def find_urdf(name_or_path: str | Path) -> Path:
-    """The URDF file that a path or a name stands for: an existing file, a shipped robot, an example robot.
+    """The URDF file that a path or a name stands for: an existing file, a bundled robot, an example robot.
 
     Raises InputError where there is none, naming what there is.
     """
@@ -68,7 +68,7 @@ def find_urdf(name_or_path: str | Path) -> Path:
 
 def find_named(name: str) -> Path | None:
     """The URDF file of a robot that has this name here, or None."""
-    own = _shipped()
+    own = _bundled()
     if name in own:
         return own[name]
     if name in SHORT_NAMES:
@@ -79,12 +79,12 @@ def find_named(name: str) -> Path | None:
 
 
 def names() -> dict[str, Path]:
-    """Every robot that has a name here, with its URDF file: shipped ones first, then example-robot-data's."""
-    own = _shipped()
+    """Every robot that has a name here, with its URDF file: bundled ones first, then example-robot-data's."""
+    own = _bundled()
     return own | {name: path for name, path in _examples().items() if name not in own}
 
 
-def _shipped() -> dict[str, Path]:
+def _bundled() -> dict[str, Path]:
     return {path.stem: path for path in sorted(bundled_data.folder("urdf").glob("*.urdf"))}
 
 

@@ -38,7 +38,7 @@ def load_robot(
     friction_width: float = FRICTION_WIDTH,
     trust: Trust = (),
 ) -> Robot:
-    """Load a URDF from disk, by the name of a shipped one, or by a name of example-robot-data ("ur5", "talos", …).
+    """Load a URDF from disk, by the name of a bundled one, or by a name of example-robot-data ("ur5", "talos", …).
 
     gravity (3,) m/s² in the world, so a wall or ceiling mounting is a direction; friction "urdf" (as the file
     gives it), "none", or {joint: (viscous N m s/rad, coulomb N m)}, Coulomb friction smoothed over

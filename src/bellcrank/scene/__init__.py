@@ -1,1 +1,1 @@
-"""Scenes: a robot card with forces, control, a start, parameters, events, outputs and solver settings."""
+"""Scenes: a robot configuration with forces, control, a start, parameters, events, outputs and solver settings."""

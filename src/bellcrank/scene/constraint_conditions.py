@@ -1,8 +1,8 @@
-"""Conditions on closures, for events: links that line up, closures near singular, contact lost, friction demanded.
+"""Conditions on constraints, for events: links that line up, constraints near singular, contact lost, friction demanded.
 
-`aligned: {joint_a, joint_b, closure}`: the origins of two joints and the point of the closure between them lie on one
+`aligned: {joint_a, joint_b, constraint}`: the origins of two joints and the point of the constraint between them lie on one
 line. `singular_closure: THRESHOLD`: σ_min/σ_max of the closures' Jacobian in the metric of the mass matrix reaches it.
-`contact_lost: CLOSURE`: the normal force of a rolling disk is down to zero. `friction_demand: {closure, limit}`: its
+`contact_lost: CLOSURE`: the normal force of a rolling disk is down to zero. `friction_demand: {constraint, limit}`: its
 friction over its normal force reaches a limit, as a coefficient of friction sets one.
 """
 
@@ -45,7 +45,7 @@ class Condition(Protocol):
 class Aligned:
     """The sine of the angle between two arms, seen along joint a's axis: zero where they form one line.
 
-    The arms go from the closure's point P to the origins A and B of joints a and b, so that A, P, B lie on one line,
+    The arms go from the constraint's point P to the origins A and B of joints a and b, so that A, P, B lie on one line,
     stretched out or folded back. `link_a` and `link_b` are the joints' child links, at whose origins the joints are.
     Near the line it changes as the angle at P does, rad.
     """
@@ -57,7 +57,7 @@ class Aligned:
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """Both joints' and the closure's."""
+        """Both joints' and the constraint's."""
         return (self.link_a, self.link_b, *self.loop.frames)
 
     def apply(self, symbols: Symbols) -> casadi.SX:
@@ -71,8 +71,8 @@ class Aligned:
 
 
 @dataclass(frozen=True)
-class SingularClosure:
-    """σ_min/σ_max of J M⁻¹ᐟ² (Reactions.closeness) less a threshold: below it closures hardly hold, or rows repeat."""
+class SingularConstraint:
+    """σ_min/σ_max of J M⁻¹ᐟ² (Reactions.closeness) less a threshold: below it constraints hardly hold, or rows repeat."""
 
     threshold: float
 
@@ -90,7 +90,7 @@ class SingularClosure:
 class ContactLost:
     """The normal force of a rolling disk, N."""
 
-    closure: str
+    constraint: str
 
     @property
     def frames(self) -> tuple[str, ...]:
@@ -99,7 +99,7 @@ class ContactLost:
 
     def apply(self, symbols: Symbols) -> casadi.SX:
         """The function whose zero it is."""
-        return symbols.reactions.of(self.closure)[0]
+        return symbols.reactions.of(self.constraint)[0]
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class LiesFlat:
 class FrictionDemand:
     """Friction less `limit` times the normal force of a rolling disk, N."""
 
-    closure: str
+    constraint: str
     limit: float
 
     @property
@@ -134,12 +134,12 @@ class FrictionDemand:
         """The function whose zero it is."""
         import casadi
 
-        normal, *friction = casadi.vertsplit(symbols.reactions.of(self.closure))
+        normal, *friction = casadi.vertsplit(symbols.reactions.of(self.constraint))
         return casadi.norm_2(casadi.vertcat(*friction)) - self.limit * normal
 
 
-def read_aligned(read: Fields, robot: Robot, closures: Sequence[Constraint]) -> Aligned:
-    """The condition `aligned`; InputError where no closure, or more than one, lies between the joints."""
+def read_aligned(read: Fields, robot: Robot, constraints: Sequence[Constraint]) -> Aligned:
+    """The condition `aligned`; InputError where no constraint, or more than one, lies between the joints."""
     a, b = read_joint(read, robot, "joint_a"), read_joint(read, robot, "joint_b")
     if a == b:
         raise read.error("joint_b", f"two joints line up, both are '{a.name}'")
@@ -151,7 +151,7 @@ def read_aligned(read: Fields, robot: Robot, closures: Sequence[Constraint]) -> 
         sides = [(loop.frame_a, loop.frame_b), (loop.frame_b, loop.frame_a)]
         return any(beyond(a.name, mine) and beyond(b.name, other) for mine, other in sides)
 
-    loops = [closure for closure in closures if isinstance(closure, Loop) and closure.kind != "distance"]
+    loops = [constraint for constraint in constraints if isinstance(constraint, Loop) and constraint.kind != "distance"]
     if "closure" in read:
         name = read.text("closure")
         found = [loop for loop in loops if loop.name == name]
@@ -164,24 +164,24 @@ def read_aligned(read: Fields, robot: Robot, closures: Sequence[Constraint]) -> 
             there = ", ".join(loop.name for loop in found) or "none"
             raise read.error(
                 "",
-                f"expected one closure between what '{a.name}' and '{b.name}' carry, found {there}; name it: closure",
+                f"expected one constraint between what '{a.name}' and '{b.name}' carry, found {there}; name it: constraint",
             )
     links = robot.urdf.joints
     read.done()
     return Aligned(links[a.name].child, links[b.name].child, found[0], tuple(links[a.name].axis))
 
 
-def read_singular(read: Fields, closures: Sequence[Constraint]) -> SingularClosure:
+def read_singular(read: Fields, constraints: Sequence[Constraint]) -> SingularConstraint:
     """The condition `singular_closure`; InputError where nothing is closed."""
-    if not closures:
-        raise read.error("singular_closure", "the scene has no closures")
-    return SingularClosure(read.number("singular_closure", "", positive=True, maximum=1.0))
+    if not constraints:
+        raise read.error("singular_closure", "the scene has no constraints")
+    return SingularConstraint(read.number("singular_closure", "", positive=True, maximum=1.0))
 
 
-def read_contact(read: Fields, key: str, closures: Sequence[Constraint]) -> str:
+def read_contact(read: Fields, key: str, constraints: Sequence[Constraint]) -> str:
     """The name of the rolling disk under a key; InputError with those there are."""
     name = read.text(key)
-    disks = [closure.name for closure in closures if isinstance(closure, RollingDisk)]
+    disks = [constraint.name for constraint in constraints if isinstance(constraint, RollingDisk)]
     if name not in disks:
         raise read.error(key, unknown_name("rolling disk", name, disks))
     return name

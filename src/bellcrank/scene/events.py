@@ -2,7 +2,7 @@
 
 Each entry of the list `events` is {name, when, direction: up | down | any, stop, latch}. `when` is one of {joint,
 position | velocity}, {expression}, {aligned: {joint_a, joint_b}}, {singular_closure: THRESHOLD}, {contact_lost:
-CLOSURE} and {friction_demand: {closure, limit}} (closure_conditions.py). `direction` is the sign of the function's
+CLOSURE} and {friction_demand: {constraint, limit}} (closure_conditions.py). `direction` is the sign of the function's
 change (default any; what is lost or demanded has its own); `stop: true` ends the run there. `latch: true` ends it too,
 with a plastic impact: the position reached is locked from then on, and the event tells velocities after, impulse and
 energy lost. Every rolling disk ends the run where contact is lost, unless it is `two_sided` or an event says otherwise,
@@ -28,7 +28,7 @@ from bellcrank.scene.constraint_conditions import (
     ContactLost,
     FrictionDemand,
     LiesFlat,
-    SingularClosure,
+    SingularConstraint,
     read_aligned,
     read_contact,
     read_singular,
@@ -92,7 +92,7 @@ class EventRule:
 
 
 def read_events(
-    read: Fields, robot: Robot, parameters: Mapping[str, Any], closures: Sequence[Constraint] = ()
+    read: Fields, robot: Robot, parameters: Mapping[str, Any], constraints: Sequence[Constraint] = ()
 ) -> tuple[EventRule, ...]:
     """The list `events` of a scene, and the loss of contacts; InputError naming file and key."""
     events: list[EventRule] = []
@@ -100,11 +100,11 @@ def read_events(
         name = entry.text("name")
         if name in [event.name for event in events]:
             raise entry.error("name", f"the name '{name}' is taken by another event")
-        when = _read_condition(entry.mapping("when"), robot, parameters, closures)
-        usual = {ContactLost: "down", SingularClosure: "down", FrictionDemand: "up"}.get(type(when), "any")
+        when = _read_condition(entry.mapping("when"), robot, parameters, constraints)
+        usual = {ContactLost: "down", SingularConstraint: "down", FrictionDemand: "up"}.get(type(when), "any")
         direction = DIRECTIONS[entry.choice("direction", tuple(DIRECTIONS), usual)]
         latch = entry.flag("latch", False)
-        if latch and isinstance(when, (ContactLost, FrictionDemand, SingularClosure)):
+        if latch and isinstance(when, (ContactLost, FrictionDemand, SingularConstraint)):
             raise entry.error(
                 "latch", "a latch locks a position that is reached: a joint's, an expression's or aligned"
             )
@@ -114,13 +114,13 @@ def read_events(
             raise entry.error("stop", "a latch ends the run; take stop: false away")
         events.append(EventRule(name, when, direction, entry.flag("stop", latch), latch))
         entry.done()
-    return (*events, *_contacts(closures, events))
+    return (*events, *_contacts(constraints, events))
 
 
-def _contacts(closures: Sequence[Constraint], events: Sequence[EventRule]) -> list[EventRule]:
+def _contacts(constraints: Sequence[Constraint], events: Sequence[EventRule]) -> list[EventRule]:
     """The events that end a run where a plane would have to pull, or where a disk comes to lie on it."""
-    disks = [closure for closure in closures if isinstance(closure, RollingDisk)]
-    told = {event.when.closure for event in events if isinstance(event.when, ContactLost)}
+    disks = [constraint for constraint in constraints if isinstance(constraint, RollingDisk)]
+    told = {event.when.constraint for event in events if isinstance(event.when, ContactLost)}
     lost = [disk.name for disk in disks if not disk.two_sided and disk.name not in told]
     return [
         *(EventRule(f"{name} contact lost", ContactLost(name), -1, True) for name in lost),
@@ -139,22 +139,22 @@ def read_expression(read: Fields, robot: Robot, parameters: Mapping[str, Any]) -
 
 
 def _read_condition(
-    read: Fields, robot: Robot, parameters: Mapping[str, Any], closures: Sequence[Constraint]
+    read: Fields, robot: Robot, parameters: Mapping[str, Any], constraints: Sequence[Constraint]
 ) -> Condition:
     read.known(*CONDITIONS, "position", "velocity")
     there = [key for key in CONDITIONS if key in read]
     if there == ["expression"]:
         condition: Condition = read_expression(read, robot, parameters)
     elif there == ["aligned"]:
-        condition = read_aligned(read.mapping("aligned"), robot, closures)
+        condition = read_aligned(read.mapping("aligned"), robot, constraints)
     elif there == ["singular_closure"]:
-        condition = read_singular(read, closures)
+        condition = read_singular(read, constraints)
     elif there == ["contact_lost"]:
-        condition = ContactLost(read_contact(read, "contact_lost", closures))
+        condition = ContactLost(read_contact(read, "contact_lost", constraints))
     elif there == ["friction_demand"]:
         demand = read.mapping("friction_demand")
         limit = demand.number("limit", "", positive=True)
-        condition = FrictionDemand(read_contact(demand, "closure", closures), limit)
+        condition = FrictionDemand(read_contact(demand, "closure", constraints), limit)
         demand.done()
     elif "joint" in there and "expression" in there:
         raise read.error("joint", "expected a joint or an expression, found both")

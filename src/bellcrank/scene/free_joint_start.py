@@ -5,7 +5,7 @@ Floating: {position: [x, y, z], rpy | quaternion_xyzw, linear_velocity, angular_
 link's frame in the joint's frame on the parent link, which is the world for a base. Velocities are of the child
 relative to the parent, linear at the child's origin, in the axes of `expressed_in`: "parent" ("world" for a base) or
 "body". A vector may name some components only, as [0, ~, 0.1] or {z: 0.1}: these keep their values on the way to
-closures, all others follow; without closures these others are 0. {guess: VALUE} in place of a position, rpy,
+constraints, all others follow; without constraints these others are 0. {guess: VALUE} in place of a position, rpy,
 quaternion or angle is where the search begins.
 """
 
@@ -32,7 +32,7 @@ START_KEYS = ("position", "rpy", "quaternion_xyzw", "angle", "linear_velocity", 
 
 @dataclass(frozen=True)
 class Components:
-    """A vector of which some components are given, and of these some keep their values on the way to closures."""
+    """A vector of which some components are given, and of these some keep their values on the way to constraints."""
 
     values: tuple[float, ...]
     given: tuple[bool, ...]

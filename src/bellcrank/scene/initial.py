@@ -1,7 +1,7 @@
 """How a scene starts: `initial` for the joints, `base` for a free base.
 
 initial: {shoulder: -90 deg, elbow: {guess: 45 deg}, velocity: {shoulder: 0.2}}; joints that are not named start at 0
-and at rest. `motion: NAME` starts on a motion of the card, at time 0, joints that are named besides keep what they are
+and at rest. `motion: NAME` starts on a motion of the configuration, at time 0, joints that are named besides keep what they are
 given. `run: FILE.npz` starts where a saved run was (run_start.py), likewise. The keys `velocity`, `motion` and `run`
 stand for a joint of that name where their value is a position, `time` and `clock` wherever there is such a joint. A
 `guess` is a plain value as long as nothing closes a loop. A floating or planar joint has a mapping, in the words of

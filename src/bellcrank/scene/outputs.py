@@ -37,7 +37,7 @@ FRAME_LABELS: Final = {
 }
 JOINT_WHAT: Final = ("position", "velocity", "acceleration", "torque")
 ENERGIES: Final = ("kinetic", "potential", "total")
-CLOSURE_WHAT: Final = ("multipliers", "contact_point", "friction_demand")
+CONSTRAINT_WHAT: Final = ("multipliers", "contact_point", "friction_demand")
 MOMENTA: Final = {
     "linear": tuple(f"{c} [kg m/s]" for c in "xyz"),
     "angular": tuple(f"{c} [kg m^2/s]" for c in "xyz"),
@@ -170,24 +170,24 @@ class ForceOutput(Quantity):
 
 
 @dataclass(frozen=True)
-class ClosureOutput(Quantity):
-    """A closure's multipliers, N or N m as its labels say, and 0 for a row that a planar loop does not have."""
+class ConstraintOutput(Quantity):
+    """A constraint's multipliers, N or N m as its labels say, and 0 for a row that a planar loop does not have."""
 
-    closure: Constraint
+    constraint: Constraint
     labels: tuple[str, ...]
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """Those of the closure."""
-        return self.closure.frames
+        """Those of the constraint."""
+        return self.constraint.frames
 
     def suffixes(self) -> tuple[str, ...]:
-        """As the closure says."""
+        """As the constraint says."""
         return self.labels
 
     def apply(self, symbols: Symbols) -> casadi.SX:
         """One a row."""
-        return symbols.reactions.of(self.closure.name)
+        return symbols.reactions.of(self.constraint.name)
 
 
 @dataclass(frozen=True)
@@ -298,16 +298,16 @@ def read_outputs(read: Fields, robot: Robot, parameters: Mapping[str, Any], part
             raise entry.error("force", f"a force and a controller are both named '{name}'; give one another name")
         return ForceOutput(found[0], found[0].labels(robot))
 
-    def closure(entry: Fields) -> Quantity:
-        closures = {part.name: part for part in parts if isinstance(part, Constraint)}
-        name, what = entry.text("closure"), entry.choice("what", CLOSURE_WHAT, "multipliers")
-        if name not in closures:
-            raise entry.error("closure", unknown_name("closure", name, closures))
-        chosen = closures[name]
+    def constraint(entry: Fields) -> Quantity:
+        constraints = {part.name: part for part in parts if isinstance(part, Constraint)}
+        name, what = entry.text("closure"), entry.choice("what", CONSTRAINT_WHAT, "multipliers")
+        if name not in constraints:
+            raise entry.error("closure", unknown_name("closure", name, constraints))
+        chosen = constraints[name]
         if what == "multipliers":
-            return ClosureOutput(chosen, chosen.labels(robot))
+            return ConstraintOutput(chosen, chosen.labels(robot))
         if not isinstance(chosen, RollingDisk):
-            raise entry.error("what", f"only a rolling disk has a {what}, and closure '{name}' is a {chosen.kind}")
+            raise entry.error("what", f"only a rolling disk has a {what}, and constraint '{name}' is a {chosen.kind}")
         return ContactOutput(chosen) if what == "contact_point" else DemandOutput(chosen)
 
     def expression(entry: Fields) -> Quantity:
@@ -315,7 +315,7 @@ def read_outputs(read: Fields, robot: Robot, parameters: Mapping[str, Any], part
 
     kinds: dict[str, Callable[[Fields], Quantity]] = {
         "frame": frame, "joint": joint, "energy": energy, "momentum": momentum, "force": force,
-        "closure": closure, "expression": expression,
+        "closure": constraint, "expression": expression,
     }  # fmt: skip
     table = read.mapping("outputs", {})
     outputs = {}

@@ -22,7 +22,7 @@ from bellcrank.elements.element import entry_names
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.scene.free_joint_start import START_KEYS
-from bellcrank.scene.robot_config import CARD_KEYS, SCENE_KEYS
+from bellcrank.scene.robot_config import CONFIG_KEYS, SCENE_KEYS
 from bellcrank.scene.settings import Settings
 
 DEEPEST = 100
@@ -138,7 +138,7 @@ def _set(data: Marked, path: str, value: Any) -> None:
 
 def _with_parameter(data: Mapping[str, Any], path: str, value: Any) -> list[str]:
     """The keys of a path; those of a parameter's value where the path names a parameter."""
-    known = (*CARD_KEYS, *SCENE_KEYS)
+    known = (*CONFIG_KEYS, *SCENE_KEYS)
     parameters = data.get("parameters")
     names = list(parameters) if isinstance(parameters, Mapping) else []
     name = path.removeprefix("parameters.")

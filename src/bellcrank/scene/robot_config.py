@@ -1,11 +1,11 @@
-"""A robot card: one YAML file that says which URDF, how it is mounted and loaded, how it moves and what
+"""A robot configuration: one YAML file that says which URDF, how it is mounted and loaded, how it moves and what
 drives it.
 
-Keys: name, urdf (a path beside the card, or the name of a robot), gravity (m/s²), floating_base, friction
+Keys: name, urdf (a path beside the configuration, or the name of a robot), gravity (m/s²), floating_base, friction
 ("urdf", "none" or {joint: {viscous, coulomb}}), payloads [{mass, frame, cg, inertia}], frames {name: {link,
 xyz, rpy}}, motions (see motions.py), drives {joint: {…}} (see drive.py) and, for a robot whose loops are closed,
 actuated, the list of joints with motors (left out: those with drives). A scene's keys (see scene/scene.py) may stand in
-the same file; sizing takes closures, the start, forces and parameters from them, says that control and the clock of the
+the same file; sizing takes constraints, the start, forces and parameters from them, says that control and the clock of the
 start do not count, and passes over the others.
 """
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import Robot
 
-CARD_KEYS = (
+CONFIG_KEYS = (
     "name", "urdf", "gravity", "floating_base", "friction", "payloads", "frames", "motions", "drives", "actuated",
 )  # fmt: skip
 SCENE_KEYS = ("closures", "forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate")
@@ -42,8 +42,8 @@ Frame = tuple[str, tuple[float, ...], tuple[float, ...]]
 
 
 @dataclass(frozen=True)
-class Card:
-    """What a card says, checked as far as that is possible without the URDF. Made by `load_card`."""
+class RobotConfig:
+    """What a configuration says, checked as far as that is possible without the URDF. Made by `load_robot_config`."""
 
     name: str
     source: Path
@@ -75,7 +75,7 @@ class Card:
                 frames=dict(self.frames),
             )
         except InputError as error:
-            # Without a card of its own the URDF's name is in the message already.
+            # Without a configuration of its own the URDF's name is in the message already.
             if self.source == self.urdf or str(error).startswith(str(self.urdf)):
                 raise
             raise InputError(f"{self.source}: {error}") from None
@@ -84,7 +84,7 @@ class Card:
         return robot
 
     def motion(self, robot: Robot, name: str) -> Motion:
-        """One of the card's motions for the robot; InputError or UnreachableError naming the place."""
+        """One of the configuration's motions for the robot; InputError or UnreachableError naming the place."""
         arguments.robot(robot)
         if arguments.text("name", name, "the name of a motion") not in self.motions:
             raise InputError(f"{self.source}: {unknown_name('motion', name, self.motions)}")
@@ -92,43 +92,43 @@ class Card:
 
 
 def names() -> dict[str, Path]:
-    """The shipped cards by name."""
+    """The bundled configurations by name."""
     return {path.stem: path for path in sorted(bundled_data.folder("robots").glob("*.yaml"))}
 
 
-def load_card(path_or_name: str | Path, *, trust: Trust = ()) -> Card:
-    """Read a card from a file or by the name of a shipped one; a URDF (path or name) gives a card without
+def load_robot_config(path_or_name: str | Path, *, trust: Trust = ()) -> RobotConfig:
+    """Read a configuration from a file or by the name of a bundled one; a URDF (path or name) gives a configuration without
     motions. Files that it names may also lie in the folders `trust` (files/access.py).
 
     Raises InputError, one sentence naming file and key.
     """
-    source, urdf = find_card(path_or_name)
+    source, urdf = find_config(path_or_name)
     if urdf:
-        return Card(source.stem, source, source, access=FileAccess.of(source.resolve(), trust))
-    return read_card(source, FileAccess.of(source, trust))
+        return RobotConfig(source.stem, source, source, access=FileAccess.of(source.resolve(), trust))
+    return read_config(source, FileAccess.of(source, trust))
 
 
-def find_card(path_or_name: str | Path) -> tuple[Path, bool]:
-    """The file that a path or a name stands for, and whether it is a URDF rather than a card. Raises InputError."""
+def find_config(path_or_name: str | Path) -> tuple[Path, bool]:
+    """The file that a path or a name stands for, and whether it is a URDF rather than a configuration. Raises InputError."""
     path = arguments.path(
         "path_or_name",
         path_or_name,
-        "the path of a scene, card or URDF, or the name of a robot, as bc.load_scene takes",
+        "the path of a scene, configuration or URDF, or the name of a robot, as bc.load_scene takes",
     )
     text = str(path_or_name)
     if path.suffix.lower() in (".yaml", ".yml"):
         return path, False
     if path.suffix.lower() in (".npz", ".csv"):
         raise InputError(
-            f"{text}: expected a scene, a card or a URDF; bc.load_run opens a saved run (.npz), and read_motion, or "
+            f"{text}: expected a scene, a configuration or a URDF; bc.load_run opens a saved run (.npz), and read_motion, or "
             "size with --motion, a CSV"
         )
-    cards = names()
+    configs = names()
     if not _is_file(path):
-        if text in cards:
-            return cards[text], False
+        if text in configs:
+            return configs[text], False
         if path.name == text and path.suffix == "":
-            known = {**cards, **catalog.names()}
+            known = {**configs, **catalog.names()}
             if text not in known:
                 near = difflib.get_close_matches(text, known, n=1)
                 hint = f"did you mean '{near[0]}'? " if near else ""
@@ -136,18 +136,18 @@ def find_card(path_or_name: str | Path) -> tuple[Path, bool]:
     return catalog.find_urdf(path_or_name), True
 
 
-def read_card(path: str | Path, access: FileAccess | None = None) -> Card:
-    """Read a card's YAML file; InputError, one sentence naming file, key and line."""
+def read_config(path: str | Path, access: FileAccess | None = None) -> RobotConfig:
+    """Read a configuration's YAML file; InputError, one sentence naming file, key and line."""
     path = Path(path)
     fields = Fields.from_file(path, access)
-    card = card_from_fields(fields, path)
+    config = config_from_fields(fields, path)
     fields.known(*SCENE_KEYS)
     fields.done()
-    return card
+    return config
 
 
-def card_from_fields(fields: Fields, path: Path) -> Card:
-    """The card among the keys of a file; keys that are not a card's are left for the caller to ask for or refuse."""
+def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
+    """The configuration among the keys of a file; keys that are not a configuration's are left for the caller to ask for or refuse."""
     name = fields.text("name", readable(path.stem))
     urdf = _urdf(fields)
     named = fields.access.by(urdf)
@@ -165,7 +165,7 @@ def card_from_fields(fields: Fields, path: Path) -> Card:
     actuated = fields.raw("actuated", ())
     if not isinstance(actuated, (list, tuple)) or not all(isinstance(joint, str) for joint in actuated):
         raise fields.error("actuated", "expected a list of joints, such as [crank]")
-    return Card(
+    return RobotConfig(
         name, path, urdf, gravity, floating, friction, payloads, frames, entries, motors, tuple(actuated), access
     )  # fmt: skip
 
@@ -195,7 +195,7 @@ def _urdf(fields: Fields) -> Path:
     if _is_there(path):
         return path.resolve()
     if path_like:
-        raise fields.error("urdf", f"there is no file {path}; give a path that starts at the card's folder")
+        raise fields.error("urdf", f"there is no file {path}; give a path that starts at the configuration's folder")
     raise fields.error("urdf", unknown_name("robot", text, catalog.names()))
 
 

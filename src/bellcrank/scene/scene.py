@@ -1,6 +1,6 @@
-"""A scene: a robot card with forces, control, a start, parameters, events, outputs and solver settings.
+"""A scene: a robot configuration with forces, control, a start, parameters, events, outputs and solver settings.
 
-One YAML file serves sizing and simulation: to the keys of a card (card.py) it adds forces (forces.py), control
+One YAML file serves sizing and simulation: to the keys of a configuration (robot_config.py) it adds forces (forces.py), control
 (control.py), initial and base (initial.py), parameters (parameters.py), events (events.py), outputs (outputs.py) and
 simulate (settings.py), all optional.
 """
@@ -11,7 +11,7 @@ import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.config.fields import Fields
 from bellcrank.config.yaml_file import read_yaml
+from bellcrank.deprecated import Renamed
 from bellcrank.derived import Portable, cached_property
 from bellcrank.elements.constraint import Constraint
-from bellcrank.elements.constraints import read_closures
+from bellcrank.elements.constraints import read_constraints
 from bellcrank.elements.controllers import Controller, read_control
 from bellcrank.elements.element import Part
 from bellcrank.elements.expression_constraint import Own, own_constraint
@@ -41,7 +42,7 @@ from bellcrank.scene.events import EventRule, read_events
 from bellcrank.scene.initial import Initial, read_initial
 from bellcrank.scene.outputs import Output, read_outputs
 from bellcrank.scene.overrides import apply_overrides, marked, plain
-from bellcrank.scene.robot_config import SCENE_KEYS, Card, card_from_fields, find_card
+from bellcrank.scene.robot_config import SCENE_KEYS, RobotConfig, config_from_fields, find_config
 from bellcrank.scene.settings import Settings, check_rows, read_settings
 
 if TYPE_CHECKING:
@@ -52,12 +53,12 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Scene(Portable):
+class Scene(Portable, Renamed):
     """What a scene file says, checked against the robot. Made by `load_scene`."""
 
-    card: Card
+    config: RobotConfig
     robot: Robot
-    closures: tuple[Constraint, ...]
+    constraints: tuple[Constraint, ...]
     forces: tuple[Part, ...]
     control: tuple[Controller, ...]
     initial: Initial
@@ -68,7 +69,17 @@ class Scene(Portable):
     motion_of: Callable[[str], Motion] = field(repr=False)
     marked_data: Mapping[str, Any] = field(repr=False)  # with the lines and overrides of its keys
     access: FileAccess = field(repr=False)  # which files it may name
-    loop_files: dict[str, str] = field(repr=False, default_factory=dict)  # texts of files that closures were read from
+    # texts of files that constraints were read from
+    loop_files: dict[str, str] = field(repr=False, default_factory=dict)
+
+    renamed: ClassVar[Mapping[str, str]] = {
+        "card": "config",
+        "closures": "constraints",
+        "start": "bellcrank.dynamics.consistent_start:consistent_start",
+        "system": "bellcrank.dynamics.system:system_of",
+        "system_parameters": "bellcrank.dynamics.system:system_parameters",
+        "notes": "bellcrank.simulation.scene_notes:scene_notes",
+    }
 
     def __repr__(self) -> str:
         return f"Scene('{self.name}', {self.robot!r}, from {self.source.name})"
@@ -76,12 +87,12 @@ class Scene(Portable):
     @property
     def name(self) -> str:
         """What the scene calls itself."""
-        return self.card.name
+        return self.config.name
 
     @property
     def source(self) -> Path:
         """The scene's file, or the URDF."""
-        return self.card.source
+        return self.config.source
 
     @cached_property
     def data(self) -> dict[str, Any]:
@@ -90,7 +101,7 @@ class Scene(Portable):
         return data
 
     def motion(self, name: str) -> Motion:
-        """One of the card's motions, made once; InputError or UnreachableError naming the place."""
+        """One of the configuration's motions, made once; InputError or UnreachableError naming the place."""
         arguments.text("name", name, "the name of a motion")
         return self.motion_of(name)
 
@@ -102,8 +113,8 @@ class Scene(Portable):
             return {key: plain(value) for key, value in mapping.items() if key not in SCENE_KEYS}
 
         changed = _read(data, self.source, self.access, self if own(data) == own(self.marked_data) else None)
-        mine = tuple(closure for closure in self.closures if isinstance(closure, Own))
-        return replace(changed, closures=(*changed.closures, *mine)) if mine else changed
+        mine = tuple(constraint for constraint in self.constraints if isinstance(constraint, Own))
+        return replace(changed, constraints=(*changed.constraints, *mine)) if mine else changed
 
     def with_constraint(self, function: Callable[[Symbols], Any], name: str = "own", unit: str = "1") -> Scene:
         """The scene with a constraint of your own: `function` takes Symbols (joints, frames, t, q, v, parameters) and
@@ -115,18 +126,18 @@ class Scene(Portable):
         arguments.function("function", function, "a function of Symbols that gives casadi expressions")
         arguments.text("name", name)
         arguments.text("unit", unit, "a unit such as 'm' or 'rad/s', or '1'")
-        if name in [closure.name for closure in self.closures]:
-            raise InputError(f"{self.source}: with_constraint: the name '{name}' is taken by another closure")
+        if name in [constraint.name for constraint in self.constraints]:
+            raise InputError(f"{self.source}: with_constraint: the name '{name}' is taken by another constraint")
         from bellcrank.elements.symbols import Symbols
 
         symbols = Symbols(self.robot, self.parameters, self.frames)
         own = own_constraint(function, name, unit, symbols, self.source)
-        return replace(self, closures=(*self.closures, own))
+        return replace(self, constraints=(*self.constraints, own))
 
     @property
     def files(self) -> dict[str, str]:
         """What the tables and motions held when they were read, by what is written under `file`."""
-        found = dict(csv_texts(self.card.motions.values())) | self.loop_files
+        found = dict(csv_texts(self.config.motions.values())) | self.loop_files
         return found | {
             str(p.place.raw("file")): p.text for p in self.forces if isinstance(p, Torque | Wrench) and p.text
         }
@@ -140,7 +151,7 @@ class Scene(Portable):
     def own_parameters(self) -> Array:
         """The scene's parameters, and Baumgarte's gains where they are used."""
         s = self.settings.stabilisation
-        gains = [s.alpha, s.beta] if self.closures and s.kind == "baumgarte" else []
+        gains = [s.alpha, s.beta] if self.constraints and s.kind == "baumgarte" else []
         return np.append(self.parameter_values, gains)
 
     @cached_property
@@ -156,7 +167,7 @@ class Scene(Portable):
     @property
     def signal_sources(self) -> tuple[SignalSource, ...]:
         """Where the entries of u come from, in their order."""
-        found = [part.source for part in (*self.forces, *self.control, *self.closures)]
+        found = [part.source for part in (*self.forces, *self.control, *self.constraints)]
         return tuple(dict.fromkeys(source for source in found if source is not None))
 
     @cached_property
@@ -179,7 +190,7 @@ class Scene(Portable):
     @property
     def frames(self) -> tuple[str, ...]:
         """The frames that forces, events and outputs use."""
-        groups = [p.frames for p in (*self.forces, *self.control, *self.closures)]
+        groups = [p.frames for p in (*self.forces, *self.control, *self.constraints)]
         groups += [e.frames for e in self.events] + [o.frames for o in self.outputs.values()]
         return tuple(dict.fromkeys(name for group in groups for name in group))
 
@@ -189,15 +200,23 @@ class Scene(Portable):
         """
         places = {source: k for k, source in enumerate(self.signal_sources)}
         targets = [[name, parameter.sets] for name, parameter in self.parameters.items()]
-        baumgarte = bool(self.closures) and self.settings.stabilisation.kind == "baumgarte"
-        parts = [baumgarte, self.closures, self.forces, self.control, targets, self.events, list(self.outputs.values())]
+        baumgarte = bool(self.constraints) and self.settings.stabilisation.kind == "baumgarte"
+        parts = [
+            baumgarte,
+            self.constraints,
+            self.forces,
+            self.control,
+            targets,
+            self.events,
+            list(self.outputs.values()),
+        ]
         if self.initial.clock:
             parts.append(["clock", self.initial.clock])
         return json.dumps(_content(parts, places))
 
 
 def load_scene(path_or_name: str | Path, overrides: Mapping[str, Any] | None = None, *, trust: Trust = ()) -> Scene:
-    """Read a scene from a file, or by the name of a shipped one; a URDF (path or name) is a scene without forces.
+    """Read a scene from a file, or by the name of a bundled one; a URDF (path or name) is a scene without forces.
 
     `overrides` changes it by dotted path: {"initial.crank": "1.5 deg", "simulate.rtol": 1e-6} (overrides.py). Files
     that it names lie near it, or in the folders `trust` (files/access.py). Raises InputError, one sentence naming file
@@ -205,7 +224,7 @@ def load_scene(path_or_name: str | Path, overrides: Mapping[str, Any] | None = N
     """
     if overrides is not None:
         arguments.mapping("overrides", overrides, "a mapping such as {'simulate.rtol': 1e-6}")
-    source, urdf = find_card(path_or_name)
+    source, urdf = find_config(path_or_name)
     if urdf:
         data: Mapping[str, Any] = {"name": source.stem, "urdf": str(source.resolve())}
         access = FileAccess.of(source.resolve(), trust)
@@ -221,24 +240,24 @@ def load_held_scene(source: Path) -> Scene:
 
 
 def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene | None = None) -> Scene:
-    """The scene of a mapping; card and robot are those of `like`, whose mapping has the same card."""
+    """The scene of a mapping; configuration and robot are those of `like`, whose mapping has the same configuration."""
     read = Fields(data, str(source), access=access)
-    card = card_from_fields(read, source)
-    robot, motion_of = (card.robot(), None) if like is None else (like.robot, like.motion_of)
-    card = card if like is None else like.card
+    config = config_from_fields(read, source)
+    robot, motion_of = (config.robot(), None) if like is None else (like.robot, like.motion_of)
+    config = config if like is None else like.config
     if motion_of is None:
-        motion_of = _Motions(card, robot)
-    closures = read_closures(read, robot, card.motions, motion_of)
-    if not card.actuated:
-        card = replace(card, actuated=foreign_motors(closures, robot))
-    loop_files = {name: read_text(path) for name, path in _named_files(closures).items()}
+        motion_of = _Motions(config, robot)
+    constraints = read_constraints(read, robot, config.motions, motion_of)
+    if not config.actuated:
+        config = replace(config, actuated=foreign_motors(constraints, robot))
+    loop_files = {name: read_text(path) for name, path in _named_files(constraints).items()}
     forces = read_forces(read, robot)
-    control = read_control(read, robot, card.motions, motion_of)
-    refuse_joints_off_paths(closures, control, robot, card.motions)
-    initial = read_initial(read, robot, card.motions)
-    parts: tuple[Part, ...] = (*forces, *control, *closures)
+    control = read_control(read, robot, config.motions, motion_of)
+    refuse_joints_off_paths(constraints, control, robot, config.motions)
+    initial = read_initial(read, robot, config.motions)
+    parts: tuple[Part, ...] = (*forces, *control, *constraints)
     parameters = read_parameters(read, robot, parts)
-    events = read_events(read, robot, parameters, closures)
+    events = read_events(read, robot, parameters, constraints)
     outputs = read_outputs(read, robot, parameters, parts)
     settings = read_settings(read.mapping("simulate", {}))
     try:
@@ -247,9 +266,9 @@ def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene
         raise read.mapping("simulate").error("samples", str(error)) from None
     read.done()
     return Scene(
-        card,
+        config,
         robot,
-        closures,
+        constraints,
         forces,
         control,
         initial,
@@ -265,10 +284,10 @@ def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene
 
 
 class _Motions(Portable):
-    """The motions of a card for a robot by name, each made once, when first asked for."""
+    """The motions of a configuration for a robot by name, each made once, when first asked for."""
 
-    def __init__(self, card: Card, robot: Robot) -> None:
-        self.card, self.robot = card, robot
+    def __init__(self, config: RobotConfig, robot: Robot) -> None:
+        self.config, self.robot = config, robot
 
     @cached_property
     def _made(self) -> dict[str, Motion]:
@@ -276,12 +295,12 @@ class _Motions(Portable):
 
     def __call__(self, name: str) -> Motion:
         if name not in self._made:
-            self._made[name] = self.card.motion(self.robot, name)
+            self._made[name] = self.config.motion(self.robot, name)
         return self._made[name]
 
 
-def _named_files(closures: Iterable[Constraint]) -> dict[str, Path]:
-    return {str(c.place.raw("file")): c.place.file("file") for c in closures if "file" in c.place}
+def _named_files(constraints: Iterable[Constraint]) -> dict[str, Path]:
+    return {str(c.place.raw("file")): c.place.file("file") for c in constraints if "file" in c.place}
 
 
 def _content(value: Any, places: Mapping[SignalSource, int]) -> Any:

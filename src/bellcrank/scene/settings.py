@@ -21,7 +21,7 @@ MOST_NUMBERS = 4 * 10**9 // 8  # doubles in the states of a run: 4 GB
 
 @dataclass(frozen=True)
 class Stabilisation:
-    """How closures are kept from drifting: kind "projection" (back onto them after each step), "baumgarte" with gains
+    """How constraints are kept from drifting: kind "projection" (back onto them after each step), "baumgarte" with gains
     alpha and beta (1/s), or "none". `auto`: the gains follow from solver, tolerances and step
     (simulation/baumgarte_gains.py).
     """

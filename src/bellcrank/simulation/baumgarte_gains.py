@@ -1,12 +1,12 @@
 """Baumgarte's gains without guessing: α = β = 2 ω, ω being the motion's own rate, whatever solver, step and tolerance.
 
-**Why.** With Baumgarte's terms a closure obeys φ̈ + 2 α φ̇ + β² φ = what the solver puts in. α = β is critical damping:
+**Why.** With Baumgarte's terms a constraint obeys φ̈ + 2 α φ̇ + β² φ = what the solver puts in. α = β is critical damping:
 of all gains with a memory as short, these have the smallest fast rate, and the fast rate is what costs. Let each step
 of h seconds put d_φ h into φ and d_v h into φ̇. Then φ settles where what is put in balances what is forgotten,
 
     φ = (2 α d_φ + d_v) / β²,    or  2 d_φ/α + d_v/α²  for α = β:                                                 (1)
 
-the larger α the better, if d were independent of it. It is not. Along the normal of the closures the exact motion is
+the larger α the better, if d were independent of it. It is not. Along the normal of the constraints the exact motion is
 some g(t), and the equations have Prothero and Robinson's form n̈ = g̈ − 2 α (ṅ − ġ) − α² (n − g). The stages of an
 explicit method of order p hit g to a low order only (the first ones to h), the gains feed that back, and the order
 conditions leave of it
@@ -17,7 +17,7 @@ for a motion of rate ω, |g^(k)| ~ ω^k. So gains begin to spoil the solution wh
 not of the step; where α h reaches 1, or the border of stability (2.8 for RK4), is of no account. For each kind:
 
 - *Fixed step.* Below ω (1) falls as h^p/α, above it grows as h^p α^(p−2): least near ω, at full order. A fixed α h, as
-  is often advised, makes it (α h)^(p−2) h²: closures and motion fall to order 2. Gains must not follow the step.
+  is often advised, makes it (α h)^(p−2) h²: constraints and motion fall to order 2. Gains must not follow the step.
 - *Embedded error estimate* of order e. The controller holds the estimate of (2) at the tolerance and pays in steps:
   below ω nothing; above it h ∝ α^(−(e−1)/(e+1)), so work grows as α^0.6 (RK45) or α^0.75 (DOP853), and as α once
   stability binds. As d h stays near the tolerance, φ ≤ tol (2/α + 1/α²)/h (`drift_bound`) hardly falls above ω. A
@@ -25,7 +25,7 @@ not of the step; where α h reaches 1, or the border of stability (2.8 for RK4),
 - *Radau* damps the fast part itself: its bend lies about ten times higher, and the same gains serve.
 
 **How.** Solver and tolerance enter where ω is found: a controller that keeps C (ω h)^(e+1) = tol makes steps that tell
-ω. A pilot run (DOP853 at 1e-3, kept on the closures by projection) has N steps in T seconds, and ω = tol^(1/8) N/T. On
+ω. A pilot run (DOP853 at 1e-3, kept on the constraints by projection) has N steps in T seconds, and ω = tol^(1/8) N/T. On
 the rolling disk pilots of RK45 or DOP853 from 1e-2 to 1e-8 agree within a factor of 1.6; on the 4-bar, which takes 3 to
 30 steps, within 3; on Bricard's ring, whose motion RK45 at 1e-3 does not follow, DOP853's within 3 and RK45's within 5.
 C is in the factor 2, which was measured (`bellcrank bench --gains`): on the 4-bar, the disk and the ring, with RK45 and
@@ -83,14 +83,16 @@ def automatic_gains(scene: Scene, settings: Settings | None = None) -> Automatic
     """Baumgarte's gains for a run of a scene, with its own settings or those given, by a pilot run.
 
     Cheap beside most runs: the pilot is at a tolerance of 1e-3 and ends after 20,000 evaluations. Raises InputError for
-    a scene without closures.
+    a scene without constraints.
     """
     from bellcrank.simulation.simulate import simulate
     from bellcrank.simulation.status import Status
 
     settings = settings or scene.settings
-    if not scene.closures:
-        raise InputError(f"{scene.source}: automatic gains are for closures, and this scene has none; leave them out")
+    if not scene.constraints:
+        raise InputError(
+            f"{scene.source}: automatic gains are for constraints, and this scene has none; leave them out"
+        )
     coarser = max(1.0, PILOT_TOLERANCE / max(settings.rtol, settings.atol))
     pilot = replace(
         settings, solver="DOP853", rtol=coarser * settings.rtol, atol=coarser * settings.atol, step=None,

@@ -1,4 +1,4 @@
-"""What of a run is not a finite number though the run went on: outputs, energies, forces, closures, events."""
+"""What of a run is not a finite number though the run went on: outputs, energies, forces, constraints, events."""
 
 from __future__ import annotations
 
@@ -63,11 +63,11 @@ def _quantities(run: Trajectory) -> Iterator[tuple[str, Callable[[int], str], Ar
     energies = {"kinetic energy": run.kinetic_energy, "potential energy": run.potential_energy, "work": run.work}
     for what, rows in energies.items():
         yield what, partial("the {0}".format, what), rows
-    for closure in run.scene.closures:
-        history, name = run.closure(closure.name), closure.name
-        yield f"multiplier {name}", partial("a multiplier of closure '{0}'".format, name), history.multipliers
+    for constraint in run.scene.constraints:
+        history, name = run.constraint(constraint.name), constraint.name
+        yield f"multiplier {name}", partial("a multiplier of constraint '{0}'".format, name), history.multipliers
         residuals = np.column_stack([history.residual, history.velocity_residual])
-        yield f"residual {name}", partial("the residual of closure '{0}'".format, name), residuals
+        yield f"residual {name}", partial("the residual of constraint '{0}'".format, name), residuals
 
 
 def _joint(run: Trajectory, what: str, column: int) -> str:
@@ -129,17 +129,17 @@ def cause(run: Trajectory) -> str:
     time = run.time[row] + ahead
     with np.errstate(all="ignore"):
         here = run.time[row : row + 1], run.state[row], values_at(run.signals, run.time[row : row + 1])[0]
-        rate = (system.fallback if run.scene.closures else system.rhs)(*here, run.parameters)
+        rate = (system.fallback if run.scene.constraints else system.rhs)(*here, run.parameters)
         rate = np.where(np.isfinite(rate[: system.size]), rate[: system.size], 0.0)
         state = run.state[row] + ahead[:, None] * rate
         arguments = time[:, None], state, values_at(run.signals, time), run.parameters
-        if run.scene.closures:
-            _, gap, speed = system.closure(*arguments)
+        if run.scene.constraints:
+            _, gap, speed = system.constraint(*arguments)
             bad = ~np.isfinite(speed)
             bad[:, : gap.shape[1]] |= ~np.isfinite(gap)
             if bad.any():
                 k = int(bad[bad.any(axis=1).argmax()].argmax())
-                return f"closure '{system.multiplier_names[k][0]}' is not a finite number there or just beyond"
+                return f"constraint '{system.multiplier_names[k][0]}' is not a finite number there or just beyond"
         acceleration, _, actuator, passive, *_ = system.observation(*arguments)
         found = {"actuator force": actuator, "passive force": passive, "acceleration": acceleration}
         for what, rows in found.items():

@@ -13,22 +13,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Latch:
-    """A lock that closed, as a plastic impact that keeps closures closed: velocity (nv,) after it, the impulse of the
-    lock in `unit` (N m s or N s at a joint), the impulses of the closures (rows,) as the multipliers' names say, times
+    """A lock that closed, as a plastic impact that keeps constraints closed: velocity (nv,) after it, the impulse of the
+    lock in `unit` (N m s or N s at a joint), the impulses of the constraints (rows,) as the multipliers' names say, times
     s, and the kinetic energy lost, J.
     """
 
     velocity: Array
     impulse: float
     unit: str
-    closure_impulses: Array
+    constraint_impulses: Array
     energy_lost: float
 
 
 @dataclass(frozen=True, eq=False)
 class Event:
     """An event of a scene: time (s), position (nq,) and velocity (nv,) there, before any impact; `stopped`: it ended
-    the run; multipliers (rows,) of closures there; `latch`: what its lock did, None where it has none.
+    the run; multipliers (rows,) of constraints there; `latch`: what its lock did, None where it has none.
     """
 
     name: str
@@ -82,8 +82,8 @@ class Statistics:
 
 
 @dataclass(frozen=True, eq=False)
-class ClosureHistory:
-    """One closure over time: its multipliers (n, k), forces on the body of its first frame as `labels` (k) say, and how
+class ConstraintHistory:
+    """One constraint over time: its multipliers (n, k), forces on the body of its first frame as `labels` (k) say, and how
     far positions (n,) m or rad, and velocities (n,) m/s or rad/s, are from closing it; `relative` (n,): positions, with
     lengths as shares of the mechanism's own.
     """

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def write_run_csv(run: Trajectory, path: str | Path, progress: Callable[[int], None] | None = None) -> Path:
-    """Write time, positions, velocities, accelerations, torques, energies, work, closures, outputs; returns the path.
+    """Write time, positions, velocities, accelerations, torques, energies, work, constraints, outputs; returns the path.
 
     `torque` is all that the scene's forces do at a joint, `actuator torque`, where the scene has motors or controllers,
     their part of it. Units stand in the header (s, rad, m, N m, N, J, …); every number has the digits that give it back
@@ -50,10 +50,10 @@ def columns(run: Trajectory) -> tuple[list[tuple[str, str]], Array]:
     labels += [("kinetic energy", "J"), ("potential energy", "J"), ("work", "J")]
     parts = [run.time, run.position, run.velocity, run.acceleration, run.torque[:, [joint.v for joint in driven]]]
     parts += [*actuators, run.kinetic_energy, run.potential_energy, run.work]
-    for closure in run.scene.closures:
-        history = run.closure(closure.name)
-        labels += [titled(f"{closure.name} {label}") for label in history.labels]
-        labels.append((f"{closure.name} residual", "m or rad"))
+    for constraint in run.scene.constraints:
+        history = run.constraint(constraint.name)
+        labels += [titled(f"{constraint.name} {label}") for label in history.labels]
+        labels.append((f"{constraint.name} residual", "m or rad"))
         parts += [history.multipliers, history.residual]
     for name, values in run.outputs.items():
         labels += output_labels(run, name)

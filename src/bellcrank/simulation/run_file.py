@@ -118,11 +118,11 @@ def run_facts(run: Trajectory) -> tuple[dict[str, Any], dict[str, Array]]:
 
 
 def refuse_functions(scene: Scene) -> None:
-    """Name a closure that is a Python function, which no file can hold (InputError)."""
-    own = [closure.name for closure in scene.closures if isinstance(closure, Own)]
+    """Name a constraint that is a Python function, which no file can hold (InputError)."""
+    own = [constraint.name for constraint in scene.constraints if isinstance(constraint, Own)]
     if own:
         raise InputError(
-            f"{scene.name}: closure '{own[0]}' is a Python function, which no file can hold; write it as "
+            f"{scene.name}: constraint '{own[0]}' is a Python function, which no file can hold; write it as "
             "{kind: formula} in the scene, or keep the run as CSV (to_csv)"
         )
 

@@ -47,9 +47,9 @@ class Panel:
 
 
 def run_panels(run: Trajectory) -> list[Panel]:
-    """The panels of a run, no two of one title: positions, velocities, energies, torques, closures and outputs that
+    """The panels of a run, no two of one title: positions, velocities, energies, torques, constraints and outputs that
     change, SI units; over the run's rows, and as many times between them, on either side of jumps too, as lines need
-    that are straight between them. How far closures are apart is known at the rows alone. Of a LONG run only the rows
+    that are straight between them. How far constraints are apart is known at the rows alone. Of a LONG run only the rows
     of extremes are drawn.
     """
     few = extremes(run, _everything)
@@ -89,7 +89,7 @@ def extremes(run: Trajectory, table: Callable[[Trajectory], Array]) -> Trajector
 
 
 def _everything(run: Trajectory) -> Array:
-    return np.column_stack([_table(_linear(run)), *run.closure_residuals.values()])
+    return np.column_stack([_table(_linear(run)), *run.constraint_residuals.values()])
 
 
 def _shown(panel: Panel) -> bool:
@@ -108,7 +108,7 @@ def _linear(run: Trajectory) -> list[Panel]:
     panels.append(Panel(ENERGY, "J", [*energies, (WORK, run.work)]))
     labels = [(joint.name, torque_unit(joint.kind)) for joint in one]
     panels += by_unit("joint torque", labels, run.torque[:, [joint.v for joint in one]])
-    if run.scene.closures:
+    if run.scene.constraints:
         names = [titled(f"{owner} {label}") for owner, label in system_of(run.scene).multiplier_names]
         panels += by_unit("multiplier", names, run.multipliers)
     outputs = [(label, unit, column) for name in run.outputs for label, unit, column in _output_columns(run, name)]
@@ -206,13 +206,13 @@ def _better_curved(run: Trajectory, table: Array, bound: Array) -> NDArray[np.bo
 
 
 def _apart(run: Trajectory, extremes: bool) -> list[Panel]:
-    """How far closures are apart, a panel a unit."""
+    """How far constraints are apart, a panel a unit."""
     return [
         Panel(
-            f"closure {'velocity' if unit.endswith('/s') else 'position'} residual", unit or "1", [("largest", values)],
+            f"constraint {'velocity' if unit.endswith('/s') else 'position'} residual", unit or "1", [("largest", values)],
             logarithmic=True, time=run.time, extremes=extremes,
         )
-        for unit, values in run.closure_residuals.items()
+        for unit, values in run.constraint_residuals.items()
     ]  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 The file is looked for in the folder of the scene, and, where an override names it, in the working directory too. The
 state is that of the last row, or of the row at `time`. It must have the joints of the scene's robot; whatever else
-`initial` and `base` name beside it keeps what it is given there. On the way to closures the run's values are free to
+`initial` and `base` name beside it keeps what it is given there. On the way to constraints the run's values are free to
 move. The run that starts there counts its own time from 0 again; `clock` says what t, tables and motions read at that
 moment: a number (s), 0 unless it is given, or `continue` for what they read in the saved run.
 """

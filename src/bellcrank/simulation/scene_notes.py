@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.dynamics.binding_rows import binding_of
 from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.constraint_rank import binding_of
 from bellcrank.dynamics.prescribed_motion_end import drive_end
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.controllers import PD
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
-MOVED = 1e-6  # rad, m or a share of the largest number: what closures may change of a saved state without a note
+MOVED = 1e-6  # rad, m or a share of the largest number: what constraints may change of a saved state without a note
 MOVING = 1e-4  # of a motion's largest speed: slower than this it is at rest
 OVERSHOOT = 3.0  # times the range of a table's values: what a cubic spline may reach without a note
 
@@ -49,19 +49,19 @@ def scene_notes(scene: Scene, duration: float | None = None) -> tuple[str, ...]:
 
 
 def _rows(scene: Scene) -> Iterator[str]:
-    """Closures, or rows of them, that are left out, as no joint moves them."""
-    left_out = binding_of(scene).left_out if scene.closures else ()
-    for closure in scene.closures:
-        rows = [(label, gap) for name, label, gap in left_out if name == closure.name]
+    """Constraints, or rows of them, that are left out, as no joint moves them."""
+    left_out = binding_of(scene).left_out if scene.constraints else ()
+    for constraint in scene.constraints:
+        rows = [(label, gap) for name, label, gap in left_out if name == constraint.name]
         if not rows:
             continue
         far = max(gap for _, gap in rows)
-        if len(rows) == len(closure.labels(scene.robot)):
-            yield f"closure '{closure.name}' holds whatever the joints do, {far:.3g} (m or rad) apart; it is left out"
+        if len(rows) == len(constraint.labels(scene.robot)):
+            yield f"constraint '{constraint.name}' holds whatever the joints do, {far:.3g} (m or rad) apart; it is left out"
         else:
             named = ", ".join(label for label, _ in rows)
             yield (
-                f"closure '{closure.name}': no joint moves its row{'s' if len(rows) > 1 else ''} {named}, "
+                f"constraint '{constraint.name}': no joint moves its row{'s' if len(rows) > 1 else ''} {named}, "
                 f"{far:.3g} (m or rad) apart; left out"
             )
 
@@ -94,7 +94,7 @@ def _saved(scene: Scene) -> Iterator[str]:
             k = int(moved.argmax())
             joint = next(j for j in reversed(robot.joints) if (j.q if what == "position" else j.v) <= k)
             yield (
-                f"the closures do not fit the state of {saved.name}: the {what} of joint '{joint.name}' starts "
+                f"the constraints do not fit the state of {saved.name}: the {what} of joint '{joint.name}' starts "
                 f"{moved[k]:.3g} (SI units) away from it; a changed velocity is no impact, which a latch would give"
             )
     if saved.clock != scene.initial.clock and (moving := ", ".join(_with_time(scene))):
@@ -108,7 +108,7 @@ def _with_time(scene: Scene) -> Iterator[str]:
     """What in a scene depends on time by itself: tables, motions and formulas with t."""
     for source in scene.signal_sources:
         yield source.name
-    whole: list[tuple[str, Any]] = [(f"closure '{part.name}'", part) for part in scene.closures]
+    whole: list[tuple[str, Any]] = [(f"constraint '{part.name}'", part) for part in scene.constraints]
     whole += [(f"event '{event.name}'", event) for event in scene.events]
     whole += [(f"output '{name}'", output) for name, output in scene.outputs.items()]
     yield from (name for name, part in whole if has_time(part))
@@ -188,14 +188,14 @@ def _drives(scene: Scene, duration: float) -> Iterator[str]:
     """Motions of drives that do not cover the run and are held; where they cannot be, the run ends."""
     end = drive_end(scene)
     until = duration if end is None else min(duration, end.time)
-    for closure in scene.closures:
-        if closure.kind != "drive" or closure.source is None:
+    for constraint in scene.constraints:
+        if constraint.kind != "drive" or constraint.source is None:
             continue
-        breaks = closure.source.signal.breaks - scene.initial.clock
+        breaks = constraint.source.signal.breaks - scene.initial.clock
         if breaks[-1] < until:
-            yield f"drive '{closure.name}': its motion ends at {breaks[-1]:.6g} s; then its last position is held"
+            yield f"drive '{constraint.name}': its motion ends at {breaks[-1]:.6g} s; then its last position is held"
         if 0.0 < breaks[0] <= until:
-            yield f"drive '{closure.name}': its motion begins at {breaks[0]:.6g} s; before, its first position is held"
+            yield f"drive '{constraint.name}': its motion begins at {breaks[0]:.6g} s; before, its first position is held"
 
 
 def _overshoot(who: str, signal: Signal, column: int, values: str) -> Iterator[str]:

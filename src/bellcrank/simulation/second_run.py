@@ -1,7 +1,7 @@
 """Runs made again to judge a run: how far its positions may be off, and whether it has left its closures' branch.
 
 Three things make a run wrong. *Steps*: a run with a hundredth of the tolerances has about a hundredth of that error, so
-that the difference is the error. *Closures without projection* drift, and where the linkage passes a position in which
+that the difference is the error. *Constraints without projection* drift, and where the linkage passes a position in which
 they lose rank they may go on along another branch: runs made again are projected. *Regularisation*: near such positions
 a share of each row's usual J M⁻¹ Jᵀ is added to it (dynamics/constrained.py). What it leaves grows with the share, what
 rounding leaves there falls with it, and no tolerance makes either less: where passages amplify them they are the floor
@@ -50,7 +50,7 @@ def error_estimate(run: Trajectory, seconds: float = math.inf) -> float | None:
         return math.inf
     finer, rest = _finer(run)
     wanted = [(finer, 1.0, 1.0 - rest)]
-    if run.scene.closures:
+    if run.scene.constraints:
         wanted += [(settings, share, floors) for share, floors in REGULARISATIONS for settings in (run.settings, finer)]
     largest = 0.0
     for settings, share, parts in wanted:
@@ -64,7 +64,7 @@ def error_estimate(run: Trajectory, seconds: float = math.inf) -> float | None:
 def expected_cost(run: Trajectory) -> float:
     """About how long `error_estimate` will step, s, by the kernel time of the run; compiling is not counted."""
     finer = _more_steps(run.settings)
-    return run.statistics.kernel_time * (2.0 + 3.0 * finer if run.scene.closures else finer)
+    return run.statistics.kernel_time * (2.0 + 3.0 * finer if run.scene.constraints else finer)
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Departure:
 
 
 def departure(run: Trajectory) -> Departure | None:
-    """Where a run whose closures are not projected departs from one whose are; None where it does not, or is projected.
+    """Where a run whose constraints are not projected departs from one whose are; None where it does not, or is projected.
 
     It departs where a coordinate differs by more than 10,000 times its tolerance, or 1 % of how far it moves if that is
     less, and by more than ten times what the run with projection is itself off.
@@ -104,8 +104,8 @@ def departure(run: Trajectory) -> Departure | None:
 
 
 def is_comparable(run: Trajectory) -> bool:
-    """Whether closures bind a run that is not projected, and a comparison takes no more than about LONGEST seconds."""
-    loose = bool(run.scene.closures) and run.settings.stabilisation.kind != "projection"
+    """Whether constraints bind a run that is not projected, and a comparison takes no more than about LONGEST seconds."""
+    loose = bool(run.scene.constraints) and run.settings.stabilisation.kind != "projection"
     cost = run.statistics.kernel_time * (1.0 + _more_steps(run.settings))
     return loose and bool((run.time > 0.0).any()) and cost <= LONGEST
 
@@ -141,7 +141,7 @@ def _again(
     from bellcrank.simulation.simulate import simulate_again
 
     p, cost = run.parameters.copy(), run.statistics
-    if run.scene.closures:
+    if run.scene.constraints:
         p[len(run.scene.parameter_values) : len(run.scene.own_parameters)] = 0.0  # gains
         p[-1] *= regularisation
     most = min(EVALUATIONS * settings.max_evaluations, 2**62)

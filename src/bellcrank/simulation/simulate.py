@@ -15,9 +15,9 @@ from bellcrank import arguments
 from bellcrank._step import integrate
 from bellcrank.codegen import machine
 from bellcrank.codegen.compile import make_ready
+from bellcrank.dynamics.binding_rows import binding_of, coordinate_weights
 from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.dynamics.constraint_angles import cosines_along, turning
-from bellcrank.dynamics.constraint_rank import binding_of, coordinate_weights
 from bellcrank.dynamics.prescribed_motion_end import drive_end, signals_until
 from bellcrank.dynamics.system import LARGEST_STAGED, system_of, system_parameters
 from bellcrank.elements.signals import values_at
@@ -68,7 +68,7 @@ def simulate(
     solver that has them, undo a fixed step of the scene. Results are given at `times` (m,) in s, at `samples` equal
     times, or with times="steps" at the solver's own steps; a run that ends early has its last state as a row more.
     `overrides` changes the scene, as in {"initial.shoulder": "10 deg"}. `progress` is called with the time reached
-    about every 0.1 s. `stabilisation` says how closures are kept: "projection", "none", {"kind": "baumgarte", "alpha":
+    about every 0.1 s. `stabilisation` says how constraints are kept: "projection", "none", {"kind": "baumgarte", "alpha":
     20, "beta": 20} or {"kind": "baumgarte", "gains": "auto"}. `keep` names an .npz file in which the run is kept: it is
     saved there at the end, and what is computed before that, about every `keep_every` s of computing, in a folder of
     blocks beside it, run.blocks for run.npz, which `load_run` opens too; it goes when the file is there. Blocks of an
@@ -115,7 +115,7 @@ def simulate(
         raise InputError(f"times reach {wanted[-1]:.17g} s, beyond the duration of {settings.duration:.17g} s")
     else:
         wanted = np.minimum(wanted, settings.duration)
-    projected = bool(scene.closures) and settings.stabilisation.kind == "projection"
+    projected = bool(scene.constraints) and settings.stabilisation.kind == "projection"
     keeper = None
     if keep is not None:
         from bellcrank.simulation.run_blocks import Keeper
@@ -133,10 +133,10 @@ def check_keep_every(seconds: float) -> float:
 
 
 def simulate_again(run: Trajectory, settings: Settings, times: Array, p: Array) -> Trajectory:
-    """A run's scene once more, with closures kept by projection: with other settings, at `times` (m,) s, and with
+    """A run's scene once more, with constraints kept by projection: with other settings, at `times` (m,) s, and with
     parameters `p` of its equations.
     """
-    return _integrate(run.scene, settings, times, False, None, p, projected=bool(run.scene.closures))
+    return _integrate(run.scene, settings, times, False, None, p, projected=bool(run.scene.constraints))
 
 
 def _integrate(
@@ -161,7 +161,7 @@ def _integrate(
     _refuse_pulling_contact(scene, p, x0)
     implicit = settings.solver == "Radau"
     staged = not implicit and system.size <= LARGEST_STAGED
-    closed = bool(scene.closures)
+    closed = bool(scene.constraints)
     # code for many states at once pays where evaluations are cheap beside it
     together = projected and not every_step and not signals and system.size <= LARGEST_STAGED and len(times) >= MANY
     code = {"rhs": (system.stage if staged else system.rhs, "scalar")}
@@ -187,7 +187,7 @@ def _integrate(
         duration,
         x0,
         p,
-        norm_size=system.size if any(c.source is not None for c in scene.closures) else system.nq + system.nv,
+        norm_size=system.size if any(c.source is not None for c in scene.constraints) else system.nq + system.nv,
         rtol=settings.rtol,
         atol=max(settings.atol, LEAST_ATOL),
         step=settings.step or 0.0,
@@ -302,11 +302,11 @@ def event_at(scene: Scene, k: int, t: float, q: Array, v: Array, p: Array) -> Ev
     system, rule = system_of(scene), scene.events[k]
     x = np.concatenate([q, v, np.zeros(system.size - system.nq - system.nv)])
     arguments = (np.array([t]), x, values_at(scene.signals, np.array([t]))[0], p)
-    multipliers = system.closure(*arguments)[0] if scene.closures else np.zeros(0)
+    multipliers = system.constraint(*arguments)[0] if scene.constraints else np.zeros(0)
     latch = None
     if rule.latch:
-        after, closures, impulse, lost = system.latch(k)(*arguments)
-        latch = Latch(after, float(impulse[0]), rule.impulse_unit, closures, float(lost[0]))
+        after, constraints, impulse, lost = system.latch(k)(*arguments)
+        latch = Latch(after, float(impulse[0]), rule.impulse_unit, constraints, float(lost[0]))
     return Event(rule.name, t, q, v, rule.stop, multipliers, latch)
 
 
@@ -343,7 +343,7 @@ def _refuse_pulling_contact(scene: Scene, p: Array, x0: Array) -> None:
         assert isinstance(rule, ContactLost)
         if normal[k] < 0.0:
             raise InputError(
-                f"{scene.source}: closures: '{rule.closure}' is not in contact at the start: its plane would have to "
+                f"{scene.source}: closures: '{rule.constraint}' is not in contact at the start: its plane would have to "
                 f"pull by {-normal[k]:.6g} N; change the start or the forces, or write two_sided: true if it can"
             )
 
@@ -352,7 +352,7 @@ def _refuse_infinite_start(scene: Scene, p: Array, x0: Array) -> None:
     """Name the joint whose acceleration is not finite at the start, with what to do (InputError)."""
     system = system_of(scene)
     u = scene.signals_at(np.zeros(1))[0]
-    rhs = system.fallback if scene.closures else system.rhs
+    rhs = system.fallback if scene.constraints else system.rhs
     rate = rhs(np.zeros(1), x0, u, p)[system.nq : system.nq + system.nv]
     bad = np.flatnonzero(~np.isfinite(rate))
     if len(bad):

@@ -40,6 +40,6 @@ _ADVICE = {
     Status.DRIVE_ENDED: "the motion of a drive ends, or its speed jumps, while the joint moves; let the motion go on, "
     "or shorten the run",
     Status.TURNED_OVER: "a weld or hinge came to be turned half around, where its equations hold too: its links have "
-    "passed through each other; take smaller tolerances or steps, and look at the forces on that closure",
+    "passed through each other; take smaller tolerances or steps, and look at the forces on that constraint",
     Status.INTERRUPTED: "it was interrupted; what was computed until then is kept",
 }

@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 EVENTS = 5  # events listed one by one
 JOINTS = 24  # joints listed
 LARGEST_RESIDUAL, LARGEST_DRIFT = 1e-6, 1e-3  # shares, above which a run is not to be trusted
-LARGEST_GAP = 1e-3  # rad, or of the mechanism's length, that a closure may be apart
+LARGEST_GAP = 1e-3  # rad, or of the mechanism's length, that a constraint may be apart
 OFF_ZERO = 1e-6  # share of its largest value by which an event's function may miss zero at the event
 EDGE = 1e-9  # rad, or of the larger end of a range in m, beyond it that is no leaving
 LEAVING = 5  # joints listed that leave their range
 NOISE = 1e-7  # share of the energies that is rounding and tolerance
-CLOSURES = 8  # closures listed
+CONSTRAINTS = 8  # constraints listed
 UNASKED = 1.0  # s that an error estimate may take unasked
 MANY_TURNS = 1e6  # rad: beyond it, and where it is no number, degrees say nothing
 END_HEADER = ("at the end", "position", "", "velocity")
@@ -63,7 +63,7 @@ def summary_html(run: Trajectory) -> str:
 
 def run_warnings(run: Trajectory) -> tuple[str, ...]:
     """What speaks against a run, a clause each: it did not come to its end, something in it is not a finite number, its
-    accelerations miss the equations of motion, its energies their balance, kinetic energy is negative, a closure is
+    accelerations miss the equations of motion, its energies their balance, kinetic energy is negative, a constraint is
     open, or an event is not at its zero.
     """
     found = []
@@ -82,7 +82,7 @@ def run_warnings(run: Trajectory) -> tuple[str, ...]:
         found.append("energy is not in balance: take smaller tolerances or steps")
     if least < -NOISE * largest:
         found.append(f"kinetic energy falls to {least:.3g} J: a mass or inertia is not that of a body")
-    return (*found, *_open_closures(run), *_departure(run), *_false_events(run), *_missed_events(run))
+    return (*found, *_open_constraints(run), *_departure(run), *_false_events(run), *_missed_events(run))
 
 
 def _energies(run: Trajectory) -> tuple[float, float, float, float]:
@@ -100,18 +100,18 @@ def _energies(run: Trajectory) -> tuple[float, float, float, float]:
     return gap, size, -least, largest
 
 
-def _open_closures(run: Trajectory) -> list[str]:
-    """A clause for each closure that is far from closed, in the order of the scene."""
-    names = [closure.name for closure in run.scene.closures]
+def _open_constraints(run: Trajectory) -> list[str]:
+    """A clause for each constraint that is far from closed, in the order of the scene."""
+    names = [constraint.name for constraint in run.scene.constraints]
     worst = dict.fromkeys(names, (LARGEST_GAP, 0.0, 0.0))  # relative, residual, time
     for part in run.parts():
         for name in names:
-            history = part.closure(name)
+            history = part.constraint(name)
             k = int(np.argmax(np.nan_to_num(history.relative)))
             if history.relative[k] > worst[name][0]:
                 worst[name] = (float(history.relative[k]), float(history.residual[k]), float(part.time[k]))
     return [
-        f"closure '{name}' is {residual:.3g} m or rad apart at {time:.4g} s: take stabilisation: projection, or "
+        f"constraint '{name}' is {residual:.3g} m or rad apart at {time:.4g} s: take stabilisation: projection, or "
         "smaller tolerances; if it cannot close there, the motion is none"
         for name, (relative, residual, time) in worst.items()
         if relative > LARGEST_GAP
@@ -119,23 +119,23 @@ def _open_closures(run: Trajectory) -> list[str]:
 
 
 def _departure(run: Trajectory) -> list[str]:
-    """Clauses on a run whose closures are not projected: they drift far beyond its tolerances, or it leaves the motion
+    """Clauses on a run whose constraints are not projected: they drift far beyond its tolerances, or it leaves the motion
     that a run with projection has.
     """
     s, found = run.settings, []
-    if not run.scene.closures or s.stabilisation.kind == "projection":
+    if not run.scene.constraints or s.stabilisation.kind == "projection":
         return []
     open_, allowed = run.constraint_residual(), s.atol + s.rtol * float(np.abs(run.position).max())
     if not s.step and open_ > DRIFTED * allowed:
         found.append(
-            f"closures drift {open_:.3g} m or rad apart, {open_ / allowed:.2g} times the tolerance: take "
+            f"constraints drift {open_:.3g} m or rad apart, {open_ / allowed:.2g} times the tolerance: take "
             "stabilisation: projection"
         )
     gone = departure(run)
     if gone is not None and gone.largest > 0.0:
         found.append(
             f"the run leaves the motion that projection gives: from {gone.time:.4g} s on it is elsewhere, "
-            f"by up to {gone.largest:.3g} rad or m; take stabilisation: projection (near positions in which closures "
+            f"by up to {gone.largest:.3g} rad or m; take stabilisation: projection (near positions in which constraints "
             "lose rank, drift decides along which branch a linkage goes on)"
         )
     if gone is not None and gone.ended is not None:
@@ -165,7 +165,7 @@ def _false_events(run: Trajectory) -> list[str]:
         largest = np.max([np.abs(part.event_values).max(axis=0) for part in run.parts()], axis=0)[which]
         here, span = value(time, state), 1e-9 * (1.0 + time)
         rates = system.rhs(time[:, None], state, values_at(run.signals, time), run.parameters)
-        slope = (rates[0] if isinstance(rates, tuple) else rates)[:, : system.size]  # closures add a guard
+        slope = (rates[0] if isinstance(rates, tuple) else rates)[:, : system.size]  # constraints add a guard
         before, after = (value(time + h, state + h[:, None] * slope) for h in (-span, span))
         wrong = (np.abs(here) > OFF_ZERO * (1.0 + largest)) & ~(before * after <= 0.0)
     first = {run.events[k].name: here[k] for k in np.flatnonzero(wrong)[::-1]}
@@ -209,7 +209,7 @@ def run_notes(run: Trajectory) -> tuple[str, ...]:
 
 
 def run_facts(run: Trajectory) -> list[tuple[str, str]]:
-    """(name, value) of solver, cost, events, certificate, closures, notes and warnings; a name is empty where it goes
+    """(name, value) of solver, cost, events, certificate, constraints, notes and warnings; a name is empty where it goes
     on.
     """
     settings, cost = run.settings, run.statistics
@@ -235,8 +235,8 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
         *certificate,
     ]
     rows.append(("error estimate", _error(run)))
-    rows += _closures(run)
-    if not run.scene.closures and any(joint.kind in ("floating", "planar") for joint in run.robot.joints):
+    rows += _constraints(run)
+    if not run.scene.constraints and any(joint.kind in ("floating", "planar") for joint in run.robot.joints):
         rows.append(("constraint residual", f"{run.constraint_residual():.1e} (unit length of rotations)"))
     notes = run_notes(run)
     rows += [("note", text) for text in notes[:LEAVING]]
@@ -270,28 +270,28 @@ def _error(run: Trajectory) -> str:
     )
 
 
-def _closures(run: Trajectory) -> list[tuple[str, str]]:
-    """Residuals of closures, and their multipliers at the end with what is odd about them."""
-    if not run.scene.closures:
+def _constraints(run: Trajectory) -> list[tuple[str, str]]:
+    """Residuals of constraints, and their multipliers at the end with what is odd about them."""
+    if not run.scene.constraints:
         return []
     with np.errstate(all="ignore"):
         residuals = _known(run.constraint_residual(), "m or rad"), _known(run.velocity_residual(), "m/s or rad/s")
         apart = f"{', '.join(residuals)} apart"
     rows, last = [("closures", apart)], run.part(slice(-1, None))
-    for closure in run.scene.closures[:CLOSURES]:
-        history = last.closure(closure.name)
+    for constraint in run.scene.constraints[:CONSTRAINTS]:
+        history = last.constraint(constraint.name)
         shown = [
             label.replace("[", f"{value:.6g} ").removesuffix("]")
             for label, value in zip(history.labels, history.multipliers[-1].tolist(), strict=True)
         ]
-        rows.append((f"{closure.name} at the end", ", ".join(shown)))
-    if len(run.scene.closures) > CLOSURES:
-        rows.append(("", f"… and {_count(len(run.scene.closures) - CLOSURES, 'more closure')}"))
+        rows.append((f"{constraint.name} at the end", ", ".join(shown)))
+    if len(run.scene.constraints) > CONSTRAINTS:
+        rows.append(("", f"… and {_count(len(run.scene.constraints) - CONSTRAINTS, 'more constraint')}"))
     count = len(system_of(run.scene).multiplier_names)
     if not np.isfinite(run.state[-1]).all():
         return rows
     try:
-        rank = run.closure_rank()
+        rank = run.constraint_rank()
     except InputError as error:
         return [*rows, ("not unique", f"unknown: {error}")]
     if rank.rank < count:
@@ -300,7 +300,7 @@ def _closures(run: Trajectory) -> list[tuple[str, str]]:
         rows.append(
             (
                 "not unique",
-                f"the closures have rank {rank.rank} of {count} rows at the end: the multipliers are the least of all "
+                f"the constraints have rank {rank.rank} of {count} rows at the end: the multipliers are the least of all "
                 f"that fit; unique are {', '.join(names) or 'none'}",
             )
         )

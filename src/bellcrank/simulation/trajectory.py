@@ -17,21 +17,21 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.derived import Portable, cached_property
+from bellcrank.dynamics.binding_rows import binding_of
 from bellcrank.dynamics.constraint_angles import cosines_along, true_gaps, turning
-from bellcrank.dynamics.constraint_rank import binding_of
 from bellcrank.dynamics.prescribed_motion_end import drive_end
 from bellcrank.dynamics.system import system_of
 from bellcrank.elements.signals import Signal, values_at
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.simulation.record import ClosureHistory, Event, FrameHistory, JointHistory, Statistics
+from bellcrank.simulation.record import ConstraintHistory, Event, FrameHistory, JointHistory, Statistics
 from bellcrank.simulation.status import Status
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
     from bellcrank.scene.settings import Settings
-    from bellcrank.simulation.closure_rank import ClosureRank
+    from bellcrank.simulation.constraint_rank import ConstraintRank
 
 Array = NDArray[np.float64]
 # Rows that quantities are computed for at a time where only what follows from them is wanted: so many numbers of the
@@ -130,7 +130,7 @@ class Trajectory(Portable):
         if self.status is Status.TURNED_OVER:
             last = self.part(slice(-1, None))
             cosine = cosines_along(self.scene, last.time, *last._arguments[1:])[-1]
-            return f"closure '{turning(self.scene)[int(np.argmin(cosine))]}': {self.status.advice}"
+            return f"constraint '{turning(self.scene)[int(np.argmin(cosine))]}': {self.status.advice}"
         if self.status is Status.NON_FINITE:
             from bellcrank.simulation.non_finite import cause
 
@@ -208,53 +208,56 @@ class Trajectory(Portable):
     @property
     def multipliers(self) -> Array:
         """Lagrange multipliers (n, rows), N or N m, as `system.multiplier_names` names them; a tree has none."""
-        return self._closure[0]
+        return self._constraint[0]
 
     @cached_property
-    def _closure(self) -> tuple[Array, ...]:
-        if not self.scene.closures:
+    def _constraint(self) -> tuple[Array, ...]:
+        if not self.scene.constraints:
             none = np.zeros((len(self.time), 0))
             return none, none, none
-        return tuple(system_of(self.scene).closure(*self._arguments))
+        return tuple(system_of(self.scene).constraint(*self._arguments))
 
     @cached_property
     def _gaps(self) -> Array:
         """|φ| (n, h), m or rad, with the whole angles of welds and hinges."""
-        if not self.scene.closures:
+        if not self.scene.constraints:
             return np.zeros((len(self.time), 0))
-        return true_gaps(self.scene, self._closure[1], cosines_along(self.scene, self.time, *self._arguments[1:]))
+        return true_gaps(self.scene, self._constraint[1], cosines_along(self.scene, self.time, *self._arguments[1:]))
 
-    def closure(self, name: str) -> ClosureHistory:
-        """What one closure did, in the rows that bind. Raises InputError with what there is."""
-        arguments.text("name", name, "the name of a closure")
-        names = [closure.name for closure in self.scene.closures]
+    def constraint(self, name: str) -> ConstraintHistory:
+        """What one constraint did, in the rows that bind. Raises InputError with what there is."""
+        arguments.text("name", name, "the name of a constraint")
+        names = [constraint.name for constraint in self.scene.constraints]
         if name not in names:
-            raise InputError(f"{self.scene.name}: {unknown_name('closure', name, names)}")
+            raise InputError(f"{self.scene.name}: {unknown_name('constraint', name, names)}")
         rows = [k for k, (owner, _) in enumerate(system_of(self.scene).multiplier_names) if owner == name]
-        multipliers, _, speed = self._closure
+        multipliers, _, speed = self._constraint
         holonomic = [k for k in rows if k < self._gaps.shape[1]]
         gaps = self._gaps[:, holonomic]
-        return ClosureHistory(
+        return ConstraintHistory(
             tuple(system_of(self.scene).multiplier_names[k][1] for k in rows), multipliers[:, rows],
             gaps.max(axis=1, initial=0.0), np.abs(speed[:, rows]).max(axis=1, initial=0.0),
             (gaps / binding_of(self.scene).unit[holonomic]).max(axis=1, initial=0.0),
         )  # fmt: skip
 
     @property
-    def closure_residuals(self) -> dict[str, Array]:
-        """How far (n,) all closures are apart, by unit: m and rad, m/s and rad/s, and "" for formulas' own."""
+    def constraint_residuals(self) -> dict[str, Array]:
+        """How far (n,) all constraints are apart, by unit: m and rad, m/s and rad/s, and "" for formulas' own."""
         units = {"[N]": "m", "[N m]": "rad"}
         found: dict[str, Array] = {}
-        for per, table in (("", self._gaps), ("/s", np.abs(self._closure[2]) if self.scene.closures else self._gaps)):
+        for per, table in (
+            ("", self._gaps),
+            ("/s", np.abs(self._constraint[2]) if self.scene.constraints else self._gaps),
+        ):
             for (_, label), column in zip(system_of(self.scene).multiplier_names, table.T, strict=False):
                 own = next((unit for end, unit in units.items() if label.endswith(end)), "")
                 unit = own and own + per
                 found[unit] = np.maximum(found.get(unit, 0.0), column)
         return found
 
-    def closure_rank(self, row: int = -1) -> ClosureRank:
-        """How well the closures hold at a row of the run: singular values, rank, and which multipliers are unique."""
-        from bellcrank.simulation.closure_rank import rank_of
+    def constraint_rank(self, row: int = -1) -> ConstraintRank:
+        """How well the constraints hold at a row of the run: singular values, rank, and which multipliers are unique."""
+        from bellcrank.simulation.constraint_rank import rank_of
 
         count = len(self.time)
         row = arguments.whole("row", row, least=-count, most=count - 1)
@@ -338,7 +341,7 @@ class Trajectory(Portable):
 
     @cached_property
     def non_finite(self) -> tuple[str, ...]:
-        """A clause for each output, energy, force, closure and event that is NaN or infinite in some row, with how many
+        """A clause for each output, energy, force, constraint and event that is NaN or infinite in some row, with how many
         rows and the first time; they are among `warnings`.
         """
         from bellcrank.simulation.non_finite import non_finite
@@ -353,7 +356,7 @@ class Trajectory(Portable):
         return run_warnings(self)
 
     def constraint_residual(self) -> float:
-        """The largest violation of what positions must keep: closures (m or rad) and the unit length of rotations;
+        """The largest violation of what positions must keep: constraints (m or rad) and the unit length of rotations;
         infinite where it is no number.
         """
         from bellcrank.simulation.simulate import unit_parts
@@ -368,14 +371,14 @@ class Trajectory(Portable):
         return _known(self._largest(measures))
 
     def velocity_residual(self) -> float:
-        """The largest violation of a velocity constraint, m/s or rad/s: φ̇ and ψ of closures; a tree has none. Infinite
+        """The largest violation of a velocity constraint, m/s or rad/s: φ̇ and ψ of constraints; a tree has none. Infinite
         where it is no number.
         """
-        return _known(self._largest(lambda run: [np.abs(run._closure[2]).max(initial=0.0)]))
+        return _known(self._largest(lambda run: [np.abs(run._constraint[2]).max(initial=0.0)]))
 
     def error_estimate(self) -> float:
         """How far the positions may be off (rad or m): the largest difference, on the same times, from runs made again
-        with a hundredth of the tolerances (with a fixed step: half the step, by Richardson's rule), and with closures
+        with a hundredth of the tolerances (with a fixed step: half the step, by Richardson's rule), and with constraints
         also with ten times and a tenth of their regularisation, all of them projected; what rounding and singular
         positions leave is in it (simulation/second_run.py). Where rtol < 2e-13 can be no finer, ten times the
         tolerances are taken.

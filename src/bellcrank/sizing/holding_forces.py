@@ -46,7 +46,7 @@ def holding_of(mechanism: Mechanism, motions: Sequence[Motion], mass_tolerance: 
     """
     if mechanism.closed:
         found = along_motions(mechanism, motions, mass_tolerance)
-        note = "holding torques are the largest at the postures of the motions: the closures tie the joints together"
+        note = "holding torques are the largest at the postures of the motions: the constraints tie the joints together"
         return Holding(found.joints, found.torque, found.position, (note,))
     assert isinstance(mechanism, OpenChain)
     acting = [force for force in mechanism.equations.forces if not isinstance(force, Damper | Friction)]

@@ -10,20 +10,20 @@ from bellcrank.dynamics.open_chain import OpenChain
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
-    from bellcrank.scene.robot_config import Card
+    from bellcrank.scene.robot_config import RobotConfig
 
-__all__ = ["Linkage", "Mechanism", "mechanism_of", "mechanism_of_card"]
+__all__ = ["Linkage", "Mechanism", "mechanism_of", "mechanism_of_config"]
 
 
-def mechanism_of_card(card: Card, robot: Robot) -> Mechanism:
-    """The mechanism of a card's file with its closures, forces and parameters, for its robot with payloads."""
+def mechanism_of_config(config: RobotConfig, robot: Robot) -> Mechanism:
+    """The mechanism of a configuration's file with its constraints, forces and parameters, for its robot with payloads."""
     from bellcrank.config.yaml_file import read_yaml
     from bellcrank.scene.scene import load_scene
 
-    if card.source == card.urdf or read_yaml(card.source).keys().isdisjoint(COUNTED):
-        return OpenChain(robot, actuated=card.actuated or None)
-    trusted = () if card.access is None else [folder for folder in card.access.trusted if folder.is_dir()]
-    return mechanism_of(load_scene(card.source, trust=trusted), robot)
+    if config.source == config.urdf or read_yaml(config.source).keys().isdisjoint(COUNTED):
+        return OpenChain(robot, actuated=config.actuated or None)
+    trusted = () if config.access is None else [folder for folder in config.access.trusted if folder.is_dir()]
+    return mechanism_of(load_scene(config.source, trust=trusted), robot)
 
 
 COUNTED = ("closures", "forces", "control", "parameters", "initial", "base")  # keys of a scene that sizing looks at

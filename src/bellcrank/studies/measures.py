@@ -16,7 +16,7 @@ import numpy as np
 from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.dynamics.system import system_of
 from bellcrank.motion.coordinates import position_labels, velocity_labels
-from bellcrank.scene.constraint_conditions import ContactLost, FrictionDemand, SingularClosure
+from bellcrank.scene.constraint_conditions import ContactLost, FrictionDemand, SingularConstraint
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -27,13 +27,13 @@ Measure = tuple[str, str, float]  # name, unit, value
 
 
 def aims(scene: Scene) -> list[str]:
-    """The events that a run is meant to reach: those that stop it, but not where a closure ceases to hold."""
-    losses = (ContactLost, FrictionDemand, SingularClosure)
+    """The events that a run is meant to reach: those that stop it, but not where a constraint ceases to hold."""
+    losses = (ContactLost, FrictionDemand, SingularConstraint)
     return [event.name for event in scene.events if event.stop and not isinstance(event.when, losses)]
 
 
 def start_measures(scene: Scene) -> Iterator[Measure]:
-    """Where the joints start: closures that can be assembled in several ways are told apart by it."""
+    """Where the joints start: constraints that can be assembled in several ways are told apart by it."""
     yield from _positions("start", scene.robot, consistent_start(scene)[0])
 
 
@@ -88,5 +88,5 @@ def _named(prefix: str, label: str) -> tuple[str, str]:
 
 def _forces(prefix: str, run: Trajectory, multipliers: Array) -> Iterator[Measure]:
     names = system_of(run.scene).multiplier_names
-    for (closure, label), value in zip(names, multipliers.tolist(), strict=True):
-        yield *_named(f"{prefix}.{closure}.force", label), value
+    for (constraint, label), value in zip(names, multipliers.tolist(), strict=True):
+        yield *_named(f"{prefix}.{constraint}.force", label), value

@@ -98,7 +98,7 @@ def _opensim(seconds: float) -> Published:
 _DISK_START = (0.0, 0.0, *(radians(a) for a in (10.0, 45.0, 0.0, 100.0, 200.0, 0.0)))
 _FOUR_BAR, _DISK, _RING, _TURN = FourBar(), RollingDisk(), BricardRing(), SteadyTurn()
 _NO_C_OF_LOOPS = "C by hand: none: in the fewest coordinates it would be a pendulum, which shows no loop"
-_ONLY_EXUDYN = "MuJoCo, Drake: not set up: how soft their closures are decides the branch where all links lie flat"
+_ONLY_EXUDYN = "MuJoCo, Drake: not set up: how soft their constraints are decides the branch where all links lie flat"
 # Sources: A. Ghosal, Dynamics and Control of Mechanical Systems, NPTEL 2022, lecture 18, end values by an 8th-order
 # integrator; IFToMM library of computational benchmark problems, A01 (closed form in elliptic functions), A02, A04.
 PROBLEMS = {

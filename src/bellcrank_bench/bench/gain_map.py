@@ -58,8 +58,8 @@ class Point:
     kind: str
     alpha: float
     beta: float
-    closure: float
-    closure_between: float
+    constraint: float
+    constraint_between: float
     error: float
     evaluations: int
     step: float
@@ -68,7 +68,7 @@ class Point:
 @dataclass(frozen=True)
 class GainMap:
     """All of a scene: the automatic gains, plain rows (none, projection, automatic), grids over (α, β), slices α = β of
-    several tolerances, and RK4's closure as its step is halved.
+    several tolerances, and RK4's constraint as its step is halved.
     """
 
     case: Case
@@ -100,16 +100,16 @@ class Bench:
         chosen: dict[str, Any] = {"step": setting} if solver == "RK4" else {"rtol": setting, "atol": setting}
         ends = simulate(scene, self.case.duration, solver, times="steps", max_evaluations=most, **chosen)
         between = simulate(scene, None, solver, times=self.times, max_evaluations=most, **chosen)
-        closure = error = beyond = math.inf
+        constraint = error = beyond = math.inf
         if ends.status.success and len(between) == OUTPUTS:
             with np.errstate(all="ignore"):  # a run that blew up has positions beyond all numbers
-                closure, beyond = ends.constraint_residual(), between.constraint_residual()
+                constraint, beyond = ends.constraint_residual(), between.constraint_residual()
                 error = float(np.abs(between.position - self.reference).max())
-        closure, beyond, error = (x if x < ABSURD else math.inf for x in (closure, beyond, error))
+        constraint, beyond, error = (x if x < ABSURD else math.inf for x in (constraint, beyond, error))
         did, s = ends.statistics, stabilisation
         mean_step = float(ends.time[-1]) / max(did.steps, 1)
         self._progress()
-        return Point(solver, setting, s.kind, s.alpha, s.beta, closure, beyond, error, did.evaluations, mean_step)
+        return Point(solver, setting, s.kind, s.alpha, s.beta, constraint, beyond, error, did.evaluations, mean_step)
 
     def __call__(self) -> GainMap:
         """Everything of the scene."""
@@ -153,7 +153,7 @@ def as_text(report: GainMap) -> str:
     lines = [
         f"{report.case.scene}, {report.case.duration:g} s: automatic gains α = β = {g.alpha:.3g} /s from a rate of "
         f"{g.rate:.3g} /s; the pilot run took {g.evaluations} evaluations",
-        f"  {'':24}{'stabilisation':14}{'closure':>10}{'between':>10}{'error':>10}{'evaluations':>13}{'of none':>9}"
+        f"  {'':24}{'stabilisation':14}{'constraint':>10}{'between':>10}{'error':>10}{'evaluations':>13}{'of none':>9}"
         f"{'with pilot':>12}",
     ]
     for r in report.rows:
@@ -162,7 +162,7 @@ def as_text(report: GainMap) -> str:
         pilot = f"{(r.evaluations + g.evaluations) / plain:10.2f} x" if r.kind == "baumgarte" else ""
         kind = "automatic" if r.kind == "baumgarte" else r.kind
         lines.append(
-            f"  {where:24}{kind:14}{r.closure:10.1e}{r.closure_between:10.1e}{r.error:10.1e}{r.evaluations:13}"
+            f"  {where:24}{kind:14}{r.constraint:10.1e}{r.constraint_between:10.1e}{r.error:10.1e}{r.evaluations:13}"
             f"{r.evaluations / plain:7.2f} x{pilot}"
         )
     return "\n".join(lines)

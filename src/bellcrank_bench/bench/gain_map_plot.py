@@ -67,25 +67,25 @@ def draw_map(report: GainMap) -> Figure:
 def draw_slices(report: GainMap) -> Figure:
     """Work and largest |φ| along α = β at several tolerances: the bend lies at the same gains for all."""
     figure = new_figure(13.0, 5.4)
-    work, closure = figure.subplots(1, 2)
+    work, constraint = figure.subplots(1, 2)
     for solver in ADAPTIVE:
         for tolerance, line in LINE.items():
             plain = report.plain(solver, "none", tolerance).evaluations
             mine = [p for p in report.slices if p.solver == solver and p.setting == tolerance]
-            mine = [p for p in mine if math.isfinite(p.closure)]
+            mine = [p for p in mine if math.isfinite(p.constraint)]
             style: dict[str, Any] = {"color": METHOD[solver], "linestyle": line}
             alpha = [p.alpha for p in mine]
             work.loglog(alpha, [p.evaluations / plain for p in mine], label=f"{solver}, {tolerance:.0e}", **style)
-            closure.loglog(alpha, [p.closure / tolerance for p in mine], **style)
-            unstabilised = report.plain(solver, "none", tolerance).closure / tolerance
-            closure.plot(
-                0.0, unstabilised, "<", color=METHOD[solver], clip_on=False, transform=closure.get_yaxis_transform(),
+            constraint.loglog(alpha, [p.constraint / tolerance for p in mine], **style)
+            unstabilised = report.plain(solver, "none", tolerance).constraint / tolerance
+            constraint.plot(
+                0.0, unstabilised, "<", color=METHOD[solver], clip_on=False, transform=constraint.get_yaxis_transform(),
                 label=f"{solver}, none" if tolerance == TOLERANCE else "_",
             )  # fmt: skip
             if tolerance == TOLERANCE:
                 bound = [drift_bound(p.alpha, p.beta, 1.0, p.step) for p in mine]
-                closure.loglog(alpha, bound, linewidth=0.8, color=METHOD[solver], label=f"{solver}, bound at 1e-09")
-    for axis, level, name in ((work, 2.0, "2 x"), (closure, 10.0, "10 atol")):
+                constraint.loglog(alpha, bound, linewidth=0.8, color=METHOD[solver], label=f"{solver}, bound at 1e-09")
+    for axis, level, name in ((work, 2.0, "2 x"), (constraint, 10.0, "10 atol")):
         axis.axhline(level, color="0.5", linewidth=0.8)
         axis.text(0.01, level, name, transform=axis.get_yaxis_transform(), va="bottom", color="0.3")
         axis.axvline(report.automatic.alpha, color=AUTOMATIC, linewidth=1.2, label="automatic")
@@ -93,9 +93,9 @@ def draw_slices(report: GainMap) -> Figure:
         axis.grid(visible=True, which="major", color="0.9", linewidth=0.6)
         axis.legend(frameon=False, fontsize="small", loc="upper left" if axis is work else "best")
     work.set_ylabel("evaluations, of those without stabilisation")
-    closure.set_ylabel("largest |φ| at step ends / tolerance")
-    projected = max(report.plain(v, "projection", t).closure for v in ADAPTIVE for t in LINE)
-    closure.set_title(f"projection: |φ| ≤ {projected:.0e} m or rad at every tolerance", fontsize="medium")
+    constraint.set_ylabel("largest |φ| at step ends / tolerance")
+    projected = max(report.plain(v, "projection", t).constraint for v in ADAPTIVE for t in LINE)
+    constraint.set_title(f"projection: |φ| ≤ {projected:.0e} m or rad at every tolerance", fontsize="medium")
     work.set_title("projection: as many as without, or fewer" if _free(report) else "", fontsize="medium")
     figure.suptitle(f"Along α = β on {report.case.scene}: the bend lies at the motion's rate, not at a given α h")
     return figure
@@ -152,21 +152,21 @@ def _scale(axis: Axes, shown: Any, beside: dict[str, float]) -> None:
 
 
 def _figure_of(point: Point, column: str) -> float:
-    return math.inf if math.isinf(point.closure) else float(getattr(point, column))
+    return math.inf if math.isinf(point.constraint) else float(getattr(point, column))
 
 
 def _orders(axis: Axes, report: GainMap) -> None:
-    """RK4's closure against the step: order 4 with gains of the motion, order 2 with gains of the step."""
+    """RK4's constraint against the step: order 4 with gains of the motion, order 2 with gains of the step."""
     ways = {"none": [], "automatic gains": [], f"α = β = {FIXED_DECAY:g}/h": []}  # type: dict[str, list[Point]]
     for k, p in enumerate(report.halvings):
         list(ways.values())[k % 3].append(p)
     for (name, mine), colour in zip(ways.items(), ("0.4", AUTOMATIC, "#0072B2"), strict=True):
-        mine = [p for p in mine if math.isfinite(p.closure)]
-        axis.loglog([p.setting for p in mine], [p.closure for p in mine], "o-", color=colour, label=name)
+        mine = [p for p in mine if math.isfinite(p.constraint)]
+        axis.loglog([p.setting for p in mine], [p.constraint for p in mine], "o-", color=colour, label=name)
     h = np.array([p.setting for p in report.halvings])
     last = report.halvings[-2:]
     for order, p in ((4, last[0]), (2, last[1])):
-        line = 0.4 * p.closure * (h / p.setting) ** order
+        line = 0.4 * p.constraint * (h / p.setting) ** order
         axis.loglog(h, line, ":", color="0.4", linewidth=1.2)
         axis.text(h[-1], line[-1], f"  order {order}", ha="left", va="top", color="0.3", fontsize="small")
     axis.set_xlabel("step h [s]")

@@ -1,4 +1,4 @@
-"""How exact the proximal solve is over its regularisation μ: regular, redundant and nearly singular closures.
+"""How exact the proximal solve is over its regularisation μ: regular, redundant and nearly singular constraints.
 
 The reference is dense: with M = L Lᵀ and G = J L⁻ᵀ, the accelerations are L⁻ᵀ (w + G⁺ (b − G w)), w = L⁻¹ f, with the
 pseudo-inverse by singular values (Udwadia & Kalaba, Proc. R. Soc. A 439 (1992)).
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 SHARES = tuple(10.0**k for k in range(-14, -5))  # μ, of a row's usual J M⁻¹ Jᵀ
 RANK = 1e-11  # of the largest singular value: below it a row repeats others
 NEAR = (1e-1, 1e-2, 1e-3, 1e-4)  # rad of a four-bar from where it lies flat
-OFF = (1e-6, 1e-4, 1e-2)  # rad of Bricard's mechanism from its closure
+OFF = (1e-6, 1e-4, 1e-2)  # rad of Bricard's mechanism from its constraint
 
 
 class Study(NamedTuple):
@@ -54,9 +54,9 @@ def proximal_errors(
 def contradiction(
     scene: Scene, q: Array, v: Array, distance: float, shares: Sequence[float] = SHARES, refinements: int = REFINEMENTS
 ) -> Study:
-    """How much accelerations and joint forces change, μ by μ, where the posture is `distance` (m, rad) off the closure.
+    """How much accelerations and joint forces change, μ by μ, where the posture is `distance` (m, rad) off the constraint.
 
-    A row that repeats the others does so on the closure alone. As far off it as the stages of a step are, a solve whose
+    A row that repeats the others does so on the constraint alone. As far off it as the stages of a step are, a solve whose
     μ is small takes the row for one of its own and follows its contradiction: what an error-controlled solver then sees
     is no rounding, but it jumps like it, and makes the steps short.
     """
@@ -96,7 +96,7 @@ def _gap(found: Array, exact: Array) -> float:
 
 
 def dense(mass: Array, jacobian: Array, force: Array, right: Array) -> tuple[Array, Array]:
-    """Accelerations (n,) and the joint forces of closures Jᵀ λ (n,), by singular values."""
+    """Accelerations (n,) and the joint forces of constraints Jᵀ λ (n,), by singular values."""
     lower = np.linalg.cholesky(mass)
     g = np.linalg.solve(lower, jacobian.T).T
     w = np.linalg.solve(lower, force)
@@ -105,7 +105,7 @@ def dense(mass: Array, jacobian: Array, force: Array, right: Array) -> tuple[Arr
 
 
 def proximal_studies() -> list[Study]:
-    """A regular closure, Bricard's redundant one and that off its closure, and a four-bar ever nearer to lying flat."""
+    """A regular constraint, Bricard's redundant one and that off its constraint, and a four-bar ever nearer to lying flat."""
     four_bar, bricard = load_scene("four_bar"), load_scene("bricard")
     run = simulate(bricard, duration=1.0, times=[0.7, 1.0], rtol=1e-12, atol=1e-12)
     there = run.position[0], run.velocity[0]

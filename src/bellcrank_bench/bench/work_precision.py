@@ -20,7 +20,7 @@ SETTLE = 0.2  # s that 30 repeats last at least: runs of microseconds are repeat
 BUDGET = 1.0  # s a run may be repeated for; the first time always counts
 QUICK = 0.1  # the same where many scenes are to be gone through
 OWN, HAND = "bellcrank", "C by hand"
-PROJECTED = " + projection"  # a method's name gains it where closures are projected after each step
+PROJECTED = " + projection"  # a method's name gains it where constraints are projected after each step
 LEVELS = (1e-6, 1e-10)  # errors at which times are compared
 
 

@@ -63,12 +63,12 @@ def _mjcf(problem: Problem, integrator: str, step: float, reference: str, hardne
         l1, l2, l3 = equations.length
         bodies = f"""<body>{crank}<body pos="{l1!r} 0 0">{coupler}<site name="a" pos="{l2!r} 0 0"/></body></body>
             <body pos="{equations.ground!r} 0 0">{rocker}<site name="b" pos="{l3!r} 0 0"/></body>"""
-        closure, gravity = f'<equality><connect site1="a" site2="b" {solid}/></equality>', "0 0 0"
+        constraint, gravity = f'<equality><connect site1="a" site2="b" {solid}/></equality>', "0 0 0"
     elif isinstance(equations, BricardRing):
         flags += ' contact="disable"'
         bodies = _ring(equations)
         pairs = "".join(f'<connect site1="a{k}" site2="b{k}" {solid}/>' for k in range(2))
-        closure, gravity = f"<equality>{pairs}</equality>", f"0 {-equations.g!r} 0"
+        constraint, gravity = f"<equality>{pairs}</equality>", f"0 {-equations.g!r} 0"
     else:
         assert isinstance(equations, RollingDisk)
         r = equations.radius
@@ -77,11 +77,11 @@ def _mjcf(problem: Problem, integrator: str, step: float, reference: str, hardne
         bodies = f"""<geom type="plane" size="0 0 1" {rough}/>
             <body><freejoint/><geom type="{shape}" size="{size}" euler="1.5707963267948966 0 0" {rough}/>
             <inertial pos="0 0 0" mass="0.5" diaginertia="{across!r} {axial!r} {across!r}"/></body>"""
-        closure, gravity = "", f"0 0 {-equations.g!r}"
+        constraint, gravity = "", f"0 0 {-equations.g!r}"
     return f"""<mujoco><compiler angle="radian" autolimits="false"/>
         <option gravity="{gravity}" timestep="{step!r}" integrator="{integrator}" cone="elliptic" impratio="100"
           tolerance="1e-15"><flag {flags}/></option>
-        <worldbody>{bodies}</worldbody>{closure}</mujoco>"""
+        <worldbody>{bodies}</worldbody>{constraint}</mujoco>"""
 
 
 def _ring(equations: BricardRing) -> str:

@@ -34,7 +34,7 @@ def runs(problem: Problem, settings: Mapping[str, Mapping[str, Sequence[float]]]
 
 
 def _four_bar(equations: FourBar) -> Rates:
-    """The rates of the angles and their velocities; the loop is a point closure of two frames."""
+    """The rates of the angles and their velocities; the loop is a point constraint of two frames."""
     import pinocchio as pin
 
     model = pin.Model()
@@ -57,7 +57,7 @@ def _four_bar(equations: FourBar) -> Rates:
 
 
 def _ring(equations: BricardRing) -> Rates:
-    """The rates of the hinges' angles and their velocities; the sixth hinge as point closures at two of its points."""
+    """The rates of the hinges' angles and their velocities; the sixth hinge as point constraints at two of its points."""
     import pinocchio as pin
 
     model = pin.Model()

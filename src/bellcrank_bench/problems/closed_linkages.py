@@ -47,7 +47,7 @@ BRICARD = {  # P3, m: null-space reduction of the tree, DOP853 at rtol 1e-12, pr
 
 
 def kept(run: Trajectory) -> list[Figure]:
-    """How well closures are kept at every row of the run."""
+    """How well constraints are kept at every row of the run."""
     return [
         Figure("closures", run.constraint_residual(), 1e-12, "m or rad"),
         Figure("closing speeds", run.velocity_residual(), 1e-12, "m/s or rad/s"),
@@ -118,7 +118,7 @@ def judge_n_four_bar(run: Trajectory) -> list[Figure]:
     """Known: one degree of freedom on the parallel branch (textbook_closed.ParallelCranks), integrated by SciPy's
     DOP853. Whenever the links lie flat J loses rank N, and the motion goes through. The library's limit is 1e-3 m.
     """
-    loops, top = len(run.scene.closures), _parallel_top(run)
+    loops, top = len(run.scene.constraints), _parallel_top(run)
     flat = np.count_nonzero(np.diff(np.sign(top[:, 1])))
     cranks = [run.robot.joint(f"crank_{k}").q for k in range(loops + 1)]
     apart = run.position[:, cranks] - run.position[:, cranks[:1]]
@@ -169,7 +169,7 @@ def _whole_run(loops: int, scene: Scene) -> list[Figure]:
 
 def _parallel_top(run: Trajectory) -> NDArray[np.float64]:
     """B0 at the run's times, (n, 3), m, on the parallel branch (textbook_closed.ParallelCranks)."""
-    cranks = ParallelCranks(len(run.scene.closures))
+    cranks = ParallelCranks(len(run.scene.constraints))
     angle, _ = solve_along(cranks.derivative, np.array([np.pi / 2, -1.0]), run.time).T
     return np.stack([np.cos(angle), np.sin(angle), 0 * angle], -1)
 
@@ -187,7 +187,7 @@ def judge_pendulum(run: Trajectory) -> list[Figure]:
 
 
 def judge_bricard(run: Trajectory) -> list[Figure]:
-    """Known: P3 by a null-space reduction; one row of the closure repeats the others all the time."""
+    """Known: P3 by a null-space reduction; one row of the constraint repeats the others all the time."""
     return [
         ended(run),
         Figure("P3", largest(run.output("P3") - list(BRICARD.values())), 1e-6, "m"),
@@ -201,7 +201,7 @@ def _dependence(run: Trajectory) -> float:
     """The largest share, over the rows of the run, that the least singular value of J is of the greatest."""
     system, shares = system_of(run.scene), []
     for t, x, u in zip(run.time, run.state, run.inputs, strict=True):
-        jacobian = system.linearised_closures(np.array([t]), x, u, run.parameters)[2]
+        jacobian = system.linearised_constraints(np.array([t]), x, u, run.parameters)[2]
         values = np.linalg.svd(jacobian, compute_uv=False)
         shares.append(values[-1] / values[0])
     return float(max(shares))
@@ -209,10 +209,10 @@ def _dependence(run: Trajectory) -> float:
 
 def judge_five_bar(run: Trajectory) -> list[Figure]:
     """Known: energy is what motors and bearings put in; at rest in the end, the motors' torques balance the weight in
-    every motion that the closure allows.
+    every motion that the constraint allows.
     """
     system = system_of(run.scene)
-    jacobian = system.linearised_closures(run.time[-1:], run.state[-1], run.inputs[-1], run.parameters)[2]
+    jacobian = system.linearised_constraints(run.time[-1:], run.state[-1], run.inputs[-1], run.parameters)[2]
     free = np.linalg.svd(jacobian)[2][2:]
     weight = run.robot.inverse_dynamics(run.position[-1], np.zeros(system.nv), np.zeros(system.nv))
     return [
@@ -228,7 +228,7 @@ def _settings(times: Mapping[float, Any]) -> dict[str, Any]:
     return FINE | {"duration": 10.0, "times": list(times)}
 
 
-def _shipped(loops: int, duration: float) -> Problem:
+def _bundled(loops: int, duration: float) -> Problem:
     name = f"n_four_bar_{loops}"
     settings = {"duration": duration, "rtol": 1e-10, "atol": 1e-10, "samples": 401}
     return Problem(
@@ -242,8 +242,8 @@ PROBLEMS = (
         "four_bar_swings_through", "four-bar without a stop, 14 s", swinging_four_bar, judge_swinging,
         FINE | {"duration": 14.0},
     ),
-    _shipped(2, 10.0),
-    _shipped(40, 20.0),
+    _bundled(2, 10.0),
+    _bundled(40, 20.0),
     Problem("pendulum", "simple pendulum, A01", lambda: load_scene("pendulum"), judge_pendulum, _settings(PENDULUM)),
     Problem("bricard", "Bricard mechanism, A04", lambda: load_scene("bricard"), judge_bricard, _settings(BRICARD)),
     Problem(

@@ -162,7 +162,7 @@ def judge_cart(run: Trajectory) -> list[Figure]:
     """
     x, y, _ = run.output("cart").T
     angle, speed, radius, mass = 0.5 * run.time, 1.1, 2.2, 7.0
-    push = np.stack([run.closure(name).multipliers[:, 2] for name in ("left_floor", "right_floor")], -1)
+    push = np.stack([run.constraint(name).multipliers[:, 2] for name in ("left_floor", "right_floor")], -1)
     return [
         ended(run),
         Figure("place", largest([x - radius * np.sin(angle), y + radius * np.cos(angle)]), 1e-6, "m"),

@@ -41,7 +41,7 @@ class ClosedFourBar:
         m[..., 1, 1], m[..., 2, 2] = outer, i3 + m3 * r3**2
         return m
 
-    def closure(self, q: Array) -> Array:
+    def constraint(self, q: Array) -> Array:
         """Tip of the coupler less tip of the rocker, (..., 2), m."""
         l1, l2, l3 = self.length
         t, a, p = q[..., 0], q[..., 0] + q[..., 1], q[..., 2]
@@ -82,7 +82,7 @@ class ClosedFourBar:
         return kinetic, 0.5 * (self.preload - self.stiffness * q[..., 0]) ** 2 / self.stiffness
 
     def closed(self, crank: Array, rate: Array, branch: Array) -> tuple[Array, Array]:
-        """q and v (..., 3) on the closure at an angle and rate of the crank; `branch` (±1) is the side of the line from
+        """q and v (..., 3) on the constraint at an angle and rate of the crank; `branch` (±1) is the side of the line from
         the crank's tip to the rocker's pivot on which coupler and rocker meet.
         """
         (_, l2, l3), tip = self.length, _along(crank, self.length[0])

@@ -1,4 +1,4 @@
-"""Mechanisms with constraints reduced by hand to their fewest coordinates: no multiplier, and no closure that drifts.
+"""Mechanisms with constraints reduced by hand to their fewest coordinates: no multiplier, and no constraint that drifts.
 
 Sources of the mechanisms: A. Ghosal, Dynamics and Control of Mechanical Systems, NPTEL 2022, lecture 18; IFToMM library
 of computational benchmark problems, A02 and A04.

@@ -32,7 +32,7 @@ class Textbook:
 
 
 def verify(name: str, samples: int = 1000) -> list[Difference]:
-    """Verify a shipped robot or scene by name. Raises InputError where no analytic equations are known for it."""
+    """Verify a bundled robot or scene by name. Raises InputError where no analytic equations are known for it."""
     if name not in VERIFIABLE:
         raise InputError("analytic equations: " + unknown_name("scene", name, VERIFIABLE))
     if name == "planar_2r":

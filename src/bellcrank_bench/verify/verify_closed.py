@@ -126,7 +126,7 @@ def _evaluated(scene: Scene, q: Array, v: Array) -> tuple[Array, Array, Array]:
     n = len(q)
     arguments = np.zeros((n, 1)), np.hstack([q, v]), np.zeros((n, 0)), np.tile(system_parameters(scene), (n, 1))
     acceleration, energies, *_ = system_of(scene).observation(*arguments)
-    return acceleration, energies, system_of(scene).closure(*arguments)[0]
+    return acceleration, energies, system_of(scene).constraint(*arguments)[0]
 
 
 def _along(run: Trajectory, q: Array, v: Array) -> list[Difference]:

@@ -1,4 +1,4 @@
-"""Forces as arrows: what closures, contacts, motors and wrenches do to bodies in the world; and springs as lines."""
+"""Forces as arrows: what constraints, contacts, motors and wrenches do to bodies in the world; and springs as lines."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class PlacedScene:
     placed: Placed
 
     def number(self, part: Part, field: str) -> float:
-        """A number of a force or closure, as the parameters have it."""
+        """A number of a force or constraint, as the parameters have it."""
         target = f"{part.owner}.{part.name}.{field}"
         for k, parameter in enumerate(self.scene.parameters.values()):
             if target in parameter.sets:
@@ -51,7 +51,7 @@ class PlacedScene:
         return part.number(field)
 
     def vector(self, part: Part, field: str) -> Array:
-        """A vector (3,) of a force or closure."""
+        """A vector (3,) of a force or constraint."""
         return np.array([self.number(part, f"{field}.{c}") for c in "xyz"])
 
     def side(self, loop: Loop, first: bool) -> tuple[Array, Array]:
@@ -78,27 +78,27 @@ class Moments(PlacedScene):
 
     @cached_property
     def multipliers(self) -> Array:
-        """Multipliers (n, rows) of the closures."""
-        return np.asarray(system_of(self.run.scene).closure(*self._arguments)[0])
+        """Multipliers (n, rows) of the constraints."""
+        return np.asarray(system_of(self.run.scene).constraint(*self._arguments)[0])
 
     @cached_property
     def actuator_torque(self) -> Array:
         """Torques of motors and controllers (n, nv), N m or N."""
         return np.asarray(system_of(self.run.scene).observation(*self._arguments)[2])
 
-    def of(self, closure: Constraint) -> Array:
-        """A closure's multipliers (n, k), one a label, 0 for a row that does not bind."""
-        labels = closure.labels(self.run.robot)
+    def of(self, constraint: Constraint) -> Array:
+        """A constraint's multipliers (n, k), one a label, 0 for a row that does not bind."""
+        labels = constraint.labels(self.run.robot)
         full = np.zeros((len(self.time), len(labels)))
         for row, (owner, label) in enumerate(system_of(self.run.scene).multiplier_names):
-            if owner == closure.name and label in labels:
+            if owner == constraint.name and label in labels:
                 full[:, labels.index(label)] = self.multipliers[:, row]
         return full
 
 
 def shown_frames(scene: Scene) -> tuple[str, ...]:
     """The frames that arrows, springs and rods of a scene need."""
-    parts: tuple[Part, ...] = (*scene.closures, *scene.forces)
+    parts: tuple[Part, ...] = (*scene.constraints, *scene.forces)
     return tuple(dict.fromkeys(name for part in parts for name in part.frames))
 
 
@@ -108,22 +108,24 @@ def child_link(robot: Robot, joint: str) -> str:
 
 
 def run_arrows(moments: Moments) -> Iterator[Arrow]:
-    """The forces and torques of a run: multipliers on the body of each closure's first frame, forces of contact,
+    """The forces and torques of a run: multipliers on the body of each constraint's first frame, forces of contact,
     torques of motors about their axes, and wrenches.
     """
     scene = moments.run.scene
-    for closure in scene.closures:
-        if isinstance(closure, Drive):
-            yield motor_arrow(scene.robot, closure.joint, moments.of(closure)[:, 0], moments.placed, closure.name)
-        elif isinstance(closure, RollingDisk):
-            yield Arrow(
-                f"{closure.name} on {_link(moments, closure.frame)}",
-                "N",
-                contact_points(moments, closure),
-                _contact_force(moments, closure),
+    for constraint in scene.constraints:
+        if isinstance(constraint, Drive):
+            yield motor_arrow(
+                scene.robot, constraint.joint, moments.of(constraint)[:, 0], moments.placed, constraint.name
             )
-        elif isinstance(closure, Loop):
-            yield from _loop_arrows(moments, closure)
+        elif isinstance(constraint, RollingDisk):
+            yield Arrow(
+                f"{constraint.name} on {_link(moments, constraint.frame)}",
+                "N",
+                contact_points(moments, constraint),
+                _contact_force(moments, constraint),
+            )
+        elif isinstance(constraint, Loop):
+            yield from _loop_arrows(moments, constraint)
     for joint in scene.robot.joints:
         if joint.nv == 1 and np.any(moments.run.actuator_torque[:, joint.v]):
             yield motor_arrow(scene.robot, joint, moments.actuator_torque[:, joint.v], moments.placed)
@@ -161,11 +163,11 @@ def springs_of(moments: PlacedScene) -> Iterator[Spring]:
 
 
 def rods_of(moments: PlacedScene) -> Iterator[Rod]:
-    """The rods of closures that keep two points at a distance."""
-    for closure in moments.scene.closures:
-        if isinstance(closure, Distance):
-            ends = [moments.side(closure, first)[0] for first in (True, False)]
-            yield Rod(closure.name, np.stack(ends, axis=1))
+    """The rods of constraints that keep two points at a distance."""
+    for constraint in moments.scene.constraints:
+        if isinstance(constraint, Distance):
+            ends = [moments.side(constraint, first)[0] for first in (True, False)]
+            yield Rod(constraint.name, np.stack(ends, axis=1))
 
 
 def contact_points(moments: PlacedScene, disk: RollingDisk) -> Array:
@@ -214,7 +216,7 @@ def _loop_arrows(moments: Moments, loop: Loop) -> Iterator[Arrow]:
 
 def _link(moments: Moments, frame: str) -> str:
     """The link on which a frame is, which is what a force at the frame acts on."""
-    robot, named = moments.run.robot, moments.run.scene.card.frames
+    robot, named = moments.run.robot, moments.run.scene.config.frames
     return named[frame][0] if frame in named else child_link(robot, frame) if frame in robot.urdf.joints else frame
 
 

@@ -32,9 +32,9 @@ def run_charts(run: Trajectory) -> tuple[tuple[Chart, ...], Array]:
     """Charts, and times (m,) s between which forces go about straight.
 
     The charts are the panels of `bellcrank plot`, thinned, the most telling first: what the scene asks for, unless
-    closures tie it; then positions, velocities, forces of closures, energies; and what only a closer look needs last.
+    constraints tie it; then positions, velocities, forces of constraints, energies; and what only a closer look needs last.
     """
-    order = TELLING_OF_CLOSED if run.scene.closures else TELLING
+    order = TELLING_OF_CLOSED if run.scene.constraints else TELLING
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
         panels = run_panels(run)
         charts = [chart(panel) for panel in panels]

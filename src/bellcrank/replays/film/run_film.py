@@ -89,7 +89,7 @@ def film_of_run(
     notes += _coarse(course)
     course = course.with_rows(shown[shown <= time[-1]])
     events = [event for event in run.events if time[0] <= event.time <= time[-1]]
-    disks = [closure for closure in scene.closures if isinstance(closure, RollingDisk)]
+    disks = [constraint for constraint in scene.constraints if isinstance(constraint, RollingDisk)]
     points = frame_points(course, wanted)
     for disk in disks:
         points[f"{disk.name} contact"] = _contact_of(run, course, disk)

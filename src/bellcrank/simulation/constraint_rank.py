@@ -1,4 +1,4 @@
-"""How well closures hold in a posture: singular values of J M⁻¹ᐟ², their rank, and which multipliers are unique."""
+"""How well constraints hold in a posture: singular values of J M⁻¹ᐟ², their rank, and which multipliers are unique."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LOST = 1e-8  # of the largest singular value: rows below it depend on others
 
 
 @dataclass(frozen=True, eq=False)
-class ClosureRank:
+class ConstraintRank:
     """Singular values (rows,), largest first, of J M⁻¹ᐟ² with rows of length 1, so that units do not matter; the rank;
     and `unique` (rows,): which multipliers no combination of the others can take over.
     """
@@ -30,13 +30,13 @@ class ClosureRank:
     unique: NDArray[np.bool_]
 
 
-def rank_of(system: System, t: Array, x: Array, u: Array, p: Array) -> ClosureRank:
-    """The rank of a system's closures at a time (1) s, state, signals and parameters.
+def rank_of(system: System, t: Array, x: Array, u: Array, p: Array) -> ConstraintRank:
+    """The rank of a system's constraints at a time (1) s, state, signals and parameters.
 
     Raises InputError where a number is not finite, or the mass matrix not that of bodies.
     """
     with np.errstate(all="ignore"):
-        jacobian, mass = system.closure_metric(t, x, u, p)
+        jacobian, mass = system.constraint_metric(t, x, u, p)
         checked(mass, "the mass matrix at this row of the run is")
         try:
             weighted = np.linalg.solve(np.linalg.cholesky(mass), jacobian.T).T
@@ -47,7 +47,7 @@ def rank_of(system: System, t: Array, x: Array, u: Array, p: Array) -> ClosureRa
     left, values, _ = svd(weighted, "the closures' derivative at this row of the run is")
     rank = int(np.sum(values > LOST * values.max(initial=0.0)))
     idle = left[:, rank:]  # combinations of multipliers that move nothing
-    return ClosureRank(values, rank, np.linalg.norm(idle, axis=1) < 1e-6)
+    return ConstraintRank(values, rank, np.linalg.norm(idle, axis=1) < 1e-6)
 
 
 def _whitening(mass: Array) -> Array:
@@ -59,5 +59,7 @@ def _whitening(mass: Array) -> Array:
     size = np.sqrt(np.where(own > MASSLESS * own.max(initial=0.0), own, own.max(initial=0.0) or 1.0))
     values, vectors = eigenvectors(mass / np.outer(size, size), "the mass matrix at this row of the run is")
     if values.min(initial=0.0) < -MASSLESS:
-        raise InputError("the closures have no rank: the mass matrix has a negative inertia: check masses and inertias")
+        raise InputError(
+            "the constraints have no rank: the mass matrix has a negative inertia: check masses and inertias"
+        )
     return np.asarray(vectors / np.sqrt(np.maximum(values, MASSLESS)) / size[:, None])

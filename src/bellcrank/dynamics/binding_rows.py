@@ -1,4 +1,4 @@
-"""Which rows of a scene's closures bind at its parameters, and how large they usually are.
+"""Which rows of a scene's constraints bind at its parameters, and how large they usually are.
 
 All of it follows from the structure of the equations and the values of the parameters: J, φ and M are evaluated at
 random postures. What depends on values enters the key of the equations (which rows are kept, whether M is singular) or
@@ -34,12 +34,12 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-MORE_POSTURES = 512  # that are tried where closures have no value in all of the first ones
+MORE_POSTURES = 512  # that are tried where constraints have no value in all of the first ones
 FACTORISED = 4  # postures, in which J M⁻¹ Jᵀ is looked at
-DEAD = 1e-5  # of the largest entry of a closure's J: a row below it is dead, or alive by rounded angles alone
-RIGID = 1e-8  # entries of a closure's whole J below it are rounding: its frames cannot move against each other
-IMPOSSIBLE = 1e-5  # of the largest gap of a closure, that a dead row may be apart
-CLOSED = 1e-9  # what a closure whose frames are rigid to each other may be apart
+DEAD = 1e-5  # of the largest entry of a constraint's J: a row below it is dead, or alive by rounded angles alone
+RIGID = 1e-8  # entries of a constraint's whole J below it are rounding: its frames cannot move against each other
+IMPOSSIBLE = 1e-5  # of the largest gap of a constraint, that a dead row may be apart
+CLOSED = 1e-9  # what a constraint whose frames are rigid to each other may be apart
 SPREAD = 1e3  # a row's J M⁻¹ Jᵀ, which light links raise, counts up to so many times what it is while the others hold
 ROUNDING = 1e-13  # of a coordinate's own inertia, or of the largest: below it nothing is left but rounding
 FIXED = 1e-9  # of the largest singular value of J: below it a motion is free
@@ -52,8 +52,8 @@ class Binding:
     J M⁻¹ Jᵀ (`scale`) and square of J (`square`, columns of coordinates in m times L) as powers of ten, and L or 1
     (`unit`): how large 1 is in it.
 
-    `length` is L, m. `singular`: M is, as some joint moves nothing but what closures hold. `massless`: in all postures
-    something can move without mass. `left_out`: (closure, row, gap in m or rad) of the rows that do not bind and are
+    `length` is L, m. `singular`: M is, as some joint moves nothing but what constraints hold. `massless`: in all postures
+    something can move without mass. `left_out`: (constraint, row, gap in m or rad) of the rows that do not bind and are
     not 0 = 0.
     """
 
@@ -118,7 +118,7 @@ def _binding_at(functions: RowFunctions, scene: Scene) -> Binding:
         return Binding(
             tuple(kept), np.array(scale, dtype=np.float64), np.array(square, dtype=np.float64),
             np.array(unit, dtype=np.float64), length, singular, massless,
-            tuple((closure, row, gap) for closure, row, gap in left_out), False,
+            tuple((constraint, row, gap) for constraint, row, gap in left_out), False,
         )  # fmt: skip
     found = _judged(scene, functions, functions.inertias(scene))
     if not functions.parametric:
@@ -145,7 +145,7 @@ def _judged(scene: Scene, functions: RowFunctions, inertias: Callable[[Array], A
     inverse, singular = _inverse(mass)
     compliance = jacobian @ inverse @ jacobian.transpose(0, 2, 1)
     diagonal = np.einsum("nii->ni", compliance)
-    values, vectors = eigenvectors(compliance, f"{scene.source}: what the closures give to a force, J M⁻¹ Jᵀ, is")
+    values, vectors = eigenvectors(compliance, f"{scene.source}: what the constraints give to a force, J M⁻¹ Jᵀ, is")
     firm = values > 1e-15 * values.max(axis=1, keepdims=True, initial=0.0)
     stiffness = (vectors**2 / np.where(firm, values, np.inf)[:, None, :]).sum(axis=2)
     usual = np.minimum(diagonal, SPREAD / np.maximum(stiffness, 1e-300)).max(axis=0, initial=0.0)
@@ -161,7 +161,7 @@ def _with_values(
     scene: Scene, names: list[tuple[str, str]], functions: RowFunctions
 ) -> tuple[Array, Array, Array, float]:
     """q, J, (φ, ψ) and L as `RowFunctions.jacobians`, in postures and at times where all of these are numbers of at
-    most LARGEST. Raises InputError for a closure that has such values in none.
+    most LARGEST. Raises InputError for a constraint that has such values in none.
     """
     for count in (POSTURES, MORE_POSTURES):
         q, jacobian, gaps, length = functions.jacobians(scene, count)
@@ -171,15 +171,15 @@ def _with_values(
             return q[good][:POSTURES], jacobian[good][:POSTURES], gaps[good][:POSTURES], length
     k = int(there.sum(axis=0).argmin())
     name, label = names[k]
-    closure = next(closure for closure in scene.closures if closure.name == name)
+    constraint = next(constraint for constraint in scene.constraints if constraint.name == name)
     found = np.append(jacobian[~there[:, k], k].ravel(), gaps[~there[:, k], k])
     value = found[~(np.abs(found) <= LARGEST)][-1]
-    if isinstance(closure, Formula) and not closure.moves:
+    if isinstance(constraint, Formula) and not constraint.moves:
         raise InputError(
             f"{scene.source}: closures: '{name}' cannot close: no joint stands in its expression, which is {value:.6g} "
             f"in its row {label}; write it in positions or velocities of joints"
         )
-    if isinstance(closure, RollingDisk) and closure.radius <= LARGEST and abs(closure.height) <= LARGEST:
+    if isinstance(constraint, RollingDisk) and constraint.radius <= LARGEST and abs(constraint.height) <= LARGEST:
         raise InputError(
             f"{scene.source}: closures: '{name}' has no lowest point to roll on: its disk lies flat on the plane "
             f"whatever the joints do (row {label} is {value:.4g}); turn its axis, or the normal of the plane"
@@ -199,42 +199,42 @@ def _alive(
     """
     apart = np.abs(gaps).max(axis=0, initial=0.0)
     binds, left_out = np.zeros(len(names), dtype=bool), []
-    for closure in scene.closures:
-        mine = np.array([name == closure.name for name, _ in names])
+    for constraint in scene.constraints:
+        mine = np.array([name == constraint.name for name, _ in names])
         largest, widest = size[mine].max(initial=0.0), (apart / unit)[mine].max(initial=0.0)
-        rigid = largest <= RIGID or _on_one_body(scene.robot, closure)
+        rigid = largest <= RIGID or _on_one_body(scene.robot, constraint)
         if not rigid:
             binds |= mine & (size > DEAD * largest)
         allowed = CLOSED if rigid else max(IMPOSSIBLE * widest, CLOSED)
         for k in np.flatnonzero(mine & ~binds):
             if apart[k] > allowed * unit[k]:
-                raise InputError(_impossible(scene, closure, names[k][1], float(apart[k]), rigid))
+                raise InputError(_impossible(scene, constraint, names[k][1], float(apart[k]), rigid))
             if rigid or apart[k] > CLOSED * unit[k]:
-                left_out.append((closure.name, names[k][1], float(apart[k])))
+                left_out.append((constraint.name, names[k][1], float(apart[k])))
     return binds, tuple(left_out)
 
 
-def _on_one_body(robot: Robot, closure: Constraint) -> bool:
+def _on_one_body(robot: Robot, constraint: Constraint) -> bool:
     """Whether a loop's sides are on links that no joint lies between."""
-    if not isinstance(closure, Loop):
+    if not isinstance(constraint, Loop):
         return False
     bodies = {frame["name"]: int(frame["parent_joint"]) for frame in robot.equations.tree.frames}
-    return len({bodies[name] if name != WORLD else 0 for name in (closure.frame_a, closure.frame_b)}) == 1
+    return len({bodies[name] if name != WORLD else 0 for name in (constraint.frame_a, constraint.frame_b)}) == 1
 
 
-def _impossible(scene: Scene, closure: Constraint, label: str, gap: float, rigid: bool) -> str:
+def _impossible(scene: Scene, constraint: Constraint, label: str, gap: float, rigid: bool) -> str:
     why = "whatever the joints do"
-    if isinstance(closure, Formula) and not closure.moves:
+    if isinstance(constraint, Formula) and not constraint.moves:
         return (
-            f"{scene.source}: closures: '{closure.name}' cannot close: no joint stands in its expression, which is "
+            f"{scene.source}: closures: '{constraint.name}' cannot close: no joint stands in its expression, which is "
             f"{gap:.6g} away from 0 in its row {label}; write it in positions or velocities of joints"
         )
-    if rigid and closure.frames:
-        sides = [f"'{name}'" for name in closure.frames]
+    if rigid and constraint.frames:
+        sides = [f"'{name}'" for name in constraint.frames]
         why = f"and {' and '.join(sides if len(sides) > 1 else [*sides, 'the world'])} cannot move against each other"
     return (
-        f"{scene.source}: closures: '{closure.name}' cannot close: its row {label} is {gap:.6g} apart {why}; move one "
-        "of its frames, or take a kind of closure with fewer rows"
+        f"{scene.source}: closures: '{constraint.name}' cannot close: its row {label} is {gap:.6g} apart {why}; move one "
+        "of its frames, or take a kind of constraint with fewer rows"
     )
 
 
@@ -252,7 +252,7 @@ def _inverse(mass: Array) -> tuple[Array, Mask]:
 
 
 def _moves_without_mass(jacobian: Array, mass: Array) -> bool:
-    """Whether in all postures the closures leave a motion that moves no mass."""
+    """Whether in all postures the constraints leave a motion that moves no mass."""
     for j, m in zip(jacobian, mass, strict=True):
         own = m.diagonal()
         size = np.sqrt(np.where(own > ROUNDING * own.max(initial=0.0), own, 1.0))
