@@ -10,14 +10,15 @@ LONGEST_NAME = 200  # characters of an unknown name that a message repeats
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
-    """One phrase for an unknown name: what there is, and the nearest of it."""
+    """A clause for an unknown name: the nearest known one, and what is expected."""
     names = list(known)
     if len(name) > LONGEST_NAME or not name.isprintable():
         name = ascii(name[:LONGEST_NAME])[1:-1] + ("…" if len(name) > LONGEST_NAME else "")
     near = difflib.get_close_matches(name, names, n=1)
     hint = f"; did you mean '{near[0]}'?" if near else ""
     listed = ", ".join(names[:20]) + (f", … ({len(names)} in all)" if len(names) > 20 else "")
-    return f"there is no {kind} '{name}'{hint} (there are: {listed or 'none'})"
+    expected = f"expected: {listed}" if listed else "there is none"
+    return f"unknown {kind} '{name}'{hint} ({expected})"
 
 
 def format_value(value: object) -> str:

@@ -454,7 +454,7 @@ def test_bench_writes_rows_ratios_and_a_plot(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["four_baa"], "there is no scene 'four_baa'"),
+        (["four_baa"], "unknown scene 'four_baa'"),
         (["planar_2r_swing", "--dynamics", "ur5"], "benches of their own"),
         (["planar_2r_swing", "--repeats", "0"], "--repeats"),
     ],

@@ -98,10 +98,10 @@ def test_a_limit_that_is_exceeded_is_exit_1(here, capsys):
         (["arm.yaml", "--out", "."], "--out .: that is a folder, expected a file such as replay.html"),
         (["gone.npz"], "gone.npz: there is no such file"),
         (["."], "there is no run.npz in this folder; `bellcrank simulate SCENE` writes one"),
-        (["arm.yaml", "--trace", "tipp"], "trace: there is no frame 'tipp'; did you mean 'tip'"),
+        (["arm.yaml", "--trace", "tipp"], "trace: unknown frame 'tipp'; did you mean 'tip'"),
         (["sized"], "this folder holds the figures of a sizing, not its motions; name the configuration or URDF"),
         (["arm.yaml", "--png", "a.png", "--at", "2"], "a still at 2 s: expected a time from 0 s to 1 s"),
-        (["four_baar"], "there is no scene or robot 'four_baar'"),
+        (["four_baar"], "unknown scene or robot 'four_baar'"),
         (["arm.yaml", "--size"], "there is no motion to size over"),
         ([".", "--simulate"], "--simulate is for a scene or configuration; . is a run already"),
     ],
@@ -146,7 +146,7 @@ def test_what_is_no_run_is_refused(here):
         match="'thing': expected a run, a motion, a sizing, or the path of a run, found an empty mapping",
     ):
         replay({})
-    with pytest.raises(InputError, match="'detail': there is no choice 'some'"):
+    with pytest.raises(InputError, match="'detail': unknown choice 'some'"):
         film_of(bc.simulate("arm.yaml"), detail="some")
 
 

@@ -205,11 +205,11 @@ def test_components_that_are_not_given_are_0_where_nothing_closes(tmp_path):
     [
         ("loose: 0.3", "joint 'loose' is floating; expected a mapping"),
         ("loose: {position: [1, 2]}", "position (line 4): expected a list of 3 numbers in m, ~ for those that follow"),
-        ("loose: {position: {w: 1}}", "there is no key 'w'"),
-        ("loose: {expressed_in: world}", "(there are: parent, body)"),
+        ("loose: {position: {w: 1}}", "unknown key 'w'"),
+        ("loose: {expressed_in: world}", "(expected: parent, body)"),
         ("loose: {rpy: [0, 0, 0], quaternion_xyzw: [0, 0, 0, 1]}", "expected 'rpy' or 'quaternion_xyzw', found both"),
         ("loose: {quaternion_xyzw: [0, 0, 0, 2]}", "of length 1, found length 2"),
-        ("loose: {angle: 3}", "there is no key 'angle'"),
+        ("loose: {angle: 3}", "unknown key 'angle'"),
         ("velocity: {loose: 3}", "write initial: {loose: {linear_velocity: …, angular_velocity: …}}"),
     ],
 )

@@ -452,7 +452,7 @@ def test_motors_of_gepettos_yaml_are_those_that_are_sized_unless_the_scene_names
     for given, motor in (({}, "crank"), ({"actuated": ["rocker"]}, "rocker")):
         scene.write_text(json.dumps(data | given))
         assert closed_inverse_dynamics(scene, "unfold").actuated == (motor,)
-    with pytest.raises(InputError, match="name_mot: there is no joint 'crnk'; did you mean 'crank'"):
+    with pytest.raises(InputError, match="name_mot: unknown joint 'crnk'; did you mean 'crank'"):
         load_scene(beside("gepetto", GEPETTO.replace("[crank]", "[crnk]")))
 
 
@@ -466,8 +466,8 @@ def test_a_coupling_of_joints_in_mjcf_is_read_with_its_sign(beside):
 @pytest.mark.parametrize(
     ("kind", "old", "new", "message"),
     [
-        ("gepetto", "3d", "4d", "there is no type '4d'"),
-        ("gepetto", "rocker_tip", "rocker_top", "there is no frame 'rocker_top'; did you mean 'rocker_tip'"),
+        ("gepetto", "3d", "4d", "unknown type '4d'"),
+        ("gepetto", "rocker_tip", "rocker_top", "unknown frame 'rocker_top'; did you mean 'rocker_tip'"),
         ("gepetto", "['3d']", "[3d, 6d]", "expected one of 3d and 6d for each of the 1 loops"),
         ("gepetto", "name_mot", "joint_name: [x]\nname_mot", "joints that change their type"),
         ("gepetto", "[[coupler_tip, rocker_tip]]", "[coupler_tip]", "expected a list of pairs of frames"),
@@ -481,7 +481,7 @@ def test_a_coupling_of_joints_in_mjcf_is_read_with_its_sign(beside):
         ("mjcf", "<mujoco>", "<!DOCTYPE m [<!ENTITY a 'b'>]><mujoco>", "declares an XML entity"),
         ("mjcf", "<mujoco>", "<?xml version='1.0' encoding='rot13'?><mujoco>", "is not text in the encoding rot13"),
         ("sdf", "<sdf ", "<?xml version='1.0' encoding='utf-32'?><sdf ", "is not text in the encoding utf-32"),
-        ("mjcf", 'joint name="rocker"', 'joint name="swing"', "there is no joint 'swing'"),
+        ("mjcf", 'joint name="rocker"', 'joint name="swing"', "unknown joint 'swing'"),
         ("mjcf", "</equality>", "<tendon/></equality>", "<tendon> under <equality> is not read"),
         ("sdf", 'name="apex" type="revolute"', 'name="apex" type="screw"', "closes a loop and is screw"),
         ("sdf", "<pose>1.2 ", "<pose>one ", "not a number where one is needed"),
@@ -503,22 +503,22 @@ APEX = {"name": "apex", "kind": "point", "frame_a": "coupler_tip", "frame_b": "r
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"closures": [APEX | {"kind": "pin"}]}, "constraints[1].kind: there is no kind 'pin'"),
-        ({"closures": [APEX | {"frame_a": "coupler_top"}]}, "there is no frame 'coupler_top'; did you mean"),
+        ({"closures": [APEX | {"kind": "pin"}]}, "constraints[1].kind: unknown kind 'pin'"),
+        ({"closures": [APEX | {"frame_a": "coupler_top"}]}, "unknown frame 'coupler_top'; did you mean"),
         ({"closures": [APEX | {"frame_b": "coupler_tip"}]}, "a loop closes two frames, both are 'coupler_tip'"),
         ({"closures": [APEX | {"point": [0, 0, 0]}]}, "a point is for 'frame_b: world'"),
-        ({"closures": [APEX | {"radius": 1}]}, "there is no key 'radius'"),
+        ({"closures": [APEX | {"radius": 1}]}, "unknown key 'radius'"),
         ({"closures": [APEX, APEX]}, "the name 'apex' is taken by entry 1"),
         ({"closures": [APEX | {"kind": "hinge", "axis": [0, 0, 0]}]}, "expected a direction"),
         ({"closures": [APEX | {"kind": "distance", "length": -1}]}, "expected more than 0 m"),
         ({"closures": [APEX | {"kind": "distance"}]}, "the key 'length' is missing"),
         ({"closures": [{"kind": "coupling", "joint_a": "crank", "joint_b": "crank", "ratio": 1}]}, "needs two joints"),
         ({"closures": [{"kind": "coupling", "joint_a": "crank", "joint_b": "rocket", "ratio": 1}]}, "'rocket'"),
-        ({"closures": [{"kind": "drive", "joint": "crank", "motion": "go"}]}, "there is no motion 'go'"),
+        ({"closures": [{"kind": "drive", "joint": "crank", "motion": "go"}]}, "unknown motion 'go'"),
         ({"closures": [{"kind": "rolling_disk", "frame": "ground", "radius": "5 kg"}]}, "expected a length in m"),
         ({"closures": [{"kind": "formula", "expression": "crank.position +"}]}, "is not a formula"),
         ({"closures": [{"kind": "formula", "expression": "crank.acceleration"}]}, "positions or velocities, not acc"),
-        ({"closures": [{"kind": "formula", "expression": "crack.position"}]}, "there is no joint 'crack'"),
+        ({"closures": [{"kind": "formula", "expression": "crack.position"}]}, "unknown joint 'crack'"),
         ({"closures": [{"kind": "gepetto", "file": "none.yaml"}]}, "none.yaml"),
         ({"closures": APEX}, "expected a list of mappings"),
         ({"simulate.stabilisation": "baumgarte"}, "baumgarte needs gains"),
@@ -526,19 +526,19 @@ APEX = {"name": "apex", "kind": "point", "frame_a": "coupler_tip", "frame_b": "r
         ({"simulate.stabilisation": {"kind": "baumgarte", "gains": "auto", "alpha": 1}}, "found both"),
         ({"simulate.stabilisation": {"kind": "baumgarte", "alpha": -1, "beta": 1}}, "expected 0 1/s or more"),
         ({"simulate.stabilisation": "projektion"}, "did you mean 'projection'"),
-        ({"simulate.stabilisation": {"kind": "none", "alpha": 1}}, "there is no key 'alpha'"),
+        ({"simulate.stabilisation": {"kind": "none", "alpha": 1}}, "unknown key 'alpha'"),
         ({"events.lock.when": {"aligned": {"joint_a": "crank", "joint_b": "crank"}}}, "two joints line up, both are"),
         ({"events.lock.when": {"aligned": {"joint_a": "crank", "joint_b": "coupler"}}}, "expected one constraint between"),
         ({"events.lock.when": {"aligned": {"joint_a": "coupler", "joint_b": "rocker", "closure": "x"}}}, "loop 'x'"),
-        ({"events.lock.when": {"contact_lost": "apex"}}, "there is no rolling disk 'apex'"),
+        ({"events.lock.when": {"contact_lost": "apex"}}, "unknown rolling disk 'apex'"),
         ({"events.lock.when": {"singular_closure": 2}}, "expected at most 1"),
         ({"events.lock.when": {"singular_closure": 0.1}, "closures": []}, "the scene has no constraints"),
         ({"events.lock.when": {"singular_closure": 0.1, "joint": "crank"}}, "expected one condition"),
         ({"events.lock.when": {"joint": "crank", "velocity": 1}, "events.lock.latch": True}, "not a velocity"),
         ({"events.lock.latch": True, "events.lock.stop": False}, "a latch ends the run"),
-        ({"outputs.force": {"closure": "base"}}, "there is no constraint 'base'"),
+        ({"outputs.force": {"closure": "base"}}, "unknown constraint 'base'"),
         ({"outputs.force": {"closure": "apex", "what": "contact_point"}}, "only a rolling disk has a contact_point"),
-        ({"outputs.force": {"force": "apex"}}, "there is no force or controller 'apex'"),
+        ({"outputs.force": {"force": "apex"}}, "unknown force or controller 'apex'"),
         ({"parameters.x": {"value": 1, "sets": ["closure.apex.length"]}}, "no number of constraint 'apex' 'length'"),
     ],
 )  # fmt: skip

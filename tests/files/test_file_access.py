@@ -247,7 +247,7 @@ def test_a_name_that_is_a_robot_s_is_not_looked_up_in_the_working_folder(
 ) -> None:
     monkeypatch.chdir(project.parent / "private")
     (project.parent / "private" / "mine").write_text(SECRET)
-    with pytest.raises(InputError, match="there is no robot 'mine'"):
+    with pytest.raises(InputError, match="unknown robot 'mine'"):
         bc.load_scene(scene(project, "urdf: mine\n"))
 
 

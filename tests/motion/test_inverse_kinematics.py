@@ -234,7 +234,7 @@ def test_an_orientation_out_of_reach(ur5):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (dict(frame="tipp"), "there is no frame 'tipp'; did you mean 'tip'"),
+        (dict(frame="tipp"), "unknown frame 'tipp'; did you mean 'tip'"),
         (dict(frame="base"), "no joint of 'planar_2r' moves frame 'base'"),
         (dict(orientation="hold"), "has 3 free numbers, but 'planar_2r' moves it by 2 joints only"),
         (dict(orientation="level"), "argument 'orientation': expected 'hold', rpy or a rotation matrix"),
@@ -243,8 +243,8 @@ def test_an_orientation_out_of_reach(ur5):
         (dict(normal=(0, 0, 0)), "normal must not be zero"),
         (dict(radius="wide"), "argument 'radius': expected a finite number .* found 'wide'"),
         (dict(center=(1.2, None, 0)), "argument 'center.1.': expected a finite number, found None"),
-        (dict(profile="cubic"), "there is no profile 'cubic'"),
-        (dict(start={"wrist": 1.0}), "there is no joint 'wrist'"),
+        (dict(profile="cubic"), "unknown profile 'cubic'"),
+        (dict(start={"wrist": 1.0}), "unknown joint 'wrist'"),
         (dict(samples=1.5), "argument 'samples': expected a whole number"),
     ],
 )

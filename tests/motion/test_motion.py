@@ -229,7 +229,7 @@ def test_waypoints_take_joints_by_name(arm):
             lambda arm: waypoints(arm, [0, 1], [[0, 0]] * 2, samples=1),
             "argument 'samples': expected a whole number of at least 2",
         ),
-        (lambda arm: waypoints(arm, [0, 1], [{"wrist": 1}, {}]), "there is no joint 'wrist'"),
+        (lambda arm: waypoints(arm, [0, 1], [{"wrist": 1}, {}]), "unknown joint 'wrist'"),
         (
             lambda arm: circle(arm, "tip", (1.2, 1.2, 0), -0.2, 10),
             "argument 'radius': expected a finite number of more than 0",

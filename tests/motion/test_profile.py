@@ -102,7 +102,7 @@ def test_constant_rows_are_evenly_spaced():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (dict(kind="cubic", distance=1.0, duration=1.0), "there is no profile 'cubic'"),
+        (dict(kind="cubic", distance=1.0, duration=1.0), "unknown profile 'cubic'"),
         (dict(kind="constant", distance=1.0), "give a duration or a limit"),
         (
             dict(kind="constant", distance=1.0, speed=1.0, acceleration=1.0),

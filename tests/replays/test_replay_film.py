@@ -337,7 +337,7 @@ def test_a_run_is_shown_until_its_first_row_that_is_no_number(four_bar):
 
 
 def test_an_unknown_frame_to_trace_is_refused_with_what_there_is(four_bar):
-    with pytest.raises(InputError, match=r"trace: there is no frame 'coupler_tp'; did you mean 'coupler_tip'"):
+    with pytest.raises(InputError, match=r"trace: unknown frame 'coupler_tp'; did you mean 'coupler_tip'"):
         film_of_run(four_bar, trace=["coupler_tp"])
     assert [trace.name for trace in film_of_run(four_bar, trace=["crank_link", "rocker_tip"]).traces] == [
         "crank_link", "rocker_tip",

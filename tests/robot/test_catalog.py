@@ -49,8 +49,8 @@ def test_stems_that_stand_twice_are_told_apart() -> None:
 @pytest.mark.parametrize(
     ("given", "expected"),
     [
-        ("ur55", "there is no robot 'ur55'; did you mean 'ur5'"),
-        ("", "there is no robot ''"),
+        ("ur55", "unknown robot 'ur55'; did you mean 'ur5'"),
+        ("", "unknown robot ''"),
         ("nowhere/arm.urdf", "nowhere/arm.urdf: there is no such file"),
         ("arm.urdf", "arm.urdf: there is no such file"),
         ("..", "is a folder"),
@@ -67,7 +67,7 @@ def test_an_unknown_robot_is_one_sentence(given: str, expected: str) -> None:
 
 
 def test_an_unknown_data_folder_is_refused() -> None:
-    with pytest.raises(InputError, match="there is no data folder 'meshes'"):
+    with pytest.raises(InputError, match="unknown data folder 'meshes'"):
         folder("meshes")
 
 

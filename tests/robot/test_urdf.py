@@ -73,7 +73,7 @@ BROKEN = {
     "line break in a name": (robot('<link name="a&#10;b"/>'), "the <link> in line 2 has control characters"),
     "line break in a reference": (
         tree().replace('parent link="a"', 'parent link="a&#10;b"'),
-        r"there is no link 'a\nb'",
+        r"unknown link 'a\nb'",
     ),
     "link twice": (
         robot(LINKS + '\n<link name="b"/>' + joint() + SECOND),
@@ -82,9 +82,9 @@ BROKEN = {
     "joint twice": (robot(LINKS + joint() + SECOND.replace('"k"', '"j"')), "joint 'j' is defined twice"),
     "unknown parent": (
         robot(LINKS + joint(parent="bb") + SECOND),
-        "joint 'j', <parent>: there is no link 'bb'; did you mean 'b'",
+        "joint 'j', <parent>: unknown link 'bb'; did you mean 'b'",
     ),
-    "unknown child": (robot(LINKS + joint(child="x") + SECOND), "joint 'j', <child>: there is no link 'x'"),
+    "unknown child": (robot(LINKS + joint(child="x") + SECOND), "joint 'j', <child>: unknown link 'x'"),
     "no parent": (tree().replace('<parent link="a"/>', ""), "joint 'j' (line 2): has no <parent link"),
     "no child": (tree().replace('<child link="b"/>', "<child/>"), "joint 'j' (line 2): has no <child link"),
     "own parent": (robot(LINKS + joint(child="a") + SECOND), "link 'a' is its own parent"),
@@ -102,7 +102,7 @@ BROKEN = {
         "form a loop apart from root 'w'",
     ),
     "no type": (tree().replace(' type="revolute"', "", 1), "joint 'j' (line 2): has no type"),
-    "unknown type": (tree(kind="revolut"), "there is no joint type 'revolut'; did you mean 'revolute'"),
+    "unknown type": (tree(kind="revolut"), "unknown joint type 'revolut'; did you mean 'revolute'"),
     "word for number": (
         tree('<origin xyz="0 zero 0"/>'),
         "joint 'j', <origin>, xyz (line 2): 'zero' is not a number",
@@ -142,7 +142,7 @@ BROKEN = {
     "mimic of nothing": (tree("<mimic/>"), "joint 'j', <mimic> (line 2): does not name the joint"),
     "mimic of unknown": (
         tree('<mimic joint="kk"/>'),
-        "joint 'j', <mimic>: there is no joint 'kk'; did you mean 'k'",
+        "joint 'j', <mimic>: unknown joint 'kk'; did you mean 'k'",
     ),
     "mimic of itself": (tree('<mimic joint="j"/>'), "joint 'j', <mimic>: mimics itself"),
     "mimic in a circle": (
@@ -276,7 +276,7 @@ def example_files() -> list[Path]:
 
 BAD_EXAMPLES = {
     "ur3.urdf": "has no <link>",  # an empty shell in example-robot-data 6
-    "alex_psyonic_hands.urdf": "there is no joint 'index_q1'; did you mean 'Left_index_q1'",
+    "alex_psyonic_hands.urdf": "unknown joint 'index_q1'; did you mean 'Left_index_q1'",
 }
 
 

@@ -213,7 +213,7 @@ def test_a_bare_urdf_is_a_scene_without_forces(crane):
     )
     assert scene.settings.solver == "Radau" and load_scene("spring_pendulum").name == "Spring pendulum"
     assert sentence(lambda: load_scene("spring_pendulums")) == (
-        "there is no scene or robot 'spring_pendulums'; did you mean 'spring_pendulum'? `bellcrank robots` lists them"
+        "unknown scene or robot 'spring_pendulums'; did you mean 'spring_pendulum'? `bellcrank robots` lists them"
     )
 
 

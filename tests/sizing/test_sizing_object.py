@@ -275,7 +275,7 @@ def test_plot_writes_the_picture_that_is_asked_for(sizing: Sizing, tmp_path: Pat
         ({"what": "motor"}, "did you mean 'motors'"),
         ({"what": "time", "motion": "hodl"}, "did you mean 'hold'"),
         ({"what": "joints", "motion": "hold"}, "'motion' is for the picture 'time'"),
-        ({"path": tmp_path / "x.docx"}, "there is no picture format 'docx'"),
+        ({"path": tmp_path / "x.docx"}, "unknown picture format 'docx'"),
     ):
         with pytest.raises(InputError, match=message):
             sizing.plot(**arguments)  # type: ignore[arg-type]

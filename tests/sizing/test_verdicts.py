@@ -95,7 +95,7 @@ def test_what_is_allowed_is_sized_and_the_result_says_so(
 @pytest.mark.parametrize(
     ("link", "message"),
     [
-        ("forearm", "there is no link 'forearm'"),
+        ("forearm", "unknown link 'forearm'"),
         ("base", "link 'base' of arm does not move"),
         ("upper", "link 'upper' of arm moves with 2 kg"),
     ],
