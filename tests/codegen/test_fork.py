@@ -59,6 +59,36 @@ INSIDE = """
     states = [os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) for _, child in held]
     print(ended.success, any(states), any(owned for owned, _ in held))
 """
+MEANWHILE = """
+    import faulthandler, os, sys, threading, time
+    from bellcrank.machine_code.locks import making
+
+    assert "llvmlite" not in sys.modules
+    made, forks = threading.Event(), threading.Event()
+
+    def work():
+        with making:
+            made.set()
+            forks.wait()
+            time.sleep(0.2)  # until the fork waits for `making`
+            from llvmlite.binding.ffi import lib
+            lib._lock.__enter__()
+        time.sleep(0.2)  # for a fork that does not wait for llvmlite's lock
+        lib._lock.__exit__()
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    made.wait()
+    os.register_at_fork(before=forks.set)
+    child = os.fork()
+    if not child:
+        faulthandler.dump_traceback_later(20, exit=True)
+        import llvmlite.binding
+        llvmlite.binding.initialize_native_target()
+        os._exit(0)
+    thread.join()
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
 
 
 def run(script):
@@ -70,12 +100,17 @@ def run(script):
 
 def test_children_forked_while_threads_compile_compile_and_run(fresh_cache):
     done = run(SCRIPT)
-    assert done.stdout == f"{[0] * 10}\n" and not done.stderr
+    assert done.stdout == f"{[0] * 10}\n" and not done.stderr, done.stdout + done.stderr  # where a child hung
 
 
 def test_a_fork_in_the_middle_of_ones_own_compilation_leaves_both_processes_able_to_go_on(fresh_cache):
     done = run(INSIDE)
-    assert done.stdout == "True False True\n", done.stderr
+    assert done.stdout == "True False True\n", done.stdout + done.stderr
+
+
+def test_a_fork_holds_the_lock_of_llvmlite_that_is_imported_while_it_waits():
+    done = run(MEANWHILE)
+    assert done.stdout == "0\n", done.stdout + done.stderr
 
 
 def test_values_computed_once_do_not_wait_for_each_other():

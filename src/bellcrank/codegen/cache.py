@@ -143,7 +143,8 @@ def _say_no_secret(chosen: str) -> None:
 
 
 def _seal(own: bytes, key: str, payload: bytes) -> bytes:
-    return hmac.digest(own, key.encode() + b"\0" + payload, "sha256")
+    # hmac.digest lets other threads run, and fork, while OpenSSL holds locks of its own; hmac.new does not
+    return hmac.new(own, key.encode() + b"\0" + payload, "sha256").digest()
 
 
 def _read(path: Path) -> bytes:

@@ -7,7 +7,9 @@ and holds the locks meanwhile. Imported with the package, so that nothing of it 
 
 from __future__ import annotations
 
+import _imp
 import concurrent.futures.thread  # noqa: F401  what it does at a fork must be known before one waits here
+import contextlib
 import os
 import sys
 import threading
@@ -23,22 +25,26 @@ _taken = threading.local()
 
 
 def _take() -> None:
-    _taken.locks = []
-    for lock in (making, llvm, _lock_of_llvmlite()):
-        if lock is not None:
-            lock.__enter__()
-            _taken.locks.append(lock)
+    held = _taken.held = contextlib.ExitStack()
+    held.enter_context(making)
+    held.enter_context(llvm)
+    _imp.acquire_lock()  # held to the end: no import begins after the last look
+    held.callback(_imp.release_lock)
     for _ in range(_PASSES):
         names = _imported_now()
         if not names:
-            return
+            break
+        _imp.release_lock()
         for name in names:
             _wait_for(name)
+        _imp.acquire_lock()
+    lock = _lock_of_llvmlite()  # looked for last, as llvmlite may be imported during all this waiting
+    if lock is not None:
+        held.enter_context(lock)
 
 
 def _give_back() -> None:
-    while _taken.locks:
-        _taken.locks.pop().__exit__(None, None, None)
+    _taken.held.close()
 
 
 def _lock_of_llvmlite() -> Any:
