@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.codegen import machine, schedule
+from bellcrank.codegen import llvm as machine
+from bellcrank.codegen import schedule
 from bellcrank.codegen.compile import compiled, make_ready
 from bellcrank.dynamics.consistent_start import moved
 from bellcrank.dynamics.kkt import elimination_order

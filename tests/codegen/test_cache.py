@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.codegen import cache, cache_folder, machine, secret
+from bellcrank.codegen import cache, cache_folder
+from bellcrank.codegen import cache_secret as secret
+from bellcrank.codegen import llvm as machine
 from bellcrank.dynamics.system import system_of
 
 HEX = "0" * 64

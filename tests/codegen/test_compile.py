@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.codegen import cache, machine, schedule
+from bellcrank.codegen import cache, schedule
+from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import compiled
 from bellcrank.errors import CompileError, InputError
 
@@ -336,7 +337,7 @@ def test_a_changed_source_anywhere_in_the_package_makes_recipes_stale(tmp_path, 
     shutil.copytree(original, copy, ignore=shutil.ignore_patterns("*.so", "__pycache__"))
     monkeypatch.setattr(module, "__file__", str(copy / "codegen" / "compile.py"))
     digests = [module.sources.__wrapped__()]
-    for changed in ("motion/frame_task.py", "robot/equations.py", "codegen/simd.py"):
+    for changed in ("motion/frame_task.py", "robot/equations.py", "codegen/simd_operations.py"):
         with (copy / changed).open("a") as file:
             file.write("# changed\n")
         digests.append(module.sources.__wrapped__())

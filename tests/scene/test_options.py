@@ -11,7 +11,7 @@ import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.commands.size import chosen
 from bellcrank.config.fields import parse_number
-from bellcrank.config.number_text import decimal_number, split_number, whole_number
+from bellcrank.config.numbers import decimal_number, split_number, whole_number
 from bellcrank.config.yaml_file import read_value
 from bellcrank.errors import InputError
 from bellcrank.scene.overrides import parse_assignment

@@ -11,7 +11,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.commands import simulate as command
-from bellcrank.files.csv_table import ROWS
+from bellcrank.files.csv_files import ROWS
 from bellcrank.simulation import run_panels, trajectory
 from bellcrank.simulation.run_csv import columns
 from bellcrank.simulation.summary import run_warnings

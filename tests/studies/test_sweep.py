@@ -9,7 +9,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.cli import main
-from bellcrank.codegen import machine
+from bellcrank.codegen import llvm as machine
 from bellcrank.dynamics.system import system_of
 from bellcrank.studies.axes import parse_axis
 from bellcrank.studies.sweep import sweep

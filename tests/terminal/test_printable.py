@@ -9,7 +9,7 @@ import pytest
 import bellcrank as bc
 from bellcrank import InputError
 from bellcrank.cli import main
-from bellcrank.files.csv_cells import guarded, unguarded
+from bellcrank.files.csv_files import guarded, unguarded
 from bellcrank.terminal.printable import printable_streams
 from bellcrank.text import printable
 

@@ -31,7 +31,7 @@ from types import UnionType
 from typing import Any, get_args
 
 from bellcrank.codegen.cache_folder import folder, limit
-from bellcrank.codegen.secret import secret
+from bellcrank.codegen.cache_secret import secret
 
 _MAGIC = b"bellcrank-cache-2\n"
 _HEAD = len(_MAGIC) + 32

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank._step import evaluate
 from bellcrank.codegen import cache as disk
-from bellcrank.codegen import machine
-from bellcrank.codegen.graph import Graph, graph_of
+from bellcrank.codegen import llvm as machine
+from bellcrank.codegen.expression_graph import Graph, graph_of
 from bellcrank.codegen.locks import making
-from bellcrank.codegen.scalar import scalar_ir
-from bellcrank.codegen.simd import batch_ir
+from bellcrank.codegen.scalar_operations import scalar_ir
+from bellcrank.codegen.simd_operations import batch_ir
 from bellcrank.errors import CompileError, InputError
 
 if TYPE_CHECKING:

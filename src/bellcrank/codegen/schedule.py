@@ -14,8 +14,8 @@ import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from bellcrank.codegen.graph import Graph
-from bellcrank.codegen.order import local_order
+from bellcrank.codegen.expression_graph import Graph
+from bellcrank.codegen.instruction_order import local_order
 
 WHOLE = 16_000  # the most operations that stay in one function
 PART = 400  # operations a function of a graph that is cut

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bellcrank.config.fields import parse_number
-from bellcrank.config.number_text import whole_number
+from bellcrank.config.numbers import whole_number
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value
 

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from bellcrank.config.number_text import split_number
+from bellcrank.config.numbers import split_number
 from bellcrank.config.yaml_file import read_yaml
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess

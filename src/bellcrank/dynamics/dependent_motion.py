@@ -18,7 +18,7 @@ from bellcrank.dynamics.element_forces import changed_lengths, path_note
 from bellcrank.dynamics.frame_path import FrameFollower
 from bellcrank.elements.frame_joints import carrying, frames_drawn
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.files.csv_cells import unguarded
+from bellcrank.files.csv_files import unguarded
 from bellcrank.messages import unknown_name
 from bellcrank.motion.csv_file import motion_text, read_motion
 from bellcrank.motion.entries import MotionEntry, frame_path

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.config.fields import Fields
-from bellcrank.config.number_text import decimal_number
+from bellcrank.config.numbers import decimal_number
 from bellcrank.config.yaml_file import read_yaml
 from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.joint_relations import Coupling

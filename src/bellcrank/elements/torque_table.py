@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.config.fields import UNITS, Fields
-from bellcrank.config.number_text import decimal_number
+from bellcrank.config.numbers import decimal_number
 from bellcrank.elements.signal_source import SignalSource
 from bellcrank.elements.signals import Signal
 from bellcrank.errors import InputError
 from bellcrank.files.access import MOST_TABLE, read_text
-from bellcrank.files.csv_cells import unguarded
+from bellcrank.files.csv_files import unguarded
 from bellcrank.messages import unknown_name
 from bellcrank.motion.scale import LARGEST, check_size, check_times
 

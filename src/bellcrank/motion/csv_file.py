@@ -16,11 +16,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank import arguments
-from bellcrank.config.number_text import decimal_number
+from bellcrank.config.numbers import decimal_number
 from bellcrank.errors import InputError
 from bellcrank.files.access import MOST_TABLE, read_text
-from bellcrank.files.csv_cells import unguarded
-from bellcrank.files.csv_table import ROWS, write_table
+from bellcrank.files.csv_files import ROWS, unguarded, write_table
 from bellcrank.messages import unknown_name
 from bellcrank.motion.coordinates import Array, JointLike, position_labels, velocity_labels
 from bellcrank.motion.disagreement import disagreement

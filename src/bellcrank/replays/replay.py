@@ -19,7 +19,7 @@ from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.page.page import page, write_page
 from bellcrank.sizing.history import file_name
 from bellcrank.sizing.result import Sizing
-from bellcrank.terminal.bar import share_bar
+from bellcrank.terminal.progress import share_bar
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot

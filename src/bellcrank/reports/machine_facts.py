@@ -7,7 +7,7 @@ import os
 import platform
 from importlib import metadata
 
-from bellcrank.codegen.machine import processor
+from bellcrank.codegen.llvm import processor
 from bellcrank.version import version
 
 PACKAGES = ("pin", "casadi", "llvmlite", "numpy")

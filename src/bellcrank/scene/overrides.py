@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from bellcrank import arguments
-from bellcrank.config.number_text import whole_number
+from bellcrank.config.numbers import whole_number
 from bellcrank.config.yaml_file import Lines, read_value
 from bellcrank.elements.element import entry_names
 from bellcrank.errors import InputError

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.elements.joint_forces import Torque
-from bellcrank.files.csv_table import write_table
+from bellcrank.files.csv_files import write_table
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank.codegen import machine
+from bellcrank.codegen import llvm as machine
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.expression_constraint import Own
 from bellcrank.elements.signals import Signal

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank._step import integrate
-from bellcrank.codegen import machine
+from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import make_ready
 from bellcrank.dynamics.binding_rows import binding_of, coordinate_weights
 from bellcrank.dynamics.consistent_start import consistent_start

@@ -15,7 +15,7 @@ from typing import Any
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.files.access import read_text
-from bellcrank.files.csv_cells import guarded
+from bellcrank.files.csv_files import guarded
 from bellcrank.sizing.result import JointSizing, Peak, ShaftSizing, Sizing
 
 REPORTS = ("sizing.csv", "sizing.json")

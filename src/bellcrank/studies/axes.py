@@ -11,7 +11,7 @@ import numpy as np
 
 from bellcrank import arguments
 from bellcrank.config.fields import parse_number
-from bellcrank.config.number_text import split_number, whole_number
+from bellcrank.config.numbers import split_number, whole_number
 from bellcrank.config.yaml_file import read_value
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank.files.atomic_write import write_text
-from bellcrank.files.csv_cells import guarded
+from bellcrank.files.csv_files import guarded
 
 if TYPE_CHECKING:
     from bellcrank.studies.sweep import Design, Sweep

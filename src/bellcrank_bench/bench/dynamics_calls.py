@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.codegen import machine
-from bellcrank.codegen.graph import Graph
+from bellcrank.codegen import llvm as machine
+from bellcrank.codegen.expression_graph import Graph
 from bellcrank.codegen.vector_math import Lanes, sincos
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.temporaries import temporary_folder

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.codegen import machine
+from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.vector_math import Lanes
 from bellcrank.files.temporaries import temporary_folder
 from bellcrank.robot.robot import Robot

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.codegen import machine
+from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import Compiled
 from bellcrank.errors import BellcrankError
 from bellcrank.files.temporaries import temporary_folder

@@ -19,7 +19,7 @@ from bellcrank.replays.film.sampled_trajectory import Course
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.geometry.rotations import turned
 from bellcrank.replays.geometry.visuals import bodies as visual_bodies
-from bellcrank.terminal.bar import share_bar
+from bellcrank.terminal.progress import share_bar
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot

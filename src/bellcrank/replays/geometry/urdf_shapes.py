@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bellcrank.config.number_text import decimal_number
+from bellcrank.config.numbers import decimal_number
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess, read_bytes
 from bellcrank.motion.rotations import from_rpy

@@ -9,8 +9,8 @@ into a buffer with one vector an entry, so that the body reads and writes whole 
 
 from __future__ import annotations
 
-from bellcrank.codegen.codegen import METADATA, operations
-from bellcrank.codegen.graph import Graph
+from bellcrank.codegen.expression_graph import Graph
+from bellcrank.codegen.llvm_ir import METADATA, operations
 from bellcrank.codegen.vector_math import Lanes
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bellcrank.codegen.graph import Graph
+from bellcrank.codegen.expression_graph import Graph
 from bellcrank.codegen.schedule import Schedule, Wave, schedule
 from bellcrank.codegen.vector_math import EXACT_SINCOS, Lanes, sincos
 from bellcrank.errors import CompileError

@@ -5,8 +5,8 @@ i32 evaluate(const double *const *inputs, double *const *outputs)
 
 from __future__ import annotations
 
-from bellcrank.codegen.codegen import METADATA, operations
-from bellcrank.codegen.graph import Graph
+from bellcrank.codegen.expression_graph import Graph
+from bellcrank.codegen.llvm_ir import METADATA, operations
 from bellcrank.codegen.vector_math import Lanes
 
 

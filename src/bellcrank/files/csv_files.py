@@ -1,4 +1,8 @@
-"""Tables of numbers as CSV files, written a block of rows at a time: their text is many times the numbers."""
+"""CSV files: tables of numbers, and cells with text that a spreadsheet does not take for a formula.
+
+A cell with text that begins with =, +, -, @ or a control character is written with an apostrophe before it (OWASP, "CSV
+injection"), which is removed when the cell is read back. Numbers are written as they are.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.files.atomic_write import writing
-from bellcrank.files.csv_cells import guarded
 
 Array = NDArray[np.float64]
-ROWS = 1024  # made text of at a time
+ROWS = 1024  # converted to text at a time
+_FORMULA = tuple("=+-@\t\r\n＝＋－＠")  # the wide ones count in spreadsheets, too
+MARK = "'"
 
 
 def write_table(path: str | Path, labels: Sequence[tuple[str, str]], blocks: Iterable[Array]) -> Path:
@@ -30,3 +35,18 @@ def write_table(path: str | Path, labels: Sequence[tuple[str, str]], blocks: Ite
             for first in range(0, len(block), ROWS):
                 file.writelines(",".join(map(repr, row)) + "\n" for row in block[first : first + ROWS].tolist())
     return target
+
+
+def guarded(cells: Iterable[object]) -> list[object]:
+    """The cells of a row, texts among them so that none is a formula."""
+    return [MARK + cell if isinstance(cell, str) and _is_formula(cell) else cell for cell in cells]
+
+
+def unguarded(cell: str) -> str:
+    """The text of a cell that `guarded` may have written."""
+    return cell[1:] if cell.startswith(MARK) and _is_formula(cell) else cell
+
+
+def _is_formula(text: str) -> bool:
+    """Whether a text would be a formula without the apostrophes that it begins with."""
+    return text.lstrip(MARK).startswith(_FORMULA)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from heapq import heappop, heappush
 
-from bellcrank.codegen.graph import Graph
+from bellcrank.codegen.expression_graph import Graph
 
 _REGISTERS, _NEAR = 32, 512  # values that the registers, and the first-level cache of vectors, hold
 _FAR_COST = 3  # what a value from beyond the first-level cache costs, in reloads from it (fitted to measured times)
