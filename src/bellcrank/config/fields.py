@@ -1,5 +1,4 @@
-"""Checked reading of YAML mappings: every value is asked for by name, kind and unit, and nothing is left
-over."""
+"""Checked reading of YAML mappings: each value is read by key, kind and unit, and unread keys are refused."""
 
 from __future__ import annotations
 
@@ -91,8 +90,9 @@ def _wanted(unit: str) -> str:
 
 
 class Fields:
-    """One mapping of a file, read key by key; `done()` refuses what nobody asked for. `access` says which files it may
-    name, by default those near the file `where`.
+    """One mapping of a file, read key by key; `done()` refuses keys that were not read.
+
+    `access` says which files the mapping may name; the default is the files near the file `where`.
     """
 
     def __init__(
@@ -123,7 +123,7 @@ class Fields:
         return [str(key) for key in self._data]
 
     def error(self, key: str, message: str) -> InputError:
-        """An InputError that names the file, the key and, where known, the line or the override that set it."""
+        """An InputError that names the file, the key and, where known, the line or the override that set the key."""
         path = f"{self.path}.{key}" if self.path and key else self.path or key
         lines: dict[str, int] = getattr(self._data, "lines", {})
         line = f" (line {lines[key]})" if key in lines else ""
@@ -138,7 +138,7 @@ class Fields:
         return key in getattr(self._data, "overrides", {})
 
     def raw(self, key: str, default: Any = _REQUIRED) -> Any:
-        """The value as the file has it; InputError where it is missing and no default is given."""
+        """The value as it is in the file. Raises InputError where it is missing and no default is given."""
         self._asked[key] = None
         if key in self._data:
             return self._data[key]
@@ -149,11 +149,11 @@ class Fields:
             hint = f"; did you mean '{key}' by '{near[0]}'?" if near else ""
             others = ", ".join(name for name in self._named if name not in self and name != key)
             there += f"; also known here: {others}" if others else ""
-            raise self.error(near[0] if near else "", f"the key '{key}' is missing{hint} (there are: {there})")
+            raise self.error(near[0] if near else "", f"the key '{key}' is missing{hint} (present: {there})")
         return default
 
     def known(self, *keys: str) -> None:
-        """Name keys that may stand here: `done` allows and suggests them, and a missing key's message tells them."""
+        """Name further keys that are allowed here, so that `done` accepts them and messages suggest them."""
         self._asked.update(dict.fromkeys(keys))
         self._named.update(dict.fromkeys(keys))
 
@@ -205,7 +205,7 @@ class Fields:
         return self._number(key, value, unit, False, False, math.inf)
 
     def integer(self, key: str, default: int | object = _REQUIRED, *, minimum: int = 0) -> int:
-        """A whole number of at least `minimum`; InputError otherwise."""
+        """A whole number of at least `minimum`. Raises InputError otherwise."""
         value = self.raw(key, default)
         if isinstance(value, bool) or not isinstance(value, int):
             raise self.error(key, f"expected a whole number, found {format_value(value)}")
@@ -221,18 +221,18 @@ class Fields:
         unit: str = "",
         default: Sequence[float] | object = _REQUIRED,
     ) -> tuple[float, ...]:
-        """A list of `length` numbers in the unit named; InputError otherwise."""
+        """A list of `length` numbers in the unit named. Raises InputError otherwise."""
         return self._numbers(key, self.raw(key, default), length, unit)
 
     def rows(self, key: str, width: int, unit: str = "") -> tuple[tuple[float, ...], ...]:
-        """A list of lists of `width` numbers each; InputError otherwise."""
+        """A list of lists of `width` numbers each. Raises InputError otherwise."""
         value = self.raw(key)
         if not isinstance(value, (list, tuple)) or not value:
             raise self.error(key, f"expected a list of lists of {width} numbers, found {format_value(value)}")
         return tuple(self._numbers(key, row, width, unit) for row in value)
 
     def numbers(self, key: str, unit: str = "") -> tuple[float, ...]:
-        """A list of any number of numbers in the unit named; InputError otherwise."""
+        """A list of any number of numbers in the unit named. Raises InputError otherwise."""
         value = self.raw(key)
         if not isinstance(value, (list, tuple)):
             raise self.error(key, f"expected a list of numbers, found {format_value(value)}")
@@ -247,14 +247,14 @@ class Fields:
         return tuple(self._number(key, entry, unit, False, False, math.inf) for entry in value)
 
     def text(self, key: str, default: str | object = _REQUIRED) -> str:
-        """A text that is not empty; InputError otherwise."""
+        """A text that is not empty. Raises InputError otherwise."""
         value = self.raw(key, default)
         if not isinstance(value, str) or not value.strip():
             raise self.error(key, f"expected a text, found {format_value(value)}")
         return value
 
     def unit(self, key: str = "unit") -> str:
-        """A unit as a text; "1", also where it is missing, or written as the number 1. InputError otherwise."""
+        """A unit as a text; "1" where it is missing or written as the number 1. Raises InputError otherwise."""
         value = self.raw(key, "1")
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             if value != 1:
@@ -265,10 +265,10 @@ class Fields:
         return self.text(key, "1")
 
     def file(self, key: str) -> Path:
-        """The path of the file that is named under a key, relative to the folder of this one.
+        """The path of the file that a key names, relative to the folder of the file that is read.
 
-        Raises InputError where it is no text, and where the file may not be named (files/access.py); an override, which
-        the user writes, may name any.
+        Raises InputError where the value is not a text, and where the file may not be named (files/access.py). An
+        override, which the user writes, may name any file.
         """
         name = self.text(key)
         if self.overridden(key):
@@ -279,7 +279,7 @@ class Fields:
             raise self.error(key, str(error)) from None
 
     def flag(self, key: str, default: bool) -> bool:
-        """true or false; InputError otherwise."""
+        """true or false. Raises InputError otherwise."""
         value = self.raw(key, default)
         if not isinstance(value, bool):
             raise self.error(key, f"expected true or false, found {format_value(value)}")
@@ -302,21 +302,21 @@ class Fields:
         return Fields(value, self.where, f"{self.path}.{key}" if self.path else key, self.access)
 
     def mappings(self, key: str) -> list[Fields]:
-        """The list of mappings under a key, empty where the key is missing; InputError otherwise."""
+        """The list of mappings under a key, empty where the key is missing. Raises InputError otherwise."""
         value = self.raw(key, ())
         if not isinstance(value, (list, tuple)):
             raise self.error(key, f"expected a list of mappings, found {format_value(value)}")
         path = f"{self.path}.{key}" if self.path else key
         for index, entry in enumerate(value):
             if not isinstance(entry, Mapping):
-                raise self.error(key, f"expected a list of mappings, found {format_value(entry)} at place {index + 1}")
+                raise self.error(key, f"expected a list of mappings, found {format_value(entry)} as entry {index + 1}")
         return [Fields(entry, self.where, f"{path}[{index + 1}]", self.access) for index, entry in enumerate(value)]
 
     def done(self) -> None:
-        """Refuse keys that were not asked for, with the nearest known one (InputError)."""
+        """Refuse keys that were not read. Raises InputError, which suggests the nearest known key."""
         for key in self:
             if key not in self._asked:
-                raise self.error(key, unknown_name("key", key, self._asked).replace("(there are:", "(known here:"))
+                raise self.error(key, unknown_name("key", key, self._asked))
 
 
 def _place(where: str, path: str) -> str:

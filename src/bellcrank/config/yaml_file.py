@@ -1,7 +1,7 @@
-"""Reading YAML: the mapping of a file, or one value of an argument.
+"""Reads YAML: the mapping of a file, or one value of a command-line argument.
 
-Keys that stand twice are refused, line numbers kept, faults told in one sentence. What a text holds is limited, that
-which aliases repeat (*NAME, also below <<) counted as often as it is repeated.
+Duplicate keys are refused, and the line of each key is kept. An error message is one line. The number of entries, the
+depth and the length of texts are limited; entries repeated by aliases (*NAME, <<) count each time they are repeated.
 """
 
 from __future__ import annotations
@@ -22,9 +22,27 @@ MOST_DEPTH = 100
 MOST_LETTERS = 100_000  # of a text
 MOST_DIGITS = 400  # of a number: 1e308 written out has 309
 _DAMAGE = (ValueError, OverflowError, TypeError, KeyError, IndexError, AttributeError)  # of YAML's own readers
-_QUOTING = re.compile(
-    r"(found undefined alias|found duplicate anchor|determine a constructor for the tag).*", re.DOTALL
-)
+# What PyYAML says, and what is said instead; what it quotes from the file is left out.
+_PLAIN = (
+    (re.compile(r"found character '\\t'"), "a tab is used for indentation; use spaces"),
+    (re.compile(r"found character '(.)' that cannot"), r"a value cannot begin with '\1'; put it in quotes"),
+    (re.compile(r"expected <block end>|expected <block mapping"), "the indentation differs from the lines above; indent "
+     "entries of one mapping or list by the same number of spaces"),
+    (re.compile(r"mapping values are not allowed"), "unexpected ': '; check the indentation, write one key a line as 'key: "
+     "value', and put a text with ': ' in quotes"),
+    (re.compile(r"could not find expected ':'"), "the ':' after the key is missing; write 'key: value'"),
+    (re.compile(r"expected ',' or '([]}])'"), r"the '\1' that closes a list or mapping is missing, or a ',' before an entry"),
+    (re.compile(r"expected the node content"), "a value is missing before a bracket or comma"),
+    (re.compile(r"unexpected end of stream"), "the closing quote of a text is missing"),
+    (re.compile(r"unknown escape character"), "unknown escape sequence after a backslash; use single quotes, or write \\\\"),
+    (re.compile(r"found another document"), "a second document begins here with '---'; expected one"),
+    (re.compile(r"found undefined alias"), "an alias (*NAME) repeats a value that no anchor (&NAME) marks; put a text that "
+     "begins with * in quotes"),
+    (re.compile(r"second occurrence|duplicate anchor"), "the same anchor (&NAME) is used twice"),
+    (re.compile(r"determine a constructor for the tag"), "unknown tag (!NAME); remove it, or put the text in quotes"),
+    (re.compile(r"unhashable key"), "expected a text as key; put it in quotes"),
+    (re.compile(r"expected <document start>"), "unexpected text after the end of the value"),
+)  # fmt: skip
 
 
 class Lines(dict[str, Any]):
@@ -34,7 +52,7 @@ class Lines(dict[str, Any]):
 
 
 def read_yaml(path: str | Path) -> Mapping[str, Any]:
-    """The top mapping of a YAML file; InputError, in one sentence with the line, for anything else."""
+    """The top mapping of a YAML file. Raises InputError, with the line, for anything else."""
     data = _value(read_text(path, MOST_YAML), str(path), lines=True)
     if data is None:
         raise InputError(f"{path}: expected a mapping of keys to values, found an empty file")
@@ -45,7 +63,7 @@ def read_yaml(path: str | Path) -> Mapping[str, Any]:
 
 
 def read_value(text: str, where: str) -> Any:
-    """The value of an argument that is written as YAML; InputError, which begins with `where`, for anything else."""
+    """The value of an argument that is written as YAML. Raises InputError, which begins with `where`, for invalid YAML."""
     return _value(text, where, lines=False)
 
 
@@ -61,17 +79,26 @@ def _value(text: str, where: str, lines: bool) -> Any:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f" (line {mark.line + 1})" if mark and lines else ""
-        problem = _QUOTING.sub(r"\1", str(error.problem or "it cannot be read"))
-        raise InputError(f"{where}{line}: not valid YAML: {' '.join(problem.split())}") from None
+        problem = _plain(" ".join(str(error.problem or "it cannot be read").split()))
+        raise InputError(f"{where}{line}: not valid YAML: {problem}") from None
     except yaml.YAMLError as error:
         raise InputError(f"{where}: not valid YAML: {' '.join(str(error).split())[:200]}") from None
     except RecursionError:
         raise InputError(f"{where}: not valid YAML: nested too deeply") from None
 
 
+def _plain(problem: str) -> str:
+    """What is wrong in plain words, and how to write it."""
+    for pattern, words in _PLAIN:
+        found = pattern.search(problem)
+        if found is not None:
+            return found.expand(words)
+    return problem
+
+
 @cache
 def _loader() -> Callable[[str], Any]:
-    """The class that reads, made once `yaml` is needed."""
+    """The YAML loader class; PyYAML is imported when it is first needed."""
     import yaml
 
     def refuse(problem: str, node: Any) -> yaml.MarkedYAMLError:
@@ -87,13 +114,13 @@ def _loader() -> Callable[[str], Any]:
             self._anchored: dict[str, tuple[int, int]] = {}  # entries and depth of what has a name
 
         def fetch_flow_collection_start(self, token: Any) -> None:
-            """A bracket, which the scanner takes long for where hundreds of them stand in each other."""
+            """A bracket. The scanner's time grows fast with hundreds of nested ones."""
             if self.flow_level >= MOST_DEPTH:
                 raise yaml.scanner.ScannerError(None, None, f"nested more than {MOST_DEPTH} deep", self.get_mark())
             super().fetch_flow_collection_start(token)
 
         def compose_node(self, parent: Any, index: Any) -> Any:
-            """A node, once it is known to stay within the limits."""
+            """A node, after a check of the limits."""
             event: Any = self.peek_event()  # type: ignore[no-untyped-call]
             if isinstance(event, yaml.AliasEvent):
                 self._repeat(event)
@@ -119,7 +146,7 @@ def _loader() -> Callable[[str], Any]:
         def _repeat(self, event: Any) -> None:
             if event.anchor not in self._anchored:
                 if event.anchor in self.anchors:
-                    raise refuse("an alias stands inside what it repeats", event)
+                    raise refuse("an alias repeats a value that contains the alias itself", event)
                 return
             size, height = self._anchored[event.anchor]
             self._repeated += size
@@ -145,7 +172,7 @@ def _loader() -> Callable[[str], Any]:
             if not isinstance(key, str):
                 raise refuse(f"expected a text as key, found {format_value(key)}; put it in quotes", key_node)
             if key in seen:
-                raise refuse(f"the key '{key}' stands twice (first on line {seen[key]})", key_node)
+                raise refuse(f"duplicate key '{key}' (first on line {seen[key]})", key_node)
             seen[key] = line
         loader.flatten_mapping(node)
         for key_node, value_node in node.value:
