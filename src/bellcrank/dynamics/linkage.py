@@ -37,7 +37,7 @@ class Linkage:
     closed = True
 
     def __init__(self, scene: Scene, robot: Robot | None = None, actuated: Sequence[str] | None = None) -> None:
-        if not hasattr(scene, "closures"):
+        if not hasattr(scene, "constraints"):
             arguments.refuse("scene", "a Scene, as bc.load_scene gives", scene)
         if robot is not None:
             arguments.instance("robot", robot, Robot, "a Robot")
