@@ -1,8 +1,8 @@
-"""Checks of the arguments of public functions: each gives the value in its plain type, or an InputError that names the
-argument, what was expected and what there is.
+"""Checks of the arguments of public functions.
 
-Numbers are Python's and numpy's real ones, 0-d arrays among them: not bools, texts, complex numbers or objects. Arrays
-are whatever numpy makes a real array of, without masked entries.
+Each function returns the value in its plain type, or raises an InputError that names the argument, what was expected
+and what was found. Numbers are real numbers of Python and numpy, including 0-d arrays; not bools, texts, complex
+numbers or other objects. Arrays are everything that numpy converts to a real array, without masked entries.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ from numpy.typing import NDArray
 
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
+from bellcrank.numerics import LARGEST as LARGEST  # of masses, inertias, forces and lengths
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
-LARGEST = 1e100  # of masses, inertias, forces and lengths: products of two, and squares of them, stay finite
-LONGEST_PATH = 4096  # bytes, of which a name in a folder may have LONGEST_NAME: what file systems take
+LONGEST_PATH = 4096  # bytes; limits of file systems
 LONGEST_NAME = 255
-MOST_ITEMS = 10**6  # of a list of names or objects: so that a generator without an end is refused, too
+MOST_ITEMS = 10**6  # of a list of names or objects, so that an endless generator is refused
 
 
 def refuse(name: str, expected: str, value: object, where: str = "", remedy: str = "") -> NoReturn:
-    """Raise the InputError of an argument; `where` says what it belongs to, `remedy` what to do."""
+    """Raise the InputError of an argument; `where` is the object that it belongs to, `remedy` what to do."""
     place = f"{where}: " if where else ""
     ending = f"; {remedy}" if remedy else ""
     raise InputError(f"{place}argument '{name}': expected {expected}, found {found(value)}{ending}")
 
 
 def found(value: object) -> str:
-    """A value as a message shows it: short, on one line, without calling what a foreign class may define."""
+    """A value for a message: short, on one line, without calling methods of foreign classes."""
     kind = type(value)
     if isinstance(value, str):
         seen = format_value(value[:200])
@@ -73,7 +73,7 @@ def number(
     where: str = "",
     remedy: str = "",
 ) -> float:
-    """A finite number, more than `above`, at least `least` and at most `most`."""
+    """A finite number greater than `above`, at least `least` and at most `most`."""
     if type(value) is float:
         x = value
     else:
@@ -92,7 +92,7 @@ def number(
 
 
 def is_number(value: object) -> bool:
-    """Whether a value is a real number by type, a 0-d array of them too; a bool is none."""
+    """Whether a value is a real number by type, or a 0-d array of one; a bool is not."""
     if isinstance(value, np.ndarray):
         return value.ndim == 0 and value.dtype.kind in "fiu" and not np.ma.is_masked(value)
     return isinstance(value, (numbers.Real, Decimal)) and not isinstance(value, (bool, np.bool_))
@@ -111,7 +111,7 @@ def _wanted(what: str, unit: str, above: float | None, least: float | None, most
 def whole(
     name: str, value: object, *, least: int | None = None, most: int | None = None, where: str = "", remedy: str = ""
 ) -> int:
-    """A whole number by type, at least `least` and at most `most`."""
+    """An integer by type, at least `least` and at most `most`."""
     if isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "iu":
         value = value.item()
     right = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
@@ -124,7 +124,7 @@ def whole(
 def array(
     name: str, value: object, shape: tuple[int | None, ...], unit: str = "", *, finite: bool = True, where: str = ""
 ) -> Array:
-    """A real array of a shape, None in it for any length, and of finite numbers; an array of doubles is not copied."""
+    """A real array of a shape (None: any length) with finite entries; an array of doubles is not copied."""
     x = as_array(name, value, _shape(shape), where)
     right = x.ndim == len(shape) and all(w is None or n == w for n, w in zip(x.shape, shape, strict=False))
     if not right:
@@ -142,7 +142,7 @@ def array(
 
 
 def as_array(name: str, value: object, expected: str = "an array of numbers", where: str = "") -> Array:
-    """A real array of doubles of any shape; one that is one already is given back as it is."""
+    """A real array of doubles of any shape; an array of doubles is returned unchanged."""
     if type(value) is np.ndarray and value.dtype == np.float64:
         return value
     try:
@@ -180,7 +180,7 @@ def vector(
 
 
 def alike(size: int | None = None, /, **values: object) -> tuple[Array, ...]:
-    """Arrays by the names of their arguments, whose shapes fit together as numpy broadcasts them; NaN stays."""
+    """Arrays by the names of their arguments, whose shapes broadcast; NaN is allowed."""
     arrays = {name: as_array(name, value) for name, value in values.items()}
     first = next(iter(arrays))
     for name, x in arrays.items():
@@ -242,14 +242,14 @@ def instance(name: str, value: object, kinds: type[T] | tuple[type[T], ...], wha
 
 
 def subject(name: str, value: Any, what: str) -> Any:
-    """The path or the name of a file, passed on as it is; `what` says what it would be read as."""
+    """The path or the name of a file, returned unchanged; `what` says what the file describes."""
     if not isinstance(value, (str, os.PathLike)):
         refuse(name, f"{what}, or the path or name of one", value)
     return value
 
 
 def robot(value: Any, name: str = "robot") -> Any:
-    """A robot, or what stands for one: it has joints with ranges."""
+    """A robot, or an object with the joints and ranges of one."""
     if not (hasattr(value, "joints") and hasattr(value, "lower")):
         refuse(name, "a robot", value, remedy="bc.load_robot(PATH or NAME) makes one")
     return value
@@ -270,7 +270,7 @@ def several(
     listed: list[T] = []
     for entry in value:
         if not isinstance(entry, kind):
-            refuse(name, f"a list of {what}", entry, where, f"it stands at place {len(listed) + 1}")
+            refuse(name, f"a list of {what}", entry, where, f"it is entry {len(listed) + 1}")
         if len(listed) == MOST_ITEMS:
             refuse(name, f"at most {MOST_ITEMS} {what}", value, where)
         listed.append(entry)
@@ -305,7 +305,7 @@ def names_to_numbers(
 
 
 def path(name: str, value: object, what: str = "a path") -> Path:
-    """The path of a file or folder, which may or may not be there."""
+    """The path of a file or folder, which may not exist."""
     given = os.fspath(value) if isinstance(value, os.PathLike) else value
     if not isinstance(given, str) or not given.strip() or "\0" in given:
         refuse(name, what, value)
@@ -316,7 +316,7 @@ def path(name: str, value: object, what: str = "a path") -> Path:
             name,
             what,
             value,
-            remedy="its letters cannot stand in the name of a file here (set LC_ALL to a UTF-8 locale)",
+            remedy="the locale cannot encode this name (set LC_ALL to a UTF-8 locale)",
         )
     if len(raw) > LONGEST_PATH or max(map(len, raw.split(b"/"))) > LONGEST_NAME:
         refuse(name, f"{what} with names of at most {LONGEST_NAME} bytes, {LONGEST_PATH} in all", value)

@@ -8,8 +8,17 @@ from bellcrank.text import one_line, printable
 
 
 class BellcrankError(Exception):
-    """Base of all errors of bellcrank: the text names what is wrong, where, and what to do; it is one line, safe to
-    print, and without the middle of a very long one.
+    """Base of all errors of bellcrank.
+
+    The message is one line, without control characters: what is wrong, where (file, key, joint, time), and the remedy.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> try:
+        ...     bc.load_robot("planar_3r")
+        ... except bc.BellcrankError as error:
+        ...     print(str(error)[:25])
+        unknown robot 'planar_3r'
     """
 
     def __str__(self) -> str:
@@ -17,11 +26,26 @@ class BellcrankError(Exception):
 
 
 class InputError(BellcrankError):
-    """A file, a key or an argument is not what was expected."""
+    """A file, a key or an argument is not as expected.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> try:
+        ...     bc.load_robot("planar_2r", gravity=(0.0, 9.81))
+        ... except bc.InputError as error:
+        ...     print(error)
+        argument 'gravity': expected 3 numbers (m/s²), found an array of shape (2,)
+    """
 
 
 class NotSavedError(InputError):
-    """A run that is done cannot be saved; `run` is that run."""
+    """A finished run cannot be saved; the attribute `run` is the run, which can be saved elsewhere.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> issubclass(bc.NotSavedError, bc.InputError)
+        True
+    """
 
     def __init__(self, text: str, run: Any) -> None:
         super().__init__(text)
@@ -29,8 +53,24 @@ class NotSavedError(InputError):
 
 
 class UnreachableError(BellcrankError):
-    """A path leaves what the robot can reach, or passes a posture where it cannot be followed."""
+    """A path leaves the robot's reach, or passes a singular posture where it cannot be followed.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> robot = bc.load_robot("planar_2r")
+        >>> try:
+        ...     bc.line(robot, "tip", end=(3.0, 0.0, 0.0), start={"shoulder": 0.4, "elbow": 0.4}, duration=1.0)
+        ... except bc.UnreachableError as error:
+        ...     print(type(error).__name__)
+        UnreachableError
+    """
 
 
 class CompileError(BellcrankError):
-    """An expression graph could not be turned into machine code."""
+    """An expression cannot be compiled to machine code.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> issubclass(bc.CompileError, bc.BellcrankError)
+        True
+    """

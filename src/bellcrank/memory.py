@@ -1,4 +1,4 @@
-"""How much memory this process may still take, so that what does not fit is refused before it is begun."""
+"""The memory that this process can still allocate, so that what does not fit is refused before it starts."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from pathlib import Path
 
 from bellcrank.errors import InputError
 
-SMALL = 64 * 2**20  # bytes that are not looked at
+SMALL = 64 * 2**20  # bytes; smaller requests are not checked
 _CGROUP = Path("/sys/fs/cgroup")
 
 
 def check_memory(count: int, each: float, what: str) -> None:
-    """Refuse `count` things of `each` bytes where they take more memory than is free; InputError with how many fit."""
+    """Refuse `count` items of `each` bytes that need more memory than is free. Raises InputError with how many fit."""
     free = free_memory() if count * each > SMALL else None
     if free is None or count * each <= free:
         return

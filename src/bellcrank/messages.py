@@ -1,4 +1,4 @@
-"""What error messages have in common: how an unknown name is told, and how a value is shown."""
+"""Parts of error messages: unknown names, and values."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
 
 
 def format_value(value: object) -> str:
-    """A value as an error message shows it: short, on one line."""
+    """A value for an error message: short, on one line."""
     if value is None:
         return "nothing"
     if isinstance(value, Mapping):

@@ -1,8 +1,8 @@
-"""Linear algebra on numbers that an input may have made huge, tiny or not finite.
+"""Linear algebra for matrices whose entries may be huge, tiny or not finite.
 
-LAPACK does not come to an end, or errs, where squares of entries overflow (least squares of 1e160): matrices whose
-largest entry is beyond 1e±100 are scaled by a power of two, which is exact, and what is not finite is refused with the
-place. Within these bounds the calls are numpy's own, to the bit.
+LAPACK fails or does not terminate where squares of entries overflow (least squares of 1e160). Matrices whose largest
+entry is outside 1e-100 to 1e100 are scaled by a power of two, which is exact; entries that are not finite are refused.
+Otherwise the results are numpy's, to the bit.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from bellcrank.errors import InputError
 
 Array = NDArray[np.float64]
-LARGEST, SMALLEST = 1e100, 1e-100  # entries between them have squares, and sums of these, that are numbers
+LARGEST, SMALLEST = 1e100, 1e-100  # squares of entries between them, and their sums, are finite
 
 
 def checked(array: Array, what: str) -> Array:
     """The array; InputError, "`what` is not finite", with the first such entry, where one is NaN or infinite."""
     if not np.isfinite(array).all():
-        raise InputError(f"{what} not finite (it has {array.ravel()[~np.isfinite(array).ravel()][0]}): numbers there "
-                         "are too large, too small, or have no value")  # fmt: skip
+        raise InputError(f"{what} not finite (it has {array.ravel()[~np.isfinite(array).ravel()][0]}): "
+                         "values are too large, too small, or undefined")  # fmt: skip
     return array
 
 
@@ -34,7 +34,7 @@ def least_squares(matrix: Array, right: Array, what: str, rcond: float | None = 
     if size == 1.0 == much:
         return np.asarray(np.linalg.lstsq(matrix, right, rcond=rcond)[0], dtype=np.float64)
     found = np.linalg.lstsq(matrix / size, right / much, rcond=rcond)[0]
-    with np.errstate(over="ignore"):  # a solution beyond all numbers is infinite, and refused
+    with np.errstate(over="ignore"):  # a solution that overflows is infinite, and refused
         return checked(np.asarray(found * (much / size), dtype=np.float64), what)
 
 
@@ -76,7 +76,7 @@ def unit(vector: Any, what: str) -> Array:
     size = _scale(given) if given.size else 1.0
     long = length(given / size)
     if not long > 0.0:
-        raise InputError(f"{what} zero, and has no direction")
+        raise InputError(f"{what} zero and has no direction")
     return np.asarray(given / size / long)
 
 

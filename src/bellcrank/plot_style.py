@@ -1,4 +1,4 @@
-"""How all pictures look: colours that everybody tells apart, dashes, grid, and figures as SVG."""
+"""The style of all plots: colours, dashes, grid, and figures as SVG."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Eight colours that people with any kind of colour vision tell apart: M. Okabe, K. Ito, Color Universal Design (2008).
+# Eight colours for any kind of colour vision: M. Okabe, K. Ito, Color Universal Design (2008).
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8A8A00")
 DASHES = ("-", "--", "-.", ":")
 DPI = 110
 
 _SVG: dict[Any, Any] = {
-    "svg.fonttype": "none",  # text stays text
+    "svg.fonttype": "none",  # keep text as text
     "svg.hashsalt": "bellcrank",  # the same figure gives the same bytes
     "font.sans-serif": ["DejaVu Sans", "Verdana"],  # stands in every text
     "path.simplify_threshold": 0.4,  # points; a printer's line is wider
@@ -40,13 +40,15 @@ def colour(k: int) -> str:
 
 
 def dash(k: int) -> str:
-    """The dashes of the k-th line, which tell lines apart in black and white, too, and where colours come again."""
+    """The dashes of the k-th line, which differ also where colours repeat or are printed in black and white."""
     return DASHES[(k + k // len(PALETTE)) % len(DASHES)]
 
 
 def literal(text: str, width: int | None = None) -> str:
-    """A text for Matplotlib with somebody's names in it, broken into lines of `width` characters where one is given:
-    dollars start no mathematics, a leading underscore hides no line, and what is no character is a question mark.
+    """A text with names from files, for Matplotlib, optionally broken into lines of `width` characters.
+
+    A dollar sign does not start mathematics, a leading underscore does not hide a line from the legend, and an invalid
+    character becomes a question mark.
     """
     text = readable(text)
     text = textwrap.fill(text, width) if width else text
@@ -54,7 +56,7 @@ def literal(text: str, width: int | None = None) -> str:
 
 
 def load_matplotlib() -> None:
-    """Import Matplotlib, also where MPLBACKEND names a backend that it does not know: no picture here uses one."""
+    """Import Matplotlib even where MPLBACKEND names an unknown backend; figures here do not use it."""
     if "matplotlib" in sys.modules:
         return
     backend = os.environ.pop("MPLBACKEND", None)
@@ -69,14 +71,14 @@ def load_matplotlib() -> None:
 
 
 def save_figure(figure: Figure, file: Path | IO[bytes], kind: str, **options: Any) -> None:
-    """Write a figure as `kind` (such as "png"); letters that its font lacks are boxes, without a warning for each."""
+    """Write a figure as `kind`, such as "png"; characters missing in the font are drawn as boxes, without warnings."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from")
         figure.savefig(file, format=kind, **options)
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """A figure of inches that no window system knows of, so that drawing works anywhere and nothing is left open."""
+    """A figure of `width` x `height` inches without a window system, so that drawing works anywhere."""
     load_matplotlib()
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -87,13 +89,13 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def plain(axis: Axes) -> None:
-    """A thin grid, and no frame above and to the right."""
+    """Draw a thin grid, and no frame at the top and right."""
     axis.grid(visible=True, color="0.9", linewidth=0.6)
     axis.spines[["top", "right"]].set_visible(False)
 
 
 def svg_of(figure: Figure) -> str:
-    """The figure as SVG text, its curves to within half a point, with no date in it."""
+    """The figure as SVG text, with curves to within half a point and without a date."""
     import matplotlib
 
     buffer = io.BytesIO()

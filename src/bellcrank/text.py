@@ -1,8 +1,8 @@
 """Texts of messages and names of files, in any locale and safe to print.
 
-Where the locale is not UTF-8 (LC_ALL=C), Python holds the bytes of file names that it cannot decode as lone surrogates
-(PEP 383), and refuses to encode these into UTF-8, and letters of other alphabets into names of files. Here the bytes
-are written as they are wherever they are valid in UTF-8.
+In a locale other than UTF-8 (LC_ALL=C), Python represents undecodable bytes of file names as lone surrogates (PEP 383),
+which it does not encode to UTF-8, and it does not encode letters of other alphabets to file names. Here such bytes are
+written unchanged where they are valid UTF-8.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ import os
 import re
 import sys
 
-ERRORS = "bellcrank"  # the error handler that encodes such texts
+ERRORS = "bellcrank"  # the error handler for such texts
 MOST_LETTERS = 1200  # of a message
 # controls but for newline and tab; what turns the direction of writing; what breaks lines besides a newline
 _CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 
 
 def utf8(text: str) -> bytes:
-    """The text in UTF-8; bytes of file names as they are, or a question mark where they are not UTF-8."""
+    """The text in UTF-8. Bytes of file names are kept; those that are not valid UTF-8 become question marks."""
     return text.encode("utf-8", ERRORS)
 
 
@@ -29,16 +29,16 @@ def readable(text: str) -> str:
 
 
 def file_name_here(name: str) -> str:
-    """A name that stands in a UTF-8 file as this system takes it; the same one where the locale is UTF-8."""
+    """A name read from a UTF-8 file, as this system encodes file names; unchanged in a UTF-8 locale."""
     if name.isascii() or sys.getfilesystemencoding().lower() in ("utf-8", "utf8"):
         return name
     return os.fsdecode(utf8(name))
 
 
 def one_line(text: str) -> str:
-    """A message on one line, without control characters, the middle left out of a very long one.
+    """A message on one line, without control characters. The middle of a very long message is left out.
 
-    Lone surrogates stay: they are bytes of file names.
+    Lone surrogates are kept, because they are bytes of file names.
     """
     text = " ".join(text.splitlines())
     plain = (c if c.isprintable() or "\ud800" <= c <= "\udfff" else ascii(c)[1:-1] for c in text)

@@ -3,6 +3,7 @@
 import importlib
 import pkgutil
 import re
+import signal
 import subprocess
 import sys
 import textwrap
@@ -25,9 +26,10 @@ PIECES = [
     "<mimic ", "history_a", ".csv", "1e", "-", "{{", "{{a", "\x1b[A", "é",
 ]  # fmt: skip
 STARTS, END = ["", "1 x", "<?xml ", "x ["], "\0!"
-SIZE = 40_000  # characters: quadratic searches of a few of these take minutes, linear ones of all some seconds
+SIZE = 20_000  # characters: quadratic searches of a few of these take minutes, linear ones of all some seconds
 SCRIPT = f"""
-    import re, sys
+    import re, resource, sys
+    resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[1]), int(sys.argv[1]) + 1))
     for pattern, flags in eval(sys.stdin.read()):
         print(pattern, file=sys.stderr, flush=True)
         compiled = re.compile(pattern, flags)
@@ -41,28 +43,28 @@ SCRIPT = f"""
 
 
 def come_to_their_end(patterns, seconds):
-    """Searches long texts for patterns, (pattern, flags) each, in a process of its own."""
+    """Searches long texts for patterns, (pattern, flags) each, in a process with a limit of CPU time, s."""
     script, given = textwrap.dedent(SCRIPT), repr([(p, int(flags)) for p, flags in patterns])
-    return subprocess.run([sys.executable, "-c", script], input=given, capture_output=True, text=True, timeout=seconds)
+    command = [sys.executable, "-c", script, str(seconds)]
+    return subprocess.run(command, input=given, capture_output=True, text=True, timeout=600)
 
 
 def test_every_pattern_of_the_package_comes_to_its_end_on_long_texts():
     found = set()
     for module in pkgutil.walk_packages(bellcrank.__path__, "bellcrank."):
-        if ".rivals" not in module.name and "._" not in module.name:
+        if "._" not in module.name:
             for value in vars(importlib.import_module(module.name)).values():
                 if isinstance(value, re.Pattern):
                     found.add((value.pattern, value.flags))
     assert len(found) >= 15
-    done = come_to_their_end(found, 60)
+    done = come_to_their_end(found, 120)
     assert done.returncode == 0, done.stderr[-300:]
 
 
 def test_patterns_that_are_not_linear_do_not_come_to_their_end():
     """These were in the package, for numbers with units and for the lines of a picture."""
     for pattern in (r"([-+]?(?:\d+\.?\d*))\s*(.*?)\s*\Z", r"\s*\n"):
-        with pytest.raises(subprocess.TimeoutExpired):
-            come_to_their_end([(pattern, re.DOTALL)], 2)
+        assert come_to_their_end([(pattern, re.DOTALL)], 2).returncode == -signal.SIGXCPU
 
 
 def test_patterns_stand_in_modules_by_name_where_the_test_above_finds_them():

@@ -1,1 +1,1 @@
-"""YAML with line numbers, units and checked fields."""
+"""YAML files: line numbers, units and checked fields."""

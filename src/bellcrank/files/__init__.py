@@ -1,1 +1,1 @@
-"""Files: read under limits, written whole or not at all; CSV texts, and the data that comes with bellcrank."""
+"""Files: reading with limits, atomic writing, CSV, temporary files, and the data bundled with bellcrank."""

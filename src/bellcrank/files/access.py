@@ -1,11 +1,11 @@
-"""Reading files, and which files another file may name.
+"""Reads files with limits, and decides which files another file may name.
 
-A file that the user names, on the command line or as a Python argument, is read wherever it is. A file that is named
-inside a file must lie, symbolic links resolved, in the folder of the file that names it, or below that; or, where it is
-named by a relative path, beside it: below the folder above, without hidden names, unless that is a folder of many
-things (a home, its Downloads, Documents and Desktop, a temporary folder, the root of the file system). The package's
-own data and example-robot-data can be named by anyone. Everything else is refused without being looked at, and allowed
-by --trust DIR, BELLCRANK_TRUST or `trust=`. What a saved run names must lie in its own folder or below.
+A file that the user names, on the command line or as a Python argument, is read wherever it is. A file that another
+file names must be, after symbolic links are resolved, in the folder of that other file or below it. If it is named by a
+relative path, it may also be beside that folder: below the parent folder, without hidden names, unless the parent is a
+shared folder (a home, Downloads, Documents, Desktop, a temporary folder, the root of the file system). Every file may
+name bundled data and example-robot-data. All other files are refused without being opened; --trust DIR,
+BELLCRANK_TRUST and the argument `trust` allow them. A saved run may name only files in its own folder or below.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ MOST_RUN = 16 * 2**30  # bytes of a saved run, which is not read whole
 TRUST = "BELLCRANK_TRUST"
 ALLOW = f"allow its folder with --trust DIR, in Python with the argument trust of load_scene, or with {TRUST}"
 Trust = str | Path | Iterable[str | Path]
-_GATHERED = ("Downloads", "Documents", "Desktop")  # in a home: what lies there came from many places
+_GATHERED = ("Downloads", "Documents", "Desktop")  # in a home: files from many sources
 _SYSTEM = (
     "home",
     "Users",
@@ -52,9 +52,9 @@ _SYSTEM = (
 
 
 def open_regular(path: str | Path, most: int) -> BinaryIO:
-    """A regular file of at most `most` bytes, open for reading; pipes, devices and sockets are not opened.
+    """Open a regular file of at most `most` bytes for reading; pipes, devices and sockets are refused.
 
-    Raises InputError, one sentence, where it is missing, a folder, something else, too large or not readable.
+    Raises InputError where the file is missing, is not a regular file, is too large or cannot be read.
     """
     try:
         _refuse_special(path, Path(path).stat(), most)
@@ -65,7 +65,7 @@ def open_regular(path: str | Path, most: int) -> BinaryIO:
         raise _unreadable(path, error) from None
     file = os.fdopen(number, "rb")
     try:
-        _refuse_special(path, os.fstat(number), most)  # it may be another one by now
+        _refuse_special(path, os.fstat(number), most)  # the file may have been replaced since
     except InputError:
         file.close()
         raise
@@ -73,12 +73,12 @@ def open_regular(path: str | Path, most: int) -> BinaryIO:
 
 
 def read_bytes(path: str | Path, most: int = MOST_TEXT) -> bytes:
-    """What a regular file of at most `most` bytes holds. Raises InputError as `open_regular`."""
+    """Read a regular file of at most `most` bytes. Raises InputError as `open_regular`."""
     with open_regular(path, most) as file:
         try:
             size = os.fstat(file.fileno()).st_size
             data = file.read(size + 1) or b""
-            if len(data) > size:  # a file that grows, or one of /proc, which claims no size
+            if len(data) > size:  # a growing file, or one in /proc, whose size is 0
                 data += file.read(most + 1 - len(data)) or b""
         except OSError as error:
             raise _unreadable(path, error) from None
@@ -88,20 +88,20 @@ def read_bytes(path: str | Path, most: int = MOST_TEXT) -> bytes:
 
 
 def read_text(path: str | Path, most: int = MOST_TEXT) -> str:
-    """The text of a regular file in UTF-8, without a byte-order mark, line ends as "\\n". Raises InputError."""
+    """Read a text file in UTF-8; a byte-order mark is dropped and line ends become "\\n". Raises InputError."""
     data = read_bytes(path, most)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a text file in UTF-8, from byte {error.start} on; save it as UTF-8") from None
+        raise InputError(f"{path}: not valid UTF-8 at byte {error.start}; save the file as UTF-8") from None
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
 def _refuse_special(path: str | Path, facts: os.stat_result, most: int) -> None:
     if stat.S_ISDIR(facts.st_mode):
-        raise InputError(f"{path}: cannot be read: it is a folder; name the file in it")
+        raise InputError(f"{path}: is a folder; name a file in it")
     if not stat.S_ISREG(facts.st_mode):
-        raise InputError(f"{path}: is a pipe, a device or a socket; only regular files are read")
+        raise InputError(f"{path}: is a pipe, a device or a socket; expected a regular file")
     if facts.st_size > most:
         raise _too_large(path, most)
 
@@ -112,15 +112,15 @@ def _unreadable(path: str | Path, error: OSError | ValueError) -> InputError:
 
 
 def _too_large(path: str | Path, most: int) -> InputError:
-    return InputError(f"{path}: is larger than the {most / 2**20:.0f} MiB that are read of such a file")
+    return InputError(f"{path}: is too large; the limit for such files is {most / 2**20:.0f} MiB")
 
 
 @dataclass(frozen=True)
 class FileAccess:
-    """Which files a file may name, by the rule above.
+    """Which files a file may name, by the rule of this module.
 
-    `folder` is where relative names begin, `area` the folder that decides what lies beside: that of the file that the
-    user named. `held` leaves only what lies in `area` or below. `trusted` are folders, or files, without links.
+    Relative names start in `folder`. `area` is the folder of the file that the user named. With `held`, only files in
+    `area` or below are allowed. `trusted` are further folders or files, with links resolved.
     """
 
     folder: Path
@@ -130,39 +130,37 @@ class FileAccess:
 
     @classmethod
     def of(cls, file: str | Path, trust: Trust = ()) -> FileAccess:
-        """What a file that the user named may name. Raises InputError for a `trust` that is no folder."""
+        """The access of a file that the user named. Raises InputError where `trust` is not a folder."""
         folder = Path(file).parent
         return cls(folder, folder, trusted_folders(trust))
 
     @classmethod
     def below(cls, folder: str | Path, trust: Trust = ()) -> FileAccess:
-        """What may be named by something of which only the files in a folder, or below, are to be read. InputError."""
+        """The access to the files in a folder and below only. Raises InputError where `trust` is not a folder."""
         return cls(Path(folder), Path(folder), trusted_folders(trust), held=True)
 
     def by(self, file: Path) -> FileAccess:
-        """What a file may name that was itself named under this access."""
+        """The access of a file that was itself named under this access."""
         return replace(self, folder=file.parent)
 
     def path(self, name: str) -> Path:
-        """The path of a file by the name that a file has for it. Raises InputError where that is not allowed, whether
-        there is such a file or not.
-        """
+        """The path of a file that another file names. Raises InputError where it is not allowed, whether it exists or not."""
         given = Path(name).expanduser() if name.startswith("~/") else Path(file_name_here(name))
         path = self.folder / given
         if not self.allows(path, absolute=bool(given.anchor)):
             shown = "".join(c if c.isprintable() else " " for c in name)
             shown = shown if len(shown) <= 80 else f"{shown[:77]}…"
             if self.held:
-                raise InputError(f"'{shown}' is not read: only files in {self.folder} may be named")
+                raise InputError(f"'{shown}' is not allowed: expected a file in {self.folder}")
             beside = "" if self._roots[1] is None else " or beside it"
             raise InputError(
-                f"'{shown}' is not read: expected a relative path to a file in {self.folder}{beside}; {ALLOW}"
+                f"'{shown}' is not allowed: expected a relative path to a file in {self.folder}{beside}; {ALLOW}"
             )
         return _resolved(path) or path if ".." in path.parts else path
 
     def allows(self, path: Path, absolute: bool = False) -> bool:
-        """Whether a file may be named; one that is named by an `absolute` path must lie in the own folder or below,
-        or be data, or trusted.
+        """Whether a file may be named. One that is named by an `absolute` path must be in the folder itself or below,
+        bundled data, or trusted.
         """
         found = _resolved(path)
         if found is None:
@@ -186,16 +184,14 @@ class FileAccess:
 
     @cached_property
     def _roots(self) -> tuple[Path | None, Path | None]:
-        """The own folder, and the one above it where what lies beside counts."""
+        """The folder itself, and its parent where files beside the folder are allowed."""
         own = _resolved(self.area)
         alone = self.held or own is None or _is_shared(own) or _is_shared(own.parent)
         return own, None if alone or own is None else own.parent
 
 
 def trusted_folders(trust: Trust = ()) -> tuple[Path, ...]:
-    """The folders that an argument names, and those of BELLCRANK_TRUST. Raises InputError where the argument is no
-    folder.
-    """
+    """The folders of the argument `trust` and of BELLCRANK_TRUST. Raises InputError where the argument is not a folder."""
     found = []
     given = [trust] if isinstance(trust, (str, Path)) else trust
     for each in arguments.several("trust", given, object, "folders"):
@@ -210,10 +206,10 @@ def trusted_folders(trust: Trust = ()) -> tuple[Path, ...]:
 
 
 def _resolved(path: Path) -> Path | None:
-    """The path without links; None where none can have it."""
+    """The path with links resolved; None where that is impossible."""
     try:
         return path.resolve()
-    except (OSError, RuntimeError, ValueError):  # a loop of links, a name with a zero in it
+    except (OSError, RuntimeError, ValueError):  # a loop of links, or a NUL in the name
         return None
 
 
@@ -222,7 +218,7 @@ def _hidden(parts: Iterable[str]) -> bool:
 
 
 def _is_shared(folder: Path) -> bool:
-    """Whether a folder holds things of many kinds or users: a home, a root, a temporary folder."""
+    """Whether a folder holds unrelated files: a home, a root, a temporary folder."""
     root = Path(folder.anchor)
     system = [root, *(root / name for name in _SYSTEM)]
     home = _resolved(Path(os.path.expanduser("~")))
@@ -231,13 +227,13 @@ def _is_shared(folder: Path) -> bool:
     if folder.name in _GATHERED and (folder.parent == home or folder.parent.parent in (root / "home", root / "Users")):
         return True
     try:
-        return bool(folder.stat().st_mode & stat.S_ISVTX)  # as /tmp: everyone writes there
+        return bool(folder.stat().st_mode & stat.S_ISVTX)  # such as /tmp
     except OSError:
         return True
 
 
 @lru_cache(maxsize=4)
 def _data_folders(import_path: tuple[str, ...]) -> list[Path]:
-    """Where the package's own files and example-robot-data lie."""
+    """The folders of bundled data and example-robot-data."""
     folders = [*(bundled_data.folder(name) for name in bundled_data.FOLDERS), *bundled_data.example_folders()]
     return [found for folder in folders if (found := _resolved(folder)) is not None]

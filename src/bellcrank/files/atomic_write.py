@@ -1,8 +1,8 @@
-"""Files that appear whole or not at all: written beside the target, then renamed over it.
+"""Atomic writes: a file is written beside its target and then renamed over it.
 
-A target that is a symbolic link is the file that the link names, and keeps its permissions. What cannot be a file (a
-folder, a device, a pipe) is refused. After a power cut a file may be missing unless it was written `lasting`; the death
-of the process alone never tears one.
+If the target is a symbolic link, the file that it points to is replaced; permissions are kept. A folder, a device or a
+pipe is refused. If the process is killed, the old file remains. After a power cut a file may be missing unless it was
+written with `lasting`.
 """
 
 from __future__ import annotations
@@ -19,22 +19,21 @@ from bellcrank.errors import InputError
 from bellcrank.files.temporaries import new_file
 from bellcrank.text import ERRORS
 
-_WILD = re.compile(r"([\[*?])")  # what stands for other letters in a pattern of names
+_WILD = re.compile(r"([\[*?])")  # wildcards of fnmatch
 
 
 @contextlib.contextmanager
 def writing(path: str | Path, lasting: bool = False) -> Iterator[Path]:
-    """Yield a temporary path in the folder of `path`; it replaces `path` when the block ends well.
+    """Yield a temporary path in the folder of `path`; it replaces `path` when the block ends without an exception.
 
-    `lasting`: it is on the disk, not in the system's memory alone, when this returns. Raises InputError where `path`
-    cannot be written.
+    With `lasting`, the data is flushed to the disk. Raises InputError where `path` cannot be written.
     """
     target = file_meant(path)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         temporary = new_file(target.parent, target.suffix)
     except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}; choose a folder you may write to") from error
+        raise InputError(f"cannot write {path}: {error.strerror}; choose a folder that you can write to") from error
     try:
         yield temporary
         _take_permissions(target, temporary)
@@ -56,32 +55,32 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def file_meant(path: str | Path) -> Path:
-    """The file that writing to `path` writes: itself, or what a symbolic link names, be it there or not.
+    """The file that a write to `path` replaces: `path` itself, or the target of a symbolic link.
 
-    Raises InputError for a folder, a device, a pipe, a link back to itself, and a name that no file can have.
+    Raises InputError for a folder, a device, a pipe, a circular link, and an invalid name.
     """
     target = Path(path)
     try:
         if target.is_symlink():
             target = Path(os.path.realpath(target))
             if target.is_symlink():
-                raise InputError(f"cannot write {path}: the symbolic link leads back to itself")
+                raise InputError(f"cannot write {path}: the symbolic link is circular")
         mode = target.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
         return target
     except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}; choose a folder you may write to") from error
+        raise InputError(f"cannot write {path}: {error.strerror}; choose a folder that you can write to") from error
     except ValueError:  # a NUL, or letters that the locale has none for
-        raise InputError(f"cannot write {path}: no file can have this name here; choose another") from None
+        raise InputError(f"cannot write {path}: the name is not valid on this system; choose another") from None
     if not stat.S_ISREG(mode):
-        raise InputError(f"cannot write {path}: that is a {_kind(mode)}, expected the name of a file")
+        raise InputError(f"cannot write {path}: it is a {_kind(mode)}; expected a file")
     return target
 
 
 def check_file(option: str, path: Path) -> None:
-    """Refuse a file, given by `option`, that cannot be written, before anything long is begun (InputError)."""
+    """Check, before long work, that the file given by `option` can be written. Raises InputError."""
     if path.is_dir():
-        raise InputError(f"{option} {path}: that is a folder, expected a file such as {path / 'replay.html'}")
+        raise InputError(f"{option} {path}: is a folder; expected a file such as {path / 'replay.html'}")
     try:
         target = file_meant(path)
     except InputError as error:
@@ -90,8 +89,8 @@ def check_file(option: str, path: Path) -> None:
 
 
 def check_folder(option: str, folder: Path, names: Iterable[str] = ()) -> None:
-    """Refuse a folder, given by `option`, that cannot be written, or files of these names in it (shell patterns), among
-    them links that lead out of the folder, before anything long is begun (InputError).
+    """Check, before long work, that the folder given by `option`, and files of these names (shell patterns) in it, can be
+    written. Raises InputError, also for links that lead out of the folder.
     """
     _check_place(f"{option} {folder}", folder)
     names = list(names)
@@ -106,11 +105,10 @@ def check_folder(option: str, folder: Path, names: Iterable[str] = ()) -> None:
 
 
 def default_place(name: str) -> Path:
-    """Where a command writes that was not told where: a folder of this name in the current folder, or a file, beside
-    which there may be others, NAME_….
+    """The default output of a command: a folder of this name in the current folder, or a file and others NAME_….
 
-    Raises InputError where a link there leads out of the current folder: whoever made that folder, not who gave the
-    command, chose what would be overwritten.
+    Raises InputError where it is a link that leads out of the current folder: the user did not choose what the link
+    would overwrite.
     """
     if "\0" in name:  # which writing refuses
         return Path(name)
@@ -120,10 +118,10 @@ def default_place(name: str) -> Path:
 
 
 def _refuse_links_elsewhere(option: str, folder: Path, names: Sequence[str]) -> None:
-    """Refuse links in a folder, with names of these patterns, to what does not lie in it (InputError)."""
+    """Refuse links that match these patterns and lead out of the folder. Raises InputError."""
     try:
         entries = [entry for entry in folder.iterdir() if entry.is_symlink()]
-    except (OSError, ValueError):  # it is not there yet, or no file can have its name
+    except (OSError, ValueError):  # it does not exist yet, or its name is not valid
         return
     own = os.path.realpath(folder)
     for link in entries:
@@ -131,21 +129,20 @@ def _refuse_links_elsewhere(option: str, folder: Path, names: Sequence[str]) -> 
             target = os.path.realpath(link)
             if not Path(target).is_relative_to(own):
                 raise InputError(
-                    f"{link}: is a link to {target}, which would be overwritten; remove the link, or say by {option} "
-                    "where to write"
+                    f"{link}: is a link to {target}, which would be overwritten; remove the link, or choose the output by {option}"
                 )
 
 
 def _check_place(what: str, folder: Path) -> None:
     place = next(place for place in (folder, *folder.parents) if os.path.lexists(place))
     if not place.is_dir():
-        raise InputError(f"{what}: {place} is a file, expected a folder")
+        raise InputError(f"{what}: {place} is a file; expected a folder")
     if not os.access(place, os.W_OK | os.X_OK):
-        raise InputError(f"{what}: {place} cannot be written; choose a folder you may write to")
+        raise InputError(f"{what}: no permission to write in {place}; choose another folder")
 
 
 def _take_permissions(target: Path, temporary: Path) -> None:
-    """Give a file the permissions of the one that it replaces, and its owner where that is allowed."""
+    """Give a file the permissions of the file that it replaces, and its owner where that is allowed."""
     try:
         facts = target.stat()
     except OSError:

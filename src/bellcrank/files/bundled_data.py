@@ -1,6 +1,4 @@
-"""Where bundled data lies: bellcrank's own (robots in ``urdf``, their configurations in ``robots``), and the package
-example-robot-data.
-"""
+"""The folders of bundled data: URDF files in `urdf`, scenes and robot configurations in `robots`, example-robot-data."""
 
 from __future__ import annotations
 
@@ -15,9 +13,9 @@ EXAMPLES = Path("cmeel.prefix", "share", "example-robot-data", "robots")  # belo
 
 
 def folder(name: str) -> Path:
-    """The folder of bundled ``urdf`` or ``robots`` files, in an installed package or in a source checkout.
+    """The folder `urdf` or `robots` of an installed package or a source checkout.
 
-    Raises InputError for another name, or where the installation lacks the folder.
+    Raises InputError for another name, or where the folder is missing.
     """
     if name not in FOLDERS:
         raise InputError(unknown_name("data folder", name, FOLDERS))
@@ -26,10 +24,10 @@ def folder(name: str) -> Path:
         if candidate.is_dir():
             return candidate
     raise InputError(
-        f"this installation of bellcrank lacks its folder '{name}' (looked beside {package}); install it again"
+        f"this installation of bellcrank lacks its folder '{name}' (expected beside {package}); reinstall it"
     )
 
 
 def example_folders() -> list[Path]:
-    """The folders of example-robot-data that the import path offers (none where it is not installed)."""
+    """The folders of example-robot-data on the import path; empty where it is not installed."""
     return [root for entry in dict.fromkeys(sys.path) if (root := Path(entry or ".") / EXAMPLES).is_dir()]

@@ -17,16 +17,15 @@ from bellcrank.files.atomic_write import writing
 
 Array = NDArray[np.float64]
 ROWS = 1024  # converted to text at a time
-_FORMULA = tuple("=+-@\t\r\n＝＋－＠")  # the wide ones count in spreadsheets, too
+_FORMULA = tuple("=+-@\t\r\n＝＋－＠")  # spreadsheets accept the full-width ones too
 MARK = "'"
 
 
 def write_table(path: str | Path, labels: Sequence[tuple[str, str]], blocks: Iterable[Array]) -> Path:
-    """Write a header of (name, unit) of each column and the rows of the blocks (n, columns), every number with the
-    digits that give it back exactly; returns the path.
+    """Write a header of (name, unit) pairs and the rows of the blocks (n, columns); returns the path.
 
-    Blocks are taken one after the other, so that a generator needs no more memory than one of them. The file is
-    replaced in one step, or not at all. Raises InputError where the folder cannot be written.
+    Numbers are written with enough digits to read them back exactly. Blocks are written one after the other, so that a
+    generator needs the memory of one block. The write is atomic. Raises InputError where the folder cannot be written.
     """
     target = Path(path)
     with writing(target) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
@@ -38,15 +37,15 @@ def write_table(path: str | Path, labels: Sequence[tuple[str, str]], blocks: Ite
 
 
 def guarded(cells: Iterable[object]) -> list[object]:
-    """The cells of a row, texts among them so that none is a formula."""
+    """The cells of a row, with an apostrophe before texts that a spreadsheet would take for formulas."""
     return [MARK + cell if isinstance(cell, str) and _is_formula(cell) else cell for cell in cells]
 
 
 def unguarded(cell: str) -> str:
-    """The text of a cell that `guarded` may have written."""
+    """The text of a cell that `guarded` has written."""
     return cell[1:] if cell.startswith(MARK) and _is_formula(cell) else cell
 
 
 def _is_formula(text: str) -> bool:
-    """Whether a text would be a formula without the apostrophes that it begins with."""
+    """Whether a text, without its leading apostrophes, would be taken for a formula."""
     return text.lstrip(MARK).startswith(_FORMULA)

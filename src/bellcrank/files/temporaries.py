@@ -1,8 +1,8 @@
-"""Temporary files and folders whose names say which process made them, so that what killed processes left can go.
+"""Temporary files and folders, whose names contain the process that made them.
 
-A name holds the machine, the number of the process and when that was started. The next process that makes one in the
-same folder removes those of its own user whose process is gone. Where the machine is another one (a shared folder), a
-process cannot be looked for: there they are removed when they are older than a day.
+A name contains the machine, the process number and its start time. When a process creates a temporary file in a folder,
+it first removes those that dead processes of the same user left there. Files of another machine (in a shared folder)
+are removed when they are older than a day, because their process cannot be checked.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ OLD = 86_400.0  # s
 _MARK = re.compile(r"(?P<host>[0-9a-f]{8})-(?P<pid>\d{1,10})-(?P<start>\d{1,20})")
 _NAME = re.compile(r"\.?bellcrank-(?P<kind>[a-z]+)-(?P<mark>[0-9a-f]{8}-\d+-\d+)-[0-9a-f]{8}(?:\.\w{1,15})?\Z")
 _SUFFIX = re.compile(r"\.\w{1,15}")
-_LASTING = ("show",)  # pages that a browser may still read when the process is gone
+_LASTING = ("show",)  # pages that a browser may read after the process has ended
 _cleaned: set[str] = set()
 
 
 def own_mark() -> str:
-    """What says in a name, or in a file, that this process made it."""
+    """The text that identifies this process in names of files."""
     pid = os.getpid()
     return f"{_host()}-{pid}-{_started(pid) or 0}"
 
 
 def is_running(mark: str) -> bool | None:
-    """Whether the process of a mark runs; None where it is one of another machine, or no mark."""
+    """Whether the process of a mark is running; None for a process of another machine, or an invalid mark."""
     found = _MARK.fullmatch(mark)
     if found is None or found["host"] != _host():
         return None
@@ -44,7 +44,7 @@ def is_running(mark: str) -> bool | None:
 
 
 def new_file(folder: Path, suffix: str) -> Path:
-    """Make an empty temporary file in a folder, with the permissions that new files have. Raises OSError."""
+    """Create an empty temporary file in a folder, with default permissions. Raises OSError."""
     remove_left(folder)
     ending = suffix if _SUFFIX.fullmatch(suffix) else ""
     path = folder / f".{_new_name('file')}{ending}"
@@ -53,8 +53,9 @@ def new_file(folder: Path, suffix: str) -> Path:
 
 
 def new_folder(kind: str, within: Path | None = None) -> Path:
-    """Make a temporary folder that only this user can read, in the system's folder for such unless `within` is given;
-    `kind` is one word of small letters. Raises OSError.
+    """Create a temporary folder that only this user can read, in the system's temporary folder or `within` another.
+
+    `kind` is one word in lower case. Raises OSError.
     """
     where = Path(tempfile.gettempdir()) if within is None else within
     remove_left(where)
@@ -65,7 +66,7 @@ def new_folder(kind: str, within: Path | None = None) -> Path:
 
 @contextlib.contextmanager
 def temporary_folder(kind: str) -> Iterator[Path]:
-    """A temporary folder of this user for as long as the block lasts. Raises OSError."""
+    """A temporary folder that is removed at the end of the block. Raises OSError."""
     path = new_folder(kind)
     try:
         yield path
@@ -74,7 +75,7 @@ def temporary_folder(kind: str) -> Iterator[Path]:
 
 
 def remove_left(folder: Path) -> None:
-    """Remove from a folder what killed processes of this user left in it; looks once a process."""
+    """Remove what dead processes of this user left in a folder; done once per process and folder."""
     key = os.path.realpath(folder)
     if key in _cleaned:
         return
@@ -104,7 +105,7 @@ def _new_name(kind: str) -> str:
 
 @cache
 def _host() -> str:
-    """The machine, or the container, in which process numbers mean something: 8 hexadecimal digits."""
+    """The machine or container in which process numbers are unique: 8 hexadecimal digits."""
     space = ""
     with contextlib.suppress(OSError):
         space = str(Path("/proc/self/ns/pid").readlink())
@@ -112,7 +113,7 @@ def _host() -> str:
 
 
 def _started(pid: int) -> int | None:
-    """When a process was started, in ticks of the kernel's clock; 0 where the system does not say; None: it is gone."""
+    """The start time of a process in clock ticks; 0 where the system does not tell it, None where there is no process."""
     try:
         text = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
         return int(text.rpartition(")")[2].split()[19])

@@ -1,1 +1,1 @@
-"""The terminal: what may be printed on it, progress bars, and signals that ask to stop."""
+"""The terminal: printable text, progress bars, standard streams and signals."""

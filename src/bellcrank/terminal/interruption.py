@@ -1,8 +1,8 @@
-"""Signals that ask the command line to stop: Ctrl-C (SIGINT), SIGTERM and SIGHUP, all alike.
+"""Signals that stop the command line: Ctrl-C (SIGINT), SIGTERM and SIGHUP, handled alike.
 
-Only the command line handles them (`handled`); for programs that import bellcrank nothing changes. A signal raises
-Interrupted, a KeyboardInterrupt, where it finds the program, except in a `held` block: there it waits for the next call
-of its check, so that what was computed can be kept.
+Only the command line handles them (`handled`); programs that import bellcrank are not affected. A signal raises
+Interrupted, a KeyboardInterrupt, at once, except in a `held` block: there it is raised at the next call of the block's
+check, so that results can be saved.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:  # little is imported before signals are handled
+if TYPE_CHECKING:  # signals are handled before more is imported
     from collections.abc import Callable, Iterator
     from types import FrameType
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-_TOGETHER = 1.0  # s in which further signals are the same request: timeout(1) sends two at once
+_TOGETHER = 1.0  # s; further signals within this time are the same request: timeout(1) sends two at once
 _RETRY = 0.01  # s
 
 
@@ -38,8 +38,8 @@ _request = _Request()
 
 @contextmanager
 def handled() -> Iterator[None]:
-    """Let the signals raise Interrupted while the block lasts; those that are ignored, as by nohup, stay so. After it
-    they are ignored: what is left to do is to exit.
+    """In the block the signals raise Interrupted, except those that the process ignores (nohup). After the block they are
+    ignored, because the program only has to exit.
     """
     vars(_request).update(vars(_Request()))
     before = sys.unraisablehook
@@ -48,7 +48,7 @@ def handled() -> Iterator[None]:
         signal.signal(number, _handle)
 
     def unraisable(found: Any) -> None:
-        if isinstance(found.exc_value, Interrupted):  # lost where Python drops errors, as in __del__: once more
+        if isinstance(found.exc_value, Interrupted):  # Python drops errors in __del__: raise it again
             _request.time = 0.0
             signal.setitimer(signal.ITIMER_REAL, _RETRY)
         else:
@@ -65,12 +65,12 @@ def handled() -> Iterator[None]:
 
 
 def exit_status() -> int | None:
-    """128 + the number of the signal that asked the program to stop; None where none did."""
+    """128 + the number of the signal that stopped the program; None where there was no signal."""
     return None if _request.number is None else 128 + _request.number
 
 
 def signal_name() -> str:
-    """The name of that signal, in brackets, but for Ctrl-C; empty otherwise."""
+    """The name of that signal in brackets; empty for Ctrl-C and where there was no signal."""
     if _request.number in (None, signal.SIGINT):
         return ""
     assert _request.number is not None
@@ -79,8 +79,8 @@ def signal_name() -> str:
 
 @contextmanager
 def held() -> Iterator[Callable[[], None]]:
-    """Yield a check that raises Interrupted where a signal asked to stop. From its first call to the end of the block
-    nothing else raises, unless a second signal comes later than a moment after the first.
+    """Yield a check that raises Interrupted after a signal. From its first call to the end of the block a signal raises
+    nothing else, unless a second signal arrives more than a second after the first.
     """
 
     def check() -> None:
@@ -98,8 +98,8 @@ def held() -> Iterator[Callable[[], None]]:
 
 @contextmanager
 def unbroken() -> Iterator[None]:
-    """In the block no signal raises, unless a second one comes later than a moment after the first; at its end it does,
-    where no `held` block is around it.
+    """In the block a signal raises nothing, unless a second one arrives more than a second after the first. It raises
+    Interrupted at the end of the block, unless the block is inside a `held` block.
     """
     before, _request.held = _request.held, True
     try:
@@ -113,7 +113,7 @@ def unbroken() -> Iterator[None]:
 
 @contextmanager
 def whole_runs() -> Iterator[None]:
-    """In the block a simulation that a signal cuts short raises Interrupted: nobody looks at its status."""
+    """In the block a simulation that a signal interrupts raises Interrupted instead of returning a status."""
     _request.whole = True
     try:
         yield
@@ -122,7 +122,7 @@ def whole_runs() -> Iterator[None]:
 
 
 def cut_short() -> None:
-    """Called where a signal has cut a simulation short: raises Interrupted in a `whole_runs` block."""
+    """Raise Interrupted in a `whole_runs` block; called after a signal has interrupted a simulation."""
     if _request.whole:
         raise Interrupted
 

@@ -1,4 +1,4 @@
-"""Text for a terminal: names from files may hold escape codes, which would move the cursor, change colours or worse."""
+"""Streams that print control characters visibly: names from files may contain escape codes for the terminal."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any, TextIO, cast
 
 from bellcrank.text import printable
 
-_STEPS = re.compile("\\A\n*(?:\x1b\\[A)+")  # with which tqdm goes back up from the lines of other bars
+_STEPS = re.compile("\\A\n*(?:\x1b\\[A)+")  # tqdm moves up to the line of another bar
 
 
 class _Printable:
-    """A text stream that shows control characters instead of sending them; where `bars` are drawn, they keep theirs."""
+    """A text stream that prints control characters visibly, except those of progress bars with `bars`."""
 
     def __init__(self, stream: TextIO, bars: bool) -> None:
         self._stream, self._bars = stream, bars
@@ -23,7 +23,7 @@ class _Printable:
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
-        start = "\r" if self._bars and text.startswith("\r") else ""  # tqdm draws a bar from the beginning of its line
+        start = "\r" if self._bars and text.startswith("\r") else ""  # tqdm redraws a bar from the start of its line
         steps = self._bars and _STEPS.fullmatch(text)
         self._stream.write(text if steps else start + printable(text[len(start) :]))
         return len(text)
@@ -35,7 +35,7 @@ class _Printable:
 
 @contextlib.contextmanager
 def printable_streams() -> Iterator[None]:
-    """While the block runs, what is printed to standard output and error is printable."""
+    """In the block, standard output and error print control characters visibly."""
     before = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = cast(TextIO, _Printable(before[0], False)), cast(TextIO, _Printable(before[1], True))
     try:

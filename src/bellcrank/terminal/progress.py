@@ -1,4 +1,4 @@
-"""Progress bars: on a terminal only, and after a second."""
+"""Progress bars, which are shown on a terminal only, and after one second."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from bellcrank.errors import InputError
 
 
 def bars() -> Any:
-    """The class of progress bars. Raises InputError where a variable TQDM_… of the environment is not what it takes."""
+    """The class of progress bars. Raises InputError for an invalid environment variable TQDM_…."""
     try:
         from tqdm import tqdm
     except (TypeError, ValueError) as error:
-        raise InputError(f"a variable TQDM_… of the environment: {error}; unset it") from None
+        raise InputError(f"environment variable TQDM_…: {error}; unset it") from None
     return tqdm
 
 
 @contextmanager
 def counting(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar over things that are counted; yields what to call with the number done and that of all."""
+    """A progress bar that counts; yields a function of the number done and the total."""
     with bars()(desc=title, unit=unit, delay=1.0, disable=None) as bar:
 
         def progress(done: int, of: int) -> None:
@@ -32,7 +32,7 @@ def counting(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
 
 @contextmanager
 def share_bar(what: str) -> Iterator[Callable[[float], None]]:
-    """A bar that shows itself after a second, on a terminal only; yields what to call with the share that is done."""
+    """A progress bar without a count; yields a function of the share done, 0 to 1."""
     layout = "{l_bar}{bar}| [{elapsed}]"
     with bars()(total=1.0, desc=what, delay=1.0, disable=None, bar_format=layout, position=0, leave=False) as bar:
 

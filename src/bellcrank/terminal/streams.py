@@ -1,7 +1,7 @@
-"""Standard output and error of the command line, which must not keep it from its work.
+"""Standard output and error of the command line, whose failure does not stop a command.
 
-Where a reader has gone (`| head`), or a stream is closed (`>&-`), what is printed is dropped, and files are written all
-the same. Where a stream cannot be written (/dev/full), that is told at the end.
+If the reader of a pipe has ended (`| head`), or a stream is closed (`>&-`), output is dropped and files are still
+written. If a stream cannot be written (/dev/full), an error is reported at the end.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 
 
 class _Output(io.FileIO):
-    """A file descriptor that, once it fails, swallows everything; `failure` says why, unless the reader has gone."""
+    """A file descriptor that drops output after its first error; `failure` is that error, unless the reader has ended."""
 
     failure: OSError | None = None
 
@@ -37,8 +37,8 @@ class _Output(io.FileIO):
 
 @contextmanager
 def standard_streams() -> Iterator[_Output]:
-    """Replace standard output and error while the block lasts; yields the former."""
-    for number in (0, 1, 2):  # a file that is opened later must not become standard output
+    """Replace standard output and error in the block; yields standard output."""
+    for number in (0, 1, 2):  # a file opened later must not get the number of standard output
         try:
             os.fstat(number)
         except OSError:
@@ -59,7 +59,7 @@ def standard_streams() -> Iterator[_Output]:
 
 
 def _text(raw: _Output, like: Any, errors: str) -> io.TextIOWrapper:
-    """A text stream over a descriptor, buffered as another one is (None where that was closed)."""
+    """A text stream on a descriptor, buffered like another stream (None where that was closed)."""
     at_once = bool(getattr(like, "write_through", False))
     by_line = at_once or bool(getattr(like, "line_buffering", False))
     buffer: Any = raw if at_once else io.BufferedWriter(raw)
