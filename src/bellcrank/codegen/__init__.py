@@ -1,1 +1,1 @@
-"""From expression graphs to machine code: LLVM IR, one sample or a batch, and the cache on disk."""
+"""Compiles casadi expression graphs to machine code with LLVM, for one sample or a batch, and caches it on disk."""

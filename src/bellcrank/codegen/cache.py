@@ -1,17 +1,17 @@
-"""What need not be made twice, kept on disk: robots that were read, traced recipes, machine code, meshes.
+"""The cache on disk: parsed robots, recipes of compiled functions, machine code, meshes.
 
-Machine code on disk is executed, so that an entry is used only where it is known to be the user's own:
+Cached machine code is executed, so that an entry is used only if it is the user's own:
 
-- Each entry carries an HMAC-SHA256 of its name and content under a secret (secret.py) that lies in the user's state
-  folder, not in the cache. A cache folder that came from somewhere else (in an archive, by mail, on a shared disk), an
-  entry that another user put there or changed, one under another's name and one that is damaged are made anew.
-- An entry that belongs to another user, is no regular file, or may be written by others is not even read.
-- The folder itself (cache_folder.py) is the user's own, closed to others.
+- Each entry has an HMAC-SHA256 of its name and content with a secret (cache_secret.py) in the user's state folder, not
+  in the cache. Entries of a copied cache folder, entries that another user wrote or changed, renamed entries and damaged
+  entries are ignored and made again.
+- An entry that belongs to another user, is not a regular file, or is writable by others is not read.
+- The folder (cache_folder.py) belongs to the user and is closed to others.
 
-Whoever can write as the user can read the secret too, and is not kept out.
+This does not protect against a program that runs as the user, which can read the secret.
 
-Nothing here ever fails a run: what cannot be read is made anew, and what cannot be written is not kept. The folder
-holds BELLCRANK_CACHE_LIMIT (1 GB) at most; the least recently used entries go first.
+The cache never makes a run fail: an entry that cannot be read is made again, and one that cannot be written is not
+kept. The folder holds at most BELLCRANK_CACHE_LIMIT (1 GB); the least recently used entries are deleted first.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ _MAGIC = b"bellcrank-cache-2\n"
 _HEAD = len(_MAGIC) + 32
 _ENTRY = re.compile(r"[a-z]+-[0-9a-f]{64}\Z")
 _TEMPORARY = re.compile(r"temporary-[0-9a-f]{32}\Z")
-_BLOCK = 4096  # bytes: files take whole blocks on disk, and are counted so
+_BLOCK = 4096  # bytes; files are counted in whole blocks of the disk
 _KEPT = 0.8  # of the limit, after pruning
-_ABANDONED = 3600.0  # s after which a temporary file belongs to a process that was killed
-_RECENTLY = 60.0  # s within which it need not be noted again that an entry is used
+_ABANDONED = 3600.0  # s; an older temporary file belongs to a dead process
+_RECENTLY = 60.0  # s; the time of use of an entry is updated at most this often
 
 
 def digest(*parts: str | bytes) -> str:
-    """The SHA-256, in hexadecimal, of parts that cannot run into each other."""
+    """The SHA-256, in hexadecimal, of parts with their lengths."""
     h = hashlib.sha256()
     for part in parts:
         data = part.encode() if isinstance(part, str) else part
@@ -70,7 +70,7 @@ def load(key: str) -> bytes | None:
 
 
 def load_data(key: str, kind: Any) -> Any:
-    """The JSON data stored under `key` where it is of this kind, else None.
+    """The JSON data stored under `key` if it is of this kind, else None.
 
     A kind is a type or a union of types (float takes any number, object anything), [kind] for a list, (kind, …) for a
     list of that length, {str: kind} for a mapping, or {"name": kind, …} for one with these keys.
@@ -99,7 +99,7 @@ def fits(data: Any, kind: Any) -> bool:
 
 
 def store(key: str, payload: bytes) -> None:
-    """Keep `payload` under `key` ("kind-SHA256"), atomically; silently not, where the folder cannot be written."""
+    """Store `payload` under `key` ("kind-SHA256") atomically; does nothing where the folder cannot be written."""
     place = _place()
     if place is None or len(payload) + _HEAD > limit():
         return
@@ -121,7 +121,7 @@ def store(key: str, payload: bytes) -> None:
 
 
 def _place() -> tuple[Path, bytes] | None:
-    """The folder and the secret; None where either cannot be had."""
+    """The folder and the secret; None where either is unavailable."""
     where = folder()
     if where is None:
         return None
@@ -136,8 +136,8 @@ def _place() -> tuple[Path, bytes] | None:
 def _say_no_secret(chosen: str) -> None:
     if chosen:
         message = (
-            f"BELLCRANK_CACHE={chosen}: the folder is not used as a cache: the secret that makes its entries "
-            "your own cannot be kept in ~/.local/state/bellcrank; let XDG_STATE_HOME name a folder that you may write"
+            f"BELLCRANK_CACHE={chosen}: not used as a cache: the secret that protects its entries cannot "
+            "be written to ~/.local/state/bellcrank; set XDG_STATE_HOME to a folder that you can write"
         )
         warnings.warn(message, stacklevel=2)
 
@@ -148,7 +148,7 @@ def _seal(own: bytes, key: str, payload: bytes) -> bytes:
 
 
 def _read(path: Path) -> bytes:
-    """A file of the user's own, regular and closed to others; OSError for anything else."""
+    """Read a regular file of the user that others cannot write. Raises OSError for any other file."""
     handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)  # a FIFO must not wait
     try:
         facts = os.fstat(handle)
@@ -167,7 +167,7 @@ def _read(path: Path) -> bytes:
 
 
 def _is_own(facts: os.stat_result) -> bool:
-    """Whether a file belongs to the user and nobody else may write it."""
+    """Whether a file belongs to the user and is not writable by others."""
     return facts.st_uid == os.geteuid() and not facts.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
@@ -175,10 +175,10 @@ def _is_own(facts: os.stat_result) -> bool:
 
 
 def _use(where: Path, size: int) -> int | None:
-    """Count `size` bytes as used and return how many are, about; None where nobody has counted yet.
+    """Add `size` bytes to the count of used bytes and return the approximate total; None for a new count.
 
-    The file `used` has one byte for each block, so that appending to it counts, whoever else does at the same time, and
-    no store has to look at all entries.
+    The file `used` has one byte per block, so that processes count by appending at the same time, without listing all
+    entries.
     """
     flags = (
         os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
@@ -197,7 +197,7 @@ def _blocks(size: int) -> int:
 
 
 def _prune(where: Path) -> None:
-    """Delete what processes that were killed left, and the least recently used entries where all are too large."""
+    """Delete files of dead processes and, above the limit, the least recently used entries."""
     entries: list[tuple[float, int, Path]] = []
     total, now = 0, time.time()
     with os.scandir(where) as found:

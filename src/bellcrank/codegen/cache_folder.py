@@ -1,8 +1,8 @@
-"""Where the cache lies on disk, and how large it may become.
+"""The folder and the size limit of the cache.
 
-BELLCRANK_CACHE names a folder, else XDG_CACHE_HOME/bellcrank, else ~/.cache/bellcrank. Whatever else that folder
-holds is left alone: the cache is the folder `bellcrank-cache-2` in it, which bellcrank makes itself, closed to others,
-with the marker CACHEDIR.TAG (bford.info/cachedir) in it.
+The base folder is BELLCRANK_CACHE, else XDG_CACHE_HOME/bellcrank, else ~/.cache/bellcrank. The cache is the folder
+`bellcrank-cache-2` in it, which bellcrank creates, closed to others, with the marker CACHEDIR.TAG
+(bford.info/cachedir). Other contents of the base folder are not touched.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ _LIMIT = 10**9  # bytes
 _SIZE = re.compile(r"\A([0-9]{1,18}(?:\.[0-9]{1,6})?)\s*([A-Za-z]*)")
 _UNITS = {"": 1, "B": 1, "kB": 10**3, "MB": 10**6, "GB": 10**9, "KiB": 2**10, "MiB": 2**20, "GiB": 2**30}
 try:
-    _BEGUN_IN = str(Path.cwd())  # what relative paths start from, wherever the process goes later
+    _BEGUN_IN = str(Path.cwd())  # for relative paths, also after the process changes its folder
 except OSError:  # the folder is gone
     _BEGUN_IN = ""
 
 
 def folder() -> Path | None:
-    """The cache's own folder; None where BELLCRANK_CACHE is "off", or it cannot be had.
+    """The folder of the cache; None where BELLCRANK_CACHE is "off" or the folder cannot be used.
 
-    A UserWarning says once why a folder that BELLCRANK_CACHE names is not used.
+    Warns once, with the reason, if the folder named by BELLCRANK_CACHE is not used.
     """
     chosen = os.environ.get("BELLCRANK_CACHE", "")
     if chosen.lower() == "off":
@@ -43,8 +43,8 @@ def folder() -> Path | None:
 
 
 def users_folder(variable: str, usual: str) -> Path | None:
-    """A folder of the user's as the XDG specification has it: what the variable names, unless that is relative, else
-    `usual` in the home folder; None where there is no home.
+    """A user folder by the XDG specification: the value of the variable, if absolute, else `usual` in the home folder;
+    None where there is no home.
     """
     named = Path(os.environ.get(variable, ""))
     if named.is_absolute():
@@ -54,9 +54,9 @@ def users_folder(variable: str, usual: str) -> Path | None:
 
 
 def limit() -> int:
-    """How many bytes the cache may hold: BELLCRANK_CACHE_LIMIT, such as 500000000 or "500 MB", else 1 GB.
+    """The size limit of the cache in bytes: BELLCRANK_CACHE_LIMIT, such as 500000000 or "500 MB", else 1 GB.
 
-    A UserWarning says once where that cannot be read.
+    Warns once if the variable is not valid.
     """
     return _limit(os.environ.get("BELLCRANK_CACHE_LIMIT", ""))
 
@@ -88,7 +88,7 @@ def _chosen(name: str) -> Path | None:
     path = Path(_BEGUN_IN, expanded)
     try:
         if expanded.startswith("~") or not path.is_absolute():
-            raise OSError("there is no such home folder" if expanded.startswith("~") else "it has no absolute path")
+            raise OSError("the home folder does not exist" if expanded.startswith("~") else "the path is not absolute")
         return _own(path)
     except OSError as error:
         why = error.strerror or str(error)
@@ -103,7 +103,7 @@ def _own(base: Path) -> Path:
     for parent in (base, *base.parents):
         mode = parent.stat().st_mode
         if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
-            raise OSError(f"everybody may rename what is in {parent}; choose another folder, or chmod o-w")
+            raise OSError(f"{parent} is writable by everybody; choose another folder, or run chmod o-w")
     path = base / NAME
     try:
         path.mkdir(mode=0o700)
@@ -112,7 +112,7 @@ def _own(base: Path) -> Path:
     else:
         _mark(path)
     if not os.access(path, os.R_OK | os.W_OK | os.X_OK):
-        raise OSError(f"you may not write into {path}")
+        raise OSError(f"no permission to write in {path}")
     return path
 
 
@@ -124,11 +124,11 @@ def _check(path: Path) -> None:
     if facts.st_uid != os.geteuid():
         raise OSError(f"{path} belongs to another user")
     if facts.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        raise OSError(f"others may write into {path}; delete it")
-    for _ in range(2):  # another process may be making it
+        raise OSError(f"{path} is writable by others; delete it")
+    for _ in range(2):  # another process may be creating it
         if (path / MARKER).is_file():
             with (path / MARKER).open("rb") as file:
-                if file.read(len(_TAG) + 1) == _TAG:  # whatever else it is may be large
+                if file.read(len(_TAG) + 1) == _TAG:  # another file may be large
                     return
             break
         if all(file.name.startswith(f".{MARKER}-") for file in path.iterdir()):

@@ -1,7 +1,7 @@
-"""The secret that marks entries of the cache as the user's own.
+"""The secret with which entries of the cache are signed.
 
 It is 32 random bytes in XDG_STATE_HOME/bellcrank/cache-secret, else ~/.local/state/bellcrank/cache-secret, which only
-the user may read (mode 0600). It never lies in the cache, so that no folder brings its own.
+the user may read (mode 0600). It is not in the cache, so that a copied cache cannot bring its own.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _SIZE = 32
 
 
 def secret() -> bytes | None:
-    """The user's secret, made when first needed; None where there is none and none can be kept."""
+    """The user's secret, created when first needed; None where it cannot be written."""
     base = users_folder("XDG_STATE_HOME", ".local/state")
     return None if base is None else _kept(base / "bellcrank" / "cache-secret")
 
@@ -32,7 +32,7 @@ def _kept(path: Path) -> bytes | None:
 
 
 def _read(path: Path) -> bytes | None:
-    """What the file holds; None where there is none, or one that is not sound. OSError where it is another user's."""
+    """The content of the file; None where it is missing or invalid. Raises OSError for a file of another user."""
     try:
         handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except FileNotFoundError:
@@ -46,7 +46,7 @@ def _read(path: Path) -> bytes | None:
 
 
 def _made(path: Path) -> bytes | None:
-    """A new secret, written in one piece; where two processes make one at once, both take the one that stays."""
+    """Write a new secret atomically. If two processes do so at once, both use the one that remains."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     temporary = path.with_name(f"{path.name}-{os.urandom(8).hex()}")
     handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)

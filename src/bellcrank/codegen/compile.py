@@ -1,4 +1,4 @@
-"""Compiled functions: an expression graph as machine code, one sample or a batch at a call."""
+"""Compiled functions: expression graphs as machine code, called with one sample or a batch."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ _BATCH = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, ctyp
 class Compiled:
     """A function of several vectors as machine code.
 
-    Call it with one array an input, each (m,) or (n, m): single samples and batches may be mixed, a
-    single one is repeated. It returns one array an output, (k,) or (n, k). Machine code for one sample and
-    for batches is made when first needed, kept on disk, and freed with this object: whoever takes an address keeps it.
-    Pickled, it is its graph.
+    Call it with one array per input, (m,) or (n, m). Single samples and batches may be mixed; a single sample is
+    repeated. It returns one array per output, (k,) or (n, k). Machine code for one sample and for batches is compiled
+    when first needed, cached on disk, and freed with this object: keep the object while you use its address. The pickle
+    of this object holds the graph.
     """
 
     def __init__(self, name: str, recipe: str, graph: Callable[[], Graph], inputs: Sequence[int] = ()) -> None:
-        """`recipe` is its name in the cache; a recipe there whose first inputs have other sizes is not used."""
+        """`recipe` is its key in the cache; a cached recipe whose first inputs have other sizes is not used."""
         self.name, self._recipe, self._graph = name, recipe, graph
         self._loaded: dict[tuple[str, str], machine.Loaded] = {}
         stored = _read_recipe(recipe)
@@ -74,7 +74,7 @@ class Compiled:
         return batch_ir(self.graph, chosen.lanes, chosen.fused)
 
     def address(self, kind: str) -> int:
-        """The address of the machine code; its signature is in scalar.py or simd.py."""
+        """The address of the machine code; scalar_operations.py and simd_operations.py describe its signature."""
         key = (kind, machine.target_name())
         if key not in self._loaded:
             with making:
@@ -96,7 +96,7 @@ class Compiled:
         return f"{kind}:{chosen.name}:{chosen.cpu}:{chosen.features}"
 
     def _kept(self, kind: str) -> machine.Loaded | None:
-        """The code that lies in the cache, loaded; None where there is none for these sizes."""
+        """The cached code, loaded; None where the cache has none for these sizes."""
         key = self._hints.get(self._hint(kind))
         data = disk.load(key) if key else None
         sizes, _, code = (data or b"").partition(b"\n")
@@ -104,11 +104,11 @@ class Compiled:
             try:
                 return machine.Loaded(self.name, code, machine.target())
             except (RuntimeError, KeyError):
-                pass  # not an object this LLVM can load: make it anew
+                pass  # this LLVM cannot load it: compile again
         return None
 
     def _made(self, kind: str, ir: str, code: bytes) -> machine.Loaded:
-        """New code, loaded and kept in the cache with the sizes that it was made for."""
+        """Load new code, and store it in the cache with its sizes."""
         sizes = _sizes(self.graph)
         self.input_sizes, self.output_sizes = tuple(sizes["inputs"]), tuple(sizes["outputs"])
         key = machine.object_key(ir, machine.target(), self._level)
@@ -121,7 +121,7 @@ class Compiled:
         return json.dumps([self.input_sizes, self.output_sizes]).encode()
 
     def prepared(self, arrays: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], int]:
-        """A call of the batch code on these very arrays (C-contiguous, at least as many rows as lanes), bare."""
+        """A function that calls the batch code on these arrays (C-contiguous, at least as many rows as lanes) without checks."""
         call = _BATCH(self.address("batch"))
         ins = (ctypes.c_void_p * len(arrays))(*[v.ctypes.data for v in arrays])
         outs = (ctypes.c_void_p * len(outputs))(*[o.ctypes.data for o in outputs])
@@ -131,7 +131,7 @@ class Compiled:
         return lambda: int(call(ins, outs, strides, rows)) if held else 0
 
     def __call__(self, *arrays: Any) -> Any:
-        """Evaluate; InputError where an array has the wrong shape or batches differ in length."""
+        """Evaluate. Raises InputError where an array has a wrong shape or batches differ in length."""
         if all(type(a) is np.ndarray and a.ndim == 1 for a in arrays):
             quick = evaluate(self.address("scalar"), arrays, self.input_sizes, self.output_sizes)
             if quick is not None:
@@ -139,7 +139,7 @@ class Compiled:
         if len(arrays) != len(self.input_sizes):
             raise InputError(f"{self.name} takes {len(self.input_sizes)} arrays, {len(arrays)} were given")
         values = [np.ascontiguousarray(a, dtype=np.float64) for a in arrays]
-        self.address("batch" if any(v.ndim == 2 for v in values) else "scalar")  # its sizes are certain from here on
+        self.address("batch" if any(v.ndim == 2 for v in values) else "scalar")  # after this its sizes are checked
         rows = None
         for k, (value, size) in enumerate(zip(values, self.input_sizes, strict=True)):
             if value.ndim not in (1, 2) or value.shape[-1] != size:
@@ -173,7 +173,7 @@ class Compiled:
 
 
 def make_ready(wanted: Sequence[tuple[Compiled, str]]) -> list[int]:
-    """Make machine code (function, kind) where it is not there yet: LLVM compiles while the next IR is written.
+    """Compile several functions (function, kind); LLVM compiles one while the IR of the next is written.
 
     Returns the addresses of the machine code.
     """
@@ -184,7 +184,7 @@ def make_ready(wanted: Sequence[tuple[Compiled, str]]) -> list[int]:
 
 
 def _make(wanted: Sequence[tuple[Compiled, str]], name: str) -> None:
-    """Make the machine code of those of `make_ready` that have none for the target `name`."""
+    """Compile the functions that have no machine code for the target `name`."""
     chosen, process = machine.target(), os.getpid()
     with making, ThreadPoolExecutor(1) as compiler:
         begun = []
@@ -198,14 +198,14 @@ def _make(wanted: Sequence[tuple[Compiled, str]], name: str) -> None:
             ir = function.ir(kind)
             begun.append((function, kind, ir, compiler.submit(machine.object_code, ir, chosen, function._level)))
         for function, kind, ir, code in begun:
-            # in a process that a function that builds expressions has forked the compiling thread is not there
+            # a forked process does not have the compiling thread
             made = code.result() if os.getpid() == process else machine.object_code(ir, chosen, function._level)
             function._loaded[kind, name] = function._made(kind, ir, made)
 
 
 @cache
 def sources() -> str:
-    """A digest of the package: whatever builds an expression or compiles it, a change makes cached recipes stale."""
+    """A digest of the source files: cached recipes are not used after a change of the package."""
     package = Path(__file__).parent.parent
     paths = sorted([*package.rglob("*.py"), *package.glob("_trace*.so")])
     return disk.digest(*[p.read_bytes() for p in paths])
@@ -218,11 +218,11 @@ def compiled(
     seldom: bool = False,
     inputs: Sequence[int] = (),
 ) -> Compiled:
-    """The compiled function that `build` describes, from the cache where `key` is known there.
+    """The compiled function of the expression that `build` returns, from the cache where possible.
 
-    `key` must say everything that `build` depends on; `build` is not called while machine code for
-    what is asked of the function lies in the cache. `seldom` is the graph's. `inputs`: the sizes of its first inputs,
-    as the caller will pass them. Raises CompileError where `build` makes a function of others.
+    `key` must contain everything that `build` depends on; `build` is not called if the machine code is cached.
+    `seldom`: see Graph. `inputs` are the sizes of the first inputs. Raises CompileError where `build` returns a function
+    with other sizes.
     """
     graphs: list[Graph] = []
 

@@ -1,4 +1,4 @@
-"""An expression graph as plain arrays, in single-assignment form: what the compiler reads."""
+"""Expression graphs in single-assignment form: the input of the compiler."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from bellcrank.codegen.tracer import extension
 
-LONG = 2_000  # operations: below, code is compiled well in a tenth of a second
+LONG = 2_000  # operations; shorter code compiles in a tenth of a second
 
 
 @cache
@@ -29,9 +29,9 @@ class Node(NamedTuple):
 
 @dataclass(frozen=True)
 class Graph:
-    """Nodes in an order in which each reads only earlier ones; outputs[k] = (size, {entry: node}).
+    """Nodes, of which each reads only earlier ones; outputs[k] = (size, {entry: node}).
 
-    `seldom`: it will be called for some rows only and not at each step of a run, so that the time to compile it counts.
+    `seldom`: the function is called for some rows only, not at each step, so that a short compile time matters more.
     """
 
     nodes: tuple[Node, ...]
@@ -41,22 +41,22 @@ class Graph:
 
     @property
     def soon_compiled(self) -> bool:
-        """Whether the time to compile it counts for more than its speed."""
+        """Whether a short compile time matters more than fast code."""
         return self.seldom and self.operations > LONG
 
     @property
     def operations(self) -> int:
-        """How many arithmetic operations there are: inputs and constants are not counted."""
+        """The number of operations; inputs and constants are not counted."""
         return sum(node.op not in ("input", "const") for node in self.nodes)
 
     @property
     def flops(self) -> int:
-        """The arithmetic operations without sines and cosines."""
+        """The number of operations without sines and cosines."""
         return sum(node.op not in ("input", "const", "sin", "cos") for node in self.nodes)
 
 
 class _Builder:
-    """Nodes as they are added; what has been added before, whichever way round it is written, is found again."""
+    """Collects nodes; equal operations, also with swapped operands of a sum or product, become one node."""
 
     def __init__(self) -> None:
         self.nodes: list[Node] = []

@@ -1,7 +1,7 @@
-"""Orders of a graph's operations that keep few values waiting: fewer are spilled, and code that is cut passes on fewer.
+"""Orders of a graph's operations in which few values are live, so that fewer are spilled to memory.
 
-Finding the best order is a hard problem (register allocation with free order), so a few cheap ones are compared by
-how many operands were last touched long ago.
+Finding the best order is hard (register allocation with free order). Therefore some cheap orders are compared by how
+many operands were last used long ago.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from heapq import heappop, heappush
 
 from bellcrank.codegen.expression_graph import Graph
 
-_REGISTERS, _NEAR = 32, 512  # values that the registers, and the first-level cache of vectors, hold
-_FAR_COST = 3  # what a value from beyond the first-level cache costs, in reloads from it (fitted to measured times)
+_REGISTERS, _NEAR = 32, 512  # values that fit in the registers, and in the first-level cache
+_FAR_COST = 3  # cost of a value outside the first-level cache, in reloads from it (fitted to measured times)
 
 
 def local_order(graph: Graph, operations: Sequence[int]) -> list[int]:
-    """The operations (node indices, each after what it reads) in an order in which values are used soon."""
+    """The operations (node indices, operands first) in an order in which values are used soon."""
     place = {index: i for i, index in enumerate(operations)}  # from here on operations go by their place
     reads = [[place[a] for a in dict.fromkeys(graph.nodes[index].args) if a in place] for index in operations]
     outputs = [place[n] for _, entries in graph.outputs for n in entries.values() if n in place]

@@ -1,4 +1,4 @@
-"""LLVM as a library: target machine, object code, and code that is loaded and ready to call."""
+"""LLVM: target machine, object code, and loaded code."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ from bellcrank.codegen import locks
 from bellcrank.errors import CompileError, InputError
 from bellcrank.messages import unknown_name
 
-ABI = 1  # of the compiled functions (scalar.py, simd.py); a change makes every cached object stale
+ABI = (
+    1  # of the compiled functions (scalar_operations.py, simd_operations.py); a change makes every cached object stale
+)
 _serial = itertools.count()
 
 
 @dataclass(frozen=True)
 class Target:
-    """A processor as code is generated for it: LLVM's CPU name, features, SIMD lanes, fused multiply-add."""
+    """A processor for which code is generated: LLVM's CPU name, features, SIMD lanes, fused multiply-add."""
 
     name: str
     cpu: str
@@ -31,7 +33,7 @@ class Target:
 
 
 def processor() -> str:
-    """What the processor calls itself."""
+    """The model name of the processor."""
     try:
         with Path("/proc/cpuinfo").open(encoding="utf-8") as file:
             return next(line.split(":")[1].strip() for line in file if line.startswith("model name"))
@@ -101,7 +103,7 @@ def _jit(chosen: Target) -> Any:
 
 
 def object_key(ir: str, chosen: Target, level: int = 2) -> str:
-    """The name of the machine code of `ir` on disk: what it is made of and what it is made for."""
+    """The cache key of the machine code of `ir` for a target."""
     import llvmlite
 
     return "object-" + disk.digest(ir, chosen.cpu, chosen.features, llvmlite.__version__, str(ABI), str(level))
@@ -130,6 +132,6 @@ class Loaded:
         llvm = _llvm()
         with locks.llvm:
             builder = llvm.JITLibraryBuilder().add_object_img(code).add_current_process()
-            unique = f"{name}.{next(_serial)}"  # LLVM refuses a name that it has had before
+            unique = f"{name}.{next(_serial)}"  # LLVM needs a unique name
             self._library = builder.export_symbol("evaluate").link(_jit(chosen), unique)
             self.address: int = self._library["evaluate"]

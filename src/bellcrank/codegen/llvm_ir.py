@@ -1,9 +1,9 @@
-"""From an expression graph to LLVM IR: the straight-line code of its operations, for any number of lanes.
+"""Writes LLVM IR for an expression graph: straight-line code of its operations, for any number of SIMD lanes.
 
-Compiled functions are pure and return a status (0). Floating-point expressions may be contracted to fused
-multiply-adds; nothing else is reordered, so infinities, NaN and signs keep their meaning. Inputs and outputs
-must not overlap. Scratch memory is on the caller's stack, up to some hundred kB for the largest graphs. scalar.py
-makes the function for one sample of it, simd.py the one for batches.
+Compiled functions are pure and return a status (0). Products and sums may be fused; nothing else is reordered, so
+infinities, NaN and signs are as in IEEE 754. Inputs and outputs must not overlap. Scratch memory is on the stack, up to
+some hundred kB for the largest graphs. scalar_operations.py makes the function for one sample, simd_operations.py the
+one for batches.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Body:
         self.names: dict[int, str] = {}
 
     def write(self, part: int) -> None:
-        """The code of a part; the first one also stores the outputs that are zeros, constants or inputs."""
+        """Write the code of a part; the first part also stores outputs that are zeros, constants or inputs."""
         for step in self.plan.parts[part]:
             if isinstance(step, Wave):
                 self._wave(step.angles)
@@ -58,7 +58,7 @@ class Body:
         self.lines.append("  " + line)
 
     def _value(self, index: int) -> str:
-        """The name of a node's value in this function, read from memory where another function has computed it."""
+        """The name of a node's value in this function; loaded from memory if another function computes it."""
         name = self.names.get(index)
         if name is None:
             node = self.graph.nodes[index]
@@ -77,14 +77,14 @@ class Body:
         return f"%v{index}.at"
 
     def _hand_on(self, index: int) -> None:
-        """Store a value where it is an output, and where a later function reads it."""
+        """Store a value that is an output or that a later function reads."""
         for k, i in self.plan.places.get(index, ()):
             self._put(self.store.format(k=k, i=i, name=self.names[index]))
         if index in self.plan.slots:
             self._put(f"store {self.lanes.double} {self.names[index]}, ptr {self._slot(index)}")
 
     def _groups(self, angles: tuple[int, ...]) -> list[tuple[Lanes, tuple[int, ...]]]:
-        """The angles of a wave by the vectors in which they are done: one each in a batch, packed for one sample."""
+        """The angles of a wave, grouped by vector: one each in a batch, packed for one sample."""
         if self.lanes.width > 1:
             return [(self.lanes, (a,)) for a in angles]
         groups = []
@@ -115,7 +115,7 @@ class Body:
         return whole
 
     def _wave(self, angles: tuple[int, ...]) -> None:
-        """Sines and cosines of several angles; where one is too large, all by the C library."""
+        """Sines and cosines of several angles; if one is too large, all are computed by the C library."""
         tag = f"w{angles[0]}"
         groups = self._groups(angles)
         count = sum(lanes.width for lanes, _ in groups)
@@ -163,7 +163,7 @@ class Body:
                         self._unpack(lanes, f"%{tag}.r{at + (kind + 1) * region}", j, node)
 
     def _unpack(self, lanes: Lanes, vector: str, j: int, node: int) -> None:
-        """Name a node's value, which is lane j of a vector or, in a batch, all of it."""
+        """Name a node's value, which is lane j of a vector, or the whole vector in a batch."""
         if lanes.width > self.lanes.width:
             self._put(f"%v{node} = extractelement {lanes.double} {vector}, i64 {j}")
             vector = f"%v{node}"
@@ -208,7 +208,7 @@ class Body:
         self.names[index] = name
 
     def _extreme(self, name: str, before: str, args: list[str]) -> None:
-        """The smaller or the larger of two; NaN where either is, unlike C's fmin, which would hide it."""
+        """The minimum or maximum of two values; NaN if either is NaN, unlike C's fmin."""
         a, b, d, bit = args[0], args[1], self.lanes.double, self.lanes.bit
         self._put(f"{name}.b = fcmp {before} {d} {a}, {b}")
         self._put(f"{name}.m = select {bit} {name}.b, {d} {a}, {d} {b}")

@@ -1,8 +1,8 @@
-"""Locks around libraries that work on one thread at a time, and how they pass a fork.
+"""Locks around libraries that are not thread-safe, and their state in a forked process.
 
-A process that is forked has only the thread that forked it: a lock that another thread held stays taken in it for ever,
-and what that thread was changing stays half changed. So a fork waits until no other thread compiles, traces or imports,
-and holds the locks meanwhile. Imported with the package, so that nothing of it can be under way before.
+A forked process has only the thread that called fork: a lock that another thread held is never released there, and data
+that it was changing stay inconsistent. Therefore a fork waits until no other thread compiles, traces or imports, and
+holds the locks. The package imports this module first, so that its handlers are registered before anything else runs.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ import threading
 from importlib import _bootstrap
 from typing import Any
 
-making = threading.RLock()  # casadi and LLVM work on one thread at a time; calls of finished code do not wait
-llvm = threading.RLock()  # LLVM's state here is one context and one JIT; whoever wants both takes `making` first
+making = threading.RLock()  # for casadi and LLVM, which are not thread-safe; compiled code runs without it
+llvm = threading.RLock()  # for the one context and JIT of LLVM; take `making` first where both are needed
 _PACKAGES = {"bellcrank", "casadi", "llvmlite", "pinocchio", "eigenpy", "numpy", "scipy", "yaml", "matplotlib"}
-_PASSES = 1000  # bounds the waiting, as an import that this thread itself is in the middle of does not end
+_PASSES = 1000  # limits the waiting, because an import of this very thread does not end
 _wait_for = getattr(_bootstrap, "_lock_unlock_module", lambda name: None)  # waits while a thread imports the module
 _taken = threading.local()
 
@@ -28,7 +28,7 @@ def _take() -> None:
     held = _taken.held = contextlib.ExitStack()
     held.enter_context(making)
     held.enter_context(llvm)
-    _imp.acquire_lock()  # held to the end: no import begins after the last look
+    _imp.acquire_lock()  # held to the end, so that no import begins after the last check
     held.callback(_imp.release_lock)
     for _ in range(_PASSES):
         names = _imported_now()
@@ -38,7 +38,7 @@ def _take() -> None:
         for name in names:
             _wait_for(name)
         _imp.acquire_lock()
-    lock = _lock_of_llvmlite()  # looked for last, as llvmlite may be imported during all this waiting
+    lock = _lock_of_llvmlite()  # last, because llvmlite may be imported while this thread waits
     if lock is not None:
         held.enter_context(lock)
 

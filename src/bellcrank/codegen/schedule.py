@@ -1,10 +1,10 @@
-"""In which order a graph's operations are written, and where large graphs are cut into several functions.
+"""The order in which a graph's operations are written, and the division of large graphs into functions.
 
 LLVM's time grows faster than the length of straight-line code: 13,000 operations take 0.8 s and 37,000 4 s in one
-function, 1.7 s in functions of 400. But the values that functions pass on cost time at every call, 15 % for 13,000
-operations of a humanoid in eight lanes, so that code is cut only where it is long, or where so many values wait at once
-that they are in memory anyway: forty loops of four bars, 9,000 operations, take half the time to compile in functions
-of 400, and a tenth less to run.
+function, 1.7 s in functions of 400. But values passed between functions cost time at every call, 15 % for 13,000
+operations of a humanoid in eight lanes. Therefore code is divided only if it is long, or if so many values are live at
+once that they are in memory anyway: forty loops of four bars, 9,000 operations, then take half the time to compile, and
+a tenth less to run.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from bellcrank.codegen.expression_graph import Graph
 from bellcrank.codegen.instruction_order import local_order
 
 WHOLE = 16_000  # the most operations that stay in one function
-PART = 400  # operations a function of a graph that is cut
-WAITING = 750  # the most values that wait at once in a graph that stays in one function
+PART = 400  # operations per function of a divided graph
+WAITING = 750  # the most live values in a graph that stays in one function
 
 
 @dataclass(frozen=True)
 class Wave:
-    """Angles whose sines and cosines are taken together."""
+    """Angles whose sines and cosines are computed together."""
 
     angles: tuple[int, ...]
 
@@ -34,10 +34,10 @@ Step = int | Wave  # an operation, as the index of its node, or a wave
 
 @dataclass(frozen=True)
 class Schedule:
-    """The steps of each function, and the slots of the memory in which values that a later one needs are passed on.
+    """The steps of each function, and the memory slots in which values are passed to later functions.
 
-    `slots` has the nodes that are passed on; several share a slot where the last function that reads one comes
-    before the function that writes the next. `sines[angle]` has the nodes of its sine and cosine, -1 for none;
+    `slots` has the nodes that are passed; nodes share a slot if the last function that reads one comes before the
+    function that writes the next. `sines[angle]` has the nodes of its sine and cosine, -1 for none;
     `places[node]` has the outputs (which, entry) that a node is.
     """
 
@@ -49,7 +49,7 @@ class Schedule:
 
 
 def schedule(graph: Graph) -> Schedule:
-    """The order of a graph's operations: sines in waves as early as they can be, the rest so that few values wait."""
+    """The order of a graph's operations: sines in waves as early as possible, the rest so that few values are live."""
     sines = _sines(graph)
     steps = _steps(graph, sines)
     count = -(-len(steps) // PART)
