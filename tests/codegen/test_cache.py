@@ -159,7 +159,7 @@ def test_the_users_folder_of_the_xdg_specification_holds_the_cache(tmp_path, mon
 
 def test_a_home_that_does_not_exist_is_said_and_no_folder_of_that_name_made(tmp_path, monkeypatch):
     monkeypatch.setenv("BELLCRANK_CACHE", "~nobody-of-that-name/cache")
-    with pytest.warns(UserWarning, match="no such home"):
+    with pytest.warns(UserWarning, match="home folder does not exist"):
         assert cache.folder() is None
     assert not Path("~nobody-of-that-name").exists()
 
@@ -243,7 +243,7 @@ def test_without_a_place_for_the_secret_runs_go_on_and_the_named_folder_is_said_
 ):
     (tmp_path / "file").write_text("in the way")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
-    with pytest.warns(UserWarning, match="let XDG_STATE_HOME name a folder"):
+    with pytest.warns(UserWarning, match="set XDG_STATE_HOME to a folder"):
         swing()
     assert not entries(fresh_cache)
 

@@ -94,8 +94,8 @@ def test_a_limit_that_is_exceeded_is_exit_1(here, capsys):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["arm.yaml", "--out", "taken/page.html"], "--out taken/page.html: taken is a file, expected a folder"),
-        (["arm.yaml", "--out", "."], "--out .: that is a folder, expected a file such as replay.html"),
+        (["arm.yaml", "--out", "taken/page.html"], "--out taken/page.html: taken is a file; expected a folder"),
+        (["arm.yaml", "--out", "."], "--out .: is a folder; expected a file such as replay.html"),
         (["gone.npz"], "gone.npz: there is no such file"),
         (["."], "there is no run.npz in this folder; `bellcrank simulate SCENE` writes one"),
         (["arm.yaml", "--trace", "tipp"], "trace: unknown frame 'tipp'; did you mean 'tip'"),

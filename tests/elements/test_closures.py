@@ -482,7 +482,7 @@ def test_a_coupling_of_joints_in_mjcf_is_read_with_its_sign(beside):
         ("mjcf", "<mujoco>", "<?xml version='1.0' encoding='rot13'?><mujoco>", "is not text in the encoding rot13"),
         ("sdf", "<sdf ", "<?xml version='1.0' encoding='utf-32'?><sdf ", "is not text in the encoding utf-32"),
         ("mjcf", 'joint name="rocker"', 'joint name="swing"', "unknown joint 'swing'"),
-        ("mjcf", "</equality>", "<tendon/></equality>", "<tendon> under <equality> is not read"),
+        ("mjcf", "</equality>", "<tendon/></equality>", "<tendon> under <equality> is not allowed"),
         ("sdf", 'name="apex" type="revolute"', 'name="apex" type="screw"', "closes a loop and is screw"),
         ("sdf", "<pose>1.2 ", "<pose>one ", "not a number where one is needed"),
         ("sdf", "<child>coupler_link</child>\n<axis>", "<child>tip_link</child>\n<axis>", "closes no loops"),

@@ -67,7 +67,7 @@ def test_only_regular_files_are_read(tmp_path: Path) -> None:
     for path in (tmp_path / "pipe", Path("/dev/zero"), Path("/dev/null")):
         with pytest.raises(InputError, match="is a pipe, a device or a socket"):
             read_bytes(path)
-    with pytest.raises(InputError, match="it is a folder; name the file in it"):
+    with pytest.raises(InputError, match="is a folder; name a file in it"):
         read_bytes(tmp_path)
     with pytest.raises(InputError, match="there is no such file"):
         read_bytes(tmp_path / "gone")
@@ -81,15 +81,15 @@ def test_what_is_read_is_limited_and_not_what_the_file_system_claims(tmp_path: P
     path = tmp_path / "file"
     path.write_bytes(b"x" * 1000)
     assert read_bytes(path, 1000) == b"x" * 1000
-    with pytest.raises(InputError, match="is larger than"):
+    with pytest.raises(InputError, match="is too large"):
         read_bytes(path, 999)
     with path.open("r+b") as file:
         file.truncate(2**40)  # sparse: a terabyte that takes no room
-    with pytest.raises(InputError, match="is larger than the 64 MiB"):
+    with pytest.raises(InputError, match="is too large the 64 MiB"):
         read_bytes(path)
     if Path("/proc/self/maps").exists():  # these claim to hold nothing
         assert len(read_bytes("/proc/self/maps")) > 1000
-        with pytest.raises(InputError, match="is larger than"):
+        with pytest.raises(InputError, match="is too large"):
             read_bytes("/proc/self/maps", 100)
 
 
@@ -98,7 +98,7 @@ def test_texts_are_utf8_without_mark_and_with_plain_line_ends(tmp_path: Path) ->
     path.write_bytes("\ufeffa\r\nb\rc\n°".encode())
     assert read_text(path) == "a\nb\nc\n°"
     path.write_bytes(b"caf\xe9 secret")
-    with pytest.raises(InputError, match="not a text file in UTF-8, from byte 3 on") as caught:
+    with pytest.raises(InputError, match="not valid UTF-8 at byte 3") as caught:
         read_text(path)
     assert "secret" not in str(caught.value)
 
@@ -112,7 +112,7 @@ def test_a_pipe_on_the_command_line_is_refused_at_once(
     for kind in ("yaml", "urdf", "csv", "npz"):
         os.mkfifo(tmp_path / f"pipe.{kind}")
     assert cli.main(command.split()) == 2
-    assert "only regular files are read" in capsys.readouterr().err
+    assert "expected a regular file" in capsys.readouterr().err
 
 
 # ---- which files may be named
@@ -131,7 +131,7 @@ def test_the_own_folder_what_is_below_and_what_lies_beside_may_be_named(project:
         "link/gone", str(project / "urdf/x.urdf"), str(project / "robots/link/x.urdf"), "~/a", "a\0b",
     )  # fmt: skip
     for name in refused:
-        with pytest.raises(InputError, match=r"is not read: expected a relative path to a file in .*--trust DIR"):
+        with pytest.raises(InputError, match=r"is not allowed: expected a relative path to a file in .*--trust DIR"):
             access.path(name)
 
 
@@ -192,7 +192,7 @@ SCENES = {
 def test_every_file_that_a_scene_names_is_refused_from_elsewhere(project: Path, what: str, place: str) -> None:
     (project / "robots" / "link").symlink_to(project.parent / "private")
     path = scene(project, SCENES[what].format(place.format(private=project.parent / "private")))
-    with pytest.raises(InputError, match=r"scene.yaml: .*(urdf|file|run).* is not read: .*--trust DIR") as caught:
+    with pytest.raises(InputError, match=r"scene.yaml: .*(urdf|file|run).* is not allowed: .*--trust DIR") as caught:
         bc.load_scene(path)
     assert "\n" not in str(caught.value)
 
@@ -205,7 +205,7 @@ def test_trust_allows_by_argument_by_variable_and_by_option(
     path = scene(
         project, table.replace("planar_2r", str(private / "x.urdf")) + "simulate: {duration: 0.01, samples: 2}\n"
     )
-    with pytest.raises(InputError, match="is not read"):
+    with pytest.raises(InputError, match="is not allowed"):
         bc.load_scene(path)
     again = bc.load_scene(path, trust=private).with_overrides({"initial.shoulder": 0.1})
     assert again.robot.source == private / "x.urdf"
@@ -230,7 +230,7 @@ def test_what_the_user_writes_on_the_command_line_is_read_wherever_it_is(project
     path = scene(project, "urdf: x.urdf\nforces: [{name: push, kind: torque, joint: shoulder, file: torque.csv}]\n")
     changed = bc.load_scene(path, {"urdf": str(private / "x.urdf"), "forces.push.file": str(private / "torque.csv")})
     assert changed.robot.source == private / "x.urdf" and changed.with_overrides({"initial.elbow": 0.2}).forces
-    with pytest.raises(InputError, match="is not read"):  # of another key
+    with pytest.raises(InputError, match="is not allowed"):  # of another key
         bc.load_scene(scene(project, f"urdf: {private}/x.urdf\n"), {"gravity": [0, 0, -1]})
     assert bc.load_scene(private / "x.urdf").robot.name == "planar_2r"
     assert bc.load_robot_config(private / "x.urdf").robot().name == "planar_2r"

@@ -527,7 +527,7 @@ def test_targets_that_cannot_be_files_are_refused_before_anything_is_computed(tm
             os.mkfifo(path)
         else:
             path.symlink_to("/dev/null" if kind == "device" else path)
-    said = "leads back to itself" if kind == "loop" else f"that is a {kind}, expected"
+    said = "the symbolic link is circular" if kind == "loop" else f"is a {kind}; expected"
     link = "is a link to /dev/null, which would be overwritten"  # in a folder: refused without a look at its end
 
     def compute(*_, **__):
@@ -554,7 +554,7 @@ def test_size_checks_its_folder_before_it_computes(tmp_path, monkeypatch, capsys
     (tmp_path / "file").write_text("")
     monkeypatch.setattr("bellcrank.sizing.front.size", lambda *_, **__: pytest.fail("computed first"))
     assert main(["size", "planar_2r", "--out", str(tmp_path / "file" / "deep")]) == 2
-    assert "is a file, expected a folder" in capsys.readouterr().err
+    assert "is a file; expected a folder" in capsys.readouterr().err
 
 
 def dead_mark():

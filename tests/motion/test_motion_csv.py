@@ -164,7 +164,7 @@ def test_refuses_what_is_no_text_file(arm, tmp_path):
     with pytest.raises(InputError, match="cannot be read: it is a folder"):
         read_motion(arm, tmp_path)
     (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00\x81")
-    with pytest.raises(InputError, match="not a text file in UTF-8"):
+    with pytest.raises(InputError, match="not valid UTF-8"):
         read_motion(arm, tmp_path / "b.csv")
 
 
