@@ -22,7 +22,7 @@ from bellcrank.errors import BellcrankError, InputError
 MADE_BY = {
     "Robot": "load_robot",
     "Scene": "load_scene",
-    "Card": "load_card",
+    "RobotConfig": "load_robot_config",
     "Trajectory": "simulate",
     "Sizing": "size",
     "Sweep": "sweep",
@@ -30,12 +30,12 @@ MADE_BY = {
 ERRORS = ("BellcrankError", "InputError", "NotSavedError", "UnreachableError", "CompileError")
 # What a message may call an argument, besides its own name.
 WORDS = {
-    "name": ("joint", "frame", "link", "motion", "measure", "closure", "output", "motor", "column"),
+    "name": ("joint", "frame", "link", "motion", "measure", "constraint", "output", "motor", "column"),
     "link": ("link",),
     "algorithm": ("algorithm",),
-    "path_or_name": ("scene", "robot", "card"),
+    "path_or_name": ("scene", "robot", "robot configuration", "config"),
     "scene": ("scene", "robot"),
-    "robot": ("robot", "scene", "card"),
+    "robot": ("robot", "scene", "config"),
     "path": ("robot", "picture format", "file", "folder"),
     "motion": ("motion",),
     "motions": ("motion",),
@@ -198,7 +198,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         "read_motion": (bc.read_motion, {"robot": robot, "path": "given.csv", "name": "own", "text": None}),
         "write_motion": (bc.write_motion, {"motion": motion, "path": "written.csv", "torque": np.zeros((11, 2)),
                                            "more": {("own", "W"): np.zeros(11)}}),
-        "load_card": (bc.load_robot_config, {"path_or_name": "planar_2r", "trust": ["."]}),
+        "load_robot_config": (bc.load_robot_config, {"path_or_name": "planar_2r", "trust": ["."]}),
         "Drive": (bc.Drive, {
             "ratio": 100.0, "rated_torque": 1.0, "peak_torque": 2.0, "rated_speed": 300.0, "max_speed": 400.0,
             "efficiency": 0.9, "rotor_inertia": 1e-4, "gear_inertia": 1e-5, "safety_factor": 1.2,

@@ -154,7 +154,7 @@ def test_the_memory_of_a_group_counts_the_files_it_caches_as_free(tmp_path, monk
 
 def test_a_variable_of_the_progress_bar_that_it_does_not_take_is_named(tmp_path):
     codes, said = run(tmp_path, "simulate|pendulum|--duration|0.1|--no-plots", TQDM_MININTERVAL="often")
-    assert codes == [2] and said.startswith("bellcrank: a variable TQDM_") and "'often'" in said
+    assert codes == [2] and said.startswith("bellcrank: environment variable TQDM_") and "'often'" in said
 
 
 def test_letters_that_the_font_lacks_are_drawn_without_a_warning(tmp_path, recwarn):
