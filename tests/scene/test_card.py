@@ -80,7 +80,7 @@ def test_payloads_frames_friction_and_rotors_reach_the_robot(tmp_path: Path) -> 
         payloads=[{"mass": "500 g", "frame": "hook"}],
         frames={"hook": {"link": "link_2", "xyz": ["500 mm", 0, 0]}},
         friction={"elbow": {"viscous": 2.0, "coulomb": 1.0}},
-        drives={"elbow": DRIVE | {"rotor_inertia": 1e-4}},
+        actuators={"elbow": DRIVE | {"rotor_inertia": 1e-4}},
     )
     config = read_config(path)
     robot, plain = config.robot([Payload(1.0, "tip")]), read_config(card_with(tmp_path)).robot()
@@ -144,11 +144,11 @@ def test_every_kind_of_motion(tmp_path: Path) -> None:
             "no body has the inertia",
         ),
         (
-            {"drives": {"elbow": {"ratio": 3, "rated_torqe": 1}}},
+            {"actuators": {"elbow": {"ratio": 3, "rated_torqe": 1}}},
             "'rated_torque' is missing; did you mean .* by 'rated_torqe'",
         ),
-        ({"drives": {"elbow": {"ratio": 3}}}, "drives.elbow.*'rated_torque' is missing"),
-        ({"motions": {"m": {"kind": "spiral"}}}, "no kind 'spiral'"),
+        ({"actuators": {"elbow": {"ratio": 3}}}, "actuators.elbow.*'rated_torque' is missing"),
+        ({"motions": {"m": {"kind": "spiral"}}}, "unknown kind 'spiral'"),
         ({"motions": {"m": {}}}, "'kind' is missing"),
         ({"motions": {"m": CIRCLE | {"radius": "3 kg"}}}, "motions.m.radius .*expected a length"),
         ({"motions": {"m": CIRCLE | {"radius": -1}}}, "more than 0 m"),
@@ -169,7 +169,7 @@ def test_every_kind_of_motion(tmp_path: Path) -> None:
             {"motions": {"m": {"kind": "waypoints", "times": [1, 0], "positions": [{}, {}]}}},
             "times that increase",
         ),
-        ({"motions": {"m": {"kind": "join", "parts": ["n"]}}}, "no motion 'n'"),
+        ({"motions": {"m": {"kind": "join", "parts": ["n"]}}}, "unknown motion 'n'"),
         ({"motions": {"m": {"kind": "join", "parts": ["m"]}}}, "joined to itself"),
         ({"motions": {"m": {"kind": "dwell", "duration": 0}}}, "more than 0 s"),
         ({"motions": [1]}, "expected a mapping"),
@@ -191,7 +191,7 @@ def test_broken_cards_are_one_sentence(tmp_path: Path, change: dict[str, Any], m
         ({"motions": {"m": {"kind": "csv", "file": "none.csv"}}}, "none.csv"),
         ({"motions": {"m": {"kind": "dwell", "duration": 1}}}, "needs a 'position'"),
         ({"payloads": [{"mass": 1, "frame": "hand"}]}, "hand"),
-        ({"drives": {"elbw": DRIVE | {"rotor_inertia": 1e-5}}}, "elbw"),
+        ({"actuators": {"elbw": DRIVE | {"rotor_inertia": 1e-5}}}, "elbw"),
         ({"frames": {"a": {"link": "nowhere"}}}, "nowhere"),
         ({"friction": {"wrist": {"viscous": 1}}}, "wrist"),
     ],
@@ -218,7 +218,7 @@ def test_names_paths_and_urdfs_all_load(tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError, match=message):
             load_robot_config(wrong)
-    with pytest.raises(InputError, match="no motion 'elbow_upp'; did you mean 'elbow_up'"):
+    with pytest.raises(InputError, match="unknown motion 'elbow_upp'; did you mean 'elbow_up'"):
         load_robot_config("planar_2r").motion(load_robot_config("planar_2r").robot(), "elbow_upp")
 
 
@@ -233,7 +233,7 @@ leaves = (
 KEYS = [
     "urdf",
     "motions",
-    "drives",
+    "actuators",
     "payloads",
     "frames",
     "friction",
@@ -255,7 +255,7 @@ trees = st.recursive(
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.dictionaries(
-        st.sampled_from(["gravity", "motions", "drives", "payloads", "frames", "friction", "floating_base"]),
+        st.sampled_from(["gravity", "motions", "actuators", "payloads", "frames", "friction", "floating_base"]),
         trees,
         max_size=3,
     )

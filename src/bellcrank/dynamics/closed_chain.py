@@ -50,9 +50,9 @@ SINGULAR = 1e-8  # a singular value below this share of the largest counts as 0
 
 
 class Chain:
-    """The linkage of a scene, its `drive` constraints taken away, with motors at `actuated` joints.
+    """The linkage of a scene, its `prescribed_motion` constraints taken away, with motors at `actuated` joints.
 
-    Without `actuated` the motors sit where the scene has drives: its `drive` constraints, or the configuration's `actuated`, or the
+    Without `actuated` the motors sit where the scene has drives: its `prescribed_motion` constraints, or the configuration's `actuated`, or the
     configuration's drives. Raises InputError where there is no constraint, no motor, or rolling contact, whose positions depend on
     the way that was gone.
     """

@@ -27,6 +27,7 @@ from bellcrank.messages import unknown_name
 from bellcrank.motion.entries import MotionEntry, check_references, read_motion_entry
 from bellcrank.robot import catalog
 from bellcrank.robot.payload import Payload
+from bellcrank.scene.renamed_keys import read_scene_data
 from bellcrank.text import file_name_here, readable
 
 if TYPE_CHECKING:
@@ -34,9 +35,9 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
 CONFIG_KEYS = (
-    "name", "urdf", "gravity", "floating_base", "friction", "payloads", "frames", "motions", "drives", "actuated",
+    "name", "urdf", "gravity", "floating_base", "friction", "payloads", "frames", "motions", "actuators", "actuated",
 )  # fmt: skip
-SCENE_KEYS = ("closures", "forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate")
+SCENE_KEYS = ("constraints", "forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate")
 
 Frame = tuple[str, tuple[float, ...], tuple[float, ...]]
 
@@ -57,6 +58,8 @@ class RobotConfig:
     drives: Mapping[str, Drive] = field(default_factory=dict)
     actuated: tuple[str, ...] = ()
     access: FileAccess | None = field(default=None, repr=False, compare=False)  # which files the URDF may name
+    # a note on each key of its file that has another name since 0.5
+    deprecations: tuple[str, ...] = field(default=(), repr=False, compare=False)
 
     def robot(self, extra_payloads: Iterable[Payload] = ()) -> Robot:
         """The robot with its mounting, payloads, frames and the drives' reflected inertias; InputError."""
@@ -132,18 +135,19 @@ def find_config(path_or_name: str | Path) -> tuple[Path, bool]:
             if text not in known:
                 near = difflib.get_close_matches(text, known, n=1)
                 hint = f"did you mean '{near[0]}'? " if near else ""
-                raise InputError(f"there is no scene or robot '{text}'; {hint}`bellcrank robots` lists them")
+                raise InputError(f"unknown scene or robot '{text}'; {hint}`bellcrank robots` lists them")
     return catalog.find_urdf(path_or_name), True
 
 
 def read_config(path: str | Path, access: FileAccess | None = None) -> RobotConfig:
     """Read a configuration's YAML file; InputError, one sentence naming file, key and line."""
     path = Path(path)
-    fields = Fields.from_file(path, access)
+    data, notes = read_scene_data(path)
+    fields = Fields(data, str(path), access=access)
     config = config_from_fields(fields, path)
     fields.known(*SCENE_KEYS)
     fields.done()
-    return config
+    return replace(config, deprecations=notes)
 
 
 def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
@@ -160,8 +164,8 @@ def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
     motions = fields.mapping("motions", {})
     entries = {key: read_motion_entry(key, motions.mapping(key)) for key in motions}
     check_references(entries)
-    drives = fields.mapping("drives", {})
-    motors = {joint: drive_from_fields(drives.mapping(joint)) for joint in drives}
+    entries_of_motors = fields.mapping("actuators", {})
+    motors = {joint: drive_from_fields(entries_of_motors.mapping(joint)) for joint in entries_of_motors}
     actuated = fields.raw("actuated", ())
     if not isinstance(actuated, (list, tuple)) or not all(isinstance(joint, str) for joint in actuated):
         raise fields.error("actuated", "expected a list of joints, such as [crank]")

@@ -81,7 +81,7 @@ def size(
         config = replace(config, drives=drives_of(drives))
     sized, over = chosen(config, config.robot(loads), motions, robot if isinstance(robot, Scene) else None)
     sizing = size_robot(sized, over, config.drives, mass_tolerance, allow_massless=links)
-    return replace(sizing, robot=config.name)
+    return replace(sizing, robot=config.name, warnings=(*config.deprecations, *sizing.warnings))
 
 
 def chosen(
