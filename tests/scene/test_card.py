@@ -40,7 +40,7 @@ def card_with(folder: Path, **keys: Any) -> Path:
 def test_the_bundled_circle_gives_the_lectures_extremes(motion: str, branch: int) -> None:
     config = load_robot_config("planar_2r")
     robot = config.robot()
-    sizing = size(robot, config.motion(robot, motion), config.drives)
+    sizing = size(robot, config.motion(robot, motion), config.actuators)
     found = [
         value
         for name in ("shoulder", "elbow")
@@ -54,9 +54,9 @@ def test_bundled_cards_are_sized_and_stay_inside_their_limits(name: str) -> None
     config = load_robot_config(name)
     robot = config.robot()
     motions = [config.motion(robot, motion) for motion in config.motions]
-    sizing = size(robot, motions, config.drives)
+    sizing = size(robot, motions, config.actuators)
     assert sizing.inside, sizing.exceeded
-    assert set(config.drives) <= set(robot.joint_names)
+    assert set(config.actuators) <= set(robot.joint_names)
     for joint in sizing.joints:
         for peak in joint.peaks.values():
             assert np.isfinite(peak.value) and np.isfinite(peak.time) and np.isfinite(peak.position).all()
@@ -65,7 +65,7 @@ def test_bundled_cards_are_sized_and_stay_inside_their_limits(name: str) -> None
 def test_the_geared_pendulum_holds_9_81() -> None:
     config = load_robot_config("geared_pendulum")
     robot = config.robot()
-    line = size(robot, config.motion(robot, "lift_and_return"), config.drives).joint("shoulder")
+    line = size(robot, config.motion(robot, "lift_and_return"), config.actuators).joint("shoulder")
     assert line.peak_torque == pytest.approx(9.81, rel=1e-9)
     assert line.shaft is not None and line.shaft.peak_torque.value == pytest.approx(0.24525, rel=1e-6)
     # All that is put in for lifting comes back: m g l = 9.81 J.

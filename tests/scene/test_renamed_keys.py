@@ -152,3 +152,9 @@ def test_overrides_with_old_words_change_the_scene_and_are_noted() -> None:
     assert again.constraints[0].kind == "point" and again.config.deprecations == hinge.config.deprecations
     with pytest.raises(bc.InputError, match=r"override 'closures\.apex\.kind': .*unknown kind 'pin'"):
         bc.load_scene("four_bar", {"closures.apex.kind": "pin"})
+
+
+def test_a_configuration_gives_its_actuators_by_the_old_attribute_too() -> None:
+    config = bc.load_robot_config("ur5")
+    with pytest.warns(DeprecationWarning, match=r"'RobotConfig\.drives' is now 'RobotConfig\.actuators'"):
+        assert config.drives is config.actuators  # type: ignore[attr-defined]

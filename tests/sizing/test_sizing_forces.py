@@ -228,7 +228,7 @@ def test_a_parameter_of_a_linkage_counts_in_sizing(folder: Path) -> None:
     rows = np.searchsorted(found.time, TIMES - 1e-9)
     wanted = held(scene, "closed", "go", TIMES)
     np.testing.assert_allclose(found.torque[rows], wanted, rtol=0, atol=1e-8 * np.abs(wanted).max())
-    sizing = bc.size(scene, found.motion, scene.config.drives)
+    sizing = bc.size(scene, found.motion, scene.config.actuators)
     assert sizing.parameters == (("radius", 0.25, "m"), ("heavy", 9.0, "kg"))
     rotor = scene.robot.rotor_inertia[0] * found.acceleration[:, 0]
     assert sizing.joint("crank").max_torque == pytest.approx((found.torque[:, 0] - rotor).max(), rel=1e-3)
@@ -511,7 +511,7 @@ def test_payloads_and_forces_count_together(folder: Path) -> None:
     scene = loaded(folder, "open", "spring_between", "wrench_linear")
     heavy = scene.with_overrides({"payloads": [{"mass": 4.0, "frame": "tip"}]})
     sized = bc.size(
-        mechanism_of(scene, scene.config.robot([bc.Payload(4.0, "tip")])), scene.motion("go"), scene.config.drives
+        mechanism_of(scene, scene.config.robot([bc.Payload(4.0, "tip")])), scene.motion("go"), scene.config.actuators
     )
     wanted = held(heavy, "open", "go", TIMES)
     found = bc.scene_inverse_dynamics(heavy, "go")
@@ -541,7 +541,7 @@ def test_a_counterbalance_spring_and_process_forces_change_the_sizing(tmp_path: 
     for name in ("elbow_up", "elbow_down"):
         plain, found = (bc.scene_inverse_dynamics(each, name) for each in (scene, sprung))
         np.testing.assert_allclose(found.torque - plain.torque, found.position * [200.0, 0.0], atol=1e-9)
-    sizing = bc.size(sprung, [sprung.motion("elbow_up")], sprung.config.drives)
+    sizing = bc.size(sprung, [sprung.motion("elbow_up")], sprung.config.actuators)
     assert sizing.joint("shoulder").peak_torque > 1.5 * 168.3 and "forces joint_spring 'balance'" in table(sizing)
 
 

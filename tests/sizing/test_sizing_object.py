@@ -60,7 +60,7 @@ def sizing(config: Path) -> Sizing:
 def test_a_configuration_sizes_as_its_robot_and_motions_do(config: Path, sizing: Sizing) -> None:
     config = bc.load_robot_config(config)
     robot = config.robot()
-    by_hand = bc.size(robot, [config.motion(robot, name) for name in config.motions], config.drives)
+    by_hand = bc.size(robot, [config.motion(robot, name) for name in config.motions], config.actuators)
     assert sizing.joints == by_hand.joints and sizing.motions == ("reach", "hold") and sizing.robot == "Slider"
     for same in (config, str(config), bc.load_scene(config)):
         assert bc.size(same) == sizing

@@ -76,7 +76,9 @@ class Chain:
                 f"{scene.source}: constraint '{rows[-1][0]}' rolls, so that positions depend on the way that was gone; "
                 "simulate with drive constraints instead, their multipliers are the motors' torques"
             )
-        names = list(actuated or [drive.joint.name for drive in drives] or scene.config.actuated or scene.config.drives)
+        names = list(
+            actuated or [drive.joint.name for drive in drives] or scene.config.actuated or scene.config.actuators
+        )
         if not names:
             raise InputError(
                 f"{scene.source}: which joints of the linkage have motors? write them as actuated: [JOINT, …], of "

@@ -15,11 +15,12 @@ import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Drive, drive_from_fields
 from bellcrank.config.fields import Fields
+from bellcrank.deprecated import Renamed
 from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
 from bellcrank.files.access import FileAccess, Trust
@@ -42,8 +43,8 @@ SCENE_KEYS = ("constraints", "forces", "control", "initial", "base", "parameters
 Frame = tuple[str, tuple[float, ...], tuple[float, ...]]
 
 
-@dataclass(frozen=True)
-class RobotConfig:
+@dataclass(frozen=True, kw_only=True)
+class RobotConfig(Renamed):
     """What a configuration says, checked as far as that is possible without the URDF. Made by `load_robot_config`."""
 
     name: str
@@ -55,18 +56,20 @@ class RobotConfig:
     payloads: tuple[Payload, ...] = ()
     frames: Mapping[str, Frame] = field(default_factory=dict)
     motions: Mapping[str, MotionEntry] = field(default_factory=dict)
-    drives: Mapping[str, Drive] = field(default_factory=dict)
+    actuators: Mapping[str, Drive] = field(default_factory=dict)
     actuated: tuple[str, ...] = ()
     access: FileAccess | None = field(default=None, repr=False, compare=False)  # which files the URDF may name
     # a note on each key of its file that has another name since 0.5
     deprecations: tuple[str, ...] = field(default=(), repr=False, compare=False)
+
+    renamed: ClassVar[Mapping[str, str]] = {"drives": "actuators"}
 
     def robot(self, extra_payloads: Iterable[Payload] = ()) -> Robot:
         """The robot with its mounting, payloads, frames and the drives' reflected inertias; InputError."""
         from bellcrank.robot.load import load_robot
 
         extra = arguments.several("extra_payloads", extra_payloads, Payload, "Payloads")
-        rotor = {joint: drive.reflected_inertia for joint, drive in self.drives.items()}
+        rotor = {joint: actuator.reflected_inertia for joint, actuator in self.actuators.items()}
         try:
             robot = load_robot(
                 self.urdf,
@@ -107,7 +110,7 @@ def load_robot_config(path_or_name: str | Path, *, trust: Trust = ()) -> RobotCo
     """
     source, urdf = find_config(path_or_name)
     if urdf:
-        return RobotConfig(source.stem, source, source, access=FileAccess.of(source.resolve(), trust))
+        return RobotConfig(name=source.stem, source=source, urdf=source, access=FileAccess.of(source.resolve(), trust))
     return read_config(source, FileAccess.of(source, trust))
 
 
@@ -164,14 +167,25 @@ def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
     motions = fields.mapping("motions", {})
     entries = {key: read_motion_entry(key, motions.mapping(key)) for key in motions}
     check_references(entries)
-    entries_of_motors = fields.mapping("actuators", {})
-    motors = {joint: drive_from_fields(entries_of_motors.mapping(joint)) for joint in entries_of_motors}
+    motors = fields.mapping("actuators", {})
+    actuators = {joint: drive_from_fields(motors.mapping(joint)) for joint in motors}
     actuated = fields.raw("actuated", ())
     if not isinstance(actuated, (list, tuple)) or not all(isinstance(joint, str) for joint in actuated):
         raise fields.error("actuated", "expected a list of joints, such as [crank]")
     return RobotConfig(
-        name, path, urdf, gravity, floating, friction, payloads, frames, entries, motors, tuple(actuated), access
-    )  # fmt: skip
+        name=name,
+        source=path,
+        urdf=urdf,
+        gravity=gravity,
+        floating_base=floating,
+        friction=friction,
+        payloads=payloads,
+        frames=frames,
+        motions=entries,
+        actuators=actuators,
+        actuated=tuple(actuated),
+        access=access,
+    )
 
 
 def _is_file(path: Path) -> bool:
