@@ -7,8 +7,8 @@ def main() -> None:
     config = bc.load_robot_config("ur5")
     loaded, empty = config.robot(), bc.load_robot("ur5")
     motion = config.motion(loaded, "pick_and_place")
-    sizing = bc.size(loaded, motion, config.drives)
-    without = bc.size(empty, config.motion(empty, "pick_and_place"), config.drives)
+    sizing = bc.size(loaded, motion, config.actuators)
+    without = bc.size(empty, config.motion(empty, "pick_and_place"), config.actuators)
     print(f"{'joint':22} {'empty [N m]':>12} {'3 kg [N m]':>12}  motor")
     for joint in sizing.joints:
         light = without.joint(joint.name).peak_torque

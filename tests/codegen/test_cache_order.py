@@ -33,7 +33,7 @@ name: four
 urdf: four.urdf
 gravity: [0, -9.81, 0]
 frames: {bt: {link: b, xyz: [1.1, 0, 0]}, ct: {link: c, xyz: [1, 0, 0]}}
-closures:
+constraints:
   - {name: apex, kind: KIND, frame_a: bt, frame_b: ct}
   - {name: gear, kind: coupling, joint_a: c, joint_b: end, ratio: -2, offset: 0.1}
 forces: [{kind: joint_spring, joint: a, stiffness: 5}]
@@ -49,9 +49,9 @@ PARAMETERS = {
     "mass": ("[link.end.mass]", (1.0, 0.0)),
     "scale": ("[link.end.scale]", (1.0, 0.0, 1e-3)),
     "all_scales": ("[link.a.scale, link.b.scale, link.c.scale, link.end.scale]", (1.0, 0.0)),
-    "ratio": ("[closure.gear.ratio]", (-2.0, 0.0)),
-    "offset": ("[closure.gear.offset]", (0.1, 0.0)),
-    "length": ("[closure.apex.length]", (0.3, 0.5)),
+    "ratio": ("[constraint.gear.ratio]", (-2.0, 0.0)),
+    "offset": ("[constraint.gear.offset]", (0.1, 0.0)),
+    "length": ("[constraint.apex.length]", (0.3, 0.5)),
     "stiffness": ("[force.joint_spring.stiffness]", (5.0, 0.0)),
     "tip": ("[frame.bt.origin.x, frame.ct.origin.x]", (1.1, 1.0)),
 }

@@ -39,7 +39,7 @@ motions:
   swing: {kind: waypoints, times: [0, 1, 2], positions: [{elbow: 0.5}, {elbow: 1.0}, {elbow: 0.5}]}
   ring: {kind: circle, frame: tip, center: [1.2, 0, 0.4], radius: 0.2, duration: 4, normal: [0, 1, 0],
          start: {elbow: 1.2}}
-drives:
+actuators:
   elbow: {ratio: 100, efficiency: 0.8, rotor_inertia: 1.0e-5, gear_inertia: 0, rated_torque: 0.5, peak_torque: 1.5,
           rated_speed: 300, max_speed: 400, safety_factor: 1.2}
 """
@@ -94,7 +94,7 @@ BROKEN = [
     ("unknown joint in start", "arm.yaml", "start: {elbow", "start: {elbo", "elbo"),
     ("wrong unit of radius", "arm.yaml", "radius: 0.2", "radius: 0.2 kg", "kg"),
     ("times not increasing", "arm.yaml", "times: [0, 1, 2]", "times: [0, 1, 1]", "times|increas"),
-    ("drive of an unknown joint", "arm.yaml", "drives:\n  elbow:", "drives:\n  wrist:", "wrist"),
+    ("drive of an unknown joint", "arm.yaml", "actuators:\n  elbow:", "actuators:\n  wrist:", "wrist"),
     ("efficiency above one", "arm.yaml", "efficiency: 0.8", "efficiency: 80", "efficiency"),
     ("NaN in a drive", "arm.yaml", "ratio: 100", "ratio: .nan", "ratio"),
     ("drive lacks a number", "arm.yaml", "ratio: 100, ", "", "ratio"),

@@ -86,7 +86,7 @@ def test_what_a_reader_should_know_of_a_run_is_told_on_screen_and_at_the_top_of_
 def test_a_limit_that_is_exceeded_is_exit_1(here, capsys):
     config = ARM + "motions: {go: {kind: waypoints, times: [0, 0.1], positions: [{elbow: 0}, {elbow: 3}]}}\n"
     drive = "{ratio: 1, rated_torque: 1, peak_torque: 2, rated_speed: 1, max_speed: 2}"
-    (here / "weak.yaml").write_text(config + f"drives: {{elbow: {drive}}}\n")
+    (here / "weak.yaml").write_text(config + f"actuators: {{elbow: {drive}}}\n")
     assert given("weak.yaml") == 1 and (here / "weak.html").is_file()
     capsys.readouterr()
 

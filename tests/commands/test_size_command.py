@@ -226,7 +226,7 @@ def test_pictures_with_a_mass_tolerance_are_said_to_be_nominal_and_hold_all_thei
     motions = [config.motion(robot, name) for name in config.motions]
     seen = []
     for tolerance in (0.0, 0.1):
-        figures = draw(robot, motions, config.drives, config.name, tolerance)
+        figures = draw(robot, motions, config.actuators, config.name, tolerance)
         assert set(figures) == {"over_time_lift_and_return.png", "torque_speed.png", "motor_torque_speed.png"}
         for figure in figures.values():
             figure.canvas.draw()

@@ -66,7 +66,7 @@ def delta(folder, carried, motions):
             constraints += f"  - {{name: rod_{name}, {rod}}}\n"
     (folder / "delta.urdf").write_text(text + "</robot>")
     (folder / "delta.yaml").write_text(
-        f"name: Delta\nurdf: delta.urdf\ngravity: [0, 0, -9.81]\nframes:\n{frames}closures:\n{constraints}"
+        f"name: Delta\nurdf: delta.urdf\ngravity: [0, 0, -9.81]\nframes:\n{frames}constraints:\n{constraints}"
         f"initial: {{arm_0: 0.3, arm_1: 0.3, arm_2: 0.3, {guesses}}}\nactuated: [arm_0, arm_1, arm_2]\n"
         f"motions:\n{motions}"
     )
@@ -184,10 +184,12 @@ def test_a_delta_is_sized_along_a_path_of_its_platform(tmp_path, carried, capsys
     assert main(["size", str(scene.source), "--motion", "pick", "--out", str(out), "--no-plots"]) == 0
     assert "arm_2" in capsys.readouterr().out
     # its history drives the scene: the platform ends where the path does
-    drives = [{"kind": "drive", "name": f"motor_{k}", "joint": f"arm_{k}", "motion": "solved"} for k in range(3)]
+    drives = [
+        {"kind": "prescribed_motion", "name": f"motor_{k}", "joint": f"arm_{k}", "motion": "solved"} for k in range(3)
+    ]
     changes = {
         "motions.solved": {"kind": "csv", "file": "out/history_pick.csv"},
-        "closures": [*scene.data["closures"], *drives],
+        "constraints": [*scene.data["constraints"], *drives],
         "initial": {"motion": "solved"},
     }
     run = bc.simulate(scene.with_overrides(changes), 0.5)
@@ -247,9 +249,9 @@ def test_an_open_arm_keeps_the_coordinates_that_a_path_does_not_prescribe_neares
 
 def test_a_drive_or_controller_that_a_frames_path_does_not_reach_is_refused(tmp_path):
     scene = delta(tmp_path, "leg", PICK)
-    drive = {"name": "motor", "kind": "drive", "joint": "arm_1", "motion": "there_and_back"}
+    drive = {"name": "motor", "kind": "prescribed_motion", "joint": "arm_1", "motion": "there_and_back"}
     with pytest.raises(InputError, match=r"draws frame 'tool' along a path, and arm_1 does not carry that frame"):
-        scene.with_overrides({"closures": [*scene.data["closures"], drive]})
+        scene.with_overrides({"constraints": [*scene.data["constraints"], drive]})
     pd = {"name": "servo", "kind": "pd", "joint": "arm_2", "motion": "pick", "kp": 10, "kd": 1}
     with pytest.raises(InputError, match=r"and arm_2 does not carry that frame"):
         scene.with_overrides({"control": [pd]})

@@ -19,7 +19,7 @@ gravity: {gravity}
 frames:
   coupler_tip: {{link: coupler_link, xyz: [1.2, 0, 0]}}
   rocker_tip: {{link: rocker_link, xyz: [1.2, 0, 0]}}
-closures:
+constraints:
   - {{name: apex, kind: point, frame_a: coupler_tip, frame_b: rocker_tip}}
 initial: {{crank: 20 deg, coupler: {{guess: 340 deg}}, rocker: {{guess: 20 deg}}}}
 actuated: [crank]
@@ -69,7 +69,7 @@ urdf: five_bar.urdf
 gravity: [0, -9.81, 0]
 frames:
   right_tip: {link: right_forearm, xyz: [0.3, 0, 0]}
-closures:
+constraints:
   - {name: tip, kind: point, frame_a: tool, frame_b: right_tip}
 initial: {left_shoulder: 130 deg, right_shoulder: 50 deg, left_elbow: {guess: -80 deg}, right_elbow: {guess: 80 deg}}
 actuated: [left_shoulder, right_shoulder]
@@ -115,9 +115,12 @@ def test_the_motor_that_repeats_the_free_unfolding_is_the_spring(tmp_path):
 def test_a_drive_constraint_s_multiplier_is_the_motor_s_torque(tmp_path):
     scene = four_bar(tmp_path)
     found = closed_inverse_dynamics(scene, "unfold")
-    constraints = [*scene.data["closures"], {"name": "motor", "kind": "drive", "joint": "crank", "motion": "unfold"}]
+    constraints = [
+        *scene.data["constraints"],
+        {"name": "motor", "kind": "prescribed_motion", "joint": "crank", "motion": "unfold"},
+    ]
     driven = scene.with_overrides(
-        {"closures": constraints, "simulate": {"duration": 4.0, "rtol": 1e-11, "atol": 1e-11}}
+        {"constraints": constraints, "simulate": {"duration": 4.0, "rtol": 1e-11, "atol": 1e-11}}
     )
     run = bc.simulate(driven, times=found.time[5:-5])
     place = system_of(run.scene).multiplier_names.index(("motor", "[N m]"))

@@ -20,8 +20,8 @@ gravity: [0, -9.81, 0]
 initial: {elbow: 0.4}
 motions:
   spin: {kind: csv, file: spin.csv}
-closures:
-  - {kind: drive, name: motor, joint: shoulder, motion: spin}
+constraints:
+  - {kind: prescribed_motion, name: motor, joint: shoulder, motion: spin}
 simulate: {duration: 3.0, samples: 31}
 """
 
@@ -139,7 +139,9 @@ def test_a_sweep_gives_the_reason_and_the_command_line_exits_with_1(arm, tmp_pat
 @pytest.mark.parametrize("kind", ["pd", "computed_torque"])
 def test_a_controller_holds_the_end_of_a_moving_motion_and_says_so(arm, tmp_path, kind):
     control = f"control:\n  - {{kind: {kind}, name: servo, motion: spin, kp: 100, kd: 20}}"
-    text = SCENE.replace("closures:\n  - {kind: drive, name: motor, joint: shoulder, motion: spin}", control)
+    text = SCENE.replace(
+        "constraints:\n  - {kind: prescribed_motion, name: motor, joint: shoulder, motion: spin}", control
+    )
     run = bellcrank.simulate(scene_file(tmp_path, accelerated(arm, 0.0, 2.0, 0.65), text))
     assert run.status is Status.FINISHED
     assert (

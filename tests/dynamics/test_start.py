@@ -125,7 +125,7 @@ ROLLER = """\
 name: Roller
 urdf: thin_disk
 floating_base: true
-closures: [{{name: floor, kind: rolling_disk, frame: disk, axis: [0, 1, 0], radius: 0.1}}]
+constraints: [{{name: floor, kind: rolling_disk, frame: disk, axis: [0, 1, 0], radius: 0.1}}]
 base: {{{base}}}
 """
 
@@ -292,7 +292,7 @@ def test_a_closed_scene_goes_on_from_its_file(tmp_path, name):
 PUSHED = """
 forces:
   - {name: push, kind: torque, joint: turn, file: push.csv}
-closures: [{name: way, kind: formula, expression: "loose_x.position - 0.1 * sin(3 * t)", unit: m}]
+constraints: [{name: way, kind: expression, expression: "loose_x.position - 0.1 * sin(3 * t)", unit: m}]
 """
 
 
@@ -426,7 +426,7 @@ def test_the_command_line_finds_a_run_where_one_stands(tmp_path, monkeypatch, ca
 
 @pytest.mark.parametrize("axes", ["parent", "body"])
 def test_a_planar_joint_held_in_part_moves_onto_a_rod_by_the_rest(tmp_path, axes):
-    rod = "closures: [{name: rod, kind: distance, frame_a: puck, frame_b: post, length: 0.6}]\n"
+    rod = "constraints: [{name: rod, kind: distance, frame_a: puck, frame_b: post, length: 0.6}]\n"
     rod += "frames: {post: {link: ground, xyz: [0.9, 0.1, 0.6]}}\n"
     given = f"position: [0.1, ~], angle: 0.8, linear_velocity: [0.5, ~], angular_velocity: 1, expressed_in: {axes}"
     scene = carrier(tmp_path, "planar", f"{rod}initial: {{turn: 0.2, loose: {{{given}}}, velocity: {{turn: 0}}}}")

@@ -73,7 +73,9 @@ def closed_chain(folder, kind, **keys):
     anchor = {"link": "base", "xyz": end.translation.tolist(), "rpy": pin.rpy.matrixToRpy(end.rotation).tolist()}
     constraint = {"name": "hold", "kind": kind, "frame_a": "l6", "frame_b": "anchor", **keys}
     start = {f"j{k}": float(x) for k, x in enumerate(POSTURE)}
-    return load_scene(folder / "chain.urdf", {"frames": {"anchor": anchor}, "closures": [constraint], "initial": start})
+    return load_scene(
+        folder / "chain.urdf", {"frames": {"anchor": anchor}, "constraints": [constraint], "initial": start}
+    )
 
 
 # ---- kinds of constraint
@@ -114,7 +116,7 @@ def test_accelerations_and_forces_of_a_loop_are_those_of_pinocchios_jacobians(fo
 
 def test_a_body_that_hangs_at_a_point_is_pulled_up_by_its_weight(folder):
     constraint = {"name": "hook", "kind": "point", "frame_a": "body", "frame_b": "world", "point": [0, 0, 1]}
-    run = simulate(load_scene(folder / "body.urdf", {"floating_base": True, "closures": [constraint]}), 0.1)
+    run = simulate(load_scene(folder / "body.urdf", {"floating_base": True, "constraints": [constraint]}), 0.1)
     np.testing.assert_allclose(run.constraint("hook").multipliers, np.tile([0, 0, 2 * 9.81], (len(run), 1)), atol=1e-9)
     assert run.constraint("hook").labels == ("x [N]", "y [N]", "z [N]")
     assert np.abs(run.position[:, 2] - 1.0).max() < 1e-14
@@ -123,7 +125,7 @@ def test_a_body_that_hangs_at_a_point_is_pulled_up_by_its_weight(folder):
 def test_a_rod_makes_a_pendulum_whose_pull_is_weight_and_centripetal_force(folder):
     constraint = {"name": "rod", "kind": "distance", "frame_a": "body", "frame_b": "world", "length": 0.8}
     start = {"position": [0.8 * math.sin(1.0), 0, -0.8 * math.cos(1.0)]}
-    scene = load_scene(folder / "body.urdf", {"floating_base": True, "closures": [constraint], "base": start})
+    scene = load_scene(folder / "body.urdf", {"floating_base": True, "constraints": [constraint], "base": start})
     times = np.linspace(0, 3, 31)
     run = simulate(scene, 3.0, times=times, rtol=1e-12, atol=1e-12)
     exact = solve_ivp(
@@ -137,7 +139,7 @@ def test_a_rod_makes_a_pendulum_whose_pull_is_weight_and_centripetal_force(folde
 def test_a_hinge_closed_four_bar_moves_as_the_point_closed_one(four_bar):
     times = np.linspace(0, 10, 11)
     point = simulate(four_bar, 10, times=times)
-    hinge = simulate(four_bar, 10, times=times, overrides={"closures.apex.kind": "hinge"})
+    hinge = simulate(four_bar, 10, times=times, overrides={"constraints.apex.kind": "hinge"})
     np.testing.assert_allclose(hinge.position, point.position, atol=1e-8)
     np.testing.assert_allclose(hinge.multipliers, point.multipliers, rtol=1e-6)  # moments of a planar loop are dropped
 
@@ -156,7 +158,12 @@ def test_a_spatial_loop_of_a_hinge_and_a_ball_is_redundant_and_moves_in_its_plan
     )
     (tmp_path / "spatial.urdf").write_text(text)
     scene = linkage(
-        {"urdf": str(tmp_path / "spatial.urdf"), "closures.apex.kind": "hinge", "gravity": [0, 0, -9.81], "events": []},
+        {
+            "urdf": str(tmp_path / "spatial.urdf"),
+            "constraints.apex.kind": "hinge",
+            "gravity": [0, 0, -9.81],
+            "events": [],
+        },
     )
     times = np.linspace(0, 10, 11)
     run, plane = simulate(scene, 10, times=times), simulate(four_bar, 10, times=times)
@@ -180,7 +187,7 @@ def test_a_coupling_is_what_mimic_means_at_the_fingers_of_a_panda(tmp_path):
     push = [{"kind": "torque", "joint": "panda_finger_joint1", "value": 0.3}]
     own = simulate(load_scene(source, {"initial": start, "forces": push}), 0.3)
     gear = {"kind": "coupling", "joint_a": "panda_finger_joint1", "joint_b": "panda_finger_joint2", "ratio": 1}
-    scene = load_scene(tmp_path / "panda.urdf", {"initial": start, "forces": push, "closures": [gear]})
+    scene = load_scene(tmp_path / "panda.urdf", {"initial": start, "forces": push, "constraints": [gear]})
     run = simulate(scene, 0.3)
     for name in own.robot.joint_names:
         np.testing.assert_allclose(run.joint(name).position, own.joint(name).position, atol=1e-8)
@@ -192,11 +199,14 @@ def test_the_multiplier_of_a_drive_is_the_torque_of_inverse_dynamics_and_its_pow
     motion = {"kind": "waypoints", "times": [0, 1, 2], "positions": [
         {"shoulder": 0.1, "elbow": 0.5, "slide": 0.1}, {"shoulder": 0.6, "elbow": 1.0, "slide": 0.3},
         {"shoulder": 0.2, "elbow": 0.4, "slide": 0.2}]}  # fmt: skip
-    drives = [{"name": name, "kind": "drive", "joint": name, "motion": "go"} for name in ("shoulder", "elbow", "slide")]
+    drives = [
+        {"name": name, "kind": "prescribed_motion", "joint": name, "motion": "go"}
+        for name in ("shoulder", "elbow", "slide")
+    ]
     guess = {name: {"guess": 0.2} for name in ("shoulder", "elbow", "slide")}
     scene = load_scene(
         folder / "crane.urdf",
-        {"gravity": [0, 0, -9.81], "motions": {"go": motion}, "closures": drives, "initial": guess},
+        {"gravity": [0, 0, -9.81], "motions": {"go": motion}, "constraints": drives, "initial": guess},
     )
     run = simulate(scene, 2.0, samples=201)
     there = [scene.motion("go").at(t) for t in run.time]
@@ -214,10 +224,15 @@ def test_formulas_and_python_functions_close_loops_as_the_kinds_do(four_bar):
     times = np.linspace(0, 8, 9)
     usual = simulate(four_bar, 8, times=times)
     rows = [
-        {"name": c, "kind": "formula", "unit": "m", "expression": f"frame('coupler_tip').{c} - frame('rocker_tip').{c}"}
+        {
+            "name": c,
+            "kind": "expression",
+            "unit": "m",
+            "expression": f"frame('coupler_tip').{c} - frame('rocker_tip').{c}",
+        }
         for c in "xy"
     ]
-    bare = four_bar.with_overrides({"closures": rows, "events": []})
+    bare = four_bar.with_overrides({"constraints": rows, "events": []})
     formula = simulate(bare, 8, times=times)
     np.testing.assert_allclose(formula.position, usual.position, atol=1e-9)
     np.testing.assert_allclose(formula.multipliers, usual.multipliers, rtol=1e-7)
@@ -226,7 +241,7 @@ def test_formulas_and_python_functions_close_loops_as_the_kinds_do(four_bar):
     def apex(s):
         return (s.frame("coupler_tip").position - s.frame("rocker_tip").position)[:2]
 
-    own = four_bar.with_overrides({"closures": [], "events": []}).with_constraint(apex, "apex", "m")
+    own = four_bar.with_overrides({"constraints": [], "events": []}).with_constraint(apex, "apex", "m")
     run = simulate(own, 8, times=times, overrides={"simulate.rtol": 1e-11})
     np.testing.assert_allclose(run.position, usual.position, atol=1e-8)
     with pytest.raises(InputError, match="constraint 'apex' is a Python function, which no file can hold"):
@@ -237,13 +252,14 @@ def test_a_formula_of_velocities_is_non_holonomic_and_keeps_what_a_coupling_keep
     start = {"shoulder": 0.3, "elbow": 0.2, "slide": 0.1, "velocity": {"elbow": 0.4}}
     rolling = {
         "name": "belt",
-        "kind": "formula",
+        "kind": "expression",
         "unit": "rad/s",
         "expression": "shoulder.velocity - 2 * elbow.velocity",
     }
     gear = {"name": "belt", "kind": "coupling", "joint_a": "elbow", "joint_b": "shoulder", "ratio": 2, "offset": -0.1}
     runs = [
-        simulate(load_scene(folder / "crane.urdf", {"closures": [c], "initial": start}), 1.0) for c in (rolling, gear)
+        simulate(load_scene(folder / "crane.urdf", {"constraints": [c], "initial": start}), 1.0)
+        for c in (rolling, gear)
     ]
     np.testing.assert_allclose(runs[0].position, runs[1].position, atol=1e-7)
     np.testing.assert_allclose(runs[0].multipliers, runs[1].multipliers, atol=1e-4)
@@ -323,7 +339,7 @@ def test_a_latch_at_a_joint_is_the_plastic_impact_of_the_other_joints(folder):
 
 
 def test_closeness_to_singular_is_the_ratio_of_singular_values_and_can_end_a_run(four_bar):
-    event = [{"name": "near", "when": {"singular_closure": 0.05}, "direction": "up", "stop": True}]
+    event = [{"name": "near", "when": {"singular_constraints": 0.05}, "direction": "up", "stop": True}]
     run = simulate(four_bar, overrides={"events": event})
     near = run.events[-1]
     jacobian, mass = system_of(run.scene).constraint_metric(
@@ -342,7 +358,7 @@ def test_a_disk_that_is_lifted_ends_the_run_where_its_normal_force_vanishes():
     lost = run.events[-1]
     assert lost.name == "floor contact lost" and lost.stopped and run.time[-1] < 5.0
     assert abs(lost.multipliers[0]) < 1e-8 < run.constraint("floor").multipliers[0, 0]
-    railed = simulate("rolling_disk", 5.0, overrides=lift | {"closures.floor.two_sided": True})
+    railed = simulate("rolling_disk", 5.0, overrides=lift | {"constraints.floor.two_sided": True})
     assert railed.constraint("floor").multipliers[:, 0].min() < 0.0 and not railed.events
     with pytest.raises(InputError, match="'floor' is not in contact at the start: its plane would have to pull by"):
         simulate("rolling_disk", 1.0, overrides=lift | {"gravity": [0, 0, 9.81]})
@@ -355,7 +371,7 @@ def test_friction_demand_and_contact_point_of_the_rolling_disk(four_bar):
     contact, centre = run.output("contact"), run.output("centre")
     assert np.abs(contact[:, 2]).max() < 1e-12
     np.testing.assert_allclose(np.linalg.norm(contact - centre, axis=1), 0.1, rtol=1e-12)
-    slips = [{"name": "slips", "when": {"friction_demand": {"closure": "floor", "limit": 0.6}}, "stop": True}]
+    slips = [{"name": "slips", "when": {"friction_demand": {"constraint": "floor", "limit": 0.6}}, "stop": True}]
     stopped = simulate("rolling_disk", 2.0, overrides={"events": slips})
     assert stopped.events[-1].name == "slips"
     assert stopped.output("friction")[-1] == pytest.approx(0.6, rel=1e-8)
@@ -364,7 +380,7 @@ def test_friction_demand_and_contact_point_of_the_rolling_disk(four_bar):
 def test_a_constraint_written_twice_shares_its_force_and_the_summary_says_so(four_bar, tmp_path):
     once = simulate(four_bar, 5.0)
     twin = {"name": "twin", "kind": "point", "frame_a": "coupler_tip", "frame_b": "rocker_tip"}
-    both = simulate(four_bar, 5.0, overrides={"closures": [*four_bar.data["closures"], twin], "events": []})
+    both = simulate(four_bar, 5.0, overrides={"constraints": [*four_bar.data["constraints"], twin], "events": []})
     np.testing.assert_allclose(both.position, once.position, atol=1e-8)
     np.testing.assert_allclose(both.constraint("twin").multipliers, once.constraint("apex").multipliers / 2, rtol=1e-5)
     assert "rank 2 of 4 rows" in both.summary() and "unique are none" in both.summary()
@@ -381,8 +397,8 @@ def test_output_of_a_constraint_and_its_parameter(folder):
     rod = {"name": "rod", "kind": "distance", "frame_a": "tip", "frame_b": "base", "length": 1.6}
     scene = load_scene(
         folder / "crane.urdf",
-        {"closures": [rod], "outputs": {"push": {"closure": "rod"}}, "initial": {"elbow": {"guess": 1.0}},
-         "parameters": {"reach": {"value": 1.6, "sets": ["closure.rod.length"]}}},
+        {"constraints": [rod], "outputs": {"push": {"constraint": "rod"}}, "initial": {"elbow": {"guess": 1.0}},
+         "parameters": {"reach": {"value": 1.6, "sets": ["constraint.rod.length"]}}},
     )  # fmt: skip
     run, longer = simulate(scene, 0.5), simulate(scene, 0.5, overrides={"reach": 1.7})
     np.testing.assert_allclose(run.output("push"), run.multipliers[:, 0], atol=1e-10)
@@ -420,7 +436,7 @@ def beside(tmp_path, four_bar):
     def write(kind, text=None):
         name, usual = FOREIGN[kind]
         (tmp_path / name).write_text(text or usual)
-        data = four_bar.data | {"closures": [{"kind": kind, "file": name}], "urdf": "four_bar"}
+        data = four_bar.data | {"constraints": [{"kind": kind, "file": name}], "urdf": "four_bar"}
         kept = {k: v for k, v in data.items() if k not in ("name", "actuated")}
         (tmp_path / "scene.yaml").write_text(json.dumps(kept))
         return tmp_path / "scene.yaml"
@@ -503,24 +519,24 @@ APEX = {"name": "apex", "kind": "point", "frame_a": "coupler_tip", "frame_b": "r
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"closures": [APEX | {"kind": "pin"}]}, "constraints[1].kind: unknown kind 'pin'"),
-        ({"closures": [APEX | {"frame_a": "coupler_top"}]}, "unknown frame 'coupler_top'; did you mean"),
-        ({"closures": [APEX | {"frame_b": "coupler_tip"}]}, "a loop closes two frames, both are 'coupler_tip'"),
-        ({"closures": [APEX | {"point": [0, 0, 0]}]}, "a point is for 'frame_b: world'"),
-        ({"closures": [APEX | {"radius": 1}]}, "unknown key 'radius'"),
-        ({"closures": [APEX, APEX]}, "the name 'apex' is taken by entry 1"),
-        ({"closures": [APEX | {"kind": "hinge", "axis": [0, 0, 0]}]}, "expected a direction"),
-        ({"closures": [APEX | {"kind": "distance", "length": -1}]}, "expected more than 0 m"),
-        ({"closures": [APEX | {"kind": "distance"}]}, "the key 'length' is missing"),
-        ({"closures": [{"kind": "coupling", "joint_a": "crank", "joint_b": "crank", "ratio": 1}]}, "needs two joints"),
-        ({"closures": [{"kind": "coupling", "joint_a": "crank", "joint_b": "rocket", "ratio": 1}]}, "'rocket'"),
-        ({"closures": [{"kind": "drive", "joint": "crank", "motion": "go"}]}, "unknown motion 'go'"),
-        ({"closures": [{"kind": "rolling_disk", "frame": "ground", "radius": "5 kg"}]}, "expected a length in m"),
-        ({"closures": [{"kind": "formula", "expression": "crank.position +"}]}, "is not a formula"),
-        ({"closures": [{"kind": "formula", "expression": "crank.acceleration"}]}, "positions or velocities, not acc"),
-        ({"closures": [{"kind": "formula", "expression": "crack.position"}]}, "unknown joint 'crack'"),
-        ({"closures": [{"kind": "gepetto", "file": "none.yaml"}]}, "none.yaml"),
-        ({"closures": APEX}, "expected a list of mappings"),
+        ({"constraints": [APEX | {"kind": "pin"}]}, "constraints[1].kind: unknown kind 'pin'"),
+        ({"constraints": [APEX | {"frame_a": "coupler_top"}]}, "unknown frame 'coupler_top'; did you mean"),
+        ({"constraints": [APEX | {"frame_b": "coupler_tip"}]}, "a loop closes two frames, both are 'coupler_tip'"),
+        ({"constraints": [APEX | {"point": [0, 0, 0]}]}, "a point is for 'frame_b: world'"),
+        ({"constraints": [APEX | {"radius": 1}]}, "unknown key 'radius'"),
+        ({"constraints": [APEX, APEX]}, "the name 'apex' is taken by entry 1"),
+        ({"constraints": [APEX | {"kind": "hinge", "axis": [0, 0, 0]}]}, "expected a direction"),
+        ({"constraints": [APEX | {"kind": "distance", "length": -1}]}, "expected more than 0 m"),
+        ({"constraints": [APEX | {"kind": "distance"}]}, "the key 'length' is missing"),
+        ({"constraints": [{"kind": "coupling", "joint_a": "crank", "joint_b": "crank", "ratio": 1}]}, "needs two joints"),
+        ({"constraints": [{"kind": "coupling", "joint_a": "crank", "joint_b": "rocket", "ratio": 1}]}, "'rocket'"),
+        ({"constraints": [{"kind": "prescribed_motion", "joint": "crank", "motion": "go"}]}, "unknown motion 'go'"),
+        ({"constraints": [{"kind": "rolling_disk", "frame": "ground", "radius": "5 kg"}]}, "expected a length in m"),
+        ({"constraints": [{"kind": "expression", "expression": "crank.position +"}]}, "is not a formula"),
+        ({"constraints": [{"kind": "expression", "expression": "crank.acceleration"}]}, "positions or velocities, not acc"),
+        ({"constraints": [{"kind": "expression", "expression": "crack.position"}]}, "unknown joint 'crack'"),
+        ({"constraints": [{"kind": "gepetto", "file": "none.yaml"}]}, "none.yaml"),
+        ({"constraints": APEX}, "expected a list of mappings"),
         ({"simulate.stabilisation": "baumgarte"}, "baumgarte needs gains"),
         ({"simulate.stabilisation": {"kind": "baumgarte"}}, "the key 'alpha' is missing"),
         ({"simulate.stabilisation": {"kind": "baumgarte", "gains": "auto", "alpha": 1}}, "found both"),
@@ -529,17 +545,17 @@ APEX = {"name": "apex", "kind": "point", "frame_a": "coupler_tip", "frame_b": "r
         ({"simulate.stabilisation": {"kind": "none", "alpha": 1}}, "unknown key 'alpha'"),
         ({"events.lock.when": {"aligned": {"joint_a": "crank", "joint_b": "crank"}}}, "two joints line up, both are"),
         ({"events.lock.when": {"aligned": {"joint_a": "crank", "joint_b": "coupler"}}}, "expected one constraint between"),
-        ({"events.lock.when": {"aligned": {"joint_a": "coupler", "joint_b": "rocker", "closure": "x"}}}, "loop 'x'"),
+        ({"events.lock.when": {"aligned": {"joint_a": "coupler", "joint_b": "rocker", "constraint": "x"}}}, "loop 'x'"),
         ({"events.lock.when": {"contact_lost": "apex"}}, "unknown rolling disk 'apex'"),
-        ({"events.lock.when": {"singular_closure": 2}}, "expected at most 1"),
-        ({"events.lock.when": {"singular_closure": 0.1}, "closures": []}, "the scene has no constraints"),
-        ({"events.lock.when": {"singular_closure": 0.1, "joint": "crank"}}, "expected one condition"),
+        ({"events.lock.when": {"singular_constraints": 2}}, "expected at most 1"),
+        ({"events.lock.when": {"singular_constraints": 0.1}, "constraints": []}, "the scene has no constraints"),
+        ({"events.lock.when": {"singular_constraints": 0.1, "joint": "crank"}}, "expected one condition"),
         ({"events.lock.when": {"joint": "crank", "velocity": 1}, "events.lock.latch": True}, "not a velocity"),
         ({"events.lock.latch": True, "events.lock.stop": False}, "a latch ends the run"),
-        ({"outputs.force": {"closure": "base"}}, "unknown constraint 'base'"),
-        ({"outputs.force": {"closure": "apex", "what": "contact_point"}}, "only a rolling disk has a contact_point"),
+        ({"outputs.force": {"constraint": "base"}}, "unknown constraint 'base'"),
+        ({"outputs.force": {"constraint": "apex", "what": "contact_point"}}, "only a rolling disk has a contact_point"),
         ({"outputs.force": {"force": "apex"}}, "unknown force or controller 'apex'"),
-        ({"parameters.x": {"value": 1, "sets": ["closure.apex.length"]}}, "no number of constraint 'apex' 'length'"),
+        ({"parameters.x": {"value": 1, "sets": ["constraint.apex.length"]}}, "constraint 'apex': unknown field 'length'"),
     ],
 )  # fmt: skip
 def test_a_wrong_constraint_event_or_setting_is_named(changes, message):
@@ -549,16 +565,16 @@ def test_a_wrong_constraint_event_or_setting_is_named(changes, message):
 
 
 @pytest.mark.parametrize(
-    ("closures", "message"),
+    ("constraints", "message"),
     [
-        ([{"kind": "formula", "expression": "crank.velocity ** 2 - 1"}], "must be linear in velocities"),
-        ([APEX, {"kind": "formula", "expression": "frame('coupler_tip').z - 1"}], "cannot close"),
-        ([APEX, {"kind": "formula", "expression": "crank.position - 2"}], "do not close with crank held"),
+        ([{"kind": "expression", "expression": "crank.velocity ** 2 - 1"}], "must be linear in velocities"),
+        ([APEX, {"kind": "expression", "expression": "frame('coupler_tip').z - 1"}], "cannot close"),
+        ([APEX, {"kind": "expression", "expression": "crank.position - 2"}], "do not close with crank held"),
     ],
 )
 def test_constraints_that_cannot_hold_end_in_one_sentence(constraints, message):
     with pytest.raises(InputError, match=re.escape(message)):
-        simulate(linkage({"closures": constraints, "events": []}), 1.0)
+        simulate(linkage({"constraints": constraints, "events": []}), 1.0)
 
 
 def test_functions_that_are_no_constraints_are_refused(four_bar):
@@ -588,7 +604,7 @@ def test_two_wheels_on_one_axle_share_their_side_force_and_nothing_else(tmp_path
     (tmp_path / "cart.urdf").write_text(urdf)
     wheels = [{"name": name, "kind": "rolling_disk", "frame": name, "radius": 0.2} for name in ("left", "right")]
     base = {"position": [0, 0, 0.2], "linear_velocity": [1, 0, 0], "expressed_in": "body"}
-    scene = load_scene(tmp_path / "cart.urdf", {"floating_base": True, "closures": wheels, "base": base})
+    scene = load_scene(tmp_path / "cart.urdf", {"floating_base": True, "constraints": wheels, "base": base})
     run = simulate(scene, 1.0)
     rank = run.constraint_rank()
     assert rank.rank == 5

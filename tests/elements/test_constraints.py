@@ -56,7 +56,7 @@ def four_bar(
             "tip_b": {"link": "b", "xyz": [lengths[1], 0, 0]},
             "tip_c": {"link": "c", "xyz": [lengths[2], 0, 0]},
         },
-        "closures": list(constraints),
+        "constraints": list(constraints),
         "initial": start
         or {"crank": 1.0, "coupler": {"guess": -0.5}, "rocker": {"guess": 1.5}, "velocity": {"crank": 2.0}},
         "simulate": {"duration": 3.0, "rtol": 1e-9, "atol": 1e-9},
@@ -94,7 +94,7 @@ def test_a_rod_along_a_link_repeats_what_the_link_says(plain):
 
 
 @pytest.mark.parametrize(
-    ("closures", "ground", "message"),
+    ("constraints", "ground", "message"),
     [
         ((PIN, ROD | {"length": 0.9}), 1.0, "'rod' stays"),
         ((PIN, NAIL), 1.0, "'nail' cannot close: its row z"),
@@ -109,7 +109,7 @@ def test_constraints_that_contradict_or_are_out_of_reach_say_which_and_by_how_mu
 def test_a_constraint_that_a_motor_would_stretch_past_reach_ends_with_a_status():
     """The rocker follows a motion that the crank's 0.3 m cannot: at its dead centre the constraint holds no more."""
     motion = {"kind": "waypoints", "times": [0, 2], "positions": [{"rocker": 1.8}, {"rocker": 3.0}]}
-    drive = {"name": "motor", "kind": "drive", "joint": "rocker", "motion": "away"}
+    drive = {"name": "motor", "kind": "prescribed_motion", "joint": "rocker", "motion": "away"}
     start = {"crank": {"guess": 1.0}, "coupler": {"guess": -0.5}, "rocker": {"guess": 1.8}}
     scene = four_bar(constraints=(PIN, drive), motions={"away": motion}, start=start)
     run = simulate(scene, max_evaluations=50_000)

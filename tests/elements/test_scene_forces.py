@@ -183,9 +183,9 @@ def test_computed_torque_leaves_the_error_a_linear_equation(folder):
         }
     ]
     friction = {"elbow": {"viscous": 0.3, "coulomb": 0.5}}
-    drives = {"elbow": {"ratio": 50, "rotor_inertia": 1e-4, "rated_torque": 1, "peak_torque": 2, "rated_speed": 300,
+    actuators = {"elbow": {"ratio": 50, "rotor_inertia": 1e-4, "rated_torque": 1, "peak_torque": 2, "rated_speed": 300,
                         "max_speed": 400}}  # fmt: skip
-    scene = crane(folder, motions={"go": motion}, control=control, friction=friction, drives=drives)
+    scene = crane(folder, motions={"go": motion}, control=control, friction=friction, actuators=actuators)
     robot = scene.robot
     for error in (0.0, 0.2):
         wrong = scene.with_overrides({"control.c.mass_error": error})
@@ -431,10 +431,10 @@ def test_signs_and_extremes_of_formulas(flying_free_scene):
         ("1e999", "'1e999': expected a finite"),
         ("t if t else 1", "expected numbers"), ("[t]", "expected numbers"), ("'x'", "expected a number"),
         ("True", "expected a number"), ("1j", "expected a number"), ("sin(t, t)", "takes 1 argument, found 2"),
-        ("max(t)", "two arguments or more"), ("sin(x=t)", "expected numbers"), ("t.real", "no joint 't'"),
-        ("__import__('os')", "no function"), ("(lambda: t)()", "expected numbers"), ("t <", "not a formula"),
+        ("max(t)", "two arguments or more"), ("sin(x=t)", "expected numbers"), ("t.real", "unknown joint 't'"),
+        ("__import__('os')", "unknown function"), ("(lambda: t)()", "expected numbers"), ("t <", "not a formula"),
         ("+".join(["t"] * 1500), "at most 2000"), ("-" * 500 + "t", "nested too deeply"), ("", "not a formula"),
-        ("frame('tip').w", "no number of a frame 'w'"), ("t and t", "expected numbers"), ("t % 2", "expected numbers"),
+        ("frame('tip').w", "unknown component of a frame 'w'"), ("t and t", "expected numbers"), ("t % 2", "expected numbers"),
     ],
 )  # fmt: skip
 def test_a_formula_that_is_none_is_refused_at_the_piece(flying_free_scene, formula, words):

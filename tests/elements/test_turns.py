@@ -36,7 +36,7 @@ def chain(tmp_path):
             f"name: chain\nurdf: chain.urdf\ngravity: [0, -9.81, 0]\nframes:\n"
             "  tip: {link: d, xyz: [1, 0, 0]}\n  on_b: {link: b, xyz: [0.3, 0, 0]}\n"
             "  turned_on_b: {link: b, xyz: [0.3, 0, 0], rpy: [0, 0, 180 deg]}\n  on_ground: {link: ground}\n"
-            f"closures:\n{listed}\ninitial: {initial}\nsimulate: {{duration: 0.3, samples: 7}}\n{more}\n"
+            f"constraints:\n{listed}\ninitial: {initial}\nsimulate: {{duration: 0.3, samples: 7}}\n{more}\n"
         )
         return load_scene(tmp_path / "scene.yaml")
 
@@ -54,7 +54,7 @@ def angle_to_x(scene, frame, q):
     return np.arccos(np.clip(rotation[0, 0], -1.0, 1.0))
 
 
-@pytest.mark.parametrize("closure", SHUT, ids=["weld", "hinge"])
+@pytest.mark.parametrize("constraint", SHUT, ids=["weld", "hinge"])
 @pytest.mark.parametrize("guess", GUESSES)
 def test_a_guess_at_any_angle_closes_with_the_frames_aligned(chain, constraint, guess):
     initial = f"{{a: {{guess: 10 deg}}, b: {{guess: {guess - 10} deg}}, c: 20 deg, d: 0}}"
@@ -117,7 +117,7 @@ RIGID = {  # constraints between frames that cannot move against each other, and
     "a rod's ends": ("{name: rigid, kind: distance, frame_a: b, frame_b: on_b, length: 0.3}", None),
     "a rod's ends, too far": ("{name: rigid, kind: distance, frame_a: b, frame_b: on_b, length: 0.4}", "push [N]"),
     "a joint's own axis": ("{name: rigid, kind: hinge, frame_a: a, frame_b: world}", None),
-    "a formula of nothing": ("{name: rigid, kind: formula, expression: \"frame('on_ground').y\", unit: m}", None),
+    "a formula of nothing": ("{name: rigid, kind: expression, expression: \"frame('on_ground').y\", unit: m}", None),
 }  # fmt: skip
 
 

@@ -181,9 +181,9 @@ SCENES = {
         "urdf: planar_2r\nmotions: {{go: {{kind: join, parts: [{{kind: csv, file: {}torque.csv}}]}}}}\n"
     ),
     "a run to start from": "urdf: planar_2r\ninitial: {{run: {}run.npz}}\n",
-    "loops of Gepetto": "urdf: planar_2r\nclosures: [{{kind: gepetto, file: {}loops.yaml}}]\n",
-    "loops of MJCF": "urdf: planar_2r\nclosures: [{{kind: mjcf, file: {}loops.xml}}]\n",
-    "loops of SDF": "urdf: planar_2r\nclosures: [{{kind: sdf, file: {}loops.sdf}}]\n",
+    "loops of Gepetto": "urdf: planar_2r\nconstraints: [{{kind: gepetto, file: {}loops.yaml}}]\n",
+    "loops of MJCF": "urdf: planar_2r\nconstraints: [{{kind: mjcf, file: {}loops.xml}}]\n",
+    "loops of SDF": "urdf: planar_2r\nconstraints: [{{kind: sdf, file: {}loops.sdf}}]\n",
 }
 
 

@@ -60,12 +60,12 @@ def _constraints(d: Damage) -> Case:
         {"kind": "distance", "frame_a": "a", "frame_b": "world", "length": 0.5},
         {"name": "apex", "kind": "hinge", "frame_a": "a", "frame_b": "b", "axis": [0, 0, 1]},
         {"kind": "coupling", "joint_a": "crank", "joint_b": "rocker", "ratio": 2},
-        {"name": "f", "kind": "formula", "expression": d.expression()},
+        {"name": "f", "kind": "expression", "expression": d.expression()},
         {"kind": "rolling_disk", "frame": "b", "axis": [0, 0, 1], "radius": 0.1},
     ]
     scene = json.loads(json.dumps(LOOP))
     if d.rng.random() < 0.6:
-        scene["closures"][:] = [*scene["closures"][: d.rng.randrange(2)], d.rng.choice(others)]
+        scene["constraints"][:] = [*scene["constraints"][: d.rng.randrange(2)], d.rng.choice(others)]
     return Case({"loop.yaml": _yaml(d, scene)}, "scene", ("loop.yaml",))
 
 
@@ -280,7 +280,7 @@ def _argument(d: Damage) -> Case:
 KINDS: dict[str, Callable[[Damage], Case]] = {
     "urdf": _urdf,
     "scene": _scene,
-    "closures": _constraints,
+    "constraints": _constraints,
     "expression": _expression,
     "csv": _csv,
     "configuration": _configuration,

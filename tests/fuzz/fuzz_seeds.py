@@ -170,7 +170,7 @@ SCENE: dict[str, Any] = {
 LOOP: dict[str, Any] = {
     "urdf": "four_bar",
     "frames": {"a": {"link": "coupler_link", "xyz": [1.2, 0, 0]}, "b": {"link": "rocker_link", "xyz": [1.2, 0, 0]}},
-    "closures": [{"name": "apex", "kind": "point", "frame_a": "a", "frame_b": "b"}],
+    "constraints": [{"name": "apex", "kind": "point", "frame_a": "a", "frame_b": "b"}],
     "forces": [{"kind": "joint_spring", "joint": "crank", "preload": 1.96, "stiffness": 0.1}],
     "initial": {"crank": "1 deg", "coupler": {"guess": "359 deg"}, "rocker": {"guess": "1 deg"}},
     "simulate": {"duration": 0.2, "rtol": 1e-6, "atol": 1e-6, "samples": 11, "max_evaluations": 20_000},

@@ -61,7 +61,7 @@ def arm(tmp_path_factory):
 def sizing():
     config = bc.load_robot_config("planar_2r")
     robot = config.robot()
-    return bc.size(robot, [config.motion(robot, name) for name in config.motions], config.drives)
+    return bc.size(robot, [config.motion(robot, name) for name in config.motions], config.actuators)
 
 
 def rotation(turns):
@@ -187,14 +187,14 @@ PIN = "{name: pin, kind: hinge, frame_a: grip, frame_b: world, point: [0.5, 0.1,
 WELD = "{name: weld, kind: weld, frame_a: grip, frame_b: world, point: [0.5, 0.1, 0.5]}"
 
 
-@pytest.mark.parametrize("closures", [f"{ROD}, {PIN}", WELD], ids=["rod and hinge", "weld"])
+@pytest.mark.parametrize("constraints", [f"{ROD}, {PIN}", WELD], ids=["rod and hinge", "weld"])
 def test_arrows_of_constraints_do_the_work_of_their_multipliers(tmp_path, constraints):
     """Jᵀ λ at a joint is axis · (moment about it) of all that the arrows put on the links beyond it."""
     (tmp_path / "loop.yaml").write_text(
         "name: held\nurdf: panda\nfriction: none\ninitial: {panda_joint2: {guess: -0.5}, panda_joint4: {guess: -2.0}, "
         "panda_joint6: {guess: 1.6}}\n"
         "frames: {grip: {link: panda_link7, xyz: [0.02, 0.01, 0.1], rpy: [180 deg, 10 deg, 0]}}\n"
-        f"closures: [{constraints}]\n"
+        f"constraints: [{constraints}]\n"
         "simulate: {duration: 0.1, samples: 3}\n"
     )
     run = bc.simulate(tmp_path / "loop.yaml")
@@ -225,7 +225,7 @@ def test_the_film_of_a_sizing_has_rods_springs_and_the_lengths_that_parameters_g
     (tmp_path / "rod.yaml").write_text(
         "name: rod\nurdf: planar_2r\ngravity: [0, -9.81, 0]\nactuated: [shoulder]\n"
         "initial: {shoulder: -60 deg, elbow: {guess: 60 deg}}\n"
-        "closures: [{name: link, kind: distance, frame_a: tip, frame_b: world, point: [2.5, 0.5, 0], length: 1.6}]\n"
+        "constraints: [{name: link, kind: distance, frame_a: tip, frame_b: world, point: [2.5, 0.5, 0], length: 1.6}]\n"
         "forces: [{name: pull, kind: spring, frame_a: tip, frame_b: world, point: [0, 2, 0], stiffness: 10}]\n"
         "parameters: {reach: {value: 1.3, sets: [joint.elbow.origin.x]}}\n"
         "motions: {swing: {kind: waypoints, times: [0, 1], positions: [{shoulder: -60 deg}, {shoulder: -50 deg}]}}\n"
@@ -246,7 +246,7 @@ def test_the_rod_of_a_distance_is_a_thin_rod_between_its_two_points_as_long_as_i
     (tmp_path / "rod.yaml").write_text(
         "name: rod\nurdf: planar_2r\ngravity: [0, -9.81, 0]\n"
         "initial: {shoulder: -60 deg, elbow: {guess: 60 deg}}\n"
-        "closures: [{name: link, kind: distance, frame_a: tip, frame_b: world, point: [2.5, 0.5, 0], length: 1.6}]\n"
+        "constraints: [{name: link, kind: distance, frame_a: tip, frame_b: world, point: [2.5, 0.5, 0], length: 1.6}]\n"
         "simulate: {duration: 1, samples: 101}\n"
     )
     run = bc.simulate(tmp_path / "rod.yaml")
@@ -370,7 +370,7 @@ def test_a_sizing_plays_its_motions_one_after_the_other_with_its_torques_and_lim
 def test_where_a_limit_is_exceeded_a_sizing_has_a_mark():
     config = bc.load_robot_config("planar_2r")
     robot = config.robot()
-    weak = {"shoulder": replace(config.drives["shoulder"], rated_torque=0.1, peak_torque=0.5)}
+    weak = {"shoulder": replace(config.actuators["shoulder"], rated_torque=0.1, peak_torque=0.5)}
     sizing = bc.size(robot, config.motion(robot, "elbow_down"), weak)
     marks = film_of_sizing(sizing).marks
     worst = sizing.joint("shoulder").shaft.peak_torque

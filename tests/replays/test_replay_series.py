@@ -106,7 +106,7 @@ def test_every_bundled_run_is_shown_as_it_is_at_random_times(name):
 def sized(name):
     config = bc.load_robot_config(name)
     robot = config.robot()
-    return bc.size(robot, [config.motion(robot, each) for each in config.motions], config.drives)
+    return bc.size(robot, [config.motion(robot, each) for each in config.motions], config.actuators)
 
 
 SIZED = [name for name in NAMES if bc.load_robot_config(name).motions]

@@ -102,7 +102,7 @@ def test_a_run_with_rotors_on_skew_axes_keeps_its_energy():
     drive = {"ratio": 100, "rated_torque": 10, "peak_torque": 30, "rated_speed": 300, "max_speed": 500}
     scene = {
         "gravity": [0, 0, -9.81], "friction": "none",
-        "drives": {"shoulder": drive | {"rotor_inertia": 4e-5}, "elbow": drive | {"rotor_inertia": 2e-5}},
+        "actuators": {"shoulder": drive | {"rotor_inertia": 4e-5}, "elbow": drive | {"rotor_inertia": 2e-5}},
         "initial": {"shoulder": 0.4, "elbow": -0.7, "velocity": {"shoulder": 2.0, "elbow": -3.0}},
     }  # fmt: skip
     run = simulate(scene_of(text, scene), duration=2.0, rtol=1e-11, atol=1e-12)

@@ -40,7 +40,7 @@ def card_with(folder: Path, **keys: Any) -> Path:
 def test_the_bundled_circle_gives_the_lectures_extremes(motion: str, branch: int) -> None:
     config = load_robot_config("planar_2r")
     robot = config.robot()
-    sizing = size(robot, config.motion(robot, motion), config.drives)
+    sizing = size(robot, config.motion(robot, motion), config.actuators)
     found = [
         value
         for name in ("shoulder", "elbow")
@@ -54,9 +54,9 @@ def test_bundled_cards_are_sized_and_stay_inside_their_limits(name: str) -> None
     config = load_robot_config(name)
     robot = config.robot()
     motions = [config.motion(robot, motion) for motion in config.motions]
-    sizing = size(robot, motions, config.drives)
+    sizing = size(robot, motions, config.actuators)
     assert sizing.inside, sizing.exceeded
-    assert set(config.drives) <= set(robot.joint_names)
+    assert set(config.actuators) <= set(robot.joint_names)
     for joint in sizing.joints:
         for peak in joint.peaks.values():
             assert np.isfinite(peak.value) and np.isfinite(peak.time) and np.isfinite(peak.position).all()
@@ -65,7 +65,7 @@ def test_bundled_cards_are_sized_and_stay_inside_their_limits(name: str) -> None
 def test_the_geared_pendulum_holds_9_81() -> None:
     config = load_robot_config("geared_pendulum")
     robot = config.robot()
-    line = size(robot, config.motion(robot, "lift_and_return"), config.drives).joint("shoulder")
+    line = size(robot, config.motion(robot, "lift_and_return"), config.actuators).joint("shoulder")
     assert line.peak_torque == pytest.approx(9.81, rel=1e-9)
     assert line.shaft is not None and line.shaft.peak_torque.value == pytest.approx(0.24525, rel=1e-6)
     # All that is put in for lifting comes back: m g l = 9.81 J.
@@ -80,7 +80,7 @@ def test_payloads_frames_friction_and_rotors_reach_the_robot(tmp_path: Path) -> 
         payloads=[{"mass": "500 g", "frame": "hook"}],
         frames={"hook": {"link": "link_2", "xyz": ["500 mm", 0, 0]}},
         friction={"elbow": {"viscous": 2.0, "coulomb": 1.0}},
-        drives={"elbow": DRIVE | {"rotor_inertia": 1e-4}},
+        actuators={"elbow": DRIVE | {"rotor_inertia": 1e-4}},
     )
     config = read_config(path)
     robot, plain = config.robot([Payload(1.0, "tip")]), read_config(card_with(tmp_path)).robot()
@@ -144,11 +144,11 @@ def test_every_kind_of_motion(tmp_path: Path) -> None:
             "no body has the inertia",
         ),
         (
-            {"drives": {"elbow": {"ratio": 3, "rated_torqe": 1}}},
+            {"actuators": {"elbow": {"ratio": 3, "rated_torqe": 1}}},
             "'rated_torque' is missing; did you mean .* by 'rated_torqe'",
         ),
-        ({"drives": {"elbow": {"ratio": 3}}}, "drives.elbow.*'rated_torque' is missing"),
-        ({"motions": {"m": {"kind": "spiral"}}}, "no kind 'spiral'"),
+        ({"actuators": {"elbow": {"ratio": 3}}}, "actuators.elbow.*'rated_torque' is missing"),
+        ({"motions": {"m": {"kind": "spiral"}}}, "unknown kind 'spiral'"),
         ({"motions": {"m": {}}}, "'kind' is missing"),
         ({"motions": {"m": CIRCLE | {"radius": "3 kg"}}}, "motions.m.radius .*expected a length"),
         ({"motions": {"m": CIRCLE | {"radius": -1}}}, "more than 0 m"),
@@ -169,7 +169,7 @@ def test_every_kind_of_motion(tmp_path: Path) -> None:
             {"motions": {"m": {"kind": "waypoints", "times": [1, 0], "positions": [{}, {}]}}},
             "times that increase",
         ),
-        ({"motions": {"m": {"kind": "join", "parts": ["n"]}}}, "no motion 'n'"),
+        ({"motions": {"m": {"kind": "join", "parts": ["n"]}}}, "unknown motion 'n'"),
         ({"motions": {"m": {"kind": "join", "parts": ["m"]}}}, "joined to itself"),
         ({"motions": {"m": {"kind": "dwell", "duration": 0}}}, "more than 0 s"),
         ({"motions": [1]}, "expected a mapping"),
@@ -191,7 +191,7 @@ def test_broken_cards_are_one_sentence(tmp_path: Path, change: dict[str, Any], m
         ({"motions": {"m": {"kind": "csv", "file": "none.csv"}}}, "none.csv"),
         ({"motions": {"m": {"kind": "dwell", "duration": 1}}}, "needs a 'position'"),
         ({"payloads": [{"mass": 1, "frame": "hand"}]}, "hand"),
-        ({"drives": {"elbw": DRIVE | {"rotor_inertia": 1e-5}}}, "elbw"),
+        ({"actuators": {"elbw": DRIVE | {"rotor_inertia": 1e-5}}}, "elbw"),
         ({"frames": {"a": {"link": "nowhere"}}}, "nowhere"),
         ({"friction": {"wrist": {"viscous": 1}}}, "wrist"),
     ],
@@ -218,7 +218,7 @@ def test_names_paths_and_urdfs_all_load(tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError, match=message):
             load_robot_config(wrong)
-    with pytest.raises(InputError, match="no motion 'elbow_upp'; did you mean 'elbow_up'"):
+    with pytest.raises(InputError, match="unknown motion 'elbow_upp'; did you mean 'elbow_up'"):
         load_robot_config("planar_2r").motion(load_robot_config("planar_2r").robot(), "elbow_upp")
 
 
@@ -233,7 +233,7 @@ leaves = (
 KEYS = [
     "urdf",
     "motions",
-    "drives",
+    "actuators",
     "payloads",
     "frames",
     "friction",
@@ -255,7 +255,7 @@ trees = st.recursive(
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.dictionaries(
-        st.sampled_from(["gravity", "motions", "drives", "payloads", "frames", "friction", "floating_base"]),
+        st.sampled_from(["gravity", "motions", "actuators", "payloads", "frames", "friction", "floating_base"]),
         trees,
         max_size=3,
     )

@@ -204,7 +204,7 @@ def test_what_is_chosen_of_a_configuration_sizes_as_the_configuration():
     config = load_robot_config("planar_2r")
     mechanism, motions = chosen(config, config.robot(), [])
     assert [motion.name for motion in motions] == list(config.motions)
-    assert bc.size(mechanism, motions, config.drives).joints == bc.size("planar_2r").joints
+    assert bc.size(mechanism, motions, config.actuators).joints == bc.size("planar_2r").joints
     first = next(iter(config.motions))
     assert [motion.name for motion in chosen(config, config.robot(), [first])[1]] == [first]
     with pytest.raises(InputError, match="nowhere"):

@@ -494,7 +494,7 @@ def test_overrides_of_the_start_or_a_parameter_keep_robot_and_equations(scene):
         ("simulat.rtol", 1, "override 'simulat.rtol'.*did you mean 'simulate'"),
         ("lod", 1, "override 'lod'.*did you mean 'load'"),
         ("forces.cabel.stiffness", 1, "override 'forces.cabel.stiffness'.*did you mean 'cable'"),
-        ("forces.9.stiffness", 1, "override 'forces.9.stiffness'.*no entry '9'"),
+        ("forces.9.stiffness", 1, "override 'forces.9.stiffness'.*unknown entry '9'"),
         ("forces.wind.force.3", "x", "override 'forces.wind.force.3'.*a number in N"),
         ("name.first", "x", "override 'name.first'.*nothing in it"),
         ("simulate", {"rtol": "x"}, "override 'simulate'.*rtol"),

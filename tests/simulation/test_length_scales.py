@@ -78,7 +78,7 @@ def mechanism(kind, s, folder):
         }  # fmt: skip
         constraint = {"kind": "rolling_disk", "frame": "wheel", "radius": 0.5 * s, "axis": [0, 1, 0]}
         scene["base"] = {"rpy": [0.2, 0, 0], "angular_velocity": [0.3, 4.0, 0.1]}
-    scene["closures"] = [{"name": "loop", **constraint}]
+    scene["constraints"] = [{"name": "loop", **constraint}]
     (folder / f"{kind}.urdf").write_text(f'<robot name="machine">{"".join(parts)}</robot>')
     return scene
 

@@ -33,7 +33,7 @@ def closed(tmp_path, expression, initial="{shoulder: 0.3, elbow: {guess: 0.4}}")
     path = tmp_path / "closed.yaml"
     path.write_text(
         f"name: Closed\nurdf: planar_2r\ngravity: [0, -9.81, 0]\ninitial: {initial}\n"
-        f'closures: [{{name: own, kind: formula, expression: "{expression}", unit: rad}}]\n'
+        f'constraints: [{{name: own, kind: expression, expression: "{expression}", unit: rad}}]\n'
         "simulate: {duration: 0.2, samples: 11}\n"
     )
     return path
@@ -195,7 +195,7 @@ def test_a_formula_that_loses_its_value_ends_the_run_with_its_name_and_time(tmp_
 def test_a_disk_that_lies_flat_in_all_postures_is_refused_by_name(tmp_path):
     path = tmp_path / "disk.yaml"
     path.write_text(
-        "urdf: planar_2r\nclosures: [{name: floor, kind: rolling_disk, frame: tip, axis: [0, 0, 1], radius: 0.1, "
+        "urdf: planar_2r\nconstraints: [{name: floor, kind: rolling_disk, frame: tip, axis: [0, 0, 1], radius: 0.1, "
         "height: -0.1}]\n"
     )
     with pytest.raises(bc.InputError, match="'floor' has no lowest point to roll on: its disk lies flat"):
@@ -206,7 +206,7 @@ def test_a_disk_on_a_base_that_is_fixed_is_refused_in_one_sentence(tmp_path):
     path = tmp_path / "disk.yaml"
     path.write_text(
         "urdf: thin_disk\nfloating_base: false\n"
-        "closures: [{name: floor, kind: rolling_disk, frame: disk, axis: [0, 1, 0], radius: 0.1}]\n"
+        "constraints: [{name: floor, kind: rolling_disk, frame: disk, axis: [0, 1, 0], radius: 0.1}]\n"
     )
     loaded = bc.load_scene(path)
     assert isinstance(loaded.constraints[0], RollingDisk)

@@ -341,7 +341,7 @@ def test_a_motor_with_a_follower_under_forces_is_held_by_the_multiplier_of_a_dri
     go = {"kind": "waypoints", "times": [0, 1, 2], "positions": [{"a": 0}, {"a": 0.8}, {"a": -0.4}], "samples": 101}
     scene = bc.load_scene(written(tmp_path, urdf, gravity=[3, 1, -8], motions={"go": go}, forces=forces))
     times = np.array([0.0, 0.3, 0.77, 1.2, 1.9])
-    held = {"closures": [{"name": "d", "kind": "drive", "joint": "a", "motion": "go"}], "initial": {"motion": "go"},
+    held = {"constraints": [{"name": "d", "kind": "prescribed_motion", "joint": "a", "motion": "go"}], "initial": {"motion": "go"},
             "simulate": {"duration": 2.0, "rtol": 1e-12, "atol": 1e-12}}  # fmt: skip
     run = bc.simulate(scene.with_overrides(held), times=times)
     found = scene_inverse_dynamics(scene, "go")
@@ -383,7 +383,7 @@ def test_a_page_of_a_motion_with_its_scene_shows_the_torques_under_the_scene_s_f
 
 
 def test_a_drive_that_follows_another_motion_than_the_one_that_is_sized_is_said(tmp_path: Path) -> None:
-    drive = {"name": "lift", "kind": "drive", "joint": "quill", "motion": "press"}
+    drive = {"name": "lift", "kind": "prescribed_motion", "joint": "quill", "motion": "press"}
     path = written(
         tmp_path, SCARA, motions={"press": PRESS, "slow": {**PRESS, "times": [0, 2, 4]}}, constraints=[drive]
     )

@@ -66,7 +66,7 @@ motions:
   go: {{kind: waypoints, times: [0, 1, 2], positions: [{{turn: 0.2, slide: 0.1}}, {{turn: 1.2, slide: 0.5}},
        {{turn: -0.6, slide: 0.2}}], samples: 201}}
   stay: {{kind: dwell, position: {{turn: 0.7, slide: 0.3}}, duration: 2}}
-drives: {{turn: {DRIVE}}}
+actuators: {{turn: {DRIVE}}}
 """,
     "closed": f"""
 urdf: crank.urdf
@@ -74,13 +74,13 @@ gravity: [0.5, -9.81, 0]
 frames:
   tip: {{link: rod_link, xyz: [0.7, 0, 0], rpy: [0.3, 0.2, 0.1]}}
   side: {{link: crank_link, xyz: [0, 0.2, 0.1]}}
-closures: [{{name: pin, kind: point, frame_a: tip, frame_b: slider_link}}]
+constraints: [{{name: pin, kind: point, frame_a: tip, frame_b: slider_link}}]
 initial: {{crank: 0.4, rod: {{guess: -0.5}}, slider: {{guess: 0.88}}}}
 actuated: [crank]
 motions:
   go: {{kind: waypoints, times: [0, 1, 2], positions: [{{crank: 0.4}}, {{crank: 2.2}}, {{crank: -0.6}}], samples: 201}}
   stay: {{kind: dwell, position: {{crank: 0.7}}, duration: 2}}
-drives: {{crank: {DRIVE}}}
+actuators: {{crank: {DRIVE}}}
 """,
 }
 MOTORS = {"open": ("turn", "slide"), "closed": ("crank",)}
@@ -136,14 +136,14 @@ def loaded(folder: Path, shape: str, *kinds: str, **more: Any) -> bc.Scene:
 
 def held(scene: bc.Scene, shape: str, motion: str, times: Any) -> np.ndarray[Any, Any]:
     """The multipliers (n, k) of drives at the motors that hold the simulated scene on a motion."""
-    drives = [{"name": f"drive_{j}", "kind": "drive", "joint": j, "motion": motion} for j in MOTORS[shape]]
+    drives = [{"name": f"drive_{j}", "kind": "prescribed_motion", "joint": j, "motion": motion} for j in MOTORS[shape]]
     start = {j: float(scene.motion(motion).position[0, scene.robot.joint(j).q]) for j in MOTORS[shape]}
     velocity = {j: float(scene.motion(motion).velocity[0, scene.robot.joint(j).v]) for j in MOTORS[shape]}
     assert set(velocity.values()) == {0.0}
     guesses = {"rod": {"guess": -0.5}, "slider": {"guess": 0.85}} if shape == "closed" else {}
     driven = scene.with_overrides(
         {
-            "closures": [*scene.data.get("closures", []), *drives],
+            "constraints": [*scene.data.get("constraints", []), *drives],
             "initial": {**start, **guesses},
             "simulate": {"duration": float(times[-1]), "rtol": 1e-12, "atol": 1e-12},
         }
@@ -228,7 +228,7 @@ def test_a_parameter_of_a_linkage_counts_in_sizing(folder: Path) -> None:
     rows = np.searchsorted(found.time, TIMES - 1e-9)
     wanted = held(scene, "closed", "go", TIMES)
     np.testing.assert_allclose(found.torque[rows], wanted, rtol=0, atol=1e-8 * np.abs(wanted).max())
-    sizing = bc.size(scene, found.motion, scene.config.drives)
+    sizing = bc.size(scene, found.motion, scene.config.actuators)
     assert sizing.parameters == (("radius", 0.25, "m"), ("heavy", 9.0, "kg"))
     rotor = scene.robot.rotor_inertia[0] * found.acceleration[:, 0]
     assert sizing.joint("crank").max_torque == pytest.approx((found.torque[:, 0] - rotor).max(), rel=1e-3)
@@ -376,17 +376,19 @@ def test_size_over_a_run_made_with_forces_gives_the_actuators_of_that_run(
     for shape in ("open", "closed"):
         kinds = ("joint_spring", "spring_to_world", "damper", "torque_cubic", "wrench_frame")
         scene = loaded(folder, shape, *kinds)
-        drives = [{"name": f"drive_{j}", "kind": "drive", "joint": j, "motion": "go"} for j in MOTORS[shape]]
-        constraints = [*scene.data.get("closures", []), *drives]
+        drives = [
+            {"name": f"drive_{j}", "kind": "prescribed_motion", "joint": j, "motion": "go"} for j in MOTORS[shape]
+        ]
+        constraints = [*scene.data.get("constraints", []), *drives]
         at_start = {"initial": {"turn": 0.2, "slide": 0.1}} if shape == "open" else {}
-        driven = scene.with_overrides({"closures": constraints, **at_start})
+        driven = scene.with_overrides({"constraints": constraints, **at_start})
         run = bc.simulate(driven, duration=2.0, rtol=1e-11, atol=1e-11,
                           samples=401)  # fmt: skip
         run.to_csv(tmp_path / "run.csv")
         import yaml
 
         path = folder / f"{shape}_driven.yaml"
-        path.write_text(yaml.safe_dump({**scene.data, "closures": constraints, **at_start}))
+        path.write_text(yaml.safe_dump({**scene.data, "constraints": constraints, **at_start}))
         monkeypatch.chdir(tmp_path)
         assert main(["size", str(path), "--motion", "run.csv", "--no-plots", "--out", shape]) == 0
         out = capsys.readouterr().out
@@ -509,7 +511,7 @@ def test_payloads_and_forces_count_together(folder: Path) -> None:
     scene = loaded(folder, "open", "spring_between", "wrench_linear")
     heavy = scene.with_overrides({"payloads": [{"mass": 4.0, "frame": "tip"}]})
     sized = bc.size(
-        mechanism_of(scene, scene.config.robot([bc.Payload(4.0, "tip")])), scene.motion("go"), scene.config.drives
+        mechanism_of(scene, scene.config.robot([bc.Payload(4.0, "tip")])), scene.motion("go"), scene.config.actuators
     )
     wanted = held(heavy, "open", "go", TIMES)
     found = bc.scene_inverse_dynamics(heavy, "go")
@@ -539,7 +541,7 @@ def test_a_counterbalance_spring_and_process_forces_change_the_sizing(tmp_path: 
     for name in ("elbow_up", "elbow_down"):
         plain, found = (bc.scene_inverse_dynamics(each, name) for each in (scene, sprung))
         np.testing.assert_allclose(found.torque - plain.torque, found.position * [200.0, 0.0], atol=1e-9)
-    sizing = bc.size(sprung, [sprung.motion("elbow_up")], sprung.config.drives)
+    sizing = bc.size(sprung, [sprung.motion("elbow_up")], sprung.config.actuators)
     assert sizing.joint("shoulder").peak_torque > 1.5 * 168.3 and "forces joint_spring 'balance'" in table(sizing)
 
 

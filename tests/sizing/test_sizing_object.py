@@ -35,7 +35,7 @@ friction: {turn: {viscous: 0.3, coulomb: 0.6}, slide: {viscous: 4}}
 motions:
   reach: {kind: waypoints, times: [0, 0.5, 1.1], positions: [{}, {turn: 0.8, slide: 0.2}, {turn: 0.2}], samples: 2001}
   hold: {kind: dwell, position: {turn: 0.4}, duration: 0.5}
-drives:
+actuators:
   turn: {ratio: 60, efficiency: 0.75, rotor_inertia: 2e-5, gear_inertia: 1e-5, rated_torque: 0.4, peak_torque: 1.2,
     rated_speed: 3000 rpm, max_speed: 5000 rpm, safety_factor: 1.2}
 """
@@ -60,7 +60,7 @@ def sizing(config: Path) -> Sizing:
 def test_a_configuration_sizes_as_its_robot_and_motions_do(config: Path, sizing: Sizing) -> None:
     config = bc.load_robot_config(config)
     robot = config.robot()
-    by_hand = bc.size(robot, [config.motion(robot, name) for name in config.motions], config.drives)
+    by_hand = bc.size(robot, [config.motion(robot, name) for name in config.motions], config.actuators)
     assert sizing.joints == by_hand.joints and sizing.motions == ("reach", "hold") and sizing.robot == "Slider"
     for same in (config, str(config), bc.load_scene(config)):
         assert bc.size(same) == sizing

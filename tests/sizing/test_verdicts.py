@@ -122,7 +122,7 @@ def test_a_payload_is_mass(tmp_path: Path) -> None:
 
 def test_a_rotor_is_no_mass_that_the_motor_moves(tmp_path: Path) -> None:
     drive = "{ratio: 50, rated_torque: 1, peak_torque: 3, rated_speed: 300, max_speed: 500, rotor_inertia: 1e-4}"
-    sizing = bc.size(arm(tmp_path, config=f"drives: {{shoulder: {drive}, elbow: {drive}}}"))
+    sizing = bc.size(arm(tmp_path, config=f"actuators: {{shoulder: {drive}, elbow: {drive}}}"))
     assert len(sizing.unsizable) == 2
 
 

@@ -22,7 +22,7 @@ gravity: [0, 0, 0]
 frames:
   coupler_tip: {link: coupler_link, xyz: [1.2, 0, 0]}
   rocker_tip: {link: rocker_link, xyz: [1.2, 0, 0]}
-closures:
+constraints:
   - {name: apex, kind: point, frame_a: coupler_tip, frame_b: rocker_tip}
 forces:
   - {name: spring, kind: joint_spring, joint: crank, preload: 1.96, stiffness: 0.1}

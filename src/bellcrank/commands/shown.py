@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory
     from bellcrank.sizing.result import Sizing
 
-_MOVED = ("closures", "forces", "control", "initial", "base")  # keys that make a configuration a scene to simulate
+_MOVED = ("constraints", "forces", "control", "initial", "base")  # keys that make a configuration a scene to simulate
 
 
 def add_shown(parser: argparse.ArgumentParser) -> None:
@@ -50,8 +50,8 @@ def stem(name: str) -> str:
 
 def shown(arguments: argparse.Namespace) -> Trajectory | Sizing:
     """The run or sizing that the arguments mean. Raises BellcrankError."""
-    from bellcrank.config.yaml_file import read_yaml
     from bellcrank.replays.replay import find_run
+    from bellcrank.scene.renamed_keys import read_scene_data
     from bellcrank.scene.robot_config import find_config, load_robot_config
     from bellcrank.scene.scene import load_scene
     from bellcrank.simulation.run_file import load_run
@@ -68,8 +68,8 @@ def shown(arguments: argparse.Namespace) -> Trajectory | Sizing:
             raise InputError(f"--{option} is for a scene or configuration; {name} is a run already")
         return load_run(find_run(path), trust=arguments.trust)
     source, urdf = find_config(name)
-    data = {} if urdf else read_yaml(source)
-    if sized or (not simulated and "motions" in data and ("drives" in data or data.keys().isdisjoint(_MOVED))):
+    data = {} if urdf else read_scene_data(source)[0]
+    if sized or (not simulated and "motions" in data and ("actuators" in data or data.keys().isdisjoint(_MOVED))):
         return _sized(load_robot_config(name, trust=arguments.trust), arguments.motion, arguments.allow_massless)
     if arguments.allow_massless:
         raise InputError(f"--allow-massless is for sizing; {name} is simulated")

@@ -176,16 +176,16 @@ def _with_values(
     value = found[~(np.abs(found) <= LARGEST)][-1]
     if isinstance(constraint, Formula) and not constraint.moves:
         raise InputError(
-            f"{scene.source}: closures: '{name}' cannot close: no joint stands in its expression, which is {value:.6g} "
+            f"{scene.source}: constraints: '{name}' cannot close: no joint stands in its expression, which is {value:.6g} "
             f"in its row {label}; write it in positions or velocities of joints"
         )
     if isinstance(constraint, RollingDisk) and constraint.radius <= LARGEST and abs(constraint.height) <= LARGEST:
         raise InputError(
-            f"{scene.source}: closures: '{name}' has no lowest point to roll on: its disk lies flat on the plane "
+            f"{scene.source}: constraints: '{name}' has no lowest point to roll on: its disk lies flat on the plane "
             f"whatever the joints do (row {label} is {value:.4g}); turn its axis, or the normal of the plane"
         )
     raise InputError(
-        f"{scene.source}: closures: '{name}' cannot be judged: in {count} random postures, at times up to 1 s, its row "
+        f"{scene.source}: constraints: '{name}' cannot be judged: in {count} random postures, at times up to 1 s, its row "
         f"{label} or its derivative is no number of at most {LARGEST:g} ({value:.4g} in one); write it so that it has "
         "values there, and divide it by a constant where they are too large"
     )
@@ -226,14 +226,14 @@ def _impossible(scene: Scene, constraint: Constraint, label: str, gap: float, ri
     why = "whatever the joints do"
     if isinstance(constraint, Formula) and not constraint.moves:
         return (
-            f"{scene.source}: closures: '{constraint.name}' cannot close: no joint stands in its expression, which is "
+            f"{scene.source}: constraints: '{constraint.name}' cannot close: no joint stands in its expression, which is "
             f"{gap:.6g} away from 0 in its row {label}; write it in positions or velocities of joints"
         )
     if rigid and constraint.frames:
         sides = [f"'{name}'" for name in constraint.frames]
         why = f"and {' and '.join(sides if len(sides) > 1 else [*sides, 'the world'])} cannot move against each other"
     return (
-        f"{scene.source}: closures: '{constraint.name}' cannot close: its row {label} is {gap:.6g} apart {why}; move one "
+        f"{scene.source}: constraints: '{constraint.name}' cannot close: its row {label} is {gap:.6g} apart {why}; move one "
         "of its frames, or take a kind of constraint with fewer rows"
     )
 

@@ -50,9 +50,9 @@ SINGULAR = 1e-8  # a singular value below this share of the largest counts as 0
 
 
 class Chain:
-    """The linkage of a scene, its `drive` constraints taken away, with motors at `actuated` joints.
+    """The linkage of a scene, its `prescribed_motion` constraints taken away, with motors at `actuated` joints.
 
-    Without `actuated` the motors sit where the scene has drives: its `drive` constraints, or the configuration's `actuated`, or the
+    Without `actuated` the motors sit where the scene has drives: its `prescribed_motion` constraints, or the configuration's `actuated`, or the
     configuration's drives. Raises InputError where there is no constraint, no motor, or rolling contact, whose positions depend on
     the way that was gone.
     """
@@ -76,7 +76,9 @@ class Chain:
                 f"{scene.source}: constraint '{rows[-1][0]}' rolls, so that positions depend on the way that was gone; "
                 "simulate with drive constraints instead, their multipliers are the motors' torques"
             )
-        names = list(actuated or [drive.joint.name for drive in drives] or scene.config.actuated or scene.config.drives)
+        names = list(
+            actuated or [drive.joint.name for drive in drives] or scene.config.actuated or scene.config.actuators
+        )
         if not names:
             raise InputError(
                 f"{scene.source}: which joints of the linkage have motors? write them as actuated: [JOINT, …], of "

@@ -14,6 +14,7 @@ from bellcrank.elements.expression import has_time
 from bellcrank.elements.frame_forces import Spring
 from bellcrank.elements.frame_joints import frames_drawn
 from bellcrank.elements.joint_forces import Friction, JointForce, Torque
+from bellcrank.elements.joint_relations import Drive
 from bellcrank.elements.signal_source import SMALL_JUMP
 
 if TYPE_CHECKING:
@@ -78,7 +79,9 @@ def _clock_notes(scene: Scene) -> Iterator[str]:
     """What depends on time where a simulation of the scene starts with another clock than 0."""
     clock = scene.initial.clock
     moving = [f"{force.kind} '{force.name}'" for force in scene.forces if force.source is not None]
-    moving += [f"constraint '{part.name}'" for part in scene.constraints if part.kind != "drive" and has_time(part)]
+    moving += [
+        f"constraint '{part.name}'" for part in scene.constraints if not isinstance(part, Drive) and has_time(part)
+    ]
     if clock and moving:
         yield (
             f"initial.clock, {clock:.6g} s, does not count: {', '.join(moving)} {'is' if len(moving) == 1 else 'are'} "
@@ -130,7 +133,7 @@ def _base_notes(scene: Scene, motion: Motion) -> Iterator[str]:
 def _drive_notes(scene: Scene, motion: Motion) -> Iterator[str]:
     """Drives of the scene that have their joints follow another motion."""
     for constraint in scene.constraints:
-        if constraint.kind == "drive" and (follows := str(constraint.place.raw("motion"))) != motion.name:
+        if isinstance(constraint, Drive) and (follows := str(constraint.place.raw("motion"))) != motion.name:
             yield (
                 f"drive '{constraint.name}' of the scene follows motion '{follows}'; here motion '{motion.name}' counts "
                 "for its joint"

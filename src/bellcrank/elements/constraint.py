@@ -28,7 +28,7 @@ class Constraint(Part):
     a force or moment on the body of the first frame, its axes, its unit.
     """
 
-    owner: ClassVar[str] = "closure"
+    owner: ClassVar[str] = "constraint"
 
     def residual(self, symbols: Symbols) -> Residual:
         """Its residuals; multipliers come in the same order, those of `position` first."""

@@ -34,7 +34,7 @@ def read_constraints(
     """The list `constraints` of a scene; InputError naming file and key."""
     parameters = read.raw("parameters", {})
     constraints: list[Constraint] = []
-    for name, entry in named_entries(read, "closures"):
+    for name, entry in named_entries(read, "constraints"):
         kind = entry.choice("kind", (*KINDS, *READERS))
         if kind in READERS:
             constraints += read_foreign(kind, name, entry, robot)
@@ -49,5 +49,5 @@ def read_constraints(
     taken = [constraint.name for constraint in constraints]
     for name in taken:
         if taken.count(name) > 1:
-            raise read.error("closures", f"two constraints are named '{name}'; name the entries")
+            raise read.error("constraints", f"two constraints are named '{name}'; name the entries")
     return tuple(constraints)

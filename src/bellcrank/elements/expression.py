@@ -167,7 +167,7 @@ class _Reader:
             if name not in self.robot.frame_names:
                 raise self._error(node, unknown_name("frame", name, self.robot.frame_names))
             if what not in FRAME:
-                raise self._error(node, unknown_name("number of a frame", what, FRAME))
+                raise self._error(node, unknown_name("component of a frame", what, FRAME))
             return Term("frame", value=(name, what))
         raise self._error(node, "expected JOINT.position, joint('NAME').position or frame('NAME').x")
 
@@ -175,7 +175,7 @@ class _Reader:
         if name not in self.robot.joint_names:
             raise self._error(node, unknown_name("joint", name, self.robot.joint_names))
         if what not in JOINT:
-            raise self._error(node, unknown_name("number of a joint", what, JOINT))
+            raise self._error(node, unknown_name("component of a joint", what, JOINT))
         return Term("joint", value=(name, what))
 
     def _call(self, node: ast.Call, name: str, depth: int) -> Term:

@@ -33,7 +33,7 @@ class Formula(Constraint):
 
     expression: Expression
     unit: str
-    kind: ClassVar[str] = "formula"
+    kind: ClassVar[str] = "expression"
 
     @classmethod
     def read_with(cls, name: str, read: Fields, robot: Robot, parameters: Mapping[str, Any]) -> Self:

@@ -66,7 +66,7 @@ class Drive(Constraint):
 
     joint: RobotJoint
     motion: SignalSource
-    kind: ClassVar[str] = "drive"
+    kind: ClassVar[str] = "prescribed_motion"
 
     @classmethod
     def read(

@@ -2,7 +2,7 @@
 
 parameters: {crank_length: {value: 1.241, sets: [joint.coupler.origin.x]}}. A target is one of trace.setting's
 (joint.NAME.origin.x, link.NAME.mass, …), frame.NAME.origin.x (y, z, roll, pitch, yaw) of a frame that the configuration adds,
-or force.NAME.FIELD, control.NAME.FIELD, closure.NAME.FIELD (forces and constraints, as in overrides, too). The value has
+or force.NAME.FIELD, control.NAME.FIELD, constraint.NAME.FIELD (forces and constraints, as in overrides, too). The value has
 the unit of its targets, and keeps the bounds that hold for them in the file.
 """
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
 _NAME = re.compile(r"\A[A-Za-z_]\w*\Z")
-PLURAL = {"forces": "force", "closures": "closure"}  # as overrides write them
+PLURAL = {"forces": "force", "constraints": "constraint"}  # as overrides write them
 _MEANT = ("pi", "t")  # what expressions mean by these is something else
 
 
@@ -106,14 +106,14 @@ def _targets(entry: Fields) -> tuple[str, ...]:
 def _resolve(target: str, robot: Robot, parts: Sequence[Part]) -> tuple[Settable, tuple[int, int] | None]:
     """The unit of a target with what it may be, and where it is the tracer's."""
     kind, _, rest = target.partition(".")
-    if kind in ("force", "control", "closure"):
+    if kind in ("force", "control", "constraint"):
         mine: Mapping[str, Part] = {part.name: part for part in parts if part.owner == kind}
         name, _, field = rest.partition(".")
         if name not in mine:
             raise InputError(unknown_name(kind, name, mine))
         settable = mine[name].settable
         if field not in settable:
-            raise InputError(unknown_name(f"number of {kind} '{name}'", field, settable))
+            raise InputError(f"{kind} '{name}': {unknown_name('field', field, settable)}")
         return settable[field], None
     tree = robot.equations.tree
     if kind == "frame":
@@ -129,7 +129,7 @@ def _resolve(target: str, robot: Robot, parts: Sequence[Part]) -> tuple[Settable
     try:
         frame, what = setting(tree, target)
     except InputError as error:
-        others = "force.NAME.FIELD, control.NAME.FIELD, closure.NAME.FIELD, frame.NAME.origin.x"
+        others = "force.NAME.FIELD, control.NAME.FIELD, constraint.NAME.FIELD, frame.NAME.origin.x"
         others = f"; or {others}" if "cannot set" in str(error) else ""
         raise InputError(f"{error}{others}") from None
     return _of_tracer(what), (frame, what)

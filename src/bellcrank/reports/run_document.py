@@ -32,8 +32,8 @@ def run_document(run: Trajectory) -> Document:
     parts += [Facts("Robot and scene", inputs), joint_table(run.robot)]
     if run.scene.forces or run.scene.control:
         parts.append(force_table(run.scene, run.parameters.tolist()))
-    if run.scene.config.drives:
-        parts.append(drive_table(run.scene.config.drives))
+    if run.scene.config.actuators:
+        parts.append(drive_table(run.scene.config.actuators))
     made = made_with()
     parts.append(Facts("Made with", (("scene", run.scene.source.name), *made)))
     pages = run_pages(run)

@@ -1,8 +1,8 @@
 """Conditions on constraints, for events: links that line up, constraints near singular, contact lost, friction demanded.
 
 `aligned: {joint_a, joint_b, constraint}`: the origins of two joints and the point of the constraint between them lie on one
-line. `singular_closure: THRESHOLD`: σ_min/σ_max of the closures' Jacobian in the metric of the mass matrix reaches it.
-`contact_lost: CLOSURE`: the normal force of a rolling disk is down to zero. `friction_demand: {constraint, limit}`: its
+line. `singular_constraints: THRESHOLD`: σ_min/σ_max of the constraints' Jacobian in the metric of the mass matrix reaches it.
+`contact_lost: CONSTRAINT`: the normal force of a rolling disk is down to zero. `friction_demand: {constraint, limit}`: its
 friction over its normal force reaches a limit, as a coefficient of friction sets one.
 """
 
@@ -152,13 +152,13 @@ def read_aligned(read: Fields, robot: Robot, constraints: Sequence[Constraint]) 
         return any(beyond(a.name, mine) and beyond(b.name, other) for mine, other in sides)
 
     loops = [constraint for constraint in constraints if isinstance(constraint, Loop) and constraint.kind != "distance"]
-    if "closure" in read:
-        name = read.text("closure")
+    if "constraint" in read:
+        name = read.text("constraint")
         found = [loop for loop in loops if loop.name == name]
         if not found:
-            raise read.error("closure", unknown_name("loop", name, [loop.name for loop in loops]))
+            raise read.error("constraint", unknown_name("loop", name, [loop.name for loop in loops]))
     else:
-        read.known("closure")
+        read.known("constraint")
         found = [loop for loop in loops if between(loop)]
         if len(found) != 1:
             there = ", ".join(loop.name for loop in found) or "none"
@@ -172,10 +172,10 @@ def read_aligned(read: Fields, robot: Robot, constraints: Sequence[Constraint]) 
 
 
 def read_singular(read: Fields, constraints: Sequence[Constraint]) -> SingularConstraint:
-    """The condition `singular_closure`; InputError where nothing is closed."""
+    """The condition `singular_constraints`; InputError where nothing is closed."""
     if not constraints:
-        raise read.error("singular_closure", "the scene has no constraints")
-    return SingularConstraint(read.number("singular_closure", "", positive=True, maximum=1.0))
+        raise read.error("singular_constraints", "the scene has no constraints")
+    return SingularConstraint(read.number("singular_constraints", "", positive=True, maximum=1.0))
 
 
 def read_contact(read: Fields, key: str, constraints: Sequence[Constraint]) -> str:

@@ -1,8 +1,8 @@
 """The events of a scene: moments at which a condition's function passes zero.
 
 Each entry of the list `events` is {name, when, direction: up | down | any, stop, latch}. `when` is one of {joint,
-position | velocity}, {expression}, {aligned: {joint_a, joint_b}}, {singular_closure: THRESHOLD}, {contact_lost:
-CLOSURE} and {friction_demand: {constraint, limit}} (closure_conditions.py). `direction` is the sign of the function's
+position | velocity}, {expression}, {aligned: {joint_a, joint_b}}, {singular_constraints: THRESHOLD}, {contact_lost:
+CONSTRAINT} and {friction_demand: {constraint, limit}} (closure_conditions.py). `direction` is the sign of the function's
 change (default any; what is lost or demanded has its own); `stop: true` ends the run there. `latch: true` ends it too,
 with a plastic impact: the position reached is locked from then on, and the event tells velocities after, impulse and
 energy lost. Every rolling disk ends the run where contact is lost, unless it is `two_sided` or an event says otherwise,
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from bellcrank.elements.symbols import Symbols
 
 DIRECTIONS: Final = {"up": 1, "down": -1, "any": 0}
-CONDITIONS: Final = ("joint", "expression", "aligned", "singular_closure", "contact_lost", "friction_demand")
+CONDITIONS: Final = ("joint", "expression", "aligned", "singular_constraints", "contact_lost", "friction_demand")
 
 
 @dataclass(frozen=True)
@@ -147,14 +147,14 @@ def _read_condition(
         condition: Condition = read_expression(read, robot, parameters)
     elif there == ["aligned"]:
         condition = read_aligned(read.mapping("aligned"), robot, constraints)
-    elif there == ["singular_closure"]:
+    elif there == ["singular_constraints"]:
         condition = read_singular(read, constraints)
     elif there == ["contact_lost"]:
         condition = ContactLost(read_contact(read, "contact_lost", constraints))
     elif there == ["friction_demand"]:
         demand = read.mapping("friction_demand")
         limit = demand.number("limit", "", positive=True)
-        condition = FrictionDemand(read_contact(demand, "closure", constraints), limit)
+        condition = FrictionDemand(read_contact(demand, "constraint", constraints), limit)
         demand.done()
     elif "joint" in there and "expression" in there:
         raise read.error("joint", "expected a joint or an expression, found both")

@@ -2,7 +2,7 @@
 
 outputs: {NAME: …} with one of {frame, what: position | velocity | rotation | angular_velocity} (world axes), {joint,
 what: position | velocity | acceleration | torque}, {energy: kinetic | potential | total}, {momentum: linear | angular}
-(of a robot with a free base; angular about the world's origin), {force: NAME}, {closure: NAME, what: multipliers |
+(of a robot with a free base; angular about the world's origin), {force: NAME}, {constraint: NAME, what: multipliers |
 contact_point | friction_demand} (its multipliers, forces on the body of its first frame; of a rolling disk the place
 of contact in the world, and friction over normal force) and {expression, unit} (expression.py). The force of a name is
 a force's or controller's generalised force at its joints, positive along their coordinates, so that a stretched
@@ -300,9 +300,9 @@ def read_outputs(read: Fields, robot: Robot, parameters: Mapping[str, Any], part
 
     def constraint(entry: Fields) -> Quantity:
         constraints = {part.name: part for part in parts if isinstance(part, Constraint)}
-        name, what = entry.text("closure"), entry.choice("what", CONSTRAINT_WHAT, "multipliers")
+        name, what = entry.text("constraint"), entry.choice("what", CONSTRAINT_WHAT, "multipliers")
         if name not in constraints:
-            raise entry.error("closure", unknown_name("closure", name, constraints))
+            raise entry.error("constraint", unknown_name("constraint", name, constraints))
         chosen = constraints[name]
         if what == "multipliers":
             return ConstraintOutput(chosen, chosen.labels(robot))
@@ -315,7 +315,7 @@ def read_outputs(read: Fields, robot: Robot, parameters: Mapping[str, Any], part
 
     kinds: dict[str, Callable[[Fields], Quantity]] = {
         "frame": frame, "joint": joint, "energy": energy, "momentum": momentum, "force": force,
-        "closure": constraint, "expression": expression,
+        "constraint": constraint, "expression": expression,
     }  # fmt: skip
     table = read.mapping("outputs", {})
     outputs = {}

@@ -9,40 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
-from datetime import date
-from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from bellcrank import arguments
 from bellcrank.config.numbers import whole_number
-from bellcrank.config.yaml_file import Lines, read_value
+from bellcrank.config.yaml_file import read_value
 from bellcrank.elements.element import entry_names
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.scene.free_joint_start import START_KEYS
+from bellcrank.scene.renamed_keys import rename_keys, rename_path
 from bellcrank.scene.robot_config import CONFIG_KEYS, SCENE_KEYS
 from bellcrank.scene.settings import Settings
+from bellcrank.scene.source_mapping import SourceMapping, source_mapping
 
-DEEPEST = 100
 EXPECTED_OVERRIDES = "a mapping such as {'simulate.rtol': 1e-6}"
 SETTINGS = tuple(field.name for field in fields(Settings))
-_TABLES = ("frames", "motions", "drives", "friction", "parameters", "outputs")  # of mappings by name
-
-
-class Marked(Lines):
-    """A mapping that remembers the line of each key, and which override set it."""
-
-    overrides: dict[str, str]
-
-    @classmethod
-    def like(cls, other: Mapping[str, Any]) -> Marked:
-        """An empty one with the lines and overrides of another."""
-        copy = cls()
-        copy.lines = dict(getattr(other, "lines", {}))
-        copy.overrides = dict(getattr(other, "overrides", {}))
-        return copy
+_TABLES = ("frames", "motions", "actuators", "friction", "parameters", "outputs")  # of mappings by name
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
@@ -55,69 +38,44 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     return path.strip(), read_value(value, f"override {format_value(path.strip())}: {format_value(value)}")
 
 
-def apply_overrides(data: Mapping[str, Any], overrides: Mapping[str, Any]) -> Marked:
-    """A copy of a scene's mapping with the overrides in it, each key that they set marked with its override.
+def apply_overrides(
+    data: Mapping[str, Any], overrides: Mapping[str, Any], where: str
+) -> tuple[SourceMapping, tuple[str, ...]]:
+    """A copy of a scene's mapping with the overrides in it, and a note on each old key that they use.
 
-    Raises InputError where a path leads nowhere.
+    Each key that an override sets is marked with the path of the override. Raises InputError, with the file `where`,
+    for a path that leads nowhere.
     """
     overrides = arguments.mapping("overrides", overrides, EXPECTED_OVERRIDES)
-    changed: Marked = marked(data)
+    changed: SourceMapping = source_mapping(data)
+    notes: list[str] = []
+    written: dict[str, str] = {}
     for path, value in overrides.items():
-        if not path.strip():
+        new_path, note = rename_path(path.strip())
+        if not new_path:
             raise InputError(f"override {format_value(path)}: expected a path of keys with dots, such as simulate.rtol")
+        if new_path in written:
+            raise InputError(f"overrides '{written[new_path]}' and '{path}' set the same key; keep '{new_path}' only")
+        written[new_path] = path
+        notes += [note] if note else []
         try:
-            _set(changed, path.strip(), marked(value, path.strip()))
+            _set(changed, new_path, source_mapping(value, path.strip()), path.strip())
         except InputError as error:
             raise InputError(" ".join(f"override '{path}': {error}".splitlines())) from None
-    return changed
+    return changed, (*notes, *rename_keys(changed, where))
 
 
-def marked(value: Any, override: str | None = None, depth: int = 0) -> Any:
-    """A copy of YAML data that keeps the lines of keys, numpy values made plain; with `override` every key of it says
-    so. Raises InputError for what YAML could not hold.
-    """
-    if depth > DEEPEST:
-        raise InputError("the value is nested too deeply")
-    if isinstance(value, Mapping):
-        copy = Marked.like(value)
-        for key, entry in value.items():
-            if not isinstance(key, str):
-                raise InputError(f"expected a text as key, found {format_value(key)}; put it in quotes")
-            copy[key] = marked(entry, override, depth + 1)
-            if override:
-                copy.overrides[key] = override
-        return copy
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, (list, tuple)):
-        return [marked(entry, override, depth + 1) for entry in value]
-    if value is None or isinstance(value, (str, bool, int, float)):
-        return value
-    if isinstance(value, (date, Path)):
-        return str(value)
-    raise InputError(f"the value holds {arguments.found(value)}, which a scene's file could not")
-
-
-def plain(value: Any) -> Any:
-    """The same data in dicts and lists only."""
-    if isinstance(value, dict):
-        return {key: plain(entry) for key, entry in value.items()}
-    return [plain(entry) for entry in value] if isinstance(value, list) else value
-
-
-def _set(data: Marked, path: str, value: Any) -> None:
+def _set(data: SourceMapping, path: str, value: Any, override: str) -> None:
     at: Any = data
     holder, at_key = data, ""  # a change inside a list is a change of the mapping's key that holds the list
     keys = _with_parameter(data, path, value)
     while True:
-        if isinstance(at, Marked):
+        if isinstance(at, SourceMapping):
             used = _longest(at, keys) or _new(at_key, keys)
             holder, at_key = at, ".".join(keys[:used])
             keys = keys[used:]
             if keys and at_key not in at:
-                at[at_key] = Marked.like({})
+                at[at_key] = SourceMapping.like({})
             if not keys:
                 at[at_key] = value
                 break
@@ -133,7 +91,7 @@ def _set(data: Marked, path: str, value: Any) -> None:
             raise InputError(
                 f"'{at_key}' is {format_value(at)}, so there is nothing in it to set at '{'.'.join(keys)}'"
             )
-    holder.overrides[at_key] = path
+    holder.overrides[at_key] = override
 
 
 def _with_parameter(data: Mapping[str, Any], path: str, value: Any) -> list[str]:

@@ -15,11 +15,12 @@ import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Drive, drive_from_fields
 from bellcrank.config.fields import Fields
+from bellcrank.deprecated import Renamed
 from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
 from bellcrank.files.access import FileAccess, Trust
@@ -27,6 +28,7 @@ from bellcrank.messages import unknown_name
 from bellcrank.motion.entries import MotionEntry, check_references, read_motion_entry
 from bellcrank.robot import catalog
 from bellcrank.robot.payload import Payload
+from bellcrank.scene.renamed_keys import read_scene_data
 from bellcrank.text import file_name_here, readable
 
 if TYPE_CHECKING:
@@ -34,15 +36,15 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
 CONFIG_KEYS = (
-    "name", "urdf", "gravity", "floating_base", "friction", "payloads", "frames", "motions", "drives", "actuated",
+    "name", "urdf", "gravity", "floating_base", "friction", "payloads", "frames", "motions", "actuators", "actuated",
 )  # fmt: skip
-SCENE_KEYS = ("closures", "forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate")
+SCENE_KEYS = ("constraints", "forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate")
 
 Frame = tuple[str, tuple[float, ...], tuple[float, ...]]
 
 
-@dataclass(frozen=True)
-class RobotConfig:
+@dataclass(frozen=True, kw_only=True)
+class RobotConfig(Renamed):
     """What a configuration says, checked as far as that is possible without the URDF. Made by `load_robot_config`."""
 
     name: str
@@ -54,16 +56,20 @@ class RobotConfig:
     payloads: tuple[Payload, ...] = ()
     frames: Mapping[str, Frame] = field(default_factory=dict)
     motions: Mapping[str, MotionEntry] = field(default_factory=dict)
-    drives: Mapping[str, Drive] = field(default_factory=dict)
+    actuators: Mapping[str, Drive] = field(default_factory=dict)
     actuated: tuple[str, ...] = ()
     access: FileAccess | None = field(default=None, repr=False, compare=False)  # which files the URDF may name
+    # a note on each key of its file that has another name since 0.5
+    deprecations: tuple[str, ...] = field(default=(), repr=False, compare=False)
+
+    renamed: ClassVar[Mapping[str, str]] = {"drives": "actuators"}
 
     def robot(self, extra_payloads: Iterable[Payload] = ()) -> Robot:
         """The robot with its mounting, payloads, frames and the drives' reflected inertias; InputError."""
         from bellcrank.robot.load import load_robot
 
         extra = arguments.several("extra_payloads", extra_payloads, Payload, "Payloads")
-        rotor = {joint: drive.reflected_inertia for joint, drive in self.drives.items()}
+        rotor = {joint: actuator.reflected_inertia for joint, actuator in self.actuators.items()}
         try:
             robot = load_robot(
                 self.urdf,
@@ -104,7 +110,7 @@ def load_robot_config(path_or_name: str | Path, *, trust: Trust = ()) -> RobotCo
     """
     source, urdf = find_config(path_or_name)
     if urdf:
-        return RobotConfig(source.stem, source, source, access=FileAccess.of(source.resolve(), trust))
+        return RobotConfig(name=source.stem, source=source, urdf=source, access=FileAccess.of(source.resolve(), trust))
     return read_config(source, FileAccess.of(source, trust))
 
 
@@ -132,18 +138,19 @@ def find_config(path_or_name: str | Path) -> tuple[Path, bool]:
             if text not in known:
                 near = difflib.get_close_matches(text, known, n=1)
                 hint = f"did you mean '{near[0]}'? " if near else ""
-                raise InputError(f"there is no scene or robot '{text}'; {hint}`bellcrank robots` lists them")
+                raise InputError(f"unknown scene or robot '{text}'; {hint}`bellcrank robots` lists them")
     return catalog.find_urdf(path_or_name), True
 
 
 def read_config(path: str | Path, access: FileAccess | None = None) -> RobotConfig:
     """Read a configuration's YAML file; InputError, one sentence naming file, key and line."""
     path = Path(path)
-    fields = Fields.from_file(path, access)
+    data, notes = read_scene_data(path)
+    fields = Fields(data, str(path), access=access)
     config = config_from_fields(fields, path)
     fields.known(*SCENE_KEYS)
     fields.done()
-    return config
+    return replace(config, deprecations=notes)
 
 
 def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
@@ -160,14 +167,25 @@ def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
     motions = fields.mapping("motions", {})
     entries = {key: read_motion_entry(key, motions.mapping(key)) for key in motions}
     check_references(entries)
-    drives = fields.mapping("drives", {})
-    motors = {joint: drive_from_fields(drives.mapping(joint)) for joint in drives}
+    motors = fields.mapping("actuators", {})
+    actuators = {joint: drive_from_fields(motors.mapping(joint)) for joint in motors}
     actuated = fields.raw("actuated", ())
     if not isinstance(actuated, (list, tuple)) or not all(isinstance(joint, str) for joint in actuated):
         raise fields.error("actuated", "expected a list of joints, such as [crank]")
     return RobotConfig(
-        name, path, urdf, gravity, floating, friction, payloads, frames, entries, motors, tuple(actuated), access
-    )  # fmt: skip
+        name=name,
+        source=path,
+        urdf=urdf,
+        gravity=gravity,
+        floating_base=floating,
+        friction=friction,
+        payloads=payloads,
+        frames=frames,
+        motions=entries,
+        actuators=actuators,
+        actuated=tuple(actuated),
+        access=access,
+    )
 
 
 def _is_file(path: Path) -> bool:

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.config.fields import Fields
-from bellcrank.config.yaml_file import read_yaml
 from bellcrank.deprecated import Renamed
 from bellcrank.derived import Portable, cached_property
 from bellcrank.elements.constraint import Constraint
@@ -41,9 +40,11 @@ from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.events import EventRule, read_events
 from bellcrank.scene.initial import Initial, read_initial
 from bellcrank.scene.outputs import Output, read_outputs
-from bellcrank.scene.overrides import apply_overrides, marked, plain
+from bellcrank.scene.overrides import apply_overrides
+from bellcrank.scene.renamed_keys import read_scene_data
 from bellcrank.scene.robot_config import SCENE_KEYS, RobotConfig, config_from_fields, find_config
 from bellcrank.scene.settings import Settings, check_rows, read_settings
+from bellcrank.scene.source_mapping import plain, source_mapping
 
 if TYPE_CHECKING:
     from bellcrank.elements.symbols import Symbols
@@ -67,7 +68,7 @@ class Scene(Portable, Renamed):
     outputs: Mapping[str, Output]
     settings: Settings
     motion_of: Callable[[str], Motion] = field(repr=False)
-    marked_data: Mapping[str, Any] = field(repr=False)  # with the lines and overrides of its keys
+    source_data: Mapping[str, Any] = field(repr=False)  # with the lines and overrides of its keys
     access: FileAccess = field(repr=False)  # which files it may name
     # texts of files that constraints were read from
     loop_files: dict[str, str] = field(repr=False, default_factory=dict)
@@ -97,7 +98,7 @@ class Scene(Portable, Renamed):
     @cached_property
     def data(self) -> dict[str, Any]:
         """The scene's YAML mapping, overrides in it."""
-        data: dict[str, Any] = plain(self.marked_data)
+        data: dict[str, Any] = plain(self.source_data)
         return data
 
     def motion(self, name: str) -> Motion:
@@ -107,12 +108,14 @@ class Scene(Portable, Renamed):
 
     def with_overrides(self, overrides: Mapping[str, Any]) -> Scene:
         """The scene with changes by dotted path (overrides.py), checked anew; InputError names the override."""
-        data = apply_overrides(self.marked_data, overrides)
+        data, notes = apply_overrides(self.source_data, overrides, str(self.source))
 
         def own(mapping: Mapping[str, Any]) -> dict[str, Any]:
             return {key: plain(value) for key, value in mapping.items() if key not in SCENE_KEYS}
 
-        changed = _read(data, self.source, self.access, self if own(data) == own(self.marked_data) else None)
+        notes = tuple(dict.fromkeys((*self.config.deprecations, *notes)))
+        same_robot = own(data) == own(self.source_data)
+        changed = _read(data, self.source, self.access, notes, self if same_robot else None)
         mine = tuple(constraint for constraint in self.constraints if isinstance(constraint, Own))
         return replace(changed, constraints=(*changed.constraints, *mine)) if mine else changed
 
@@ -225,26 +228,39 @@ def load_scene(path_or_name: str | Path, overrides: Mapping[str, Any] | None = N
     if overrides is not None:
         arguments.mapping("overrides", overrides, "a mapping such as {'simulate.rtol': 1e-6}")
     source, urdf = find_config(path_or_name)
+    notes: tuple[str, ...] = ()
     if urdf:
-        data: Mapping[str, Any] = {"name": source.stem, "urdf": str(source.resolve())}
+        data = source_mapping({"name": source.stem, "urdf": str(source.resolve())})
         access = FileAccess.of(source.resolve(), trust)
         access = replace(access, trusted=(*access.trusted, source.resolve()))
     else:
-        data, access = read_yaml(source), FileAccess.of(source, trust)
-    return _read(apply_overrides(data, overrides) if overrides else marked(data), source, access)
+        (data, notes), access = read_scene_data(source), FileAccess.of(source, trust)
+    if overrides:
+        data, more = apply_overrides(data, overrides, str(source))
+        notes += more
+    return _read(data, source, access, tuple(dict.fromkeys(notes)))
 
 
 def load_held_scene(source: Path) -> Scene:
-    """The scene of a file that may name files in its own folder only. Raises InputError as `load_scene`."""
-    return _read(marked(read_yaml(source)), source, FileAccess(source.parent, source.parent, held=True))
+    """The scene of a file that may name files in its own folder only. Raises InputError as `load_scene`.
+
+    Such a file was written by a program: old keys in it give no deprecation notes.
+    """
+    return _read(read_scene_data(source)[0], source, FileAccess(source.parent, source.parent, held=True))
 
 
-def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene | None = None) -> Scene:
+def _read(
+    data: Mapping[str, Any],
+    source: Path,
+    access: FileAccess,
+    deprecations: tuple[str, ...] = (),
+    like: Scene | None = None,
+) -> Scene:
     """The scene of a mapping; configuration and robot are those of `like`, whose mapping has the same configuration."""
     read = Fields(data, str(source), access=access)
     config = config_from_fields(read, source)
     robot, motion_of = (config.robot(), None) if like is None else (like.robot, like.motion_of)
-    config = config if like is None else like.config
+    config = replace(config if like is None else like.config, deprecations=deprecations)
     if motion_of is None:
         motion_of = _Motions(config, robot)
     constraints = read_constraints(read, robot, config.motions, motion_of)

@@ -123,7 +123,7 @@ def refuse_functions(scene: Scene) -> None:
     if own:
         raise InputError(
             f"{scene.name}: constraint '{own[0]}' is a Python function, which no file can hold; write it as "
-            "{kind: formula} in the scene, or keep the run as CSV (to_csv)"
+            "{kind: expression} in the scene, or keep the run as CSV (to_csv)"
         )
 
 

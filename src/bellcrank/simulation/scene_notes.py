@@ -18,6 +18,7 @@ from bellcrank.elements.element import Part, joint_unit, table_span
 from bellcrank.elements.expression import has_time
 from bellcrank.elements.frame_forces import Wrench
 from bellcrank.elements.joint_forces import Torque
+from bellcrank.elements.joint_relations import Drive
 from bellcrank.elements.torque_table import COMPONENTS
 from bellcrank.motion.motion import FAR_OUT, MOST_TURNED
 
@@ -45,6 +46,7 @@ def scene_notes(scene: Scene, duration: float | None = None) -> tuple[str, ...]:
         *_signals(scene, duration),
         *_drives(scene, duration),
         *_events(scene),
+        *scene.config.deprecations,
     )
 
 
@@ -189,7 +191,7 @@ def _drives(scene: Scene, duration: float) -> Iterator[str]:
     end = drive_end(scene)
     until = duration if end is None else min(duration, end.time)
     for constraint in scene.constraints:
-        if constraint.kind != "drive" or constraint.source is None:
+        if not isinstance(constraint, Drive) or constraint.source is None:
             continue
         breaks = constraint.source.signal.breaks - scene.initial.clock
         if breaks[-1] < until:

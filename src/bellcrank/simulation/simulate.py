@@ -343,7 +343,7 @@ def _refuse_pulling_contact(scene: Scene, p: Array, x0: Array) -> None:
         assert isinstance(rule, ContactLost)
         if normal[k] < 0.0:
             raise InputError(
-                f"{scene.source}: closures: '{rule.constraint}' is not in contact at the start: its plane would have to "
+                f"{scene.source}: constraints: '{rule.constraint}' is not in contact at the start: its plane would have to "
                 f"pull by {-normal[k]:.6g} N; change the start or the forces, or write two_sided: true if it can"
             )
 

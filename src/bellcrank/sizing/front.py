@@ -78,10 +78,10 @@ def size(
         else load_robot_config(robot)
     )
     if drives is not None:
-        config = replace(config, drives=drives_of(drives))
+        config = replace(config, actuators=drives_of(drives))
     sized, over = chosen(config, config.robot(loads), motions, robot if isinstance(robot, Scene) else None)
-    sizing = size_robot(sized, over, config.drives, mass_tolerance, allow_massless=links)
-    return replace(sizing, robot=config.name)
+    sizing = size_robot(sized, over, config.actuators, mass_tolerance, allow_massless=links)
+    return replace(sizing, robot=config.name, warnings=(*config.deprecations, *sizing.warnings))
 
 
 def chosen(
@@ -107,7 +107,7 @@ def chosen(
     Example:
         >>> configuration = load_robot_config("five_bar")
         >>> mechanism, motions = chosen(configuration, config.robot())
-        >>> bc.size(mechanism, motions, configuration.drives)
+        >>> bc.size(mechanism, motions, configuration.actuators)
     """
     mechanism = mechanism_of_config(config, robot) if scene is None else mechanism_of(scene, robot)
     return mechanism, [_motion(config, mechanism, one) for one in _listed(config, motions)]

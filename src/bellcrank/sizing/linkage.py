@@ -17,13 +17,13 @@ __all__ = ["Linkage", "Mechanism", "mechanism_of", "mechanism_of_config"]
 
 def mechanism_of_config(config: RobotConfig, robot: Robot) -> Mechanism:
     """The mechanism of a configuration's file with its constraints, forces and parameters, for its robot with payloads."""
-    from bellcrank.config.yaml_file import read_yaml
+    from bellcrank.scene.renamed_keys import read_scene_data
     from bellcrank.scene.scene import load_scene
 
-    if config.source == config.urdf or read_yaml(config.source).keys().isdisjoint(COUNTED):
+    if config.source == config.urdf or read_scene_data(config.source)[0].keys().isdisjoint(COUNTED):
         return OpenChain(robot, actuated=config.actuated or None)
     trusted = () if config.access is None else [folder for folder in config.access.trusted if folder.is_dir()]
     return mechanism_of(load_scene(config.source, trust=trusted), robot)
 
 
-COUNTED = ("closures", "forces", "control", "parameters", "initial", "base")  # keys of a scene that sizing looks at
+COUNTED = ("constraints", "forces", "control", "parameters", "initial", "base")  # keys of a scene that sizing looks at

@@ -45,7 +45,7 @@ def n_four_bar_texts(loops: int) -> tuple[str, str]:
         "frames:",
         *(f"  B{k}: {{link: crank_link_{k}, xyz: [0, 1, 0]}}" for k in range(loops + 1)),
         *(f"  C{k}: {{link: coupler_link_{k}, xyz: [1, 0, 0]}}" for k in range(loops)),
-        "closures:",
+        "constraints:",
         *(f"  - {{name: top_{k + 1}, kind: point, frame_a: C{k}, frame_b: B{k + 1}}}" for k in range(loops)),
         "initial: {crank_0: 0, velocity: {crank_0: -1}}       # rad/s; the rest follows",
         "outputs:",

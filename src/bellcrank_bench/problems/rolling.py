@@ -96,7 +96,7 @@ def disk_scene(disk: SixCoordinateDisk, start: dict[str, Any], velocity: dict[st
     place = {"x": 0.0, "y": 0.0, "z": {"guess": disk.radius}, "heading": 0.0, "tilt": 0.0, "spin": 0.0}
     initial = place | start | {"velocity": {"heading": 0.0, "tilt": 0.0, "spin": 0.0} | velocity}
     text = disk_urdf(disk.radius, disk.k, disk.mass)
-    return scene_of(text, {"gravity": [0, 0, -disk.g], "closures": [floor], "initial": initial})
+    return scene_of(text, {"gravity": [0, 0, -disk.g], "constraints": [floor], "initial": initial})
 
 
 def circle(name: str, disk: SixCoordinateDisk, lean: float, path: float) -> Problem:
