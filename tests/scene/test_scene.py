@@ -26,7 +26,7 @@ from bellcrank.simulation.scene_notes import scene_notes
 # (what is broken, file, old text, new text, a piece of the sentence)
 BROKEN = [
     ("unknown key", "scene.yaml", "initial:", "intial:", "intial.*did you mean 'initial'"),
-    ("key twice", "scene.yaml", "name: Crane", "name: Crane\nname: Crane", "twice"),
+    ("key twice", "scene.yaml", "name: Crane", "name: Crane\nname: Crane", "duplicate key"),
     ("not YAML", "scene.yaml", "gravity: [0, 0, -9.81]", "gravity: [0, 0", "scene.yaml.*YAML"),
     ("gravity of two numbers", "scene.yaml", "gravity: [0, 0, -9.81]", "gravity: [0, -9.81]", "gravity.*3 numbers"),
     ("unknown kind of force", "scene.yaml", "kind: damper", "kind: dampner", r"forces\[3\].kind.*'damper'"),
