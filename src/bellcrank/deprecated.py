@@ -80,7 +80,8 @@ class _OldModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         assert new is not None
         warn(spec.name, new, stacklevel=6)
         module, there = ModuleType(spec.name), importlib.import_module(new)
-        module.__dict__["__getattr__"] = lambda name: getattr(there, name)
+        # an empty path: modules below are found here too, and not loaded a second time from the new room's folder
+        module.__dict__.update(__path__=[], __getattr__=lambda name: getattr(there, name))
         return module
 
     def exec_module(self, module: ModuleType) -> None:
