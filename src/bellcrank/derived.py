@@ -1,4 +1,4 @@
-"""Values that follow from an object's data: computed once when first asked for, and not part of its copies."""
+"""Values computed from an object's data when first needed, kept with the object, and not part of its copies."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ T = TypeVar("T")
 class cached_property(Generic[T]):
     """functools.cached_property without the lock that Python 3.11 holds while the value is computed.
 
-    That lock belongs to the class: a thread that computes the value of one object would stop all others, and would
-    leave the lock taken in a process that is forked meanwhile. Two threads may compute a value twice.
+    That lock belongs to the class: a thread that computes the value of one object would block all other threads, and
+    the lock would stay taken in a process that is forked meanwhile. Two threads may compute a value twice.
     """
 
     def __init__(self, function: Callable[[Any], T]) -> None:
@@ -38,9 +38,9 @@ class cached_property(Generic[T]):
 
 
 def computed_once(function: Callable[[Any], T]) -> Callable[[Any], T]:
-    """A function of one object, whose value is kept with that object, as a cached property's is.
+    """Decorate a function of one object: its value is kept with the object, like that of a cached property.
 
-    For what belongs to the object and is computed in a room above its own, such as the equations of a scene.
+    This is for values that a higher room computes from an object of a lower one, such as the equations of a scene.
     """
     place = f"{function.__module__}.{function.__qualname__}"
 
@@ -56,10 +56,10 @@ def computed_once(function: Callable[[Any], T]) -> Callable[[Any], T]:
 
 
 class Portable:
-    """A base of classes whose objects are pickled and copied by their data alone, to the bit.
+    """A base class whose objects are pickled and copied by their data alone, to the bit.
 
-    Cached properties, what `computed_once` keeps, and attributes that `left_out` names, stay behind: they are made anew when asked for. Arrays
-    that could not be written to still cannot.
+    Cached properties, values of `computed_once`, and the attributes in `left_out` are not copied; they are computed
+    again when needed. Read-only arrays stay read-only.
     """
 
     left_out: tuple[str, ...] = ()

@@ -3,7 +3,7 @@
 Cached machine code is executed, so that an entry is used only if it is the user's own:
 
 - Each entry has an HMAC-SHA256 of its name and content with a secret (cache_secret.py) in the user's state folder, not
-  in the cache. Entries of a copied cache folder, entries that another user wrote or changed, renamed entries and damaged
+  in the cache. Entries of a copied cache folder, entries that another user wrote or changed, renamed and damaged
   entries are ignored and made again.
 - An entry that belongs to another user, is not a regular file, or is writable by others is not read.
 - The folder (cache_folder.py) belongs to the user and is closed to others.

@@ -121,7 +121,10 @@ class Compiled:
         return json.dumps([self.input_sizes, self.output_sizes]).encode()
 
     def prepared(self, arrays: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], int]:
-        """A function that calls the batch code on these arrays (C-contiguous, at least as many rows as lanes) without checks."""
+        """A function that calls the batch code on these arrays without checks.
+
+        The arrays are C-contiguous and have at least as many rows as there are lanes.
+        """
         call = _BATCH(self.address("batch"))
         ins = (ctypes.c_void_p * len(arrays))(*[v.ctypes.data for v in arrays])
         outs = (ctypes.c_void_p * len(outputs))(*[o.ctypes.data for o in outputs])
@@ -221,8 +224,8 @@ def compiled(
     """The compiled function of the expression that `build` returns, from the cache where possible.
 
     `key` must contain everything that `build` depends on; `build` is not called if the machine code is cached.
-    `seldom`: see Graph. `inputs` are the sizes of the first inputs. Raises CompileError where `build` returns a function
-    with other sizes.
+    `seldom`: see Graph. `inputs` are the sizes of the first inputs. Raises CompileError where `build` returns a
+    function with other sizes.
     """
     graphs: list[Graph] = []
 

@@ -70,7 +70,8 @@ def parse_number(value: object, unit: str) -> float:
         if written and written not in known:
             others = ", ".join(f"'{name}'" for name in known if name)
             raise ValueError(
-                f"expected {_wanted(unit)}{f' (units known here: {others})' if others else ''}, found {format_value(value)}"
+                f"expected {_wanted(unit)}{f' (units known here: {others})' if others else ''}, "
+                f"found {format_value(value)}"
             )
         number = figure * (known[written] if written else 1.0)
     else:

@@ -26,18 +26,20 @@ _DAMAGE = (ValueError, OverflowError, TypeError, KeyError, IndexError, Attribute
 _PLAIN = (
     (re.compile(r"found character '\\t'"), "a tab is used for indentation; use spaces"),
     (re.compile(r"found character '(.)' that cannot"), r"a value cannot begin with '\1'; put it in quotes"),
-    (re.compile(r"expected <block end>|expected <block mapping"), "the indentation differs from the lines above; indent "
-     "entries of one mapping or list by the same number of spaces"),
-    (re.compile(r"mapping values are not allowed"), "unexpected ': '; check the indentation, write one key a line as 'key: "
-     "value', and put a text with ': ' in quotes"),
+    (re.compile(r"expected <block end>|expected <block mapping"),
+     "the indentation differs from the lines above; indent the entries of a mapping or list by the same number of spaces"),
+    (re.compile(r"mapping values are not allowed"),
+     "unexpected ': '; check the indentation, write one 'key: value' a line, and put a text with ': ' in quotes"),
     (re.compile(r"could not find expected ':'"), "the ':' after the key is missing; write 'key: value'"),
-    (re.compile(r"expected ',' or '([]}])'"), r"the '\1' that closes a list or mapping is missing, or a ',' before an entry"),
+    (re.compile(r"expected ',' or '([]}])'"),
+     r"the '\1' that closes a list or mapping is missing, or a ',' before an entry"),
     (re.compile(r"expected the node content"), "a value is missing before a bracket or comma"),
     (re.compile(r"unexpected end of stream"), "the closing quote of a text is missing"),
-    (re.compile(r"unknown escape character"), "unknown escape sequence after a backslash; use single quotes, or write \\\\"),
+    (re.compile(r"unknown escape character"),
+     "unknown escape sequence after a backslash; use single quotes, or write the backslash twice"),
     (re.compile(r"found another document"), "a second document begins here with '---'; expected one"),
-    (re.compile(r"found undefined alias"), "an alias (*NAME) repeats a value that no anchor (&NAME) marks; put a text that "
-     "begins with * in quotes"),
+    (re.compile(r"found undefined alias"),
+     "an alias (*NAME) repeats a value that no anchor (&NAME) marks; put a text that begins with * in quotes"),
     (re.compile(r"second occurrence|duplicate anchor"), "the same anchor (&NAME) is used twice"),
     (re.compile(r"determine a constructor for the tag"), "unknown tag (!NAME); remove it, or put the text in quotes"),
     (re.compile(r"unhashable key"), "expected a text as key; put it in quotes"),
@@ -63,7 +65,7 @@ def read_yaml(path: str | Path) -> Mapping[str, Any]:
 
 
 def read_value(text: str, where: str) -> Any:
-    """The value of an argument that is written as YAML. Raises InputError, which begins with `where`, for invalid YAML."""
+    """The value of an argument written as YAML. Raises InputError, which begins with `where`, for invalid YAML."""
     return _value(text, where, lines=False)
 
 

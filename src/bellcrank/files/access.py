@@ -144,7 +144,7 @@ class FileAccess:
         return replace(self, folder=file.parent)
 
     def path(self, name: str) -> Path:
-        """The path of a file that another file names. Raises InputError where it is not allowed, whether it exists or not."""
+        """The path of a file that another file names. Raises InputError, also for a missing file, where it is not allowed."""
         given = Path(name).expanduser() if name.startswith("~/") else Path(file_name_here(name))
         path = self.folder / given
         if not self.allows(path, absolute=bool(given.anchor)):
@@ -191,7 +191,7 @@ class FileAccess:
 
 
 def trusted_folders(trust: Trust = ()) -> tuple[Path, ...]:
-    """The folders of the argument `trust` and of BELLCRANK_TRUST. Raises InputError where the argument is not a folder."""
+    """The folders of the argument `trust` and of BELLCRANK_TRUST. Raises InputError where one is not a folder."""
     found = []
     given = [trust] if isinstance(trust, (str, Path)) else trust
     for each in arguments.several("trust", given, object, "folders"):

@@ -89,8 +89,8 @@ def check_file(option: str, path: Path) -> None:
 
 
 def check_folder(option: str, folder: Path, names: Iterable[str] = ()) -> None:
-    """Check, before long work, that the folder given by `option`, and files of these names (shell patterns) in it, can be
-    written. Raises InputError, also for links that lead out of the folder.
+    """Check, before long work, that the folder given by `option`, and files of these names (shell patterns) in it, can
+    be written. Raises InputError, also for links that lead out of the folder.
     """
     _check_place(f"{option} {folder}", folder)
     names = list(names)
@@ -105,7 +105,7 @@ def check_folder(option: str, folder: Path, names: Iterable[str] = ()) -> None:
 
 
 def default_place(name: str) -> Path:
-    """The default output of a command: a folder of this name in the current folder, or a file and others NAME_….
+    """The default output of a command: a folder of this name in the current folder, or a file (and NAME_…).
 
     Raises InputError where it is a link that leads out of the current folder: the user did not choose what the link
     would overwrite.
@@ -129,7 +129,8 @@ def _refuse_links_elsewhere(option: str, folder: Path, names: Sequence[str]) -> 
             target = os.path.realpath(link)
             if not Path(target).is_relative_to(own):
                 raise InputError(
-                    f"{link}: is a link to {target}, which would be overwritten; remove the link, or choose the output by {option}"
+                    f"{link}: is a link to {target}, which would be overwritten; remove the link, or choose the "
+                    f"output by {option}"
                 )
 
 

@@ -1,4 +1,4 @@
-"""The folders of bundled data: URDF files in `urdf`, scenes and robot configurations in `robots`, example-robot-data."""
+"""The folders of bundled data: `urdf`, `robots` (scenes and configurations), and example-robot-data."""
 
 from __future__ import annotations
 

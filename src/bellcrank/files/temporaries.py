@@ -113,7 +113,7 @@ def _host() -> str:
 
 
 def _started(pid: int) -> int | None:
-    """The start time of a process in clock ticks; 0 where the system does not tell it, None where there is no process."""
+    """The start time of a process in clock ticks; 0 where it is unknown, None where there is no such process."""
     try:
         text = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
         return int(text.rpartition(")")[2].split()[19])

@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # signals are handled before more is imported
     from types import FrameType
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-_TOGETHER = 1.0  # s; further signals within this time are the same request: timeout(1) sends two at once
+_TOGETHER = 1.0  # s; signals within this time are one request: timeout(1) sends two at once
 _RETRY = 0.01  # s
 
 
@@ -38,8 +38,8 @@ _request = _Request()
 
 @contextmanager
 def handled() -> Iterator[None]:
-    """In the block the signals raise Interrupted, except those that the process ignores (nohup). After the block they are
-    ignored, because the program only has to exit.
+    """In the block the signals raise Interrupted, except those that the process ignores (nohup). After the block they
+    are ignored, because the program only has to exit.
     """
     vars(_request).update(vars(_Request()))
     before = sys.unraisablehook

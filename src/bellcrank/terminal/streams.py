@@ -15,7 +15,7 @@ from typing import Any
 
 
 class _Output(io.FileIO):
-    """A file descriptor that drops output after its first error; `failure` is that error, unless the reader has ended."""
+    """A file descriptor that drops output after its first error; `failure` is that error, except a broken pipe."""
 
     failure: OSError | None = None
 
