@@ -98,7 +98,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
     for name, message in (
         ("missing.yaml", "there is no such file"),
         ("latin.yaml", "UTF-8"),
-        (".", "cannot be read"),
+        (".", "is a folder"),
     ):
         with pytest.raises(InputError, match=message):
             Fields.from_file(tmp_path / name)

@@ -27,7 +27,7 @@ _PLAIN = (
     (re.compile(r"found character '\\t'"), "a tab is used for indentation; use spaces"),
     (re.compile(r"found character '(.)' that cannot"), r"a value cannot begin with '\1'; put it in quotes"),
     (re.compile(r"expected <block end>|expected <block mapping"),
-     "the indentation differs from the lines above; indent the entries of a mapping or list by the same number of spaces"),
+     "the indentation differs from the lines above; indent the entries of a mapping or list alike"),
     (re.compile(r"mapping values are not allowed"),
      "unexpected ': '; check the indentation, write one 'key: value' a line, and put a text with ': ' in quotes"),
     (re.compile(r"could not find expected ':'"), "the ':' after the key is missing; write 'key: value'"),

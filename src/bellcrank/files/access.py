@@ -144,7 +144,7 @@ class FileAccess:
         return replace(self, folder=file.parent)
 
     def path(self, name: str) -> Path:
-        """The path of a file that another file names. Raises InputError, also for a missing file, where it is not allowed."""
+        """The path of a file that another file names. Raises InputError where it is not allowed."""
         given = Path(name).expanduser() if name.startswith("~/") else Path(file_name_here(name))
         path = self.folder / given
         if not self.allows(path, absolute=bool(given.anchor)):
