@@ -12,9 +12,9 @@ import pytest
 import bellcrank as bc
 from bellcrank.commands import simulate as command
 from bellcrank.files.csv_files import ROWS
-from bellcrank.simulation import plot_panels, trajectory
+from bellcrank.simulation import plot_panels, state_history
 from bellcrank.simulation.run_csv import columns
-from bellcrank.simulation.summary import run_warnings
+from bellcrank.simulation.run_warnings import run_warnings
 
 MEGABYTE = 2**20
 CLOSED = {"duration": 1.0, "samples": 2500}
@@ -64,7 +64,7 @@ def test_a_csv_written_in_blocks_has_every_byte_of_one_written_whole(scene, tmp_
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerow([f"{name} [{unit}]" for name, unit in labels])
     text.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
-    monkeypatch.setattr(trajectory, "BLOCK_NUMBERS", 1)
+    monkeypatch.setattr(state_history, "BLOCK_NUMBERS", 1)
     again, heard = bc.simulate(scene, **CLOSED), []
     assert len(list(again.parts())) == 3 and sum(map(len, again.parts())) == len(run) > 2 * ROWS
     assert again.to_csv(tmp_path / "run.csv", heard.append).read_bytes() == text.getvalue().encode()
@@ -78,7 +78,7 @@ def test_the_certificate_of_a_run_is_the_same_block_by_block(scene, monkeypatch)
         return drifts, run_warnings(run), run.summary().splitlines()[-3:]
 
     whole = certificate(bc.simulate(scene, **CLOSED))
-    monkeypatch.setattr(trajectory, "BLOCK_NUMBERS", 1)
+    monkeypatch.setattr(state_history, "BLOCK_NUMBERS", 1)
     assert certificate(bc.simulate(scene, **CLOSED)) == whole and whole[0][0] > 0.0
 
 
@@ -103,7 +103,7 @@ def test_a_picture_of_a_long_run_keeps_every_peak(monkeypatch):
     whole = {panel.title: panel for panel in plot_panels.run_panels(run)}
     monkeypatch.setattr(plot_panels, "LONG", 1000)
     monkeypatch.setattr(plot_panels, "DRAWN", 1000)
-    monkeypatch.setattr(trajectory, "BLOCK_NUMBERS", 1)
+    monkeypatch.setattr(state_history, "BLOCK_NUMBERS", 1)
     panels = plot_panels.run_panels(bc.simulate("four_bar", duration=2.0, samples=3000))
     assert [panel.title for panel in panels] == list(whole)
     table = dict(plot_panels._linear(run)[0].lines)

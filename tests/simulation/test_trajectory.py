@@ -18,7 +18,7 @@ import bellcrank as bc
 from bellcrank.errors import InputError
 from bellcrank.simulation.run_csv import columns
 from bellcrank.simulation.run_plot import plot_run
-from bellcrank.simulation.summary import run_warnings
+from bellcrank.simulation.run_warnings import run_warnings
 from bellcrank_bench.textbook.open_chains import PlanarTwoLink
 
 ARM = """

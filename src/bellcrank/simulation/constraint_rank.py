@@ -1,4 +1,4 @@
-"""How well constraints hold in a posture: singular values of J M⁻¹ᐟ², their rank, and which multipliers are unique."""
+"""The rank of constraints in a configuration: singular values of J M⁻¹ᐟ², and which multipliers are unique."""
 
 from __future__ import annotations
 
@@ -15,14 +15,19 @@ if TYPE_CHECKING:
     from bellcrank.dynamics.system import System
 
 Array = NDArray[np.float64]
-MASSLESS = 1e-6  # of a coordinate's own inertia: what moves with less of it counts as if it had so much
-LOST = 1e-8  # of the largest singular value: rows below it depend on others
+MASSLESS = 1e-6  # of a coordinate's own inertia: the least that a motion counts with
+LOST = 1e-8  # of the largest singular value: smaller ones count as 0
 
 
 @dataclass(frozen=True, eq=False)
 class ConstraintRank:
-    """Singular values (rows,), largest first, of J M⁻¹ᐟ² with rows of length 1, so that units do not matter; the rank;
-    and `unique` (rows,): which multipliers no combination of the others can take over.
+    """The rank of the constraints in one configuration.
+
+    Attributes:
+        singular_values: Singular values (rows,), largest first, of J M⁻¹ᐟ² with rows of length 1, so that units do not
+            matter.
+        rank: The number of independent rows.
+        unique: Which multipliers (rows,) are determined by the motion.
     """
 
     singular_values: Array
@@ -33,20 +38,20 @@ class ConstraintRank:
 def rank_of(system: System, t: Array, x: Array, u: Array, p: Array) -> ConstraintRank:
     """The rank of a system's constraints at a time (1) s, state, signals and parameters.
 
-    Raises InputError where a number is not finite, or the mass matrix not that of bodies.
+    Raises InputError where a number is not finite or an inertia negative.
     """
     with np.errstate(all="ignore"):
         jacobian, mass = system.constraint_metric(t, x, u, p)
         checked(mass, "the mass matrix at this row of the run is")
         try:
             weighted = np.linalg.solve(np.linalg.cholesky(mass), jacobian.T).T
-        except np.linalg.LinAlgError:  # links without mass make it singular; the rank is that of J in any metric
+        except np.linalg.LinAlgError:  # massless links: the rank of J is the same in any metric
             weighted = jacobian @ _whitening(mass)
         length = np.linalg.norm(weighted, axis=1, keepdims=True)
     weighted = weighted / np.where(length > 0.0, length, 1.0)
-    left, values, _ = svd(weighted, "the closures' derivative at this row of the run is")
+    left, values, _ = svd(weighted, "the constraint Jacobian at this row of the run is")
     rank = int(np.sum(values > LOST * values.max(initial=0.0)))
-    idle = left[:, rank:]  # combinations of multipliers that move nothing
+    idle = left[:, rank:]  # combinations of multipliers without effect
     return ConstraintRank(values, rank, np.linalg.norm(idle, axis=1) < 1e-6)
 
 

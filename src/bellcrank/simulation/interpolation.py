@@ -1,4 +1,4 @@
-"""A run between its rows: states on either side of what jumps, and on the smooth curve through the rows elsewhere."""
+"""States of a run between its rows: on both sides of jumps of a force, and by smooth interpolation elsewhere."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory import Array, Trajectory
 
-SMALL_JUMP = 1e-9  # of a signal's largest value: rounding
-MOST_JUMPS = 20_000  # that are looked at
+SMALL_JUMP = 1e-9  # of a signal's largest value: smaller jumps are rounding
+MOST_JUMPS = 20_000  # of a run
 SUBSTEPS = 4  # of the integration from a row to a jump
 
 
 def with_jumps(run: Trajectory) -> Trajectory:
-    """The run, of finite states and increasing times, with two rows more for each time at which a force jumps between
-    two of its rows: the limits from before and from after.
+    """The run with two more rows for each time at which a force jumps between two rows: just before and just after.
+
+    States must be finite and times increasing.
     """
     jumps = jump_times(run)
     early = before(jumps)
@@ -33,7 +34,7 @@ def with_jumps(run: Trajectory) -> Trajectory:
     if new.any():
         times = early[new]
         at = np.searchsorted(run.time, times, side="right")
-        there = run.time[at] == jumps[new]  # a row is at the jump already, and states do not jump
+        there = run.time[at] == jumps[new]  # there is a row already; states do not jump
         state = run.state[at]
         if not there.all():
             state[~there] = _reached(run, times[~there])
@@ -48,16 +49,14 @@ def _with_rows(run: Trajectory, times: Array, state: Array) -> Trajectory:
 
 
 def jump_times(run: Trajectory) -> Array:
-    """When, after the first row and before the last, tabulated torques and motions that controllers follow jump, s; no
-    more than MOST_JUMPS.
-    """
+    """Times (s) between the first row and the last at which a signal jumps; at most MOST_JUMPS."""
     times = signal_jumps(run.scene, run.signals)
     inside: Array = times[(times > run.time[0]) & (times < run.time[-1])][:MOST_JUMPS]
     return inside
 
 
 def signal_jumps(scene: Scene, signals: Sequence[Signal]) -> Array:
-    """When tabulated torques of a scene, and motions that its controllers follow, jump, s, increasing."""
+    """Times (s), increasing, at which tabulated forces, or motions that controllers follow, jump."""
     found = [np.asarray(scene.stops)]
     for signal in signals:
         if signal.kinked:
@@ -68,7 +67,7 @@ def signal_jumps(scene: Scene, signals: Sequence[Signal]) -> Array:
 
 
 def between(run: Trajectory) -> Callable[[Array], Trajectory]:
-    """The run at other times (m,) s within it, of which none may be beyond a jump from a row beside it."""
+    """A function that gives the run at other times (m,) s; no jump may lie between a time and the rows beside it."""
     smooth = smooth_between(run.robot.joints, run.time, run.position, run.velocity, run.acceleration)
     nq, nv = run.robot.nq, run.robot.nv
 
@@ -81,7 +80,7 @@ def between(run: Trajectory) -> Callable[[Array], Trajectory]:
 
 
 def _with_work(run: Trajectory, times: Array, state: Array) -> Array:
-    """States (m, size) with the work that energy takes for its balance to be what it is at the run's rows."""
+    """States (m, nx) with the work for which the energy balance is that of the rows beside them."""
     if system_of(run.scene).has_work:
         energy = replace(run, time=times, state=state).total_energy
         state[:, -1] = energy - np.interp(times, run.time, run.total_energy - run.work)
@@ -89,8 +88,10 @@ def _with_work(run: Trajectory, times: Array, state: Array) -> Array:
 
 
 def _reached(run: Trajectory, times: Array) -> Array:
-    """States (m, size) at increasing times that lie between rows, by Runge-Kutta steps of order 4 from the row before,
-    or from the time before where several lie between the same two rows.
+    """States (m, nx) at increasing times between rows.
+
+    They are integrated by Runge-Kutta steps of order 4 from the row before, or from the time before where several lie
+    between the same two rows.
     """
     row = np.searchsorted(run.time, times, side="right") - 1
     rank = np.arange(len(times)) - np.searchsorted(row, row)
@@ -104,14 +105,14 @@ def _reached(run: Trajectory, times: Array) -> Array:
     span = np.abs(after - run.state[row]).max(axis=1) + np.abs(run.velocity[row]).max(axis=1) * (
         run.time[row + 1] - run.time[row]
     )
-    lost = ~(np.abs(state - run.state[row]).max(axis=1) <= 10.0 * span)  # stiff, beyond what such steps can follow
+    lost = ~(np.abs(state - run.state[row]).max(axis=1) <= 10.0 * span)  # stiff: such steps diverge
     share = (times - run.time[row]) / (run.time[row + 1] - run.time[row])
     state[lost] = (run.state[row] + share[:, None] * (after - run.state[row]))[lost]
     return _with_work(run, times, state)
 
 
 def _stepped(run: Trajectory, begin: Array, state: Array, end: Array) -> Array:
-    """States at `end` (m,) s from those (m, size) at `begin`."""
+    """States (m, nx) at the times `end` (m,) s, integrated from `state` at the times `begin`."""
     h = (end - begin) / SUBSTEPS
     scale = h[:, None]
     with np.errstate(all="ignore"):
@@ -130,7 +131,7 @@ def _stepped(run: Trajectory, begin: Array, state: Array, end: Array) -> Array:
 
 
 def _rate(run: Trajectory, t: Array, state: Array) -> Array:
-    """dx/dt (m, size) with the accelerations that the results have, and none of the work."""
+    """dx/dt (m, nx) by the accelerations of the equations of motion; 0 for the work."""
     there = replace(run, time=t, state=state)
     q, v, a = there.position, there.velocity, there.acceleration
     rate = np.zeros_like(state)

@@ -1,4 +1,4 @@
-"""What of a run is not a finite number though the run went on: outputs, energies, forces, constraints, events."""
+"""Results of a run that are not finite: outputs, energies, forces, constraints and event functions."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from bellcrank.simulation.status import Status
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Array, Trajectory
 
-EACH = 8  # told one by one; the others are counted
-AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-2)  # of the duration: how far beyond the last state its cause is looked for
+EACH = 8  # reported one by one; the others are listed in one clause
+AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-2)  # of the duration: how far behind the last state a cause is looked for
 
 
 @dataclass
 class _Tally:
-    """In how many rows a quantity is not a finite number, and where that was first."""
+    """In how many rows a quantity is not finite, and the first time."""
 
     what: str
     first: float  # s
@@ -32,24 +32,25 @@ class _Tally:
 
 
 def non_finite(run: Trajectory) -> tuple[str, ...]:
-    """A clause for each quantity of a run that is NaN or infinite in some row, with how many rows and the first time;
-    and for each event whose function is NaN, in rows or steps, where no crossing of it can be found.
+    """A clause for each quantity of a run that is NaN or infinite in some row, and each event function that is NaN.
+
+    Each says in how many rows or steps, and the first time.
     """
     with np.errstate(all="ignore"):
         tallies: dict[str, _Tally] = {}
         for part in run.parts():
             for key, name, rows in _quantities(part):
                 _count(tallies, part, key, name, rows)
-        found = [(tally.what, _told(run, tally)) for tally in tallies.values()]
+        found = [(tally.what, _how(run, tally)) for tally in tallies.values()]
         found += _events(run)
     clauses = [f"{what} is {how}" for what, how in found[:EACH]]
     if len(found) > EACH:
-        clauses.append(f"not finite numbers either, in some rows: {', '.join(what for what, _ in found[EACH:])}")
+        clauses.append(f"also not finite in some rows: {', '.join(what for what, _ in found[EACH:])}")
     return tuple(clauses)
 
 
 def _quantities(run: Trajectory) -> Iterator[tuple[str, Callable[[int], str], Array]]:
-    """Quantities with a key, what a column of them is called, and their rows."""
+    """(key, name of a column, rows) of each quantity."""
     for name, rows in run.outputs.items():
         yield f"output {name}", partial("output '{0}'".format, name), rows
     by_joint = {
@@ -71,14 +72,14 @@ def _quantities(run: Trajectory) -> Iterator[tuple[str, Callable[[int], str], Ar
 
 
 def _joint(run: Trajectory, what: str, column: int) -> str:
-    """What a column of a quantity of the joints is called."""
+    """The name of a column of a quantity of the joints."""
     places = [(j.q, j.nq) if what == "position" else (j.v, j.nv) for j in run.robot.joints]
     joint = next(j for j, (k, size) in zip(run.robot.joints, places, strict=True) if k <= column < k + size)
     return f"the {what} of joint '{joint.name}'"
 
 
 def _count(tallies: dict[str, _Tally], run: Trajectory, key: str, name: Callable[[int], str], rows: Array) -> None:
-    """Add the rows of a block in which a quantity is not finite; the first names it."""
+    """Count the rows of a block in which a quantity is not finite."""
     table = rows.reshape(len(run), -1)
     entries: NDArray[np.bool_] = ~np.isfinite(table)
     bad: NDArray[np.bool_] = np.asarray(entries.any(axis=1))
@@ -90,13 +91,13 @@ def _count(tallies: dict[str, _Tally], run: Trajectory, key: str, name: Callable
     tally.undefined |= bool(np.isnan(table).any())
 
 
-def _told(run: Trajectory, tally: _Tally) -> str:
+def _how(run: Trajectory, tally: _Tally) -> str:
     kind = "not a number (NaN)" if tally.undefined else "infinite"
     return f"{kind} in {tally.rows} of {len(run)} rows, first at {tally.first:.6g} s"
 
 
 def _events(run: Trajectory) -> Iterator[tuple[str, str]]:
-    """Events that are NaN in steps of the solver, or in rows where it found none, as at a single row."""
+    """Event functions that are NaN in steps of the solver, or in rows only."""
     if not run.scene.events:
         return
     steps = {it.event: it for it in run.statistics.unresolved if it.undefined}
@@ -118,8 +119,9 @@ def _events(run: Trajectory) -> Iterator[tuple[str, str]]:
 
 
 def cause(run: Trajectory) -> str:
-    """What is not a finite number at or just beyond the last finite state of a run that ended NON_FINITE, found along
-    its tangent there, as a clause; empty where nothing is.
+    """What is not finite at or just after the last finite state of a run with status NON_FINITE, as a clause.
+
+    It is looked for along the state's rate of change there; empty where nothing is found.
     """
     good = np.flatnonzero(np.isfinite(run.state).all(axis=1))
     if run.status is not Status.NON_FINITE or not len(good):
@@ -139,7 +141,7 @@ def cause(run: Trajectory) -> str:
             bad[:, : gap.shape[1]] |= ~np.isfinite(gap)
             if bad.any():
                 k = int(bad[bad.any(axis=1).argmax()].argmax())
-                return f"constraint '{system.multiplier_names[k][0]}' is not a finite number there or just beyond"
+                return f"constraint '{system.multiplier_names[k][0]}' is not finite there or just after"
         acceleration, _, actuator, passive, *_ = system.observation(*arguments)
         found = {"actuator force": actuator, "passive force": passive, "acceleration": acceleration}
         for what, rows in found.items():
@@ -147,5 +149,5 @@ def cause(run: Trajectory) -> str:
             if bad.any():
                 first = bad[bad.any(axis=1).argmax()]
                 joint = next(j for j in run.robot.joints if first[j.v : j.v + j.nv].any())
-                return f"the {what} of joint '{joint.name}' is not a finite number there or just beyond"
+                return f"the {what} of joint '{joint.name}' is not finite there or just after"
     return ""

@@ -1,4 +1,4 @@
-"""What a run has to show over time: its quantities in panels, one a unit; for pictures and for the replay."""
+"""Panels: the quantities of a run over time, grouped by unit, for plots and for the replay."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.system import system_of
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 from bellcrank.motion.resampling import BETWEEN, SHARE, extreme_rows, ranges, refined
 from bellcrank.simulation.interpolation import between, with_jumps
@@ -19,17 +18,25 @@ from bellcrank.simulation.run_csv import output_labels, titled, torque_unit
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Array, Trajectory
 
-CONSERVED = 1e-8  # of the largest of a unit: sums that stay the same are not known better between rows
-LEFT_OUT = 100  # rows by which it is found out which lines the smooth curve tells
-LONG = 200_000  # rows: of more only extremes are drawn, which is all that a picture can show
-DRAWN = 100_000  # of them, about
+CONSERVED = 1e-8  # of the largest value of a unit: conserved sums are not known better between rows
+LEFT_OUT = 100  # rows that are left out to test whether a line is smooth between rows
+LONG = 200_000  # rows: of longer runs only extremes are drawn, which is all that a picture can show
+DRAWN = 100_000  # about so many rows of them
 ENERGY, WORK, OUTPUTS = "energy", "work W", "outputs:"
 
 
 @dataclass
 class Panel:
-    """What one panel shows: a quantity, its unit, and the lines (n,) by name, over times (n,) s; `off` is by how much
-    of its `ranges` a line may be off that goes straight between the rows; of `extremes` nothing is told between them.
+    """One panel of a plot.
+
+    Attributes:
+        title: The quantity.
+        unit: Its unit; "1" where there is none.
+        lines: (name, values (n,)) of each line.
+        logarithmic: Whether the axis is logarithmic.
+        time: Times (n,) s.
+        off: The error of straight lines between rows, as a fraction of a line's range.
+        extremes: Whether the rows are extremes of a longer run, with nothing known between them.
     """
 
     title: str
@@ -42,15 +49,16 @@ class Panel:
 
     @property
     def moves(self) -> bool:
-        """Whether anything in it changes."""
+        """Whether a line changes."""
         return any(np.any(values != values[0]) for _, values in self.lines)
 
 
 def run_panels(run: Trajectory) -> list[Panel]:
-    """The panels of a run, no two of one title: positions, velocities, energies, torques, constraints and outputs that
-    change, SI units; over the run's rows, and as many times between them, on either side of jumps too, as lines need
-    that are straight between them. How far constraints are apart is known at the rows alone. Of a LONG run only the rows
-    of extremes are drawn.
+    """The panels of a run, with different titles: positions, velocities, energies, torques, constraints, outputs.
+
+    Quantities that do not change are left out. Lines have the run's rows, and more times between them, also on both
+    sides of jumps, so that straight lines between all of them are accurate. Constraint residuals are known at the rows
+    only. Of a run of more than LONG rows only the extremes are drawn.
     """
     few = extremes(run, _everything)
     panels = _linear(few)
@@ -72,12 +80,14 @@ def run_panels(run: Trajectory) -> list[Panel]:
     first_output = next((k for k, panel in enumerate(panels) if panel.title.startswith(OUTPUTS)), len(panels))
     found = [panel for panel, there in zip(panels, shown, strict=True) if there]
     place = sum(shown[:first_output])
-    return titled_apart([*found[:place], *_apart(few, few is not run), *found[place:]])
+    return titled_apart([*found[:place], *_residual_panels(few, few is not run), *found[place:]])
 
 
 def extremes(run: Trajectory, table: Callable[[Trajectory], Array]) -> Trajectory:
-    """A run of no more than LONG rows as it is; of a longer one about DRAWN rows, in which each column of a table (n,
-    columns) has the least and largest of every stretch. The table is made of a block of rows at a time.
+    """The run itself where it has at most LONG rows; of a longer run about DRAWN rows.
+
+    They hold the minima and maxima of each column of a table (n, columns) over short intervals. The table is computed
+    for one block of rows at a time.
     """
     if len(run) <= LONG:
         return run
@@ -99,7 +109,7 @@ def _shown(panel: Panel) -> bool:
 
 
 def _linear(run: Trajectory) -> list[Panel]:
-    """All panels that go straight between rows, over the rows, whatever is in them."""
+    """All panels with linear axes, over the rows, also those that do not change."""
     joints = run.robot.joints
     one = [joint for joint in joints if joint.nv == 1]
     panels = by_unit("position", position_labels(joints), run.position)
@@ -109,7 +119,7 @@ def _linear(run: Trajectory) -> list[Panel]:
     labels = [(joint.name, torque_unit(joint.kind)) for joint in one]
     panels += by_unit("joint torque", labels, run.torque[:, [joint.v for joint in one]])
     if run.scene.constraints:
-        names = [titled(f"{owner} {label}") for owner, label in system_of(run.scene).multiplier_names]
+        names = [titled(f"{owner} {label}") for owner, label in run.multiplier_names]
         panels += by_unit("multiplier", names, run.multipliers)
     outputs = [(label, unit, column) for name in run.outputs for label, unit, column in _output_columns(run, name)]
     for unit in dict.fromkeys(unit for _, unit, _ in outputs):
@@ -124,8 +134,9 @@ def _table(panels: Sequence[Panel]) -> Array:
 
 
 def _refined(run: Trajectory, panels: Sequence[Panel]) -> tuple[Array, Array, Array]:
-    """Times, rows of the panels' lines, one a column, and each line's `Panel.off`, for straight lines to be right. Rows
-    from the first on that is not finite, or goes back, stay as they are.
+    """Times, the panels' lines as columns, and each line's `Panel.off`, refined so that straight lines are accurate.
+
+    Rows from the first one on that is not finite, or whose time decreases, are not refined.
     """
     table, lines = _table(panels), [len(panel.lines) for panel in panels]
     good = np.isfinite(run.state).all(axis=1) & np.append(True, np.diff(run.time) > 0.0)
@@ -154,7 +165,7 @@ def _refined(run: Trajectory, panels: Sequence[Panel]) -> tuple[Array, Array, Ar
 
 
 def titled_apart(panels: list[Panel]) -> list[Panel]:
-    """The panels, with the unit in the titles that stand twice."""
+    """The panels, with the unit added to titles that occur twice."""
     titles = [panel.title for panel in panels]
     for panel in panels:
         if titles.count(panel.title) > 1:
@@ -163,8 +174,9 @@ def titled_apart(panels: list[Panel]) -> list[Panel]:
 
 
 def by_unit(title: str, labels: Sequence[tuple[str, str]], table: Array) -> list[Panel]:
-    """One panel a unit of a table's columns, (name, unit) each; the word for the quantity is in the panel's title, and
-    need not stand in every line's name.
+    """One panel a unit for the columns of a table; `labels` are their (name, unit).
+
+    The quantity stands in the panel's title and is removed from the names of its lines.
     """
     panels = []
     for unit in dict.fromkeys(unit for _, unit in labels):
@@ -177,20 +189,21 @@ def by_unit(title: str, labels: Sequence[tuple[str, str]], table: Array) -> list
 
 
 def shown_unit(unit: str) -> str:
-    """A unit as it is shown: "1" where there is none."""
+    """A unit as plots show it; "1" where there is none."""
     return unit.replace("^2", "²") or "1"
 
 
 def _better_curved(run: Trajectory, table: Array, bound: Array) -> NDArray[np.bool_]:
-    """Whether each line is better told by the smooth curve between rows than by a straight line, as found by leaving
-    out every other row: the curve misses most of those by less that a straight line misses by more than the bound. It
-    does not where a line is rounding, as a sum of energies that stays the same.
+    """Whether smooth interpolation between rows is better than straight lines, for each line.
+
+    It is tested by leaving out every other row: smooth interpolation must have a smaller error in most of those where
+    straight lines have an error above the bound. It fails for lines of rounding errors, such as a conserved energy.
     """
     k = np.arange(1, len(run) - 1, 2)
     k = k[np.unique(np.linspace(0, len(k) - 1, LEFT_OUT).astype(int))] if len(k) else k
     rows = np.unique(np.concatenate([np.zeros(0, dtype=int), k - 1, k, k + 1]))
     step = np.diff(run.time)
-    k = k[np.maximum(step[k - 1], step[k]) < 2.0 * np.minimum(step[k - 1], step[k])]  # none beside a jump
+    k = k[np.maximum(step[k - 1], step[k]) < 2.0 * np.minimum(step[k - 1], step[k])]  # not beside a jump
     if not len(k):
         return np.ones(table.shape[1], dtype=np.bool_)
     some = np.setdiff1d(rows, k)
@@ -200,13 +213,15 @@ def _better_curved(run: Trajectory, table: Array, bound: Array) -> NDArray[np.bo
         share = ((run.time[k] - run.time[k - 1]) / (run.time[k + 1] - run.time[k - 1]))[:, None]
         straight = np.abs(table[k - 1] + share * (table[k + 1] - table[k - 1]) - table[k])
     missed = straight > bound
-    told = (curved / 64.0 < bound) | (straight > 0.1 * np.ptp(table, axis=0))  # the error is a sixth power of the step
+    told = (curved / 64.0 < bound) | (
+        straight > 0.1 * np.ptp(table, axis=0)
+    )  # the error falls with the sixth power of the step
     better = missed & told & (curved < 0.5 * straight)
     return np.asarray(better.sum(axis=0) >= 0.5 * missed.sum(axis=0), dtype=np.bool_)
 
 
-def _apart(run: Trajectory, extremes: bool) -> list[Panel]:
-    """How far constraints are apart, a panel a unit."""
+def _residual_panels(run: Trajectory, extremes: bool) -> list[Panel]:
+    """Constraint residuals, one panel a unit."""
     return [
         Panel(
             f"constraint {'velocity' if unit.endswith('/s') else 'position'} residual", unit or "1", [("largest", values)],

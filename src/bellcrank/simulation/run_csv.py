@@ -1,4 +1,4 @@
-"""A run as CSV: one row a time, a header that names each column and its unit, as in motion/csv_file.py."""
+"""A run as CSV: one row a time, and a header that names each column and its unit, as in motion/csv_file.py."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 def write_run_csv(run: Trajectory, path: str | Path, progress: Callable[[int], None] | None = None) -> Path:
-    """Write time, positions, velocities, accelerations, torques, energies, work, constraints, outputs; returns the path.
+    """Write time, positions, velocities, accelerations, torques, energies, work, constraints and outputs as CSV.
 
-    `torque` is all that the scene's forces do at a joint, `actuator torque`, where the scene has motors or controllers,
-    their part of it. Units stand in the header (s, rad, m, N m, N, J, …); every number has the digits that give it back
-    exactly, and what is not a finite number is `nan`, `inf` or `-inf`.
-    The file is replaced in one step, or not at all. Raises InputError where the folder cannot be written.
+    `torque` is that of all forces of the scene at a joint; `actuator torque` is the part of actuators and controllers,
+    where the scene has them. Units stand in the header (s, rad, m, N m, N, J, …). Numbers are read back exactly; those
+    that are not finite are `nan`, `inf` or `-inf`. `progress` is called with the number of rows written. Returns the
+    path of the file, which is written atomically. Raises InputError where it cannot be written.
     """
 
     def blocks() -> Iterator[Array]:
@@ -73,5 +73,5 @@ def titled(label: str) -> tuple[str, str]:
 
 
 def torque_unit(kind: str) -> str:
-    """The unit of a joint's torque, or force."""
+    """The unit of the torque or force of a joint of this kind."""
     return "N" if kind == "prismatic" else "N m"

@@ -1,4 +1,4 @@
-"""Pictures of a run: every quantity over time, one panel a unit; or the path of a frame."""
+"""Plots of a run: its quantities over time, one panel a unit, or the path of a frame."""
 
 from __future__ import annotations
 
@@ -24,26 +24,40 @@ if TYPE_CHECKING:
 
     from bellcrank.simulation.trajectory import Array, Trajectory
 
-NAMED = 8  # lines with a colour and a name in one panel; the others, which move less, are thin and grey
-FLAT = 1e-6
-MOST_MARKS = 2000  # events of a name that can be told apart along a picture
+NAMED = 8  # lines of a panel with a colour and a name; the others, which change less, are thin and grey
+CONSTANT = 1e-6  # relative change below which a line is drawn as constant
+MOST_MARKS = 2000  # marks of one event that can be told apart along a plot
 EVENT_COLOUR = "#7A5195"
 
 
 def plot_run(run: Trajectory, path: str | Path | None = None, frame: str | None = None) -> Figure:
-    """Draw a run: a matplotlib Figure, written to `path` in the format of its suffix (PNG without one).
+    """Draw a run over time, or the path of a frame.
 
-    Positions, velocities, energies, torques and outputs over time, SI units on the axes; or, with `frame`, the path of
-    that frame in the world's plane in which it reaches furthest (m). Raises InputError for an unknown frame or format,
-    and where the folder cannot be written.
+    Args:
+        run: A run, as `simulate` and `load_run` return it.
+        path: Where the picture is written, in the format of its suffix (PNG without one); None: nowhere.
+        frame: A frame whose path is drawn, in the plane of two world axes in which it reaches furthest.
+
+    Returns:
+        A matplotlib figure: positions, velocities, energies, torques, constraints and outputs over time, or the path
+        (m); SI units on the axes.
+
+    Raises:
+        InputError: Unknown frame or picture format, or the file cannot be written.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> figure = bc.plot(bc.simulate("pendulum", duration=1.0))
+        >>> [axis.get_title(loc="left") for axis in figure.axes][:2]
+        ['position', 'velocity']
     """
     if not hasattr(run, "state"):
-        arguments.refuse("run", "a run, as bc.simulate gives", run)
+        arguments.refuse("run", "a run, as bc.simulate returns", run)
     if path is not None:
         path = arguments.path("path", path, "the path of a picture")
     if frame is not None:
         arguments.text("frame", frame, "the name of a frame")
-    with np.errstate(all="ignore"):  # a run may end where numbers overflow
+    with np.errstate(all="ignore"):  # numbers may overflow at the end of a run
         figure = _over_time(run, run_panels(run)) if frame is None else _frame_path(run, frame)
     if path is not None:
         kind = Path(path).suffix.removeprefix(".").lower() or "png"
@@ -56,8 +70,8 @@ def plot_run(run: Trajectory, path: str | Path | None = None, frame: str | None 
 
 
 def run_pages(run: Trajectory, most: int = 6) -> list[Figure]:
-    """The same over time as figures for paper, at most `most` panels in each."""
-    with np.errstate(all="ignore"):  # a run may end where numbers overflow
+    """The plots over time as figures for paper, with at most `most` panels each."""
+    with np.errstate(all="ignore"):  # numbers may overflow at the end of a run
         panels = run_panels(run)
         count = math.ceil(len(panels) / most)
         cuts = [round(k * len(panels) / count) for k in range(count + 1)]
@@ -80,7 +94,7 @@ def _over_time(run: Trajectory, panels: Sequence[Panel]) -> Figure:
     axes[-1].set_xlabel("time [s]")
     if run.time[-1] > run.time[0]:
         axes[-1].set_xlim(run.time[0], run.time[-1])
-    told = ", not all of it finite numbers" if run.non_finite else ""
+    told = ", not all results are finite" if run.non_finite else ""
     figure.suptitle(literal(f"{run.scene.name}: {run.status} at {run.time[-1]:.6g} s{told}", 90))
     return figure
 
@@ -110,9 +124,9 @@ def _draw(axis: Axes, time: Array, panel: Panel) -> None:
 
 
 def _keep_constants_flat(axis: Axes, panel: Panel) -> None:
-    """What changes by less than FLAT of its size is not magnified until its rounding looks like a signal."""
+    """What changes by less than CONSTANT of its size is not magnified to its rounding errors."""
     values = np.concatenate([values[np.isfinite(values)] for _, values in panel.lines])
-    if len(values) and 0.0 < np.ptp(values) < FLAT * np.abs(values).max():
+    if len(values) and 0.0 < np.ptp(values) < CONSTANT * np.abs(values).max():
         middle = 0.5 * float(values.min() + values.max())
         axis.set_ylim(middle - 0.05 * abs(middle), middle + 0.05 * abs(middle))
 

@@ -1,4 +1,4 @@
-"""What is odd about a scene without being wrong: a sentence for each thing that its user should know of."""
+"""Notes on a scene: a sentence for each thing that is unusual without being wrong."""
 
 from __future__ import annotations
 
@@ -27,14 +27,15 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
-MOVED = 1e-6  # rad, m or a share of the largest number: what constraints may change of a saved state without a note
-MOVING = 1e-4  # of a motion's largest speed: slower than this it is at rest
-OVERSHOOT = 3.0  # times the range of a table's values: what a cubic spline may reach without a note
+MOVED = 1e-6  # rad, m or relative: by so much constraints may change a saved state without a note
+MOVING = 1e-4  # of a motion's largest speed: slower counts as at rest
+OVERSHOOT = 3.0  # times the range of a table's values: so far a cubic spline may overshoot without a note
 
 
 def scene_notes(scene: Scene, duration: float | None = None) -> tuple[str, ...]:
-    """The notes on a scene that is simulated for a duration, s, by default its own. Motions are made for it, and its
-    events compiled.
+    """The notes on a scene that is simulated for a duration (s), by default its own.
+
+    They take the scene's motions, and compile its event functions.
     """
     duration = scene.settings.duration if duration is None else duration
     return (
@@ -51,7 +52,7 @@ def scene_notes(scene: Scene, duration: float | None = None) -> tuple[str, ...]:
 
 
 def _rows(scene: Scene) -> Iterator[str]:
-    """Constraints, or rows of them, that are left out, as no joint moves them."""
+    """Constraints, or rows of them, that are left out because no joint affects them."""
     left_out = binding_of(scene).left_out if scene.constraints else ()
     for constraint in scene.constraints:
         rows = [(label, gap) for name, label, gap in left_out if name == constraint.name]
@@ -59,29 +60,29 @@ def _rows(scene: Scene) -> Iterator[str]:
             continue
         far = max(gap for _, gap in rows)
         if len(rows) == len(constraint.labels(scene.robot)):
-            yield f"constraint '{constraint.name}' holds whatever the joints do, {far:.3g} (m or rad) apart; it is left out"
+            yield f"constraint '{constraint.name}' does not depend on any joint (residual {far:.3g} m or rad); it is left out"
         else:
             named = ", ".join(label for label, _ in rows)
             yield (
-                f"constraint '{constraint.name}': no joint moves its row{'s' if len(rows) > 1 else ''} {named}, "
-                f"{far:.3g} (m or rad) apart; left out"
+                f"constraint '{constraint.name}': no joint affects its row{'s' if len(rows) > 1 else ''} {named} "
+                f"(residual {far:.3g} m or rad); left out"
             )
 
 
 def _start(scene: Scene) -> Iterator[str]:
-    """Joints that start outside the URDF's range: a simulation does not know the stops."""
+    """Joints that start outside their range in the URDF."""
     robot, q = scene.robot, consistent_start(scene)[0]
     for j in robot.joints:
         if j.nq == 1 and not robot.lower[j.q] <= q[j.q] <= robot.upper[j.q]:
             unit = joint_unit(j, "position")
             yield (
                 f"joint '{j.name}' starts at {q[j.q]:.6g} {unit}, outside its range of {robot.lower[j.q]:.6g} to "
-                f"{robot.upper[j.q]:.6g} {unit}; the simulation knows no stops"
+                f"{robot.upper[j.q]:.6g} {unit}; joint limits are not enforced"
             )
 
 
 def _saved(scene: Scene) -> Iterator[str]:
-    """What differs from the saved run that the scene starts from: the closures' correction, and the clock."""
+    """Differences from the saved run that the scene starts from: the correction by constraints, and the clock."""
     saved, robot = scene.initial.saved, scene.robot
     if saved is None:
         return
@@ -96,18 +97,18 @@ def _saved(scene: Scene) -> Iterator[str]:
             k = int(moved.argmax())
             joint = next(j for j in reversed(robot.joints) if (j.q if what == "position" else j.v) <= k)
             yield (
-                f"the constraints do not fit the state of {saved.name}: the {what} of joint '{joint.name}' starts "
-                f"{moved[k]:.3g} (SI units) away from it; a changed velocity is no impact, which a latch would give"
+                f"the state of {saved.name} does not satisfy the constraints: the {what} of joint '{joint.name}' is changed "
+                f"by {moved[k]:.3g} (SI units); a changed velocity is not computed as an impact (a latch does that)"
             )
     if saved.clock != scene.initial.clock and (moving := ", ".join(_with_time(scene))):
         yield (
-            f"{saved.name} ends where its clock reads {saved.clock:.6g} s, and this run starts there with a clock of "
-            f"{scene.initial.clock:.6g} s, which matters to {moving}; initial.clock: continue goes on with the clock"
+            f"{saved.name} ends at clock time {saved.clock:.6g} s, and this run starts at clock time "
+            f"{scene.initial.clock:.6g} s, which affects {moving}; initial.clock: continue keeps the clock running"
         )
 
 
 def _with_time(scene: Scene) -> Iterator[str]:
-    """What in a scene depends on time by itself: tables, motions and formulas with t."""
+    """What in a scene depends on time explicitly: tables, motions and expressions with t."""
     for source in scene.signal_sources:
         yield source.name
     whole: list[tuple[str, Any]] = [(f"constraint '{part.name}'", part) for part in scene.constraints]
@@ -117,7 +118,7 @@ def _with_time(scene: Scene) -> Iterator[str]:
 
 
 def _limits(scene: Scene) -> Iterator[str]:
-    """Effort limits of 0, or missing, where a controller is told to keep to them."""
+    """Effort limits that are 0 or missing, where a controller uses them."""
     for part in scene.control:
         if not isinstance(part.limit, Mapping):
             continue
@@ -126,7 +127,7 @@ def _limits(scene: Scene) -> Iterator[str]:
         if off:
             yield (
                 f"control '{part.name}': the URDF's effort limit is 0 at {_joints(off)}, so 'limit: effort' switches "
-                "it off there; write a number as limit, or leave it out"
+                "it off there; give a number as limit, or remove it"
             )
         if free:
             yield f"control '{part.name}': the URDF has no effort limit at {_joints(free)}, so nothing is limited there"
@@ -153,7 +154,7 @@ def _targets(scene: Scene) -> Iterator[str]:
 
 
 def _signals(scene: Scene, duration: float) -> Iterator[str]:
-    """Tables and motions that do not cover the run, and splines that leave their table far behind."""
+    """Tables and motions that do not cover the run, and splines that overshoot."""
     parts: tuple[Part, ...] = (*scene.forces, *scene.control)
     for part in parts:
         if part.source is None:
@@ -165,7 +166,7 @@ def _signals(scene: Scene, duration: float) -> Iterator[str]:
         if last < duration:
             after = "the last value is held" if table else "the last posture is the target, at rest"
             moving = "" if table else _moving(signal, np.array([signal.breaks[-1]]))
-            yield f"{who} ends at {last:.6g} s{moving} and the run at {duration:.6g} s; in between {after}"
+            yield f"{who} ends at {last:.6g} s{moving} and the run at {duration:.6g} s; from then on {after}"
         if first > 0.0:
             before = "the first value is held" if table else "the first posture is the target, at rest"
             moving = "" if table else _moving(signal, np.array([signal.breaks[0]]))
@@ -187,7 +188,7 @@ def _moving(signal: Signal, time: Array) -> str:
 
 
 def _drives(scene: Scene, duration: float) -> Iterator[str]:
-    """Motions of drives that do not cover the run and are held; where they cannot be, the run ends."""
+    """Prescribed motions that do not cover the run and are held; where they cannot be held, the run ends."""
     end = drive_end(scene)
     until = duration if end is None else min(duration, end.time)
     for constraint in scene.constraints:
@@ -195,9 +196,9 @@ def _drives(scene: Scene, duration: float) -> Iterator[str]:
             continue
         breaks = constraint.source.signal.breaks - scene.initial.clock
         if breaks[-1] < until:
-            yield f"drive '{constraint.name}': its motion ends at {breaks[-1]:.6g} s; then its last position is held"
+            yield f"prescribed motion '{constraint.name}' ends at {breaks[-1]:.6g} s; then its last position is held"
         if 0.0 < breaks[0] <= until:
-            yield f"drive '{constraint.name}': its motion begins at {breaks[0]:.6g} s; before, its first position is held"
+            yield f"prescribed motion '{constraint.name}' begins at {breaks[0]:.6g} s; before, its first position is held"
 
 
 def _overshoot(who: str, signal: Signal, column: int, values: str) -> Iterator[str]:
@@ -208,12 +209,12 @@ def _overshoot(who: str, signal: Signal, column: int, values: str) -> Iterator[s
         far = float(between[np.abs(between).argmax()])
         yield (
             f"{who} has {values.format(f'{low:.4g} to {high:.4g}')}, and its cubic spline reaches {far:.4g} between "
-            "them; rows that are very close do that, interpolation: linear does not"
+            "them because rows are very close; interpolation: linear avoids it"
         )
 
 
 def _events(scene: Scene) -> Iterator[str]:
-    """Events whose function is no number where the run starts."""
+    """Events whose function is not a number at the start."""
     if not scene.events:
         return
     state = np.concatenate(
@@ -223,7 +224,7 @@ def _events(scene: Scene) -> Iterator[str]:
     values = system_of(scene).events(np.zeros(1), state, inputs, system_parameters(scene))
     for event, value in zip(scene.events, np.atleast_1d(values).tolist(), strict=True):
         if math.isnan(value):
-            yield f"event '{event.name}': its function is not a number at the start; no event is seen while that is so"
+            yield f"event '{event.name}': its function is not a number at the start; no event is detected while that is so"
 
 
 def _joints(names: list[str]) -> str:

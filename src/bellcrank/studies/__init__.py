@@ -1,1 +1,1 @@
-"""A scene for many values of its parameters, and what changes with them."""
+"""Parameter studies: a scene simulated for many values of its parameters."""

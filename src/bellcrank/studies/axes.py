@@ -1,4 +1,4 @@
-"""What a sweep varies: a parameter, or another number of the scene by dotted path, over given values."""
+"""The axes of a sweep: a parameter, or another number of the scene by dotted path, with its values."""
 
 from __future__ import annotations
 
@@ -24,9 +24,13 @@ EXPECTED = "expected PATH=FIRST:LAST:COUNT or PATH=VALUE,VALUE,…, such as cran
 
 @dataclass(frozen=True)
 class Axis:
-    """One direction of a sweep's grid: the path, its values as the scene takes them, and as numbers in `unit`.
+    """One axis of a sweep's grid.
 
-    Values that are no numbers (names of solvers) are numbered from 0.
+    Attributes:
+        path: A parameter, or a dotted path in the scene.
+        values: Its values in the form that the scene accepts.
+        numbers: The same as numbers in `unit`; values that are not numbers, such as names of solvers, count from 0.
+        unit: The unit of `numbers`.
     """
 
     path: str
@@ -36,7 +40,7 @@ class Axis:
 
     @property
     def label(self) -> str:
-        """The path with its unit, as a column's title."""
+        """The path with its unit, for the title of a column."""
         return f"{self.path} [{self.unit or '1'}]"
 
     @property
@@ -82,11 +86,11 @@ def read_axis(scene: Scene, path: str, values: Iterable[Any]) -> Axis:
 
 
 def _plain(path: str, value: Any) -> Any:
-    """A value of an axis as Python's own type. Raises InputError for what no key of a scene could have."""
+    """A value of an axis as a plain Python type; InputError for a type that no key of a scene accepts."""
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
         value = value.item()
     if not isinstance(value, (str, bool, int, float, list, tuple, dict)):
-        arguments.refuse(f'vary["{path:.80}"]', "numbers, texts, or what else a key of the scene takes", value)
+        arguments.refuse(f'vary["{path:.80}"]', "numbers, texts, or another value that the key accepts", value)
     if isinstance(value, int) and abs(value) > LARGEST_WHOLE:
         arguments.refuse(f'vary["{path:.80}"]', "numbers that a double can hold", value)
     return value
@@ -106,15 +110,15 @@ def _range(text: str, parts: list[str]) -> tuple[Any, ...]:
         raise InputError(f"--vary {format_value(text)}: the ends are in '{before}' and in '{after}'; write one unit")
     unit = after or before
     if count == 1 and first != last:
-        raise InputError(f"--vary {format_value(text)}: one value cannot be at both ends; write a count of 2 or more")
+        raise InputError(f"--vary {format_value(text)}: one value cannot be at both ends; give a count of 2 or more")
     if not math.isfinite(last - first):
-        raise InputError(f"--vary {format_value(text)}: expected finite ends that doubles can hold the difference of")
+        raise InputError(f"--vary {format_value(text)}: expected finite ends with a finite difference")
     numbers = np.linspace(first, last, count).tolist()
     return tuple(f"{number!r} {unit}" for number in numbers) if unit else tuple(numbers)
 
 
 def _split(value: Any) -> tuple[float, str] | None:
-    """The number and the unit of a value; None where it is no number."""
+    """The number and the unit of a value; None where it is not a number."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         try:
             return float(value), ""

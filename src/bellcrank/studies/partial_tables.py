@@ -1,4 +1,4 @@
-"""Tables of a sweep that goes on, sweep.partial.csv and .json, which sweep.csv and sweep.json replace at the end."""
+"""Tables of a sweep that is running: sweep.partial.csv and .json, which sweep.csv and sweep.json replace at the end."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ _SUFFIXES = (".csv", ".json")
 
 
 class PartialTables:
-    """Writes the tables of a sweep into a folder. What an earlier sweep left unfinished there is renamed to
-    sweep.partial.1.csv and so on: `earlier` are the new paths. Raises InputError where it cannot be.
+    """Writes the tables of a sweep into a folder.
+
+    Tables that an earlier, unfinished sweep left there are renamed to sweep.partial.1.csv and so on; `earlier` are their
+    new paths. Raises InputError where they cannot be renamed.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -26,13 +28,13 @@ class PartialTables:
         self.earlier = [_set_aside(path) for path in self.paths if os.path.lexists(path)]
 
     def write(self, sweep: Sweep) -> None:
-        """Write the designs that are done; not, where the disk takes none: the next time, or at the end."""
+        """Write the designs that are done; an error of the disk is ignored here and raised at the end."""
         with contextlib.suppress(InputError):
             sweep.to_csv(self.paths[0])
             sweep.to_json(self.paths[1])
 
     def finish(self, sweep: Sweep) -> list[Path]:
-        """Write the tables of the sweep as it is at its end; their paths. Raises InputError, with what is kept."""
+        """Write the final tables; returns their paths. Raises InputError, which says what is kept."""
         files: list[Path] = []
         try:
             files.append(sweep.to_csv(self.folder / "sweep.csv"))

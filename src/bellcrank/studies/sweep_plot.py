@@ -1,4 +1,4 @@
-"""Pictures of a sweep: one panel a measure, a line over one axis, a map over two."""
+"""Plots of a sweep: one panel a measure; a line over one axis, a map over two."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ MOST = 12  # panels
 
 
 def plot_sweep(sweep: Sweep, measures: Sequence[str], path: str | Path | None = None) -> Figure:
-    """Draw measures over the axes: a matplotlib Figure, written to `path` (PNG) where one is given.
+    """Draw measures over the axes; the figure is written to `path` (PNG) where one is given.
 
-    Designs without a finite measure are marked below a line and grey in a map; three axes or more are drawn over the
-    number of the design. Raises InputError for an unknown measure, and where the folder cannot be written.
+    Designs without a finite measure are marked at the lower edge of a line plot, and grey in a map. With three axes or
+    more the horizontal axis is the number of the design. Raises InputError for an unknown measure, and where the file
+    cannot be written.
     """
     shown = [(name, sweep.column(name)) for name in list(measures)[:MOST]]
     columns = 1 if len(shown) < 4 else 2

@@ -1,4 +1,4 @@
-"""A sweep as text, CSV and JSON, units always said."""
+"""Tables of a sweep as text, CSV and JSON, with units."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from bellcrank.files.csv_files import guarded
 if TYPE_CHECKING:
     from bellcrank.studies.sweep_result import Design, Sweep
 
-MOST_LINES = 64  # of designs on screen: the first and the last of them
+MOST_LINES = 64  # designs on the screen: the first and the last
 LONGEST_REASON = 110
 
 
 def text_table(sweep: Sweep, measures: Sequence[str]) -> str:
-    """The designs one a line: axes, measures with their units, status, reason; of very many the first and the last."""
+    """One line a design: axes, measures with units, status, reason; of many designs only the first and the last."""
     columns = [sweep.column(name) for name in measures]
     head = [axis.label for axis in sweep.axes] + [f"{name} [{sweep.units[name]}]" for name in measures]
     lines = [[*head, "status", "reason"]]
@@ -47,9 +47,10 @@ def text_table(sweep: Sweep, measures: Sequence[str]) -> str:
 
 
 def write_csv(sweep: Sweep, path: str | Path) -> Path:
-    """One row a design; empty where a measure is none, or not a finite number (status "unknown").
+    """Write one row a design; a cell is empty where there is no measure, or it is not finite (status "unknown").
 
-    The file is replaced in one step, or not at all."""
+    The file is written atomically.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     labels = [f"{name} [{unit}]" for name, unit in sweep.units.items()]
@@ -64,7 +65,7 @@ def write_csv(sweep: Sweep, path: str | Path) -> Path:
 
 
 def write_json(sweep: Sweep, path: str | Path) -> Path:
-    """Axes, units, and designs with their measures; numbers that are not finite are null."""
+    """Write axes, units, and designs with their measures; numbers that are not finite are null."""
     document = {
         "scene": sweep.scene.name,
         "source": sweep.scene.source.name,
@@ -86,7 +87,7 @@ def write_json(sweep: Sweep, path: str | Path) -> Path:
 
 
 def _values(sweep: Sweep, design: Design) -> list[Any]:
-    """Numbers in the axes' units, or the values themselves where they are none."""
+    """The values of a design: numbers in the axes' units, or the values themselves where they are not numbers."""
     found, rest = [], design.index
     for axis in reversed(sweep.axes):
         rest, k = divmod(rest, len(axis.values))
