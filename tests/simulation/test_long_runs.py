@@ -141,14 +141,14 @@ def test_of_many_events_the_first_and_last_of_each_are_kept_and_all_are_counted(
     assert run.events[-2].name == "seldom" and run.events[-2].time == pytest.approx(55.00025)
     last = (2000 * 60 - 0.1 / np.pi) / 2000.0
     assert run.events[-1].time == pytest.approx(last, abs=1e-9)
-    assert "120001 in all (100002 are kept)" in run.summary()
+    assert "120001 events in all (100002 are kept)" in run.summary()
 
 
 def test_of_few_events_none_is_left_out(tmp_path):
     path = tmp_path / "counted.yaml"
     path.write_text(COUNTED.format(duration=0.5, late=0.25))
     run = bc.simulate(path)
-    assert len(run.events) == 1001 and run.statistics.omitted_events == {} and "1001 in all, the last" in run.summary()
+    assert len(run.events) == 1001 and run.statistics.omitted_events == {} and "1001 events in all; the last" in run.summary()
 
 
 def test_the_command_writes_a_csv_of_many_rows_only_where_it_is_asked_for(tmp_path, monkeypatch, capsys):

@@ -15,6 +15,7 @@ from bellcrank.elements.expression import parse_expression
 from bellcrank.elements.rolling import RollingDisk
 from bellcrank.simulation.constraint_rank import rank_of
 from bellcrank.simulation.non_finite import EACH
+from bellcrank.simulation.scene_notes import scene_notes
 from bellcrank.simulation.status import Status
 from bellcrank.sizing.finite import refuse_non_finite_line, root_mean_square
 from bellcrank.studies.sweep import sweep
@@ -210,10 +211,10 @@ def test_a_disk_on_a_base_that_is_fixed_is_refused_in_one_sentence(tmp_path):
     )
     loaded = bc.load_scene(path)
     assert isinstance(loaded.constraints[0], RollingDisk)
-    with pytest.raises(bc.InputError, match="no joint that moves"):
+    with pytest.raises(bc.InputError, match="no movable joint"):
         bc.simulate(loaded)
     with pytest.raises(bc.InputError, match="'floor' cannot close"):
-        _ = loaded.notes
+        scene_notes(loaded)
 
 
 def test_the_rank_of_constraints_does_not_need_a_mass_matrix_that_is_regular():
@@ -315,13 +316,13 @@ def test_a_line_with_a_number_that_is_none_is_refused(arm, swing):
 # ---- sweeps
 
 
-def test_a_design_whose_measure_is_no_number_is_unknown_and_not_among_those_that_came_to_their_end(tmp_path, capsys):
+def test_a_design_whose_measure_is_no_number_is_unknown_and_not_among_those_that_finished(tmp_path, capsys):
     more = "outputs: {root: {expression: sqrt(shoulder.position)}}\nparameters: {start: {value: 1}}\n"
     path = scene(tmp_path, more.split("parameters", maxsplit=1)[0] + "simulate: {duration: 0.01, samples: 3}\n")
     result = sweep(path, {"initial.shoulder": [-0.5, 0.5]}, threads=1)
     assert [design.status for design in result.designs] == ["unknown", "finished"]
     assert "'end.root' and 2 more not a finite number" in result.designs[0].reason
-    assert repr(result) == "Sweep('Arm' over initial.shoulder: 2 designs, 1 came to their end)"
+    assert repr(result) == "Sweep('Arm' over initial.shoulder: 2 designs, 1 finished)"
     assert result.table(["end.root"]).split("\n")[2].split()[:3] == ["-0.5", "unknown", "unknown"]
     with result.to_csv(tmp_path / "sweep.csv").open() as file:
         assert [row["end.root [1]"] == "" for row in csv.DictReader(file)] == [True, False]
@@ -333,7 +334,7 @@ def test_a_design_whose_measure_is_no_number_is_unknown_and_not_among_those_that
         ["sweep", str(path), "--vary", "initial.shoulder=-0.5,-0.4", "--out", str(tmp_path / "s"), "--no-plots"]
     )
     assert code == 1
-    assert "0 came to their end, 0 did not, 2 unknown, as their reasons say" in capsys.readouterr().out
+    assert "0 finished, 0 did not, 2 unknown, as their reasons say" in capsys.readouterr().out
 
 
 def test_a_design_whose_aim_could_not_be_looked_for_is_unknown(tmp_path):

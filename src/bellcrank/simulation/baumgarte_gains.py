@@ -1,49 +1,54 @@
-"""Baumgarte's gains without guessing: α = β = 2 ω, ω being the motion's own rate, whatever solver, step and tolerance.
+"""Automatic gains for Baumgarte's stabilisation: α = β = 2 ω, where ω is the rate of the motion.
 
-**Why.** With Baumgarte's terms a constraint obeys φ̈ + 2 α φ̇ + β² φ = what the solver puts in. α = β is critical damping:
-of all gains with a memory as short, these have the smallest fast rate, and the fast rate is what costs. Let each step
-of h seconds put d_φ h into φ and d_v h into φ̇. Then φ settles where what is put in balances what is forgotten,
+The gains depend on the motion, not on solver, step size and tolerance.
 
-    φ = (2 α d_φ + d_v) / β²,    or  2 d_φ/α + d_v/α²  for α = β:                                                 (1)
+**Derivation.** With Baumgarte's terms a constraint obeys φ̈ + 2 α φ̇ + β² φ = the perturbation by the solver. α = β is
+critical damping: of all gains with the same decay time, these have the smallest fast rate, which determines the cost.
+Let each step of h seconds add d_φ h to φ and d_v h to φ̇. Then φ settles where perturbation and decay balance:
 
-the larger α the better, if d were independent of it. It is not. Along the normal of the constraints the exact motion is
-some g(t), and the equations have Prothero and Robinson's form n̈ = g̈ − 2 α (ṅ − ġ) − α² (n − g). The stages of an
-explicit method of order p hit g to a low order only (the first ones to h), the gains feed that back, and the order
-conditions leave of it
+    φ = (2 α d_φ + d_v) / β²,    or  2 d_φ/α + d_v/α²  for α = β.                                                 (1)
+
+If d did not depend on α, a larger α would always be better. It does. Along the normal of the constraints the exact
+motion is some g(t), and the equations have the form of Prothero and Robinson, n̈ = g̈ − 2 α (ṅ − ġ) − α² (n − g). The
+stages of an explicit method of order p approximate g to a low order only (the first ones to h), the gains feed this
+back, and the order conditions leave of it
 
     d h = h^(p+1) Σ_j c_j α^j g^(p+1−j),  j = 0 … p − 1:   the method's error without gains, times Σ_j c_j (α/ω)^j,  (2)
 
-for a motion of rate ω, |g^(k)| ~ ω^k. So gains begin to spoil the solution where α passes ω: a property of the motion,
-not of the step; where α h reaches 1, or the border of stability (2.8 for RK4), is of no account. For each kind:
+for a motion of rate ω, |g^(k)| ~ ω^k. So gains begin to degrade the solution where α exceeds ω. This is a property of
+the motion: the step size at which α h reaches 1, or the limit of stability (2.8 for RK4), does not matter. In detail:
 
-- *Fixed step.* Below ω (1) falls as h^p/α, above it grows as h^p α^(p−2): least near ω, at full order. A fixed α h, as
-  is often advised, makes it (α h)^(p−2) h²: constraints and motion fall to order 2. Gains must not follow the step.
-- *Embedded error estimate* of order e. The controller holds the estimate of (2) at the tolerance and pays in steps:
-  below ω nothing; above it h ∝ α^(−(e−1)/(e+1)), so work grows as α^0.6 (RK45) or α^0.75 (DOP853), and as α once
-  stability binds. As d h stays near the tolerance, φ ≤ tol (2/α + 1/α²)/h (`drift_bound`) hardly falls above ω. A
-  tighter tolerance shrinks h and d alike: the bend stays where it is.
-- *Radau* damps the fast part itself: its bend lies about ten times higher, and the same gains serve.
+- *Fixed step.* Below ω, (1) falls as h^p/α; above it, it grows as h^p α^(p−2). It is smallest near ω, at full order. A
+  fixed α h, as is often recommended, makes it (α h)^(p−2) h²: constraints and motion then converge with order 2 only.
+  Gains must not follow the step size.
+- *Embedded error estimate* of order e. The controller keeps the estimate of (2) at the tolerance, at the cost of smaller
+  steps: below ω none; above it h ∝ α^(−(e−1)/(e+1)), so the work grows as α^0.6 (RK45) or α^0.75 (DOP853), and as α once
+  stability limits the step. As d h stays near the tolerance, φ ≤ tol (2/α + 1/α²)/h (`drift_bound`) hardly falls above
+  ω. A smaller tolerance reduces h and d together: the transition stays where it is.
+- *Radau* damps the fast part itself: its transition lies about ten times higher, and the same gains can be used.
 
-**How.** Solver and tolerance enter where ω is found: a controller that keeps C (ω h)^(e+1) = tol makes steps that tell
-ω. A pilot run (DOP853 at 1e-3, kept on the constraints by projection) has N steps in T seconds, and ω = tol^(1/8) N/T. On
-the rolling disk pilots of RK45 or DOP853 from 1e-2 to 1e-8 agree within a factor of 1.6; on the 4-bar, which takes 3 to
-30 steps, within 3; on Bricard's ring, whose motion RK45 at 1e-3 does not follow, DOP853's within 3 and RK45's within 5.
-C is in the factor 2, which was measured (`bellcrank bench --gains`): on the 4-bar, the disk and the ring, with RK45 and
-DOP853 from 1e-6 to 1e-12, automatic gains took at most 1.35 times the evaluations of none (with the pilot 1.70), and φ
-at step ends stayed below 3.3 tol. Twice the evaluations were passed from 3 ω on (the ring).
+**Finding ω.** A controller that keeps C (ω h)^(e+1) = tol makes steps from which ω follows. A pilot run (DOP853 at 1e-3,
+projected onto the constraints) has N steps in T seconds, and ω = tol^(1/8) N/T. On the rolling disk, pilot runs of RK45
+and DOP853 from 1e-2 to 1e-8 agree within a factor of 1.6; on the four-bar, which takes 3 to 30 steps, within 3; on
+Bricard's linkage, whose motion RK45 at 1e-3 does not follow, those of DOP853 within 3 and those of RK45 within 5. C is
+part of the factor 2, which was measured (`bellcrank bench --gains`): on the four-bar, the disk and Bricard's linkage,
+with RK45 and DOP853 from 1e-6 to 1e-12, automatic gains took at most 1.35 times the evaluations of a run without
+stabilisation (with the pilot run 1.70), and φ at the ends of steps stayed below 3.3 tol. From 3 ω on, more than twice
+the evaluations were needed (Bricard's linkage).
 
-**Whether.** Projection wins and is the default: φ and φ̇ at rounding, between steps too, at the evaluations of a run
-without stabilisation, and without a pilot. With automatic gains φ stays in proportion to the tolerance, the motion is
-hardly better than without, and between steps φ is that of the dense output (on the 4-bar up to 20 tol), which no gain
-can help. Gains are for equations that must stay a plain ẋ = f(t, x) without a hand on the state: for another solver, a
-model in a controller.
+**When to use gains.** Projection is better, and the default: φ and φ̇ are at rounding error, between steps too, with the
+evaluations of a run without stabilisation, and without a pilot run. With automatic gains φ is proportional to the
+tolerance, the motion is hardly better than without stabilisation, and between steps φ is that of the dense output (on
+the four-bar up to 20 tol), which no gain can reduce. Gains are for equations that must remain a plain ẋ = f(t, x) whose
+state nothing else changes: for another solver, or for a model in a controller.
 
-What else makes a pilot take short steps (jumps of signals, a stiff scene) makes ω and the gains too large, never too
-small: such a run closes as well and costs more.
+Other reasons for short steps of the pilot run (signals that jump, a stiff scene) make ω and the gains too large, never
+too small: such a run satisfies the constraints as well and costs more.
 
 Sources: J. Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972) 1; A. Prothero and A. Robinson, Math. Comp. 28 (1974)
 145; E. Hairer and G. Wanner, Solving ODEs II (1996), IV.2 and IV.15; U. Ascher, H. Chin, L. Petzold and S. Reich, Mech.
-Struct. Mach. 23 (1995) 135. (1) and (2) follow from these as said; tests/test_gains.py checks what is claimed.
+Struct. Mach. 23 (1995) 135. (1) and (2) follow from these as shown; tests/simulation/test_baumgarte_gains.py checks the
+statements.
 """
 
 from __future__ import annotations
