@@ -127,13 +127,13 @@ def find_run(path: str | Path) -> Path:
     """The file of a run: itself, or run.npz in a folder that `bellcrank simulate` wrote; of a run that was killed, the
     folder of its blocks. Raises InputError.
     """
-    from bellcrank.simulation.run_blocks import holds_blocks
+    from bellcrank.scene.run_contents import holds_checkpoints
 
     file = Path(path)
-    if not file.is_dir() or holds_blocks(file):
+    if not file.is_dir() or holds_checkpoints(file):
         return file
     blocks = file / "run.blocks"
-    if holds_blocks(blocks):
+    if holds_checkpoints(blocks):
         if (file / "run.npz").exists():
             raise InputError(
                 f"{file}: beside run.npz there are blocks of a later run that did not come to its end, run.blocks; "

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import shutil
 import time
 import warnings
@@ -26,14 +25,11 @@ from bellcrank.elements.signals import Signal
 from bellcrank.errors import InputError, NotSavedError
 from bellcrank.files.atomic_write import file_meant
 from bellcrank.files.temporaries import is_running, new_folder, own_mark
+from bellcrank.scene.run_contents import CHECKPOINT, CHECKPOINTS, archive_of, checkpoint_file, holds_checkpoints
 from bellcrank.scene.scene import Scene
 from bellcrank.scene.settings import Settings
 from bellcrank.simulation.record import Statistics
-from bellcrank.simulation.run_archive import UNPACKED
 from bellcrank.simulation.run_file import (
-    BLOCKS,
-    FORMAT,
-    archive_of,
     refuse_functions,
     run_facts,
     run_path,
@@ -47,20 +43,12 @@ if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-BLOCK = "bellcrank run block"
-_NUMBERED = re.compile(r"\d{4,}\.npz")
 SHARE = 50.0  # times as long as a block takes: on a slow disk they are rarer
-_ROWS = ("time", "state", "event_time", "event_position", "event_velocity")
 
 
 def blocks_folder(path: str | Path) -> Path:
     """The folder of the blocks of a run that is kept in an .npz file: run.blocks for run.npz."""
     return run_path(path).with_suffix(".blocks")
-
-
-def holds_blocks(folder: Path) -> bool:
-    """Whether this is a folder of blocks."""
-    return (folder / "about.npz").is_file()
 
 
 def set_aside(folder: Path) -> Path | None:
@@ -70,10 +58,10 @@ def set_aside(folder: Path) -> Path | None:
     """
     if not os.path.lexists(folder):
         return None
-    if not holds_blocks(folder):
+    if not holds_checkpoints(folder):
         raise InputError(f"{folder}: expected the blocks of an unfinished run there, found something else; rename it")
     try:
-        about, _ = archive_of(_member(folder, "about.npz"), BLOCKS)
+        about, _ = archive_of(checkpoint_file(folder, "about.npz"), CHECKPOINTS)
     except InputError:
         about = {}
     mark = str(about.get("process", ""))
@@ -187,7 +175,7 @@ class Keeper:
     ) -> None:
         """Write a block, the first with its folder. Raises InputError."""
         about = {
-            "format": BLOCK, "version": 1, "status": str(status), "statistics": asdict(cost),
+            "format": CHECKPOINT, "version": 1, "status": str(status), "statistics": asdict(cost),
             "events": [{"name": name, "stopped": stopped} for name, stopped in events],
         }  # fmt: skip
         name = f"{self._blocks + 1:04d}.npz"
@@ -199,7 +187,7 @@ class Keeper:
                 self.target.parent.mkdir(parents=True, exist_ok=True)
                 made = new_folder("blocks", self.target.parent)
                 try:
-                    write_archive(made / "about.npz", facts | {"format": BLOCKS, "process": own_mark()}, common)
+                    write_archive(made / "about.npz", facts | {"format": CHECKPOINTS, "process": own_mark()}, common)
                     write_archive(made / name, about, arrays)
                     made.rename(self.folder)
                 finally:
@@ -209,47 +197,3 @@ class Keeper:
         self._blocks += 1
         self._rows += len(arrays["time"])
         self._until = float(arrays["end_time"][-1])
-
-
-def joined_blocks(folder: Path) -> tuple[dict[str, Any], dict[str, Array]]:
-    """The contents of a folder of blocks, as the file of a run has them. Raises InputError."""
-    if not holds_blocks(folder):
-        raise InputError(f"{folder}: expected a run (.npz) or a folder of its blocks, found a folder")
-    about, arrays = archive_of(_member(folder, "about.npz"), BLOCKS)
-    names = sorted((path.name for path in folder.iterdir() if _NUMBERED.fullmatch(path.name)), key=_number)
-    for k, name in enumerate(names, 1):
-        if _number(name) != k:
-            raise InputError(f"{folder}: the block {k:04d}.npz is missing; those before it, alone, are a run")
-    if not names:
-        raise InputError(f"{folder}: there is no block in it")
-    spare = UNPACKED // len(names)  # what they may hold together is limited as of one file
-    parts = [archive_of(_member(folder, name), BLOCK, spare) for name in names]
-    try:
-        for name in _ROWS:
-            arrays[name] = np.concatenate([rows[name] for _, rows in parts])
-        last, rows = parts[-1]
-        arrays["steps"] = rows["steps"]  # all until there
-        if not len(arrays["time"]) or arrays["time"][-1] < rows["end_time"][0]:
-            arrays["time"] = np.append(arrays["time"], rows["end_time"])
-            arrays["state"] = np.vstack([arrays["state"], rows["end_state"]])
-        events = [event for facts, _ in parts for event in facts["events"]]
-        about.pop("process", None)
-        about |= {"format": FORMAT, "status": last["status"], "statistics": last["statistics"], "events": events}
-    except (KeyError, TypeError, ValueError, IndexError) as error:
-        why = " ".join(str(error).split())[:150]
-        raise InputError(f"{folder}: the blocks do not fit together ({why}); copy the folder again") from None
-    return about, arrays
-
-
-def _member(folder: Path, name: str) -> Path:
-    """The path of a file in a folder of blocks. Raises InputError for a link: it may lead out of the folder, or let
-    one small file count as many.
-    """
-    path = folder / name
-    if path.is_symlink():
-        raise InputError(f"{path}: is a symbolic link, expected a file of the run itself; copy the folder again")
-    return path
-
-
-def _number(name: str) -> int:
-    return int(name.partition(".")[0])

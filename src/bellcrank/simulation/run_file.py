@@ -6,17 +6,11 @@ be loaded, and judged anew, where the originals are gone. Plain numpy format: no
 
 from __future__ import annotations
 
-import atexit
-import contextlib
 import importlib.metadata
 import json
 import math
 import platform
-import shutil
-import tempfile
-from collections.abc import Iterator
 from dataclasses import asdict, replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -28,27 +22,20 @@ from bellcrank.codegen import llvm as machine
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.expression_constraint import Own
 from bellcrank.elements.signals import Signal
-from bellcrank.errors import BellcrankError, InputError
-from bellcrank.files.access import MOST_RUN, FileAccess, Trust, open_regular
+from bellcrank.errors import InputError
+from bellcrank.files.access import FileAccess, Trust
 from bellcrank.files.atomic_write import writing
-from bellcrank.files.temporaries import new_folder
+from bellcrank.scene.run_contents import RUN, VERSION, refusing, run_contents, unpacked_scene
 from bellcrank.scene.scene import Scene, load_held_scene
-from bellcrank.simulation.run_archive import DAMAGE, NoRun, brief, read_archive
+from bellcrank.simulation.explicit_start import explicit_start
 from bellcrank.simulation.run_checks import check_arrays, checked_about
-from bellcrank.simulation.run_start import SavedState, explicit_start
 from bellcrank.simulation.simulate import event_at, unturned
-from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
 from bellcrank.terminal import interruption
 from bellcrank.text import file_name_here, readable, utf8
 from bellcrank.version import version
 
 Array = NDArray[np.float64]
-FORMAT = "bellcrank run"
-BLOCKS = "bellcrank run in blocks"  # the about.npz of a folder that run_blocks.py writes
-VERSION = 1
-SAME_TIME = 1e-12  # share of a time by which a row may miss it
-LONGEST_WHY = 300  # characters of what is wrong in a message
 
 
 def save_run(run: Trajectory, path: str | Path, lasting: bool = False) -> Path:
@@ -70,6 +57,8 @@ def save_run(run: Trajectory, path: str | Path, lasting: bool = False) -> Path:
         "event_position": np.array([event.position for event in run.events]).reshape(-1, nq),
         "event_velocity": np.array([event.velocity for event in run.events]).reshape(-1, nv),
     }
+    if run.events and (latch := run.events[-1].latch) is not None:
+        arrays["latch_velocity"] = latch.velocity  # a run that starts from the file goes on from it
     target = run_path(path)
     write_archive(target, about, arrays, lasting)
     return target
@@ -97,7 +86,7 @@ def run_facts(run: Trajectory) -> tuple[dict[str, Any], dict[str, Array]]:
     refuse_functions(run.scene)
     scene, files = _scene_files(run.scene)
     about = {
-        "format": FORMAT,
+        "format": RUN,
         "version": VERSION,
         "scene": scene,
         "urdf": str(run.robot.mesh_source.resolve()),  # its meshes stay where they are
@@ -138,7 +127,7 @@ def load_run(path: str | Path, *, trust: Trust = ()) -> Trajectory:
     """
     file = arguments.path("path", path, "the path of a run (.npz)")
     about, arrays, scene = _read(file)
-    with _refusing(file):
+    with refusing(file):
         robot, settings, estimate = scene.robot, about["settings"], about.get("error_estimate")
         robot.mesh_source = Path(file_name_here(about.get("urdf") or str(robot.source)))
         robot.mesh_access = FileAccess.below(file.parent, trust)
@@ -164,98 +153,21 @@ def load_run(path: str | Path, *, trust: Trust = ()) -> Trajectory:
     return run
 
 
-def saved_state(path: str | Path, time: float | None = None) -> SavedState:
-    """A row of a run that `Trajectory.save` wrote: the last, or that at a time (s); after a latch, behind its impact.
-
-    Raises InputError as `load_run`, and where the run has no row at that time, or no finite state there.
-    """
-    file = Path(path)
-    about, arrays, scene = _read(file)
-    robot = scene.robot
-    with _refusing(file):
-        check_arrays(about, arrays, scene, (robot.nq + robot.nv, robot.nq + robot.nv + 1))
-    times, state = arrays["time"], arrays["state"]
-    k = len(times) - 1 if time is None else int(np.abs(times - time).argmin())
-    if time is not None and not abs(times[k] - time) <= SAME_TIME * max(1.0, abs(time)):
-        near = ", ".join(f"{t:.12g}" for t in np.sort(times[np.argsort(np.abs(times - time))[:2]]))
-        raise InputError(f"{file}: the run has no row at {time:.12g} s; the nearest are at {near} s")
-    q, v = state[k, : robot.nq], state[k, robot.nq : robot.nq + robot.nv]
-    last = about["events"][-1]["name"] if k == len(times) - 1 and about["status"] == Status.EVENT else None
-    if any(rule.latch and rule.name == last for rule in scene.events):
-        latch = load_run(file).events[-1].latch
-        v = v if latch is None else latch.velocity
-    if not (np.isfinite(q).all() and np.isfinite(v).all()):
-        raise InputError(f"{file}: the state at {times[k]:.6g} s is not finite; start from an earlier `time`")
-    return SavedState(file.name, robot.joints, q, v, float(times[k]) + scene.initial.clock)
-
-
 def _read(file: Path) -> tuple[dict[str, Any], dict[str, Array], Scene]:
     """The checked JSON text, the float64 arrays, and the scene, with the settings of the run, of a run's file. The
     scene names no files but those in it.
     """
-    about, arrays = _contents(file)
-    with _refusing(file):
+    about, arrays = run_contents(file)
+    with refusing(file):
         about = checked_about(about)
-        scene = load_held_scene(_unpacked(json.dumps(about["files"], sort_keys=True)) / _plain(about["scene"]))
+        scene = load_held_scene(unpacked_scene(about))
         if about["settings"].stabilisation != scene.settings.stabilisation:
             scene = replace(scene, settings=about["settings"])
     return about, arrays, scene
 
 
-def _contents(file: Path) -> tuple[dict[str, Any], dict[str, Array]]:
-    """The JSON text and the float64 arrays of a run's file, or of a folder of blocks; InputError for any other file."""
-    if file.is_dir():
-        from bellcrank.simulation.run_blocks import joined_blocks
-
-        return joined_blocks(file)
-    return archive_of(file, FORMAT)
-
-
-def archive_of(file: Path, form: str, unpacked: int | None = None) -> tuple[dict[str, Any], dict[str, Array]]:
-    """The JSON text and the float64 arrays of an .npz of a format; InputError for any other file. `unpacked` as in
-    `read_archive`.
-    """
-    try:
-        with open_regular(file, MOST_RUN) as stream:
-            about, arrays = read_archive(stream, unpacked)
-    except NoRun:
-        about, arrays = {}, {}
-    except DAMAGE as error:
-        raise _damaged(file, error) from None
-    if about.get("format") != form:
-        raise InputError(f"{file}: not a run: expected an .npz that Trajectory.save wrote")
-    if about.get("version") != VERSION:
-        raise InputError(
-            f"{file}: the run has format version {brief(about.get('version'), '')}, this bellcrank {version()} reads "
-            f"{VERSION}; load it with the bellcrank that wrote it, or a later one"
-        )
-    return about, arrays
-
-
 def _parts(arrays: dict[str, Array], prefix: str) -> dict[str, Any]:
     return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
-
-
-@contextlib.contextmanager
-def _refusing(file: Path) -> Iterator[None]:
-    """Tell what a file's content is refused for, in one sentence with the file (InputError)."""
-    try:
-        yield
-    except BellcrankError as error:
-        raise InputError(f"{file}: the scene in it cannot be rebuilt: {_why(error)}") from None
-    except DAMAGE as error:
-        raise _damaged(file, error) from None
-
-
-def _damaged(file: Path, error: BaseException) -> InputError:
-    why = _why(error)
-    return InputError(f"{file}: not a run, or damaged{f' ({why})' if why else ''}; save or copy it again")
-
-
-def _why(error: BaseException) -> str:
-    """What an error says, in one line of a message's length."""
-    text = " ".join(str(error).split())
-    return text if len(text) <= LONGEST_WHY else f"{text[:LONGEST_WHY]}…"
 
 
 # ---- the scene, and the files that it names
@@ -292,27 +204,6 @@ def _add(files: dict[str, str], path: Path, text: str) -> str:
         name = readable(f"{path.stem}_{number}{path.suffix}")
     files[name] = text
     return name
-
-
-@cache
-def _unpacked(files: str) -> Path:
-    """A folder with these files (JSON {name: text}) in it, kept until the process ends. Raises InputError."""
-    texts: dict[str, str] = {_plain(name): text for name, text in json.loads(files).items()}
-    try:
-        folder = new_folder("run")
-        atexit.register(shutil.rmtree, folder, ignore_errors=True)
-        for name, text in texts.items():
-            (folder / name).write_bytes(utf8(text))
-    except OSError as error:
-        raise InputError(f"cannot be unpacked into {tempfile.gettempdir()}: {error.strerror or error}") from None
-    return folder
-
-
-def _plain(name: str) -> str:
-    """A file's name as this system takes it; ValueError for one that leads out of its folder."""
-    if Path(name).name != name or name in ("", ".."):
-        raise ValueError(f"it names the file {brief(name)}")
-    return file_name_here(name)
 
 
 def _version(package: str) -> str:
