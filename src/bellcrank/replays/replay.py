@@ -127,7 +127,7 @@ def find_run(path: str | Path) -> Path:
     """The file of a run: itself, or run.npz in a folder that `bellcrank simulate` wrote; of a run that was killed, the
     folder of its blocks. Raises InputError.
     """
-    from bellcrank.simulation.checkpoints import holds_checkpoints
+    from bellcrank.scene.run_contents import holds_checkpoints
 
     file = Path(path)
     if not file.is_dir() or holds_checkpoints(file):

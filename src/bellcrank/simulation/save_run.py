@@ -7,6 +7,7 @@ loaded and checked again where the originals are gone. The file is plain numpy f
 from __future__ import annotations
 
 import importlib.metadata
+import json
 import math
 import platform
 from dataclasses import asdict
@@ -17,11 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.codegen import llvm as machine
+from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.elements.expression_constraint import Own
 from bellcrank.errors import InputError
-from bellcrank.simulation.run_format import RUN, VERSION, run_path, write_archive
-from bellcrank.simulation.run_start import explicit_start
-from bellcrank.text import readable
+from bellcrank.files.atomic_write import writing
+from bellcrank.scene.run_contents import RUN, VERSION
+from bellcrank.terminal import interruption
+from bellcrank.text import readable, utf8
 from bellcrank.version import version
 
 if TYPE_CHECKING:
@@ -50,9 +53,25 @@ def save_run(run: Trajectory, path: str | Path, lasting: bool = False) -> Path:
         "event_position": np.array([event.position for event in run.events]).reshape(-1, nq),
         "event_velocity": np.array([event.velocity for event in run.events]).reshape(-1, nv),
     }
+    if run.events and (latch := run.events[-1].latch) is not None:
+        arrays["latch_velocity"] = latch.velocity  # a run that starts from the file continues from it
     target = run_path(path)
     write_archive(target, about, arrays, lasting)
     return target
+
+
+def run_path(path: str | Path) -> Path:
+    """The path of a run's file, with its suffix."""
+    target = Path(path)
+    return target if target.suffix == ".npz" else target.with_name(target.name + ".npz")
+
+
+def write_archive(target: Path, about: dict[str, Any], arrays: dict[str, Array], lasting: bool = False) -> None:
+    """Write a JSON text and arrays to an .npz file, atomically. `lasting`: it survives a power cut. Raises InputError."""
+    text = np.frombuffer(utf8(json.dumps(about, ensure_ascii=False)), dtype=np.uint8)
+    contents: dict[str, Any] = {"about": text, **arrays}
+    with interruption.unbroken(), writing(target, lasting) as temporary, temporary.open("wb") as file:
+        np.savez(file, **contents)
 
 
 def file_contents(run: Trajectory) -> tuple[dict[str, Any], dict[str, Array]]:
@@ -132,3 +151,28 @@ def _version(package: str) -> str:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
         return "not installed"
+
+
+def explicit_start(scene: Scene) -> dict[str, Any]:
+    """The keys `initial` and `base` of a scene with the numbers of its consistent start, SI units."""
+    q, v = consistent_start(scene)
+    initial: dict[str, Any] = {"velocity": {}}
+    found: dict[str, Any] = {}
+    for k, j in enumerate(scene.robot.joints):
+        position, velocity = q[j.q : j.q + j.nq].tolist(), v[j.v : j.v + j.nv].tolist()
+        if j.nv == 1:
+            initial[j.name], initial["velocity"][j.name] = position[0], velocity[0]
+            continue
+        size = 3 if j.kind == "floating" else 2
+        free = {"position": position[:size], "linear_velocity": velocity[:size], "expressed_in": "body"}
+        if j.kind == "floating":
+            free |= {"quaternion_xyzw": position[size:], "angular_velocity": velocity[size:]}
+        else:
+            free |= {"angle": float(np.arctan2(position[3], position[2])), "angular_velocity": velocity[size]}
+        if scene.robot.floating_base and k == 0:
+            found["base"] = free
+        else:
+            initial[j.name] = free
+    if scene.initial.clock:
+        initial["clock"] = scene.initial.clock
+    return found | {"initial": initial}
