@@ -479,7 +479,7 @@ def test_drift_of_energy_and_an_early_end_are_warned_of(arm, tmp_path):
     assert "the energy balance is violated" in warning and f"  warning            {warning}" in rough.summary()
     short = bc.simulate(scene(tmp_path, ARM), max_evaluations=300)
     (warning,) = run_warnings(short)
-    assert "stopped before its 3 s" in warning and warning in short._repr_html_()
+    assert "ended before its duration of 3 s" in warning and warning in short._repr_html_()
 
 
 def test_a_robot_at_rest_is_not_warned_of_the_rounding_of_its_energies():

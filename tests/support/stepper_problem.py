@@ -35,7 +35,7 @@ class Problem:
         self.events = kernel("_events", [t, x, u, p], ca.vertcat(*events(t, x, u, p))) if events else None
 
     def run(self, method, tolerance=1e-6, **changes):
-        """Integrate; `changes` are attributes of the problem or of its parts, signals as tuples of a Signal's fields."""
+        """Integrate; `changes` are attributes of the problem or its parts, signals as tuples of a Signal's fields."""
         values = {
             "rhs": self.slope.address("scalar"), "method": method, "t1": self.t1, "x0": self.x0, "parameters": self.p,
             "norm_size": len(self.x0), "rtol": tolerance, "atol": tolerance, "lanes": 8, "max_evaluations": 10**9,

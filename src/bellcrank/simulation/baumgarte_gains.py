@@ -18,18 +18,18 @@ back, and the order conditions leave of it
 for a motion of rate ω, |g^(k)| ~ ω^k. So gains begin to degrade the solution where α exceeds ω. This is a property of
 the motion: the step size at which α h reaches 1, or the limit of stability (2.8 for RK4), does not matter. In detail:
 
-- *Fixed step.* Below ω, (1) falls as h^p/α; above it, it grows as h^p α^(p−2). It is smallest near ω, at full order. A
-  fixed α h, as is often recommended, makes it (α h)^(p−2) h²: constraints and motion then converge with order 2 only.
+- *Fixed step.* Below ω, (1) falls as h^p/α; above it, it grows as h^p α^(p−2). It is smallest near ω, at full order.
+  A fixed α h, as is often recommended, makes it (α h)^(p−2) h²: constraints and motion then converge with order 2 only.
   Gains must not follow the step size.
-- *Embedded error estimate* of order e. The controller keeps the estimate of (2) at the tolerance, at the cost of smaller
-  steps: below ω none; above it h ∝ α^(−(e−1)/(e+1)), so the work grows as α^0.6 (RK45) or α^0.75 (DOP853), and as α once
-  stability limits the step. As d h stays near the tolerance, φ ≤ tol (2/α + 1/α²)/h (`drift_bound`) hardly falls above
-  ω. A smaller tolerance reduces h and d together: the transition stays where it is.
+- *Embedded error estimate* of order e. The controller keeps the estimate of (2) at the tolerance, at the cost of
+  smaller steps: below ω none; above it h ∝ α^(−(e−1)/(e+1)), so the work grows as α^0.6 (RK45) or α^0.75 (DOP853), and
+  as α once stability limits the step. As d h stays near the tolerance, φ ≤ tol (2/α + 1/α²)/h (`drift_bound`) hardly
+  falls above ω. A smaller tolerance reduces h and d together: the transition stays where it is.
 - *Radau* damps the fast part itself: its transition lies about ten times higher, and the same gains can be used.
 
-**Finding ω.** A controller that keeps C (ω h)^(e+1) = tol makes steps from which ω follows. A pilot run (DOP853 at 1e-3,
-projected onto the constraints) has N steps in T seconds, and ω = tol^(1/8) N/T. On the rolling disk, pilot runs of RK45
-and DOP853 from 1e-2 to 1e-8 agree within a factor of 1.6; on the four-bar, which takes 3 to 30 steps, within 3; on
+**Finding ω.** A controller that keeps C (ω h)^(e+1) = tol makes steps from which ω follows. A pilot run (DOP853 at
+1e-3, projected onto the constraints) has N steps in T seconds, and ω = tol^(1/8) N/T. On the rolling disk, pilot runs
+of RK45 and DOP853 from 1e-2 to 1e-8 agree within a factor of 1.6; on the four-bar, which takes 3 to 30 steps, within 3; on
 Bricard's linkage, whose motion RK45 at 1e-3 does not follow, those of DOP853 within 3 and those of RK45 within 5. C is
 part of the factor 2, which was measured (`bellcrank bench --gains`): on the four-bar, the disk and Bricard's linkage,
 with RK45 and DOP853 from 1e-6 to 1e-12, automatic gains took at most 1.35 times the evaluations of a run without

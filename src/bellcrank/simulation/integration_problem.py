@@ -29,7 +29,7 @@ class Kernels:
         tangent: d rhs / dx · dx for many dx at once, for Radau without a Jacobian.
         lanes: How many rows a batch kernel computes at once.
         events: The event functions.
-        project: A Newton correction of (q, v) onto the constraints, and a guard. It is applied until it moves q no more.
+        project: A Newton correction of (q, v) onto the constraints, and a guard; applied until it no longer moves q.
         project_fallback: The correction where the guard of `project` is not positive.
         project_batch: `project` for many states at once, for outputs; only without signals.
     """

@@ -222,13 +222,12 @@ def _better_curved(run: Trajectory, table: Array, bound: Array) -> NDArray[np.bo
 
 def _residual_panels(run: Trajectory, extremes: bool) -> list[Panel]:
     """Constraint residuals, one panel a unit."""
-    return [
-        Panel(
-            f"constraint {'velocity' if unit.endswith('/s') else 'position'} residual", unit or "1", [("largest", values)],
-            logarithmic=True, time=run.time, extremes=extremes,
-        )
-        for unit, values in run.constraint_residuals.items()
-    ]  # fmt: skip
+    panels = []
+    for unit, values in run.constraint_residuals.items():
+        title = f"constraint {'velocity' if unit.endswith('/s') else 'position'} residual"
+        lines = [("largest", values)]
+        panels.append(Panel(title, unit or "1", lines, logarithmic=True, time=run.time, extremes=extremes))
+    return panels
 
 
 def _output_columns(run: Trajectory, name: str) -> list[tuple[str, str, Array]]:

@@ -92,8 +92,8 @@ def _departure(run: Trajectory) -> list[str]:
     gone = departure(run)
     if gone is not None and gone.largest > 0.0:
         found.append(
-            f"the run differs from one with projection from {gone.time:.4g} s on, by up to {gone.largest:.3g} rad or m; "
-            "take stabilisation: projection (near configurations where constraints lose rank, drift decides which "
+            f"the run differs from one with projection from {gone.time:.4g} s on, by up to {gone.largest:.3g} rad or "
+            "m; take stabilisation: projection (near configurations where constraints lose rank, drift decides which "
             "branch of the motion a linkage follows)"
         )
     if gone is not None and gone.ended is not None:
@@ -140,7 +140,8 @@ def _missed_events(run: Trajectory) -> list[str]:
     """A clause for each event of which crossings may have been missed."""
     return [
         f"the function of event '{it.event}' oscillates so fast that crossings may have been missed in {it.steps} "
-        f"step{'' if it.steps == 1 else 's'} from {it.first:.6g} s on: set simulate.max_step to a few of its periods or less"
+        f"step{'' if it.steps == 1 else 's'} from {it.first:.6g} s on: set simulate.max_step to a few of its periods "
+        "or less"
         for it in run.statistics.unresolved
         if not it.undefined
     ]

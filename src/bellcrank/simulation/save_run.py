@@ -67,7 +67,10 @@ def run_path(path: str | Path) -> Path:
 
 
 def write_archive(target: Path, about: dict[str, Any], arrays: dict[str, Array], lasting: bool = False) -> None:
-    """Write a JSON text and arrays to an .npz file, atomically. `lasting`: it survives a power cut. Raises InputError."""
+    """Write a JSON text and arrays to an .npz file, atomically; if `lasting`, it survives a power cut.
+
+    Raises InputError where the file cannot be written.
+    """
     text = np.frombuffer(utf8(json.dumps(about, ensure_ascii=False)), dtype=np.uint8)
     contents: dict[str, Any] = {"about": text, **arrays}
     with interruption.unbroken(), writing(target, lasting) as temporary, temporary.open("wb") as file:

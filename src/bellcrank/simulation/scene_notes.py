@@ -60,7 +60,10 @@ def _rows(scene: Scene) -> Iterator[str]:
             continue
         far = max(gap for _, gap in rows)
         if len(rows) == len(constraint.labels(scene.robot)):
-            yield f"constraint '{constraint.name}' does not depend on any joint (residual {far:.3g} m or rad); it is left out"
+            yield (
+                f"constraint '{constraint.name}' does not depend on any joint (residual {far:.3g} m or rad); it is "
+                "left out"
+            )
         else:
             named = ", ".join(label for label, _ in rows)
             yield (
@@ -97,8 +100,9 @@ def _saved(scene: Scene) -> Iterator[str]:
             k = int(moved.argmax())
             joint = next(j for j in reversed(robot.joints) if (j.q if what == "position" else j.v) <= k)
             yield (
-                f"the state of {saved.name} does not satisfy the constraints: the {what} of joint '{joint.name}' is changed "
-                f"by {moved[k]:.3g} (SI units); a changed velocity is not computed as an impact (a latch does that)"
+                f"the state of {saved.name} does not satisfy the constraints: the {what} of joint '{joint.name}' is "
+                f"changed by {moved[k]:.3g} (SI units); a changed velocity is not computed as an impact, as at a "
+                "latch"
             )
     if saved.clock != scene.initial.clock and (moving := ", ".join(_with_time(scene))):
         yield (
@@ -198,7 +202,9 @@ def _drives(scene: Scene, duration: float) -> Iterator[str]:
         if breaks[-1] < until:
             yield f"prescribed motion '{constraint.name}' ends at {breaks[-1]:.6g} s; then its last position is held"
         if 0.0 < breaks[0] <= until:
-            yield f"prescribed motion '{constraint.name}' begins at {breaks[0]:.6g} s; before, its first position is held"
+            yield (
+                f"prescribed motion '{constraint.name}' begins at {breaks[0]:.6g} s; before, its first position is held"
+            )
 
 
 def _overshoot(who: str, signal: Signal, column: int, values: str) -> Iterator[str]:
@@ -224,7 +230,10 @@ def _events(scene: Scene) -> Iterator[str]:
     values = system_of(scene).events(np.zeros(1), state, inputs, system_parameters(scene))
     for event, value in zip(scene.events, np.atleast_1d(values).tolist(), strict=True):
         if math.isnan(value):
-            yield f"event '{event.name}': its function is not a number at the start; no event is detected while that is so"
+            yield (
+                f"event '{event.name}': its function is not a number at the start; no event is detected while that is "
+                "so"
+            )
 
 
 def _joints(names: list[str]) -> str:

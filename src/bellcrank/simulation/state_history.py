@@ -237,7 +237,7 @@ class StateHistory(Portable, Renamed):
 
     @property
     def constraint_residuals(self) -> dict[str, Array]:
-        """Largest residual (n,) of all constraints, by unit: "m", "rad", "m/s", "rad/s", "" for those of expressions."""
+        """Largest residual (n,) of all constraints, by unit: "m", "rad", "m/s", "rad/s"; "" for other units."""
         units = {"[N]": "m", "[N m]": "rad"}
         found: dict[str, Array] = {}
         positions = self._position_residuals

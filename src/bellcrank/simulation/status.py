@@ -45,8 +45,8 @@ _ADVICE = {
     "try solver Radau if the scene is stiff",
     Status.PRESCRIBED_MOTION_ENDED: "a prescribed motion ends, or its velocity jumps, while the joint moves; extend "
     "the motion or shorten the run",
-    Status.TURNED_OVER: "a weld or hinge is turned by more than a quarter turn: its equations also hold at half a turn, "
-    "so its links have passed through each other; take smaller tolerances or steps, and check the forces on that "
+    Status.TURNED_OVER: "a weld or hinge is turned by more than a quarter turn: its equations also hold at half a "
+    "turn, so its links have passed through each other; take smaller tolerances or steps, and check the forces on that "
     "constraint",
     Status.INTERRUPTED: "the simulation was interrupted; the results up to that time are kept",
 }

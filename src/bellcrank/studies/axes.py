@@ -103,7 +103,8 @@ def _range(text: str, parts: list[str]) -> tuple[Any, ...]:
         raise InputError(f"--vary {format_value(text)}: {EXPECTED}")
     if not 1 <= count <= MOST_VALUES:
         raise InputError(
-            f"--vary {format_value(text)}: expected a count from 1 to {MOST_VALUES}, found {format_value(parts[2].strip())}"
+            f"--vary {format_value(text)}: expected a count from 1 to {MOST_VALUES}, found "
+            f"{format_value(parts[2].strip())}"
         )
     (first, before), (last, after) = (end for end in ends if end is not None)
     if before and after and before != after:

@@ -18,8 +18,8 @@ _SUFFIXES = (".csv", ".json")
 class PartialTables:
     """Writes the tables of a sweep into a folder.
 
-    Tables that an earlier, unfinished sweep left there are renamed to sweep.partial.1.csv and so on; `earlier` are their
-    new paths. Raises InputError where they cannot be renamed.
+    Tables that an earlier, unfinished sweep left there are renamed to sweep.partial.1.csv and so on; `earlier` are
+    their new paths. Raises InputError where they cannot be renamed.
     """
 
     def __init__(self, folder: Path) -> None:

@@ -1,4 +1,4 @@
-// Hands what a long run has found since the last time to Python every few seconds, so that it can be kept on disk.
+// Checkpoints: every few seconds Python gets what a long run has found since the last time, to keep it on disk.
 #pragma once
 
 #include <chrono>
@@ -14,7 +14,7 @@ class Checkpoints {
 
   bool due() const { return !take_.is_none() && Clock::now() >= next_; }
 
-  // Calls Python with a block, with the GIL held; it answers in how many seconds the next is due. False where it raised.
+  // Calls Python with a block, with the GIL held; it returns the seconds until the next. False where it raised.
   bool hand_over(const nanobind::object& block) {
     PyObject* answer = PyObject_CallOneArg(take_.ptr(), block.ptr());
     if (!answer) return false;

@@ -1,4 +1,4 @@
-// The entry of the engine: chooses the stepper for a method and a number of states.
+// Entry of the engine: chooses the stepper by method and number of states.
 #pragma once
 
 #include "integration_loop.hpp"

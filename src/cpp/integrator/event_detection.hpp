@@ -1,8 +1,10 @@
-// Events: where a function g(t, x, u, p) changes sign. Each step is sampled at nine places (three where g is dear); where
-// these cannot rule out more crossings than they show, the stretch between two of them is sampled again, and so on, until
-// each stretch has at most one. Where that would take more than `most_evaluations` in a step, the record is told that
-// crossings may have been missed; where g is not a number, that nothing can be told. A root of g on the dense output is then corrected by steps of the same method that
-// end at the event: its time and state are as exact as those of any step.
+// Event detection: where a function g(t, x, u, p) changes sign.
+//
+// Each step is sampled at nine places (three where g is expensive). Where the samples cannot rule out further crossings,
+// the interval between two of them is sampled again, and so on, until each interval has at most one crossing. If that
+// takes more than `most_evaluations` in a step, the record notes that crossings may have been missed; if g is not a
+// number, it notes that as well. A root of g on the dense output is then corrected by steps of the same method that end
+// at the event, so that its time and state are as accurate as those of any step.
 #pragma once
 
 #include "step_size_control.hpp"
@@ -17,8 +19,9 @@ template <class Stepper>
 class Events {
  public:
   Events(Rhs& rhs, Stepper& stepper)
-      : rhs_(rhs), p_(rhs.problem), stepper_(stepper), samples(p_.event_samples == 2 ? 2 : parts), count_(p_.event_count),
-        x_(p_.n + 16), value_(count_), g_((samples + 1) * count_), sign_(count_), hint_(count_), unresolved_(count_), in_(x_, rhs) {}
+      : rhs_(rhs), p_(rhs.problem), stepper_(stepper), samples(p_.event_samples == 2 ? 2 : parts),
+        count_(p_.event_count), x_(p_.n + 16), value_(count_), g_((samples + 1) * count_), sign_(count_),
+        hint_(count_), unresolved_(count_), in_(x_, rhs) {}
 
   bool begin(double t, const double* x) {
     if (!count_) return true;
@@ -53,9 +56,9 @@ class Events {
     std::size_t state;
   };
 
-  static constexpr int deepest = 6;  // stretches within stretches: 1e-6 of a step
+  static constexpr int deepest = 6;  // levels of intervals within intervals: down to 1e-6 of a step
   static constexpr std::int64_t most_evaluations = 200000, few_evaluations = 2000;
-  static constexpr int patience = 50;  // steps of an event that may take most evaluations and yet leave crossings
+  static constexpr int patience = 50;  // unresolved steps of an event after which few_evaluations are spent on it
 
   Rhs& rhs_;
   const Problem& p_;
@@ -66,7 +69,7 @@ class Events {
   Array<int> sign_, hint_, unresolved_;  // sign_: of the last value that was not zero; 0 until zero has been left
   Inputs in_;
   int found_ = 0, terminal_ = 0, now_ = 0;
-  int oscillating_ = 0, forced_ = 0;  // how deep stretches of this step oscillate; to where all are sampled again
+  int oscillating_ = 0, forced_ = 0;  // the level at which g oscillates; the level down to which all is sampled again
   std::int64_t spent_ = 0, limit_ = 0;
   Growing<Crossing> crossings_;
   Growing<double> states_;
@@ -91,7 +94,7 @@ class Events {
     return value_[e];
   }
 
-  // Samples by a finer and a coarser sketch in turns, so that what these are off shows like an oscillation.
+  // Samples a finer and a coarser polynomial in turns, so that their error looks like an oscillation.
   bool sample(bool again) {
     if (!again) {
       std::memcpy(g_, g_ + samples * count_, count_ * sizeof(double));
@@ -104,7 +107,7 @@ class Events {
     return true;
   }
 
-  // Follows the sign; a value of exactly zero is a crossing and has no sign.
+  // Tracks the sign; a value of exactly zero is a crossing and has no sign.
   static bool pass(int& sign_now, double v) {
     const int before = sign_now, now = sign(v);
     if (v != v) return false;
@@ -136,7 +139,9 @@ class Events {
 
   // All crossings of one event in this step.
   void scan(int e, Record& record) {
-    spent_ = 0, oscillating_ = 0, forced_ = hint_[e], limit_ = unresolved_[e] < patience ? most_evaluations : few_evaluations, missed_ = done_ = false, now_ = sign_[e], blank_ = INFINITY;
+    spent_ = 0, oscillating_ = 0, forced_ = hint_[e];
+    limit_ = unresolved_[e] < patience ? most_evaluations : few_evaluations;
+    missed_ = done_ = false, now_ = sign_[e], blank_ = INFINITY;
     double v[parts + 1];
     for (int i = 0; i <= samples; ++i) blank(v[i] = g(i, e), at(i));
     if (samples == parts) {
@@ -157,8 +162,8 @@ class Events {
     if (value != value) blank_ = smaller(blank_, stepper_.t_old + s * length());
   }
 
-  // The crossings between a and b, from samples at `place` between them. Where they oscillate here, the stretches after
-  // them are sampled as closely, and those of the next step: an oscillation may look smooth in some stretch by chance.
+  // The crossings between a and b, from samples at `place` between them. Where g oscillates here, later intervals of this
+  // step and of the next are sampled as densely: an oscillation may look smooth in some interval by chance.
   void stretch(int e, double a, double b, const double* v, int depth) {
     const Shape shape(v);
     bool unclear[parts];
@@ -178,8 +183,8 @@ class Events {
     }
   }
 
-  // Whether there may be more crossings from sample i to the next than their signs say; where samples are not numbers,
-  // or so large that their differences are not, their signs are all there is.
+  // Whether there may be more crossings between samples i and i + 1 than their signs show. Where samples or their
+  // differences are not finite, only the signs are used.
   static bool doubtful(const Shape& shape, int i, const double* v, int depth) {
     if (!(shape.miss < INFINITY) || (v[i] == 0 && v[i + 1] == 0 && shape.miss == 0)) return false;
     if (sign(v[i]) != sign(v[i + 1])) return !shape.runs(i, v);
@@ -194,7 +199,7 @@ class Events {
     stretch(e, a, b, v, depth);
   }
 
-  // A stretch with one crossing, or none; or two about an extremum where it `may_dip`.
+  // An interval with at most one crossing, or with two around an extremum where it `may_dip`.
   void part(int e, double a, double at_a, double b, double at_b, bool may_dip) {
     const int before = now_;
     if (pass(now_, at_b)) crossing(e, before, a, at_a, b, at_b);
@@ -236,17 +241,17 @@ class Events {
     c.state = found_++;
     double* x = states_ + c.state * p_.n;
     c.time = bracketed && level(e, s) ? earliest(e, before, a, s, x) : refined(e, s, b - a, x);
-    done_ = p_.terminal[e];  // later ones are of no account
+    done_ = p_.terminal[e];  // later crossings do not matter
   }
 
-  // Whether g is zero at s and was so before: it rests there, as max(x, 0) does.
+  // Whether g is zero at s and just before it: it stays at zero, as max(x, 0) does.
   bool level(int e, double s) {
     const double step = 8 * least();
     return s > step && along(e, s - step) == 0 && along(e, s) == 0;
   }
 
-  // Bisection for the first time at which g has left its side, over steps that end there; as the dense output, which
-  // gave a and b, is less exact than these, the stretch is widened until it holds the time.
+  // Bisection for the first time at which g has left its side, over steps that end there. The dense output, which gave a
+  // and b, is less accurate than these steps, so the interval is widened until it contains the time.
   double earliest(int e, int before, double a, double b, double* x) {
     const double start = stepper_.t_old, h = length();
     const std::size_t bytes = p_.n * sizeof(double);
@@ -262,7 +267,7 @@ class Events {
     return start + b * h;
   }
 
-  // Whether g is on the side `before` after a step to s, whose state is then x_; what is not finite says nothing.
+  // Whether g is on the side `before` after a step to s, whose state is then x_; true where that is not finite.
   bool stays(int e, int before, double s) {
     if (!stepper_.redo(s * length(), x_)) return true;
     if (!evaluate(stepper_.t_old + s * length(), x_, value_)) failed_ = true;
@@ -316,7 +321,7 @@ class Events {
       before = now, at_before = at_now;
       now = next;
     }
-    if (std::fabs(now - before) <= 4 * ulp) return start + now;  // as close as rounding lets it
+    if (std::fabs(now - before) <= 4 * ulp) return start + now;  // as close as rounding allows
     if (stepper_.redo(s * h, x_)) std::memcpy(x, x_, bytes);
     else stepper_.sketch(s, x_), rhs_.settle(start + s * h, x_), std::memcpy(x, x_, bytes);
     return start + s * h;

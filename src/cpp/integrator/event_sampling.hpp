@@ -1,8 +1,8 @@
-// Where a stretch of a step is sampled for events, and what the samples say of the function between them.
+// Sampling of event functions: the places within an interval, and bounds on the function between the samples.
 //
-// The places are uneven, so that no oscillation looks smooth at all of them: on an even grid one whole number of periods
-// between samples does. They were found by random search (1 of 40,000 random oscillations with up to 500 periods a
-// stretch was taken for smooth; 1 of 30 on an even grid).
+// The places are uneven, so that no oscillation looks smooth at all of them; on an even grid one with a whole number of
+// periods between samples does. They were found by random search: 1 of 40,000 random oscillations with up to 500 periods
+// an interval was taken for smooth, against 1 of 30 on an even grid.
 #pragma once
 
 #include "right_hand_side.hpp"
@@ -47,7 +47,7 @@ struct SampleWeights {
 };
 inline constexpr SampleWeights sample_weights;
 
-// What nine samples say of the function between them.
+// Bounds on a function between nine samples.
 struct Shape {
   double miss;                // how far samples are from cubics through their neighbours, at most
   double bend[parts + 1];     // how far the arc may lie off its chord, at each sample
@@ -67,20 +67,20 @@ struct Shape {
   }
 
   double arc(int i) const { return larger(bend[i], bend[i + 1]); }
-  // Whether the function surely keeps its sign from sample i to the next, which have one sign; with more `caution` where
-  // it is known to oscillate.
+  // Whether the function certainly keeps its sign between samples i and i + 1, which have the same sign. `caution` is
+  // larger where it is known to oscillate.
   bool keeps_off(int i, const double* v, double caution) const {
     return smaller(std::fabs(v[i]), std::fabs(v[i + 1])) > arc(i) + caution * miss;
   }
-  // Whether the samples go up and down in turns, as no jump or kink makes them.
+  // Whether the samples alternate more than a jump or kink can make them.
   static bool oscillates(const double* v) {
     int turns = 0;
     for (int i = 1; i < parts; ++i) turns += (v[i] - v[i - 1]) * (v[i + 1] - v[i]) < 0;
     return turns >= 3;
   }
-  // Whether it runs one way from sample i to the next.
+  // Whether it is monotonic between samples i and i + 1.
   bool runs(int i, const double* v) const { return std::fabs(v[i + 1] - v[i]) > 4 * (arc(i) + miss); }
-  // Whether it is about a parabola from sample i to the next.
+  // Whether it is approximately a parabola between samples i and i + 1.
   bool parabola(int i) const { return miss <= 0.1 * arc(i); }
 };
 

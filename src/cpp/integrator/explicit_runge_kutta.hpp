@@ -1,5 +1,6 @@
-// Explicit Runge-Kutta methods. The state lies in blocks of four lanes, padded with zeros; `Blocks` fixes their number
-// at compile time (0: any number), and the sums over stages are unrolled from the table without its zeros.
+// Explicit Runge-Kutta methods: RK4, RK45 and DOP853, whose tables are in runge_kutta_tableaus.hpp. The state is stored
+// in blocks of four lanes, padded with zeros; `Blocks` fixes their number at compile time (0: any number), and the sums
+// over stages are unrolled from the table without its zeros.
 #pragma once
 
 #include "step_size_control.hpp"
@@ -27,7 +28,7 @@ class ExplicitRungeKutta {
   const double* state() const { return x_; }
   const double* old_state() const { return old_; }
 
-  // First stage at the present time, from the side after it.
+  // First stage at the current time, from the side after a jump there.
   bool begin() {
     ++rhs_.evaluations;
     std::memcpy(main_.x, x_, lanes() * sizeof(double));
@@ -59,7 +60,7 @@ class ExplicitRungeKutta {
         double factor = error == 0 ? largest_factor : smaller(largest_factor, safety * shrink(error));
         if (again) factor = smaller(1, factor);
         next_ = h * factor;
-        if (end == bound && !again) next_ = larger(next_, proposed);  // a stop says nothing of the step
+        if (end == bound && !again) next_ = larger(next_, proposed);  // a stop does not limit the next step
         return Outcome::accepted;
       }
       main_.first = main_.k;
@@ -77,15 +78,15 @@ class ExplicitRungeKutta {
     return Outcome::accepted;
   }
 
-  // x at t_old + s (t - t_old) by what the step already knows: the dense output, or a polynomial through both ends and
-  // slopes of stages, of degree 6, or 5 where not `finer`.
+  // x at t_old + s (t - t_old) without new evaluations: by the dense output if it is there, or by a polynomial through
+  // both ends and slopes of stages, of degree 6, or 5 where not `finer`.
   void sketch(double s, double* x, bool finer = true) {
     if (dense_ready_ || Method::fsal) interpolate(s, x);
     else if constexpr (Method::extra == 3) stage_polynomial(s, x, finer);
     else cubic(s, x);
   }
 
-  // Whether the dense output is there; it may cost evaluations.
+  // Computes the dense output if it is not there, which may cost evaluations; false where that fails.
   bool prepare() {
     if (Method::fsal || dense_ready_) return true;
     if constexpr (Method::extra == 3) prepare_three();
@@ -122,7 +123,7 @@ class ExplicitRungeKutta {
     rhs_.normalise(x);
   }
 
-  // The step once more with another size: the state at t_old + h is then a step's end. False: not finite.
+  // Repeats the step with another size, so that the state at t_old + h is the end of a step. False: not finite.
   bool redo(double h, double* x) {
     std::memcpy(redo_.k, main_.k, lanes() * sizeof(double));
     const bool sound = step<true>(redo_, h, x);
@@ -140,7 +141,7 @@ class ExplicitRungeKutta {
   Room<4 * Blocks> x_, old_, tolerance_;
   Room<28 * Blocks> dense_;
   double next_ = 0;
-  bool dense_ready_ = false, stage_polynomial_ready_ = false;  // dense_: of the dense output, or else of the stage polynomial
+  bool dense_ready_ = false, stage_polynomial_ready_ = false;  // which of the two dense_ holds
 
   int blocks() const { return Blocks ? Blocks : blocks_; }
   std::size_t lanes() const { return 4 * static_cast<std::size_t>(blocks()); }
@@ -175,7 +176,7 @@ class ExplicitRungeKutta {
     return status;
   }
 
-  // All stages after the first and the new state; for a first-same-as-last method its slope too, which the error needs.
+  // All stages after the first, and the new state; for a first-same-as-last method also its slope, for the error.
   template <bool Redo = false>
   bool step(Stages<Method, Blocks>& stages, double h, double* x) {
     std::int32_t status = all_stages(stages, h, std::make_integer_sequence<int, Method::stages - 1>{});
@@ -200,7 +201,7 @@ class ExplicitRungeKutta {
     return rhs_(main_.in, time, main_.out + last);
   }
 
-  // After the error test: unit parts, the slope at the end. False where that or the state is not finite.
+  // After the error test: projection and the slope at the end. False where that or the state is not finite.
   bool finish(double end) {
     if constexpr (!Method::fsal) {
       rhs_.settle(end, x_);
@@ -255,8 +256,8 @@ class ExplicitRungeKutta {
     rhs_.normalise(x);
   }
 
-  // The cubic plus s^2 (1 - s)^2 times a polynomial, so that the slopes at three stages are met too (or at two of them);
-  // these stages are exact to the sixth power of the step.
+  // The cubic plus s^2 (1 - s)^2 times a polynomial that matches the slopes at three stages (or two of them) as well;
+  // these stages are accurate to the sixth power of the step size.
   void stage_polynomial(double s, double* x, bool finer) {
     const double h = t - t_old, v = s * s * (1 - s) * (1 - s);
     const std::size_t w = lanes();
@@ -289,7 +290,7 @@ class ExplicitRungeKutta {
     stage_polynomial_ready_ = true;
   }
 
-  // Slope of the cubic through values d apart with the slopes f and g, all times the step's size.
+  // Slope of the cubic through two values with difference d and slopes f and g, all times the step size.
   static Lanes cubic_slope(double s, Lanes f, Lanes g, Lanes d) {
     return d + (1 - 2 * s) * ((1 - s) * (f - d) - s * (g - d)) - s * (1 - s) * ((f - d) + (g - d));
   }

@@ -258,7 +258,8 @@ void bind_integrate(nb::module_& m) {
       .def_ro("longest_step", &StepResult::longest_step)
       .def_prop_ro("event_index", [](nb::handle h) { return view(h, nb::cast<StepResult&>(h).event_index); })
       .def_prop_ro("event_time", [](nb::handle h) { return view(h, nb::cast<StepResult&>(h).event_time); })
-      .def_prop_ro("event_state", [](nb::handle h) { auto& r = nb::cast<StepResult&>(h); return view(h, r.event_state, r.n); })
+      .def_prop_ro("event_state",
+                   [](nb::handle h) { auto& r = nb::cast<StepResult&>(h); return view(h, r.event_state, r.n); })
       .def_prop_ro("event_counts", [](nb::handle h) { return view(h, nb::cast<StepResult&>(h).event_counts); })
       .def_prop_ro("unresolved_count", [](nb::handle h) { return view(h, nb::cast<StepResult&>(h).unresolved_count); })
       .def_prop_ro("unresolved_time", [](nb::handle h) { return view(h, nb::cast<StepResult&>(h).unresolved_time); })

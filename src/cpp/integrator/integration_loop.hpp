@@ -1,4 +1,4 @@
-// A whole run: the stretches between stops, the steps in them, outputs and events of each step.
+// The integration loop: intervals between stops, the steps in them, and the outputs and events of each step.
 #pragma once
 
 #include "event_detection.hpp"
@@ -15,7 +15,7 @@ class IntegrationLoop {
         outputs_(rhs_, record), between_(problem.n + 16) {}
 
   Status operator()() {
-    const Status status = p_.step > 0 ? stretches<true>() : stretches<false>();
+    const Status status = p_.step > 0 ? intervals<true>() : intervals<false>();
     outputs_.flush();
     if (status != Status::event) record_.end(stepper_.t, stepper_.state());
     count();
@@ -36,7 +36,7 @@ class IntegrationLoop {
   double grid_index_ = 0, grid_end_ = p_.t0;
 
   template <bool Fixed>
-  Status stretches() {
+  Status intervals() {
     output_start();
     for (int i = 0; i <= p_.stop_count && stepper_.t < p_.t1; ++i) {
       const double bound = i < p_.stop_count ? p_.stops[i] : p_.t1;
@@ -82,7 +82,7 @@ class IntegrationLoop {
     return grid_end_ > bound - 1e-6 * p_.step ? bound : grid_end_;
   }
 
-  // Written here: a call each would cost as much as a stage of a small system.
+  // Written inline: a virtual call would cost as much as a stage of a small system.
   void step(double t) {
     if (record_.next_step == record_.steps_end) record_.more_steps();
     *record_.next_step++ = t;
@@ -102,7 +102,7 @@ class IntegrationLoop {
       outputs_.take(p_.times[next_output_++], stepper_.state());
   }
 
-  // Requested times up to `end`, the step's own state at its ends (to the rounding of the time).
+  // Outputs at the requested times up to `end`; at the ends of the step (to rounding) the state there.
   void output_step(double end) {
     if (p_.every_step) return outputs_.take(end, stepper_.state());
     if (next_output_ == p_.time_count || p_.times[next_output_] > end) return;

@@ -1,4 +1,4 @@
-// Looks at the clock between steps, and every 50 ms at what Python wants: Ctrl-C, progress.
+// Interruption: reads the clock between steps, and every 50 ms handles Ctrl-C and progress in Python.
 #pragma once
 
 #include <algorithm>
@@ -13,8 +13,8 @@ class Watch {
  public:
   explicit Watch(nanobind::object progress) : progress_(std::move(progress)) {}
 
-  // Called without the GIL. True where the run has to stop; `attempts` becomes the number until the next look: it
-  // doubles while looks come less than 5 ms apart and falls where they come late, so that one costs nothing.
+  // Called without the GIL. True where the run has to stop. `attempts` becomes the number of steps until the next call:
+  // it doubles while calls are less than 5 ms apart and falls where they are late, so that their cost is negligible.
   bool look(double t, std::int64_t* attempts) {
     const auto now = Clock::now();
     const double gap = seconds(now - last_look_);

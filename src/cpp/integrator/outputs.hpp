@@ -1,5 +1,5 @@
-// States at requested times on their way to the record: those between steps are settled first, many at a time where
-// there is a kernel for that.
+// Outputs: states at requested times. States between steps are first projected onto the constraints, many at a time
+// where there is a kernel for that.
 #pragma once
 
 #include "right_hand_side.hpp"
@@ -13,13 +13,13 @@ class Outputs {
       : rhs_(rhs), p_(rhs.problem), record_(record), width_(p_.nq + p_.nv), room_(p_.project_batch ? most : 0),
         x_(room_ * p_.n), time_(room_), correction_(room_ * width_), guard_(room_), waits_(room_) {}
 
-  // A state that is settled.
+  // A state at the end of a step, which is projected already.
   void take(double t, const double* x) {
     if (!p_.project_batch) return record_.output(t, x);
     keep(t, x, false);
   }
 
-  // A state between steps, which need not be.
+  // A state between steps, which is not.
   void take_between(double t, double* x) {
     if (p_.project_batch) return keep(t, x, true);
     rhs_.settle(t, x);
@@ -62,7 +62,7 @@ class Outputs {
     return p_.project_batch(in, out, strides, count_) == 0;
   }
 
-  // Those that the plain solve corrects; what it closes to rounding waits no more.
+  // Applies the corrections that need no fallback; a state that is exact to rounding waits no longer.
   void correct() {
     for (int i = 0; i < count_; ++i) {
       const double* d = correction_ + i * width_;

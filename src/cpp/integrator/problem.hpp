@@ -1,5 +1,5 @@
-// What the engine is given and what it hands back: plain data and calls that are compiled once, because the engine
-// itself is compiled once for each instruction set and must share no inline function with the rest.
+// Input and output of the engine: plain data and virtual functions. The engine is compiled once for each instruction set
+// and must share no inline function with the code that is compiled once.
 #pragma once
 
 #include <cstddef>
@@ -17,7 +17,7 @@ enum class Status : int { finished, event, step_too_small, non_finite, evaluatio
 struct Signal {
   const double *breaks, *coefficients;
   int pieces, powers, width, derivatives;
-  bool kinked;  // value or slope jumps at breaks: every break is a stop
+  bool kinked;  // value or slope jumps at the breaks: every break is a stop
 };
 
 struct Unit {
@@ -26,12 +26,12 @@ struct Unit {
 
 struct Problem {
   Kernel rhs, jacobian, events;
-  Kernel fallback;  // where the right-hand side's second output, a guard, is negative; 0: no guard
-  Kernel project, project_fallback;  // (x) -> correction of x, and the first a guard as well; or 0
-  BatchKernel project_batch;                  // `project` for many states at once, where there are no signals; or 0
+  Kernel fallback;  // used where the second output of rhs, a guard, is not positive; 0: there is no guard
+  Kernel project, project_fallback;  // correction of x; the first gives a guard as well; or 0
+  BatchKernel project_batch;  // `project` for many states at once, where there are no signals; or 0
   int nq, nv;
-  const double* weights;  // (nq) 1 over how large 1 is in a coordinate, for corrections; 0: all are 1
-  bool staged;  // the right-hand side takes k and s too, and evaluates at x + s k
+  const double* weights;  // (nq) 1 over the characteristic size of each position, for corrections; 0: all are 1
+  bool staged;  // rhs and fallback take k and s as well and evaluate at x + s k
   BatchKernel tangent;
   int n, norm_size, lanes;
   double t0, t1;
@@ -46,7 +46,7 @@ struct Problem {
   int signal_count, signal_entries;
   const double* stops;  // sorted, strictly between t0 and t1
   int stop_count;
-  double latest;  // the last time that stages see: just before a stop at t1, else infinite
+  double latest;  // the last time at which stages are evaluated: just before a stop at t1, else infinite
   const bool* terminal;
   const int* direction;
   int event_count, event_samples;
@@ -64,10 +64,10 @@ class Record {
   virtual void more_steps() = 0;                                  // called where there is none
   virtual void output(double t, const double* x) = 0;
   virtual void event(int index, double t, const double* x) = 0;
-  virtual void unresolved(int index, double t) = 0;               // crossings may be missed in the step from t on
-  virtual void undefined(int index, double t) = 0;                // its function is not a number in this step, first at t
+  virtual void unresolved(int index, double t) = 0;  // crossings may be missed in the step from t on
+  virtual void undefined(int index, double t) = 0;   // the event function is NaN in this step, first at t
   virtual void end(double t, const double* x) = 0;
-  // Between steps, at time t and state x; true: stop. `attempts` becomes the number of them until the next look.
+  // Called between steps, at time t and state x; true: stop. `attempts` becomes the number of steps until the next call.
   virtual bool look(double t, const double* x, const Counts& counts, std::int64_t* attempts) = 0;
 
  protected:

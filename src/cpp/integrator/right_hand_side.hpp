@@ -1,4 +1,4 @@
-// The right-hand side as the steppers see it: signals filled in, evaluations counted, unit parts kept unit.
+// The right-hand side for the steppers: it evaluates signals, normalises unit vectors and projects onto constraints.
 #pragma once
 
 #include <cmath>
@@ -12,8 +12,8 @@
 namespace bellcrank {
 namespace BELLCRANK_ISA {
 
-// Zeroed memory, aligned for vectors and padded to whole ones; a little of it within the object itself, because a short
-// run takes as long as a few calls of the allocator.
+// Zeroed memory, aligned and padded for SIMD. Small arrays lie within the object itself, because a short run takes only as
+// long as a few calls of the allocator.
 template <class T>
 class Array {
  public:
@@ -76,11 +76,12 @@ inline double spacing(double t) {
 class Rhs {
  public:
   explicit Rhs(const Problem& problem)
-      : problem(problem), u_(problem.signal_entries), rest_(problem.n), correction_(problem.n), piece_(problem.signal_count) {}
+      : problem(problem), u_(problem.signal_entries), rest_(problem.n), correction_(problem.n),
+        piece_(problem.signal_count) {}
 
   const Problem& problem;
   std::int64_t evaluations = 0;
-  double latest = INFINITY;  // stages at a stop see the side before it
+  double latest = INFINITY;  // stages at a stop are evaluated just before it
 
   const double* u() const { return u_; }
   const double* rest() const { return rest_; }  // n zeros
@@ -92,7 +93,7 @@ class Rhs {
       if (problem.signals[g].kinked) piece_[g] = piece(problem.signals[g], 0.5 * (from + to), 0);
   }
 
-  // u at time t, for kernels called elsewhere. Out of line: most runs have none, and calls of the kernel stay short.
+  // u at time t, for kernels called elsewhere. Not inlined: most runs have no signals.
   __attribute__((noinline)) void signals(double t) {
     double* u = u_;
     for (int g = 0; g < problem.signal_count; ++g) {
@@ -110,19 +111,20 @@ class Rhs {
     return problem.fallback ? guarded(in.pointers, out) : problem.rhs(in.pointers, out);
   }
 
-  // Parts that should be unit vectors are made so, unless they are to the last digit.
+  // Normalises unit vectors, unless their length is 1 to the last digit.
   BELLCRANK_INLINE void normalise(double* x) const {
     if (problem.unit_count) make_unit(x);
   }
 
-  // What a state that is handed on must keep: unit parts unit, and closures closed where they are projected.
+  // Normalises and projects a state at the end of a step.
   BELLCRANK_INLINE void settle(double t, double* x) {
     normalise(x);
     if (problem.project) project(t, x);
   }
 
-  // Of a correction: how far it moves the position, in rad and lengths of the mechanism. What one of size d leaves is of the size d d.
-  static constexpr double exact = 1e-7, safe = 1e-3;  // leaves rounding; Newton's method surely converges
+  // The size of a correction: how far it moves the position, in rad and characteristic lengths. A correction of size d
+  // leaves an error of size d^2: below `exact` that is rounding, below `safe` Newton's method certainly converges.
+  static constexpr double exact = 1e-7, safe = 1e-3;
   BELLCRANK_INLINE double size(const double* correction) const {
     double sum = 0;
     const double* weights = problem.weights;
@@ -137,8 +139,8 @@ class Rhs {
  private:
   static constexpr int most_corrections = 8;
 
-  // Closures that depend on each other all the time are not asked each time whether they still do.
-  class Doubt {
+  // Constraints that are always redundant are tested only now and then; the fallback is used meanwhile.
+  class GuardHistory {
    public:
     bool skips() { return skip_ > 0 && skip_--; }
     bool holds(double guard) {
@@ -152,19 +154,19 @@ class Rhs {
   };
 
   Buffer u_, rest_, correction_;
-  Doubt rhs_doubt_, projection_doubt_;
+  GuardHistory rhs_guards_, projection_guards_;
   Array<int> piece_;  // piece: -1 before the breaks, `pieces` after them
 
-  // The plain solve, or where its guard is not positive the one that needs no guard.
+  // The plain function, or the fallback where its guard is not positive.
   std::int32_t guarded(const double* const* in, double* const* out) {
-    if (rhs_doubt_.skips()) return problem.fallback(in, out);
+    if (rhs_guards_.skips()) return problem.fallback(in, out);
     double guard = 0;
     double* const both[] = {*out, &guard};
     const std::int32_t status = problem.rhs(in, both);
-    return rhs_doubt_.holds(guard) ? status : problem.fallback(in, out);
+    return rhs_guards_.holds(guard) ? status : problem.fallback(in, out);
   }
 
-  // Newton's method on closures and their velocities, while it gains.
+  // Newton's method on the constraints and their velocities, while it converges.
   __attribute__((noinline)) void project(double t, double* x) {
     const double time = smaller(t, latest);
     if (problem.signal_count) signals(time);
@@ -173,7 +175,7 @@ class Rhs {
     double* const out[] = {correction_, &guard};
     for (int i = 0; i < most_corrections; ++i) {
       std::int32_t status = 0;
-      if (projection_doubt_.skips() || (status = problem.project(in, out), !projection_doubt_.holds(guard)))
+      if (projection_guards_.skips() || (status = problem.project(in, out), !projection_guards_.holds(guard)))
         status = problem.project_fallback(in, out);
       const double now = size(correction_);
       if (status != 0 || !(now < 0.5 * before)) break;
@@ -234,7 +236,7 @@ class Rhs {
 };
 
 // The pointers of a kernel call, prepared once. A staged kernel evaluates at x + scale k, so that the newest slope of a
-// step reaches the next stage without a detour through memory.
+// step reaches the next stage without being stored and loaded.
 struct Inputs {
   double time = 0, scale = 0;
   const double* pointers[6];

@@ -1,4 +1,4 @@
-// The slopes of one explicit step, and their weighted sums.
+// The stages of one explicit Runge-Kutta step: slopes and their weighted sums.
 #pragma once
 
 #include "simd_lanes.hpp"

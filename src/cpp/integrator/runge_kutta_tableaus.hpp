@@ -1,5 +1,5 @@
-// The methods as tables of coefficients. Each table says its order and whose it is, and the compiler checks that the
-// rows of A sum to c and the weights to 1; tests prove the declared orders from the rooted trees.
+// Tables of coefficients of the methods: RK4, RK45 (Dormand-Prince), DOP853 and Radau IIA. Each names its order and its
+// source. The compiler checks that the rows of A sum to c and the weights to 1; tests prove the orders by rooted trees.
 #pragma once
 
 #include <utility>

@@ -1,4 +1,4 @@
-// Four doubles at a time, and weighted sums of stages unrolled from a table.
+// SIMD: four doubles at a time, and weighted sums of stages unrolled from a table.
 #pragma once
 
 #ifdef __AVX2__

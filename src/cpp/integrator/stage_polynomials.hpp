@@ -1,4 +1,4 @@
-// What stages of a step say of the motion within it, before any evaluation is spent on a dense output.
+// A polynomial through the stages of a step: the motion within it, without the evaluations of a dense output.
 #pragma once
 
 #include "runge_kutta_tableaus.hpp"
@@ -6,9 +6,9 @@
 namespace bellcrank {
 namespace BELLCRANK_ISA {
 
-// The inverses of w_j'(c_i), w_j = s^2 (1 - s)^2 s^j, at the abscissae c_i of two or three stages: from what slopes there
-// lack to the coefficients of a polynomial. The stages are those of DOP853 whose arguments satisfy sum_j a_ij c_j^k =
-// c_i^(k + 1) / (k + 1) up to k = 4, far apart.
+// Inverses of the matrices w_j'(c_i), w_j = s^2 (1 - s)^2 s^j, at the abscissae c_i of two or three stages: they turn the
+// differences of slopes there into the coefficients of a polynomial. The stages are those of DOP853 with
+// sum_j a_ij c_j^k = c_i^(k + 1) / (k + 1) up to k = 4, as far apart as possible.
 template <class Method>
 struct StagePolynomialTerms {
   static constexpr int stage[3] = {7, 10, 9};

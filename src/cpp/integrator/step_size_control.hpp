@@ -1,4 +1,4 @@
-// Step sizes: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, sec. II.4, with the
+// Step size control: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, sec. II.4, with the
 // constants of SciPy's solve_ivp, so that both take the same steps.
 #pragma once
 
