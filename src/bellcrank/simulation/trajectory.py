@@ -365,8 +365,9 @@ class Trajectory(StateHistory):
 
         Example:
             >>> import bellcrank as bc
-            >>> len(bc.simulate("pendulum", duration=1.0).plot().axes)
-            4
+            >>> figure = bc.simulate("pendulum", duration=1.0).plot()
+            >>> [axis.get_title(loc="left") for axis in figure.axes][:2]
+            ['position', 'velocity']
         """
         from bellcrank.simulation.run_plot import plot_run
 

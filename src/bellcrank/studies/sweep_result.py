@@ -105,7 +105,7 @@ class Sweep(Portable, Renamed):
         Example:
             >>> import bellcrank as bc
             >>> bc.sweep("four_bar", {"crank_length": [1.22, 1.24]}).column("lock.time").round(3)
-            array([11.895, 12.25 ])
+            array([18.559, 12.109])
         """
         if arguments.text("measure", measure, "the name of a measure") not in self.units:
             raise InputError(f"sweep of {self.scene.name}: {unknown_name('measure', measure, self.units)}")
