@@ -25,7 +25,7 @@ from bellcrank.elements.loops import WORLD, Loop
 from bellcrank.elements.rolling import RollingDisk
 from bellcrank.errors import InputError
 from bellcrank.numerics import LARGEST, checked, eigenvectors, svd
-from bellcrank.robot.postures import lengths_in_position, lengths_in_velocity
+from bellcrank.robot.coordinates import lengths_in_position, lengths_in_velocity
 
 if TYPE_CHECKING:
     from bellcrank.elements.constraint import Constraint

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bellcrank.codegen import cache as disk
 from bellcrank.errors import InputError
 from bellcrank.numerics import LARGEST, SMALLEST
-from bellcrank.robot.postures import lengths_in_position, lengths_in_velocity, postures
+from bellcrank.robot.coordinates import lengths_in_position, lengths_in_velocity, postures
 
 if TYPE_CHECKING:
     import casadi

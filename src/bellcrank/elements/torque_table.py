@@ -22,7 +22,7 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import MOST_TABLE, read_text
 from bellcrank.files.csv_files import unguarded
 from bellcrank.messages import unknown_name
-from bellcrank.motion.scale import LARGEST, check_size, check_times
+from bellcrank.motion.magnitude_limits import LARGEST, check_size, check_times
 
 Array = NDArray[np.float64]
 INTERPOLATIONS = ("linear", "cubic", "hold")

@@ -21,12 +21,12 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import MOST_TABLE, read_text
 from bellcrank.files.csv_files import ROWS, unguarded, write_table
 from bellcrank.messages import unknown_name
+from bellcrank.motion.consistency import disagreement
 from bellcrank.motion.coordinates import Array, JointLike, position_labels, velocity_labels
-from bellcrank.motion.disagreement import disagreement
+from bellcrank.motion.magnitude_limits import LARGEST
 from bellcrank.motion.motion import Motion, limit_notes
-from bellcrank.motion.resolution import end_speed_noise, half_unit
-from bellcrank.motion.sampled import sampled_motion
-from bellcrank.motion.scale import LARGEST
+from bellcrank.motion.rounding import end_speed_noise, half_unit
+from bellcrank.motion.sampled_motion import sampled_motion
 from bellcrank.text import readable
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from bellcrank.derived import Portable, cached_property
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import Array, JointLike, continuous, from_rates, rates, sizes, velocity_labels
 from bellcrank.motion.hermite import quintic
-from bellcrank.motion.scale import LONGEST, check_size, check_times
+from bellcrank.motion.magnitude_limits import LONGEST, check_size, check_times
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot

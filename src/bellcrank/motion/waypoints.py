@@ -13,8 +13,8 @@ import numpy as np
 from bellcrank import arguments
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import Array, JointLike, continuous, from_rates
+from bellcrank.motion.magnitude_limits import check_size, check_times
 from bellcrank.motion.motion import Motion, limit_notes
-from bellcrank.motion.scale import check_size, check_times
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot

@@ -317,7 +317,7 @@ def _articulated_findings(urdf: Urdf, already_wrong: bool) -> Iterator[Finding]:
 
 
 def _second_findings(urdf: Urdf) -> Iterator[Finding]:
-    from bellcrank.robot.second_reading import differences_from_yourdfpy
+    from bellcrank.robot.yourdfpy_comparison import differences_from_yourdfpy
 
     for difference in differences_from_yourdfpy(urdf)[:20]:
         yield Finding("note", "second reading", difference)

@@ -22,8 +22,8 @@ from itertools import product
 import numpy as np
 
 from bellcrank.motion.coordinates import Array
+from bellcrank.motion.differentiation import typical_noise
 from bellcrank.motion.motion import Motion
-from bellcrank.motion.smooth_pieces import typical_noise
 
 SURPRISE = 1e-3  # of a joint's largest acceleration: less than this from what the neighbours say is smooth
 EXCESS = 5e-3  # of a joint's largest acceleration: the quintic may exceed the samples by this without more questions

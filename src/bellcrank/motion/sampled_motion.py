@@ -12,17 +12,17 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.motion.acceleration_jumps import with_jumps
 from bellcrank.motion.coordinates import Array, JointLike
-from bellcrank.motion.jumps import with_jumps
-from bellcrank.motion.motion import Motion
-from bellcrank.motion.scale import check_size, check_times
-from bellcrank.motion.smooth_pieces import (
+from bellcrank.motion.differentiation import (
     differences,
     positions_differentiated,
     rounding_noise,
     rounding_of,
     velocity_differentiated,
 )
+from bellcrank.motion.magnitude_limits import check_size, check_times
+from bellcrank.motion.motion import Motion
 from bellcrank.motion.waypoints import interpolate
 
 NOISE = 0.01  # of the largest acceleration: what rounding may put into accelerations before rows are left out
