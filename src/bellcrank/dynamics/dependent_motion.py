@@ -16,7 +16,7 @@ from bellcrank.dynamics.binding_rows import binding_of
 from bellcrank.dynamics.consistent_start import consistent_posture
 from bellcrank.dynamics.element_forces import changed_lengths, path_note
 from bellcrank.dynamics.frame_path import FrameFollower
-from bellcrank.elements.frame_joints import carrying, frames_drawn
+from bellcrank.elements.frame_joints import frames_drawn
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.csv_files import unguarded
 from bellcrank.messages import unknown_name
@@ -119,7 +119,7 @@ def _frame_motion(
 
 def _led_by_joints(chain: Chain, frame: str) -> bool:
     """Whether the joints that carry a frame can all be chosen at will, so that an open chain's posture will do."""
-    names = carrying(chain.robot, frame)
+    names = chain.robot.supporting_joints(frame)
     columns = [joint.v for joint in chain.robot.joints if joint.name in names]
     return chain.are_independent(columns)
 
@@ -186,7 +186,7 @@ def _given(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEntry])
     """
     one = {joint.name for joint in robot.joints if joint.nv == 1}
     if entry.kind in ("circle", "line"):
-        return one & set(carrying(robot, entry.arguments["frame"]))
+        return one & set(robot.supporting_joints(entry.arguments["frame"]))
     if entry.kind == "csv":
         return _columns(robot, entry.arguments["text"])
     if entry.kind == "join":

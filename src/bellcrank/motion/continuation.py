@@ -17,7 +17,7 @@ from bellcrank.motion.frame_task import FrameTask
 from bellcrank.motion.hermite import quintic
 from bellcrank.motion.rotations import angles_to, between
 from bellcrank.numerics import least_squares, singular_values
-from bellcrank.robot.coordinates import lengths_in_position
+from bellcrank.robot.joints import lengths_in_position
 
 STEP_BOUND = 0.3  # rad or m: the posture moves less than this from one step to the next
 FIRST_CORRECTION = 0.03  # rad or m: the first Newton step after the predictor is shorter than this
