@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 import bellcrank
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.motion.csv_file import read_motion, write_motion
-from bellcrank.motion.motion import dwell
-from bellcrank.motion.path import circle, waypoints
+from bellcrank.motion.path import circle
+from bellcrank.motion.waypoints import dwell, waypoints
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from bellcrank.motion.csv_file import read_motion
 from bellcrank.motion.hermite import quintic
 from bellcrank.motion.magnitude_limits import LARGEST, LONGEST, SHORTEST, check_times
 from bellcrank.motion.motion import Motion
-from bellcrank.motion.path import waypoints
+from bellcrank.motion.waypoints import waypoints
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,9 @@ from page_series import decoded, value_at
 
 import bellcrank as bc
 from bellcrank.files.bundled_data import folder
-from bellcrank.motion.motion import dwell, join
+from bellcrank.motion.motion import join
 from bellcrank.motion.resampling import SHARE
+from bellcrank.motion.waypoints import dwell
 from bellcrank.replays.film import motion_film
 from bellcrank.replays.film.charts import run_charts
 from bellcrank.replays.film.film import Body, Camera, Film

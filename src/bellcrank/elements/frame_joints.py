@@ -8,16 +8,17 @@ from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.controllers import Controller
 from bellcrank.elements.element import Part
 from bellcrank.elements.joint_relations import Drive
-from bellcrank.motion.entries import MotionEntry
+from bellcrank.motion.entries import JoinEntry, MotionEntry, PathEntry
 from bellcrank.robot.robot import Robot
 
 
 def frames_drawn(entry: MotionEntry, entries: Mapping[str, MotionEntry]) -> Iterator[str]:
     """The frames that a motion draws along paths, in the parts of a join too."""
-    if entry.kind in ("circle", "line"):
-        yield entry.arguments["frame"]
-    for part in entry.arguments.get("parts", ()):
-        yield from frames_drawn(entries[part] if isinstance(part, str) else part, entries)
+    if isinstance(entry, PathEntry):
+        yield entry.options.frame
+    if isinstance(entry, JoinEntry):
+        for part in entry.part_entries(entries):
+            yield from frames_drawn(part, entries)
 
 
 def refuse_joints_off_paths(

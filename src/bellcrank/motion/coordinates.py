@@ -9,39 +9,13 @@ velocities are written in the moving frame (linear first), so that ẋ = R v and
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
+from bellcrank.robot.joints import JointLike
+
 Array = np.ndarray[Any, np.dtype[np.float64]]
-
-
-class JointLike(Protocol):
-    """A joint's name, kind and place in the position (q, nq) and velocity (v, nv) vectors."""
-
-    @property
-    def name(self) -> str:
-        """Name."""
-
-    @property
-    def kind(self) -> str:
-        """ "revolute", "prismatic", "planar" or "floating"."""
-
-    @property
-    def q(self) -> int:
-        """First index in the position."""
-
-    @property
-    def nq(self) -> int:
-        """Number of position coordinates."""
-
-    @property
-    def v(self) -> int:
-        """First index in the velocity."""
-
-    @property
-    def nv(self) -> int:
-        """Number of velocity coordinates."""
 
 
 def sizes(joints: Sequence[JointLike]) -> tuple[int, int]:

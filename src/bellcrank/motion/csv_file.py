@@ -22,11 +22,13 @@ from bellcrank.files.access import MOST_TABLE, read_text
 from bellcrank.files.csv_files import ROWS, unguarded, write_table
 from bellcrank.messages import unknown_name
 from bellcrank.motion.consistency import disagreement
-from bellcrank.motion.coordinates import Array, JointLike, position_labels, velocity_labels
+from bellcrank.motion.coordinates import Array, position_labels, velocity_labels
+from bellcrank.motion.limit_notes import limit_notes
 from bellcrank.motion.magnitude_limits import LARGEST
-from bellcrank.motion.motion import Motion, limit_notes
+from bellcrank.motion.motion import Motion
 from bellcrank.motion.rounding import end_speed_noise, half_unit
 from bellcrank.motion.sampled_motion import sampled_motion
+from bellcrank.robot.joints import JointLike, unit_vector
 from bellcrank.text import readable
 
 if TYPE_CHECKING:
@@ -273,9 +275,9 @@ def _check_time(file: Path, time: Array) -> None:
 
 def _normalised(file: Path, joints: tuple[JointLike, ...], position: Array) -> Array:
     for joint in joints:
-        if joint.nq == 1:
+        block = unit_vector(joint)
+        if block is None:
             continue
-        block = slice(joint.q + (2 if joint.kind == "planar" else 3), joint.q + joint.nq)
         length = np.linalg.norm(position[:, block], axis=1)
         if np.any(np.abs(length - 1.0) > 1e-3):
             k = int(np.argmax(np.abs(length - 1.0)))

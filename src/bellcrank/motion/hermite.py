@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from bellcrank.motion.coordinates import Array, JointLike, continuous, from_rates, rates
+from bellcrank.motion.coordinates import Array, continuous, from_rates, rates
+from bellcrank.robot.joints import JointLike
 
 
 def quintic(

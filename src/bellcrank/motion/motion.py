@@ -6,26 +6,22 @@ Motions are made by `circle`, `line`, `waypoints`, `dwell` and `read_motion`, an
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from bellcrank import arguments
 from bellcrank.derived import Portable, cached_property
 from bellcrank.errors import InputError
-from bellcrank.motion.coordinates import Array, JointLike, continuous, from_rates, rates, sizes, velocity_labels
+from bellcrank.motion.coordinates import Array, continuous, from_rates, rates, sizes, velocity_labels
 from bellcrank.motion.hermite import quintic
-from bellcrank.motion.magnitude_limits import LONGEST, check_size, check_times
-
-if TYPE_CHECKING:
-    from bellcrank.robot.robot import Robot
+from bellcrank.motion.magnitude_limits import check_size, check_times
+from bellcrank.robot.joints import JointLike, unit_vector
 
 POSITION_GAP = 1e-6  # rad or m: two rows of one time, or two joined motions, may differ by this much
-MOST_TURNED = 4.0 * np.pi  # rad: a joint that turns further than this from 0 may be in degrees
-FAR_OUT = 6.0  # rad: and so may one that leaves its range by more than this
 AT_REST = 1e-6  # of the motion's largest speed: slower than this counts as rest
 NOISE = 1e-2  # of the motion's largest speed: so much may be unknown of a speed that counts as rest
 
@@ -109,9 +105,8 @@ class Motion(Portable):
 
     def _check_rotations(self) -> None:
         for joint in self.joints:
-            if joint.kind in ("planar", "floating"):
-                numbers = self.position[:, joint.q + (2 if joint.kind == "planar" else 3) : joint.q + joint.nq]
-                length = np.linalg.norm(numbers, axis=1)
+            if (part := unit_vector(joint)) is not None:
+                length = np.linalg.norm(self.position[:, part], axis=1)
                 if np.any(np.abs(length - 1.0) > 1e-6):
                     k = int(np.argmax(np.abs(length - 1.0)))
                     raise InputError(
@@ -239,26 +234,6 @@ class Motion(Portable):
         return q, v, a
 
 
-def dwell(
-    robot: Robot,
-    position: Mapping[str, float] | Array | Sequence[float],
-    duration: float,
-    name: str = "dwell",
-) -> Motion:
-    """Rest at a posture (dict of joint positions, or (nq,), in rad or m) for `duration` s; raises
-    InputError.
-    """
-    title = f"motion '{arguments.text('name', name, empty=True)}'"
-    duration = arguments.number("duration", duration, "s", above=0.0, most=LONGEST, where=title)
-    arguments.robot(robot)
-    if position is None:
-        arguments.refuse("position", "a posture: a mapping of joints to numbers, or a list of them", position, title)
-    q = np.asarray(robot.posture(position), dtype=np.float64)
-    rest = np.zeros((2, robot.nv))
-    time = np.array([0.0, duration])
-    return Motion(robot.joints, time, np.stack([q, q]), rest, rest, name, limit_notes(robot, name, time, q[None]))
-
-
 def join(*motions: Motion, name: str | None = None) -> Motion:
     """One motion after the other, in the time of the first; each must start where the one before it ended.
 
@@ -320,38 +295,3 @@ def _layout(motion: Motion) -> list[tuple[str, str, int, int]]:
 def _facing(before: Motion, after: Motion) -> Array:
     pair = np.stack([before.position[-1], after.position[0]])
     return np.asarray(continuous(before.joints, pair)[1])
-
-
-def limit_notes(
-    robot: Robot,
-    name: str,
-    time: Array,
-    position: Array,
-    remedy: str = "write '45 deg'",
-    noise: Sequence[float] | None = None,
-) -> tuple[str, ...]:
-    """A sentence for each one-degree-of-freedom joint whose position (n, nq) leaves the URDF's range, and one where
-    it is so far out, or so many turns, that degrees may have been meant; `remedy` says how to write them. `noise` (nq,)
-    is unknown of the positions.
-    """
-    notes = []
-    for joint in robot.joints:
-        if joint.nq != 1:
-            continue
-        column, lower, upper = position[:, joint.q], float(robot.lower[joint.q]), float(robot.upper[joint.q])
-        excess = np.maximum(column - upper, lower - column)
-        row = int(np.argmax(excess))
-        if excess[row] > 1e-9 + (noise[joint.q] if noise else 0.0):
-            unit = "m" if joint.kind == "prismatic" else "rad"
-            notes.append(
-                f"motion '{name}' leaves the range of joint '{joint.name}' ({lower:.6g} to {upper:.6g} "
-                f"{unit}): it reaches {column[row]:.6g} {unit} at {time[row]:g} s"
-            )
-        far = int(np.argmax(np.abs(column)))
-        if joint.kind == "revolute" and (abs(column[far]) > MOST_TURNED or excess[row] > FAR_OUT):
-            worst = row if excess[row] > FAR_OUT else far
-            notes.append(
-                f"motion '{name}': joint '{joint.name}' reaches {column[worst]:.6g} rad "
-                f"({np.degrees(column[worst]):.0f}°); were degrees meant? {remedy}"
-            )
-    return tuple(notes)

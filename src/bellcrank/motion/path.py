@@ -11,34 +11,33 @@ import numpy as np
 from bellcrank import arguments
 from bellcrank.errors import InputError
 from bellcrank.motion.continuation import Curve
-from bellcrank.motion.coordinates import Array, JointLike
+from bellcrank.motion.coordinates import Array
 from bellcrank.motion.frame_task import check_plane, frame_task
 from bellcrank.motion.inverse_kinematics import NEAR_SINGULAR, follow
-from bellcrank.motion.motion import Motion, dwell, join, limit_notes
+from bellcrank.motion.limit_notes import limit_notes
+from bellcrank.motion.motion import Motion
 from bellcrank.motion.profile import Profile
 from bellcrank.motion.profile import profile as make_profile
 from bellcrank.motion.rotations import from_rpy
-from bellcrank.motion.waypoints import checked_samples, waypoints
+from bellcrank.motion.waypoints import checked_samples
 from bellcrank.numerics import length as length_of
 from bellcrank.numerics import svd, unit
+from bellcrank.robot.joints import JointLike
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
-__all__ = ["circle", "dwell", "join", "line", "waypoints"]
-
 Vector = Sequence[float] | Array
 Posture = Mapping[str, float] | Sequence[float] | Array
 Orientation = str | Sequence[float] | Sequence[Sequence[float]] | Array
-Limits = tuple[float | None, float | None, float | None, float | None]
 AXES = ("x", "y", "z")
 FARTHEST = 1e9  # m, and turns: beyond, a double cannot tell 0.1 µm
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FramePath:
-    """Where a frame goes, and when: a curve in the world over its length, its timing, the orientation wanted, the
-    number of rows, and which coordinates of the position it prescribes.
+    """A path of a frame: a curve in the world over its length, its timing, the orientation wanted, the number of rows,
+    and the coordinates of the position that it prescribes.
     """
 
     name: str
@@ -48,6 +47,107 @@ class FramePath:
     orientation: Orientation | None
     samples: int
     coordinates: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathOptions:
+    """What circles and lines have in common: the arguments of `circle`, which describes them.
+
+    `coordinates` None prescribes all of the position.
+    """
+
+    name: str
+    frame: str
+    profile: str
+    duration: float | None = None
+    speed: float | None = None
+    acceleration: float | None = None
+    jerk: float | None = None
+    orientation: Orientation | None = None
+    samples: int = 1001
+    coordinates: Sequence[str] | None = None
+
+    @property
+    def title(self) -> str:
+        """What messages begin with. Raises InputError where the name is no text."""
+        return f"motion '{arguments.text('name', self.name, empty=True)}'"
+
+    def path(self, curve: Curve, length: float) -> FramePath:
+        """The path along a curve of this length, m. Raises InputError."""
+        title = self.title
+        frame = arguments.text("frame", self.frame, "the name of a frame", where=title)
+        timing = make_profile(self.profile, length, self.duration, self.speed, self.acceleration, self.jerk)
+        samples = checked_samples(title, self.samples)
+        coordinates = AXES if self.coordinates is None else _axes(title, self.coordinates)
+        return FramePath(
+            name=self.name,
+            frame=frame,
+            curve=curve,
+            timing=timing,
+            orientation=self.orientation,
+            samples=samples,
+            coordinates=coordinates,
+        )
+
+
+@dataclass(frozen=True)
+class Circle:
+    """A circle in the world: center (3,) and radius in m, normal (3,), and the number of turns, negative: clockwise."""
+
+    center: Vector
+    radius: float
+    normal: Vector = (0.0, 0.0, 1.0)
+    turns: float = 1.0
+
+    def path(self, options: PathOptions) -> FramePath:
+        """The path along the circle. Raises InputError."""
+        title = options.title
+        center = arguments.vector("center", self.center, 3, "m", most=FARTHEST, where=title)
+        radius = arguments.number("radius", self.radius, "m", above=0.0, most=FARTHEST, where=title)
+        turns = arguments.number("turns", self.turns, least=-FARTHEST, most=FARTHEST, where=title)
+        if turns == 0.0:
+            raise InputError(f"{title}: turns must not be 0; use dwell for a motion at rest")
+        axis = arguments.vector("normal", self.normal, 3, most=arguments.LARGEST, where=title)
+        if length_of(axis) < 1e-12:
+            raise InputError(f"{title}: normal must not be zero")
+        axis = unit(axis, f"{title}: normal is")
+        e1 = np.eye(3)[0] - axis[0] * axis
+        if np.linalg.norm(e1) < 1e-6:
+            e1 = np.eye(3)[1] - axis[1] * axis
+        e1 = e1 / np.linalg.norm(e1)
+        e2 = np.cross(axis, e1) * np.sign(turns)
+
+        def curve(s: Array) -> tuple[Array, Array, Array]:
+            cos, sin = np.cos(s / radius)[:, None], np.sin(s / radius)[:, None]
+            outward = cos * e1 + sin * e2
+            return center + radius * outward, cos * e2 - sin * e1, -outward / radius
+
+        return options.path(curve, 2.0 * np.pi * radius * abs(turns))
+
+
+@dataclass(frozen=True)
+class Line:
+    """A straight line in the world to `end` (3,) m, from `begin` (3,) m or, where that is None, from the frame."""
+
+    end: Vector
+    begin: Vector | None = None
+
+    def path(self, options: PathOptions, here: Array) -> FramePath:
+        """The path along the line, for a frame that is `here` (3,) m at the start. Raises InputError."""
+        title = options.title
+        last = arguments.vector("end", self.end, 3, "m", most=FARTHEST, where=title)
+        first = here
+        if self.begin is not None:
+            first = arguments.vector("begin", self.begin, 3, "m", most=FARTHEST, where=title)
+        length = float(np.linalg.norm(last - first))
+        if length < 1e-9:
+            raise InputError(f"{title}: the line begins where it ends; use dwell for a motion at rest")
+        direction = (last - first) / length
+
+        def curve(s: Array) -> tuple[Array, Array, Array]:
+            return first + s[:, None] * direction, np.tile(direction, (len(s), 1)), np.zeros((len(s), 3))
+
+        return options.path(curve, length)
 
 
 def circle(
@@ -68,62 +168,60 @@ def circle(
     coordinates: Sequence[str] = AXES,
     name: str = "circle",
 ) -> Motion:
-    """Draw a frame along a circle (center (3,), radius in m, world frame), from the branch of the `start`
-    posture.
+    """Move a frame along a circle.
 
-    The circle starts at center + radius e1, e1 the world's x direction made perpendicular to the normal (y
-    where the normal is along x), and runs counter-clockwise about the normal, clockwise for negative `turns`.
-    Time comes from `duration` (s) or the limits `speed`, `acceleration`, `jerk` along the path (m/s, m/s²,
-    m/s³) and the profile (see `bellcrank.motion.profile`); with "constant" the rows lie at equal angles.
-    `orientation`: None (free), "hold" (as in the start posture), rpy (3,) in rad, or a rotation matrix (3,
-    3), frame to world. `coordinates` are those of the frame's position (world) that the path prescribes, the
-    others are free. With joints to spare the posture is the one nearest to `start`. Raises InputError, and
-    UnreachableError naming time, pose and by how much.
+    The circle starts at center + radius e1, where e1 is the world's x direction made perpendicular to the normal (y
+    where the normal is along x), and runs counter-clockwise about the normal. The joints follow the branch of the start
+    posture; where there are more joints than the path prescribes coordinates, the posture is the nearest to `start`.
+
+    Args:
+        robot: The robot.
+        frame: Name of the frame that moves.
+        center: Center (3,) in the world, m.
+        radius: Radius, m.
+        duration: Time of the whole motion, s; left out, it is the shortest within the limits.
+        start: Start posture: joint positions by name, or (nq,), rad or m.
+        samples: Least number of rows; the profile "constant" gives rows at equal angles.
+        profile: Timing along the path: "constant", "trapezoid", "quintic" or "s_curve".
+        normal: Normal (3,) of the circle's plane, in the world.
+        turns: Number of turns; negative: clockwise.
+        orientation: Orientation of the frame: None (free), "hold" (as in the start posture), roll, pitch and yaw (3,)
+            in rad, or a rotation matrix (3, 3), frame to world.
+        speed: Limit of the speed along the path, m/s.
+        acceleration: Limit of the acceleration along the path, m/s².
+        jerk: Limit of the jerk along the path, m/s³.
+        coordinates: Coordinates of the frame's position (world) that the path prescribes; the others are free.
+        name: Name of the motion.
+
+    Returns:
+        The motion; its velocities and accelerations are exact derivatives along the path.
+
+    Raises:
+        InputError: An argument is wrong, or the frame cannot follow so many coordinates.
+        UnreachableError: The path leaves the robot's reach or meets a singular posture; the message names time and place.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> arm = bc.load_robot("planar_2r")
+        >>> motion = bc.circle(arm, "tip", (1.2, 0.0, 0.0), 0.3, duration=2.0, start={"elbow": 1.0})
+        >>> motion.duration, motion.position.shape
+        (2.0, (1001, 2))
     """
     arguments.robot(robot)
-    timing = (duration, speed, acceleration, jerk)
-    path = circle_path(frame, center, radius, normal, turns, timing, profile, orientation, samples, coordinates, name)
-    return _along(robot, path, _posture(robot, start))
-
-
-def circle_path(
-    frame: str,
-    center: Vector,
-    radius: float,
-    normal: Vector,
-    turns: float,
-    timing: Limits,
-    profile: str,
-    orientation: Orientation | None,
-    samples: int,
-    coordinates: Sequence[str],
-    name: str,
-) -> FramePath:
-    """The path of `circle`, with `timing` its duration, speed, acceleration and jerk. Raises InputError."""
-    title = f"motion '{arguments.text('name', name, empty=True)}'"
-    frame = arguments.text("frame", frame, "the name of a frame", where=title)
-    middle = arguments.vector("center", center, 3, "m", most=FARTHEST, where=title)
-    radius = arguments.number("radius", radius, "m", above=0.0, most=FARTHEST, where=title)
-    turns = arguments.number("turns", turns, least=-FARTHEST, most=FARTHEST, where=title)
-    if turns == 0.0:
-        raise InputError(f"{title}: turns must not be 0; use dwell to stand still")
-    axis = arguments.vector("normal", normal, 3, most=arguments.LARGEST, where=title)
-    if length_of(axis) < 1e-12:
-        raise InputError(f"{title}: normal must not be zero")
-    axis = unit(axis, f"{title}: normal is")
-    e1 = np.eye(3)[0] - axis[0] * axis
-    if np.linalg.norm(e1) < 1e-6:
-        e1 = np.eye(3)[1] - axis[1] * axis
-    e1 = e1 / np.linalg.norm(e1)
-    e2 = np.cross(axis, e1) * np.sign(turns)
-    times = make_profile(profile, 2.0 * np.pi * radius * abs(turns), *timing)
-
-    def curve(s: Array) -> tuple[Array, Array, Array]:
-        cos, sin = np.cos(s / radius)[:, None], np.sin(s / radius)[:, None]
-        outward = cos * e1 + sin * e2
-        return middle + radius * outward, cos * e2 - sin * e1, -outward / radius
-
-    return FramePath(name, frame, curve, times, orientation, checked_samples(title, samples), _axes(title, coordinates))
+    options = PathOptions(
+        name=name,
+        frame=frame,
+        profile=profile,
+        duration=duration,
+        speed=speed,
+        acceleration=acceleration,
+        jerk=jerk,
+        orientation=orientation,
+        samples=samples,
+        coordinates=coordinates,
+    )
+    path = Circle(center, radius, normal, turns).path(options)
+    return follow_path(robot, path, start_posture(robot, start))
 
 
 def line(
@@ -142,50 +240,58 @@ def line(
     coordinates: Sequence[str] = AXES,
     name: str = "line",
 ) -> Motion:
-    """Draw a frame along the straight line to `end` (3,) in m, world frame, from where the `start` posture
-    has it.
+    """Move a frame along a straight line.
 
-    With `begin` (3,) the line starts there, and `start` only selects the branch. The other arguments, the
-    posture with joints to spare, and the errors are those of `circle`.
+    Args:
+        robot: The robot.
+        frame: Name of the frame that moves.
+        end: End (3,) of the line in the world, m.
+        duration: Time of the whole motion, s; left out, it is the shortest within the limits.
+        start: Start posture, as in `circle`.
+        samples: Least number of rows.
+        profile: Timing along the path, as in `circle`.
+        begin: Begin (3,) of the line in the world, m; left out, the frame's position in the start posture.
+        orientation: Orientation of the frame, as in `circle`.
+        speed: Limit of the speed along the path, m/s.
+        acceleration: Limit of the acceleration along the path, m/s².
+        jerk: Limit of the jerk along the path, m/s³.
+        coordinates: Coordinates of the frame's position (world) that the path prescribes; the others are free.
+        name: Name of the motion.
+
+    Returns:
+        The motion; its velocities and accelerations are exact derivatives along the path.
+
+    Raises:
+        InputError: An argument is wrong, or the frame cannot follow so many coordinates.
+        UnreachableError: The path leaves the robot's reach or meets a singular posture; the message names time and place.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> arm = bc.load_robot("planar_2r")
+        >>> motion = bc.line(arm, "tip", (1.0, 1.2, 0.0), duration=1.0, start={"elbow": 1.0})
+        >>> arm.frame_pose("tip", motion.position[-1])[0].round(9)
+        array([1. , 1.2, 0. ])
     """
     arguments.robot(robot)
-    posture = _posture(robot, start)
-    arguments.text("frame", frame, "the name of a frame")
-    here = robot.frame_pose(frame, posture)[0]
-    timing = (duration, speed, acceleration, jerk)
-    path = line_path(frame, here, end, begin, timing, profile, orientation, samples, coordinates, name)
-    return _along(robot, path, posture)
+    posture = start_posture(robot, start)
+    options = PathOptions(
+        name=name,
+        frame=frame,
+        profile=profile,
+        duration=duration,
+        speed=speed,
+        acceleration=acceleration,
+        jerk=jerk,
+        orientation=orientation,
+        samples=samples,
+        coordinates=coordinates,
+    )
+    here = robot.frame_pose(arguments.text("frame", frame, "the name of a frame"), posture)[0]
+    return follow_path(robot, Line(end, begin).path(options, here), posture)
 
 
-def line_path(
-    frame: str,
-    here: Array,
-    end: Vector,
-    begin: Vector | None,
-    timing: Limits,
-    profile: str,
-    orientation: Orientation | None,
-    samples: int,
-    coordinates: Sequence[str],
-    name: str,
-) -> FramePath:
-    """The path of `line`, from `here` (3,) m where `begin` is None; `timing` as in `circle_path`. Raises InputError."""
-    title = f"motion '{arguments.text('name', name, empty=True)}'"
-    last = arguments.vector("end", end, 3, "m", most=FARTHEST, where=title)
-    first = here if begin is None else arguments.vector("begin", begin, 3, "m", most=FARTHEST, where=title)
-    length = float(np.linalg.norm(last - first))
-    if length < 1e-9:
-        raise InputError(f"{title}: the line begins where it ends; use dwell to stand still")
-    direction = (last - first) / length
-    times = make_profile(profile, length, *timing)
-
-    def curve(s: Array) -> tuple[Array, Array, Array]:
-        return first + s[:, None] * direction, np.tile(direction, (len(s), 1)), np.zeros((len(s), 3))
-
-    return FramePath(name, frame, curve, times, orientation, checked_samples(title, samples), _axes(title, coordinates))
-
-
-def _along(robot: Robot, path: FramePath, start: Array) -> Motion:
+def follow_path(robot: Robot, path: FramePath, start: Array) -> Motion:
+    """The motion along a path, on the branch of the posture `start` (nq,). Raises BellcrankError."""
     title, frame, curve, name = f"motion '{path.name}'", path.frame, path.curve, path.name
     time, s, speed, growth = path.timing.rows(path.samples)
     rotation = wanted_rotation(path, robot.frame_pose(frame, start)[1])
@@ -209,7 +315,8 @@ def _along(robot: Robot, path: FramePath, start: Array) -> Motion:
     return Motion(robot.joints, time, found.position, velocity, acceleration, name, notes)
 
 
-def _posture(robot: Robot, start: Posture | None) -> Array:
+def start_posture(robot: Robot, start: Posture | None) -> Array:
+    """The posture (nq,) that `start` gives; the neutral one for None. Raises InputError."""
     return np.array(robot.posture({} if start is None else start), dtype=np.float64)
 
 

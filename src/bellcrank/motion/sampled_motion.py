@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.motion.acceleration_jumps import with_jumps
-from bellcrank.motion.coordinates import Array, JointLike
+from bellcrank.motion.coordinates import Array
 from bellcrank.motion.differentiation import (
     differences,
     positions_differentiated,
@@ -24,6 +24,7 @@ from bellcrank.motion.differentiation import (
 from bellcrank.motion.magnitude_limits import check_size, check_times
 from bellcrank.motion.motion import Motion
 from bellcrank.motion.waypoints import interpolate
+from bellcrank.robot.joints import JointLike
 
 NOISE = 0.01  # of the largest acceleration: what rounding may put into accelerations before rows are left out
 SPREAD = (6.0, 3.0)  # times rounding / h^order: what a spline makes of it in accelerations, from positions, velocities

@@ -12,9 +12,11 @@ import numpy as np
 
 from bellcrank import arguments
 from bellcrank.errors import InputError
-from bellcrank.motion.coordinates import Array, JointLike, continuous, from_rates
-from bellcrank.motion.magnitude_limits import check_size, check_times
-from bellcrank.motion.motion import Motion, limit_notes
+from bellcrank.motion.coordinates import Array, continuous, from_rates
+from bellcrank.motion.limit_notes import limit_notes
+from bellcrank.motion.magnitude_limits import LONGEST, check_size, check_times
+from bellcrank.motion.motion import Motion
+from bellcrank.robot.joints import JointLike
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -53,6 +55,26 @@ def waypoints(
     except InputError as error:
         raise InputError(f"{title}: {error}") from None
     return Motion(robot.joints, time, q, v, a, name, limit_notes(robot, name, time, q))
+
+
+def dwell(
+    robot: Robot,
+    position: Mapping[str, float] | Array | Sequence[float],
+    duration: float,
+    name: str = "dwell",
+) -> Motion:
+    """Rest at a posture (dict of joint positions, or (nq,), in rad or m) for `duration` s; raises
+    InputError.
+    """
+    title = f"motion '{arguments.text('name', name, empty=True)}'"
+    duration = arguments.number("duration", duration, "s", above=0.0, most=LONGEST, where=title)
+    arguments.robot(robot)
+    if position is None:
+        arguments.refuse("position", "a posture: a mapping of joints to numbers, or a list of them", position, title)
+    q = np.asarray(robot.posture(position), dtype=np.float64)
+    rest = np.zeros((2, robot.nv))
+    time = np.array([0.0, duration])
+    return Motion(robot.joints, time, np.stack([q, q]), rest, rest, name, limit_notes(robot, name, time, q[None]))
 
 
 def interpolate(
