@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.config.fields import UNITS, Fields
+from bellcrank.config.fields import Fields
+from bellcrank.config.units import units_for
 from bellcrank.config.numbers import decimal_number
 from bellcrank.elements.signal_source import SignalSource
 from bellcrank.elements.signals import Signal
@@ -105,7 +106,7 @@ def read_table(path: Path, text: str, column: str, unit: str) -> tuple[Array, Ar
     columns = []
     for label, wanted in (("time", "s"), (column, unit)):
         place = labels.index(label)
-        match, known = _HEADER.match(header[place]), UNITS[wanted]
+        match, known = _HEADER.match(header[place]), units_for(wanted)
         if match is None:
             raise InputError(f"{path}: column '{label}' has no unit; write '{label} [{wanted}]'")
         if match["unit"].strip() not in known:

@@ -17,6 +17,7 @@ import numpy as np
 
 from bellcrank import arguments
 from bellcrank.config.numbers import decimal_number
+from bellcrank.config.units import units_for
 from bellcrank.errors import InputError
 from bellcrank.files.access import MOST_TABLE, read_text
 from bellcrank.files.csv_files import ROWS, unguarded, write_table
@@ -34,21 +35,6 @@ from bellcrank.text import readable
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
-DEGREE = np.pi / 180.0
-# Units that a column may be written in, by the unit that it is kept in.
-UNITS: dict[str, dict[str, float]] = {
-    "s": {"s": 1.0, "ms": 1e-3},
-    "rad": {"rad": 1.0, "deg": DEGREE},
-    "m": {"m": 1.0, "mm": 1e-3},
-    "1": {"1": 1.0},
-    "rad/s": {"rad/s": 1.0, "deg/s": DEGREE, "rpm": 2.0 * np.pi / 60.0},
-    "m/s": {"m/s": 1.0, "mm/s": 1e-3},
-    "rad/s^2": {"rad/s^2": 1.0, "deg/s^2": DEGREE},
-    "m/s^2": {"m/s^2": 1.0, "mm/s^2": 1e-3},
-    "N m": {"N m": 1.0},
-    "N": {"N": 1.0},
-    "W": {"W": 1.0},
-}
 ENERGIES = "kinetic energy [J]"
 _FREE = re.compile(r"\A.* position q[xyzw]\b")
 _HEADER = re.compile(r"^(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]$")
@@ -254,7 +240,7 @@ def _converted(
         label = match["name"] if match else text
         if label not in units:
             raise InputError(f"{file}: {unknown_name('column', label, units)}")
-        known = UNITS[units[label]]
+        known = units_for(units[label])
         if match is None:
             raise InputError(f"{file}: column '{label}' has no unit; write '{label} [{units[label]}]'")
         if match["unit"].strip() not in known:
