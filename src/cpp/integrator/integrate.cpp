@@ -16,10 +16,10 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
-#include "blocks.hpp"
+#include "checkpoints.hpp"
 #include "interrupt.hpp"
 #include "problem.hpp"
-#include "tableaus.hpp"
+#include "runge_kutta_tableaus.hpp"
 
 namespace nb = nanobind;
 
