@@ -37,9 +37,9 @@ _HOME = {
     "Settings": "scene.settings",
     "simulate": "simulation.simulate",
     "Trajectory": "simulation.trajectory",
-    "load_run": "simulation.run_file",
+    "load_run": "simulation.load_run",
     "sweep": "studies.sweep",
-    "Sweep": "studies.sweep",
+    "Sweep": "studies.sweep_result",
     "scene_inverse_dynamics": "dynamics.scene_inverse_dynamics",
     "closed_inverse_dynamics": "dynamics.scene_inverse_dynamics",
     "Linkage": "dynamics.linkage",
@@ -70,13 +70,14 @@ if TYPE_CHECKING:
     from bellcrank.scene.robot_config import RobotConfig, load_robot_config
     from bellcrank.scene.scene import Scene, load_scene
     from bellcrank.scene.settings import Settings
-    from bellcrank.simulation.run_file import load_run
+    from bellcrank.simulation.load_run import load_run
     from bellcrank.simulation.run_plot import plot_run as plot
     from bellcrank.simulation.simulate import simulate
     from bellcrank.simulation.trajectory import Trajectory
     from bellcrank.sizing.front import size
     from bellcrank.sizing.result import Sizing
-    from bellcrank.studies.sweep import Sweep, sweep
+    from bellcrank.studies.sweep import sweep
+    from bellcrank.studies.sweep_result import Sweep
 
 
 def __getattr__(name: str) -> Any:

@@ -50,10 +50,10 @@ def scene_file(folder, motion, text=SCENE):
 
 def test_a_run_ends_where_the_motion_of_a_drive_ends_moving(arm, tmp_path):
     run = bellcrank.simulate(scene_file(tmp_path, accelerated(arm, 0.0, 2.0, 0.65)))
-    assert run.status is Status.DRIVE_ENDED and not run.success
+    assert run.status is Status.PRESCRIBED_MOTION_ENDED and not run.success
     assert run.time[-1] == 2.0 and run.velocity[-1, 0] == pytest.approx(1.3, abs=1e-12)
     assert run.message == (
-        "driven: drive_ended at 2 s: the motion 'spin' of drive 'motor' ends at 2 s while joint 'shoulder' still moves "
+        "driven: prescribed_motion_ended at 2 s: the motion 'spin' of drive 'motor' ends at 2 s while joint 'shoulder' still moves "
         "at 1.3 rad/s; let the motion end at rest or later, or shorten the run"
     )
     assert run.energy_drift() < 1e-8  # 0.4.0: the speed jumps to 0 at 2 s, and the energy of that is lost
@@ -68,7 +68,7 @@ def test_a_run_as_long_as_its_motion_is_finished_and_has_the_limits_from_before(
     assert run.status is Status.FINISHED and run.velocity[-1, 0] == pytest.approx(1.3, abs=1e-12)
     assert run.error_estimate() < 1e-6
     late = bellcrank.simulate(file, times=[2.5, 3.0])
-    assert late.status is Status.DRIVE_ENDED and late.time.tolist() == [2.0]
+    assert late.status is Status.PRESCRIBED_MOTION_ENDED and late.time.tolist() == [2.0]
 
 
 def test_a_motion_that_ends_at_rest_is_held(arm, tmp_path):
@@ -88,7 +88,7 @@ def test_a_speed_that_jumps_within_a_motion_ends_the_run_before_the_jump(arm, tm
     first = accelerated(arm, 0.0, 1.0, 1.3)
     moving = join(first, accelerated(arm, 1.0, 2.0, 0.0, 0.65, 0.4))
     run = bellcrank.simulate(scene_file(tmp_path, moving), stabilisation=stabilisation, **settings)
-    assert run.status is Status.DRIVE_ENDED and run.time[-1] == 1.0
+    assert run.status is Status.PRESCRIBED_MOTION_ENDED and run.time[-1] == 1.0
     assert run.velocity[-1, 0] == pytest.approx(1.3, abs=1e-6)
     assert "jumps at 1 s from 1.3 to 0.4 rad/s at joint 'shoulder'" in run.message
     assert run.energy_drift() < 1e-6
@@ -96,7 +96,7 @@ def test_a_speed_that_jumps_within_a_motion_ends_the_run_before_the_jump(arm, tm
 
 def test_a_motion_that_begins_moving_later_than_the_run_ends_it_there(arm, tmp_path):
     run = bellcrank.simulate(scene_file(tmp_path, accelerated(arm, 0.5, 2.0, 0.0, 0.2, 0.7)))
-    assert run.status is Status.DRIVE_ENDED and run.time[-1] == 0.5
+    assert run.status is Status.PRESCRIBED_MOTION_ENDED and run.time[-1] == 0.5
     assert run.position[-1, 0] == pytest.approx(0.2, abs=1e-9) and abs(run.velocity[-1, 0]) < 1e-9
     assert "jumps at 0.5 s from 0 to 0.7 rad/s" in run.message
 
@@ -119,7 +119,7 @@ def test_what_a_file_rounds_off_is_no_jump(arm, tmp_path):
 def test_saved_runs_keep_status_and_reason(arm, tmp_path):
     run = bellcrank.simulate(scene_file(tmp_path, accelerated(arm, 0.0, 2.0, 0.65)))
     again = bellcrank.load_run(run.save(tmp_path / "run.npz"))
-    assert again.status is Status.DRIVE_ENDED and again.message == run.message
+    assert again.status is Status.PRESCRIBED_MOTION_ENDED and again.message == run.message
     assert np.array_equal(again.velocity, run.velocity)
     assert np.array_equal(again.multipliers, run.multipliers)
 
@@ -128,7 +128,7 @@ def test_a_sweep_gives_the_reason_and_the_command_line_exits_with_1(arm, tmp_pat
     file = scene_file(tmp_path, accelerated(arm, 0.0, 2.0, 0.65))
     swept = bellcrank.sweep(file, {"initial.elbow": [0.1, 0.4]})
     for design in swept.designs:
-        assert design.status == "drive_ended" and "still moves at 1.3 rad/s" in design.reason
+        assert design.status == "prescribed_motion_ended" and "still moves at 1.3 rad/s" in design.reason
     out = tmp_path / "out"
     assert main(["simulate", str(file), "--out", str(out), "--no-plots"]) == 1
     assert "ends at 2 s while joint 'shoulder' still moves at 1.3 rad/s" in capsys.readouterr().out
@@ -154,7 +154,7 @@ def test_a_run_that_goes_on_from_a_saved_one_meets_the_end_of_the_motion_by_the_
     file = scene_file(tmp_path, accelerated(arm, 0.0, 2.0, 0.65))
     bellcrank.simulate(file, duration=0.75).save(tmp_path / "first.npz")
     later = bellcrank.simulate(file, overrides={"initial": {"run": "first.npz", "clock": "continue"}})
-    assert later.status is Status.DRIVE_ENDED and later.time[-1] == pytest.approx(1.25, abs=1e-12)
+    assert later.status is Status.PRESCRIBED_MOTION_ENDED and later.time[-1] == pytest.approx(1.25, abs=1e-12)
     assert later.velocity[-1, 0] == pytest.approx(1.3, abs=1e-9) and later.energy_drift() < 1e-8
     bellcrank.simulate(file).save(tmp_path / "first.npz")
     with pytest.raises(InputError, match="ends where the run starts, while joint 'shoulder' still moves at 1"):

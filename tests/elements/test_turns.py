@@ -86,7 +86,7 @@ def test_a_run_whose_weld_is_turned_over_ends_and_names_it(chain, monkeypatch):
     scene = chain(["{name: shut, kind: weld, frame_a: b, frame_b: world, point: [1, 0, 0]}"], "{c: 20 deg}")
     whole = bc.simulate(scene)
     over = np.where(np.arange(len(whole)) < 4, 1.0, -1.0)[:, None]
-    monkeypatch.setattr("bellcrank.simulation.simulate.cosines_along", lambda *_: over)
+    monkeypatch.setattr("bellcrank.simulation.integration.cosines_along", lambda *_: over)
     run = bc.simulate(scene)
     assert run.status is Status.TURNED_OVER and not run.success
     assert len(run) == 4 and run.time[-1] == whole.time[3]

@@ -22,8 +22,8 @@ from bellcrank.cli import main
 from bellcrank.commands import simulate as simulate_command
 from bellcrank.errors import InputError, NotSavedError
 from bellcrank.files import atomic_write, temporaries
-from bellcrank.simulation import run_blocks
-from bellcrank.studies import sweep as sweep_module
+from bellcrank.simulation import checkpoints
+from bellcrank.studies import parallel_runs
 from bellcrank.terminal import interruption
 
 LONG = ["--duration", "1e6", "--samples", "1000001", "--set", "simulate.max_step=1e-3", "--no-plots"]
@@ -66,7 +66,7 @@ def stopped_by_its_caller(scene, folder, blocks=3, **settings):
             raise FailureError
 
     with pytest.raises(FailureError), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run_blocks, "SHARE", 0.0)
+        patch.setattr(checkpoints, "SPACING", 0.0)
         bc.simulate(scene, progress=fail, keep=folder / "run.npz", keep_every=0.01, **settings)
     return folder / "run.blocks"
 
@@ -121,7 +121,7 @@ def test_blocks_of_an_unfinished_run_are_renamed_by_the_next_and_stay_readable(t
     first = bc.load_run(stopped_by_its_caller("pendulum", tmp_path, blocks=1, **LASTS))
     with pytest.raises(InputError, match=f"another simulation is writing there .process {os.getpid()}."):
         bc.simulate("pendulum", keep=tmp_path / "run.npz", duration=0.1)  # this process runs
-    monkeypatch.setattr(run_blocks, "is_running", lambda mark: False)
+    monkeypatch.setattr(checkpoints, "is_running", lambda mark: False)
     assert main(["simulate", "pendulum", "--no-plots", "--out", str(tmp_path)]) == 0
     assert f"is now {tmp_path / 'run.blocks.1'}" in capsys.readouterr().out
     again = bc.load_run(tmp_path / "run.blocks.1")
@@ -174,7 +174,7 @@ def test_what_compressed_blocks_unpack_to_is_limited_together(tmp_path, monkeypa
     np.savez_compressed(folder / "0001.npz", about=about, time=np.zeros(claimed // 8))
     size = (folder / "0001.npz").stat().st_size
     assert 20 * size < claimed / 2
-    monkeypatch.setattr(run_blocks, "UNPACKED", claimed * count // 2)
+    monkeypatch.setattr(checkpoints, "UNPACKED", claimed * count // 2)
     with pytest.raises(InputError, match=r"0001.npz.*its members claim \d+ bytes"):
         bc.load_run(folder)
 
@@ -227,7 +227,7 @@ def test_a_disk_that_is_full_at_the_end_leaves_all_rows_in_blocks(tmp_path, monk
     def full(*_, **__):
         raise InputError("cannot write run.npz: No space left on device")
 
-    monkeypatch.setattr(run_blocks, "save_run", full)
+    monkeypatch.setattr(checkpoints, "save_run", full)
     scene = bc.load_scene("pendulum").with_overrides(PASSES)
     with pytest.raises(NotSavedError, match=r"all of it is kept in .*run\.blocks") as found:
         bc.simulate(scene, duration=30.0, max_step=1e-4, samples=5001, keep=tmp_path / "run.npz", keep_every=0.01)
@@ -241,7 +241,7 @@ def test_a_disk_that_is_full_at_the_end_leaves_all_rows_in_blocks(tmp_path, monk
 
 
 def test_a_disk_that_is_full_for_a_while_is_told_and_costs_no_rows(tmp_path, monkeypatch):
-    whole, calls = run_blocks.write_archive, []
+    whole, calls = checkpoints.write_archive, []
 
     def sometimes(target, *rest):
         calls.append(target.name)
@@ -249,7 +249,7 @@ def test_a_disk_that_is_full_for_a_while_is_told_and_costs_no_rows(tmp_path, mon
             raise InputError("cannot write: No space left on device")
         whole(target, *rest)
 
-    monkeypatch.setattr(run_blocks, "write_archive", sometimes)
+    monkeypatch.setattr(checkpoints, "write_archive", sometimes)
     with pytest.warns(UserWarning, match="No space left on device; the run goes on"):
         part = bc.load_run(stopped_by_its_caller("pendulum", tmp_path, blocks=2, times="steps", **LASTS))
     run = bc.simulate("pendulum", duration=part.time[-1] + 1.0, max_step=1e-4, times="steps")
@@ -318,9 +318,9 @@ def test_a_sweep_hands_over_what_is_done_ever_so_often(monkeypatch):
         for design in part.designs:
             assert design == whole.designs[design.index]
     clock = iter([0.0, 5.0, 6.0, 50.0, 55.5, 55.6, 60.0])  # keeping takes 1 s: it waits for 50
-    monkeypatch.setattr(sweep_module.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(parallel_runs.time, "monotonic", lambda: next(clock))
     told = []
-    often = sweep_module._Regularly(told.append, 4.0)
+    often = parallel_runs.RegularCall(told.append, 4.0)
     for count in (1, 2, 3):
         often(count, lambda count=count: count)
     assert told == [1] and often.next == 56.0
@@ -379,7 +379,7 @@ def test_a_sweep_is_ended_by_a_signal_though_a_thread_is_in_what_cannot_be_stopp
     marker = tmp_path / "stuck"
     script = (
         "import itertools, pathlib, runpy, sys, time\n"
-        "import bellcrank.studies.sweep as m\n"
+        "import bellcrank.studies.parallel_runs as m\n"
         "whole, calls = m.simulate, itertools.count(1)\n"
         "def simulate(scene, **rest):\n"
         "    if next(calls) == 4:\n"

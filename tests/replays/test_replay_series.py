@@ -18,7 +18,7 @@ from bellcrank.replays.film.motion_film import GAP, film_of_motion, film_of_sizi
 from bellcrank.replays.film.run_film import film_of_run
 from bellcrank.replays.page.pack import pack
 from bellcrank.replays.page.page import write_page
-from bellcrank.simulation.run_panels import _linear, shown_unit
+from bellcrank.simulation.plot_panels import _linear, shown_unit
 from bellcrank.sizing.history import joint_torques
 
 pytest_plugins = ("browser",)

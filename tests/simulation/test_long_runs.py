@@ -8,11 +8,11 @@ import textwrap
 
 import numpy as np
 import pytest
+from bellcrank.files.csv_table import ROWS
 
 import bellcrank as bc
 from bellcrank.commands import simulate as command
-from bellcrank.files.csv_files import ROWS
-from bellcrank.simulation import run_panels, trajectory
+from bellcrank.simulation import plot_panels, trajectory
 from bellcrank.simulation.run_csv import columns
 from bellcrank.simulation.summary import run_warnings
 
@@ -100,13 +100,13 @@ def test_the_summary_and_the_picture_of_a_long_run_need_little_memory():
 
 def test_a_picture_of_a_long_run_keeps_every_peak(monkeypatch):
     run = bc.simulate("four_bar", duration=2.0, samples=3000)
-    whole = {panel.title: panel for panel in run_panels.run_panels(run)}
-    monkeypatch.setattr(run_panels, "LONG", 1000)
-    monkeypatch.setattr(run_panels, "DRAWN", 1000)
+    whole = {panel.title: panel for panel in plot_panels.run_panels(run)}
+    monkeypatch.setattr(plot_panels, "LONG", 1000)
+    monkeypatch.setattr(plot_panels, "DRAWN", 1000)
     monkeypatch.setattr(trajectory, "BLOCK_NUMBERS", 1)
-    panels = run_panels.run_panels(bc.simulate("four_bar", duration=2.0, samples=3000))
+    panels = plot_panels.run_panels(bc.simulate("four_bar", duration=2.0, samples=3000))
     assert [panel.title for panel in panels] == list(whole)
-    table = dict(run_panels._linear(run)[0].lines)
+    table = dict(plot_panels._linear(run)[0].lines)
     for panel in panels:
         assert panel.extremes and panel.time[0] == 0.0 and panel.time[-1] == run.time[-1] and len(panel.time) <= 1100
     for name, values in panels[0].lines:

@@ -14,7 +14,7 @@ import pytest
 import bellcrank as bc
 from bellcrank import InputError
 from bellcrank.dynamics.system import system_of
-from bellcrank.simulation.run_file import saved_state
+from bellcrank.simulation.load_run import saved_state
 
 # a pendulum of 0.7 s in 3 rows, as bellcrank 0.4.0 saved it, compressed
 OLD = (
@@ -163,7 +163,7 @@ ENTRIES = {
     "a status of its own": (("status",), ["finished"], "'status'"),
     "ended by an event that did not stop it": (("status",), "event", "not what its events say"),
     "turned over without a hinge": (("status",), "turned_over", "no weld or hinge"),
-    "ended by a drive that is not there": (("status",), "drive_ended", "no drive"),
+    "ended by a drive that is not there": (("status",), "prescribed_motion_ended", "no prescribed motion"),
     "an error estimate below zero": (("error_estimate",), -1.0, "error_estimate"),
     "files are a list": (("files",), ["a"], "'files'"),
     "a file that is a number": (("files", "free.yaml"), 5, "files.free.yaml"),

@@ -474,11 +474,11 @@ def test_quaternion_stays_unit_and_keeps_the_order(method):
     times = np.linspace(0, 6, 50)
     errors = []
     for count in (20, 40, 80, 160) if method != "DOP853" else (8, 16, 32):
-        run = problem.run(method, step=6 / count, unit=[(0, 4)], times=times, every_step=False)
+        run = problem.run(method, step=6 / count, unit_parts=[(0, 4)], times=times, every_step=False)
         assert np.abs(np.linalg.norm(run.state, axis=1) - 1).max() < 1e-15
         errors.append(np.abs(run.end_state - exact(6)).max())
     assert slopes(errors)[-1] > _step.methods()[method] - 0.3
-    adaptive = problem.run("DOP853", 1e-12, unit=[(0, 4)], every_step=True)
+    adaptive = problem.run("DOP853", 1e-12, unit_parts=[(0, 4)], every_step=True)
     assert np.abs(np.linalg.norm(adaptive.state, axis=1) - 1).max() < 1e-15
     assert np.abs(adaptive.end_state - exact(6)).max() < 1e-11
 
@@ -525,7 +525,7 @@ def test_nothing_to_do():
 
 def test_wrong_arguments_are_refused(arm):
     for changes, text in [({"method": "Euler"}, "unknown method"), ({"norm_size": 5}, "norm_size"),
-                          ({"times": [2.0, 1.0]}, "ascend"), ({"unit": [(2, 3)]}, "unit part"),
+                          ({"times": [2.0, 1.0]}, "ascend"), ({"unit_parts": [(2, 3)]}, "unit part"),
                           ({"step": 0.0}, "RK4 needs a step"), ({"t1": np.nan}, "finite")]:  # fmt: skip
         with pytest.raises(ValueError, match=text):
             arm.run(**({"method": "RK4"} | changes))

@@ -1,4 +1,6 @@
-"""Small initial value problems as kernels of the stepper, beside SciPy's solve_ivp."""
+"""Small initial value problems as kernels of the integrator, beside SciPy's solve_ivp."""
+
+from dataclasses import fields
 
 import casadi as ca
 import numpy as np
@@ -6,13 +8,15 @@ from scipy.integrate import solve_ivp
 
 from bellcrank import _step
 from bellcrank.codegen.compile import compiled
+from bellcrank.elements.signals import Signal
+from bellcrank.simulation.integration_problem import EventSearch, IntegrationProblem, Kernels, StateLayout, StepControl
 
 METHODS = ("RK4", "RK45", "DOP853", "Radau")
 NONE = np.empty(0)
 
 
 class Problem:
-    """x' = f(t, x, u, p) as kernels of the stepper's interface."""
+    """x' = f(t, x, u, p) as kernels of the integrator's interface."""
 
     def __init__(self, name, slope, x0, t1, inputs=0, parameters=(), events=None):
         self.x0, self.t1, self.p = np.array(x0, float), float(t1), np.array(parameters, float)
@@ -31,24 +35,39 @@ class Problem:
         self.events = kernel("_events", [t, x, u, p], ca.vertcat(*events(t, x, u, p))) if events else None
 
     def run(self, method, tolerance=1e-6, **changes):
-        arguments = {
-            "rhs": self.slope.address("scalar"), "method": method, "t0": 0.0, "t1": self.t1, "x0": self.x0,
-            "p": self.p, "norm_size": len(self.x0), "rtol": tolerance, "atol": tolerance, "times": NONE,
-            "every_step": False, "unit": [], "signals": [], "stops": NONE, "events": 0, "terminal": [],
-            "direction": [], "jacobian": self.jacobian.address("scalar"), "tangent": 0, "lanes": 8,
-            "max_evaluations": 10**9, "progress": None,
+        """Integrate; `changes` are attributes of the problem or of its parts, signals as tuples of a Signal's fields."""
+        values = {
+            "rhs": self.slope.address("scalar"), "method": method, "t1": self.t1, "x0": self.x0, "parameters": self.p,
+            "norm_size": len(self.x0), "rtol": tolerance, "atol": tolerance, "lanes": 8, "max_evaluations": 10**9,
+            "jacobian": self.jacobian.address("scalar"), "event_functions": 0,
         }  # fmt: skip
         if self.events:
             count = self.events.output_sizes[0]
-            arguments |= {
-                "events": self.events.address("scalar"),
+            values |= {
+                "event_functions": self.events.address("scalar"),
                 "terminal": [False] * count,
                 "direction": [0] * count,
             }
         if method == "RK4" and "step" not in changes:
             changes["step"] = 0.01
         changes = {k: np.asarray(v, float) if k in ("times", "stops", "x0") else v for k, v in changes.items()}
-        return _step.integrate(**(arguments | changes))
+        values |= changes
+        if "signals" in values:
+            values["signals"] = [Signal(*signal) for signal in values["signals"]]
+
+        def part(kind, **more):
+            names = {field.name for field in fields(kind)} & values.keys()
+            return kind(**{name: values.pop(name) for name in names}, **more)
+
+        problem = part(
+            IntegrationProblem,
+            kernels=part(Kernels, events=values.pop("event_functions")),
+            layout=part(StateLayout),
+            control=part(StepControl),
+            events=part(EventSearch),
+        )
+        assert not values, f"no attributes of a problem: {', '.join(values)}"
+        return _step.integrate(problem)
 
     def scipy(self, method, tolerance, **more):
         n = len(self.x0)

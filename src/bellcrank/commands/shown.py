@@ -54,7 +54,7 @@ def shown(arguments: argparse.Namespace) -> Trajectory | Sizing:
     from bellcrank.scene.renamed_keys import read_scene_data
     from bellcrank.scene.robot_config import find_config, load_robot_config
     from bellcrank.scene.scene import load_scene
-    from bellcrank.simulation.run_file import load_run
+    from bellcrank.simulation.load_run import load_run
 
     name, simulated, sized = arguments.run, arguments.simulate, arguments.size or bool(arguments.motion)
     path = Path(name)

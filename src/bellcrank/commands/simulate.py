@@ -67,7 +67,7 @@ def add_keep_every(parser: argparse.ArgumentParser) -> None:
 
 def keep_every(arguments: argparse.Namespace) -> float:
     """The seconds of computing after which what there is is written. Raises InputError."""
-    from bellcrank.simulation.simulate import KEEP_EVERY, LONGEST_KEEP
+    from bellcrank.simulation.checkpoints import KEEP_EVERY, LONGEST_KEEP
 
     seconds = number_option("--keep-every", arguments.keep_every, "s", above=0.0, most=LONGEST_KEEP)
     return KEEP_EVERY if seconds is None else seconds
@@ -80,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
     from bellcrank.scene.settings import check_rows
-    from bellcrank.simulation.run_blocks import blocks_folder, set_aside
+    from bellcrank.simulation.checkpoints import checkpoint_folder, set_aside
     from bellcrank.simulation.scene_notes import scene_notes
     from bellcrank.simulation.simulate import simulate
     from bellcrank.simulation.status import Status
@@ -103,7 +103,7 @@ def run(arguments: argparse.Namespace) -> int:
     except InputError as error:
         raise InputError(f"{'simulate.samples' if samples is None else '--samples'}: {error}") from None
     duration = scene.settings.duration if numbers["duration"] is None else numbers["duration"]
-    unfinished = set_aside(blocks_folder(target))
+    unfinished = set_aside(checkpoint_folder(target))
     if unfinished is not None:
         print(f"note: an earlier run into {folder} did not come to its end; what there is of it is now {unfinished}")
     with interruption.held() as check, simulated_bar(duration) as bar:

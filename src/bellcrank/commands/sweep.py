@@ -48,8 +48,9 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
     from bellcrank.studies.axes import parse_axis
-    from bellcrank.studies.partial import PartialTables
-    from bellcrank.studies.sweep import MOST_THREADS, UNKNOWN, sweep
+    from bellcrank.studies.partial_tables import PartialTables
+    from bellcrank.studies.sweep import MOST_THREADS, sweep
+    from bellcrank.studies.sweep_result import UNKNOWN
     from bellcrank.terminal import interruption
 
     vary = {}
@@ -89,7 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
             f"--measure: {unknown_name('measure', unknown[0], result.units)}; all of them are in {files[0]}"
         )
     drawn = result.complete and not arguments.no_plots  # who asks to stop does not wait for a picture
-    if (measures or result.telling) and files and drawn:
+    if (measures or result.default_measures) and files and drawn:
         with telling(files, folder):
             result.plot(folder / "sweep.png", measures)
         files.append(folder / "sweep.png")
@@ -101,6 +102,6 @@ def run(arguments: argparse.Namespace) -> int:
     unclear = sum(design.status == UNKNOWN for design in result.designs)
     told = f", {unclear} unknown, as their reasons say" if unclear else ""
     failed = count - len(ended) - unclear
-    print(f"\n{scene.name}: {count} designs, {len(ended)} came to their end, {failed} did not{told}")
+    print(f"\n{scene.name}: {count} designs, {len(ended)} finished, {failed} did not{told}")
     print(f"wrote {', '.join(path.name for path in files) or 'nothing'} in {folder}")
     return (0 if ended else 1) if result.complete else 130

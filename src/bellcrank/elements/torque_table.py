@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.config.fields import Fields
-from bellcrank.config.units import units_for
 from bellcrank.config.numbers import decimal_number
+from bellcrank.config.units import units_for
 from bellcrank.elements.signal_source import SignalSource
 from bellcrank.elements.signals import Signal
 from bellcrank.errors import InputError

@@ -127,13 +127,13 @@ def find_run(path: str | Path) -> Path:
     """The file of a run: itself, or run.npz in a folder that `bellcrank simulate` wrote; of a run that was killed, the
     folder of its blocks. Raises InputError.
     """
-    from bellcrank.simulation.run_blocks import holds_blocks
+    from bellcrank.simulation.checkpoints import holds_checkpoints
 
     file = Path(path)
-    if not file.is_dir() or holds_blocks(file):
+    if not file.is_dir() or holds_checkpoints(file):
         return file
     blocks = file / "run.blocks"
-    if holds_blocks(blocks):
+    if holds_checkpoints(blocks):
         if (file / "run.npz").exists():
             raise InputError(
                 f"{file}: beside run.npz there are blocks of a later run that did not come to its end, run.blocks; "
@@ -154,7 +154,7 @@ def opened(thing: Any, by: str = "replay") -> Trajectory | Motion | Sizing:
     if isinstance(thing, (Motion, Sizing)):
         return thing
     if isinstance(thing, (str, Path)):
-        from bellcrank.simulation.run_file import load_run
+        from bellcrank.simulation.load_run import load_run
 
         return load_run(find_run(arguments.path("thing", thing, "a run, a motion, a sizing, or the path of a run")))
     from bellcrank.simulation.trajectory import Trajectory

@@ -11,7 +11,8 @@ from bellcrank.reports.document import Document, Facts, Picture, Still, Table
 from bellcrank.reports.inputs import drive_table, force_table, joint_table, robot_facts, scene_facts
 from bellcrank.reports.machine_facts import about, made_with
 from bellcrank.simulation.run_plot import run_pages
-from bellcrank.simulation.summary import END_HEADER, JOINTS, end_rows, run_facts, run_notes
+from bellcrank.simulation.run_warnings import run_notes
+from bellcrank.simulation.summary import END_HEADER, JOINTS, end_rows, run_facts
 
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory

@@ -51,22 +51,35 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from bellcrank.dynamics.system import system_parameters
 from bellcrank.errors import InputError
 from bellcrank.scene.settings import Settings, Stabilisation
+from bellcrank.simulation.integration import Wanted, integrate_scene
+from bellcrank.simulation.status import Status
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
+    from bellcrank.simulation.trajectory import Trajectory
 
-PER_RATE = 2.0  # α in units of ω, as the pilot tells it
+PER_RATE = 2.0  # α in units of ω, as the pilot run tells it
 PILOT_TOLERANCE = 1e-3  # of the larger of rtol and atol
-PILOT_ORDER = 8  # error of DOP853's estimate in powers of the step
+PILOT_ORDER = 8  # DOP853's error estimate falls with this power of the step size
 PILOT_EVALUATIONS = 20_000  # a longer run is judged by its beginning
-LARGEST_DECAY = 1.0  # α h of a fixed step: stability with a margin, where a step is too coarse for the motion
+LARGEST_DECAY = 1.0  # α h of a fixed step: stable with a margin, where a step is too coarse for the motion
 
 
 @dataclass(frozen=True)
 class AutomaticGains:
-    """Gains alpha = beta (1/s), the rate ω (1/s) they come from, and the evaluations that the pilot run took."""
+    """Baumgarte gains that a pilot run gives.
+
+    Attributes:
+        alpha: 1/s.
+        beta: 1/s.
+        rate: The rate ω of the motion, 1/s.
+        evaluations: Evaluations of the equations that the pilot run took.
+    """
 
     alpha: float
     beta: float
@@ -80,41 +93,57 @@ class AutomaticGains:
 
 
 def automatic_gains(scene: Scene, settings: Settings | None = None) -> AutomaticGains:
-    """Baumgarte's gains for a run of a scene, with its own settings or those given, by a pilot run.
+    """Baumgarte gains for a run of a scene with its own settings, or others, by a pilot run.
 
-    Cheap beside most runs: the pilot is at a tolerance of 1e-3 and ends after 20,000 evaluations. Raises InputError for
-    a scene without constraints.
+    The pilot run is cheap beside most runs: its tolerance is 1e-3, and it ends after 20,000 evaluations. Raises
+    InputError for a scene without constraints.
     """
-    from bellcrank.simulation.simulate import simulate
-    from bellcrank.simulation.status import Status
-
     settings = settings or scene.settings
     if not scene.constraints:
         raise InputError(
-            f"{scene.source}: automatic gains are for constraints, and this scene has none; leave them out"
+            f"{scene.source}: this scene has no constraints, so there is nothing to stabilise; remove stabilisation"
         )
-    coarser = max(1.0, PILOT_TOLERANCE / max(settings.rtol, settings.atol))
-    pilot = replace(
-        settings, solver="DOP853", rtol=coarser * settings.rtol, atol=coarser * settings.atol, step=None,
-        first_step=None, max_step=None, samples=2, max_evaluations=PILOT_EVALUATIONS,
-        stabilisation=Stabilisation("projection"),
-    )  # fmt: skip
-    run = simulate(replace(scene, settings=pilot))
+    pilot = pilot_settings(settings)
+    scene = replace(scene, settings=pilot)
+    times = np.linspace(0.0, pilot.duration, pilot.samples)
+    run = integrate_scene(scene, pilot, system_parameters(scene), Wanted(times=times), projected=True)
     if run.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
-    end, did = float(run.time[-1]), run.statistics
-    steps = max(did.steps, 1) / (end if end > 0.0 else settings.duration)
-    rate = float(max(pilot.rtol, pilot.atol) ** (1.0 / PILOT_ORDER) * steps)
+    return gains_from(run, settings)
+
+
+def pilot_settings(settings: Settings) -> Settings:
+    """The settings of the pilot run for a run with these settings."""
+    coarser = max(1.0, PILOT_TOLERANCE / max(settings.rtol, settings.atol))
+    return replace(
+        settings,
+        solver="DOP853",
+        rtol=coarser * settings.rtol,
+        atol=coarser * settings.atol,
+        step=None,
+        first_step=None,
+        max_step=None,
+        samples=2,
+        max_evaluations=PILOT_EVALUATIONS,
+        stabilisation=Stabilisation("projection"),
+    )
+
+
+def gains_from(pilot: Trajectory, settings: Settings) -> AutomaticGains:
+    """The gains that a pilot run gives for a run with these settings."""
+    end, statistics = float(pilot.time[-1]), pilot.statistics
+    steps = max(statistics.steps, 1) / (end if end > 0.0 else settings.duration)
+    rate = float(max(pilot.settings.rtol, pilot.settings.atol) ** (1.0 / PILOT_ORDER) * steps)
     gain = PER_RATE * rate
     if settings.step is not None and settings.solver != "Radau":
         gain = min(gain, LARGEST_DECAY / settings.step)
-    return AutomaticGains(gain, gain, rate, did.evaluations)
+    return AutomaticGains(gain, gain, rate, statistics.evaluations)
 
 
 def drift_bound(alpha: float, beta: float, tolerance: float, step: float) -> float:
-    """What |φ| (m or rad) settles below with gains (1/s): equation (1) of this module.
+    """The bound on |φ| (m or rad) that gains (1/s) give: equation (1) of this module.
 
-    `tolerance` (m or rad, and their rates) bounds the error of a step of `step` s. Runs stay well below, as steps err
-    less than their estimate.
+    `tolerance` (m or rad, and their rates) bounds the error of a step of `step` s. Runs stay well below it, since the
+    error of a step is smaller than its estimate.
     """
     return tolerance / step * (2.0 * alpha + 1.0) / beta**2

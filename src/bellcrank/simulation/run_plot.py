@@ -16,7 +16,7 @@ from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import writing
 from bellcrank.messages import unknown_name
 from bellcrank.plot_style import DASHES, DPI, PALETTE, colour, dash, literal, new_figure, plain, save_figure
-from bellcrank.simulation.run_panels import Panel, extremes, run_panels, shown_unit
+from bellcrank.simulation.plot_panels import Panel, extremes, run_panels, shown_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

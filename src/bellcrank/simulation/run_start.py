@@ -113,7 +113,7 @@ def explicit_start(scene: Scene) -> dict[str, Any]:
 
 @lru_cache(maxsize=16)
 def _saved(file: Path, time: float | None, changed: int, size: int) -> SavedState:
-    from bellcrank.simulation.run_file import saved_state
+    from bellcrank.simulation.load_run import saved_state
 
     return saved_state(file, time)
 

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class Status(StrEnum):
-    """The ways to end, first those of the stepper in the order of its numbers (cpp/integrator/problem.hpp)."""
+    """Why a run ended; first the integrator's statuses, in the order of its numbers (cpp/integrator/problem.hpp)."""
 
     FINISHED = "finished"
     EVENT = "event"
@@ -14,12 +14,18 @@ class Status(StrEnum):
     NON_FINITE = "non_finite"
     EVALUATIONS_SPENT = "evaluations_spent"
     INTERRUPTED = "interrupted"
-    DRIVE_ENDED = "drive_ended"  # not the stepper's: the run is as long as its drives' motions allow
+    # not the integrator's
+    PRESCRIBED_MOTION_ENDED = "prescribed_motion_ended"
     TURNED_OVER = "turned_over"
+
+    @classmethod
+    def _missing_(cls, value: object) -> Status | None:
+        """Statuses of files that version 0.4 wrote."""
+        return cls.PRESCRIBED_MOTION_ENDED if value == "drive_ended" else None
 
     @property
     def success(self) -> bool:
-        """Whether the run came to the end that was asked for: the duration, or a stopping event."""
+        """Whether the run reached its duration or an event with `stop: true`."""
         return self in (Status.FINISHED, Status.EVENT)
 
     @property
@@ -30,16 +36,17 @@ class Status(StrEnum):
 
 _ADVICE = {
     Status.FINISHED: "the whole duration was simulated",
-    Status.EVENT: "a stopping event ended the run",
-    Status.STEP_TOO_SMALL: "the step that the tolerances ask for is smaller than time can resolve; the scene is stiff "
-    "(try solver Radau), has a jump, or runs into a singular posture there",
-    Status.NON_FINITE: "the accelerations are no longer finite numbers; look at the posture and the forces there, and "
-    "for a fixed step try a smaller one",
-    Status.EVALUATIONS_SPENT: "the evaluations allowed are spent; allow more (max_evaluations), loosen the "
-    "tolerances, or try solver Radau if the scene is stiff",
-    Status.DRIVE_ENDED: "the motion of a drive ends, or its speed jumps, while the joint moves; let the motion go on, "
-    "or shorten the run",
-    Status.TURNED_OVER: "a weld or hinge came to be turned half around, where its equations hold too: its links have "
-    "passed through each other; take smaller tolerances or steps, and look at the forces on that constraint",
-    Status.INTERRUPTED: "it was interrupted; what was computed until then is kept",
+    Status.EVENT: "an event with stop: true ended the run",
+    Status.STEP_TOO_SMALL: "the step size fell below the resolution of time; the scene is stiff (try solver Radau), a "
+    "force jumps, or the mechanism is close to a singular configuration there",
+    Status.NON_FINITE: "the accelerations are no longer finite; check the configuration and the forces there, and for "
+    "a fixed step try a smaller one",
+    Status.EVALUATIONS_SPENT: "the limit of evaluations is reached; raise max_evaluations, loosen the tolerances, or "
+    "try solver Radau if the scene is stiff",
+    Status.PRESCRIBED_MOTION_ENDED: "a prescribed motion ends, or its velocity jumps, while the joint moves; extend "
+    "the motion or shorten the run",
+    Status.TURNED_OVER: "a weld or hinge is turned by more than a quarter turn: its equations also hold at half a turn, "
+    "so its links have passed through each other; take smaller tolerances or steps, and check the forces on that "
+    "constraint",
+    Status.INTERRUPTED: "the simulation was interrupted; the results up to that time are kept",
 }

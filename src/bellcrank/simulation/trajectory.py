@@ -1,60 +1,69 @@
-"""A run: what a simulation gives back, with the means to judge it.
-
-Nothing here is copied from the solver's own bookkeeping where the equations can say it: accelerations, energies,
-forces and residuals are computed anew from the states, when first asked for.
-"""
+"""The result of a simulation: its states, why it ended, and the means to judge it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank.derived import Portable, cached_property
-from bellcrank.dynamics.binding_rows import binding_of
-from bellcrank.dynamics.constraint_angles import cosines_along, true_gaps, turning
+from bellcrank.derived import cached_property
+from bellcrank.dynamics.constraint_angles import cosines_along, turning
 from bellcrank.dynamics.prescribed_motion_end import drive_end
 from bellcrank.dynamics.system import system_of
-from bellcrank.elements.signals import Signal, values_at
 from bellcrank.errors import InputError
-from bellcrank.messages import unknown_name
-from bellcrank.simulation.record import ConstraintHistory, Event, FrameHistory, JointHistory, Statistics
+from bellcrank.simulation.events import Event
+from bellcrank.simulation.state_history import StateHistory
+from bellcrank.simulation.statistics import Statistics
 from bellcrank.simulation.status import Status
+from bellcrank.simulation.unit_parts import unit_parts
 
 if TYPE_CHECKING:
-    from bellcrank.robot.robot import Robot
-    from bellcrank.scene.scene import Scene
-    from bellcrank.scene.settings import Settings
+    from collections.abc import Mapping
+
+    from matplotlib.figure import Figure
+
     from bellcrank.simulation.constraint_rank import ConstraintRank
 
 Array = NDArray[np.float64]
-# Rows that quantities are computed for at a time where only what follows from them is wanted: so many numbers of the
-# state, in whole LEAST_ROWS, which SIMD lanes divide, so that every row has the same bits as in one block.
-BLOCK_NUMBERS, LEAST_ROWS, MOST_ROWS = 500_000, 1024, 65_536
 
 
-@dataclass(frozen=True, eq=False)
-class Trajectory(Portable):
-    """A run of a scene: rows of time (n,) s and state, and everything that follows from them.
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory(StateHistory):
+    """The result of `simulate` or `load_run`.
 
-    Position (n, nq), velocity and acceleration (n, nv): rad or m and their rates, one number a joint; a free base
-    first, with position (world), quaternion x y z w, and velocity in its own frame. Energies and work in J. `steps` are
-    the start and the ends of the solver's steps, s; of more than 100,000 steps every 2nd, 4th, 8th, … end and the last.
-    Made by `simulate` and `load_run`.
+    Rows of time and state, and everything that follows from them; SI units throughout. The last row is where the run
+    ended. Quantities are computed from the states by the equations of motion when they are first asked for.
+
+    Attributes:
+        scene: The scene that was simulated.
+        settings: The solver's settings.
+        time: Times (n,) s of the rows.
+        state: States (n, nx): q, v and, where forces do work that is not stored, W.
+        parameters: Parameters of the compiled equations.
+        signals: Tabulated forces and motions as piecewise polynomials.
+        status: Why the run ended.
+        events: The events in the order of time.
+        statistics: What the run cost.
+        steps: Start, then the ends of the solver's steps, s; of more than 100,000 steps every 2nd, 4th, … end and the
+            last.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> run = bc.simulate("four_bar")
+        >>> run
+        Trajectory('Deployable four-bar', event at 12.2678 s, 492 rows)
+        >>> run.success, run.events[-1].name, bool(run.energy_drift() < 1e-8)
+        (True, 'lock', True)
     """
 
-    scene: Scene
-    settings: Settings
-    time: Array
-    state: Array
-    parameters: Array
-    signals: tuple[Signal, ...]
+    renamed: ClassVar[Mapping[str, str]] = {**StateHistory.renamed, "closure_rank": "constraint_rank"}
+
     status: Status
     events: tuple[Event, ...]
     statistics: Statistics
@@ -64,56 +73,22 @@ class Trajectory(Portable):
         rows = f"{len(self.time)} rows{', not all of it finite numbers' if self.non_finite else ''}"
         return f"Trajectory('{self.scene.name}', {self.status} at {self.time[-1]:g} s, {rows})"
 
-    def __len__(self) -> int:
-        return len(self.time)
-
-    # ---- rows
-
-    def part(self, rows: slice | NDArray[np.intp]) -> Trajectory:
-        """Some rows of the run, as a run; a slice, or whole numbers."""
-        if not isinstance(rows, slice):
-            expected = "a slice, or a list of rows of the run"
-            numbers = arguments.instance("rows", rows, np.ndarray, expected)
-            known = numbers.dtype.kind == "i" and numbers.ndim == 1 and not np.ma.is_masked(numbers)
-            if not known or numbers.min(initial=0) < 0 or numbers.max(initial=0) >= len(self):
-                arguments.refuse("rows", expected, rows)
-        found = replace(self, time=self.time[rows], state=self.state[rows])
-        if "_observed" in vars(self):  # known: not to be computed again
-            vars(found)["_observed"] = tuple(each[rows] for each in self._observed)
-        if self.origin is not None:
-            found.remember_origin(self.origin)
-        return found
-
-    def parts(self) -> Iterator[Trajectory]:
-        """The run in blocks of rows, one after the other: what is computed of a block goes with it, so that runs of any
-        length need little memory beside their states. A short run is its own only block.
-        """
-        rows = min(max(BLOCK_NUMBERS // self.state.shape[1] // LEAST_ROWS, 1) * LEAST_ROWS, MOST_ROWS)
-        if len(self) <= rows:
-            yield self
-            return
-        for first in range(0, len(self), rows):
-            yield self.part(slice(first, first + rows))
-
-    def _largest(self, measures: Callable[[Trajectory], list[Any]]) -> list[float]:
-        """The largest of each of some measures of a block, over the blocks; nan where one is."""
-        return [float(np.max(each)) for each in zip(*map(measures, self.parts()), strict=True)]
-
-    # ---- states
-
-    @property
-    def robot(self) -> Robot:
-        """The robot of the scene."""
-        return self.scene.robot
+    # ---- the end of the run
 
     @property
     def success(self) -> bool:
-        """Whether the run came to the end that was asked for."""
+        """Whether the run reached its duration or an event with `stop: true`."""
         return self.status.success
 
     @property
     def message(self) -> str:
-        """One sentence: why the run ended, when, and what to do about it; and what in it is not a finite number."""
+        """One sentence: why the run ended, when, what to do about it, and which results are not finite.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.simulate("pendulum", duration=1.0).message
+            'Simple pendulum: finished at 1 s: the whole duration was simulated'
+        """
         text = f"{self.scene.name}: {self.status} at {self.time[-1]:.9g} s: {self.reason}"
         if not self.non_finite:
             return text
@@ -122,10 +97,10 @@ class Trajectory(Portable):
 
     @property
     def reason(self) -> str:
-        """Why the run ended, and what to do about it, as a clause."""
+        """Why the run ended and what to do about it, as a clause."""
         if self.status is Status.EVENT:
             return f"event '{next(e.name for e in self.events if e.stopped)}' ended the run"
-        if self.status is Status.DRIVE_ENDED and (end := drive_end(self.scene)) is not None:
+        if self.status is Status.PRESCRIBED_MOTION_ENDED and (end := drive_end(self.scene)) is not None:
             return end.sentence
         if self.status is Status.TURNED_OVER:
             last = self.part(slice(-1, None))
@@ -137,201 +112,60 @@ class Trajectory(Portable):
             return "; ".join(filter(None, [cause(self), self.status.advice]))
         return self.status.advice
 
-    @property
-    def position(self) -> Array:
-        """Position (n, nq)."""
-        return self.state[:, : self.robot.nq]
-
-    @property
-    def velocity(self) -> Array:
-        """Velocity (n, nv)."""
-        return self.state[:, self.robot.nq : self.robot.nq + self.robot.nv]
-
-    @property
-    def work(self) -> Array:
-        """Work (n,) J that actuators, dampers and friction have put in since the start; the solver's quadrature."""
-        return self.state[:, -1] if system_of(self.scene).has_work else np.zeros(len(self.time))
-
-    @cached_property
-    def inputs(self) -> Array:
-        """Signals u (n, nu): tabulated torques and the motions that controllers follow."""
-        return values_at(self.signals, self.time)
-
-    @property
-    def _arguments(self) -> tuple[Array, ...]:
-        return self.time[:, None], self.state, self.inputs, self.parameters
-
-    # ---- what follows from the states
-
-    @cached_property
-    def _observed(self) -> tuple[Array, ...]:
-        found = tuple(system_of(self.scene).observation(*self._arguments))
-        if self.success and self.origin is not None and not all(np.isfinite(rows).all() for rows in found[:2]):
-            bad = ~(np.isfinite(found[0]).all(axis=1) & np.isfinite(found[1]).all(axis=1))
-            when = self.time[np.flatnonzero(bad)[0]]
+    def _check_observed(self, acceleration: Array, energies: Array) -> None:
+        if not self.success or self.origin is None:
+            return
+        good = np.isfinite(acceleration).all(axis=1) & np.isfinite(energies).all(axis=1)
+        if not good.all():
             raise InputError(
-                f"{self.origin}: the run says that it is '{self.status}', and its state at {when:.6g} s has no finite "
-                "acceleration or energy: the file was changed, or damaged; simulate it again"
+                f"{self.origin}: the run says that it is '{self.status}', but its state at "
+                f"{self.time[int(good.argmin())]:.6g} s has no finite acceleration or energy: the file was changed or "
+                "is damaged; simulate it again"
             )
-        return found
 
-    @property
-    def acceleration(self) -> Array:
-        """Acceleration (n, nv)."""
-        return self._observed[0]
-
-    @property
-    def kinetic_energy(self) -> Array:
-        """Kinetic energy (n,) J."""
-        return self._observed[1][:, 0]
-
-    @property
-    def potential_energy(self) -> Array:
-        """Potential energy (n,) J of gravity and springs."""
-        return self._observed[1][:, 1]
-
-    @property
-    def total_energy(self) -> Array:
-        """Kinetic and potential energy (n,) J."""
-        return self.kinetic_energy + self.potential_energy
-
-    @property
-    def actuator_torque(self) -> Array:
-        """Torques of motors and controllers (n, nv), N m or N."""
-        return self._observed[2]
-
-    @property
-    def torque(self) -> Array:
-        """All joint forces of the scene (n, nv): actuators, springs, dampers, friction, wrenches; not gravity."""
-        return self._observed[2] + self._observed[3]
-
-    @property
-    def multipliers(self) -> Array:
-        """Lagrange multipliers (n, rows), N or N m, as `system.multiplier_names` names them; a tree has none."""
-        return self._constraint[0]
-
-    @cached_property
-    def _constraint(self) -> tuple[Array, ...]:
-        if not self.scene.constraints:
-            none = np.zeros((len(self.time), 0))
-            return none, none, none
-        return tuple(system_of(self.scene).constraint(*self._arguments))
-
-    @cached_property
-    def _gaps(self) -> Array:
-        """|φ| (n, h), m or rad, with the whole angles of welds and hinges."""
-        if not self.scene.constraints:
-            return np.zeros((len(self.time), 0))
-        return true_gaps(self.scene, self._constraint[1], cosines_along(self.scene, self.time, *self._arguments[1:]))
-
-    def constraint(self, name: str) -> ConstraintHistory:
-        """What one constraint did, in the rows that bind. Raises InputError with what there is."""
-        arguments.text("name", name, "the name of a constraint")
-        names = [constraint.name for constraint in self.scene.constraints]
-        if name not in names:
-            raise InputError(f"{self.scene.name}: {unknown_name('constraint', name, names)}")
-        rows = [k for k, (owner, _) in enumerate(system_of(self.scene).multiplier_names) if owner == name]
-        multipliers, _, speed = self._constraint
-        holonomic = [k for k in rows if k < self._gaps.shape[1]]
-        gaps = self._gaps[:, holonomic]
-        return ConstraintHistory(
-            tuple(system_of(self.scene).multiplier_names[k][1] for k in rows), multipliers[:, rows],
-            gaps.max(axis=1, initial=0.0), np.abs(speed[:, rows]).max(axis=1, initial=0.0),
-            (gaps / binding_of(self.scene).unit[holonomic]).max(axis=1, initial=0.0),
-        )  # fmt: skip
-
-    @property
-    def constraint_residuals(self) -> dict[str, Array]:
-        """How far (n,) all constraints are apart, by unit: m and rad, m/s and rad/s, and "" for formulas' own."""
-        units = {"[N]": "m", "[N m]": "rad"}
-        found: dict[str, Array] = {}
-        for per, table in (
-            ("", self._gaps),
-            ("/s", np.abs(self._constraint[2]) if self.scene.constraints else self._gaps),
-        ):
-            for (_, label), column in zip(system_of(self.scene).multiplier_names, table.T, strict=False):
-                own = next((unit for end, unit in units.items() if label.endswith(end)), "")
-                unit = own and own + per
-                found[unit] = np.maximum(found.get(unit, 0.0), column)
-        return found
-
-    def constraint_rank(self, row: int = -1) -> ConstraintRank:
-        """How well the constraints hold at a row of the run: singular values, rank, and which multipliers are unique."""
-        from bellcrank.simulation.constraint_rank import rank_of
-
-        count = len(self.time)
-        row = arguments.whole("row", row, least=-count, most=count - 1)
-        return rank_of(system_of(self.scene), *(a if a.ndim == 1 else a[row] for a in self._arguments))
-
-    @property
-    def event_values(self) -> Array:
-        """The event functions (n, events) of the scene, whose zeros are its events."""
-        rows = system_of(self.scene).events(*self._arguments)
-        return np.asarray(rows).reshape(len(self), -1)
-
-    @property
-    def outputs(self) -> Mapping[str, Array]:
-        """The scene's named outputs, (n,) or (n, k) each."""
-        return dict(zip(self.scene.outputs, (self._output(k) for k in range(len(self.scene.outputs))), strict=True))
-
-    def _output(self, k: int) -> Array:
-        rows = self._observed[4 + k]
-        return rows[:, 0] if rows.shape[1] == 1 else rows
-
-    def output(self, name: str) -> Array:
-        """A named output of the scene, (n,) or (n, k). Raises InputError with what there is."""
-        if arguments.text("name", name, "the name of an output") not in self.scene.outputs:
-            raise InputError(f"{self.scene.name}: {unknown_name('output', name, self.scene.outputs)}")
-        return self._output(list(self.scene.outputs).index(name))
-
-    def joint(self, name: str) -> JointHistory:
-        """What one joint did. Raises InputError with what there is."""
-        j = self.robot.joint(name)
-        q, v = slice(j.q, j.q + j.nq), slice(j.v, j.v + j.nv)
-
-        def column(rows: Array, where: slice) -> Array:
-            part = rows[:, where]
-            return part[:, 0] if part.shape[1] == 1 else part
-
-        return JointHistory(
-            column(self.position, q), column(self.velocity, v), column(self.acceleration, v),
-            column(self.torque, v), column(self.actuator_torque, v),
-        )  # fmt: skip
-
-    def frame(self, name: str) -> FrameHistory:
-        """What a frame did, in the world. Raises InputError with what there is."""
-        if arguments.text("name", name, "the name of a frame") not in self.robot.frame_names:
-            raise InputError(f"{self.scene.name}: {unknown_name('frame', name, self.robot.frame_names)}")
-        rows = system_of(self.scene).frame(name)(*self._arguments)
-        return FrameHistory(rows[:, :3], rows[:, 3:12].reshape(-1, 3, 3), rows[:, 12:15], rows[:, 15:18])
-
-    # ---- the certificate
+    # ---- how far the run can be trusted
 
     def energy_drift(self) -> float:
-        """How far energy is from its balance: max |T + V − T₀ − V₀ − W| / max (T + |V − V₀| + |W|);
-        infinite where these are no numbers.
+        """Compute how far the energy balance is violated.
 
-        Energies are computed anew from the states; W is the solver's quadrature of the power of actuators, dampers and
-        friction. All are counted from the first row. 0 for a run that never had energy.
+        The drift is max |T + V − T₀ − V₀ − W| / max (T + |V − V₀| + |W|), counted from the first row. Energies are
+        computed from the states; W is the solver's quadrature of the power of actuators, dampers and friction.
+
+        Returns:
+            A share of the largest energy; infinite where an energy is not finite, 0 for a run without any energy.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bool(bc.simulate("pendulum", duration=1.0).energy_drift() < 1e-8)
+            True
         """
         first = self.part(slice(0, 1))
         t0, v0, w0 = first.kinetic_energy, first.potential_energy, first.work
 
-        def measures(run: Trajectory) -> list[Any]:
+        def measures(run: Self) -> list[Any]:
             t, v, w = run.kinetic_energy, run.potential_energy - v0, run.work - w0
             return [np.abs((t - t0) + v - w).max(), (t + np.abs(v) + np.abs(w)).max()]
 
-        with np.errstate(all="ignore"):  # a run that blew up has energies beyond all numbers
+        with np.errstate(all="ignore"):  # energies may overflow
             return _share(*self._largest(measures))
 
     def equation_residual(self) -> float:
-        """How far the accelerations miss the equations of motion: the largest |inverse dynamics − joint forces|, as a
-        share of the largest joint force of the run, applied or of bias (gravity, Coriolis and centrifugal).
+        """Compute how far the accelerations miss the equations of motion.
 
-        Forward dynamics (the articulated-body algorithm) made the accelerations; recursive Newton-Euler checks them.
+        The accelerations come from the articulated-body algorithm; the recursive Newton-Euler algorithm checks them
+        (R. Featherstone, Rigid Body Dynamics Algorithms, 2008).
+
+        Returns:
+            The largest |inverse dynamics − joint forces|, as a share of the largest joint force of the run, applied or
+            of bias (gravity, Coriolis and centrifugal forces).
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bool(bc.simulate("planar_2r_swing", duration=1.0).equation_residual() < 1e-12)
+            True
         """
 
-        def measures(run: Trajectory) -> list[Any]:
+        def measures(run: Self) -> list[Any]:
             with np.errstate(all="ignore"):
                 residual, bias = system_of(run.scene).residual(*run._arguments)
                 return [np.abs(residual).max(), np.abs(run.torque).max(), np.abs(bias).max()]
@@ -339,10 +173,115 @@ class Trajectory(Portable):
         residual, torque, bias = self._largest(measures)
         return _share(residual, max(torque, bias))
 
+    def constraint_residual(self) -> float:
+        """Compute the largest violation of a position constraint, or of the unit length of a rotation.
+
+        Returns:
+            m or rad; infinite where it is not finite.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bool(bc.simulate("four_bar").constraint_residual() < 1e-12)
+            True
+        """
+        places = unit_parts(self.scene.robot.joints)
+
+        def measures(run: Self) -> list[Any]:
+            with np.errstate(all="ignore"):
+                units = [np.linalg.norm(run.state[:, first : first + length], axis=1) for first, length in places]
+                return [run._position_residuals.max(initial=0.0), *(np.abs(x - 1.0).max() for x in units)]
+
+        return _finite_or_infinite(self._largest(measures))
+
+    def velocity_residual(self) -> float:
+        """Compute the largest violation of a velocity constraint: φ̇ or ψ.
+
+        Returns:
+            m/s or rad/s; 0 for a tree, infinite where it is not finite.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bool(bc.simulate("four_bar").velocity_residual() < 1e-12)
+            True
+        """
+        return _finite_or_infinite(self._largest(lambda run: [np.abs(run._constraint[2]).max(initial=0.0)]))
+
+    def constraint_rank(self, row: int = -1) -> ConstraintRank:
+        """Compute the rank of the constraints in one row.
+
+        Args:
+            row: The row of the run, from −n to n − 1.
+
+        Returns:
+            Singular values, rank, and which multipliers are unique.
+
+        Raises:
+            InputError: There is no such row, a number in it is not finite, or an inertia is negative.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.simulate("four_bar").constraint_rank().rank
+            2
+        """
+        from bellcrank.simulation.constraint_rank import rank_of
+
+        count = len(self.time)
+        row = arguments.whole("row", row, least=-count, most=count - 1)
+        return rank_of(system_of(self.scene), *(a if a.ndim == 1 else a[row] for a in self._arguments))
+
+    def error_estimate(self) -> float:
+        """Estimate the error of the positions by repeated runs.
+
+        The run is repeated with a hundredth of the tolerances (with a fixed step: half the step and Richardson's rule)
+        and, where there are constraints, with ten times and a tenth of their regularisation; all repeated runs are
+        projected onto the constraints. Where rtol < 2e-13 cannot be made smaller, ten times the tolerances are taken.
+        The result is kept, so that a second call costs nothing.
+
+        Returns:
+            The largest difference on the same times, rad or m; infinite where there is nothing to compare, or a
+            repeated run ended earlier.
+
+        Raises:
+            KeyboardInterrupt: A repeated run was interrupted.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bool(bc.simulate("pendulum", duration=1.0).error_estimate() < 1e-8)
+            True
+        """
+        known = self.known_estimate
+        if known is None:
+            from bellcrank.simulation.error_estimate import error_estimate
+
+            known = error_estimate(self)
+            assert known is not None  # None: a limit of time was passed, and there is none
+            self.remember_estimate(known)
+        return known
+
+    @property
+    def known_estimate(self) -> float | None:
+        """The result of `error_estimate`, rad or m, if it was computed."""
+        known: float | None = vars(self).get("_estimate")
+        return known
+
+    def remember_estimate(self, value: float) -> None:
+        """Set `known_estimate`, such as from the file of the run.
+
+        Args:
+            value: The error of the positions, rad or m, 0 or more.
+
+        Raises:
+            InputError: `value` is negative or not a number.
+        """
+        if not (isinstance(value, float) and value == math.inf):
+            value = arguments.number("value", value, "rad or m", least=0.0)
+        vars(self)["_estimate"] = value
+
     @cached_property
     def non_finite(self) -> tuple[str, ...]:
-        """A clause for each output, energy, force, constraint and event that is NaN or infinite in some row, with how many
-        rows and the first time; they are among `warnings`.
+        """A clause for each output, energy, force, constraint and event function that is NaN or infinite in some row.
+
+        Each says in how many rows, and the first time. They are among the `warnings`.
         """
         from bellcrank.simulation.non_finite import non_finite
 
@@ -350,83 +289,60 @@ class Trajectory(Portable):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """What speaks against trusting the run, a sentence each: it ended early, or its certificate is bad."""
-        from bellcrank.simulation.summary import run_warnings
+        """Reasons not to trust the run, a sentence each: it ended early, or a residual is large.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.simulate("pendulum", duration=1.0).warnings
+            ()
+        """
+        from bellcrank.simulation.run_warnings import run_warnings
 
         return run_warnings(self)
 
-    def constraint_residual(self) -> float:
-        """The largest violation of what positions must keep: constraints (m or rad) and the unit length of rotations;
-        infinite where it is no number.
-        """
-        from bellcrank.simulation.simulate import unit_parts
-
-        places = unit_parts(self.scene)
-
-        def measures(run: Trajectory) -> list[Any]:
-            with np.errstate(all="ignore"):
-                units = [np.linalg.norm(run.state[:, first : first + length], axis=1) for first, length in places]
-                return [run._gaps.max(initial=0.0), *(np.abs(x - 1.0).max() for x in units)]
-
-        return _known(self._largest(measures))
-
-    def velocity_residual(self) -> float:
-        """The largest violation of a velocity constraint, m/s or rad/s: φ̇ and ψ of constraints; a tree has none. Infinite
-        where it is no number.
-        """
-        return _known(self._largest(lambda run: [np.abs(run._constraint[2]).max(initial=0.0)]))
-
-    def error_estimate(self) -> float:
-        """How far the positions may be off (rad or m): the largest difference, on the same times, from runs made again
-        with a hundredth of the tolerances (with a fixed step: half the step, by Richardson's rule), and with constraints
-        also with ten times and a tenth of their regularisation, all of them projected; what rounding and singular
-        positions leave is in it (simulation/second_run.py). Where rtol < 2e-13 can be no finer, ten times the
-        tolerances are taken.
-
-        Costs these runs, once; infinite where there is nothing to compare, or one of them ended earlier.
-        """
-        known = self.known_estimate
-        if known is None:
-            from bellcrank.simulation.second_run import error_estimate
-
-            known = error_estimate(self)
-            assert known is not None  # None is for a limit of time
-            self.remember_estimate(known)
-        return known
-
-    @property
-    def origin(self) -> Path | None:
-        """The file that the run was loaded from, None for a run that was simulated here."""
-        origin: Path | None = vars(self).get("_origin")
-        return origin
-
-    def remember_origin(self, file: Path) -> None:
-        """Keep what file the run was loaded from."""
-        vars(self)["_origin"] = arguments.path("file", file, "the path of a file")
-
-    @property
-    def known_estimate(self) -> float | None:
-        """What `error_estimate` found, if it was computed."""
-        known: float | None = vars(self).get("_estimate")
-        return known
-
-    def remember_estimate(self, value: float) -> None:
-        """Keep what `error_estimate` found, such as in the file of the run."""
-        if not (isinstance(value, float) and value == math.inf):
-            value = arguments.number("value", value, "rad or m", least=0.0)
-        vars(self)["_estimate"] = value
-
-    # ---- out of the house
+    # ---- export
 
     def save(self, path: str | Path) -> Path:
-        """Write the run as .npz, with the scene and the robot in it, for `load_run`."""
-        from bellcrank.simulation.run_file import save_run
+        """Write the run to an .npz file, together with its scene and robot.
+
+        Args:
+            path: The file; the suffix .npz is added where it is missing.
+
+        Returns:
+            The path of the file. `load_run` reads it.
+
+        Raises:
+            InputError: The file cannot be written, or a constraint is a Python function.
+
+        Example:
+            >>> import bellcrank as bc, pathlib, tempfile
+            >>> path = bc.simulate("pendulum", duration=1.0).save(pathlib.Path(tempfile.mkdtemp()) / "run")
+            >>> path.name, len(bc.load_run(path))
+            ('run.npz', 1001)
+        """
+        from bellcrank.simulation.save_run import save_run
 
         return save_run(self, arguments.path("path", path, "the path of a file"))
 
     def to_csv(self, path: str | Path, progress: Callable[[int], None] | None = None) -> Path:
-        """Write times, states, accelerations, torques, energies and outputs as CSV, units in the header; `nan` and
-        `inf` stand where there is no finite number. `progress` is called with the number of rows written.
+        """Write times, states, accelerations, torques, energies, constraints and outputs as CSV.
+
+        Args:
+            path: The file, which is replaced in one step.
+            progress: Called with the number of rows written so far.
+
+        Returns:
+            The path of the file. The header names columns and units; numbers that are not finite are `nan` or `inf`.
+
+        Raises:
+            InputError: The file cannot be written.
+
+        Example:
+            >>> import bellcrank as bc, pathlib, tempfile
+            >>> run = bc.simulate("pendulum", duration=1.0)
+            >>> path = run.to_csv(pathlib.Path(tempfile.mkdtemp()) / "run.csv")
+            >>> path.read_text().split(",")[:2]
+            ['time [s]', 'swing position [rad]']
         """
         from bellcrank.simulation.run_csv import write_run_csv
 
@@ -434,14 +350,39 @@ class Trajectory(Portable):
             arguments.function("progress", progress, "a function of the number of rows written")
         return write_run_csv(self, arguments.path("path", path, "the path of a file"), progress)
 
-    def plot(self, path: str | Path | None = None, frame: str | None = None) -> Any:
-        """Draw the run, or a frame's path: a matplotlib Figure, written to `path` in the format of its suffix."""
+    def plot(self, path: str | Path | None = None, frame: str | None = None) -> Figure:
+        """Draw the run over time, or the path of a frame; the same as `bellcrank.plot`.
+
+        Args:
+            path: Where the picture is written, in the format of its suffix; None: nowhere.
+            frame: A frame whose path is drawn in the world's plane in which it reaches furthest.
+
+        Returns:
+            A matplotlib figure.
+
+        Raises:
+            InputError: Unknown frame or picture format, or the file cannot be written.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> len(bc.simulate("pendulum", duration=1.0).plot().axes)
+            4
+        """
         from bellcrank.simulation.run_plot import plot_run
 
         return plot_run(self, path, frame)
 
     def summary(self) -> str:
-        """The run in a few lines: why it ended, what it cost, and its certificate."""
+        """Summarise the run in a few lines: why it ended, what it cost, residuals, warnings, and the end.
+
+        Returns:
+            Lines of text; notebooks show the same as a table.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> print(bc.simulate("pendulum", duration=1.0).summary().splitlines()[1].strip())
+            solver             DOP853, rtol 1e-10, atol 1e-10
+        """
         from bellcrank.simulation.summary import summary_text
 
         return summary_text(self)
@@ -452,14 +393,14 @@ class Trajectory(Portable):
         return summary_html(self)
 
 
-def _known(largest: list[float]) -> float:
-    """The largest of some numbers, at least 0; infinite where one is no number."""
+def _finite_or_infinite(largest: list[float]) -> float:
+    """The largest of some numbers, at least 0; infinite where one is not finite."""
     most = float(np.max(largest, initial=0.0))
     return most if math.isfinite(most) else math.inf
 
 
 def _share(gap: float, scale: float) -> float:
-    """gap / scale: 0 where both are 0, infinite where it is no number."""
+    """gap / scale: 0 where the gap is 0, infinite where it is not a number."""
     if gap == 0.0:
         return 0.0
     return float(gap / scale) if np.isfinite(gap) and np.isfinite(scale) and scale > 0.0 else float("inf")

@@ -1,9 +1,13 @@
-"""What a sweep reports of a run: numbers by name, with their units.
+"""Measures: the numbers that a sweep reports of each run, by name, with their units.
 
-start.JOINT; at the first event of a name EVENT.time, EVENT.JOINT, EVENT.JOINT.velocity, EVENT.CLOSURE.force.ROW
-(multipliers), and for a latch EVENT.impulse and EVENT.energy_lost; end.time, end.JOINT, … likewise; end.OUTPUT,
-least.OUTPUT and largest.OUTPUT over the run's rows; energy_drift, constraint_residual. A joint with several coordinates
-has one measure for each.
+- start.JOINT
+- EVENT.time, EVENT.JOINT, EVENT.JOINT.velocity, EVENT.CONSTRAINT.force.ROW (multipliers), and for a latch EVENT.impulse
+  and EVENT.energy_lost: at the first event of that name
+- end.time, end.JOINT, end.JOINT.velocity, end.CONSTRAINT.force.ROW, end.OUTPUT
+- least.OUTPUT and largest.OUTPUT, over the rows of the run
+- energy_drift, constraint_residual
+
+A joint with several coordinates has one measure for each.
 """
 
 from __future__ import annotations
@@ -14,7 +18,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.system import system_of
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 from bellcrank.scene.constraint_conditions import ContactLost, FrictionDemand, SingularConstraint
 
@@ -26,19 +29,19 @@ if TYPE_CHECKING:
 Measure = tuple[str, str, float]  # name, unit, value
 
 
-def aims(scene: Scene) -> list[str]:
-    """The events that a run is meant to reach: those that stop it, but not where a constraint ceases to hold."""
+def target_events(scene: Scene) -> list[str]:
+    """The events that a run is meant to reach: those that end it, unless they say that a constraint no longer holds."""
     losses = (ContactLost, FrictionDemand, SingularConstraint)
     return [event.name for event in scene.events if event.stop and not isinstance(event.when, losses)]
 
 
 def start_measures(scene: Scene) -> Iterator[Measure]:
-    """Where the joints start: constraints that can be assembled in several ways are told apart by it."""
+    """The positions of the joints at the start, which tell apart the ways in which a linkage can be assembled."""
     yield from _positions("start", scene.robot, consistent_start(scene)[0])
 
 
-def measures_of(run: Trajectory) -> Iterator[Measure]:
-    """The measures of a run besides those of its start."""
+def run_measures(run: Trajectory) -> Iterator[Measure]:
+    """The measures of a run, without those of its start."""
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
         for name in dict.fromkeys(event.name for event in run.scene.events):
             first = next((event for event in run.events if event.name == name), None)
@@ -87,6 +90,5 @@ def _named(prefix: str, label: str) -> tuple[str, str]:
 
 
 def _forces(prefix: str, run: Trajectory, multipliers: Array) -> Iterator[Measure]:
-    names = system_of(run.scene).multiplier_names
-    for (constraint, label), value in zip(names, multipliers.tolist(), strict=True):
+    for (constraint, label), value in zip(run.multiplier_names, multipliers.tolist(), strict=True):
         yield *_named(f"{prefix}.{constraint}.force", label), value

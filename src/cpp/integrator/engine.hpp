@@ -2,8 +2,8 @@
 #pragma once
 
 #include "integration_loop.hpp"
-#include "explicit.hpp"
-#include "radau.hpp"
+#include "explicit_runge_kutta.hpp"
+#include "radau_iia.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
@@ -11,11 +11,11 @@ namespace BELLCRANK_ISA {
 template <class Method>
 Status run_explicit(const Problem& problem, Record& record, Counts& counts) {
   switch ((problem.n + 3) / 4) {
-    case 1: return Run<Explicit<Method, 1>>(problem, record, counts)();
-    case 2: return Run<Explicit<Method, 2>>(problem, record, counts)();
-    case 3: return Run<Explicit<Method, 3>>(problem, record, counts)();
-    case 4: return Run<Explicit<Method, 4>>(problem, record, counts)();
-    default: return Run<Explicit<Method, 0>>(problem, record, counts)();
+    case 1: return IntegrationLoop<ExplicitRungeKutta<Method, 1>>(problem, record, counts)();
+    case 2: return IntegrationLoop<ExplicitRungeKutta<Method, 2>>(problem, record, counts)();
+    case 3: return IntegrationLoop<ExplicitRungeKutta<Method, 3>>(problem, record, counts)();
+    case 4: return IntegrationLoop<ExplicitRungeKutta<Method, 4>>(problem, record, counts)();
+    default: return IntegrationLoop<ExplicitRungeKutta<Method, 0>>(problem, record, counts)();
   }
 }
 
@@ -24,10 +24,10 @@ Status run(const char* method, const Problem& problem, Record& record, Counts& c
   if (std::strcmp(method, DormandPrince::name) == 0) return run_explicit<DormandPrince>(problem, record, counts);
   if (std::strcmp(method, Dop853::name) == 0) return run_explicit<Dop853>(problem, record, counts);
   switch ((problem.n + 3) / 4) {
-    case 1: return Run<Radau<1>>(problem, record, counts)();
-    case 2: return Run<Radau<2>>(problem, record, counts)();
-    case 3: return Run<Radau<3>>(problem, record, counts)();
-    default: return Run<Radau<0>>(problem, record, counts)();
+    case 1: return IntegrationLoop<Radau<1>>(problem, record, counts)();
+    case 2: return IntegrationLoop<Radau<2>>(problem, record, counts)();
+    case 3: return IntegrationLoop<Radau<3>>(problem, record, counts)();
+    default: return IntegrationLoop<Radau<0>>(problem, record, counts)();
   }
 }
 

@@ -3,6 +3,8 @@
 #include <nanobind/nanobind.h>
 
 namespace bellcrank {
-// Adds integrate(), StepResult, methods() and tableau() to the module.
+// Adds integrate(), StepResult and StepBlock to the module.
 void bind_integrate(nanobind::module_& m);
+// Adds methods() and tableau().
+void bind_tableaus(nanobind::module_& m);
 }  // namespace bellcrank

@@ -1,16 +1,16 @@
 // A whole run: the stretches between stops, the steps in them, outputs and events of each step.
 #pragma once
 
-#include "events.hpp"
+#include "event_detection.hpp"
 #include "outputs.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
 
 template <class Stepper>
-class Run {
+class IntegrationLoop {
  public:
-  Run(const Problem& problem, Record& record, Counts& counts)
+  IntegrationLoop(const Problem& problem, Record& record, Counts& counts)
       : p_(problem), record_(record), counts_(counts), rhs_(problem), stepper_(rhs_), events_(rhs_, stepper_),
         outputs_(rhs_, record), between_(problem.n + 16) {}
 

@@ -51,4 +51,5 @@ NB_MODULE(_step, m) {
   nb::set_leak_warnings(false);  // an error that ends the program may hold a result until after the interpreter
   m.def("evaluate", &evaluate);
   bellcrank::bind_integrate(m);
+  bellcrank::bind_tableaus(m);
 }

@@ -2,7 +2,7 @@
 // there is a kernel for that.
 #pragma once
 
-#include "rhs.hpp"
+#include "right_hand_side.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bellcrank.motion.resampling import BETWEEN, SHARE, extreme_rows, ranges
 from bellcrank.replays.film.decimation import Rows, line_rows
 from bellcrank.replays.film.film import Chart, Line
-from bellcrank.simulation.run_panels import Panel, run_panels, shown_unit
+from bellcrank.simulation.plot_panels import Panel, run_panels, shown_unit
 
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory

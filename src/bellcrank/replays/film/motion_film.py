@@ -26,9 +26,9 @@ from bellcrank.replays.film.rms_points import with_rms_points
 from bellcrank.replays.film.robot_view import film_axes, filmed_bodies, frame_points, scenery, traced_frames
 from bellcrank.replays.film.sampled_trajectory import Course, placing
 from bellcrank.replays.geometry.meshes import Detail
-from bellcrank.simulation.run_between import signal_jumps
+from bellcrank.simulation.interpolation import signal_jumps
+from bellcrank.simulation.plot_panels import by_unit, titled_apart
 from bellcrank.simulation.run_csv import torque_unit
-from bellcrank.simulation.run_panels import by_unit, titled_apart
 from bellcrank.sizing.history import joint_torques
 from bellcrank.sizing.table import verdict
 from bellcrank.version import version

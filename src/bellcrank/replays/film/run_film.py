@@ -39,13 +39,13 @@ from bellcrank.replays.film.robot_view import (  # fmt: skip
 from bellcrank.replays.film.sampled_trajectory import Course, placing
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.scene.outputs import FrameOutput
-from bellcrank.simulation.run_between import with_jumps
+from bellcrank.simulation.interpolation import with_jumps
 from bellcrank.simulation.run_csv import titled
 from bellcrank.simulation.summary import event_consequence, run_facts
 from bellcrank.version import version
 
 if TYPE_CHECKING:
-    from bellcrank.simulation.record import Event
+    from bellcrank.simulation.events import Event
     from bellcrank.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]

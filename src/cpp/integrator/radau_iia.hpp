@@ -1,7 +1,7 @@
 // Radau IIA of order 5: E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, sec. IV.8.
 #pragma once
 
-#include "newton.hpp"
+#include "simplified_newton.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {

@@ -15,7 +15,7 @@ from bellcrank.files.atomic_write import write_text
 from bellcrank.files.csv_files import guarded
 
 if TYPE_CHECKING:
-    from bellcrank.studies.sweep import Design, Sweep
+    from bellcrank.studies.sweep_result import Design, Sweep
 
 MOST_LINES = 64  # of designs on screen: the first and the last of them
 LONGEST_REASON = 110

@@ -5,7 +5,7 @@
 // stretch was taken for smooth; 1 of 30 on an even grid).
 #pragma once
 
-#include "rhs.hpp"
+#include "right_hand_side.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {

@@ -1,7 +1,7 @@
 // What stages of a step say of the motion within it, before any evaluation is spent on a dense output.
 #pragma once
 
-#include "tableaus.hpp"
+#include "runge_kutta_tableaus.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
@@ -10,11 +10,11 @@ namespace BELLCRANK_ISA {
 // lack to the coefficients of a polynomial. The stages are those of DOP853 whose arguments satisfy sum_j a_ij c_j^k =
 // c_i^(k + 1) / (k + 1) up to k = 4, far apart.
 template <class Method>
-struct OutlineTerms {
+struct StagePolynomialTerms {
   static constexpr int stage[3] = {7, 10, 9};
   double two[2][2] = {}, three[3][3] = {};
 
-  constexpr OutlineTerms() {
+  constexpr StagePolynomialTerms() {
     double a[3][3] = {};
     for (int i = 0; i < 3; ++i) {
       const double s = Method::c[stage[i]], r = 1 - s;

@@ -6,7 +6,7 @@
 #include <cstring>
 #include <new>
 
-#include "lanes.hpp"
+#include "simd_lanes.hpp"
 #include "problem.hpp"
 
 namespace bellcrank {

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from bellcrank.studies.axes import Axis
-    from bellcrank.studies.sweep import Array, Sweep
+    from bellcrank.studies.sweep_result import Array, Sweep
 
 LINE, FAILED = "#0072B2", "#D55E00"
 MOST = 12  # panels

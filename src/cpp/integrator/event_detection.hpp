@@ -5,8 +5,8 @@
 // end at the event: its time and state are as exact as those of any step.
 #pragma once
 
-#include "control.hpp"
-#include "event_samples.hpp"
+#include "step_size_control.hpp"
+#include "event_sampling.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {

@@ -1,9 +1,9 @@
 // The slopes of one explicit step, and their weighted sums.
 #pragma once
 
-#include "lanes.hpp"
-#include "rhs.hpp"
-#include "tableaus.hpp"
+#include "simd_lanes.hpp"
+#include "right_hand_side.hpp"
+#include "runge_kutta_tableaus.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {

@@ -6,8 +6,8 @@
 
 #include <utility>
 
-#include "lanes.hpp"
-#include "rhs.hpp"
+#include "simd_lanes.hpp"
+#include "right_hand_side.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {

@@ -2,17 +2,17 @@
 // at compile time (0: any number), and the sums over stages are unrolled from the table without its zeros.
 #pragma once
 
-#include "control.hpp"
-#include "outline.hpp"
-#include "stages.hpp"
+#include "step_size_control.hpp"
+#include "stage_polynomials.hpp"
+#include "runge_kutta_stages.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
 
 template <class Method, int Blocks>
-class Explicit {
+class ExplicitRungeKutta {
  public:
-  explicit Explicit(Rhs& rhs)
+  explicit ExplicitRungeKutta(Rhs& rhs)
       : rhs_(rhs), p_(rhs.problem), blocks_((p_.n + 3) / 4), main_(blocks_, rhs), redo_(blocks_, rhs), x_(lanes()),
         old_(lanes()), tolerance_(lanes()), dense_(lanes() * 7) {
     for (int i = 0; i < static_cast<int>(lanes()); ++i) tolerance_[i] = i < p_.norm_size ? p_.atol : INFINITY;
@@ -81,7 +81,7 @@ class Explicit {
   // slopes of stages, of degree 6, or 5 where not `finer`.
   void sketch(double s, double* x, bool finer = true) {
     if (dense_ready_ || Method::fsal) interpolate(s, x);
-    else if constexpr (Method::extra == 3) outline(s, x, finer);
+    else if constexpr (Method::extra == 3) stage_polynomial(s, x, finer);
     else cubic(s, x);
   }
 
@@ -140,14 +140,14 @@ class Explicit {
   Room<4 * Blocks> x_, old_, tolerance_;
   Room<28 * Blocks> dense_;
   double next_ = 0;
-  bool dense_ready_ = false, outlined_ = false;  // dense_: of the dense output, or else of the outline
+  bool dense_ready_ = false, stage_polynomial_ready_ = false;  // dense_: of the dense output, or else of the stage polynomial
 
   int blocks() const { return Blocks ? Blocks : blocks_; }
   std::size_t lanes() const { return 4 * static_cast<std::size_t>(blocks()); }
 
   void begin_step() {
     t_old = t;
-    dense_ready_ = outlined_ = false;
+    dense_ready_ = stage_polynomial_ready_ = false;
     const double* f = main_.k + last * lanes();
     for (int b = 0; b < blocks(); ++b) {
       at(old_ + 4 * b) = at(x_ + 4 * b);
@@ -257,10 +257,10 @@ class Explicit {
 
   // The cubic plus s^2 (1 - s)^2 times a polynomial, so that the slopes at three stages are met too (or at two of them);
   // these stages are exact to the sixth power of the step.
-  void outline(double s, double* x, bool finer) {
+  void stage_polynomial(double s, double* x, bool finer) {
     const double h = t - t_old, v = s * s * (1 - s) * (1 - s);
     const std::size_t w = lanes();
-    if (!outlined_) outline_terms(h);
+    if (!stage_polynomial_ready_) make_stage_polynomial(h);
     const double* more = dense_ + (finer ? 2 : 0) * w;
     for (int b = 0; b < blocks(); ++b) {
       Lanes sum = at(more + w + 4 * b) * s;
@@ -270,9 +270,9 @@ class Explicit {
     rhs_.normalise(x);
   }
 
-  __attribute__((noinline)) void outline_terms(double h) {
-    constexpr auto stage = OutlineTerms<Method>::stage;
-    constexpr OutlineTerms<Method> terms;
+  __attribute__((noinline)) void make_stage_polynomial(double h) {
+    constexpr auto stage = StagePolynomialTerms<Method>::stage;
+    constexpr StagePolynomialTerms<Method> terms;
     const std::size_t w = lanes();
     for (int b = 0; b < blocks(); ++b) {
       const Lanes f = h * at(main_.k + 4 * b), g = h * at(main_.k + last * w + 4 * b);
@@ -286,7 +286,7 @@ class Explicit {
         at(dense_ + (2 + i) * w + 4 * b) =
             terms.three[i][0] * missing[0] + terms.three[i][1] * missing[1] + terms.three[i][2] * missing[2];
     }
-    outlined_ = true;
+    stage_polynomial_ready_ = true;
   }
 
   // Slope of the cubic through values d apart with the slopes f and g, all times the step's size.

@@ -1,7 +1,7 @@
-"""What a saved run's file must hold, checked when it is read: each entry's type and range, each array's shape and
-numbers, and that these agree with each other and with the scene in the file.
+"""Checks of a saved run's content when it is read: the type and range of each entry, the shape and numbers of each array,
+and that these agree with each other and with the scene in the file.
 
-Whether the numbers are a motion of the scene is not checked here: the run's certificate judges that anew.
+Whether the numbers are a motion of the scene is not checked here: that is what `Trajectory.warnings` is for.
 """
 
 from __future__ import annotations
@@ -16,19 +16,21 @@ from numpy.typing import NDArray
 from bellcrank.dynamics.constraint_angles import turning
 from bellcrank.dynamics.prescribed_motion_end import drive_end
 from bellcrank.scene.settings import STABILISATIONS, Settings, Stabilisation
-from bellcrank.simulation.record import Statistics, Unresolved
 from bellcrank.simulation.run_archive import brief
+from bellcrank.simulation.statistics import Statistics, Unresolved
 from bellcrank.simulation.status import Status
+from bellcrank.simulation.unit_parts import unit_parts
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
-Check = Callable[[Any, str], Any]  # of a value and its name: the value, or ValueError
+Check = Callable[[Any, str], Any]  # takes a value and its name; returns the value, or raises ValueError
+OLD_STATUSES = ("drive_ended",)  # of version 0.4
 LARGEST_COUNT = 2**62
 LONGEST_PATH = 4096  # characters
-UNIT = 1e-6  # by which the length of a rotation's part of the state may miss 1; the solver keeps it to rounding
-SAME = 1e-9  # share by which a number that the file has twice may differ
+UNIT = 1e-6  # by which the length of a unit vector in the state may differ from 1; the solver keeps it to rounding
+SAME = 1e-9  # relative difference of a number that the file holds twice
 
 
 # ---- the JSON text
@@ -83,12 +85,12 @@ def one_of(known: Collection[str]) -> Check:
 
 
 def maybe(check: Check) -> Check:
-    """null, or what the check takes."""
+    """null, or what the check accepts."""
     return lambda value, name: None if value is None else check(value, name)
 
 
 def each(check: Check) -> Check:
-    """A list of what the check takes."""
+    """A list of what the check accepts."""
 
     def checked(value: Any, name: str) -> list[Any]:
         if not isinstance(value, list):
@@ -99,7 +101,7 @@ def each(check: Check) -> Check:
 
 
 def named(check: Check) -> Check:
-    """A mapping of any names to what the check takes."""
+    """A mapping of any names to what the check accepts."""
 
     def checked(value: Any, name: str) -> dict[str, Any]:
         if not isinstance(value, dict):
@@ -110,7 +112,7 @@ def named(check: Check) -> Check:
 
 
 def keys(known: Mapping[str, Check], optional: Collection[str] = ()) -> Check:
-    """A mapping of these keys, all there but for the optional ones, to what their checks take."""
+    """A mapping of these keys, of which only the optional ones may be missing, to what their checks accept."""
 
     def checked(value: Any, name: str) -> dict[str, Any]:
         if not isinstance(value, dict):
@@ -130,7 +132,7 @@ def keys(known: Mapping[str, Check], optional: Collection[str] = ()) -> Check:
 
 
 def anything(value: Any, name: str) -> Any:
-    """What is kept for people, and not read."""
+    """Information for people, which is not read."""
     return value
 
 
@@ -158,7 +160,7 @@ _STATISTICS = keys(
 _ABOUT = keys(
     {
         "format": text, "version": count, "scene": text, "urdf": path, "files": named(text),
-        "status": lambda value, name: Status(one_of(tuple(Status))(value, name)),
+        "status": lambda value, name: Status(one_of((*Status, *OLD_STATUSES))(value, name)),
         "settings": lambda value, name: Settings(**_SETTINGS(value, name)),
         "statistics": _STATISTICS, "error_estimate": maybe(amount),
         "events": each(keys({"name": text, "stopped": flag})),
@@ -170,7 +172,7 @@ _ABOUT = keys(
 
 
 def checked_about(about: dict[str, Any]) -> dict[str, Any]:
-    """The entries of a run's JSON text, `status`, `settings` and `statistics` as what they are in a run.
+    """The entries of a run's JSON text, with `status`, `settings` and `statistics` as objects.
 
     Raises ValueError, or InputError where a setting is out of its range.
     """
@@ -184,8 +186,9 @@ def checked_about(about: dict[str, Any]) -> dict[str, Any]:
 
 
 def check_arrays(about: Mapping[str, Any], arrays: Mapping[str, Array], scene: Scene, widths: Collection[int]) -> None:
-    """Refuse (ValueError) arrays that do not fit each other, the checked text, or the scene; the state must have one of
-    the `widths`.
+    """Refuse arrays that do not fit each other, the checked text or the scene (ValueError).
+
+    The state must have one of the `widths`.
     """
     robot, events = scene.robot, len(about["events"])
     sources, signals = scene.signal_sources, len(about["signals"])
@@ -221,7 +224,7 @@ def check_arrays(about: Mapping[str, Any], arrays: Mapping[str, Array], scene: S
         _check_signal(f"signal_{k}", arrays[f"signal_{k}_breaks"], arrays[f"signal_{k}_coefficients"], source.width)
     _check_numbers(about, arrays)
     _check_rotations(arrays, scene)
-    _check_story(about, arrays, scene)
+    _check_agreement(about, arrays, scene)
 
 
 def _check_signal(name: str, breaks: Array, coefficients: Array, width: int) -> None:
@@ -235,7 +238,7 @@ def _check_signal(name: str, breaks: Array, coefficients: Array, width: int) -> 
 
 
 def _check_numbers(about: Mapping[str, Any], arrays: Mapping[str, Array]) -> None:
-    """Times are finite, do not decrease and lie in the run; states are finite, but for the end of a run that failed."""
+    """Times are finite, do not decrease and lie in the run; states are finite, except at the end of a run that failed."""
     latest = about["settings"].duration * (1.0 + SAME)
     for name in ("time", "steps", "event_time"):
         values = arrays[name]
@@ -254,36 +257,36 @@ def _check_numbers(about: Mapping[str, Any], arrays: Mapping[str, Array]) -> Non
 
 def _check_rotations(arrays: Mapping[str, Array], scene: Scene) -> None:
     """Unit quaternions, and unit cosines and sines of planar joints, in all finite states and events."""
-    from bellcrank.simulation.simulate import unit_parts
-
     for name in ("state", "event_position"):
         rows = arrays[name][np.isfinite(arrays[name]).all(axis=1)]
-        for first, length in unit_parts(scene):
+        for first, length in unit_parts(scene.robot.joints):
             off = np.abs(np.sqrt(np.square(rows[:, first : first + length]).sum(axis=1)) - 1.0)
             if not (off <= UNIT).all():
                 raise ValueError(f"'{name}' has a rotation whose length is not 1")
 
 
-def _check_story(about: Mapping[str, Any], arrays: Mapping[str, Array], scene: Scene) -> None:
-    """What the status, events and parameters say must agree with each other and with the scene."""
+def _check_agreement(about: Mapping[str, Any], arrays: Mapping[str, Array], scene: Scene) -> None:
+    """Status, events and parameters must agree with each other and with the scene."""
     status, events = about["status"], about["events"]
     rules = {rule.name: rule for rule in scene.events}
     for event in events:
         if event["name"] not in rules:
             raise ValueError(f"the scene has no event {brief(event['name'])}")
         if event["stopped"] != rules[event["name"]].stop:
-            raise ValueError(f"the event {brief(event['name'])} stops the run in one place and not in the other")
+            raise ValueError(
+                f"the event {brief(event['name'])} ends the run in the scene, or in the file, but not in both"
+            )
     stopped = [event["stopped"] for event in events]
     if ((status is Status.EVENT) != (stopped[-1:] == [True]) and status is not Status.TURNED_OVER) or any(stopped[:-1]):
-        raise ValueError(f"the status is '{status}', which is not what its events say")
+        raise ValueError(f"the status is '{status}', which its events contradict")
     statistics = about["statistics"]
     for name in (*(entry.event for entry in statistics.unresolved), *statistics.omitted_events):
         if name not in rules:
             raise ValueError(f"the scene has no event {brief(name)}")
     if status is Status.TURNED_OVER and not turning(scene):
         raise ValueError(f"the status is '{status}', and the scene has no weld or hinge")
-    if status is Status.DRIVE_ENDED and drive_end(scene) is None:
-        raise ValueError(f"the status is '{status}', and the scene has no drive that ends")
+    if status is Status.PRESCRIBED_MOTION_ENDED and drive_end(scene) is None:
+        raise ValueError(f"the status is '{status}', and the scene has no prescribed motion that ends")
     steps, duration = arrays["steps"], about["settings"].duration
     if status is Status.FINISHED and not (len(steps) and steps[-1] >= duration * (1.0 - SAME)):
         raise ValueError(f"the status is '{status}', and its steps do not reach the duration of {duration:.6g} s")

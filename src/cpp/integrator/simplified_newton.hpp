@@ -3,9 +3,9 @@
 // and the Jacobian are kept while they serve. Equations are multiplied by the step, so that none is too small.
 #pragma once
 
-#include "control.hpp"
-#include "linear.hpp"
-#include "tableaus.hpp"
+#include "step_size_control.hpp"
+#include "linear_solver.hpp"
+#include "runge_kutta_tableaus.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {

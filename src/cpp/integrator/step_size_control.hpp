@@ -2,7 +2,7 @@
 // constants of SciPy's solve_ivp, so that both take the same steps.
 #pragma once
 
-#include "rhs.hpp"
+#include "right_hand_side.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
-    from bellcrank.studies.sweep import Sweep
+    from bellcrank.studies.sweep_result import Sweep
 
 _SUFFIXES = (".csv", ".json")
 

@@ -8,9 +8,9 @@
 
 namespace bellcrank {
 
-class Blocks {
+class Checkpoints {
  public:
-  Blocks(nanobind::object take, double seconds) : take_(std::move(take)), next_(after(seconds)) {}
+  Checkpoints(nanobind::object take, double seconds) : take_(std::move(take)), next_(after(seconds)) {}
 
   bool due() const { return !take_.is_none() && Clock::now() >= next_; }
 

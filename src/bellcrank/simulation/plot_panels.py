@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bellcrank.dynamics.system import system_of
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 from bellcrank.motion.resampling import BETWEEN, SHARE, extreme_rows, ranges, refined
-from bellcrank.simulation.run_between import between, with_jumps
+from bellcrank.simulation.interpolation import between, with_jumps
 from bellcrank.simulation.run_csv import output_labels, titled, torque_unit
 
 if TYPE_CHECKING:

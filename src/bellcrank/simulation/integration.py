@@ -1,0 +1,251 @@
+"""Integration of a scene: its equations go to the integrator, and what it finds becomes a `Trajectory`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank._step import integrate
+from bellcrank.codegen import llvm as machine
+from bellcrank.codegen.compile import make_ready
+from bellcrank.derived import computed_once
+from bellcrank.dynamics.binding_rows import binding_of, coordinate_weights
+from bellcrank.dynamics.consistent_start import consistent_start
+from bellcrank.dynamics.constraint_angles import cosines_along, turning
+from bellcrank.dynamics.prescribed_motion_end import drive_end, signals_until
+from bellcrank.dynamics.singular_mass import massless_motion
+from bellcrank.dynamics.system import LARGEST_STAGED, System, system_of
+from bellcrank.elements.signals import values_at
+from bellcrank.errors import InputError
+from bellcrank.scene.constraint_conditions import ContactLost
+from bellcrank.scene.scene import Scene
+from bellcrank.simulation.events import Event, event_at
+from bellcrank.simulation.integration_problem import EventSearch, IntegrationProblem, Kernels, StateLayout, StepControl
+from bellcrank.simulation.statistics import statistics_of
+from bellcrank.simulation.status import Status
+from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.simulation.unit_parts import unit_parts
+from bellcrank.terminal import interruption
+
+if TYPE_CHECKING:
+    from bellcrank._step import StepResult
+    from bellcrank.scene.settings import Settings
+    from bellcrank.simulation.checkpoints import CheckpointWriter
+
+Array = NDArray[np.float64]
+LEAST_ATOL = 1e-100  # a smaller one changes nothing, and squares of its fractions would underflow
+BATCH_OUTPUTS = 32  # from so many outputs on they are projected many at a time
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Wanted:
+    """What of a run is wanted.
+
+    Attributes:
+        times: Times (m,) s of the rows.
+        every_step: Rows at the ends of the solver's steps instead.
+        progress: Called with the time reached.
+        checkpoints: Keeps the run on disk while it is computed.
+    """
+
+    times: Array
+    every_step: bool = False
+    progress: Callable[[float], None] | None = None
+    checkpoints: CheckpointWriter | None = None
+
+
+def integrate_scene(scene: Scene, settings: Settings, parameters: Array, wanted: Wanted, projected: bool) -> Trajectory:
+    """Integrate a scene with other settings and parameters of its equations; `projected`: onto its constraints.
+
+    Raises InputError where the start is none: accelerations that are not finite, massless motion, an open contact.
+    """
+    system, signals, duration, times = system_of(scene), scene.signals, settings.duration, wanted.times
+    end = drive_end(scene)
+    if end is not None and end.time <= duration:
+        duration, signals, times = end.time, signals_until(scene, end.time), times[times <= end.time]
+    if binding_of(scene).massless:
+        _refuse_massless_motion(scene)
+    x0 = np.zeros(system.size)
+    q0, v0 = consistent_start(scene)
+    x0[: system.nq], x0[system.nq : system.nq + system.nv] = q0, v0
+    _refuse_open_contact(scene, parameters, x0)
+    # code for many states at once pays off where an evaluation is cheap beside it
+    batched = (
+        projected
+        and not wanted.every_step
+        and not signals
+        and system.size <= LARGEST_STAGED
+        and len(times) >= BATCH_OUTPUTS
+    )
+    kernels = _kernels(scene, system, settings.solver == "Radau", projected, batched)
+    checkpoints = wanted.checkpoints
+    if checkpoints is not None:
+        checkpoints.begin(scene, settings, parameters, signals)
+    result = integrate(
+        IntegrationProblem(
+            kernels=kernels,
+            layout=_state_layout(scene),
+            control=StepControl(
+                method=settings.solver,
+                rtol=settings.rtol,
+                atol=max(settings.atol, LEAST_ATOL),
+                step=settings.step or 0.0,
+                first_step=settings.first_step or 0.0,
+                max_step=settings.max_step or math.inf,
+                max_evaluations=settings.max_evaluations,
+            ),
+            t1=duration,
+            x0=x0,
+            parameters=parameters,
+            signals=signals,
+            stops=scene.stops,
+            events=_event_search(scene),
+            times=times,
+            every_step=wanted.every_step,
+            progress=wanted.progress,
+            checkpoint=None if checkpoints is None else checkpoints.add,
+            checkpoint_interval=0.0 if checkpoints is None else checkpoints.every,
+        )
+    )
+    status = _STATUSES[result.status]
+    if status is Status.INTERRUPTED:
+        interruption.cut_short()
+    if status is Status.FINISHED and duration < settings.duration:
+        status = Status.PRESCRIBED_MOTION_ENDED
+    if status is Status.NON_FINITE and result.accepted == 0:
+        _refuse_infinite_start(scene, parameters, x0)
+    time, state = result.time, result.state
+    if not len(time) or (status is not Status.FINISHED and time[-1] < result.end_time):
+        time, state = np.append(time, result.end_time), np.vstack([state, result.end_state[None]])
+    events = _events(scene, result, parameters) if scene.events else ()
+    statistics = statistics_of(scene, result, result.event_index)
+    return until_turned_over(
+        Trajectory(scene, settings, time, state, parameters, signals, status, events, statistics, result.steps)
+    )
+
+
+_STATUSES = tuple(Status)
+
+
+def _events(scene: Scene, result: StepResult, parameters: Array) -> tuple[Event, ...]:
+    nq, nv = scene.robot.nq, scene.robot.nv
+    return tuple(
+        event_at(scene, int(k), float(t), x[:nq], x[nq : nq + nv], parameters)
+        for k, t, x in zip(result.event_index, result.event_time, result.event_state, strict=True)
+    )
+
+
+def repeat_run(run: Trajectory, settings: Settings, times: Array, parameters: Array) -> Trajectory:
+    """Integrate a run's scene again, projected onto its constraints, with rows at `times` (m,) s."""
+    return integrate_scene(run.scene, settings, parameters, Wanted(times=times), projected=bool(run.scene.constraints))
+
+
+def until_turned_over(run: Trajectory) -> Trajectory:
+    """The run up to the row before one in which a weld or hinge is turned by more than a quarter turn."""
+    scene, time = run.scene, run.time
+    if not turning(scene):
+        return run
+    good = (cosines_along(scene, time, run.state, scene.signals_at(time), run.parameters) > 0.0).all(axis=1)
+    if good.all():
+        return run
+    rows = max(int(np.argmin(good)), 1)
+    events = tuple(event for event in run.events if event.time <= time[rows - 1])
+    return replace(run, time=time[:rows], state=run.state[:rows], status=Status.TURNED_OVER, events=events)
+
+
+# ---- the integrator's records
+
+
+def _kernels(scene: Scene, system: System, implicit: bool, projected: bool, batched: bool) -> Kernels:
+    """The compiled functions that a run calls; those that are missing are compiled."""
+    staged = not implicit and system.size <= LARGEST_STAGED
+    code = {"rhs": (system.stage if staged else system.rhs, "scalar")}
+    if scene.events:
+        code["events"] = (system.events, "scalar")
+    if implicit and system.whole_jacobian:
+        code["jacobian"] = (system.jacobian, "scalar")
+    elif implicit:
+        code["tangent"] = (system.tangent, "batch")
+    if scene.constraints:
+        code["fallback"] = (system.fallback_stage if staged else system.fallback, "scalar")
+    if projected:
+        code["project"], code["project_fallback"] = (system.project, "scalar"), (system.project_fallback, "scalar")
+    if batched:
+        code["project_batch"] = (system.project, "batch")
+    addresses = dict(zip(code, make_ready(tuple(code.values())), strict=True))
+    return Kernels(staged=staged, lanes=machine.target().lanes if implicit or batched else 1, **addresses)
+
+
+@computed_once
+def _state_layout(scene: Scene) -> StateLayout:
+    system = system_of(scene)
+    prescribed = any(constraint.source is not None for constraint in scene.constraints)
+    return StateLayout(
+        norm_size=system.size if prescribed else system.nq + system.nv,
+        nq=system.nq,
+        unit_parts=unit_parts(scene.robot.joints),
+        weights=coordinate_weights(scene) if scene.constraints else None,
+    )
+
+
+@computed_once
+def _event_search(scene: Scene) -> EventSearch:
+    return EventSearch(
+        terminal=[event.stop for event in scene.events],
+        direction=[event.direction for event in scene.events],
+        samples=2 if all(isinstance(event.when, ContactLost) for event in scene.events) else 8,
+    )
+
+
+# ---- starts that are refused
+
+
+def _refuse_massless_motion(scene: Scene) -> None:
+    """Name the joints that can move without moving mass, at the scene's own parameters (InputError)."""
+    motion = massless_motion(scene)
+    if motion is not None:
+        raise InputError(f"{scene.source}: {motion}")
+
+
+def _refuse_open_contact(scene: Scene, parameters: Array, x0: Array) -> None:
+    """Name a rolling contact whose plane would have to pull at the start already (InputError)."""
+    places = _contact_events(scene)
+    if not places:
+        return
+    normal = system_of(scene).events(np.zeros(1), x0, values_at(scene.signals, np.zeros(1))[0], parameters)
+    for k in places:
+        rule = scene.events[k].when
+        assert isinstance(rule, ContactLost)
+        if normal[k] < 0.0:
+            raise InputError(
+                f"{scene.source}: constraints: '{rule.constraint}' is not in contact at the start: its plane would "
+                f"have to pull by {-normal[k]:.6g} N; change the start or the forces, or write two_sided: true if the "
+                "plane can pull"
+            )
+
+
+@computed_once
+def _contact_events(scene: Scene) -> tuple[int, ...]:
+    """The numbers of the events that end the run where a rolling contact would pull."""
+    return tuple(k for k, rule in enumerate(scene.events) if rule.stop and isinstance(rule.when, ContactLost))
+
+
+def _refuse_infinite_start(scene: Scene, parameters: Array, x0: Array) -> None:
+    """Name the joint whose acceleration is not finite at the start, and the remedies (InputError)."""
+    system = system_of(scene)
+    u = scene.signals_at(np.zeros(1))[0]
+    rhs = system.fallback if scene.constraints else system.rhs
+    rate = rhs(np.zeros(1), x0, u, parameters)[system.nq : system.nq + system.nv]
+    bad = np.flatnonzero(~np.isfinite(rate))
+    if len(bad):
+        where = next(j.name for j in reversed(scene.robot.joints) if j.v <= bad[0])
+        raise InputError(
+            f"{scene.source}: the acceleration of joint '{where}' is not finite at the start: either the links beyond "
+            "it have no inertia about its axis (give them mass), or a force, gain or parameter is undefined or too "
+            "large there"
+        )

@@ -1,0 +1,140 @@
+"""What the integrator is given, as typed records. The extension `_step` reads each attribute once (integrate.cpp)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from bellcrank._step import StepBlock
+    from bellcrank.elements.signals import Signal
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Kernels:
+    """Addresses of compiled functions of (t, x, u, p); 0 where there is none.
+
+    Attributes:
+        rhs: The state's rate; where `fallback` is given, a guard as well.
+        staged: `rhs` and `fallback` take (t, x, u, p, k, s) and evaluate at x + s k; up to 16 states, not for Radau.
+        fallback: The state's rate where the guard of `rhs` is not positive.
+        jacobian: d rhs / dx (n, n), column by column, for Radau.
+        tangent: d rhs / dx · dx for many dx at once, for Radau without a Jacobian.
+        lanes: How many rows a batch kernel computes at once.
+        events: The event functions.
+        project: A Newton correction of (q, v) onto the constraints, and a guard. It is applied until it moves q no more.
+        project_fallback: The correction where the guard of `project` is not positive.
+        project_batch: `project` for many states at once, for outputs; only without signals.
+    """
+
+    rhs: int
+    staged: bool = False
+    fallback: int = 0
+    jacobian: int = 0
+    tangent: int = 0
+    lanes: int = 1
+    events: int = 0
+    project: int = 0
+    project_fallback: int = 0
+    project_batch: int = 0
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StateLayout:
+    """The parts of a state.
+
+    Attributes:
+        norm_size: How many of the first entries the error control looks at.
+        nq: How many of the first entries are positions.
+        unit_parts: (first, length) of the parts that stay unit vectors.
+        weights: 1 over the characteristic size of each position (nq,), for corrections; None: all are 1.
+    """
+
+    norm_size: int
+    nq: int = 0
+    unit_parts: Sequence[tuple[int, int]] = ()
+    weights: Array | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EventSearch:
+    """How events are looked for; one entry an event function.
+
+    Attributes:
+        terminal: Whether the event ends the run.
+        direction: 1: from below zero to above; −1: from above to below; 0: both.
+        samples: How often the functions are evaluated in a step at first: 2, or else 8 times.
+    """
+
+    terminal: Sequence[bool] = ()
+    direction: Sequence[int] = ()
+    samples: int = 8
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StepControl:
+    """The method and its step sizes.
+
+    Attributes:
+        method: "RK4", "RK45", "DOP853" or "Radau".
+        rtol: Relative tolerance.
+        atol: Absolute tolerance; the error is kept below atol + rtol |x|, as in scipy.integrate.solve_ivp.
+        step: A fixed step size, s; 0: the error control chooses it.
+        first_step: The first step size, s; 0: chosen.
+        max_step: The largest step size, s.
+        max_evaluations: The run ends after so many evaluations of the right-hand side.
+    """
+
+    method: str
+    rtol: float
+    atol: float
+    step: float = 0.0
+    first_step: float = 0.0
+    max_step: float = math.inf
+    max_evaluations: int = 10**8
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class IntegrationProblem:
+    """x' = rhs(t, x, u, p) from t0 to t1, with events, outputs and what is called meanwhile.
+
+    Attributes:
+        kernels: The compiled functions.
+        layout: The parts of the state.
+        control: The method and its step sizes.
+        t0: s.
+        t1: s.
+        x0: State (n,) at t0.
+        parameters: p.
+        signals: u, as piecewise polynomials of t.
+        stops: Times, s, at which forces jump: steps end there.
+        events: How events are looked for.
+        times: Times, s, at which the state is wanted, increasing.
+        every_step: The state is wanted at the end of every step instead.
+        progress: Called with the time about every 0.1 s.
+        checkpoint: Called with what was found since it was called before; returns the seconds until the next call.
+        checkpoint_interval: Seconds of computing until the first call of it.
+    """
+
+    kernels: Kernels
+    layout: StateLayout
+    control: StepControl
+    t0: float = 0.0
+    t1: float
+    x0: Array
+    parameters: Array
+    signals: Sequence[Signal] = ()
+    stops: Array = field(default_factory=lambda: np.empty(0))
+    events: EventSearch = EventSearch()
+    times: Array = field(default_factory=lambda: np.empty(0))
+    every_step: bool = False
+    progress: Callable[[float], object] | None = None
+    checkpoint: Callable[[StepBlock], float] | None = None
+    checkpoint_interval: float = 0.0

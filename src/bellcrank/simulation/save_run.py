@@ -1,0 +1,134 @@
+"""Writes a run to one .npz file that holds its numbers to the bit and everything that they came from.
+
+Beside the arrays lies a JSON text with the scene, the URDF and the files that the scene names, so that a run can be
+loaded and checked again where the originals are gone. The file is plain numpy format, without pickled objects or code.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import math
+import platform
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.codegen import llvm as machine
+from bellcrank.elements.expression_constraint import Own
+from bellcrank.errors import InputError
+from bellcrank.simulation.run_format import RUN, VERSION, run_path, write_archive
+from bellcrank.simulation.run_start import explicit_start
+from bellcrank.text import readable
+from bellcrank.version import version
+
+if TYPE_CHECKING:
+    from bellcrank.scene.scene import Scene
+    from bellcrank.simulation.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+def save_run(run: Trajectory, path: str | Path, lasting: bool = False) -> Path:
+    """Write a run to an .npz file (the suffix is added where it is missing), atomically; returns its path.
+
+    The file holds time (s), state, parameters, steps, events and signals as float64, and a JSON text with scene, URDF,
+    status, settings, statistics, versions and machine. `lasting`: it survives a power cut. Raises InputError where the
+    file cannot be written.
+    """
+    about, arrays = file_contents(run)
+    nq, nv = run.robot.nq, run.robot.nv
+    arrays |= {
+        "time": run.time,
+        "state": run.state,
+        "steps": run.steps,
+        # for other programs; load_run computes them from the states
+        "multipliers": np.concatenate([part.multipliers for part in run.parts()]),
+        "event_time": np.array([event.time for event in run.events], dtype=np.float64),
+        "event_position": np.array([event.position for event in run.events]).reshape(-1, nq),
+        "event_velocity": np.array([event.velocity for event in run.events]).reshape(-1, nv),
+    }
+    target = run_path(path)
+    write_archive(target, about, arrays, lasting)
+    return target
+
+
+def file_contents(run: Trajectory) -> tuple[dict[str, Any], dict[str, Array]]:
+    """What a run's file holds beside its rows: the content of the JSON text, and the arrays of parameters and signals.
+
+    Raises InputError for a scene that no file can hold.
+    """
+    refuse_functions(run.scene)
+    scene, files = _scene_files(run.scene)
+    about = {
+        "format": RUN,
+        "version": VERSION,
+        "scene": scene,
+        "urdf": str(run.robot.mesh_source.resolve()),  # meshes are not copied
+        "files": files,
+        "status": str(run.status),
+        "settings": asdict(run.settings),
+        "statistics": asdict(run.statistics),
+        "error_estimate": run.known_estimate if math.isfinite(run.known_estimate or 0.0) else None,
+        "events": [{"name": event.name, "stopped": event.stopped} for event in run.events],
+        "signals": [{k: v for k, v in vars(s).items() if not isinstance(v, np.ndarray)} for s in run.signals],
+        "versions": {"bellcrank": version()} | {p: _version(p) for p in ("pin", "casadi", "llvmlite", "numpy")},
+        "machine": {"target": asdict(machine.target()), "python": platform.python_version(), "on": platform.platform()},
+    }
+    arrays: dict[str, Array] = {"parameters": run.scene.own_parameters}
+    for k, signal in enumerate(run.signals):
+        arrays |= {f"signal_{k}_{name}": v for name, v in vars(signal).items() if isinstance(v, np.ndarray)}
+    return about, arrays
+
+
+def refuse_functions(scene: Scene) -> None:
+    """Refuse a scene with a constraint that is a Python function, which no file can hold (InputError)."""
+    own = [constraint.name for constraint in scene.constraints if isinstance(constraint, Own)]
+    if own:
+        raise InputError(
+            f"{scene.name}: constraint '{own[0]}' is a Python function, which no file can hold; write it as "
+            "{kind: expression} in the scene, or save the run as CSV (to_csv)"
+        )
+
+
+def _scene_files(scene: Scene) -> tuple[str, dict[str, str]]:
+    """The name of the scene's file, and the texts by name of all files that loading it from one folder takes."""
+    import yaml
+
+    folder, texts = scene.source.parent, scene.files
+    files: dict[str, str] = {}
+
+    def gathered(value: Any, key: str = "") -> Any:
+        if isinstance(value, dict):
+            return {k: gathered(v, k) for k, v in value.items()}
+        if isinstance(value, list):
+            return [gathered(v) for v in value]
+        if key == "file" and value in texts:
+            return _add(files, folder / value, texts[value])
+        return value
+
+    data = gathered(scene.data)
+    if scene.initial.saved is not None:
+        data |= explicit_start(scene)  # the state itself: the run that it came from may be gone
+    data |= {"name": readable(scene.name), "urdf": _add(files, scene.robot.source, scene.robot.urdf.text)}
+    text = yaml.safe_dump(data, allow_unicode=True, sort_keys=False)
+    return _add(files, scene.source.with_suffix(".yaml"), text), files
+
+
+def _add(files: dict[str, str], path: Path, text: str) -> str:
+    """Add a file's text under its name, or the name with a number where it is taken; returns the name."""
+    name, number = readable(path.name), 1
+    while name in files and files[name] != text:
+        number += 1
+        name = readable(f"{path.stem}_{number}{path.suffix}")
+    files[name] = text
+    return name
+
+
+def _version(package: str) -> str:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"

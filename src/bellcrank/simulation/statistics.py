@@ -1,0 +1,106 @@
+"""What a run cost, and which events may have been missed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from bellcrank._step import StepBlock, StepResult
+    from bellcrank.scene.scene import Scene
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Unresolved:
+    """An event of which crossings may have been missed.
+
+    Attributes:
+        event: The event's name.
+        steps: In how many steps of the solver.
+        first: When first, s.
+        undefined: Its function is not a number there; otherwise it oscillates too fast.
+    """
+
+    event: str
+    steps: int
+    first: float
+    undefined: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Statistics:
+    """What the solver did.
+
+    Attributes:
+        steps: Accepted steps.
+        rejected: Rejected steps.
+        evaluations: Evaluations of the right-hand side.
+        jacobians: Evaluations of its Jacobian.
+        factorisations: LU factorisations.
+        kernel_time: Time in the integrator alone, s.
+        unresolved: Events of which crossings may have been missed.
+        longest_step: The longest step, s; None where it is not known.
+        omitted_events: How many events of a name happened that the run does not keep: of more than 100,000 events, each
+            name keeps at least its first 100 and its last.
+    """
+
+    steps: int
+    rejected: int
+    evaluations: int
+    jacobians: int
+    factorisations: int
+    kernel_time: float
+    unresolved: tuple[Unresolved, ...] = ()
+    longest_step: float | None = None
+    omitted_events: Mapping[str, int] = field(default_factory=dict)
+
+
+def statistics_of(scene: Scene, found: StepResult | StepBlock, kept: NDArray[np.int32]) -> Statistics:
+    """Statistics from what the integrator found so far; `kept` are the event functions of the events that are kept."""
+    unresolved: tuple[Unresolved, ...] = ()
+    omitted: dict[str, int] = {}
+    if scene.events:
+        unresolved = (
+            *_unresolved(scene, found.unresolved_count, found.unresolved_time),
+            *_unresolved(scene, found.undefined_count, found.undefined_time, undefined=True),
+        )
+        omitted = _omitted(scene, found.event_counts, kept)
+    return Statistics(
+        steps=found.accepted,
+        rejected=found.rejected,
+        evaluations=found.evaluations,
+        jacobians=found.jacobians,
+        factorisations=found.factorisations,
+        kernel_time=found.seconds,
+        unresolved=unresolved,
+        longest_step=found.longest_step,
+        omitted_events=omitted,
+    )
+
+
+def _unresolved(
+    scene: Scene, count: NDArray[np.int64], first: Array, undefined: bool = False
+) -> tuple[Unresolved, ...]:
+    """Events of which crossings may have been missed, from the number of such steps and a time (s) in the first."""
+    return tuple(
+        Unresolved(scene.events[k].name, steps, float(first[k]), undefined)
+        for k, steps in enumerate(count.tolist())
+        if steps
+    )
+
+
+def _omitted(scene: Scene, count: NDArray[np.int64], kept: NDArray[np.int32]) -> dict[str, int]:
+    """How many events of each name were found that are not among those `kept`."""
+    if sum(count.tolist()) == len(kept):  # the usual case, decided quickly
+        return {}
+    left = count - np.bincount(kept, minlength=len(count))
+    omitted: dict[str, int] = {}
+    for k in np.flatnonzero(left).tolist():
+        omitted[scene.events[k].name] = omitted.get(scene.events[k].name, 0) + int(left[k])
+    return omitted
