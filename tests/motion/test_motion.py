@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 import bellcrank
 from bellcrank.errors import InputError
 from bellcrank.motion import coordinates
+from bellcrank.motion.frame_motions import circle
 from bellcrank.motion.motion import Motion, join
-from bellcrank.motion.path import circle
 from bellcrank.motion.waypoints import dwell, waypoints
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import bellcrank
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.motion.csv_file import read_motion, write_motion
-from bellcrank.motion.path import circle
+from bellcrank.motion.frame_motions import circle
 from bellcrank.motion.waypoints import dwell, waypoints
 
 
@@ -161,7 +161,7 @@ def test_refuses_in_one_sentence_with_the_file(arm, tmp_path, text, words):
 def test_refuses_what_is_no_text_file(arm, tmp_path):
     with pytest.raises(InputError, match="there is no such file"):
         read_motion(arm, tmp_path / "none.csv")
-    with pytest.raises(InputError, match="cannot be read: it is a folder"):
+    with pytest.raises(InputError, match="is a folder"):
         read_motion(arm, tmp_path)
     (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00\x81")
     with pytest.raises(InputError, match="not valid UTF-8"):

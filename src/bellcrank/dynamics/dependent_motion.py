@@ -21,16 +21,10 @@ from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.csv_files import unguarded
 from bellcrank.messages import unknown_name
 from bellcrank.motion.csv_file import motion_text, read_motion
-from bellcrank.motion.entries import (
-    CsvEntry,
-    DwellEntry,
-    JoinEntry,
-    MotionEntry,
-    PathEntry,
-    Posture,
-    WaypointsEntry,
-)
+from bellcrank.motion.entries import CsvEntry, DwellEntry, JoinEntry, WaypointsEntry
+from bellcrank.motion.entry import MotionEntry, Posture
 from bellcrank.motion.motion import Motion, join
+from bellcrank.motion.path_entries import PathEntry
 from bellcrank.motion.waypoints import dwell
 
 if TYPE_CHECKING:

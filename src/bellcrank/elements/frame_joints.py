@@ -8,7 +8,9 @@ from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.controllers import Controller
 from bellcrank.elements.element import Part
 from bellcrank.elements.joint_relations import Drive
-from bellcrank.motion.entries import JoinEntry, MotionEntry, PathEntry
+from bellcrank.motion.entries import JoinEntry
+from bellcrank.motion.entry import MotionEntry
+from bellcrank.motion.path_entries import PathEntry
 from bellcrank.robot.robot import Robot
 
 

@@ -1,4 +1,4 @@
-"""Jumps of acceleration between the samples of a motion, found from what the samples say of each other.
+"""Jumps of acceleration between the samples of a motion, detected from the samples.
 
 Between two samples h apart the acceleration a(t) has a known mean and first moment:
 
@@ -6,63 +6,36 @@ Between two samples h apart the acceleration a(t) has a known mean and first mom
 
 The quintic Hermite polynomial has the acceleration a0 + (a1 − a0) s + s (1 − s) (α + β (s − ½)), s = t/h, with
 α = 6 ((v1 − v0)/h − (a0 + a1)/2) and β = −120 r/h², r = p1 − p0 − h (v0 + v1)/2 + h² (a1 − a0)/12. For smooth motions α
-and β follow from the neighbouring accelerations; where they do not, and a jump between the two neighbouring lines at
-one time satisfies both integrals, the jump is taken. Both equations and one unknown time: a jump that is not there
-does not satisfy them. Where a jump
-explains most of what the quintic adds, it is taken too; what it misses is made up by a cubic over the step. Positions
-and velocities are met in every case.
+and β follow from the neighbouring accelerations. Where they do not, and a jump at one time between the curves from
+either side satisfies both integrals, the jump is accepted: two equations and one unknown time, which only a real jump
+satisfies. A jump that explains most of what the quintic adds is accepted too, and a cubic over the step makes up for
+what it misses. Positions and velocities are met in every case.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bellcrank.motion.coordinates import Array
-from bellcrank.motion.differentiation import typical_noise
+from bellcrank.motion.jump_fit import AT_END, Parabola, Step, fitted_jump, integrals
 from bellcrank.motion.motion import Motion
+from bellcrank.motion.rounding import typical_noise
 
-SURPRISE = 1e-3  # of a joint's largest acceleration: less than this from what the neighbours say is smooth
-EXCESS = 5e-3  # of a joint's largest acceleration: the quintic may exceed the samples by this without more questions
+DEVIATION = 1e-3  # of a joint's largest acceleration: a smaller deviation from what the neighbours predict is smooth
+EXCESS = 5e-3  # of a joint's largest acceleration: the quintic may exceed the samples by this
 MISFIT = 4e-3  # of a jump: the two integrals agree with one time of the jump to this (a ramp is 4e-2 away)
-EXACT = 1e-6  # of a jump: so well it fits only where it is there
-RISE = 6.0  # times the surprise of the steps beside it: a jump stands out by this
-MANY = 200  # steps of one joint that surprise: more than this are noise
+EXACT = 1e-6  # of a jump: only a real jump fits so well
+RISE = 6.0  # times the deviation of the steps beside it: a jump stands out by this
+MANY = 200  # steps of one joint that deviate: more than this are noise
 TOGETHER = 5e-3  # of the step: joints that jump this close to each other jump at one time
 EQUAL = 1e-9  # of a joint's largest acceleration: limits that differ by less are one
-AT_END = 1e-3  # of the step: a jump this close to a sample is at the sample
-BACK = 5e-4  # of a joint's largest acceleration, times h²: how far a step may lead a moved position back
+RETURN = 5e-4  # of a joint's largest acceleration, times h²: by how much a step may lead a moved position back
+Mask = NDArray[np.bool_]
 EDGES = np.linspace(0.0, 1.0, 17)
-
-
-@dataclass(frozen=True)
-class Part:
-    """A part of a step: from `begin` (s after the step's start) on, the acceleration is c0 + c1 t + c2 t², t from the
-    step's start.
-    """
-
-    begin: float
-    c0: float
-    c1: float = 0.0
-    c2: float = 0.0
-
-    def at(self, t: float) -> float:
-        """Acceleration."""
-        return self.c0 + t * (self.c1 + t * self.c2)
-
-    def integrals(self, begin: float, end: float) -> tuple[float, float]:
-        """∫ a dt and ∫ (end − t) a dt from begin to end."""
-        b, e = begin, end
-        first = (e * (self.c0 + e * (self.c1 / 2.0 + e * self.c2 / 3.0))) - (
-            b * (self.c0 + b * (self.c1 / 2.0 + b * self.c2 / 3.0))
-        )
-        until = b * (self.c0 + b * (self.c1 / 2.0 + b * self.c2 / 3.0))
-        second = e * e * (self.c0 / 2.0 + e * (self.c1 / 6.0 + e * self.c2 / 12.0))
-        second -= b * b * (self.c0 / 2.0 + b * (self.c1 / 6.0 + b * self.c2 / 12.0))
-        return first, second - until * (e - b)
 
 
 @dataclass
@@ -73,7 +46,7 @@ class _Column:
 
     acceleration: Array
     shift: Array
-    parts: dict[int, list[Part]] = field(default_factory=dict)
+    parts: dict[int, list[Parabola]] = field(default_factory=dict)
 
 
 def with_jumps(motion: Motion, rounding: float = 0.0, steps: Mapping[int, Sequence[int]] | None = None) -> Motion:
@@ -96,66 +69,99 @@ def with_jumps(motion: Motion, rounding: float = 0.0, steps: Mapping[int, Sequen
 
 
 def _column(h: Array, p: Array, v: Array, a: Array, rounding: float, steps: Sequence[int] | None) -> _Column:
-    there = h > 0.0
-    if steps is not None:
-        doubtful = np.zeros(len(h), dtype=bool)
-        doubtful[list(steps)] = True
-    else:
-        doubtful = there.copy()
-    step = np.where(there, h, 1.0)
-    r = np.where(there, np.diff(p) - 0.5 * h * (v[1:] + v[:-1]) + h * h * np.diff(a) / 12.0, 0.0)
+    """The jumps of one joint, from its positions, velocities and accelerations (n,) at samples h (n − 1,) s apart."""
+    positive = h > 0.0
+    step = np.where(positive, h, 1.0)
+    r = np.where(positive, np.diff(p) - 0.5 * h * (v[1:] + v[:-1]) + h * h * np.diff(a) / 12.0, 0.0)
     doubt = typical_noise(r, 4.0 * rounding)
     settled = np.where(np.abs(r) <= doubt, r, 0.0)
     change, r = np.diff(p) - settled, r - settled
-    alpha = 6.0 * (np.diff(v) / step - 0.5 * (a[1:] + a[:-1]))
-    beta = -120.0 * r / step**2
-    surprise, beside = _surprise(h, a, alpha, beta)
+    quintic = _Quintic(a, 6.0 * (np.diff(v) / step - 0.5 * (a[1:] + a[:-1])), -120.0 * r / step**2)
+    deviation, beside = _deviation(h, a, quintic.alpha, quintic.beta)
     scale = float(np.abs(a).max(initial=0.0))
-    s = EDGES[:, None]
-    shape = a[:-1] + np.diff(a) * s + s * (1.0 - s) * (alpha + beta * (s - 0.5))
-    over = np.maximum(shape.max(axis=0) - np.maximum(a[1:], a[:-1]), np.minimum(a[1:], a[:-1]) - shape.min(axis=0))
+    over = quintic.excess()
     found = _Column(a, np.zeros_like(p))
-    slopes = np.diff(a) + alpha - 0.5 * beta, np.diff(a) - alpha - 0.5 * beta  # of the quintic at both ends, times h
-    bends = -2.0 * alpha + 3.0 * beta, -2.0 * alpha - 3.0 * beta
-    doubtful &= there & (surprise > SURPRISE * scale)
-    if np.count_nonzero(doubtful) > MANY:  # noise: what does not stand out of it is not looked at
-        doubtful &= surprise > RISE * beside
-    for k in np.flatnonzero(doubtful).tolist():
-        wanted = (v[k + 1] - v[k], p[k + 1] - p[k] - h[k] * v[k])
-        before, after = [(0.0, 0.0)], [(0.0, 0.0)]  # slopes and second derivatives of what comes from either side
-        if k > 0 and there[k - 1]:
-            before += [
-                ((a[k] - a[k - 1]) / h[k - 1], 0.0),
-                (slopes[1][k - 1] / h[k - 1], bends[1][k - 1] / h[k - 1] ** 2),
-            ]
-        if k + 1 < len(h) and there[k + 1]:
-            after += [
-                ((a[k + 2] - a[k + 1]) / h[k + 1], 0.0),
-                (slopes[0][k + 1] / h[k + 1], bends[0][k + 1] / h[k + 1] ** 2),
-            ]
-        low, high = _range(h, a, k)
-        ends = (float(a[k]), float(a[k + 1]))
-        distinct = surprise[k] > RISE * beside[k]
+    for k in _candidates(positive, deviation, beside, scale, steps):
+        distinct = deviation[k] > RISE * beside[k]
         most = 0.5 * float(over[k]) if distinct and over[k] > EXCESS * scale else 0.0
-        misfit = MISFIT if distinct else EXACT
-        parts = _jump(float(h[k]), ends, before, after, (low, high), wanted, doubt * distinct, misfit, most)
+        integrals_wanted = (v[k + 1] - v[k], p[k + 1] - p[k] - h[k] * v[k])
+        parts = fitted_jump(quintic.step(k, h, integrals_wanted), doubt * distinct, MISFIT if distinct else EXACT, most)
         if parts is not None:
             found.parts[k] = parts
-            taken = h[k] * v[k] + _integrals(float(h[k]), parts)[1]
+            taken = h[k] * v[k] + integrals(float(h[k]), parts)[1]
             change[k] = taken if abs(taken - (p[k + 1] - p[k])) <= doubt else p[k + 1] - p[k]
-    drift = change - np.diff(p)
-    if drift.any():
-        back = BACK * scale * h**2
-        back[list(found.parts)] = 0.0
-        for k, (moved, most) in enumerate(zip(drift.tolist(), back.tolist(), strict=True)):
-            shift = found.shift[k] + moved
-            found.shift[k + 1] = shift - min(max(shift, -most), most)
-        if np.abs(found.shift).max() > 4.0 * rounding:
-            found.shift[:] = 0.0
+    _shift_positions(found, change - np.diff(p), RETURN * scale * h**2, rounding)
     return found
 
 
-def _surprise(h: Array, a: Array, alpha: Array, beta: Array) -> tuple[Array, Array]:
+def _candidates(
+    positive: Mask, deviation: Array, beside: Array, scale: float, steps: Sequence[int] | None
+) -> list[int]:
+    """The steps in which a jump may be."""
+    candidates = positive & (deviation > DEVIATION * scale)
+    if steps is not None:
+        allowed = np.zeros(len(positive), dtype=bool)
+        allowed[list(steps)] = True
+        candidates &= allowed
+    if np.count_nonzero(candidates) > MANY:  # noise: only what stands out of it
+        candidates &= deviation > RISE * beside
+    found: list[int] = np.flatnonzero(candidates).tolist()
+    return found
+
+
+def _shift_positions(found: _Column, drift: Array, most_back: Array, rounding: float) -> None:
+    """Move the positions (n,) within rounding so that they agree with the jumps; `drift` (n − 1,) is by how much the
+    change over each step is moved, `most_back` by how much a step may lead a moved position back.
+    """
+    if not drift.any():
+        return
+    most_back[list(found.parts)] = 0.0
+    for k, (moved, most) in enumerate(zip(drift.tolist(), most_back.tolist(), strict=True)):
+        shift = found.shift[k] + moved
+        found.shift[k + 1] = shift - min(max(shift, -most), most)
+    if np.abs(found.shift).max() > 4.0 * rounding:
+        found.shift[:] = 0.0
+
+
+@dataclass(frozen=True)
+class _Quintic:
+    """The acceleration of the quintic over each step (n − 1,): samples a (n,), and α and β of the module's docstring."""
+
+    a: Array
+    alpha: Array
+    beta: Array
+
+    def excess(self) -> Array:
+        """By how much the quintic leaves the range of the two samples (n − 1,)."""
+        a, s = self.a, EDGES[:, None]
+        shape = a[:-1] + np.diff(a) * s + s * (1.0 - s) * (self.alpha + self.beta * (s - 0.5))
+        return np.asarray(
+            np.maximum(shape.max(axis=0) - np.maximum(a[1:], a[:-1]), np.minimum(a[1:], a[:-1]) - shape.min(axis=0))
+        )
+
+    def step(self, k: int, h: Array, wanted: tuple[float, float]) -> Step:
+        """What the samples say of step k, whose acceleration has the integrals `wanted`."""
+        a, alpha, beta = self.a, self.alpha, self.beta
+        before, after = [(0.0, 0.0)], [(0.0, 0.0)]
+        if k > 0 and h[k - 1] > 0.0:
+            j, length = k - 1, h[k - 1]
+            slope, bend = a[k] - a[j] - alpha[j] - 0.5 * beta[j], -2.0 * alpha[j] - 3.0 * beta[j]
+            before += [((a[k] - a[j]) / length, 0.0), (slope / length, bend / length**2)]
+        if k + 1 < len(h) and h[k + 1] > 0.0:
+            j, length = k + 1, h[k + 1]
+            slope, bend = a[j + 1] - a[j] + alpha[j] - 0.5 * beta[j], -2.0 * alpha[j] + 3.0 * beta[j]
+            after += [((a[j + 1] - a[j]) / length, 0.0), (slope / length, bend / length**2)]
+        return Step(
+            h=float(h[k]),
+            ends=(float(a[k]), float(a[k + 1])),
+            before=before,
+            after=after,
+            around=_range(h, a, k),
+            integrals=wanted,
+        )
+
+
+def _deviation(h: Array, a: Array, alpha: Array, beta: Array) -> tuple[Array, Array]:
     """How far the acceleration within each step (n − 1,) is from what neighbouring samples (n,) say, on the side that
     says it best, as beside a jump one side knows nothing; and the larger of the same two steps beside it, each by the
     samples of its own side: where a motion is smooth, both are of one size.
@@ -196,65 +202,6 @@ def _range(h: Array, a: Array, k: int) -> tuple[float, float]:
     return float(around.min()), float(around.max())
 
 
-def _integrals(h: float, parts: list[Part], until: float | None = None) -> tuple[float, float]:
-    """∫ a dt and ∫ (end − t) a dt of the parts, up to `until` (s after the step's start), or the step's end."""
-    end = h if until is None else until
-    speed = place = 0.0
-    for part, following in zip(parts, [*(later.begin for later in parts[1:]), h], strict=True):
-        first, last = min(part.begin, end), min(following, end)
-        change, moved = part.integrals(first, last)
-        place += speed * (last - first) + moved
-        speed += change
-    return speed, place
-
-
-def _jump(
-    h: float,
-    ends: tuple[float, float],
-    before: list[tuple[float, float]],
-    after: list[tuple[float, float]],
-    reach: tuple[float, float],
-    wanted: tuple[float, float],
-    doubt: float,
-    misfit: float,
-    most: float,
-) -> list[Part] | None:
-    """Two parabolas that meet at the time at which they have both integrals, of those with these values at the step's
-    ends and these slopes and second derivatives there: the two that fit best. None where none fit to `misfit`, nor so
-    well that making up for what they miss takes less acceleration than `most`.
-    """
-    best: tuple[float, list[Part]] | None = None
-    beyond = 0.25 * (reach[1] - reach[0])
-    for (rise, bend), (fall, curve) in product(before, after):
-        left = Part(0.0, ends[0], rise, 0.5 * bend)
-        right = Part(0.0, ends[1] - fall * h + 0.5 * curve * h * h, fall - curve * h, 0.5 * curve)
-        gap = [left.c2 - right.c2, left.c1 - right.c1, left.c0 - right.c0]
-        times = [*_roots(gap), *_roots([gap[0] / 3.0, gap[1] / 2.0, gap[2], right.integrals(0.0, h)[0] - wanted[0]])]
-        for time in times:
-            if not -0.05 * h <= time <= 1.05 * h:
-                continue
-            time = 0.0 if time < AT_END * h else h if time > (1.0 - AT_END) * h else time
-            low, high = sorted((left.at(time), right.at(time)))
-            if not reach[0] - beyond <= low <= high <= reach[1] + beyond:
-                continue
-            parts = [left, replace(right, begin=time)]
-            speed, place = _integrals(h, parts)
-            size = max(high - low, abs(left.at(time) - ends[0]), abs(ends[1] - right.at(time)), 1e-300)
-            missed = abs(speed - wanted[0]) / h, max(abs(place - wanted[1]) - doubt, 0.0) / (h * h)
-            miss = max(missed)
-            fits = miss <= misfit * size or 1.5 * missed[0] + 6.0 * missed[1] < most
-            if fits and (best is None or miss < best[0]):
-                best = miss, parts
-    return None if best is None else best[1]
-
-
-def _roots(coefficients: list[float]) -> list[float]:
-    """Real roots of a polynomial, highest power first."""
-    while coefficients and coefficients[0] == 0.0:
-        coefficients = coefficients[1:]
-    return [float(root.real) for root in np.roots(coefficients) if abs(root.imag) <= 1e-6 * abs(root)]
-
-
 def _with_rows(motion: Motion, h: Array, columns: dict[int, _Column]) -> Motion:
     """The motion with the rows that the parts need: two where the acceleration of a joint jumps, one where it bends."""
     before, after = motion.acceleration.copy(), motion.acceleration.copy()  # limits at the samples
@@ -286,7 +233,7 @@ def _with_rows(motion: Motion, h: Array, columns: dict[int, _Column]) -> Motion:
     return replace(motion, time=time, position=position, velocity=velocity, acceleration=acceleration)
 
 
-def _settle_together(h: float, columns: dict[int, list[Part]]) -> list[float]:
+def _settle_together(h: float, columns: dict[int, list[Parabola]]) -> list[float]:
     """Times within a step at which rows are needed; begins of parts that are close to each other are made one, as
     joints that move each other jump together. The parts are moved in place.
     """
@@ -328,14 +275,14 @@ def _inner_rows(
 
 
 def _state(
-    h: float, time: float, start: tuple[float, float], end: tuple[float, float], parts: list[Part]
+    h: float, time: float, start: tuple[float, float], end: tuple[float, float], parts: list[Parabola]
 ) -> tuple[float, float, float, float]:
     """Position, velocity and acceleration before and after a time within a step, of the parts' acceleration; what its
     integrals miss at the end is made up by a cubic that is 0 at both ends.
     """
-    speed, place = _integrals(h, parts)
+    speed, place = integrals(h, parts)
     missing_speed, missing_place = end[1] - start[1] - speed, end[0] - start[0] - h * start[1] - place
-    speed, place = _integrals(h, parts, time)
+    speed, place = integrals(h, parts, time)
     p, v = start[0] + start[1] * time + place, start[1] + speed
     before = next(part for part in reversed(parts) if part.begin < time).at(time)
     after = next(part for part in reversed(parts) if part.begin <= time).at(time)

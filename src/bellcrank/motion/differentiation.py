@@ -8,19 +8,15 @@ et al., Uniformly high order accurate essentially non-oscillatory schemes, J. Co
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from decimal import Decimal
 from itertools import pairwise
-from math import factorial
 
 import numpy as np
 
 from bellcrank.motion.coordinates import Array
+from bellcrank.motion.rounding import differences, typical_noise
 from bellcrank.motion.waypoints import derivative, second_derivatives
 
 RISE = 6.0  # times the differences beside it: differences around a jump are larger than this
-TYPICAL = 8.0  # times the median: what rounding changes nowhere by more
-FEW = 12  # so many residuals come from jumps, not from rounding
 DIGITS = 2.0**-52  # of the largest number: what numbers of double precision round to
 AGREES = 0.05  # of a jump times h²: what a jump found in positions may miss
 GOOD = 0.01  # and what leaves no doubt of where it is
@@ -141,49 +137,7 @@ def _split(time: Array, values: Array, order: int, least: float, rounding: float
     return k + 1 if score[k] > RISE else None
 
 
-def rounding_noise(time: Array, values: Array, order: int, rounding: float) -> bool:
-    """Whether rounding shows in differences of samples (n,): exact numbers may have few decimals too."""
-    width = order + 2
-    if rounding == 0.0 or len(time) < width + FEW:
-        return False
-    most = 2.0**width * rounding / (float(time[-1] - time[0]) / (len(time) - 1)) ** order
-    return typical_noise(differences(time, values, width, order), most) > 0.0
-
-
 def _sliding(difference: Array, width: int) -> Array:
     """Largest of the differences (m,) across each of the m + width − 1 steps."""
     padded = np.pad(difference, width - 1)
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, width).max(axis=1))
-
-
-def differences(time: Array, values: Array, width: int, order: int) -> Array:
-    """Divided differences (n − width,) of samples (n,) over width + 1 of them, as changes of the derivative of this
-    order over one step; with width = order the derivative itself.
-    """
-    table = values
-    for level in range(1, width + 1):
-        table = np.diff(table) / (time[level:] - time[:-level])
-    span = (time[width:] - time[:-width]) / width
-    return np.asarray(table * factorial(width) * span ** (width - order))
-
-
-def typical_noise(residuals: Array, most: float) -> float:
-    """What rounding may change residuals by, at most `most`: numbers that are exact though they have few decimals leave
-    residuals of 0 but for a few.
-    """
-    size = np.abs(residuals)
-    size = size[size > 1e-3 * most]
-    return min(most, TYPICAL * float(np.median(size))) if len(size) >= FEW else 0.0
-
-
-def rounding_of(columns: Sequence[Array]) -> float:
-    """Half a unit of the last decimal that numbers in a file have: ± this much is unknown of them; 0.0 where they have
-    12 significant digits or more. The largest numbers of all columns count, so that zeros say nothing.
-    """
-    numbers = np.concatenate([np.unique(np.abs(column))[-32:] for column in columns])
-    largest = float(numbers.max(initial=0.0))
-    if largest == 0.0:
-        return 0.0
-    decimals = max(-int(Decimal(repr(number)).normalize().as_tuple().exponent) for number in numbers.tolist())
-    unit = 10.0**-decimals
-    return 0.0 if unit < 1e-12 * largest else 0.5 * unit

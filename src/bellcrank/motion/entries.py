@@ -8,126 +8,25 @@ of motions, or motions in place}. A part of a join without `start` or `position`
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Self
 
-from bellcrank.config.fields import Fields, parse_number
-from bellcrank.errors import BellcrankError, InputError
+from bellcrank.config.fields import Fields
+from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
+from bellcrank.motion.entry import MotionEntry, Posture, posture_of, read_posture
+from bellcrank.motion.path_entries import CircleEntry, LineEntry
 
 if TYPE_CHECKING:
     from bellcrank.motion.coordinates import Array
     from bellcrank.motion.motion import Motion
-    from bellcrank.motion.path import Circle, FramePath, Line, PathOptions
     from bellcrank.robot.robot import Robot
 
 MOST_PARTS = 10_000  # of a join, those of joins in it counted one by one
 MOST_JOINS = 50  # in each other
-PROFILES = ("constant", "trapezoid", "quintic", "s_curve")
-Posture = dict[str, float] | tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class MotionEntry(ABC):
-    """One motion of a configuration: its name, and the mapping in which it stands."""
-
-    name: str
-    fields: Fields
-    kind: ClassVar[str]
-
-    @classmethod
-    @abstractmethod
-    def read(cls, name: str, fields: Fields) -> Self:
-        """The entry of a mapping. Raises InputError naming file and key."""
-
-    @abstractmethod
-    def motion(self, robot: Robot, entries: Mapping[str, MotionEntry], previous: Array | None) -> Motion:
-        """As `build`; errors need not name the configuration."""
-
-    def build(self, robot: Robot, entries: Mapping[str, MotionEntry], previous: Array | None = None) -> Motion:
-        """The motion for a robot, starting from the posture `previous` (nq,) where the entry gives none.
-
-        `entries` are the configuration's motions. Raises BellcrankError naming the place in the configuration.
-        """
-        try:
-            return self.motion(robot, entries, previous)
-        except BellcrankError as error:
-            if str(error).startswith(self.fields.where):
-                raise
-            raise type(error)(f"{self.fields.error('', str(error))}") from None
-
-
-@dataclass(frozen=True)
-class PathEntry(MotionEntry):
-    """A motion that draws a frame along a path; `start` is the posture whose branch it follows."""
-
-    options: PathOptions
-    start: Posture | None
-
-    @abstractmethod
-    def path(self, here: Array) -> FramePath:
-        """The path, for a frame that is `here` (3,) m at the start. Raises InputError."""
-
-    def motion(self, robot: Robot, entries: Mapping[str, MotionEntry], previous: Array | None) -> Motion:
-        """As `build`."""
-        from bellcrank.motion.path import follow_path, start_posture
-
-        start = start_posture(robot, previous if self.start is None else self.start)
-        here = robot.frame_pose(self.options.frame, start)[0]
-        return follow_path(robot, self.path(here), start)
-
-
-@dataclass(frozen=True)
-class CircleEntry(PathEntry):
-    """A motion along a circle."""
-
-    circle: Circle
-    kind = "circle"
-
-    @classmethod
-    def read(cls, name: str, fields: Fields) -> Self:
-        """The entry of a mapping."""
-        from bellcrank.motion.path import Circle
-
-        options, start = _read_path(name, fields, "constant")
-        circle = Circle(
-            center=fields.vector("center", 3, "m"),
-            radius=fields.number("radius", "m", positive=True),
-            normal=fields.vector("normal", 3, "", (0.0, 0.0, 1.0)),
-            turns=fields.number("turns", "", 1.0),
-        )
-        return cls(name, fields, options, start, circle)
-
-    def path(self, here: Array) -> FramePath:
-        """The path, which does not depend on where the frame is."""
-        return self.circle.path(self.options)
-
-
-@dataclass(frozen=True)
-class LineEntry(PathEntry):
-    """A motion along a straight line."""
-
-    line: Line
-    kind = "line"
-
-    @classmethod
-    def read(cls, name: str, fields: Fields) -> Self:
-        """The entry of a mapping."""
-        from bellcrank.motion.path import Line
-
-        options, start = _read_path(name, fields, "quintic")
-        end = fields.vector("end", 3, "m")
-        begin = fields.vector("begin", 3, "m") if "begin" in fields else None
-        fields.known("begin")
-        return cls(name, fields, options, start, Line(end, begin))
-
-    def path(self, here: Array) -> FramePath:
-        """The path, from `here` (3,) m where the entry gives no begin."""
-        return self.line.path(self.options, here)
 
 
 @dataclass(frozen=True)
@@ -151,7 +50,7 @@ class WaypointsEntry(MotionEntry):
             )
         if len(times) < 2 or any(b <= a for a, b in pairwise(times)):
             raise fields.error("times", "expected at least two increasing times")
-        postures = tuple(_posture(fields, "positions", entry) for entry in positions)
+        postures = tuple(posture_of(fields, "positions", entry) for entry in positions)
         return cls(name, fields, times, postures, fields.integer("samples", 1001, minimum=2))
 
     def motion(self, robot: Robot, entries: Mapping[str, MotionEntry], previous: Array | None) -> Motion:
@@ -303,65 +202,3 @@ def csv_texts(entries: Iterable[MotionEntry]) -> Iterator[tuple[str, str]]:
             yield entry.fields.text("file"), entry.text
         if isinstance(entry, JoinEntry):
             yield from csv_texts(part for part in entry.parts if isinstance(part, MotionEntry))
-
-
-def read_posture(fields: Fields, key: str) -> Posture:
-    """A posture: {joint: angle} or a list of all coordinates, rad ("30 deg") or m; InputError otherwise."""
-    return _posture(fields, key, fields.raw(key))
-
-
-def _posture(fields: Fields, key: str, value: object) -> Posture:
-    if isinstance(value, Mapping):
-        result = {}
-        for joint, angle in value.items():
-            try:
-                result[str(joint)] = parse_number(angle, "rad or m")
-            except ValueError as error:
-                raise fields.error(key, f"joint '{joint}': {error}") from None
-        return result
-    if isinstance(value, (list, tuple)):
-        try:
-            return tuple(parse_number(entry, "rad or m") for entry in value)
-        except ValueError as error:
-            raise fields.error(key, str(error)) from None
-    raise fields.error(key, f"expected {{joint: angle}} or a list of coordinates, found {format_value(value)}")
-
-
-def _read_path(name: str, fields: Fields, profile: str) -> tuple[PathOptions, Posture | None]:
-    """What circles and lines have in common, and the start posture; `profile` where the mapping gives none."""
-    from bellcrank.motion.path import PathOptions
-
-    timing: dict[str, Any] = {
-        "duration": fields.optional_number("duration", "s", positive=True),
-        "speed": fields.optional_number("speed", "m/s", positive=True),
-        "acceleration": fields.optional_number("acceleration", "m/s^2", positive=True),
-        "jerk": fields.optional_number("jerk", "m/s^3", positive=True),
-    }
-    if timing["duration"] is None and timing["speed"] is None and timing["acceleration"] is None:
-        raise fields.error("", "the key 'duration' is missing (or limits: 'speed', 'acceleration', 'jerk')")
-    profile = fields.choice("profile", PROFILES, profile)
-    samples = fields.integer("samples", 1001, minimum=2)
-    start = read_posture(fields, "start") if "start" in fields else None
-    orientation: str | tuple[float, ...] | None = None
-    if "orientation" in fields:
-        held = fields.raw("orientation") == "hold"
-        orientation = "hold" if held else fields.vector("orientation", 3, "rad")
-    coordinates = _read_coordinates(fields) if "coordinates" in fields else None
-    fields.known("start", "orientation", "coordinates")
-    options = PathOptions(
-        name=name,
-        frame=fields.text("frame"),
-        profile=profile,
-        orientation=orientation,
-        samples=samples,
-        coordinates=coordinates,
-        **timing,
-    )
-    return options, start
-
-
-def _read_coordinates(fields: Fields) -> tuple[str, ...]:
-    given = fields.raw("coordinates")
-    if not isinstance(given, (list, tuple)) or not given or not {"x", "y", "z"}.issuperset(map(str, given)):
-        raise fields.error("coordinates", f"expected a list of some of x, y, z, found {format_value(given)}")
-    return tuple(dict.fromkeys(map(str, given)))

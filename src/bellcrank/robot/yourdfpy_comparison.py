@@ -1,4 +1,4 @@
-"""A second, independent reading of a URDF by yourdfpy, to compare ours with."""
+"""Comparison of a URDF as it was read with what yourdfpy, an independent reader, reads."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ TOLERANCE = 1e-9  # of a rotation or translation entry; everything else is compa
 
 
 def differences_from_yourdfpy(urdf: Urdf) -> list[str]:
-    """Where yourdfpy reads other values than this Urdf has: one phrase each, empty where both agree.
+    """The values that yourdfpy reads differently: one phrase each.
 
-    Compared are masses, centres of gravity, inertias, joint types, parents, placements, axes, limits,
-    friction and mimics (yourdfpy reads no transmissions). yourdfpy may not read the file at all, which is a
-    difference too.
+    Masses, centres of gravity, inertias, joint types, parents, placements, axes, limits, friction and mimics are
+    compared (yourdfpy does not read transmissions). That yourdfpy cannot read the file is a difference too.
     """
     import numpy as np
     import yourdfpy
+    from scipy.spatial.transform import Rotation
 
     log = logging.getLogger("yourdfpy.urdf")
     level = log.level
     log.setLevel(logging.CRITICAL)
     try:
-        with np.errstate(all="ignore"):  # it turns shapes, too, which nothing is compared of
+        with np.errstate(all="ignore"):  # shapes, which are not compared, may overflow
             robot: Any = yourdfpy.URDF.load(
                 io.BytesIO(urdf.text.lstrip("\ufeff").encode("utf-8")),
                 build_scene_graph=False,
@@ -47,7 +47,7 @@ def differences_from_yourdfpy(urdf: Urdf) -> list[str]:
         part = ours.inertial if isinstance(ours, Link) else ours
         assert part is not None
         pose = np.eye(4) if theirs is None else np.asarray(theirs)
-        if np.abs(pose[:3, :3] - _rotation(*part.rpy)).max() > TOLERANCE:
+        if np.abs(pose[:3, :3] - Rotation.from_euler("xyz", part.rpy).as_matrix()).max() > TOLERANCE:
             differences.append(f"{where}: the rotation differs from yourdfpy's")
         if np.abs(pose[:3, 3] - part.xyz).max() > TOLERANCE:
             differences.append(f"{where}: the position differs from yourdfpy's")
@@ -57,7 +57,7 @@ def differences_from_yourdfpy(urdf: Urdf) -> list[str]:
     for theirs in robot.links:
         link = urdf.links.get(theirs.name.strip())
         if link is None or (link.inertial is None) != (theirs.inertial is None):
-            differences.append(f"link '{theirs.name}': only one of two readings finds its mass")
+            differences.append(f"link '{theirs.name}': only one of the two readers finds its mass")
             continue
         if link.inertial is None:
             continue
@@ -104,17 +104,3 @@ def _joint_differences(joint: Joint, theirs: Any) -> list[str]:
         if np.abs(axis - joint.axis).max() > TOLERANCE:
             found.append(f"joint '{joint.name}': the axis differs from yourdfpy's")
     return found
-
-
-def _rotation(roll: float, pitch: float, yaw: float) -> Any:
-    """Rz(yaw) Ry(pitch) Rx(roll), (3, 3), as the URDF specification defines rpy."""
-    import numpy as np
-
-    cr, sr, cp, sp, cy, sy = (f(x) for x in (roll, pitch, yaw) for f in (np.cos, np.sin))
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
