@@ -1,4 +1,4 @@
-"""Whether the columns of a sampled motion agree: velocities with positions, accelerations with velocities."""
+"""Consistency of the columns of a sampled motion: velocities with positions, accelerations with velocities."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bellcrank.motion.rounding import rounding_of
 SLIGHT = 0.01  # of the largest value: columns may disagree by this
 
 
-def disagreement(
+def inconsistencies(
     motion: Motion, time: Array, position: Array, velocity: Array, acceleration: Array | None
 ) -> tuple[str, ...]:
     """A sentence where the velocities (n, nv) do not integrate to the positions (n, nq), and where the accelerations
@@ -70,6 +70,6 @@ def _of_acceleration(motion: Motion, time: Array, velocity: Array, acceleration:
         found.append(
             f"motion '{motion.name}': the acceleration of joint '{joint.name}' does not agree with its velocity: "
             f"between {time[row]:g} s and {time[row + 1]:g} s the velocity says {mean[step]:.4g} {unit}, the "
-            f"acceleration {low[row]:.4g} to {high[row]:.4g} {unit}; look at the units of its columns"
+            f"acceleration {low[row]:.4g} to {high[row]:.4g} {unit}; check the units of its columns"
         )
     return tuple(found)

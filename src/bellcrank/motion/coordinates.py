@@ -1,4 +1,4 @@
-"""What the numbers of a posture mean, joint by joint: names, units, and rates q̇, q̈ from v, a and back.
+"""Coordinates of a position, joint by joint: names, units, and rates q̇, q̈ from v, a and back.
 
 A one-degree-of-freedom joint has one number (rad or m) and its rate is its velocity. A planar joint has x, y
 (m), cos θ, sin θ; a floating one x, y, z (m, in the parent's frame) and a quaternion x y z w; their

@@ -1,9 +1,8 @@
-"""Where sampled positions or velocities stop being smooth, and their derivatives on either side.
+"""Differentiation of sampled positions or velocities, separately on either side of jumps of the acceleration.
 
-A jump of acceleration is a corner in the velocity and a jump of the second derivative in the position. A spline across
-it rings; splines on both sides of it do not. A jump shows in divided differences: those of the samples around it are
-many times larger than those just beside it, while smooth samples have neighbouring differences of one size (A. Harten
-et al., Uniformly high order accurate essentially non-oscillatory schemes, J. Comput. Phys. 71, 1987).
+A spline across a jump oscillates; splines on both sides of it do not. A jump shows in divided differences: those across
+it are many times larger than those beside it, while neighbouring differences of smooth samples are of similar size
+(A. Harten et al., Uniformly high order accurate essentially non-oscillatory schemes, J. Comput. Phys. 71, 1987).
 """
 
 from __future__ import annotations
@@ -44,8 +43,8 @@ def velocity_differentiated(time: Array, velocity: Array, rounding: float) -> Ar
 
 
 def _pieces_that_agree(time: Array, values: Array, order: int, rounding: float) -> list[slice]:
-    """The smooth pieces without those whose accelerations do not meet in a jump: samples that are too far apart for
-    what they show look like jumps, and are taken to be smooth.
+    """The smooth pieces, joined where no jump between them agrees with speeds and positions: samples that are too far
+    apart look like jumps, and are taken to be smooth.
     """
     edges = [0, *(piece.stop for piece in smooth_pieces(time, values, order, rounding))]
     for place in range(len(edges) - 2, 0, -1):
@@ -55,10 +54,10 @@ def _pieces_that_agree(time: Array, values: Array, order: int, rounding: float) 
 
 
 def _best_edge(time: Array, values: Array, order: int, first: int, edge: int, last: int) -> int | None:
-    """The first sample after a jump: this one, or one of its neighbours, where rounding hides on which side one lies.
+    """The first sample after a jump: this one, or a neighbour where rounding hides on which side a sample lies.
 
-    It is that for which one jump between both sides' accelerations agrees best with speeds and positions there; None
-    where none does.
+    It is the one for which a jump between both sides' accelerations agrees best with speeds and positions there; None
+    where none agrees.
     """
     best, least = None, 2.0 * AGREES
     for k in (edge, edge - 1, edge + 1):
@@ -132,7 +131,7 @@ def _split(time: Array, values: Array, order: int, least: float, rounding: float
     score = inside / np.maximum(np.maximum(quiet, around), 1e-300)
     score[:order] = score[n - 1 - order :] = 0.0
     k = int(np.argmax(score))
-    if k + width >= n - 1:  # nothing beyond: several steps have the same differences across them, the last has the jump
+    if k + width >= n - 1:  # at the end several steps have the same differences across them, and the last has the jump
         k = int(np.flatnonzero(score > 0.5 * score[k])[-1])
     return k + 1 if score[k] > RISE else None
 

@@ -1,7 +1,7 @@
-"""How large and how small the numbers of motions and tables may be, so that no step of a computation overflows.
+"""Limits of the numbers of motions and tables, so that no computation overflows.
 
-Interpolation divides changes by times up to the fifth power, and takes squares of what comes out. Within these limits
-all of that lies between 1e-300 and 1e300; a machine's motion is far inside.
+Interpolation divides changes by times up to the fifth power, and squares the result. Within these limits all of that
+lies between 1e-300 and 1e300; the motion of any machine is far within them.
 """
 
 from __future__ import annotations

@@ -1,7 +1,5 @@
-"""A motion: positions, velocities and accelerations of a robot's joints over time, exact at its samples.
-
-Motions are made by `circle`, `line`, `waypoints`, `dwell` and `read_motion`, and put one after the other by
-`join`.
+"""A motion: positions, velocities and accelerations of a robot's joints over time, exact at its samples; and joining
+motions.
 """
 
 from __future__ import annotations
@@ -28,14 +26,31 @@ NOISE = 1e-2  # of the motion's largest speed: so much may be unknown of a speed
 
 @dataclass(frozen=True, eq=False)
 class Motion(Portable):
-    """Joint motion over time: rows of (time, position, velocity, acceleration), finite, in order of time.
+    """Joint motion over time: rows of time, position, velocity and acceleration, finite, in order of time.
 
-    Shapes: time (n,) in s; position (n, nq) in rad or m; velocity (n, nv) in rad/s or m/s; acceleration (n,
-    nv) in rad/s² or m/s²; n >= 2. A time that stands twice marks a jump of acceleration: the two rows are its
-    limits from before and from after, with the same position. `joints` says which column belongs to which
-    joint. `notes` are warnings from whoever made the motion; `position_noise` (nq,) and `speed_noise` (nv,) say how
-    much is unknown of numbers that were read from a file with few digits. The arrays are read-only. Raises InputError
-    where the data are not a motion.
+    A time that occurs twice marks a jump of acceleration: the two rows are its limits from before and from after, with
+    the same position. The arrays are read-only.
+
+    Attributes:
+        joints: The robot's joints, which say which column belongs to which joint.
+        time: Times (n,), s, n >= 2.
+        position: Positions (n, nq), rad or m.
+        velocity: Velocities (n, nv), rad/s or m/s.
+        acceleration: Accelerations (n, nv), rad/s² or m/s².
+        name: Name in messages and plots.
+        notes: Warnings from the function that made the motion.
+        position_noise: How much is unknown of positions (nq,) that were read from a file with few digits.
+        speed_noise: The same for velocities (nv,).
+
+    Raises:
+        InputError: The data are not a motion.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> arm = bc.load_robot("planar_2r")
+        >>> motion = bc.waypoints(arm, [0.0, 1.0], [{}, {"elbow": 1.0}], samples=11)
+        >>> motion.joint_names, motion.duration, motion.position.shape
+        (('shoulder', 'elbow'), 1.0, (11, 2))
     """
 
     joints: Sequence[JointLike]
@@ -86,14 +101,15 @@ class Motion(Portable):
         if np.any(step < 0.0):
             k = int(np.argmax(step < 0.0))
             raise InputError(
-                f"{self._title}: time runs backwards, from {self.time[k]:g} s to {self.time[k + 1]:g} s "
-                f"(rows {k}, {k + 1})"
+                f"{self._title}: time decreases, from {self.time[k]:g} s to {self.time[k + 1]:g} s (rows {k}, {k + 1})"
             )
         if np.any((step[1:] == 0.0) & (step[:-1] == 0.0)):
             k = int(np.argmax((step[1:] == 0.0) & (step[:-1] == 0.0)))
-            raise InputError(f"{self._title}: time {self.time[k]:g} s stands more than twice")
+            raise InputError(f"{self._title}: time {self.time[k]:g} s occurs more than twice")
         if step[0] == 0.0 or step[-1] == 0.0:
-            raise InputError(f"{self._title}: the first or the last time stands twice; nothing lies beyond it")
+            raise InputError(
+                f"{self._title}: the first or the last time occurs twice; there is no acceleration beyond it"
+            )
         twin = np.flatnonzero(step == 0.0)
         gap = np.abs(self._smooth_position[twin + 1] - self._smooth_position[twin])
         if np.any(gap > POSITION_GAP):
@@ -158,7 +174,9 @@ class Motion(Portable):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """What a motor would not forgive: no rest at the ends, jumps of velocity, and the maker's notes."""
+        """Warnings: the notes, and torques that are not included, of a motion that does not start or end at rest or whose
+        velocity jumps.
+        """
         found = list(self.notes)
         peak = float(np.max(np.abs(self.velocity), initial=0.0))
         rest = np.maximum(AT_REST * peak, np.minimum(self.speed_noise, NOISE * peak))
@@ -196,11 +214,27 @@ class Motion(Portable):
         return rates(self.joints, self._smooth_position, self.velocity, self.acceleration)
 
     def at(self, t: Any, side: Literal["after", "before"] = "after") -> tuple[Array, Array, Array]:
-        """Position, velocity and acceleration at time t (scalar: (nq,), (nv,), (nv,); or (m,): (m, nq), …).
+        """Position, velocity and acceleration at any time of the motion.
 
-        Exact at the samples; between two of them the quintic Hermite polynomial through both (position,
-        velocity and acceleration match at either end; error of the acceleration of order step⁴). At a jump of
-        acceleration `side` picks the limit. Raises InputError for a time outside the motion.
+        They are exact at the samples; between two of them they are those of the quintic Hermite polynomial that
+        matches position, velocity and acceleration at both (error of the acceleration of order step⁴).
+
+        Args:
+            t: A time, or times (m,), s.
+            side: Which limit to give at a jump of acceleration: "after" or "before".
+
+        Returns:
+            Position (nq,), velocity (nv,) and acceleration (nv,); (m, nq), (m, nv) and (m, nv) for several times.
+
+        Raises:
+            InputError: A time is outside the motion.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> motion = bc.waypoints(bc.load_robot("planar_2r"), [0.0, 1.0], [{}, {"elbow": 1.0}])
+            >>> q, v, a = motion.at(0.5)
+            >>> q.round(9)
+            array([0. , 0.5])
         """
         given = arguments.as_array("t", t, "a time or a list of times (s)", self._title)
         arguments.one_of("side", side, ("after", "before"), where=self._title)
@@ -235,10 +269,24 @@ class Motion(Portable):
 
 
 def join(*motions: Motion, name: str | None = None) -> Motion:
-    """One motion after the other, in the time of the first; each must start where the one before it ended.
+    """Join motions one after the other.
 
-    Where the acceleration jumps, the time stands twice. Raises InputError for different robots or a gap in
-    position of more than 1e-6 rad or m.
+    Args:
+        motions: Motions of one robot; each starts where the one before it ends. Times continue those of the first.
+        name: Name of the whole; left out, the names joined by " + ".
+
+    Returns:
+        The whole motion; where the acceleration jumps, a time occurs twice.
+
+    Raises:
+        InputError: There is no motion, the joints differ, or there is a gap in position of more than 1e-6 rad or m.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> arm = bc.load_robot("planar_2r")
+        >>> there = bc.waypoints(arm, [0.0, 1.0], [{}, {"elbow": 1.0}])
+        >>> bc.join(there, bc.dwell(arm, {"elbow": 1.0}, 0.5)).duration
+        1.5
     """
     if not motions:
         raise InputError("join needs at least one motion, got none")

@@ -40,7 +40,7 @@ def half_unit(column: Array) -> float:
 
 
 def end_speed_noise(time: Array, positions: Sequence[float]) -> list[float]:
-    """What is unknown of speeds at the ends that come from positions known to ± `positions`, per s."""
+    """By how much speeds at the ends may be off that come from positions known to ± `positions`, per s."""
     steps = np.diff(time)
     ends = np.concatenate([steps[:5], steps[-5:]])
     step = float(ends[ends > 0.0].min())
@@ -68,8 +68,8 @@ def differences(time: Array, values: Array, width: int, order: int) -> Array:
 
 
 def typical_noise(residuals: Array, most: float) -> float:
-    """What rounding may change residuals by, at most `most`: numbers that are exact though they have few decimals leave
-    residuals of 0 but for a few.
+    """By how much rounding changes residuals, at most `most`: exact numbers of few decimals leave few residuals other than
+    0.
     """
     size = np.abs(residuals)
     size = size[size > 1e-3 * most]
@@ -77,8 +77,8 @@ def typical_noise(residuals: Array, most: float) -> float:
 
 
 def rounding_of(columns: Sequence[Array]) -> float:
-    """Half a unit of the last decimal that numbers in a file have: ± this much is unknown of them; 0.0 where they have
-    12 significant digits or more. The largest numbers of all columns count, so that zeros say nothing.
+    """Half a unit of the last decimal of the numbers in columns, by which they may be off; 0.0 where they have 12
+    significant digits or more. Only the largest numbers of all columns count.
     """
     numbers = np.concatenate([np.unique(np.abs(column))[-32:] for column in columns])
     largest = float(numbers.max(initial=0.0))

@@ -1,7 +1,7 @@
-"""A motion from sampled columns: positions, with velocities or without, with accelerations or without.
+"""A motion from sampled columns: positions, and velocities and accelerations where they are given.
 
-What is missing is differentiated, on each side of a jump by itself (smooth_pieces.py); between the samples the
-acceleration is what the columns say, with its jumps (jumps.py).
+What is missing is differentiated, separately on each side of a jump (differentiation.py); jumps of the acceleration
+between samples are detected (acceleration_jumps.py).
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from bellcrank.motion.rounding import differences, rounding_noise, rounding_of
 from bellcrank.motion.waypoints import interpolate
 from bellcrank.robot.joints import JointLike
 
-NOISE = 0.01  # of the largest acceleration: what rounding may put into accelerations before rows are left out
-SPREAD = (6.0, 3.0)  # times rounding / h^order: what a spline makes of it in accelerations, from positions, velocities
+NOISE = 0.01  # of the largest acceleration: more noise of rounding than this makes rows be left out
+SPREAD = (6.0, 3.0)  # times rounding / h^order: the noise in accelerations of a spline of positions, velocities
 FAR = 4.0  # times rounding: how far the curve may pass a position
-UNSETTLED = 0.02  # of the largest acceleration: what the curve may add to the samples' differences without a note
+UNDETERMINED = 0.02  # of the largest acceleration: by this the curve may exceed the samples' differences
 
 
 def sampled_motion(
@@ -37,8 +37,8 @@ def sampled_motion(
 ) -> Motion:
     """The motion of these columns (n,), (n, nq), (n, nv), (n, nv), in s, rad or m. Raises InputError.
 
-    Rows of one time mark a jump that is known. Where numbers are rounded so much that differentiating them says
-    nothing, rows are left out of it, and a note says so.
+    Rows of one time mark a known jump. Where numbers are rounded so much that differences between neighbouring rows are
+    mostly noise, only rows further apart are differentiated, and a note says so.
     """
     check_times(f"motion '{name}'", time)
     for order, (what, values) in enumerate(
@@ -141,13 +141,13 @@ def _completed(
                 steps[joint.v] += [rows.start + k for k in breaks]
     motion = with_jumps(Motion(joints, time, position, speed, acceleration, name), rounding, None if given else steps)
     return replace(
-        motion, notes=_unsettled(motion, time, position if velocity is None else velocity, 1 if given else 2)
+        motion, notes=_undetermined(motion, time, position if velocity is None else velocity, 1 if given else 2)
     )
 
 
-def _unsettled(motion: Motion, time: Array, values: Array, order: int) -> tuple[str, ...]:
-    """A sentence for each joint whose acceleration exceeds the differences of its samples, which are means of it: where
-    it does, it is not settled by them.
+def _undetermined(motion: Motion, time: Array, values: Array, order: int) -> tuple[str, ...]:
+    """A sentence for each joint whose acceleration exceeds the differences of its samples, which are means of it, and so
+    is not determined by them.
     """
     edges = [0, *(np.flatnonzero(np.diff(time) == 0.0) + 1).tolist(), len(time)]
     parts = np.linspace(0.0, 1.0, 9)[1:-1]
@@ -165,11 +165,11 @@ def _unsettled(motion: Motion, time: Array, values: Array, order: int) -> tuple[
                 ends = [2.0 * mean[0] - mean[1], 2.0 * mean[-1] - mean[-2]] if len(mean) > 1 else []
                 known = max(known, float(np.abs([*mean, *ends]).max()))
         size = np.abs(acceleration[:, joint.v])
-        if size.max() > (1.0 + UNSETTLED) * known + 1e-9:
+        if size.max() > (1.0 + UNDETERMINED) * known + 1e-9:
             unit = "m/s²" if joint.kind == "prismatic" else "rad/s²"
             what = "positions" if order == 2 else "velocities"
             notes.append(
-                f"motion '{motion.name}': its rows are too far apart, or too noisy, to settle the acceleration of "
+                f"motion '{motion.name}': its rows are too far apart, or too noisy, to determine the acceleration of "
                 f"joint '{joint.name}': differences of the {what} reach {known:.4g} {unit}, the curve through them "
                 f"{size.max():.4g} {unit} at {times[size.argmax()]:.4g} s; give accelerations, or more rows"
             )

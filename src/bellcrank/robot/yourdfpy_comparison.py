@@ -18,8 +18,8 @@ def differences_from_yourdfpy(urdf: Urdf) -> list[str]:
     compared (yourdfpy does not read transmissions). That yourdfpy cannot read the file is a difference too.
     """
     import numpy as np
+    import pinocchio as pin
     import yourdfpy
-    from scipy.spatial.transform import Rotation
 
     log = logging.getLogger("yourdfpy.urdf")
     level = log.level
@@ -47,7 +47,7 @@ def differences_from_yourdfpy(urdf: Urdf) -> list[str]:
         part = ours.inertial if isinstance(ours, Link) else ours
         assert part is not None
         pose = np.eye(4) if theirs is None else np.asarray(theirs)
-        if np.abs(pose[:3, :3] - Rotation.from_euler("xyz", part.rpy).as_matrix()).max() > TOLERANCE:
+        if np.abs(pose[:3, :3] - pin.rpy.rpyToMatrix(*part.rpy)).max() > TOLERANCE:
             differences.append(f"{where}: the rotation differs from yourdfpy's")
         if np.abs(pose[:3, 3] - part.xyz).max() > TOLERANCE:
             differences.append(f"{where}: the position differs from yourdfpy's")
