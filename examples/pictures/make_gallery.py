@@ -5,7 +5,7 @@ from pathlib import Path
 
 from PIL import Image, ImageDraw, ImageFont
 
-from bellcrank.replays.page.pictures import still
+from bellcrank.replays.page.rendering import render_still
 
 SHOWN = {  # page: (time in s, caption)
     "planar_2r_sizing": (6.0, "Planar arm: motors sized over a circle"),
@@ -38,7 +38,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for k, (name, (time, caption)) in enumerate(SHOWN.items()):
             x, y = k % COLUMNS * width, k // COLUMNS * height
-            view = Image.open(still(f"{name}.html", Path(folder) / f"{name}.png", time, (2 * VIEW[0], 2 * VIEW[1])))
+            view = Image.open(
+                render_still(f"{name}.html", Path(folder) / f"{name}.png", time, (2 * VIEW[0], 2 * VIEW[1]))
+            )
             sheet.paste(view.convert("RGB").resize(VIEW, Image.Resampling.LANCZOS), (x, y))
             pen.text((x + width / 2, y + VIEW[1] + CAPTION / 2), caption, "#1b2430", font, "mm")
     target = Path(__file__).with_name("gallery.png")

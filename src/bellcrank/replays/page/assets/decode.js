@@ -1,10 +1,10 @@
-// ---- numbers: what block.py packed, unpacked
+// ---- arrays: what array_encoding.py encoded
 
-/** An array of the block, row after row: undo the byte planes, the folded sign and the differences along columns. */
-function unpacked(bytes, { at, rows, columns, order, step, from: begin = 0 }, Kind = Float32Array) {
+/** An array of the block, row by row: undo the byte planes, the folded sign and the differences along columns. */
+function decodeArray(bytes, { offset, rows, columns, order, step, base = 0 }, Kind = Float32Array) {
   const size = rows * columns;
   const words = new Int32Array(size);
-  for (let column = 0, from = at; column < columns; column++) {
+  for (let column = 0, from = offset; column < columns; column++) {
     let word = 0;
     let slope = 0;
     for (let to = column; to < size; to += columns, from++) {
@@ -16,10 +16,10 @@ function unpacked(bytes, { at, rows, columns, order, step, from: begin = 0 }, Ki
   }
   if (step === 0) {  // the words are the bits of float32
     const floats = new Float32Array(words.buffer);
-    return begin === 0 ? floats : Float64Array.from(floats, (value) => begin + value);
+    return base === 0 ? floats : Float64Array.from(floats, (value) => base + value);
   }
   const values = new Kind(size);
-  for (let i = 0; i < size; i++) values[i] = begin + words[i] * step;
+  for (let i = 0; i < size; i++) values[i] = base + words[i] * step;
   return values;
 }
 
@@ -34,15 +34,15 @@ function indexAt(times, t) {
   return low;
 }
 
-/** The frame before t, and how far on towards the next it is, 0 to 1. */
-function between(times, t) {
+/** The index of the frame before t, and the fraction of the way to the next frame, 0 to 1. */
+function interpolationAt(times, t) {
   const index = Math.min(indexAt(times, t), Math.max(times.length - 2, 0));
   const span = times[index + 1] - times[index];
   return [index, span > 0 ? Math.min(Math.max((t - times[index]) / span, 0), 1) : 0];
 }
 
-/** The times of all lines of a chart as `time`, twice where one of them jumps, and each line's `values` there. */
-function align(chart) {
+/** Sets `chart.time` to the times of all lines, twice where one of them jumps, and the `values` of each line there. */
+function alignTimes(chart) {
   const lines = chart.lines.filter(({ time }, k) => chart.lines.findIndex((other) => other.time === time) === k);
   const next = lines.map(() => 0);
   const times = [];
@@ -59,39 +59,39 @@ function align(chart) {
     for (; count > 0; count--) times.push(t);
   }
   chart.time = Float64Array.from(times);
-  for (const line of chart.lines) line.values = line.time.length === times.length ? line.own : resampled(line, chart.time);
+  for (const line of chart.lines) line.values = line.time.length === times.length ? line.samples : resample(line, chart.time);
 }
 
-/** The values of a line at times that hold its own: of two of one time the first has the limit from before. */
-function resampled({ time, own }, times) {
+/** The values of a line at times that include its own; the first of two equal times has the limit from the left. */
+function resample({ time, samples }, times) {
   const values = new Float64Array(times.length);
   for (let i = 0, row = 0; i < times.length; i++) {
     const t = times[i];
     const last = times[i + 1] !== t;  // the later of two sides
     while (row + 1 < time.length && (time[row + 1] < t || (last && time[row + 1] === t))) row++;
     const [a, b] = [time[row], time[row + 1]];
-    if (t === a || row + 1 >= time.length) values[i] = own[row];
-    else values[i] = t === b ? own[row + 1] : own[row] + (t - a) / (b - a) * (own[row + 1] - own[row]);
+    if (t === a || row + 1 >= time.length) values[i] = samples[row];
+    else values[i] = t === b ? samples[row + 1] : samples[row] + (t - a) / (b - a) * (samples[row + 1] - samples[row]);
   }
   return values;
 }
 
-/** The film with every array it refers to in place. */
+/** The film, with an array in place of each reference. */
 async function readFilm() {
   const film = JSON.parse(document.getElementById("film").textContent);
-  const bytes = await window.bellcrank.inflated("block");
-  const read = (reference, Kind) => unpacked(bytes, reference, Kind);
+  const bytes = await window.bellcrank.inflated("arrays");
+  const read = (reference, Kind) => decodeArray(bytes, reference, Kind);
   film.time = read(film.time, Float64Array);
-  film.places = read(film.places);
-  film.turns = read(film.turns);
+  film.positions = read(film.positions);
+  film.quaternions = read(film.quaternions);
   for (const mesh of film.meshes) {
     mesh.vertices = read(mesh.vertices);
     mesh.faces = read(mesh.faces, Int32Array);
   }
-  for (const { pieces } of film.traces) {
-    for (const piece of pieces) {
-      piece.time = read(piece.time, Float64Array);
-      piece.points = read(piece.points);
+  for (const { segments } of film.traces) {
+    for (const segment of segments) {
+      segment.time = read(segment.time, Float64Array);
+      segment.points = read(segment.points);
     }
   }
   for (const arrow of film.arrows) {
@@ -103,15 +103,15 @@ async function readFilm() {
   for (const chart of film.charts) {
     for (const line of chart.lines) {
       line.time = read(line.time, Float64Array);
-      line.own = read(line.values);
+      line.samples = read(line.values);
     }
-    align(chart);
+    alignTimes(chart);
   }
-  for (const plane of film.planes) {
-    plane.time = read(plane.time, Float64Array);
-    plane.x = read(plane.x);
-    plane.y = read(plane.y);
-    for (const limit of plane.limits) limit.points = read(limit.points);
+  for (const plot of film.xy_plots) {
+    plot.time = read(plot.time, Float64Array);
+    plot.x = read(plot.x);
+    plot.y = read(plot.y);
+    for (const limit of plot.limits) limit.points = read(limit.points);
   }
   return film;
 }

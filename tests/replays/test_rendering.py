@@ -13,7 +13,7 @@ from PIL import Image
 import bellcrank as bc
 from bellcrank.commands import replay as command
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.replays.page import browser, pictures
+from bellcrank.replays.page import headless_browser, rendering
 from bellcrank.replays.replay import replay
 
 ARM = """
@@ -28,7 +28,7 @@ SMALL = (160, 120)
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
     try:
-        browser.find_browser()
+        headless_browser.find_browser()
     except InputError as error:
         (pytest.fail if os.environ.get("CI") else pytest.skip)(str(error))
     folder = tmp_path_factory.mktemp("page")
@@ -38,7 +38,7 @@ def page(tmp_path_factory):
 
 @pytest.fixture
 def no_browser(monkeypatch):
-    monkeypatch.setattr(browser.shutil, "which", lambda name: None)
+    monkeypatch.setattr(headless_browser.shutil, "which", lambda name: None)
 
 
 def colours(picture):
@@ -49,15 +49,15 @@ def colours(picture):
 
 
 def test_a_still_is_the_view_at_its_time_in_its_size(page, tmp_path):
-    first = Image.open(pictures.still(page, tmp_path / "a.png", 0.0, SMALL))
-    last = Image.open(pictures.still(page, tmp_path / "b.png", size=SMALL))
+    first = Image.open(rendering.render_still(page, tmp_path / "a.png", 0.0, SMALL))
+    last = Image.open(rendering.render_still(page, tmp_path / "b.png", size=SMALL))
     assert first.size == last.size == SMALL and np.abs(colours(first) - colours(last)).max() > 60
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.png", "b.png"]
 
 
 def test_a_gif_runs_as_long_as_the_run_and_its_ends_are_the_stills(page, tmp_path):
     told = []
-    out = pictures.film(page, tmp_path / "a.gif", 2.0, 15, SMALL, lambda done, of: told.append((done, of)))
+    out = rendering.render_video(page, tmp_path / "a.gif", 2.0, 15, SMALL, lambda done, of: told.append((done, of)))
     with Image.open(out) as film:
         lasts, frames = [], []
         for k in range(film.n_frames):
@@ -67,8 +67,8 @@ def test_a_gif_runs_as_long_as_the_run_and_its_ends_are_the_stills(page, tmp_pat
     assert told == [(k + 1, len(frames)) for k in range(len(frames))] and film.info["loop"] == 0
     assert sum(lasts[:-1]) == pytest.approx(500.0, abs=40.0)  # twice as fast; the last frame stays as long as any
     for time, frame in ((0.0, frames[0]), (1.0, frames[-1])):
-        still = colours(Image.open(pictures.still(page, tmp_path / "s.png", time, SMALL)))
-        assert np.abs(still - frame).mean() < 3.0  # of 255: the colours of a GIF are 256
+        render_still = colours(Image.open(rendering.render_still(page, tmp_path / "s.png", time, SMALL)))
+        assert np.abs(render_still - frame).mean() < 3.0  # of 255: the colours of a GIF are 256
 
 
 def test_a_gif_of_many_frames_takes_no_more_memory_than_one_of_few(tmp_path):
@@ -85,7 +85,7 @@ def test_a_gif_of_many_frames_takes_no_more_memory_than_one_of_few(tmp_path):
 
     palette = Image.open(io.BytesIO(next(frames()))).quantize(256)
     alive.clear()
-    pictures._write_gif(frames(), tmp_path / "a.gif", 30, palette)
+    rendering._write_gif(frames(), tmp_path / "a.gif", 30, palette)
     assert max(alive[10:]) <= max(alive[:10])
     with Image.open(tmp_path / "a.gif") as film:
         assert film.n_frames == 60
@@ -95,9 +95,9 @@ def test_a_gif_of_many_frames_takes_no_more_memory_than_one_of_few(tmp_path):
 
 
 def test_an_mp4_holds_every_frame(page, tmp_path):
-    out = pictures.film(page, tmp_path / "a.mp4", 1.0, 20, (161, 121))  # odd sides are made even
+    out = rendering.render_video(page, tmp_path / "a.mp4", 1.0, 20, (161, 121))  # odd sides are made even
     said = subprocess.run(
-        [pictures.find_encoder(), "-i", str(out), "-map", "0:v", "-f", "framemd5", "-"], capture_output=True, text=True
+        [rendering.find_encoder(), "-i", str(out), "-map", "0:v", "-f", "framemd5", "-"], capture_output=True, text=True
     ).stdout
     rows = [line.split(",")[-1].strip() for line in said.splitlines() if not line.startswith("#")]
     assert "160x120" in said and len(rows) == 21 and len(set(rows)) > 15
@@ -112,12 +112,12 @@ def test_an_mp4_holds_every_frame(page, tmp_path):
         ("a.avi", {}, "a film is written as .gif or .mp4, not as '.avi'"),
         ("a.gif", {"speed": 0.0}, "expected a number above 0, found 0.0"),
         ("a.gif", {"fps": 60.0}, "expected 1 to 50 for .gif, found 60.0"),
-        ("a.mp4", {"speed": 1e-3}, "the most is 5000; film it faster"),
+        ("a.mp4", {"speed": 1e-3}, "the most is 5000; use a higher speed"),
     ],
 )
 def test_a_film_that_cannot_be_is_refused_and_leaves_nothing(page, tmp_path, name, options, sentence):
     with pytest.raises(InputError, match=sentence):
-        pictures.film(page, tmp_path / name, size=SMALL, **options)
+        rendering.render_video(page, tmp_path / name, size=SMALL, **options)
     assert not list(tmp_path.iterdir())
 
 
@@ -134,20 +134,20 @@ def test_without_a_browser_the_command_says_so_before_it_simulates(no_browser, m
 def test_without_playwright_it_says_what_to_install(page, monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "playwright", None)
     with pytest.raises(InputError, match=r"pip install 'bellcrank\[film\]'"):
-        pictures.still(page, tmp_path / "a.png")
+        rendering.render_still(page, tmp_path / "a.png")
     assert not list(tmp_path.iterdir())
 
 
 def test_without_an_encoder_it_says_so_and_one_that_fails_tells_why(page, monkeypatch, tmp_path):
-    monkeypatch.setattr(pictures.shutil, "which", lambda name: None)
+    monkeypatch.setattr(rendering.shutil, "which", lambda name: None)
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(InputError, match=r"ffmpeg, which is not on the PATH; .* write a \.gif"):
-        pictures.film(page, tmp_path / "a.mp4")
+        rendering.render_video(page, tmp_path / "a.mp4")
     failing = tmp_path / "ffmpeg"
     failing.write_text("#!/bin/sh\necho no such codec >&2\nexit 3\n")
     failing.chmod(0o755)
     with pytest.raises(BellcrankError, match="could not encode it: no such codec"):
-        pictures._write_mp4(iter([b"x" * 10] * 3), tmp_path / "a.mp4", 30, str(failing))
+        rendering._write_mp4(iter([b"x" * 10] * 3), tmp_path / "a.mp4", 30, str(failing))
 
 
 def test_a_film_that_is_interrupted_leaves_nothing_and_stops_the_encoder(page, tmp_path):
@@ -157,13 +157,13 @@ def test_a_film_that_is_interrupted_leaves_nothing_and_stops_the_encoder(page, t
 
     for name in ("a.gif", "a.mp4"):
         with pytest.raises(KeyboardInterrupt):
-            pictures.film(page, tmp_path / name, size=SMALL, progress=stop)
+            rendering.render_video(page, tmp_path / name, size=SMALL, progress=stop)
     assert not list(tmp_path.iterdir())
 
 
 def test_a_page_that_does_not_draw_is_told_of(page, tmp_path, monkeypatch):
-    monkeypatch.setattr(browser, "PATIENCE", 500)
+    monkeypatch.setattr(headless_browser, "TIMEOUT", 500)
     (tmp_path / "blank.html").write_text("<p>nothing</p>")
     with pytest.raises(BellcrankError, match=r"blank.html: the browser .* could not draw it: .*Timeout 500ms"):
-        pictures.still(tmp_path / "blank.html", tmp_path / "a.png")
+        rendering.render_still(tmp_path / "blank.html", tmp_path / "a.png")
     assert [path.name for path in tmp_path.iterdir()] == ["blank.html"]

@@ -1,4 +1,4 @@
-"""Stills and films of a replay page: PNG, GIF and MP4, by a browser without a window."""
+"""Stills and videos of a replay page (PNG, GIF, MP4), rendered by a headless browser."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.atomic_write import writing
-from bellcrank.replays.page.browser import find_browser, find_driver, opened
+from bellcrank.replays.page.headless_browser import find_browser, find_playwright, open_page
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -23,32 +23,46 @@ if TYPE_CHECKING:
 
 SIZE = (960, 720)  # pixels
 MOST_FRAMES = 5_000
-FILMS = {".gif": 15.0, ".mp4": 30.0}  # frames a second, where nothing is said
-FASTEST = {".gif": 50.0, ".mp4": 60.0}  # viewers slow down a GIF that is faster
+DEFAULT_FPS = {".gif": 15.0, ".mp4": 30.0}
+MOST_FPS = {".gif": 50.0, ".mp4": 60.0}  # viewers slow down faster GIFs
 
 
-def check_tools(kinds: Iterable[str]) -> None:
-    """See that there is what pictures of these kinds, such as "png" or "mp4", are made with (InputError)."""
+def check_rendering_tools(kinds: Iterable[str]) -> None:
+    """Raise InputError, with what to install, if a tool is missing that files of these kinds need, such as "mp4"."""
     find_browser()
-    find_driver()
+    find_playwright()
     if "mp4" in kinds:
         find_encoder()
 
 
-def still(page: str | Path, out: str | Path, time: float | None = None, size: tuple[int, int] = SIZE) -> Path:
-    """Write a PNG of a page's 3-D view at a time (s), the end where none is given; `size` in pixels.
+def render_still(page: str | Path, out: str | Path, time: float | None = None, size: tuple[int, int] = SIZE) -> Path:
+    """Write the 3-D view of a page as PNG.
 
-    Raises InputError where there is no browser, or the file cannot be written.
+    Args:
+        page: The file of a replay page.
+        out: The file to write.
+        time: The time to show, s; default: the end.
+        size: Width and height in pixels.
+
+    Returns:
+        The path of the PNG.
+
+    Raises:
+        InputError: There is no browser, the time is outside the replay, or the file cannot be written.
+        BellcrankError: The browser could not draw the page.
+
+    Example:
+        `render_still(bc.replay(run), "still.png", time=2.5)` renders the state of a run at 2.5 s.
     """
-    with writing(out) as temporary, opened(page, size) as tab:
+    with writing(out) as temporary, open_page(page, size) as tab:
         start, end = _span(tab)
         if time is not None and not start <= time <= end:
             raise InputError(f"a still at {time:g} s: expected a time from {start:g} s to {end:g} s, the replay's")
-        temporary.write_bytes(_captured(tab, end if time is None else time))
+        temporary.write_bytes(_capture(tab, end if time is None else time))
     return Path(out)
 
 
-def film(
+def render_video(
     page: str | Path,
     out: str | Path,
     speed: float = 1.0,
@@ -56,22 +70,37 @@ def film(
     size: tuple[int, int] = SIZE,
     progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> Path:
-    """Write the whole replay as .gif or .mp4, by the name's suffix, `speed` times as fast as it was.
+    """Write a whole replay as GIF or MP4.
 
-    `progress` is called with the frames that are done, and their number. Raises InputError for another suffix, a film
-    of too many frames, and where browser or encoder are missing.
+    Args:
+        page: The file of a replay page.
+        out: The file to write; its suffix is .gif or .mp4.
+        speed: Playback speed relative to real time.
+        fps: Frames per second; default: 15 for GIF, 30 for MP4.
+        size: Width and height in pixels; odd numbers are rounded down to even ones.
+        progress: Called with the number of finished frames and of all frames.
+
+    Returns:
+        The path of the file.
+
+    Raises:
+        InputError: Another suffix, too many frames, or a browser or encoder that is not installed.
+        BellcrankError: The browser could not draw the page, or the encoder failed.
+
+    Example:
+        `render_video(bc.replay(run), "run.gif", speed=0.5)` renders a run at half its speed.
     """
     kind = Path(out).suffix.lower()
-    if kind not in FILMS:
-        raise InputError(f"{out}: a film is written as {' or '.join(FILMS)}, not as '{kind or 'nothing'}'")
+    if kind not in DEFAULT_FPS:
+        raise InputError(f"{out}: a film is written as {' or '.join(DEFAULT_FPS)}, not as '{kind or 'nothing'}'")
     if not (math.isfinite(speed) and speed > 0.0):
         raise InputError(f"speed of a film: expected a number above 0, found {speed!r}")
-    fps = FILMS[kind] if fps is None else fps
-    if not 1.0 <= fps <= FASTEST[kind]:
-        raise InputError(f"frames a second of a film: expected 1 to {FASTEST[kind]:g} for {kind}, found {fps!r}")
+    fps = DEFAULT_FPS[kind] if fps is None else fps
+    if not 1.0 <= fps <= MOST_FPS[kind]:
+        raise InputError(f"frames per second of a film: expected 1 to {MOST_FPS[kind]:g} for {kind}, found {fps!r}")
     encoder = None if kind == ".gif" else find_encoder()
-    width, height = (2 * (length // 2) for length in size)  # the codec takes even numbers only
-    with writing(out) as temporary, opened(page, (width, height)) as tab:
+    width, height = (2 * (length // 2) for length in size)  # the codec requires even numbers
+    with writing(out) as temporary, open_page(page, (width, height)) as tab:
         start, end = _span(tab)
         count = _frame_count(out, end - start, speed, fps)
         frames = _frames(tab, np.linspace(start, end, count).tolist(), progress)
@@ -83,12 +112,12 @@ def film(
 
 
 def _frame_count(out: str | Path, duration: float, speed: float, fps: float) -> int:
-    """How many frames a film has, both ends among them. Raises InputError for too many."""
+    """The number of frames of a film, including both ends. Raises InputError for too many."""
     wanted = duration / speed * fps
     if not wanted <= MOST_FRAMES - 1:
         raise InputError(
-            f"{out}: {duration:g} s at {fps:g} frames a second and speed {speed:g} are {wanted:.6g} frames, the most "
-            f"is {MOST_FRAMES}; film it faster"
+            f"{out}: {duration:g} s at {fps:g} frames per second and speed {speed:g} are {wanted:.6g} frames, the most "
+            f"is {MOST_FRAMES}; use a higher speed or fewer frames per second"
         )
     return max(1, math.ceil(wanted)) + 1
 
@@ -107,7 +136,7 @@ def find_encoder() -> str:
     return str(imageio_ffmpeg.get_ffmpeg_exe())
 
 
-def _captured(tab: Page, time: float) -> bytes:
+def _capture(tab: Page, time: float) -> bytes:
     url = tab.evaluate("(t) => { window.bellcrank.seek(t); return window.bellcrank.capture(); }", time)
     return base64.b64decode(url.partition(",")[2])
 
@@ -119,15 +148,15 @@ def _span(tab: Page) -> tuple[float, float]:
 
 def _frames(tab: Page, times: list[float], progress: Callable[[int, int], None]) -> Iterator[bytes]:
     for k, time in enumerate(times):
-        yield _captured(tab, time)
+        yield _capture(tab, time)
         progress(k + 1, len(times))
 
 
 def _palette(tab: Page, start: float, end: float) -> Image:
-    """The colours of all frames, from five of them: with colours in common a frame holds only what has changed."""
+    """Colours common to all frames, from five of them, so that each frame stores only what has changed."""
     from PIL import Image
 
-    pictures = [_picture(_captured(tab, time)) for time in np.linspace(start, end, 5).tolist()]
+    pictures = [_picture(_capture(tab, time)) for time in np.linspace(start, end, 5).tolist()]
     width, height = pictures[0].size
     sheet = Image.new("RGB", (width, height * len(pictures)))
     for k, picture in enumerate(pictures):
@@ -142,7 +171,7 @@ def _picture(png: bytes) -> Image:
 
 
 def _write_gif(frames: Iterator[bytes], path: Path, fps: float, palette: Image) -> None:
-    """Frame by frame, so that a long film needs no more memory than a short one; it starts again at its end."""
+    """Write a GIF frame by frame, so that memory does not grow with its length; it repeats forever."""
     from PIL import Image, ImageChops
     from PIL.GifImagePlugin import getdata, getheader
 
@@ -155,7 +184,9 @@ def _write_gif(frames: Iterator[bytes], path: Path, fps: float, palette: Image) 
                 file.write(b"".join(getheader(picture, info={"loop": 0})[0]))
             else:
                 box = ImageChops.difference(before.convert("RGB"), picture.convert("RGB")).getbbox() or (0, 0, 1, 1)
-            lasts = 10 * (round(100.0 * (k + 1) / fps) - round(100.0 * k / fps))  # ms, of the hundredths that GIF has
+            lasts = 10 * (
+                round(100.0 * (k + 1) / fps) - round(100.0 * k / fps)
+            )  # ms; a GIF counts hundredths of a second
             file.write(b"".join(getdata(picture.crop(box), box[:2], duration=lasts, disposal=1)))
             before = picture
         file.write(b";")
@@ -174,7 +205,7 @@ def _write_mp4(frames: Iterator[bytes], path: Path, fps: float, encoder: str) ->
                 process.stdin.write(frame)
             process.stdin.close()
         except BrokenPipeError:
-            pass  # what went wrong is in its own words below
+            pass  # its own message is reported below
         except BaseException:
             process.kill()
             raise

@@ -1,11 +1,11 @@
-// ---- solids: geometries that are shared, and the parts of arrows and springs
+// ---- geometries: shared ones, and the parts of arrows and springs
 
-const CREASE = Math.cos(40 * Math.PI / 180);  // faces that meet at less than this angle are one smooth surface
+const CREASE = Math.cos(40 * Math.PI / 180);  // faces that meet at a smaller angle form one smooth surface
 
-/** A smooth surface but for its creases: a corner is doubled where faces around it differ by more than CREASE. */
-function creased(THREE, { vertices, faces }) {
+/** A smooth surface with creases: a vertex is duplicated where the faces around it differ by more than CREASE. */
+function creasedGeometry(THREE, { vertices, faces }) {
   const corners = faces.length;
-  const normals = new Float32Array(corners);  // of each face, as long as twice its area
+  const normals = new Float32Array(corners);  // of each face, with the length of twice its area
   const lengths = new Float32Array(corners / 3);
   for (let f = 0; f < corners; f += 3) {
     const [a, b, c] = [3 * faces[f], 3 * faces[f + 1], 3 * faces[f + 2]];
@@ -16,7 +16,7 @@ function creased(THREE, { vertices, faces }) {
     normals[f + 2] = ux * vy - uy * vx;
     lengths[f / 3] = Math.hypot(normals[f], normals[f + 1], normals[f + 2]);
   }
-  // Of every vertex: a chain of the corners made from it so far, each with the face that made it.
+  // For each vertex: a linked list of the corners made from it so far, each with the face that made it.
   const newest = new Int32Array(vertices.length / 3).fill(-1);
   const older = new Int32Array(corners);
   const maker = new Int32Array(corners);
@@ -52,10 +52,10 @@ function creased(THREE, { vertices, faces }) {
       sums[3 * i + k] /= length;
     }
   }
-  return surface(THREE, positions, sums.slice(0, 3 * made), index, made);
+  return indexedGeometry(THREE, positions, sums.slice(0, 3 * made), index, made);
 }
 
-function surface(THREE, positions, normals, index, count) {
+function indexedGeometry(THREE, positions, normals, index, count) {
   const geometry = new THREE.BufferGeometry();
   geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
   geometry.setAttribute("normal", new THREE.BufferAttribute(normals, 3));
@@ -63,8 +63,8 @@ function surface(THREE, positions, normals, index, count) {
   return geometry;
 }
 
-/** Several geometries as one, which is drawn in one go. */
-function merged(THREE, ...parts) {
+/** Several geometries as one, drawn in one call. */
+function mergedGeometry(THREE, ...parts) {
   const positions = [];
   const normals = [];
   const index = [];
@@ -74,11 +74,11 @@ function merged(THREE, ...parts) {
     normals.push(...part.attributes.normal.array);
     index.push(...Array.from(part.index.array, (i) => i + first));
   }
-  return surface(THREE, new Float32Array(positions), new Float32Array(normals), new Uint32Array(index), positions.length / 3);
+  return indexedGeometry(THREE, new Float32Array(positions), new Float32Array(normals), new Uint32Array(index), positions.length / 3);
 }
 
-/** Geometries and materials, each made once; rounder where there are few shapes. */
-function makeStock(THREE, { meshes, bodies }) {
+/** Geometries and materials, each made once; with finer curves if there are few shapes. */
+function makeGeometryCache(THREE, { meshes, bodies }) {
   const few = bodies.reduce((count, { shapes }) => count + shapes.length, 0) < 100;
   const known = new Map();
   const once = (key, make) => {
@@ -89,10 +89,10 @@ function makeStock(THREE, { meshes, bodies }) {
     once,
     /** The geometry of a shape, and the scale that brings it to size. */
     geometry({ kind, size, mesh }) {
-      if (kind === "mesh") return [once(`mesh ${mesh}`, () => creased(THREE, meshes[mesh])), size];
+      if (kind === "mesh") return [once(`mesh ${mesh}`, () => creasedGeometry(THREE, meshes[mesh])), size];
       if (kind === "box") return [once("box", () => new THREE.BoxGeometry()), size];
       if (kind === "sphere") return [once("sphere", () => new THREE.SphereGeometry(1, ...few ? [28, 18] : [14, 9])), [size[0], size[0], size[0]]];
-      // three's cylinder stands along y, ours along z
+      // three.js cylinders are along y, ours along z
       return [once("cylinder", () => new THREE.CylinderGeometry(1, 1, 1, few ? 40 : 16).rotateX(Math.PI / 2)), [size[0], size[0], size[1]]];
     },
     material([red, green, blue, opacity]) {
@@ -103,12 +103,12 @@ function makeStock(THREE, { meshes, bodies }) {
   };
 }
 
-/** A coil along y from 0 to `length`, straight at its ends. */
+/** A coil along y from 0 to `length`, with straight ends. */
 function coil(THREE, length, radius, turns) {
-  const straight = 0.08;
+  const straightEnd = 0.08;
   class Helix extends THREE.Curve {
     getPoint(part, target = new THREE.Vector3()) {
-      const along = Math.min(Math.max((part - straight) / (1 - 2 * straight), 0), 1);
+      const along = Math.min(Math.max((part - straightEnd) / (1 - 2 * straightEnd), 0), 1);
       const out = radius * Math.min(1, 12 * Math.min(along, 1 - along));
       const angle = 2 * Math.PI * turns * along;
       return target.set(out * Math.cos(angle), length * part, out * Math.sin(angle));
@@ -117,7 +117,7 @@ function coil(THREE, length, radius, turns) {
   return new THREE.TubeGeometry(new Helix(), turns * 12, 0.13 * radius, 5);
 }
 
-/** A flat spiral around z, as points: what a torsion spring looks like. */
+/** A flat spiral around z, as points, for a torsion spring. */
 function spiral(radius) {
   return Array.from({ length: 73 }, (_, i) => {
     const angle = 2 * Math.PI * 2.75 * i / 72;

@@ -1,43 +1,41 @@
-"""Reading STL and OBJ files into triangles, in a time that grows as the file does."""
+"""STL and OBJ files as triangles, read in a time proportional to the size of the file."""
 
 from __future__ import annotations
 
 import itertools
 import re
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from io import BytesIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.replays.geometry.colours import Colour, Textures, clipped
+from bellcrank.replays.geometry.colours import Colour, Textures, clip_colour
+from bellcrank.replays.geometry.mesh_limits import (
+    MOST_FACES,
+    MOST_LIBRARIES,
+    MOST_PARTS,
+    MOST_TEXTURES,
+    MeshError,
+    ReadReferenced,
+    too_many,
+)
 
 Array = NDArray[np.float64]
-Beside = Callable[[str], bytes | None]  # what a file that the mesh file names holds, None where there is none
-MOST_FACES, MOST_PARTS = 4_000_000, 20_000
-MOST_LIBRARIES, MOST_TEXTURES = 20, 1000  # material files and textures that one file may name
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-_HEADER = 84  # bytes before the facets: any text, and how many there are
-_SOLID = re.compile(rb"^[ \t]*(?:end)?solid[^\r\n]*", re.MULTILINE)  # with its name, which can be "vertex"
-
-
-class MeshError(Exception):
-    """Why a mesh file cannot be drawn: a phrase that follows the file's name."""
-
-
-def too_many() -> MeshError:
-    """The error of a file with more triangles or parts than are read."""
-    return MeshError(f"has more than the {MOST_FACES} triangles or {MOST_PARTS} parts that are read")
+_HEADER = 84  # bytes before the facets: text and the number of facets
+_SOLID = re.compile(rb"^[ \t]*(?:end)?solid[^\r\n]*", re.MULTILINE)  # with its name, which may be "vertex"
 
 
 # ---- STL
 
 
 def stl_triangles(data: bytes) -> Iterator[tuple[Array, Colour | None]]:
-    """The triangles (m, 3, 3) of an STL file, binary where its length is what its header says, else text; none where it
-    is empty or truncated. Raises MeshError or ValueError.
+    """The triangles (m, 3, 3) of an STL file; none if it is empty or truncated. Raises MeshError or ValueError.
+
+    The file is read as binary if its length is the one in its header, else as text.
     """
     count = int.from_bytes(data[_HEADER - 4 : _HEADER], "little")
     if len(data) >= _HEADER and len(data) == _HEADER + count * _FACET.itemsize:
@@ -65,10 +63,13 @@ def stl_triangles(data: bytes) -> Iterator[tuple[Array, Colour | None]]:
 # ---- OBJ
 
 
-def obj_triangles(data: bytes, beside: Beside) -> Iterator[tuple[Array, Colour | None]]:
-    """The triangles (m, 3, 3) of each material of an OBJ file, polygons cut into fans. Raises MeshError, ValueError."""
+def obj_triangles(data: bytes, read_referenced: ReadReferenced) -> Iterator[tuple[Array, Colour | None]]:
+    """The triangles (m, 3, 3) of each material of an OBJ file; polygons are split into fans.
+
+    Raises MeshError or ValueError.
+    """
     if b"\\" in data:
-        data = data.replace(b"\\\r\n", b"").replace(b"\\\n", b"")  # lines that go on
+        data = data.replace(b"\\\r\n", b"").replace(b"\\\n", b"")  # continued lines
     vertices, materials, material = array("d"), dict[str, Colour | None](), ""
     faces: dict[str, array[int]] = {}
     found = faces.setdefault(material, array("q"))
@@ -91,7 +92,7 @@ def obj_triangles(data: bytes, beside: Beside) -> Iterator[tuple[Array, Colour |
                 raise too_many()
             if 0 in corners or min(corners) < -count:
                 raise ValueError("a vertex of a face is out of bounds")
-            first, *others = (k - 1 if k > 0 else count + k for k in corners)  # the first is 1, the last so far -1
+            first, *others = (k - 1 if k > 0 else count + k for k in corners)  # 1 is the first, -1 the last so far
             for second, third in itertools.pairwise(others):
                 found.extend((first, second, third))
         elif words[0] == b"usemtl":
@@ -99,9 +100,9 @@ def obj_triangles(data: bytes, beside: Beside) -> Iterator[tuple[Array, Colour |
             if len(faces) > MOST_PARTS:
                 raise too_many()
             found = faces.setdefault(material, array("q"))
-    textures = Textures(beside)
+    textures = Textures(read_referenced)
     for name in obj_libraries(data):
-        materials = _materials(beside(name) or b"", textures) | materials
+        materials = _materials(read_referenced(name) or b"", textures) | materials
     points = np.array(vertices).reshape(-1, 3)
     for material, indices in faces.items():
         index = np.array(indices, dtype=np.int64).reshape(-1, 3)
@@ -111,7 +112,7 @@ def obj_triangles(data: bytes, beside: Beside) -> Iterator[tuple[Array, Colour |
 
 
 def obj_libraries(data: bytes) -> tuple[str, ...]:
-    """The material files that an OBJ file names. Raises MeshError where they are more than are read."""
+    """The material files that an OBJ file names. Raises MeshError if there are too many."""
     names = dict.fromkeys(_rest(line) for line in BytesIO(data) if line.split(None, 1)[:1] == [b"mtllib"])
     if len(names) > MOST_LIBRARIES:
         raise MeshError(f"names more than the {MOST_LIBRARIES} material files that are read")
@@ -119,7 +120,7 @@ def obj_libraries(data: bytes) -> tuple[str, ...]:
 
 
 def mtl_textures(data: bytes) -> tuple[str, ...]:
-    """The textures of diffuse colour that a material file names. Raises MeshError where they are too many."""
+    """The diffuse textures that a material file names. Raises MeshError if there are too many."""
     names = dict.fromkeys(
         _rest(line) for line in BytesIO(data) if line.split(None, 1)[:1] in ([b"map_Kd"], [b"map_kd"])
     )
@@ -135,14 +136,15 @@ class _Material:
     texture: str = ""
 
     def colour(self, textures: Textures) -> Colour | None:
-        """The mean colour of the texture where it can be read, else the diffuse one, None where there is neither."""
+        """The mean colour of the texture if it can be read, else the diffuse colour; None without either."""
         found = textures.colour(self.texture) if self.texture else None
         diffuse = found[:3] if found else self.diffuse
-        return clipped((*diffuse, self.opacity or 1.0)) if diffuse else None  # 0 would hide it: some mean 1 by it
+        # an opacity of 0 would hide the part, and some files mean 1 by it
+        return clip_colour((*diffuse, self.opacity or 1.0)) if diffuse else None
 
 
 def _materials(data: bytes, textures: Textures) -> dict[str, Colour | None]:
-    """The colours of a material file's materials by name."""
+    """The colours of the materials of a material file, by name."""
     found, material = dict[str, _Material](), _Material()
     for line in BytesIO(data):
         words = line.split()
@@ -165,10 +167,10 @@ def _materials(data: bytes, textures: Textures) -> dict[str, Colour | None]:
                 material.opacity = numbers[-1]
     if len(found) > MOST_PARTS:
         raise too_many()
-    mtl_textures(data)  # not too many
+    mtl_textures(data)  # raises if there are too many
     return {name: material.colour(textures) for name, material in found.items()}
 
 
 def _rest(line: bytes) -> str:
-    """What follows the first word of a line."""
+    """The text after the first word of a line."""
     return b" ".join(line.split(None, 1)[1:]).strip().decode(errors="replace")

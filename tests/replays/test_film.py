@@ -11,18 +11,18 @@ from page_series import decoded
 import bellcrank as bc
 from bellcrank.errors import InputError
 from bellcrank.motion.hermite import smooth_between
+from bellcrank.motion.quaternions import from_matrices, make_continuous, multiply, rotate
 from bellcrank.motion.resampling import extreme_rows
-from bellcrank.replays.film.arrows import Moments, run_arrows
-from bellcrank.replays.film.camera import ASPECT, HALF_VIEW, Scenery, camera_for, fitted, plane_normal
+from bellcrank.replays.film.arrows import RunFrames, run_arrows
+from bellcrank.replays.film.camera import ASPECT, HALF_VIEW, CameraScene, choose_camera, fit_camera, motion_plane_normal
 from bellcrank.replays.film.decimation import frame_rows, interpolation_error, line_rows
-from bellcrank.replays.film.film import Body, Shape
-from bellcrank.replays.film.film_check import check
-from bellcrank.replays.film.motion_film import GAP, film_of_motion, film_of_sizing
+from bellcrank.replays.film.film import check_film
+from bellcrank.replays.film.motion_film import GAP, film_of_motion
 from bellcrank.replays.film.run_film import film_of_run
-from bellcrank.replays.film.sampled_trajectory import Course, densified, placing
-from bellcrank.replays.geometry.extents import body_corners, cloud
-from bellcrank.replays.geometry.rotations import continued, multiplied, quaternions, turned
-from bellcrank.replays.page.pack import pack
+from bellcrank.replays.film.sampled_trajectory import SampledTrajectory, frame_pose_function, refine
+from bellcrank.replays.film.sizing_film import film_of_sizing
+from bellcrank.replays.geometry.shapes import Body, Shape, bounding_boxes, world_corners
+from bellcrank.replays.page.film_encoding import encode_film
 from bellcrank.simulation.status import Status
 
 SCENE = """
@@ -95,11 +95,11 @@ def shown(film, body, times):
 def test_frames_are_where_the_run_says_and_between_them_no_point_is_off_by_more_than_the_bound(name, request):
     run = request.getfixturevalue(name)
     film = film_of_run(run)
-    check(film)
+    check_film(film)
     there = np.isin(film.time, run.time)
     assert there.sum() > 20
     rows = np.searchsorted(run.time, film.time[there])
-    for body, corners in zip(film.bodies, body_corners(film.bodies), strict=True):
+    for body, corners in zip(film.bodies, bounding_boxes(film.bodies), strict=True):
         truth = run.frame(body.name)
         k = film.bodies.index(body)
         assert np.abs(film.poses[there, k, :3] - truth.position[rows]).max() < 1e-12
@@ -107,7 +107,7 @@ def test_frames_are_where_the_run_says_and_between_them_no_point_is_off_by_more_
         points, turns = shown(film, body.name, run.time)
         for corner in corners:
             off = points + turns @ corner - truth.position - truth.rotation @ corner
-            assert np.linalg.norm(off, axis=1).max() <= film.bound * (1 + 1e-9)
+            assert np.linalg.norm(off, axis=1).max() <= film.error_bound * (1 + 1e-9)
 
 
 def test_quaternions_of_a_film_do_not_jump(disk):
@@ -122,7 +122,7 @@ def test_a_run_of_a_few_solver_steps_is_filled_so_that_a_finer_run_agrees():
     body = film.bodies[-1].name
     rows = fine.time <= film.time[-1]
     points, _ = shown(film, body, fine.time[rows])
-    assert np.linalg.norm(points - fine.frame(body).position[rows], axis=1).max() < 2.0 * film.bound
+    assert np.linalg.norm(points - fine.frame(body).position[rows], axis=1).max() < 2.0 * film.error_bound
 
 
 def test_the_parameters_of_a_run_move_its_film():
@@ -138,10 +138,10 @@ def test_the_parameters_of_a_run_move_its_film():
 def test_the_arrow_at_the_lock_is_the_force_at_the_apex_and_its_mark_says_so(four_bar):
     film = film_of_run(four_bar)
     (arrow,) = film.arrows
-    assert arrow.name == "apex on coupler_link" and arrow.unit == "N" and not arrow.about
+    assert arrow.name == "apex on coupler_link" and arrow.unit == "N" and not arrow.is_torque
     assert arrow.vectors[-1] == pytest.approx([1500.133, -380.510, 0.0], abs=0.01)
     assert arrow.points[-1] == pytest.approx(four_bar.frame("coupler_tip").position[-1], abs=1e-12)
-    (mark,) = film.marks
+    (mark,) = film.events
     assert mark.time == pytest.approx(12.2678, abs=1e-4) and film.time[-1] == mark.time
     assert mark.text.startswith("lock, which ended the run; crank 150.46°")
     assert "apex x 1500.13 N, apex y -380.51 N" in mark.text
@@ -151,7 +151,7 @@ def test_the_contact_is_traced_on_the_floor_and_its_force_is_what_newton_asks_fo
     film = film_of_run(disk)
     traces = {trace.name: trace for trace in film.traces}
     contact = traces["floor contact"]
-    assert set(traces) == {"disk", "floor contact"} and np.abs(contact.points[:, 2]).max() < 0.05 * film.bound
+    assert set(traces) == {"disk", "floor contact"} and np.abs(contact.points[:, 2]).max() < 0.05 * film.error_bound
     rows = np.flatnonzero(np.isin(contact.time, disk.time))
     want = disk.output("contact")[np.searchsorted(disk.time, contact.time[rows])]
     assert np.abs(contact.points[rows] - want).max() < 1e-12 and np.abs(contact.points[rows, 2]).max() < 1e-12
@@ -174,7 +174,7 @@ def test_forces_of_a_scene_become_springs_and_arrows(arm):
     assert np.all(spring.ends[:, 1] == [2.5, 0.0, 0.0])  # the parameter's, not the file's
     arrows = {arrow.name: arrow for arrow in film.arrows}
     assert set(arrows) == {"elbow motor", "push force", "push torque"}
-    assert np.all(arrows["elbow motor"].vectors == [0.0, 0.0, 7.0]) and arrows["elbow motor"].about
+    assert np.all(arrows["elbow motor"].vectors == [0.0, 0.0, 7.0]) and arrows["elbow motor"].is_torque
     push = arrows["push force"]
     there = np.isin(push.time, arm.time)
     rows = np.searchsorted(arm.time, push.time[there])
@@ -202,9 +202,11 @@ def test_arrows_of_constraints_do_the_work_of_their_multipliers(tmp_path, constr
 
     def placed(name):
         frame = run.frame(name)
-        return frame.position, quaternions(frame.rotation)
+        return frame.position, from_matrices(frame.rotation)
 
-    moments = Moments(run.scene, run.parameters, run.state, placed, run, run.time)
+    moments = RunFrames(
+        scene=run.scene, parameters=run.parameters, state=run.state, frame_pose=placed, run=run, time=run.time
+    )
     need = run.robot.inverse_dynamics(q, run.velocity, run.acceleration) - run.torque
     names = list(run.robot.joint_names)
     arrows = list(run_arrows(moments))
@@ -215,8 +217,8 @@ def test_arrows_of_constraints_do_the_work_of_their_multipliers(tmp_path, constr
         for k in range(names.index("panda_joint4" if arrow.name == "rod on panda_link4" else "panda_joint7") + 1):
             link = run.robot.urdf.joints[names[k]].child
             place, turn = placed(link)
-            axis = turned(turn, run.robot.joint_axis(names[k]))
-            arm = arrow.vectors if arrow.about else np.cross(arrow.points - place, arrow.vectors)
+            axis = rotate(turn, run.robot.joint_axis(names[k]))
+            arm = arrow.vectors if arrow.is_torque else np.cross(arrow.points - place, arrow.vectors)
             got[:, k] += np.sum(axis * arm, axis=1)
     assert np.abs(got - need).max() < 1e-8 * np.abs(need).max()
 
@@ -258,8 +260,8 @@ def test_the_rod_of_a_distance_is_a_thin_rod_between_its_two_points_as_long_as_i
     assert rod.ends[there, 0] == pytest.approx(run.frame("tip").position[rows], abs=1e-9)
     assert np.all(rod.ends[:, 1] == [2.5, 0.5, 0.0]) and np.ptp(rod.ends[:, 0], axis=0).max() > 0.01
     assert np.linalg.norm(rod.ends[:, 1] - rod.ends[:, 0], axis=1) == pytest.approx(1.6, abs=1e-6)
-    (packed,) = decoded(pack(film))["rods"]
-    assert np.abs(packed["ends"].reshape(-1, 2, 3) - rod.ends).max() <= film.bound
+    (packed,) = decoded(encode_film(film))["rods"]
+    assert np.abs(packed["ends"].reshape(-1, 2, 3) - rod.ends).max() <= film.error_bound
 
 
 # ---- what else a film holds
@@ -321,7 +323,7 @@ def test_torsion_springs_axes_and_prismatic_springs_are_there():
 def test_a_run_of_one_row_is_a_film_of_one_frame(four_bar):
     one = replace(four_bar, time=four_bar.time[:1], state=four_bar.state[:1], events=(), status=Status.FINISHED)
     film = film_of_run(one)
-    check(film)
+    check_film(film)
     assert len(film.time) == 1 and film.arrows[0].vectors.shape == (1, 3)
 
 
@@ -329,7 +331,7 @@ def test_a_run_is_shown_until_its_first_row_that_is_no_number(four_bar):
     state = four_bar.state.copy()
     state[100:, 1] = np.nan
     film = film_of_run(replace(four_bar, state=state, events=(), status=Status.FINISHED))
-    check(film)
+    check_film(film)
     assert film.time[-1] == four_bar.time[99] and any("finite" in note for note in film.notes)
     state[0, 0] = np.inf
     with pytest.raises(InputError, match="first state is not finite"):
@@ -349,10 +351,10 @@ def test_an_unknown_frame_to_trace_is_refused_with_what_there_is(four_bar):
 
 def test_a_sizing_plays_its_motions_one_after_the_other_with_its_torques_and_limits(sizing):
     film = film_of_sizing(sizing)
-    check(film)
+    check_film(film)
     first, second = sizing.study[1]
     assert film.time[-1] == pytest.approx(first.duration + GAP + second.duration)
-    assert [mark.text for mark in film.marks] == ["motion elbow_up begins", "motion elbow_down begins"]
+    assert [mark.text for mark in film.events] == ["motion elbow_up begins", "motion elbow_down begins"]
     robot = sizing.study[0].robot
     late = film.time > first.duration + GAP / 2
     times = film.time[late] - first.duration - GAP
@@ -362,7 +364,7 @@ def test_a_sizing_plays_its_motions_one_after_the_other_with_its_torques_and_lim
     assert np.abs(motors["shoulder motor"].vectors[:, 2]).max() == pytest.approx(242.27, abs=0.3)
     for chart in film.charts:
         assert len(chart.time) < 2010 and np.isnan(chart.lines[0].values).sum() == 1  # between the motions
-    plane = next(plane for plane in film.planes if plane.title.startswith("shoulder"))
+    plane = next(plane for plane in film.xy_plots if plane.title.startswith("shoulder"))
     assert np.nanmax(np.abs(plane.y)) == pytest.approx(1.2 * sizing.joint("shoulder").shaft.peak_torque.value, rel=1e-3)
     assert np.isnan(plane.x).sum() == 1 and plane.limits[0][1][:, 1].max() == 7.1
 
@@ -381,7 +383,7 @@ def test_a_motion_needs_its_own_robot(sizing):
     mechanism, (motion, _), _ = sizing.study
     robot = mechanism.robot
     film = film_of_motion(motion, robot)
-    check(film)
+    check_film(film)
     (trace,) = film.traces
     assert np.linalg.norm(trace.points - [1.2, 1.2, 0.0], axis=1) == pytest.approx(np.full(len(trace.time), 0.2))
     with pytest.raises(InputError, match="motion 'elbow_up' is for the joints shoulder, elbow, the robot"):
@@ -426,13 +428,13 @@ def test_the_error_is_that_of_points_and_a_bound_on_it():
             arm *= reach[body] / np.linalg.norm(arm)
             s = (time[1:9] - time[0]) / (time[9] - time[0])
             back = turns[0, body] * [-1, -1, -1, 1]
-            way = multiplied(back, turns[9, body])
+            way = multiply(back, turns[9, body])
             angle = 2 * np.arctan2(np.linalg.norm(way[:3]), way[3])
             axis = way[:3] / np.linalg.norm(way[:3])
             part = np.concatenate([np.sin(s * angle / 2)[:, None] * axis, np.cos(s * angle / 2)[:, None]], axis=1)
             place = (1 - s)[:, None] * points[0, body] + s[:, None] * points[9, body]
-            there = place + turned(multiplied(np.broadcast_to(turns[0, body], part.shape), part), arm)
-            truth = points[1:9, body] + turned(turns[1:9, body], arm)
+            there = place + rotate(multiply(np.broadcast_to(turns[0, body], part.shape), part), arm)
+            truth = points[1:9, body] + rotate(turns[1:9, body], arm)
             worst = np.maximum(worst, np.linalg.norm(there - truth, axis=1))
     assert np.all(worst <= error + 1e-12) and np.all(error < 3.0 * worst + 1e-9)
 
@@ -489,7 +491,7 @@ def test_between_sparse_rows_a_rolling_disk_is_where_a_finer_run_has_it():
     film = film_of_run(sparse)
     assert not any("guess" in text for name, text in film.facts if name == "note")
     centre = np.stack([np.interp(fine.time, film.time, film.poses[:, 0, c]) for c in range(3)], axis=1)
-    assert np.abs(centre - fine.position[:, :3]).max() < 2.0 * film.bound
+    assert np.abs(centre - fine.position[:, :3]).max() < 2.0 * film.error_bound
     mine, true = film.arrows[0], film_of_run(fine).arrows[0]
     force = np.array([np.interp(fine.time, mine.time, mine.vectors[:, c]) for c in range(3)]).T
     there = np.array([np.interp(fine.time, true.time, true.vectors[:, c]) for c in range(3)]).T
@@ -522,17 +524,17 @@ def test_a_body_that_turns_many_times_between_two_rows_is_not_shown_at_rest():
     time = np.array([0.0, 1.0])
     q, v = np.array([[0.0], [8.0 * np.pi]]), np.full((2, 1), 8.0 * np.pi)
     frames = tuple(robot.urdf.links)
-    course = Course(
-        robot,
-        time,
-        q,
-        v,
-        smooth_between(robot.joints, time, q, v, np.zeros((2, 1))),
-        frames,
-        placing(robot, frames),
-        np.zeros(0),
+    course = SampledTrajectory(
+        robot=robot,
+        time=time,
+        position=q,
+        velocity=v,
+        interpolate=smooth_between(robot.joints, time, q, v, np.zeros((2, 1))),
+        frames=frames,
+        pose_function=frame_pose_function(robot, frames),
+        parameters=np.zeros(0),
     )
-    dense = densified(course, [len(frames) - 1], np.ones(1), 1.0, 1e-3)
+    dense = refine(course, [len(frames) - 1], np.ones(1), 1.0, 1e-3)
     assert np.diff(dense.position[:, 0]).max() < 0.8 and len(dense.time) > 32
 
 
@@ -554,24 +556,28 @@ def test_quaternions_give_their_matrices_back_and_continue():
     turns = rng.normal(size=(500, 4))
     turns[:3] = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]  # half turns
     turns /= np.linalg.norm(turns, axis=1, keepdims=True)
-    found = quaternions(rotation(turns))
+    found = from_matrices(rotation(turns))
     assert np.abs(rotation(found) - rotation(turns)).max() < 1e-14
     assert np.abs(np.abs(np.sum(found * turns, axis=1)) - 1.0).max() < 1e-14
     angle = np.linspace(0.0, 40.0, 400)
     spin = np.stack([0 * angle, np.sin(angle / 2), 0 * angle, np.cos(angle / 2)], axis=1)[:, None]
-    assert np.sum(np.diff(continued(quaternions(rotation(spin))), axis=0) ** 2, axis=2).max() < 0.01
+    assert np.sum(np.diff(make_continuous(from_matrices(rotation(spin))), axis=0) ** 2, axis=2).max() < 0.01
 
 
 def test_a_box_of_corners_holds_a_turned_shape():
     quarter = (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))
     body = Body(
-        "b", (Shape("box", (2.0, 0.2, 0.4), (1, 1, 1, 1), (1.0, 0.0, 0.0, *quarter)), Shape("sphere", (0.1,), (1,) * 4))
+        "b",
+        (
+            Shape(kind="box", size=(2.0, 0.2, 0.4), colour=(1, 1, 1, 1), pose=(1.0, 0.0, 0.0, *quarter)),
+            Shape(kind="sphere", size=(0.1,), colour=(1,) * 4),
+        ),
     )
-    (corners,) = body_corners([body])
+    (corners,) = bounding_boxes([body])
     assert corners.min(axis=0) == pytest.approx([-0.1, -1.0, -0.2]) and corners.max(axis=0) == pytest.approx(
         [1.1, 1.0, 0.2]
     )
-    assert cloud(np.array([[[0, 0, 5, 0, 0, 0, 1.0]]]), [corners])[0, :, 2].max() == pytest.approx(5.2)
+    assert world_corners(np.array([[[0, 0, 5, 0, 0, 0, 1.0]]]), [corners])[0, :, 2].max() == pytest.approx(5.2)
 
 
 @given(seed=st.integers(0, 2**32 - 1))
@@ -580,7 +586,7 @@ def test_a_fitted_camera_sees_every_point_and_no_nearer_one_would(seed):
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(30, 3)) * rng.uniform(0.1, 10.0, 3) + rng.normal(size=3) * 5.0
     back = rng.normal(size=3)
-    camera = fitted(points, back, np.array([0.0, 0.0, 1.0]))
+    camera = fit_camera(points, back, np.array([0.0, 0.0, 1.0]))
     eye, target, up = (np.array(x) for x in (camera.position, camera.target, camera.up))
     z = (eye - target) / np.linalg.norm(eye - target)
     x = np.cross(up, z) / np.linalg.norm(np.cross(up, z))
@@ -603,8 +609,10 @@ def test_a_motion_out_of_its_plane_is_not_planar():
     t = np.linspace(0.0, 1.0, 20)
     turns = np.stack([np.sin(t / 2), 0 * t, 0 * t, np.cos(t / 2)], axis=1)
     poses = np.concatenate([np.stack([0 * t, t, t], axis=1), turns], axis=1)[:, None]
-    scenery = Scenery(poses[:, 0, :3], poses, np.zeros((0, 3)), np.array([0.0, 0.0, -9.81]))
-    assert plane_normal(scenery) == pytest.approx([1.0, 0.0, 0.0])
-    assert camera_for(scenery).up == (0.0, 0.0, 1.0) and camera_for(scenery).position[0] > 0.0
+    scenery = CameraScene(
+        points=poses[:, 0, :3], poses=poses, axes=np.zeros((0, 3)), gravity=np.array([0.0, 0.0, -9.81])
+    )
+    assert motion_plane_normal(scenery) == pytest.approx([1.0, 0.0, 0.0])
+    assert choose_camera(scenery).up == (0.0, 0.0, 1.0) and choose_camera(scenery).position[0] > 0.0
     poses[:, 0, 0] = 0.1 * t
-    assert plane_normal(scenery) is None
+    assert motion_plane_normal(scenery) is None

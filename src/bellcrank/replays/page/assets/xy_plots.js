@@ -1,27 +1,27 @@
-// ---- planes: one quantity against another, with limits, and a dot where the player is
+// ---- XY plots: one quantity over another, with limits, and a dot at the current time
 
-/** uPlot draws the axes; the path and its limits, which go back and forth, are ours. */
-function makePlane(panel, plane, shared) {
+/** uPlot draws the axes; the curve and its limits, whose x is not increasing, are drawn here. */
+function makeXYPlot(panel, data, shared) {
   const { player, jumps } = shared;
-  const { x, y, time, limits } = plane;
-  const box = element("section", { className: "chart plane" }, element("header", {}, element("b", { textContent: plane.title }),
-    ...[inexact(plane.share, shared.film.share).slice(2)].filter(Boolean).map((text) => element("span", { textContent: text }))));
+  const { x, y, time, limits } = data;
+  const box = element("section", { className: "chart xy-plot" }, element("header", {}, element("b", { textContent: data.title }),
+    ...[toleranceText(data.tolerance, shared.film.tolerance).slice(2)].filter(Boolean).map((text) => element("span", { textContent: text }))));
   panel.append(box);
-  jumps.push([plane.title, box]);
+  jumps.push([data.title, box]);
   const style = axisStyle();
-  const [across, up] = [0, 1].map((k) => span([k ? y : x, ...limits.map(({ points }) => points.filter((_, i) => i % 2 === k))]));
+  const [across, up] = [0, 1].map((k) => paddedRange([k ? y : x, ...limits.map(({ points }) => points.filter((_, i) => i % 2 === k))]));
   const plot = new uPlot({
     width: widthOf(box),
-    height: planeHeight(box),
+    height: xyPlotHeight(box),
     scales: { x: { time: false, range: () => across }, y: { range: () => up } },
     axes: [
-      { ...style, size: 26, space: 46, label: plane.x_label, values: (u, ticks) => ticks.map(tickText) },
-      { ...style, size: 50, label: plane.y_label, values: (u, ticks) => ticks.map(tickText) },
+      { ...style, size: 26, space: 46, label: data.x_label, values: (u, ticks) => ticks.map(tickText) },
+      { ...style, size: 50, label: data.y_label, values: (u, ticks) => ticks.map(tickText) },
     ],
     series: [{}, { show: true, stroke: "transparent" }],
     cursor: { show: false },
     legend: { show: false },
-    hooks: { draw: [(u) => drawPlane(u, plane)] },
+    hooks: { draw: [(u) => drawXYPlot(u, data)] },
   }, [across, [null, null]], box);
   const dot = element("div", { className: "dot" });
   plot.over.append(dot);
@@ -41,24 +41,24 @@ function makePlane(panel, plane, shared) {
     return best;
   };
   const [noiseX, noiseY] = [x, y].map((values) => NOISE * largest(values));
-  const told = (v, noise) => shown(Math.abs(v) < noise ? 0 : v);
-  const words = (a, b, t) => { value.textContent = `${told(a, noiseX)}, ${told(b, noiseY)} at ${t.toFixed(3)} s`; };
-  if (time.length) draggable(plot.over, player, (_, event) => time[nearest(event.clientX, event.clientY)]);
+  const format = (v, noise) => formatNumber(Math.abs(v) < noise ? 0 : v);
+  const showPoint = (a, b, t) => { value.textContent = `${format(a, noiseX)}, ${format(b, noiseY)} at ${t.toFixed(3)} s`; };
+  if (time.length) seekByDragging(plot.over, player, (_, event) => time[nearest(event.clientX, event.clientY)]);
   plot.over.addEventListener("pointermove", ({ clientX, clientY, buttons }) => {
     const i = nearest(clientX, clientY);
-    if (!buttons && time.length) words(x[i], y[i], time[i]);
+    if (!buttons && time.length) showPoint(x[i], y[i], time[i]);
   });
   const follow = (t) => {
     const [a, b] = [valueAt(time, x, t), valueAt(time, y, t)];
     dot.hidden = !(Number.isFinite(a) && Number.isFinite(b));
     if (!dot.hidden) dot.style.transform = `translate(${plot.valToPos(a, "x")}px, ${plot.valToPos(b, "y")}px)`;
-    if (!player.playing) words(a, b, t);
+    if (!player.playing) showPoint(a, b, t);
   };
   plot.over.addEventListener("pointerleave", () => follow(player.time));
   return {
     plot,
     follow,
-    resize: () => plot.setSize({ width: widthOf(box), height: planeHeight(box) }),
+    resize: () => plot.setSize({ width: widthOf(box), height: xyPlotHeight(box) }),
     recolour: () => {
       const { grid } = axisStyle();
       for (const axis of plot.axes) axis.grid = { ...axis.grid, ...grid };
@@ -66,10 +66,10 @@ function makePlane(panel, plane, shared) {
   };
 }
 
-const planeHeight = (box) => Math.min(Math.max(0.62 * widthOf(box), 190), 340);
+const xyPlotHeight = (box) => Math.min(Math.max(0.62 * widthOf(box), 190), 340);
 
 /** The range of all finite values, with a margin. */
-function span(arrays) {
+function paddedRange(arrays) {
   let [low, high] = [Infinity, -Infinity];
   for (const values of arrays) {
     for (const v of values) {
@@ -78,7 +78,7 @@ function span(arrays) {
       high = Math.max(high, v);
     }
   }
-  return low <= high ? heights(null, low, high) : [-1, 1];
+  return low <= high ? valueRange(null, low, high) : [-1, 1];
 }
 
 function legendName(name, colour) {
@@ -87,7 +87,7 @@ function legendName(name, colour) {
   return element("button", { disabled: true, title: name, style: "opacity: 1" }, swatch, element("span", { className: "name", textContent: name }));
 }
 
-function drawPlane(u, { x, y, limits }) {
+function drawXYPlot(u, { x, y, limits }) {
   const { ctx: pen, bbox } = u;
   const to = (a, b) => [u.valToPos(a, "x", true), u.valToPos(b, "y", true)];
   const path = (count, at, close) => {
@@ -122,7 +122,7 @@ function drawPlane(u, { x, y, limits }) {
   pen.strokeStyle = paletteColour(0);
   pen.lineWidth = 1.5 * devicePixelRatio;
   pen.stroke();
-  limits.forEach(({ points }, k) => { // one point: a diamond
+  limits.forEach(({ points }, k) => { // one point is a diamond
     if (points.length !== 2) return;
     const [a, b] = to(points[0], points[1]);
     const half = 5 * devicePixelRatio;

@@ -1,33 +1,33 @@
-// ---- what moves: each function here returns one that puts its part where it is between two frames
+// ---- animation: each function adds something to the view and returns a function that updates it to a time
 
-const MANY = 8;  // arrows or axes: more of them hide the robot, and are shown when asked for
+const MANY = 8;  // arrows or axes: more than these hide the robot, and are hidden at first
 
-/** Positions go straight between frames, orientations turn evenly. */
-function bodyMover(THREE, { places, turns }, bodies) {
+/** Poses of bodies: positions are interpolated linearly, orientations at a constant rate. */
+function bodyUpdater(THREE, { positions, quaternions }, bodies) {
   return (frame, part) => {
-    const last = (frame + 1) * bodies.length * 3 < places.length ? 1 : 0;  // a film of one frame has no next
+    const last = (frame + 1) * bodies.length * 3 < positions.length ? 1 : 0;  // a film of one frame has no next frame
     for (let k = 0; k < bodies.length; k++) {
       const a = frame * bodies.length + k;
       const b = a + last * bodies.length;
       const { position, quaternion } = bodies[k];
-      position.set(...[0, 1, 2].map((i) => places[3 * a + i] + part * (places[3 * b + i] - places[3 * a + i])));
-      THREE.Quaternion.slerpFlat(turn, 0, turns, 4 * a, turns, 4 * b, part);
-      quaternion.fromArray(turn).normalize();
+      position.set(...[0, 1, 2].map((i) => positions[3 * a + i] + part * (positions[3 * b + i] - positions[3 * a + i])));
+      THREE.Quaternion.slerpFlat(rotation, 0, quaternions, 4 * a, quaternions, 4 * b, part);
+      quaternion.fromArray(rotation).normalize();
     }
   };
 }
-const turn = [0, 0, 0, 1];
+const rotation = [0, 0, 0, 1];
 
-/** Three numbers of frame `frame`, `part` of the way to the next; rows hold `width` numbers. */
-function mixed(values, width, at, frame, part) {
+/** Three numbers at column `at` of rows of `width` numbers, a fraction `part` of the way from a frame to the next. */
+function interpolate3(values, width, at, frame, part) {
   const a = frame * width + at;
   const b = a + width < values.length ? a + width : a;
   return [0, 1, 2].map((i) => values[a + i] + part * (values[b + i] - values[a + i]));
 }
 
-function addTrace(THREE, world, layers, { name, pieces }, colour, size) {
+function addTrace(THREE, world, layers, { name, segments }, colour, size) {
   const group = new THREE.Group();
-  const lines = pieces.map(({ time, points }) => {
+  const lines = segments.map(({ time, points }) => {
     const count = time.length;
     const packed = new Float32Array(4 * count);
     for (let i = 0; i < count; i++) packed.set([points[3 * i], points[3 * i + 1], points[3 * i + 2], time[i] - time[0]], 4 * i);
@@ -57,8 +57,8 @@ function addSpring(THREE, world, layers, film, { name, ends }) {
   world.add(group);
   layers.push({ group: "Springs", name, colour: "#8592a0", objects: [group], on: true });
   return (frame, part) => {
-    const start = mixed(ends, 6, 0, frame, part);
-    along.fromArray(mixed(ends, 6, 3, frame, part)).sub(spring.position.fromArray(start));
+    const start = interpolate3(ends, 6, 0, frame, part);
+    along.fromArray(interpolate3(ends, 6, 3, frame, part)).sub(spring.position.fromArray(start));
     const length = along.length();
     spring.visible = length > 1e-9;
     if (!spring.visible) return;
@@ -68,17 +68,17 @@ function addSpring(THREE, world, layers, film, { name, ends }) {
 }
 
 /** A thin rod between two points. */
-function addRod(THREE, world, layers, stock, film, { name, ends }) {
-  const [cylinder] = stock.geometry({ kind: "cylinder", size: [1, 1] });
-  const rod = new THREE.Mesh(cylinder, stock.material(ROD));
+function addRod(THREE, world, layers, cache, film, { name, ends }) {
+  const [cylinder] = cache.geometry({ kind: "cylinder", size: [1, 1] });
+  const rod = new THREE.Mesh(cylinder, cache.material(ROD));
   const along = new THREE.Vector3();
   const axis = new THREE.Vector3(0, 0, 1);
   const group = new THREE.Group().add(rod);
   world.add(group);
   layers.push({ group: "Rods", name, colour: "#4a5560", objects: [group], on: true });
   return (frame, part) => {
-    const start = mixed(ends, 6, 0, frame, part);
-    along.fromArray(mixed(ends, 6, 3, frame, part)).sub(rod.position.fromArray(start));
+    const start = interpolate3(ends, 6, 0, frame, part);
+    along.fromArray(interpolate3(ends, 6, 3, frame, part)).sub(rod.position.fromArray(start));
     const length = along.length();
     rod.visible = length > 1e-9;
     if (!rod.visible) return;
@@ -90,32 +90,32 @@ function addRod(THREE, world, layers, stock, film, { name, ends }) {
 }
 const ROD = [0.29, 0.33, 0.38, 1];  // red, green, blue, opacity
 
-function addArrow(THREE, world, layers, stock, film, data, number) {
+function addArrow(THREE, world, layers, cache, film, data, number) {
   const scale = film.scales[data.scale];
   const longest = Math.max(...film.scales.map(({ usual, length, decade, peak }) => arrowLength({ usual, length, decade }, peak)));
   const colour = PALETTE[number % 6 === 0 ? 0 : number % 6];
-  const arrow = makeArrow(THREE, stock, data, colour, longest || 1);
+  const arrow = makeArrow(THREE, cache, data, colour, longest || 1);
   const group = new THREE.Group().add(arrow);
   world.add(group);
-  layers.push({ group: "Arrows", name: `${data.name} [${unitShown(scale.unit)}]`, colour, objects: [group], on: film.arrows.length <= MANY });
+  layers.push({ group: "Arrows", name: `${data.name} [${formatUnit(scale.unit)}]`, colour, objects: [group], on: film.arrows.length <= MANY });
   return (frame, part, t) => {
-    const [row, share] = between(data.time, t);  // an arrow has times of its own: a force may jump while nothing moves
-    const [x, y, z] = mixed(data.vectors, 3, 0, row, share);
+    const [row, share] = interpolationAt(data.time, t);  // arrows have their own times: a force may jump while nothing moves
+    const [x, y, z] = interpolate3(data.vectors, 3, 0, row, share);
     const magnitude = Math.hypot(x, y, z);
     arrow.visible = magnitude > 1e-9 * scale.peak && Number.isFinite(magnitude);
     if (!arrow.visible) return;
-    arrow.position.fromArray(mixed(data.points, 3, 0, row, share));
+    arrow.position.fromArray(interpolate3(data.points, 3, 0, row, share));
     arrow.shape(x, y, z, magnitude, arrowLength(scale, magnitude));
   };
 }
 
-/** Axes, and spirals for torsion springs, drawn over the bodies they lie in: one line of segments for all of a kind. */
+/** Axes, and spirals for torsion springs, drawn over the bodies: one line of segments for all of a kind. */
 function addAxes(THREE, world, bodies, layers, film, size) {
   const half = 0.08 * film.size;
   const stick = [[0, 0, -half], [0, 0, half]];
   const kinds = [
     { name: "axes", colour: "#E69F00", parts: film.axes.map((axis) => [axis, stick]) },
-    { name: "torsion springs", colour: "#CC79A7", parts: film.axes.filter(({ spring }) => spring).map((axis) => [axis, spiral(0.6 * half)]) },
+    { name: "torsion springs", colour: "#CC79A7", parts: film.axes.filter((axis) => axis.torsion_spring).map((axis) => [axis, spiral(0.6 * half)]) },
   ];
   const along = new THREE.Vector3(0, 0, 1);
   const place = new THREE.Vector3();

@@ -17,21 +17,19 @@ from bellcrank.replays.film.arrow_scale import arrow_scales
 from bellcrank.replays.film.film import (
     Arrow,
     Axis,
-    Body,
     Camera,
     Chart,
     Film,
     Ground,
     Line,
-    Mark,
-    Mesh,
-    Plane,
     Rod,
-    Shape,
     Spring,
+    TimelineEvent,
     Trace,
+    XYPlot,
 )
-from bellcrank.replays.page.page import page, write_page
+from bellcrank.replays.geometry.shapes import Body, Mesh, Shape
+from bellcrank.replays.page.page import page_html, write_page
 
 pytest_plugins = ("browser",)
 
@@ -39,7 +37,7 @@ BLUE, GREEN, RED = (0.1, 0.3, 0.8, 1.0), (0.1, 0.6, 0.3, 1.0), (0.9, 0.1, 0.1, 1
 UPPER, FORE, BALL = 0.5, 0.4, 0.03
 BOX = np.array([0.4, 0.07, 0.09])  # of the forearm, whose middle is half its length along x
 HOSTILE = (
-    '<!-- <script {{block}} </script><script>window.hacked = 1</script><img src=x onerror="window.hacked = 2">'
+    '<!-- <script {{arrays}} </script><script>window.hacked = 1</script><img src=x onerror="window.hacked = 2">'
     "'\"&\u2028 ж \ud800"
 )
 EMPTY = {"springs": (), "arrows": (), "axes": (), "traces": (), "ground": None}
@@ -50,7 +48,7 @@ def angles(t):
 
 
 def kinematics(t):
-    """Places of upper arm, forearm and ball in the world, and how far they are turned about -y."""
+    """Places of upper arm, forearm and ball in the world, and how far they are rotate about -y."""
     q1, q2 = angles(np.asarray(t, dtype=float))
     along = lambda q: np.stack([np.cos(q), 0 * q, np.sin(q)], axis=-1)  # noqa: E731
     shoulder = np.broadcast_to([0.0, 0.0, 0.7], (*np.shape(q1), 3))
@@ -62,30 +60,30 @@ def kinematics(t):
 def arm(n=601, end=10.0, **changes):
     """A film of two boxes and a ball, with something of everything."""
     t = np.linspace(0.0, end, n)
-    places, turned = kinematics(t)
+    places, rotate = kinematics(t)
     poses = np.concatenate([places, np.zeros((n, 3, 4))], axis=2)
     for k in range(3):
-        poses[:, k, 3:] = Rotation.from_rotvec(np.outer(turned[:, k], [0, -1, 0])).as_quat()
+        poses[:, k, 3:] = Rotation.from_rotvec(np.outer(rotate[:, k], [0, -1, 0])).as_quat()
     q1, q2 = angles(t)
     force = np.stack([30 * np.sin(t), 0 * t, 20 + 0 * t], axis=1)
     fields = {
         "title": "Arm of two boxes", "time": t, "poses": poses,
         "bodies": (
-            Body("upper", (Shape("box", (0.5, 0.08, 0.1), BLUE, (0.25, 0, 0, 0, 0, 0, 1)),)),
-            Body("fore", (Shape("box", tuple(BOX), GREEN, (0.2, 0, 0, 0, 0, 0, 1)),)),
-            Body("ball", (Shape("sphere", (BALL,), RED),)),
+            Body("upper", (Shape(kind="box", size=(0.5, 0.08, 0.1), colour=BLUE, pose=(0.25, 0, 0, 0, 0, 0, 1)),)),
+            Body("fore", (Shape(kind="box", size=tuple(BOX), colour=GREEN, pose=(0.2, 0, 0, 0, 0, 0, 1)),)),
+            Body("ball", (Shape(kind="sphere", size=(BALL,), colour=RED),)),
         ),
-        "camera": Camera((0.4, -2.6, 1.2), (0.0, 0.0, 0.6), (0, 0, 1)), "bound": 1e-4,
+        "camera": Camera((0.4, -2.6, 1.2), (0.0, 0.0, 0.6), (0, 0, 1)), "error_bound": 1e-4,
         "ground": Ground((0, 0, 1), 0.0), "traces": (Trace("path of the ball", t, places[:, 2]),),
-        "arrows": (Arrow("contact", "N", places[:, 2], force), Arrow("motor", "N m", places[:, 1], 0.1 * force, True)),
+        "arrows": (Arrow(name="contact", unit="N", points=places[:, 2], vectors=force), Arrow(name="motor", unit="N m", points=places[:, 1], vectors=0.1 * force, is_torque=True)),
         "springs": (Spring("spring", np.stack([0 * places[:, 0] + [-0.6, 0, 1.2], places[:, 1]], axis=1)),),
-        "axes": (Axis("shoulder", 0, (0, 0, 0), (0, 1, 0), True), Axis("elbow", 1, (0, 0, 0), (0, 1, 0))),
-        "marks": (Mark(2.5, "lock engages"), Mark(7.0, "contact lost")),
+        "axes": (Axis(name="shoulder", body=0, point=(0, 0, 0), direction=(0, 1, 0), torsion_spring=True), Axis(name="elbow", body=1, point=(0, 0, 0), direction=(0, 1, 0))),
+        "events": (TimelineEvent(2.5, "lock engages"), TimelineEvent(7.0, "contact lost")),
         "charts": (
-            Chart("position", "rad", t, (Line("shoulder", q1), Line("elbow", q2))),
-            Chart("residual", "m", t, (Line("loop", np.abs(1e-12 * np.sin(9 * t))),), logarithmic=True),
+            Chart(title="position", unit="rad", time=t, lines=(Line("shoulder", q1), Line("elbow", q2))),
+            Chart(title="residual", unit="m", time=t, lines=(Line("loop", np.abs(1e-12 * np.sin(9 * t))),), logarithmic=True),
         ),
-        "planes": (Plane("motor", "speed [rad/s]", "torque [N m]", t, np.cos(t), q1, (("peak", np.eye(3, 2)),)),),
+        "xy_plots": (XYPlot(title="motor", x_label="speed [rad/s]", y_label="torque [N m]", time=t, x=np.cos(t), y=q1, limits=(("peak", np.eye(3, 2)),)),),
         "facts": (("solver", "DOP853"),), "notes": ("A note.",),
     }  # fmt: skip
     return Film(**{**fields, **changes})
@@ -107,9 +105,9 @@ def seen_at(camera, points, size):
 
 def corners_at(t):
     """The forearm's corners (8, 3) in the world at time t."""
-    places, turned = kinematics(t)
+    places, rotate = kinematics(t)
     signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
-    return places[1] + Rotation.from_rotvec([0, -turned[1], 0]).apply([FORE / 2, 0, 0] + 0.5 * BOX * signs)
+    return places[1] + Rotation.from_rotvec([0, -rotate[1], 0]).apply([FORE / 2, 0, 0] + 0.5 * BOX * signs)
 
 
 def picture(opened, t):
@@ -220,13 +218,13 @@ def grown(mask, by):
 
 @pytest.mark.parametrize(("scale", "bound"), [(1.0, 1e-4), (1e-3, 1e-9), (1e3, 0.0)])
 def test_poses_come_back_within_the_bound_that_the_page_states(open_page, folder, scale, bound):
-    film = arm(bound=bound, **EMPTY, charts=(), planes=(), marks=())
+    film = arm(error_bound=bound, **EMPTY, charts=(), xy_plots=(), events=())
     poses = film.poses.copy()
     poses[:, :, :3] *= scale
     poses[300:, :, 3:] *= -1.0  # the other quaternion of the same orientation
     film = dataclasses.replace(film, poses=poses, camera=Camera((0, -3 * scale, 0), (0, 0, 0), (0, 0, 1)))
     opened = open_page(write_page(film, folder / "poses.html"))
-    stated = json.loads(opened.tab.locator("#film").text_content())["bound"]
+    stated = json.loads(opened.tab.locator("#film").text_content())["error_bound"]
     allowed = stated - bound
     assert allowed <= max(0.11 * bound, 2e-6 * scale + 1e-6)
     for t in (film.time[299], 0.5 * (film.time[299] + film.time[300]), film.time[17]):
@@ -267,8 +265,8 @@ def test_a_drag_turns_the_camera_and_the_screen_shows_what_is_captured(open_page
     opened = open_page(folder / "arm.html", "#t=3&still=1")
     opened.tab.add_style_tag(content="#scale, #caption { display: none !important; }")
     point, places = [0.3, 0.2, 0.9], []
-    turned = lambda: drag(opened.tab.mouse, (300, 150), (200, 200))  # noqa: E731
-    for change in (lambda: None, turned, lambda: opened.do("b.resetCamera()")):
+    rotate = lambda: drag(opened.tab.mouse, (300, 150), (200, 200))  # noqa: E731
+    for change in (lambda: None, rotate, lambda: opened.do("b.resetCamera()")):
         change()
         places.append(opened.do("b.project(x)", point))
         opened.do("new Promise((drawn) => setTimeout(() => requestAnimationFrame(() => requestAnimationFrame(drawn))))")
@@ -287,7 +285,7 @@ def drag(mouse, start, end):
 def test_a_mesh_is_drawn_and_shared_meshes_are_stored_once(open_page, folder):
     vertices = np.array([[0, 0, 0], [0.4, 0, 0], [0, 0.4, 0], [0, 0, 0.4]], dtype=np.float32)
     mesh = Mesh(vertices, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], dtype=np.int32))
-    shapes = tuple(Shape("mesh", (s, s, s), RED, mesh=mesh) for s in (1.0, 0.5))
+    shapes = tuple(Shape(kind="mesh", size=(s, s, s), colour=RED, mesh=mesh) for s in (1.0, 0.5))
     film = arm(**EMPTY, bodies=(Body("upper", shapes), *arm().bodies[1:]))
     opened = open_page(write_page(film, folder / "mesh.html", plots=False))
     assert len(json.loads(opened.tab.locator("#film").text_content())["meshes"]) == 1
@@ -304,7 +302,7 @@ def test_bodies_that_travel_far_can_be_followed_and_are_where_nothing_would_be_s
     camera = Camera((far / 2, -2.6 - 1.1 * far, 1.2), (far / 2, 0.0, 0.6), (0, 0, 1))
     film = dataclasses.replace(film, poses=poses, camera=camera)
     opened = open_page(write_page(film, folder / "far.html", plots=False), "#still=1")
-    assert opened.do("b.layers()") == [{"group": "Camera", "name": "follow what moves", "on": taken}] * offered
+    assert opened.do("b.layers()") == [{"group": "Camera", "name": "follow the bodies", "on": taken}] * offered
     for follows in [taken, *([not taken] if offered else [])]:
         if follows != taken:
             opened.do("b.showLayer(0, x)", follows)
@@ -352,7 +350,7 @@ def test_play_runs_the_time_pause_stops_it_and_speed_and_loop_are_kept(open_page
 
 def test_times_since_1970_are_told_apart_to_the_microsecond(open_page, folder):
     film, since = arm(61, 1.0), 1.7e9
-    shifted = dataclasses.replace(film, time=film.time + since, traces=(), charts=(), planes=(), marks=())
+    shifted = dataclasses.replace(film, time=film.time + since, traces=(), charts=(), xy_plots=(), events=())
     opened = open_page(write_page(shifted, folder / "stamped.html"))
     assert opened.do("b.end - b.start") == pytest.approx(1.0, abs=1e-6)
     drawn = opened.do("(b.seek(x), b.pose(2))", since + 0.3)
@@ -437,7 +435,7 @@ def test_dragging_the_cursor_of_a_chart_moves_the_robot_and_back(player):
 
 
 def test_a_press_in_a_plane_goes_to_the_nearest_time(player):
-    over = player.tab.locator(".plane .u-over")
+    over = player.tab.locator(".xy-plot .u-over")
     over.scroll_into_view_if_needed()
     dot = lambda: player.tab.locator(".dot").bounding_box()  # noqa: E731
     player.do("b.seek(4)")
@@ -450,8 +448,8 @@ def test_a_press_in_a_plane_goes_to_the_nearest_time(player):
 
 def test_lines_are_chosen_in_the_legend_and_only_eight_are_shown_at_first(open_page, folder):
     t = np.linspace(0, 1, 50)
-    chart = Chart("many", "m", t, tuple(Line(f"line {k}", np.sin(t + k)) for k in range(11)))
-    opened = open_page(write_page(arm(charts=(chart,), planes=()), folder / "many.html"), size=(1000, 700))
+    chart = Chart(title="many", unit="m", time=t, lines=tuple(Line(f"line {k}", np.sin(t + k)) for k in range(11)))
+    opened = open_page(write_page(arm(charts=(chart,), xy_plots=()), folder / "many.html"), size=(1000, 700))
     assert opened.tab.locator(".legend button").count() == 9
     opened.tab.click("text=3 more")
     pressed = [b.get_attribute("aria-pressed") for b in opened.tab.locator(".legend button").all()]
@@ -467,11 +465,16 @@ def test_values_that_are_not_finite_are_gaps(open_page, folder):
     values = np.sin(t)
     values[40:61], values[80] = np.nan, np.inf
     lines = (Line("broken", values), Line("nothing", np.full(101, np.nan)))
-    charts = (Chart("gap", "m", t, lines), Chart("log", "m", t, lines, logarithmic=True))
-    plane = Plane("p", "x", "y", t, values, values, (("l", np.full((3, 2), np.nan)),))
-    arrow = Arrow("a", "N", np.full((601, 3), np.nan), np.full((601, 3), np.nan))
+    charts = (
+        Chart(title="gap", unit="m", time=t, lines=lines),
+        Chart(title="log", unit="m", time=t, lines=lines, logarithmic=True),
+    )
+    plane = XYPlot(
+        title="p", x_label="x", y_label="y", time=t, x=values, y=values, limits=(("l", np.full((3, 2), np.nan)),)
+    )
+    arrow = Arrow(name="a", unit="N", points=np.full((601, 3), np.nan), vectors=np.full((601, 3), np.nan))
     trace = Trace("t", t, np.stack([values, values, values], axis=1))
-    film = arm(charts=charts, planes=(plane,), arrows=(arrow,), traces=(trace,))
+    film = arm(charts=charts, xy_plots=(plane,), arrows=(arrow,), traces=(trace,))
     opened = open_page(write_page(film, folder / "gaps.html"), size=(1000, 700))
     for t, told in ((2.0, "0.9093"), (5.0, "–"), (8.0, "∞")):
         opened.do("b.seek(x)", t)
@@ -481,10 +484,10 @@ def test_values_that_are_not_finite_are_gaps(open_page, folder):
 
 def test_rounding_is_told_as_zero_beside_what_is_large(open_page, folder):
     t = np.linspace(0.0, 10.0, 101)
-    chart = Chart("speed", "m/s", t, (Line("one", 2.0 + 0 * t), Line("noise", 8e-17 + 0 * t)))
-    small = Chart("small", "m", t, (Line("all small", 8e-17 + 0 * t),))
-    plane = Plane("p", "x", "y", t, np.cos(t), 1e-17 * t)
-    film = arm(charts=(chart, small), planes=(dataclasses.replace(plane, y=np.where(t > 5, 1.0, 1e-17)),))
+    chart = Chart(title="speed", unit="m/s", time=t, lines=(Line("one", 2.0 + 0 * t), Line("noise", 8e-17 + 0 * t)))
+    small = Chart(title="small", unit="m", time=t, lines=(Line("all small", 8e-17 + 0 * t),))
+    plane = XYPlot(title="p", x_label="x", y_label="y", time=t, x=np.cos(t), y=1e-17 * t)
+    film = arm(charts=(chart, small), xy_plots=(dataclasses.replace(plane, y=np.where(t > 5, 1.0, 1e-17)),))
     opened = open_page(write_page(film, folder / "noise.html"), size=(1000, 700))
     opened.do("b.seek(1)")
     told = [each.inner_text() for each in opened.tab.locator(".legend output").all()]
@@ -495,7 +498,9 @@ def test_lines_are_drawn_to_fractions_of_a_pixel_and_broken_between_motions(open
     """A slope of one pixel in twenty shows shades between its colour and the paper's; a gap of 1 ms is a gap."""
     t = np.array([0.0, 5.0, 5.0005, 5.001, 10.0])
     film = arm(
-        charts=(Chart("two", "m", t, (Line("line", np.array([0.0, 0.1, np.nan, 1.0, 1.1])),)),), planes=(), marks=()
+        charts=(Chart(title="two", unit="m", time=t, lines=(Line("line", np.array([0.0, 0.1, np.nan, 1.0, 1.1])),)),),
+        xy_plots=(),
+        events=(),
     )
     opened = open_page(write_page(film, folder / "smooth.html"), size=(1000, 700))
     opened.do("b.seek(10)")
@@ -511,7 +516,10 @@ def test_lines_are_drawn_to_fractions_of_a_pixel_and_broken_between_motions(open
 def test_a_peak_that_would_hide_all_else_makes_a_chart_logarithmic_above_the_usual(open_page, folder):
     t = np.linspace(0.0, 10.0, 1001)
     peak = np.where(t > 9.9, 3000.0, np.sin(t))
-    charts = (Chart("force", "N", t, (Line("a", peak),)), Chart("usual", "N", t, (Line("a", np.sin(t)),)))
+    charts = (
+        Chart(title="force", unit="N", time=t, lines=(Line("a", peak),)),
+        Chart(title="usual", unit="N", time=t, lines=(Line("a", np.sin(t)),)),
+    )
     opened = open_page(write_page(arm(charts=charts), folder / "peak.html"), size=(1000, 700))
     heads = [each.inner_text() for each in opened.tab.locator(".chart > header span").all()]
     assert heads == ["[N], logarithmic above 1", "[N]"] and opened.clean
@@ -562,15 +570,15 @@ def test_names_cannot_bring_anything_into_the_page(open_page, folder):
     names = ("__proto__", "constructor", "toString", "a/b", HOSTILE)
     t = np.array([0.0, 1.0])
     film = Film(
-        HOSTILE, t, np.tile([0.0, 0, 0, 0, 0, 0, 1], (2, len(names), 1)),
-        tuple(Body(name, (Shape("box", (0.1, 0.1, 0.1), RED),)) for name in names),
-        Camera((1, 1, 1), (0, 0, 0), (0, 0, 1)), 0.0, None, tuple(Trace(name, t, np.eye(2, 3)) for name in names),
-        tuple(Arrow(name, name, np.eye(2, 3), np.eye(2, 3)) for name in names),
-        tuple(Spring(name, np.ones((2, 2, 3)) * [[[0], [1]]]) for name in names),
-        tuple(Axis(name, 0, (0, 0, 0), (0, 0, 1)) for name in names), tuple(Mark(0.5, name) for name in names),
-        tuple(Chart(name, name, t, tuple(Line(each, t) for each in names)) for name in names),
-        tuple(Plane(name, name, name, t, t, t, ((name, np.eye(3, 2)),)) for name in names),
-        tuple((name, name) for name in names), names,
+        title=HOSTILE, time=t, poses=np.tile([0.0, 0, 0, 0, 0, 0, 1], (2, len(names), 1)),
+        bodies=tuple(Body(name, (Shape(kind="box", size=(0.1, 0.1, 0.1), colour=RED),)) for name in names),
+        camera=Camera((1, 1, 1), (0, 0, 0), (0, 0, 1)), error_bound=0.0, ground=None, traces=tuple(Trace(name, t, np.eye(2, 3)) for name in names),
+        arrows=tuple(Arrow(name=name, unit=name, points=np.eye(2, 3), vectors=np.eye(2, 3)) for name in names),
+        springs=tuple(Spring(name, np.ones((2, 2, 3)) * [[[0], [1]]]) for name in names),
+        axes=tuple(Axis(name=name, body=0, point=(0, 0, 0), direction=(0, 0, 1)) for name in names), events=tuple(TimelineEvent(0.5, name) for name in names),
+        charts=tuple(Chart(title=name, unit=name, time=t, lines=tuple(Line(each, t) for each in names)) for name in names),
+        xy_plots=tuple(XYPlot(title=name, x_label=name, y_label=name, time=t, x=t, y=t, limits=((name, np.eye(3, 2)),)) for name in names),
+        facts=tuple((name, name) for name in names), notes=names,
     )  # fmt: skip
     opened = open_page(write_page(film, folder / "hostile.html"), size=(1280, 800))
     shown = HOSTILE.replace("\ud800", "?")
@@ -582,7 +590,7 @@ def test_names_cannot_bring_anything_into_the_page(open_page, folder):
 
 
 def test_the_policy_lets_no_other_script_run(open_page, folder):
-    text = page(arm(), plots=False)
+    text = page_html(arm(), plots=False)
     injected = '<script>window.hacked = 1</script><img src="x:" onerror="window.hacked = 2">'
     (folder / "injected.html").write_text(text.replace("<noscript>", injected + "<noscript>"), encoding="utf-8")
     opened = open_page(folder / "injected.html")
@@ -600,9 +608,9 @@ def test_a_film_of_one_frame_is_a_still(open_page, folder):
     one = {name: getattr(full, name)[:1] for name in ("time", "poses")}
     arrows = tuple(dataclasses.replace(a, points=a.points[:1], vectors=a.vectors[:1]) for a in full.arrows)
     springs = tuple(dataclasses.replace(s, ends=s.ends[:1]) for s in full.springs)
-    charts = (Chart("position", "rad", full.time[:1], (Line("shoulder", np.array([1.5])),)),)
+    charts = (Chart(title="position", unit="rad", time=full.time[:1], lines=(Line("shoulder", np.array([1.5])),)),)
     traces = (Trace("none", full.time[:1], np.zeros((1, 3))),)
-    film = arm(**one, arrows=arrows, springs=springs, charts=charts, traces=traces, planes=())
+    film = arm(**one, arrows=arrows, springs=springs, charts=charts, traces=traces, xy_plots=())
     opened = open_page(write_page(film, folder / "one.html"), size=(1000, 700))
     opened.do("(b.play(), b.step(1), b.seek(7))")
     assert opened.do("[b.frames, b.duration, b.time, b.playing]") == [1, 0, 0, False]
@@ -643,21 +651,29 @@ def nan_pose(film):
         (lambda f: dataclasses.replace(f, time=f.time[::-1]), "its times do not increase"),
         (lambda f: dataclasses.replace(f, poses=f.poses[1:]), r"poses are \(600, 3, 7\); expected \(601, 3, 7\)"),
         (lambda f: dataclasses.replace(f, poses=0 * f.poses), "a quaternion of its poses is zero"),
-        (lambda f: dataclasses.replace(f, camera=Camera((0, 0, 1), (0, 0, 0), (0, 0, 1))), "its camera looks nowhere"),
-        (lambda f: dataclasses.replace(f, bound=np.nan), "its bound is nan"),
+        (
+            lambda f: dataclasses.replace(f, camera=Camera((0, 0, 1), (0, 0, 0), (0, 0, 1))),
+            "its camera has no view direction",
+        ),
+        (lambda f: dataclasses.replace(f, error_bound=np.nan), "its error_bound is nan"),
         (lambda f: dataclasses.replace(f, springs=(Spring("s", np.ones((2, 2, 3))),)), "spring 's' has no finite ends"),
-        (lambda f: dataclasses.replace(f, axes=(Axis("a", 3, (0, 0, 0), (0, 0, 1)),)), "axis 'a' is of body 3"),
+        (
+            lambda f: dataclasses.replace(f, axes=(Axis(name="a", body=3, point=(0, 0, 0), direction=(0, 0, 1)),)),
+            "axis 'a' is of body 3",
+        ),
         (lambda f: dataclasses.replace(f, traces=(Trace("t", f.time, np.ones((2, 3))),)), r"trace 't' has points"),
         (
-            lambda f: dataclasses.replace(f, charts=(Chart("c", "m", f.time, (Line("l", np.ones(2)),)),)),
-            "line 'l' of chart 'c' has not one value a time",
+            lambda f: dataclasses.replace(
+                f, charts=(Chart(title="c", unit="m", time=f.time, lines=(Line("l", np.ones(2)),)),)
+            ),
+            "line 'l' of chart 'c' does not have one value for each time",
         ),
-        (lambda f: dataclasses.replace(f, marks=(Mark(np.inf, "m"),)), "the time of a mark"),
+        (lambda f: dataclasses.replace(f, events=(TimelineEvent(np.inf, "m"),)), "the time of an event"),
     ],
 )
 def test_a_film_that_contradicts_itself_is_refused(change, message):
     with pytest.raises(InputError, match=message):
-        page(change(arm()))
+        page_html(change(arm()))
 
 
 def test_a_page_that_cannot_be_written_leaves_nothing_behind(tmp_path):
@@ -678,13 +694,18 @@ def test_a_page_that_cannot_be_written_leaves_nothing_behind(tmp_path):
 def test_a_blow_a_hundred_times_the_usual_does_not_hide_the_usual():
     vectors = np.tile([10.0, 0.0, 0.0], (601, 1))
     vectors[300:303] *= 100.0
-    film = arm(arrows=(Arrow("lock", "N", np.zeros((601, 3)), vectors), Arrow("m", "N m", 0 * vectors, 0 * vectors)))
+    film = arm(
+        arrows=(
+            Arrow(name="lock", unit="N", points=np.zeros((601, 3)), vectors=vectors),
+            Arrow(name="m", unit="N m", points=0 * vectors, vectors=0 * vectors),
+        )
+    )
     force, torque = arrow_scales(film)
-    assert force["usual"] == 10.0 and force["peak"] == 1000.0 and torque["peak"] == 0.0
-    longest = force["length"] + force["decade"] * np.log10(force["peak"] / force["usual"])
-    assert longest == pytest.approx(torque["length"]) and force["length"] == pytest.approx(0.7 * longest)
+    assert force.usual == 10.0 and force.peak == 1000.0 and torque.peak == 0.0
+    longest = force.length + force.decade * np.log10(force.peak / force.usual)
+    assert longest == pytest.approx(torque.length) and force.length == pytest.approx(0.7 * longest)
 
 
 def test_arrows_of_like_size_are_on_one_linear_scale():
     (scale, _) = arrow_scales(arm())
-    assert scale["decade"] == 0.0 and scale["usual"] == scale["peak"] == pytest.approx(np.hypot(30, 20), rel=1e-4)
+    assert scale.decade == 0.0 and scale.usual == scale.peak == pytest.approx(np.hypot(30, 20), rel=1e-4)

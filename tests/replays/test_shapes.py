@@ -11,9 +11,9 @@ from mesh_texts import CUBE, FACES, QUADS, ascii_stl, ball, binary_stl, dae, no_
 
 import bellcrank as bc
 from bellcrank.replays.geometry.mesh_files import named_files, read_parts
+from bellcrank.replays.geometry.mesh_limits import MeshError
 from bellcrank.replays.geometry.simplify import Simplifier, weld
-from bellcrank.replays.geometry.triangle_files import MeshError
-from bellcrank.replays.geometry.visuals import bodies
+from bellcrank.replays.geometry.visuals import robot_bodies
 
 
 def body_of(found, name):
@@ -134,7 +134,7 @@ def test_a_simplified_ball_keeps_within_a_few_tolerances_of_the_ball(tolerance):
     assert np.sqrt((away**2).mean()) < 2.0 * tolerance
     assert away.max() < 12.0 * tolerance
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    assert set(np.unique(edges, axis=0, return_counts=True)[1]) == {2}  # still closed
+    assert set(np.unique(edges, axis=0, return_counts=True)[1]) == {2}  # render_still closed
     assert volume(vertices, faces) == pytest.approx(4.0 / 3.0 * np.pi, rel=20.0 * tolerance)
 
 
@@ -180,7 +180,7 @@ def test_primitives_origins_and_colours_are_those_of_the_urdf(tmp_path):
         + visual('<sphere radius="0.2"/>'),
         '<material name="red"><color rgba="1 0 0 1"/></material>',
     )
-    found, notes = bodies(robot)
+    found, notes = robot_bodies(robot)
     box, cylinder, sphere = body_of(found, "arm").shapes
     half = np.sqrt(0.5)
     assert (box.kind, box.size, box.colour) == ("box", (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 1.0))
@@ -199,15 +199,15 @@ def test_one_mesh_file_used_twice_is_one_mesh_and_the_urdf_colour_overrides_the_
         + visual('<mesh filename="left.dae"/>')
         + visual('<mesh filename="right.dae"/>'),
     )
-    first, second, third = body_of(bodies(robot)[0], "arm").shapes
+    first, second, third = body_of(robot_bodies(robot)[0], "arm").shapes
     assert first.mesh is second.mesh is third.mesh
     assert first.size == (1.0, -1.0, 1.0)
     assert (first.colour, second.colour) == ((1.0, 1.0, 0.0, 1.0), (0.1, 0.2, 0.3, 1.0))
 
 
 def test_a_missing_mesh_gives_a_stand_in_and_a_note_that_names_file_and_link(tmp_path):
-    found, notes = bodies(write_urdf(tmp_path, visual('<mesh filename="package://gone/hand.stl"/>')))
-    assert all(shape.stand_in for shape in body_of(found, "arm").shapes)
+    found, notes = robot_bodies(write_urdf(tmp_path, visual('<mesh filename="package://gone/hand.stl"/>')))
+    assert all(shape.placeholder for shape in body_of(found, "arm").shapes)
     (note,) = notes
     assert note.startswith(
         "a mesh file was not found: package://gone/hand.stl, of link 'arm' (looked for near the URDF"
@@ -223,18 +223,18 @@ def test_a_missing_mesh_leaves_no_gap_before_a_fixed_link_that_is_drawn(tmp_path
         '<joint name="turn" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>'
         '<joint name="end" type="fixed"><parent link="arm"/><child link="hand"/><origin xyz="0.5 0 0"/></joint></robot>'
     )
-    found, _ = bodies(bc.load_robot(path))
+    found, _ = robot_bodies(bc.load_robot(path))
     rods = [shape for shape in body_of(found, "arm").shapes if shape.kind == "cylinder" and shape.size[1] == 0.5]
-    assert len(rods) == 1 and rods[0].stand_in
+    assert len(rods) == 1 and rods[0].placeholder
     np.testing.assert_allclose(rods[0].pose[:3], (0.25, 0.0, 0.0), atol=1e-12)
 
 
 def test_a_broken_mesh_gives_the_collision_shape_and_a_note(tmp_path):
     (tmp_path / "bad.stl").write_bytes(binary_stl(CUBE, FACES)[:100])
     collision = '<collision><geometry><sphere radius="0.3"/></geometry></collision>'
-    found, notes = bodies(write_urdf(tmp_path, visual('<mesh filename="bad.stl"/>') + collision))
+    found, notes = robot_bodies(write_urdf(tmp_path, visual('<mesh filename="bad.stl"/>') + collision))
     (shape,) = body_of(found, "arm").shapes
-    assert (shape.kind, shape.size, shape.stand_in) == ("sphere", (0.3,), True)
+    assert (shape.kind, shape.size, shape.placeholder) == ("sphere", (0.3,), True)
     assert notes == (
         "the mesh file bad.stl of 'arm' is not drawn: it holds no triangle: it is empty, truncated or no STL file",
     )
@@ -249,13 +249,13 @@ def test_a_broken_mesh_gives_the_collision_shape_and_a_note(tmp_path):
         ('<cylinder radius="one" length="2"/>', "not numbers"),
         ('<mesh filename="" />', "no filename"),
         ('<mesh filename="a.stl" scale="1 0 1"/>', "scale of 0"),
-        ("<torus/>", "not known"),
+        ("<torus/>", "unknown geometry <torus>"),
         ("", "no geometry"),
     ],
 )
 def test_a_visual_that_makes_no_sense_is_a_note_and_not_an_error(tmp_path, geometry, said):
-    found, notes = bodies(write_urdf(tmp_path, visual(geometry)))
-    assert body_of(found, "arm").shapes[0].stand_in
+    found, notes = robot_bodies(write_urdf(tmp_path, visual(geometry)))
+    assert body_of(found, "arm").shapes[0].placeholder
     assert len(notes) == 1 and said in notes[0] and "'arm'" in notes[0]
 
 
@@ -263,7 +263,7 @@ def test_hostile_names_are_plain_text_in_bodies_and_notes(tmp_path):
     name = "__proto__ &lt;script&gt;alert(1)&lt;/script&gt; &quot;ü"
     plain = '__proto__ <script>alert(1)</script> "ü'
     file = "../../../../../../../../etc/passwd"
-    found, notes = bodies(write_urdf(tmp_path, visual(f'<mesh filename="{file}"/>') + "", name=name))
+    found, notes = robot_bodies(write_urdf(tmp_path, visual(f'<mesh filename="{file}"/>') + "", name=name))
     assert body_of(found, plain).shapes
     assert len(notes) == 1 and plain in notes[0]
 
@@ -274,7 +274,7 @@ def test_materials_of_an_obj_are_read_only_from_beside_it(tmp_path):
     folder.mkdir(parents=True)
     (folder / "cube.obj").write_bytes(obj("mtllib ../../../secret.mtl\n"))
     robot = write_urdf(tmp_path, visual('<mesh filename="robot/meshes/arm/cube.obj"/>'))
-    assert [shape.colour for shape in body_of(bodies(robot)[0], "arm").shapes] == [(0.78, 0.79, 0.81, 1.0)]
+    assert [shape.colour for shape in body_of(robot_bodies(robot)[0], "arm").shapes] == [(0.78, 0.79, 0.81, 1.0)]
 
 
 def test_meshes_in_the_cache_are_made_anew_where_the_file_or_its_colours_change(tmp_path, fresh_cache):
@@ -282,7 +282,7 @@ def test_meshes_in_the_cache_are_made_anew_where_the_file_or_its_colours_change(
     robot = write_urdf(tmp_path, visual('<mesh filename="ball.stl"/>'))
 
     def shape():
-        (one,) = body_of(bodies(robot)[0], "arm").shapes
+        (one,) = body_of(robot_bodies(robot)[0], "arm").shapes
         return one
 
     first, again = shape(), shape()
@@ -295,7 +295,7 @@ def test_meshes_in_the_cache_are_made_anew_where_the_file_or_its_colours_change(
     assert np.ptp(shape().mesh.vertices) == pytest.approx(2.0 * np.ptp(first.mesh.vertices), rel=1e-3)
     (tmp_path / "ball.stl").unlink()
     (tmp_path / "ball.stl").mkdir()
-    assert bodies(robot)[1][0].startswith("a mesh file was not found")
+    assert robot_bodies(robot)[1][0].startswith("a mesh file was not found")
 
 
 def test_a_bare_urdf_is_visible_by_bones_and_joints(tmp_path):
@@ -306,13 +306,13 @@ def test_a_bare_urdf_is_visible_by_bones_and_joints(tmp_path):
 <joint name="b" type="prismatic"><parent link="one"/><child link="two"/><origin xyz="0.5 0 0"/><axis xyz="0 0 -1"/>
 <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
 <joint name="c" type="fixed"><parent link="two"/><child link="tip"/><origin xyz="0 0.3 0.4"/></joint></robot>""")
-    found, notes = bodies(bc.load_robot(path))
+    found, notes = robot_bodies(bc.load_robot(path))
     assert [body.name for body in found] == ["base", "one", "two"] and notes == ()
-    assert all(shape.stand_in for body in found for shape in body.shapes)
+    assert all(shape.placeholder for body in found for shape in body.shapes)
     bone, _, pin_joint = found[1].shapes
     assert bone.size[1] == pytest.approx(0.5)
-    turned = pin.XYZQUATToSE3(np.array(bone.pose)).act(np.array([0.0, 0.0, 0.25]))
-    assert turned == pytest.approx([0.5, 0.0, 0.0])
+    rotate = pin.XYZQUATToSE3(np.array(bone.pose)).act(np.array([0.0, 0.0, 0.25]))
+    assert rotate == pytest.approx([0.5, 0.0, 0.0])
     assert pin.XYZQUATToSE3(np.array(pin_joint.pose)).rotation[:, 2] == pytest.approx([0.0, 1.0, 0.0])
     assert found[2].shapes[-1].kind == "box"
     assert pin.XYZQUATToSE3(np.array(found[2].shapes[0].pose)).rotation[:, 2] == pytest.approx([0.0, 0.6, 0.8])
@@ -325,7 +325,7 @@ def test_a_free_body_of_which_only_the_inertia_is_known_is_its_box(tmp_path):
     path = tmp_path / "body.urdf"
     path.write_text(f"""<robot name="body"><link name="body"><inertial><origin xyz="1 2 3"/><mass value="{mass}"/>
 <inertia ixx="{ixx}" iyy="{iyy}" izz="{izz}" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>""")
-    ((body,), _) = bodies(bc.load_robot(path, floating_base=True))
+    ((body,), _) = robot_bodies(bc.load_robot(path, floating_base=True))
     (box,) = body.shapes
     pose = pin.XYZQUATToSE3(np.array(box.pose))
     assert np.abs(pose.rotation @ np.array(box.size)) == pytest.approx([x, y, z])
@@ -334,11 +334,11 @@ def test_a_free_body_of_which_only_the_inertia_is_known_is_its_box(tmp_path):
 
 def test_payloads_are_bodies_of_their_own_and_neighbours_differ_in_colour():
     robot = bc.load_robot("planar_2r").with_payloads([bc.Payload(2.0, "tip", (0.1, 0.0, 0.0))])
-    found, _ = bodies(robot)
+    found, _ = robot_bodies(robot)
     assert body_of(found, "payload 1").shapes[0].pose[:3] == pytest.approx((0.1, 0.0, 0.0))
     assert all(body.name in robot.frame_names for body in found)
     assert body_of(found, "link_1").shapes[0].colour != body_of(found, "link_2").shapes[0].colour
-    assert not body_of(found, "link_1").shapes[0].stand_in
+    assert not body_of(found, "link_1").shapes[0].placeholder
 
 
 def pinocchio_extents(robot, name):
@@ -362,7 +362,7 @@ def pinocchio_extents(robot, name):
 @pytest.mark.parametrize(("name", "faces", "tolerance"), [("ur5", 15_000, 2e-3), ("talos", 30_000, 2e-2)])
 def test_meshes_of_real_robots_are_as_large_as_pinocchio_reads_them(name, faces, tolerance):
     robot = bc.load_robot(name)
-    found, notes = bodies(robot)
+    found, notes = robot_bodies(robot)
     drawn = sum(len(s.mesh.faces) for body in found for s in body.shapes if s.mesh is not None)
     assert 0.4 * faces < drawn <= faces
     assert len(notes) == 1 and notes[0].startswith("meshes simplified from ") and f" to {drawn} faces" in notes[0]
@@ -382,7 +382,7 @@ def test_meshes_of_real_robots_are_as_large_as_pinocchio_reads_them(name, faces,
 
 
 def test_full_detail_keeps_every_face_that_has_an_area():
-    found, notes = bodies(bc.load_robot("ur5"), "full")
+    found, notes = robot_bodies(bc.load_robot("ur5"), "full")
     drawn = sum(len(s.mesh.faces) for body in found for s in body.shapes if s.mesh is not None)
     assert 0.999 * 95_694 < drawn <= 95_694 and notes == ()
 
@@ -390,7 +390,7 @@ def test_full_detail_keeps_every_face_that_has_an_area():
 def test_every_named_robot_has_bodies_that_are_frames_with_finite_shapes():
     for name in ("four_bar", "bricard", "thin_disk", "spring_pendulum", "five_bar", "two_wheeler", "simple_humanoid"):
         robot = bc.load_robot(name, floating_base=name == "thin_disk")
-        found, _ = bodies(robot)
+        found, _ = robot_bodies(robot)
         assert found and len({body.name for body in found}) == len(found)
         assert all(body.name in robot.frame_names and body.shapes for body in found)
         for shape in (shape for body in found for shape in body.shapes):

@@ -13,10 +13,12 @@ from bellcrank.motion.resampling import SHARE
 from bellcrank.motion.waypoints import dwell
 from bellcrank.replays.film import motion_film
 from bellcrank.replays.film.charts import run_charts
-from bellcrank.replays.film.film import Body, Camera, Film
-from bellcrank.replays.film.motion_film import GAP, film_of_motion, film_of_sizing
+from bellcrank.replays.film.film import Camera, Film
+from bellcrank.replays.film.motion_film import GAP, film_of_motion
 from bellcrank.replays.film.run_film import film_of_run
-from bellcrank.replays.page.pack import pack
+from bellcrank.replays.film.sizing_film import film_of_sizing
+from bellcrank.replays.geometry.shapes import Body
+from bellcrank.replays.page.film_encoding import encode_film
 from bellcrank.replays.page.page import write_page
 from bellcrank.simulation.plot_panels import _linear, shown_unit
 from bellcrank.sizing.history import joint_torques
@@ -30,16 +32,22 @@ COUNT = 200  # random times
 
 def bare(charts):
     """A film of charts and nothing else."""
-    still = np.array([[[0, 0, 0, 0, 0, 0, 1.0]]])
+    render_still = np.array([[[0, 0, 0, 0, 0, 0, 1.0]]])
     return Film(
-        "series", np.zeros(1), still, (Body("b", ()),), Camera((1, 0, 0), (0, 0, 0), (0, 0, 1)), 1e-3, charts=charts
+        title="series",
+        time=np.zeros(1),
+        poses=render_still,
+        bodies=(Body("b", ()),),
+        camera=Camera((1, 0, 0), (0, 0, 0), (0, 0, 1)),
+        error_bound=1e-3,
+        charts=charts,
     )
 
 
 def charts_of(page):
     """(title, unit, line) -> line, with its chart's bound, of the charts that go straight between rows."""
     return {
-        (chart["title"], chart["unit"], line["name"]): {**line, "share": chart["share"]}
+        (chart["title"], chart["unit"], line["name"]): {**line, "tolerance": chart["tolerance"]}
         for chart in page["charts"] if not chart["logarithmic"] for line in chart["lines"]
     }  # fmt: skip
 
@@ -52,10 +60,10 @@ def compared(lines, truth, times):
     for key, line in lines.items():
         _, unit, _ = key
         values = truth[key]
-        assert line["share"] is not None, key
+        assert line["tolerance"] is not None, key
         span = np.ptp(np.concatenate([line["values"][np.isfinite(line["values"])], values]))
         off = np.abs(value_at(line, times) - values)
-        allowed = line["share"] * span + SOLVED * sizes[unit]
+        allowed = line["tolerance"] * span + SOLVED * sizes[unit]
         assert off.max() <= allowed, (key, off.max() / max(span, 1e-300), times[off.argmax()])
     return len(lines)
 
@@ -93,7 +101,7 @@ def looked_up(lines, truth):
 @pytest.mark.parametrize("name", [name for name in NAMES if name != HUGE])
 def test_every_bundled_run_is_shown_as_it_is_at_random_times(name):
     run, rng = bc.simulate(name), np.random.default_rng(5)
-    lines = charts_of(decoded(pack(bare(run_charts(run)[0]))))
+    lines = charts_of(decoded(encode_film(bare(run_charts(run)[0]))))
     if name in UNRESOLVED:
         k = np.sort(rng.integers(0, len(run), COUNT))
         times, truth = run.time[k], {key: values[k] for key, values in named(run).items()}
@@ -101,7 +109,7 @@ def test_every_bundled_run_is_shown_as_it_is_at_random_times(name):
         times = np.sort(rng.uniform(0.0, run.time[-1], COUNT))
         truth = simulated(run, times)
     assert compared(looked_up(lines, truth), truth, times) >= 3
-    assert max(line["share"] for line in lines.values()) == SHARE
+    assert max(line["tolerance"] for line in lines.values()) == SHARE
 
 
 def sized(name):
@@ -117,7 +125,7 @@ SIZED = [name for name in NAMES if bc.load_robot_config(name).motions]
 def no_meshes(monkeypatch):
     """Films of bodies without shapes: meshes take seconds, and no plot shows them."""
     monkeypatch.setattr(
-        motion_film, "filmed_bodies", lambda robot, detail: (tuple(Body(link, ()) for link in robot.urdf.links), ())
+        motion_film, "film_bodies", lambda robot, detail: (tuple(Body(link, ()) for link in robot.urdf.links), ())
     )
 
 
@@ -126,7 +134,7 @@ def test_every_bundled_sizing_is_shown_as_its_motions_are_at_random_times(name, 
     sizing = sized(name)
     mechanism, motions, drives = sizing.study
     robot = mechanism.robot
-    page = decoded(pack(film_of_sizing(sizing)))
+    page = decoded(encode_film(film_of_sizing(sizing)))
     lines, rng, start = charts_of(page), np.random.default_rng(6), 0.0
     joints = [joint for joint in robot.joints if joint.nv == 1]
     for motion in motions:
@@ -146,9 +154,9 @@ def test_every_bundled_sizing_is_shown_as_its_motions_are_at_random_times(name, 
                     np.nanmax(np.abs(other["values"])) for key, other in lines.items() if key[:2] == (title, unit)
                 )
                 off = np.abs(value_at(line, shown) - values[title]).max()
-                assert off <= line["share"] * span + 1e-9 * size, (joint.name, title)
+                assert off <= line["tolerance"] * span + 1e-9 * size, (joint.name, title)
         start += motion.duration + GAP
-    assert all(plane["share"] == SHARE for plane in page["planes"])
+    assert all(plane["tolerance"] == SHARE for plane in page["xy_plots"])
 
 
 # ---- what jumps
@@ -164,7 +172,7 @@ def cycle(robot):
 def test_a_dwell_between_motions_is_shown_at_rest_with_the_torque_that_holds_it(no_meshes):
     robot = bc.load_robot_config("planar_2r").robot()
     motion = cycle(robot)
-    page = decoded(pack(film_of_motion(motion, robot)))
+    page = decoded(encode_film(film_of_motion(motion, robot)))
     lines = charts_of(page)
     times = np.sort(np.concatenate([np.random.default_rng(7).uniform(0.0, motion.duration, 2000), [2.0, 4.2, 6.0]]))
     q, v, a = motion.at(times)
@@ -188,7 +196,7 @@ def test_a_dwell_between_motions_is_shown_at_rest_with_the_torque_that_holds_it(
     for t in (2.0, 3.3, 4.2):  # arrows are frames no longer: they hold while nothing moves
         z = value_at({"time": arrow["time"], "values": arrow["vectors"][:, 2]}, np.array([t]))
         assert z == pytest.approx(robot.inverse_dynamics(*motion.at(np.array([t])))[:, 0], rel=1e-3)
-    plane = page["planes"][0]
+    plane = page["xy_plots"][0]
     for values, key in ((v[:, 0], "x"), (torque[:, 0], "y")):
         off = np.abs(value_at({"time": plane["time"], "values": plane[key]}, times) - values)
         assert off.max() <= SHARE * np.ptp(plane[key]) * (1 + 1e-6)
@@ -218,7 +226,7 @@ def held(tmp_path_factory):
 def test_torques_that_are_held_jump_in_a_page_where_they_do_and_nothing_else_is_bent_by_it(held, tmp_path):
     run, steps = held
     film = film_of_run(run)
-    page = decoded(pack(film))
+    page = decoded(encode_film(film))
     lines = charts_of(page)
     times = np.sort(np.concatenate([np.random.default_rng(8).uniform(0.0, 2.0, 1000), [0.315, 0.318, 0.9998, 1.199]]))
     truth = simulated(run, times)
@@ -245,7 +253,7 @@ def test_pictures_of_a_run_step_where_torques_do(held):
 
 def test_a_coarse_run_is_shown_on_the_curve_through_its_rows(no_meshes):
     coarse, times = bc.simulate("planar_2r", duration=2.0, samples=101), np.linspace(0.003, 1.997, 300)
-    lines = charts_of(decoded(pack(bare(run_charts(coarse)[0]))))
+    lines = charts_of(decoded(encode_film(bare(run_charts(coarse)[0]))))
     truth = simulated(coarse, times)
     assert compared(looked_up(lines, truth), truth, times) > 6
 
@@ -253,7 +261,7 @@ def test_a_coarse_run_is_shown_on_the_curve_through_its_rows(no_meshes):
 def test_a_million_rows_make_a_small_page_whose_series_are_right():
     base = bc.simulate("pendulum", duration=10.0, samples=11)
     run = bc.simulate("pendulum", duration=10.0, samples=1_000_001)
-    text = pack(bare(run_charts(run)[0]))
+    text = encode_film(bare(run_charts(run)[0]))
     assert len(text[1]) < 200_000 and len(base) == 11
     lines = charts_of(decoded(text))
     k = np.random.default_rng(9).integers(0, len(run), 500)
@@ -266,7 +274,7 @@ def test_what_cannot_be_told_in_so_few_numbers_is_said_to_be_extremes():
     noisy = run.state.copy()
     noisy[:, 1] = np.random.default_rng(0).normal(size=len(noisy))
     charts = {chart.title: chart for chart in run_charts(replace(run, state=noisy))[0]}
-    assert charts["velocity"].share is None or charts["velocity"].share > SHARE
+    assert charts["velocity"].tolerance is None or charts["velocity"].tolerance > SHARE
     assert len(charts["velocity"].time) < 20_000
 
 

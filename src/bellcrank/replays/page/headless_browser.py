@@ -1,4 +1,4 @@
-"""A browser without a window, for stills and films of a page: Chromium or one of its kin, driven by Playwright."""
+"""A headless browser for stills and videos of a page: Chromium or a relative of it, controlled by Playwright."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "microsoft-edge")
-PATIENCE = 60_000  # ms until a page must have drawn
+TIMEOUT = 60_000  # ms until a page must be drawn
 
 
 def find_browser() -> str:
-    """The path of a browser that can draw without a window. Raises InputError with what to install."""
+    """The path of a browser that can run headless. Raises InputError with what to install."""
     for name in BROWSERS:
         if path := shutil.which(name):
             return path
     raise InputError(
-        f"stills and films are drawn by a browser, and none of {', '.join(BROWSERS)} is on the PATH; install one "
-        "(on Debian: apt-get install chromium), or write the HTML page, which needs none here"
+        f"stills and films are rendered by a browser, and none of {', '.join(BROWSERS)} is on the PATH; install one "
+        "(on Debian: apt-get install chromium), or write the HTML page, which needs no browser here"
     )
 
 
-def find_driver() -> ModuleType:
-    """Playwright's module. Raises InputError with what to install."""
+def find_playwright() -> ModuleType:
+    """Playwright's synchronous module. Raises InputError with what to install."""
     try:
         from playwright import sync_api
     except ImportError:
@@ -43,30 +43,30 @@ def find_driver() -> ModuleType:
 
 
 @contextmanager
-def opened(page: str | Path, size: tuple[int, int]) -> Iterator[Page]:
-    """The page of a file in a window of (width, height) pixels that nobody sees, drawn, its network cut off.
+def open_page(page: str | Path, size: tuple[int, int]) -> Iterator[Page]:
+    """A page's file, open and drawn in a headless window of (width, height) pixels without network.
 
-    Raises InputError where there is no browser or no Playwright, and BellcrankError where the page does not draw.
+    Raises InputError if there is no browser or no Playwright, and BellcrankError if the page is not drawn.
     """
-    browser, driver = find_browser(), find_driver()
+    browser, playwright_module = find_browser(), find_playwright()
     flags = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars", "--disable-gpu-sandbox"]
     if hasattr(os, "geteuid") and os.geteuid() == 0:
         flags.append("--no-sandbox")  # Chromium refuses to start for root otherwise
     try:
-        with driver.sync_playwright() as playwright:
+        with playwright_module.sync_playwright() as playwright:
             chromium = playwright.chromium.launch(executable_path=browser, args=flags)
             try:
                 context = chromium.new_context(viewport={"width": size[0], "height": size[1]}, offline=True)
                 tab = context.new_page()
-                tab.goto(Path(page).resolve().as_uri() + "#still=1", timeout=PATIENCE)
-                tab.wait_for_function("window.bellcrank && window.bellcrank.ready", timeout=PATIENCE)
+                tab.goto(Path(page).resolve().as_uri() + "#still=1", timeout=TIMEOUT)
+                tab.wait_for_function("window.bellcrank && window.bellcrank.ready", timeout=TIMEOUT)
                 tab.evaluate("() => window.bellcrank.ready")
                 yield tab
             finally:
                 chromium.close()
-    except KeyboardInterrupt:  # it ends the driver, too, whose last answers nobody waits for
+    except KeyboardInterrupt:  # it also ends Playwright's process, whose last answers are not awaited
         logging.getLogger("asyncio").addFilter(lambda record: "never retrieved" not in record.getMessage())
         raise
-    except driver.Error as error:
+    except playwright_module.Error as error:
         first = str(error).strip().splitlines()[0]
         raise BellcrankError(f"{page}: the browser {browser} could not draw it: {first}") from None

@@ -1,6 +1,6 @@
-// ---- words, numbers and colours
+// ---- elements, numbers and colours
 
-/** A new element; its text can never become markup. */
+/** A new element; text is never parsed as markup. */
 function element(tag, properties = {}, ...children) {
   const made = Object.assign(document.createElement(tag), properties);
   made.append(...children);
@@ -9,8 +9,8 @@ function element(tag, properties = {}, ...children) {
 
 const byId = (id) => document.getElementById(id);
 
-/** A number in about `digits` significant digits, short; a gap is a dash. */
-function shown(value, digits = 4) {
+/** A number with about `digits` significant digits; a dash for a gap. */
+function formatNumber(value, digits = 4) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
   if (!Number.isFinite(value)) return value > 0 ? "∞" : "−∞";
   const size = Math.abs(value);
@@ -20,17 +20,17 @@ function shown(value, digits = 4) {
   return text.replaceAll("-", "−");
 }
 
-const unitShown = (unit) => unit.replaceAll("^2", "²") || "1";
+const formatUnit = (unit) => unit.replaceAll("^2", "²") || "1";
 
-// Okabe and Ito's palette, Color Universal Design (2008), as in the printed plots; black is white where it is dark.
+// Palette of M. Okabe and K. Ito, Color Universal Design (2008), as in the printed plots; in the dark scheme black is white.
 const PALETTE = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8A8A00"];
 const DASHES = [[], [6, 3], [2, 3], [8, 3, 2, 3]];
-const darkness = matchMedia("(prefers-color-scheme: dark)");
-const calm = matchMedia("(prefers-reduced-motion: reduce)");
+const darkScheme = matchMedia("(prefers-color-scheme: dark)");
+const reducedMotion = matchMedia("(prefers-reduced-motion: reduce)");
 
 function paletteColour(index) {
   const colour = PALETTE[index % PALETTE.length];
-  return darkness.matches && colour === "#000000" ? "#FFFFFF" : darkness.matches && colour === "#0072B2" ? "#3D9BE0" : colour;
+  return darkScheme.matches && colour === "#000000" ? "#FFFFFF" : darkScheme.matches && colour === "#0072B2" ? "#3D9BE0" : colour;
 }
 
-const styled = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const cssVariable = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
