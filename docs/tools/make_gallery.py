@@ -41,7 +41,7 @@ def main() -> None:
             view = Image.open(still(f"{name}.html", Path(folder) / f"{name}.png", time, (2 * VIEW[0], 2 * VIEW[1])))
             sheet.paste(view.convert("RGB").resize(VIEW, Image.Resampling.LANCZOS), (x, y))
             pen.text((x + width / 2, y + VIEW[1] + CAPTION / 2), caption, "#1b2430", font, "mm")
-    target = Path(__file__).with_name("gallery.png")
+    target = Path(__file__).parents[1] / "pictures" / "gallery.png"
     few_colours(sheet).save(target, optimize=True)
     print(f"{target}: {target.stat().st_size / 1e3:.0f} kB")
 
