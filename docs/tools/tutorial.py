@@ -27,7 +27,7 @@ def run(page: Path) -> dict[str, Any]:
     """Run a page in the current folder; what its Python left behind. Raises AssertionError where the page is wrong."""
     names: dict[str, Any] = {"__name__": "__main__"}
     printed = ""
-    for block in FENCE.finditer(page.read_text(encoding="utf-8").replace("actuators", "drives")):  # TEMPORARY
+    for block in FENCE.finditer(page.read_text(encoding="utf-8")):
         language, title, text = block["language"], block["title"], block["text"]
         if title:
             Path(title).write_text(text, encoding="utf-8")

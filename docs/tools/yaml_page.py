@@ -10,19 +10,13 @@ from yaml_recorder import Asked, recorded
 
 import bellcrank as bc
 from bellcrank.config.fields import UNITS
+from bellcrank.deprecated import REMOVAL
+from bellcrank.scene import renamed_keys
 
 KEYS = Path(__file__).parent / "yaml_keys.yaml"
 # In these sections units depend on the joint: what a revolute joint asks for stands for both kinds.
 BY_JOINT = ("forces: joint_spring", "forces: damper", "forces: friction", "forces: torque", "control: ", "constraints: coupling", "events.when", "initial.JOINT")  # fmt: skip
 SLIDING = {"N m/rad": "N/m", "N m s/rad": "N s/m", "N m": "N", "rad/s": "m/s", "rad": "m"}
-OLD = (  # the old key or kind, the new one, where
-    ("closures", "constraints", "top level, and in targets of parameters and overrides"),
-    ("drives", "actuators", "top level, and in overrides"),
-    ("kind: drive", "kind: prescribed_motion", "`constraints`"),
-    ("kind: formula", "kind: expression", "`constraints`"),
-    ("closure", "constraint", "`outputs`, `aligned`, `friction_demand`"),
-    ("singular_closure", "singular_constraint", "`events`"),
-)
 HEAD = """# YAML reference
 
 Every key of robot configurations and scenes, made from the code that reads them. [Robot
@@ -81,12 +75,19 @@ def _row(section: str, key: str, given: Any, asked: Asked) -> str:
 
 
 def _old_names() -> list[str]:
+    places = {
+        "top level, and paths of overrides": renamed_keys.TOP_KEYS,
+        "`kind` of constraints": renamed_keys.CONSTRAINT_KINDS,
+        "`outputs`; `aligned` and `friction_demand` of events": renamed_keys.OUTPUT_KEYS,
+        "`when` of events": renamed_keys.CONDITIONS,
+        "targets of parameters (`sets`)": renamed_keys.TARGETS,
+    }
     return [
         "## Deprecated names\n",
-        "Files of version 0.4 still open. These names give a `DeprecationWarning`:\n",
+        f"Files of version 0.4 still open. These names work until {REMOVAL}; each gives a note:\n",
         "| old | new | where |",
         "|---|---|---|",
-        *(f"| `{old}` | `{new}` | {where} |" for old, new, where in OLD),
+        *(f"| `{old}` | `{new}` | {where} |" for where, names in places.items() for old, new in names.items()),
     ]
 
 

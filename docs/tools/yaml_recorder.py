@@ -17,7 +17,7 @@ from bellcrank.messages import format_value
 
 SAMPLES = Path(__file__).parent / "samples"
 # Mappings whose keys are names that the user chooses, or names of joints; an entry below is recorded as its own section.
-NAMES = {"actuators", "drives", "frames", "friction", "motions", "outputs", "parameters", "initial", "initial.velocity"}
+NAMES = {"actuators", "frames", "friction", "motions", "outputs", "parameters", "initial", "initial.velocity"}
 BY_JOINT = re.compile(r"\.(target|kp|kd|start|position|positions|linear_velocity|angular_velocity)$")
 READERS = (
     "number", "optional_number", "integer", "vector", "rows", "numbers", "text", "unit", "file", "flag", "choice",
@@ -38,29 +38,13 @@ def recorded() -> dict[str, dict[str, Asked]]:
     found: dict[str, dict[str, Asked]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for sample in SAMPLES.iterdir():
-            (Path(folder) / sample.name).write_text(_old_words(sample.read_text(encoding="utf-8")), encoding="utf-8")
+            (Path(folder) / sample.name).write_text(sample.read_text(encoding="utf-8"), encoding="utf-8")
         bc.simulate("pendulum", duration=0.1).save(Path(folder) / "earlier.npz")
         with _recording(found):
             for sample in sorted(Path(folder).glob("*.yaml")):
                 if not sample.name.startswith("loops"):  # read by the samples that name it
                     bc.load_scene(sample)
     return found
-
-
-OLD = {
-    "prescribed_motion": "drive",
-    "singular_constraint": "singular_closure",
-    "kind: expression": "kind: formula",
-    "constraints": "closures",
-    "constraint": "closure",
-    "actuators": "drives",
-}
-
-
-def _old_words(text: str) -> str:
-    for new, old in OLD.items():
-        text = re.sub(rf"\b{new}(?=[:,}}])", old, text)
-    return text
 
 
 @contextmanager
@@ -100,13 +84,8 @@ def _recording(found: dict[str, dict[str, Asked]]) -> Iterator[None]:
             setattr(Fields, name, original)
 
 
-NEW = {old: new for new, old in OLD.items()} | {"drive": "prescribed_motion"}
-
-
 def _note(found: dict[str, dict[str, Asked]], fields: Fields, key: str, asked: Asked) -> None:
-    section, key = _section(fields), NEW.get(key, key)
-    if section:
-        section = re.sub(r"\w+", lambda match: NEW.get(match[0], match[0]), section.replace(": formula", ": expression"))
+    section = _section(fields)
     if section is None or (section in NAMES and _named_by_user(fields, section, key)):
         return
     before = found.setdefault(section, {}).get(key)
@@ -124,9 +103,9 @@ def _section(fields: Fields) -> str | None:
     if path.startswith("motions.") or ".parts[]" in path:
         return None if BY_JOINT.search(path) else f"motions: {fields._data['kind']}"
     top, _, rest = path.partition(".")
-    if top in ("forces[]", "control[]", "constraints[]", "closures[]"):
+    if top in ("forces[]", "control[]", "constraints[]"):
         return None if rest else f"{top[:-2]}: {fields._data.get('kind', '?')}"
-    if top in ("frames", "actuators", "drives", "parameters", "outputs", "friction") and rest:
+    if top in ("frames", "actuators", "parameters", "outputs", "friction") and rest:
         return None if "." in rest else f"{top}.NAME"
     if top == "base" or (top == "initial" and rest not in ("", "velocity")):
         if "." in rest or (top == "base" and rest):
