@@ -34,7 +34,8 @@ def pages() -> dict[str, str]:
     """Path below docs/ -> Markdown."""
     found = {"reference/api/index.md": _index()}
     for room, names in groups().items():
-        found[f"reference/api/{room}.md"] = "\n\n".join([f"# {TITLES[room]}", *(f"::: bellcrank.{n}" for n in names), ""])
+        text = "\n\n".join(f"::: bellcrank.{name}" for name in names)
+        found[f"reference/api/{room}.md"] = f"# {TITLES[room]}\n\n{text}\n"
     return found
 
 
@@ -44,7 +45,7 @@ def _index() -> str:
         links = ", ".join(f"[`{name}`][bellcrank.{name}]" for name in names)
         lines.append(f"- [{TITLES[room]}]({room}.md): {links}")
     lines.append(
-        "\nArrays are NumPy arrays in SI units. Position has one number a joint (rad or m, continuous joints unwrapped); "
+        "\nArrays are NumPy arrays in SI units. Position has one number a joint (rad or m, continuous joints unwrapped), "
         "a free base comes first, with position and quaternion x y z w, and its velocity is in its own frame."
     )
     return "\n".join([*lines, ""])

@@ -1,4 +1,4 @@
-"""MkDocs calls this while it builds: it adds the reference pages, which are made from the sources, and the changelog."""
+"""MkDocs calls this while it builds: it adds the reference pages, made from the sources, and files beside docs/."""
 
 from __future__ import annotations
 

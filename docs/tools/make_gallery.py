@@ -31,6 +31,7 @@ def few_colours(picture: Image.Image) -> Image.Image:
 
 
 def main() -> None:
+    """Draw them."""
     width, height = VIEW[0], VIEW[1] + CAPTION
     rows = -(-len(SHOWN) // COLUMNS)
     sheet = Image.new("RGB", (COLUMNS * width, rows * height), "white")

@@ -2,8 +2,8 @@
 
 Blocks of a page, in their order: ```yaml, ```csv or ```xml with title="NAME" is a file in the current folder; each line
 of ```sh is a command of bellcrank, `# exit code N` after it says which code is expected (default 0); ```python blocks
-share their names; ```text is what the block before it prints: its lines in order, others may stand between them, numbers
-agree to three digits (to a factor of 3 where they are errors below 1e-4), `…` stands for anything.
+share their names; ```text is what the block before it prints: its lines in order, others may stand between them;
+numbers agree to three digits (to a factor of 3 where they are errors below 1e-4); `…` stands for anything.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ from typing import Any
 
 from bellcrank.cli import main
 
-FENCE = re.compile(r"^```(?P<language>\w+)(?: title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
+FENCE = re.compile(
+    r"^```(?P<language>\w+)(?: title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL
+)
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 ERROR = 1e-4  # smaller numbers are errors of the method
 ROUNDING = 1e-14  # and smaller ones of rounding, which differs between processors

@@ -16,6 +16,7 @@ WIDTH, COLOURS = 1000, 64  # pixels; few colours, so that the files are small
 
 
 def main() -> None:
+    """Draw them."""
     for name, files in PICTURES.items():
         with tempfile.TemporaryDirectory() as folder:
             os.chdir(folder)

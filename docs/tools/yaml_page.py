@@ -15,7 +15,10 @@ from bellcrank.scene import renamed_keys
 
 KEYS = Path(__file__).parent / "yaml_keys.yaml"
 # In these sections units depend on the joint: what a revolute joint asks for stands for both kinds.
-BY_JOINT = ("forces: joint_spring", "forces: damper", "forces: friction", "forces: torque", "control: ", "constraints: coupling", "events.when", "initial.JOINT")  # fmt: skip
+BY_JOINT = tuple(
+    "forces: joint_spring|forces: damper|forces: friction|forces: torque|control: |constraints: coupling|events.when"
+    "|initial.JOINT".split("|")
+)
 SLIDING = {"N m/rad": "N/m", "N m s/rad": "N s/m", "N m": "N", "rad/s": "m/s", "rad": "m"}
 HEAD = """# YAML reference
 

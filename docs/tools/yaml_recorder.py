@@ -16,7 +16,7 @@ from bellcrank.config.fields import Fields
 from bellcrank.messages import format_value
 
 SAMPLES = Path(__file__).parent / "samples"
-# Mappings whose keys are names that the user chooses, or names of joints; an entry below is recorded as its own section.
+# Mappings whose keys are names that the user chooses, or names of joints; an entry is recorded as its own section.
 NAMES = {"actuators", "frames", "friction", "motions", "outputs", "parameters", "initial", "initial.velocity"}
 BY_JOINT = re.compile(r"\.(target|kp|kd|start|position|positions|linear_velocity|angular_velocity)$")
 READERS = (
