@@ -31,6 +31,7 @@ def few_colours(picture: Image.Image) -> Image.Image:
 
 
 def main() -> None:
+    """Draw them."""
     width, height = VIEW[0], VIEW[1] + CAPTION
     rows = -(-len(SHOWN) // COLUMNS)
     sheet = Image.new("RGB", (COLUMNS * width, rows * height), "white")
@@ -43,7 +44,7 @@ def main() -> None:
             )
             sheet.paste(view.convert("RGB").resize(VIEW, Image.Resampling.LANCZOS), (x, y))
             pen.text((x + width / 2, y + VIEW[1] + CAPTION / 2), caption, "#1b2430", font, "mm")
-    target = Path(__file__).with_name("gallery.png")
+    target = Path(__file__).parents[1] / "pictures" / "gallery.png"
     few_colours(sheet).save(target, optimize=True)
     print(f"{target}: {target.stat().st_size / 1e3:.0f} kB")
 
