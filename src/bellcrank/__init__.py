@@ -20,11 +20,11 @@ _HOME = {
     "load_robot": "robot.load",
     "Payload": "robot.payload",
     "Motion": "motion.motion",
-    "circle": "motion.path",
-    "line": "motion.path",
-    "waypoints": "motion.path",
-    "dwell": "motion.path",
-    "join": "motion.path",
+    "circle": "motion.frame_motions",
+    "line": "motion.frame_motions",
+    "waypoints": "motion.waypoints",
+    "dwell": "motion.waypoints",
+    "join": "motion.motion",
     "read_motion": "motion.csv_file",
     "write_motion": "motion.csv_file",
     "RobotConfig": "scene.robot_config",
@@ -58,8 +58,9 @@ if TYPE_CHECKING:
     from bellcrank.dynamics.scene_inverse_dynamics import closed_inverse_dynamics, scene_inverse_dynamics
     from bellcrank.errors import BellcrankError, CompileError, InputError, NotSavedError, UnreachableError
     from bellcrank.motion.csv_file import read_motion, write_motion
-    from bellcrank.motion.motion import Motion
-    from bellcrank.motion.path import circle, dwell, join, line, waypoints
+    from bellcrank.motion.frame_motions import circle, line
+    from bellcrank.motion.motion import Motion, join
+    from bellcrank.motion.waypoints import dwell, waypoints
     from bellcrank.replays.replay import replay, show
     from bellcrank.reports.report import report
     from bellcrank.robot.check import check_urdf

@@ -11,8 +11,8 @@ import bellcrank as bc
 from bellcrank.commands import replay as command
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.replays import replay as module
-from bellcrank.replays.page.page import page
-from bellcrank.replays.replay import Inline, film_of, replay, show
+from bellcrank.replays.page.page import page_html
+from bellcrank.replays.replay import NotebookPage, film_of, replay, show
 
 ARM = """
 name: Swinging <arm>
@@ -99,7 +99,7 @@ def test_a_limit_that_is_exceeded_is_exit_1(here, capsys):
         (["gone.npz"], "gone.npz: there is no such file"),
         (["."], "there is no run.npz in this folder; `bellcrank simulate SCENE` writes one"),
         (["arm.yaml", "--trace", "tipp"], "trace: unknown frame 'tipp'; did you mean 'tip'"),
-        (["sized"], "this folder holds the figures of a sizing, not its motions; name the configuration or URDF"),
+        (["sized"], "this folder holds the results of a sizing, not its motions; name the configuration or URDF"),
         (["arm.yaml", "--png", "a.png", "--at", "2"], "a still at 2 s: expected a time from 0 s to 1 s"),
         (["four_baar"], "unknown scene or robot 'four_baar'"),
         (["arm.yaml", "--size"], "there is no motion to size over"),
@@ -134,7 +134,7 @@ def test_a_motion_is_replayed_with_its_robot_and_refused_without(here):
     robot = bc.load_robot("planar_2r", gravity=(0, -9.81, 0))
     motion = bc.waypoints(robot, [0.0, 1.0], [{"elbow": 0.0}, {"elbow": 1.0}])
     assert replay(motion, "m.html", robot=robot).is_file()
-    with pytest.raises(InputError, match="a motion does not hold its robot; write robot=ROBOT too"):
+    with pytest.raises(InputError, match="a motion does not hold its robot; pass robot=ROBOT, too"):
         replay(motion, "n.html")
     with pytest.raises(InputError, match="holds a value that is not finite, in row 1"):
         bc.Motion(robot.joints, [0.0, 1.0], [[0, 0], [np.nan, 0]], np.zeros((2, 2)), np.zeros((2, 2)))
@@ -143,7 +143,7 @@ def test_a_motion_is_replayed_with_its_robot_and_refused_without(here):
 def test_what_is_no_run_is_refused(here):
     with pytest.raises(
         InputError,
-        match="'thing': expected a run, a motion, a sizing, or the path of a run, found an empty mapping",
+        match="'source': expected a run, a motion, a sizing, or the path of a run, found an empty mapping",
     ):
         replay({})
     with pytest.raises(InputError, match="'detail': unknown choice 'some'"):
@@ -155,10 +155,10 @@ def test_in_a_notebook_the_page_stands_inline_and_escaped(here, monkeypatch):
     shell = types.SimpleNamespace(kernel=object())
     monkeypatch.setitem(sys.modules, "IPython", types.SimpleNamespace(get_ipython=lambda: shell))
     shown = replay(run)
-    assert isinstance(shown, Inline) and not (here / "arm.html").exists()
+    assert isinstance(shown, NotebookPage) and not (here / "arm.html").exists()
     frame = shown._repr_html_()
     assert frame.lower().startswith('<iframe srcdoc="&lt;!doctype html&gt;') and frame.count("<") == 2
-    assert shown.page == page(film_of(run)) and len(repr(shown)) < 40
+    assert shown.page == page_html(film_of(run)) and len(repr(shown)) < 40
     assert replay(run, "page.html").name == "page.html"  # with a path it is written there too
 
 

@@ -125,7 +125,7 @@ def test_a_table_of_waypoints_with_many_numbers_is_read(tmp_path: Path) -> None:
     }
     path = tmp_path / "card.yaml"
     path.write_text(yaml.safe_dump({"urdf": "ur5", "motions": {"go": motion}}, default_flow_style=None))
-    assert len(bc.load_robot_config(path).motions["go"].arguments["times"]) == rows
+    assert len(bc.load_robot_config(path).motions["go"].times) == rows
 
 
 def joins(levels: int, width: int) -> str:
@@ -140,7 +140,7 @@ def test_joins_of_joins_are_counted_and_refused_before_they_are_built(tmp_path: 
     with pytest.raises(InputError, match=r"motions.j5.parts .*at most 10000 motions, found 100000"):
         bc.load_robot_config(path)
     path.write_text(joins(2000, 1))
-    with pytest.raises(InputError, match="joins stand more than 50 deep in each other"):
+    with pytest.raises(InputError, match="joins are nested more than 50 deep"):
         bc.load_robot_config(path)
     path.write_text(
         joins(4, 10)

@@ -9,7 +9,7 @@ import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.dynamics.scene_inverse_dynamics import closed_inverse_dynamics
 from bellcrank.errors import InputError, UnreachableError
-from bellcrank.motion.path import line
+from bellcrank.motion.frame_motions import line
 
 BASE, PLATFORM, ARM, ROD, HALF = 0.2, 0.06, 0.2, 0.5, 0.04
 TURNS = [2 * np.pi * k / 3 for k in range(3)]

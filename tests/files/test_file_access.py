@@ -18,7 +18,7 @@ from bellcrank import cli
 from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
 from bellcrank.files.access import FileAccess, read_bytes, read_text
-from bellcrank.replays.geometry.visuals import bodies
+from bellcrank.replays.geometry.visuals import robot_bodies
 from bellcrank.robot.catalog import find_urdf
 from bellcrank.robot.check import check_urdf
 
@@ -284,7 +284,7 @@ def test_a_table_with_a_time_still_has_its_columns_named(project: Path) -> None:
 
 def drawn(robot: Any) -> tuple[bool, str]:
     """Whether the mesh of the arm is drawn, and the notes."""
-    found, notes = bodies(robot)
+    found, notes = robot_bodies(robot)
     return any(shape.mesh is not None for body in found for shape in body.shapes), " ".join(notes)
 
 
@@ -366,7 +366,7 @@ def test_materials_and_textures_of_meshes_lie_where_meshes_may(tmp_path: Path) -
         (tmp_path / "arm/meshes/m.obj").write_text(
             f"mtllib {library}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n"
         )
-        (shape,) = next(body for body in bodies(bc.load_robot(path))[0] if body.name == "arm").shapes
+        (shape,) = next(body for body in robot_bodies(bc.load_robot(path))[0] if body.name == "arm").shapes
         colours.append(shape.colour[:3] == (1.0, 0.0, 0.0))
     assert colours == [True, False, False]
 
@@ -455,8 +455,8 @@ def test_nothing_is_opened_beyond_the_folder_of_a_mailed_run(mesh_run: tuple[Pat
     script = (
         "import sys\nopened = []\n"
         "sys.addaudithook(lambda event, args: opened.append(str(args[0])) if event in ('open', 'os.open') else None)\n"
-        "import bellcrank as bc\nfrom bellcrank.replays.geometry.visuals import bodies\n"
-        f"bodies(bc.load_run({str(path)!r}).scene.robot)\n"
+        "import bellcrank as bc\nfrom bellcrank.replays.geometry.visuals import robot_bodies\n"
+        f"robot_bodies(bc.load_run({str(path)!r}).scene.robot)\n"
         "print('\\n'.join(opened))\n"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

@@ -9,7 +9,7 @@ import pytest
 
 import bellcrank
 from bellcrank.errors import InputError, UnreachableError
-from bellcrank.motion.path import circle, line
+from bellcrank.motion.frame_motions import circle, line
 from bellcrank.motion.rotations import angles_to, between, from_rpy
 
 CENTER, RADIUS, DURATION = (1.2, 1.2, 0.0), 0.2, 10.0

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 import bellcrank
 from bellcrank.errors import InputError
 from bellcrank.motion import coordinates
-from bellcrank.motion.motion import Motion, dwell, join
-from bellcrank.motion.path import circle, waypoints
+from bellcrank.motion.frame_motions import circle
+from bellcrank.motion.motion import Motion, join
+from bellcrank.motion.waypoints import dwell, waypoints
 
 
 @pytest.fixture(scope="module")
@@ -247,8 +248,8 @@ def test_refuses_in_one_sentence(arm, make, words):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (dict(time=[0.0, 2.0, 1.0]), r"time runs backwards, from 2 s to 1 s \(rows 1, 2\)"),
-        (dict(time=[0.0, 0.0, 1.0]), "the first or the last time stands twice"),
+        (dict(time=[0.0, 2.0, 1.0]), r"time decreases, from 2 s to 1 s \(rows 1, 2\)"),
+        (dict(time=[0.0, 0.0, 1.0]), "the first or the last time occurs twice"),
         (dict(time=[0.0, 1.0]), "position has shape"),
         (dict(position=[[0, 0], [0, np.nan], [0, 0]]), "position holds a value that is not finite, in row 1"),
         (dict(velocity=[[0], [0], [0]]), r"velocity has shape \(3, 1\), expected \(3, 2\)"),

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 import bellcrank
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.motion.csv_file import read_motion, write_motion
-from bellcrank.motion.motion import dwell
-from bellcrank.motion.path import circle, waypoints
+from bellcrank.motion.frame_motions import circle
+from bellcrank.motion.waypoints import dwell, waypoints
 
 
 @pytest.fixture(scope="module")
@@ -130,8 +130,8 @@ BROKEN = [
     (HEADER + "0,0,0\n1,nan,0\n", "'nan' is not a finite number"),
     (HEADER + "0,0,0\n1,inf,0\n", "'inf' is not a finite number"),
     (HEADER + "0,0,0\n2,0,0\n1,0,0\n", r"time must not decrease, but row 3 \(1 s\) follows 2 s"),
-    (HEADER + "0,0,0\n1,0,0\n1,0,0\n1,0,0\n2,0,0\n", "stands more than twice"),
-    (HEADER + "0,0,0\n0,0,0\n1,0,0\n", "the first or the last time stands twice"),
+    (HEADER + "0,0,0\n1,0,0\n1,0,0\n1,0,0\n2,0,0\n", "occurs more than twice"),
+    (HEADER + "0,0,0\n0,0,0\n1,0,0\n", "the first or the last time occurs twice"),
     (HEADER + "0,0,0\n1,0,0\n1,0.5,0\n2,0.5,0\n", "joint 'shoulder' jumps by 0.5"),
     ("time [s],shoulder position [rad]\n0,0\n1,0\n", r"column 'elbow position \[rad\]' is missing"),
     ("shoulder position [rad],elbow position [rad]\n0,0\n1,0\n", r"column 'time \[s\]' is missing"),
@@ -139,7 +139,7 @@ BROKEN = [
     (HEADER.replace("[s]", "[h]") + "0,0,0\n1,0,0\n", "is in 'h', expected s or ms"),
     ("time [s],shoulder position [m],elbow position [rad]\n0,0,0\n1,0,0\n", "is in 'm', expected rad or deg"),
     (HEADER.replace("shou", "sho") + "0,0,0\n1,0,0\n", "did you mean 'shoulder position'"),
-    ("time [s],time [s],elbow position [rad]\n0,0,0\n1,0,0\n", "column 'time' stands twice"),
+    ("time [s],time [s],elbow position [rad]\n0,0,0\n1,0,0\n", "column 'time' occurs twice"),
     ("time [s];shoulder position [rad]\n0;0\n1;0\n", "separated by ';'"),
     (HEADER[:-1] + ",elbow velocity [rad/s]\n0,0,0,0\n1,0,0,0\n", r"velocity \[rad/s\]' is missing though"),
     (
@@ -161,7 +161,7 @@ def test_refuses_in_one_sentence_with_the_file(arm, tmp_path, text, words):
 def test_refuses_what_is_no_text_file(arm, tmp_path):
     with pytest.raises(InputError, match="there is no such file"):
         read_motion(arm, tmp_path / "none.csv")
-    with pytest.raises(InputError, match="cannot be read: it is a folder"):
+    with pytest.raises(InputError, match="is a folder"):
         read_motion(arm, tmp_path)
     (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00\x81")
     with pytest.raises(InputError, match="not valid UTF-8"):

@@ -12,9 +12,9 @@ from bellcrank.elements.torque_table import read_table, table_signal
 from bellcrank.errors import InputError
 from bellcrank.motion.csv_file import read_motion
 from bellcrank.motion.hermite import quintic
+from bellcrank.motion.magnitude_limits import LARGEST, LONGEST, SHORTEST, check_times
 from bellcrank.motion.motion import Motion
-from bellcrank.motion.path import waypoints
-from bellcrank.motion.scale import LARGEST, LONGEST, SHORTEST, check_times
+from bellcrank.motion.waypoints import waypoints
 
 
 @pytest.fixture(scope="module")

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 import bellcrank
+from bellcrank.motion.acceleration_jumps import with_jumps
 from bellcrank.motion.csv_file import read_motion, write_motion
-from bellcrank.motion.jumps import with_jumps
+from bellcrank.motion.differentiation import smooth_pieces
 from bellcrank.motion.motion import Motion
 from bellcrank.motion.profile import profile
-from bellcrank.motion.smooth_pieces import rounding_of, smooth_pieces
+from bellcrank.motion.rounding import rounding_of
 
 ELBOW = -0.7  # the elbow moves by this share of the shoulder
 TELLS = ("too far apart", "does not agree", "rounded to", "rests on interpolation")

@@ -10,10 +10,10 @@ from mesh_texts import CUBE, FACES, binary_stl, dae, no_file, visual, write_urdf
 
 from bellcrank.replays.geometry.colours import Textures, texture_colour
 from bellcrank.replays.geometry.mesh_files import named_files, read_parts
+from bellcrank.replays.geometry.mesh_limits import MOST_FACES, MeshError
 from bellcrank.replays.geometry.meshes import load_meshes
 from bellcrank.replays.geometry.simplify import weld
-from bellcrank.replays.geometry.triangle_files import MOST_FACES, MeshError
-from bellcrank.replays.geometry.visuals import bodies
+from bellcrank.replays.geometry.visuals import robot_bodies
 
 TRIANGLE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 FACET = b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
@@ -115,13 +115,13 @@ def test_many_faces_in_one_point_have_no_area():
 def test_empty_and_hostile_meshes_leave_stand_ins_and_notes(tmp_path):
     (tmp_path / "empty.obj").write_bytes(b"")
     (tmp_path / "nodes.dae").write_bytes(doubled(40))
-    found, notes = bodies(
+    found, notes = robot_bodies(
         write_urdf(tmp_path, visual('<mesh filename="empty.obj"/>') + visual('<mesh filename="nodes.dae"/>'))
     )
     assert any("empty.obj" in note and "no triangle" in note for note in notes)
     assert any("nodes.dae" in note and "20000 parts" in note for note in notes)
-    assert any(shape.stand_in for body in found for shape in body.shapes)
-    assert load_meshes({tmp_path / "empty.obj": [1.0]}, 1.0).pieces == {}
+    assert any(shape.placeholder for body in found for shape in body.shapes)
+    assert load_meshes({tmp_path / "empty.obj": [1.0]}, 1.0).parts == {}
 
 
 def png(width, height):

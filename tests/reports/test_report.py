@@ -12,7 +12,7 @@ import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.errors import InputError
 from bellcrank.plot_style import literal, new_figure, svg_of
-from bellcrank.replays.replay import Inline, film_of
+from bellcrank.replays.replay import NotebookPage, film_of
 from bellcrank.reports.html import document_html
 from bellcrank.reports.report import report
 from bellcrank.reports.run_document import run_document
@@ -227,9 +227,9 @@ def test_on_paper_the_moment_and_the_plots_stand_for_what_moves(written, stopped
 
 
 def test_two_notebook_frames_on_one_page_draw_at_full_width_without_an_error(stopped, open_page, tmp_path):
-    from bellcrank.replays.page.page import page as page_of
+    from bellcrank.replays.page.page import page_html
 
-    frame = Inline(page_of(film_of(stopped)))._repr_html_()
+    frame = NotebookPage(page_html(film_of(stopped)))._repr_html_()
     (tmp_path / "host.html").write_text(f"<!doctype html><body>{frame}<p>and</p>{frame}</body>", encoding="utf-8")
     page = open_page(tmp_path / "host.html", size=(900, 1400), wait=False)
     inner = page.tab.frames[1:]

@@ -55,7 +55,7 @@ def test_stems_that_stand_twice_are_told_apart() -> None:
         ("arm.urdf", "arm.urdf: there is no such file"),
         ("..", "is a folder"),
         ("../planar_2r", "there is no such file"),
-        ("x" * 5000, "there is no robot"),
+        ("x" * 5000, "unknown robot"),
         ("a\0b", "zero character"),
     ],
 )

@@ -17,7 +17,8 @@ from bellcrank.files.bundled_data import folder
 from bellcrank.robot.articulated_inertia import _pivots as eliminated
 from bellcrank.robot.articulated_inertia import articulated_inertias
 from bellcrank.robot.catalog import find_urdf
-from bellcrank.robot.check import Finding, check_urdf, format_findings, principal_moments
+from bellcrank.robot.check import Finding, check_urdf, format_findings
+from bellcrank.robot.element_checks import principal_moments
 from bellcrank.robot.urdf_file import Urdf, read_urdf
 
 LIMIT = '<limit lower="-1" upper="1" effort="10" velocity="2"/>'
@@ -60,14 +61,14 @@ POINT = {"ixx": 0.0, "iyy": 0.0, "izz": 0.0}
 CASES = {
     "not positive": (arm(body(ixy=2.0)), "error", "link 'l0'", "the inertia is not positive"),
     "negative moment": (arm(body(ixx=-0.1)), "error", "link 'l0'", "the inertia is not positive"),
-    "triangle": (arm(body(izz=2.5)), "error", "link 'l0'", "breaks the triangle inequality"),
-    "triangle by rounding": (arm(body(izz=2.001)), "warning", "link 'l0'", "it may be rounding"),
+    "triangle": (arm(body(izz=2.5)), "error", "link 'l0'", "violates the triangle inequality"),
+    "triangle by rounding": (arm(body(izz=2.001)), "warning", "link 'l0'", "this may be rounding"),
     "inertia without mass": (arm(body(mass=0.0)), "warning", "link 'l0'", "has no mass but an inertia"),
     "inertia in g cm²": (
         arm(body(ixx=100, iyy=100, izz=100)),
         "warning",
         "link 'l0'",
-        "as if it were spread 10 m around",
+        "a radius of gyration of 10 m",
     ),
     "massless": (arm(""), "error", "joint 'j0'", "vanishes"),
     "point mass on the axis": (arm(body(xyz="0 0 0.3", **POINT)), "error", "joint 'j0'", "vanishes"),
@@ -76,7 +77,7 @@ CASES = {
         arm("", kind="prismatic"),
         "error",
         "joint 'j0'",
-        "the mass that it moves about its axis vanishes",
+        "the mass that it moves vanishes",
     ),
     "zero axis": (arm(body(), axis="0 0 0"), "error", "file", "of length zero"),
     "long axis": (arm(body(), axis="0 0 2"), "warning", "joint 'j0'", "the axis has length 2, not 1"),
@@ -138,7 +139,7 @@ CASES = {
         ),
         "note",
         "joint 'j1'",
-        "follows joint 'j0': position = 2 × its position",
+        "mimics joint 'j0': position = 2 × its position",
     ),
     "mimic that stands": (
         arm(body(), body()).replace(f"{LIMIT}</joint></robot>", '<mimic joint="j0" multiplier="0"/></joint></robot>'),
@@ -181,7 +182,7 @@ CASES = {
         arm(body()).replace("</robot>", '<transmission name="t"><joint name="jj"/></transmission></robot>'),
         "warning",
         "transmission 't'",
-        "drives a joint 'jj' that is not there",
+        "drives a joint 'jj' that does not exist",
     ),
     "a massless link with something heavy on it": (
         arm("", body(), origin='<origin xyz="1 0 0"/>'),
@@ -200,7 +201,7 @@ CASES = {
         arm('<visual><origin xyz="0 0 0" rpy="inf 0 nan"/><geometry><sphere radius="1"/></geometry></visual>' + body()),
         "warning",
         "link 'l0'",
-        "it is not drawn",
+        "the shape is not drawn",
     ),
     "truncated": (arm(body())[:-20], "error", "file", "is it truncated?"),
     "empty": ("", "error", "file", "the file is empty"),
@@ -333,7 +334,7 @@ def test_the_command_says_yes_no_and_bad_input(tmp_path: Path, capsys: pytest.Ca
     bad = tmp_path / "bad.urdf"
     bad.write_text(arm(body(izz=5.0)), encoding="utf-8")
     assert command("planar_2r", str(bad)) == 1
-    assert "error    link 'l0': the inertia breaks" in capsys.readouterr().out
+    assert "error    link 'l0': the inertia violates" in capsys.readouterr().out
     no_robot = tmp_path / "sdf.urdf"
     no_robot.write_text("<sdf/>", encoding="utf-8")
     assert command(str(no_robot)) == 1

@@ -289,8 +289,8 @@ def test_bad_arguments_are_named(arguments, message):
     [
         (0.0, (0,) * 6, "'mass': .* more than 0"),
         (float("nan"), (0,) * 6, "finite"),
-        (1.0, (1, 0, 1, 0, 0, 3), "no body has the inertia"),
-        (1.0, (1, 2, 1, 0, 0, 1), "no body has the inertia"),
+        (1.0, (1, 0, 1, 0, 0, 3), "no rigid body has the inertia"),
+        (1.0, (1, 2, 1, 0, 0, 1), "no rigid body has the inertia"),
     ],
 )
 def test_impossible_payloads_are_refused(mass, inertia, message):

@@ -8,7 +8,7 @@ from bellcrank import load_robot
 from bellcrank.dynamics.base_frame_elimination import Turning, mass_matrix
 from bellcrank.dynamics.constrained import close, flow
 from bellcrank.elements.symbols import Symbols
-from bellcrank.robot.postures import random_posture
+from bellcrank.robot.joints import random_posture
 from bellcrank.scene.scene import load_scene
 
 INERTIA = '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.3"/>'

@@ -141,7 +141,7 @@ def test_every_kind_of_motion(tmp_path: Path) -> None:
         ({"frames": {"a": {"xyz": [0, 0, 0]}}}, "'link' is missing"),
         (
             {"payloads": [{"mass": 1, "frame": "tip", "inertia": [1, 0, 0, 0, 0, 0]}]},
-            "no body has the inertia",
+            "no rigid body has the inertia",
         ),
         (
             {"actuators": {"elbow": {"ratio": 3, "rated_torqe": 1}}},

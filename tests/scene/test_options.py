@@ -88,7 +88,7 @@ def test_a_window_is_two_whole_numbers_of_pixels(text, tmp_path, monkeypatch, ca
 
 
 def test_a_film_of_a_number_of_frames_that_no_integer_holds_is_refused():
-    from bellcrank.replays.page.pictures import MOST_FRAMES, _frame_count
+    from bellcrank.replays.page.rendering import MOST_FRAMES, _frame_count
 
     for speed in (5e-324, 1e-300, 1e-3):
         with pytest.raises(InputError, match="frames, the most is 5000"):

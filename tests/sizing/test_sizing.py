@@ -12,7 +12,8 @@ from two_link import CONTINUOUS, TwoLink, circle_states
 
 from bellcrank.actuators.actuator import Drive
 from bellcrank.errors import InputError
-from bellcrank.motion.motion import Motion, dwell, join
+from bellcrank.motion.motion import Motion, join
+from bellcrank.motion.waypoints import dwell
 from bellcrank.robot.payload import Payload
 from bellcrank.sizing.report import json_text
 from bellcrank.sizing.size import size

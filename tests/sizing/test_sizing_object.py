@@ -241,7 +241,7 @@ def test_torque_speed_pictures_show_the_rms_at_mean_speed(sizing: Sizing) -> Non
 
 
 def test_planes_of_the_page_show_the_rms_at_mean_speed(sizing: Sizing) -> None:
-    motor, slide = film_of(sizing).planes
+    motor, slide = film_of(sizing).xy_plots
     found = {name: points for plane in (motor, slide) for name, points in plane.limits if len(points) == 1}
     assert list(found) == ["RMS at mean speed, reach", "RMS at mean speed, hold"]
     for plane, joint in ((motor, sizing.joint("turn")), (slide, sizing.joint("slide"))):

@@ -167,7 +167,7 @@ def test_frames_fixed_to_links_are_no_moving_links() -> None:
 def test_errors_of_check_stand_in_the_verdict(tmp_path: Path) -> None:
     impossible = MASS.replace('izz="0.02"', 'izz="0.2"')
     sizing = bc.size(arm(tmp_path, upper=MASS, fore=impossible))
-    assert sizing.inside and "the inertia breaks the triangle inequality" in sizing.urdf_errors[0]
+    assert sizing.inside and "the inertia violates the triangle inequality" in sizing.urdf_errors[0]
     assert "`bellcrank check` finds" in verdict(sizing) and sizing.urdf_errors[0] in verdict(sizing)
     point = re.sub(r'xyz="0.3 0 0"', 'xyz="0 0 0"', re.sub(r'(i..)="0.02"', r'\1="0"', MASS))
     on_axis = bc.size(arm(tmp_path, upper=MASS, fore=point))

@@ -1,4 +1,4 @@
-"""What a page carries, decoded as its block.js does, for tests."""
+"""What a page carries, decoded as its decode.js does, for tests."""
 
 import base64
 import json
@@ -9,9 +9,9 @@ import numpy as np
 
 
 def decoded(text):
-    """The film of a page's HTML text (or of pack's two texts), with an array for every reference to its block."""
+    """The film of a page's HTML text (or of encode_film's two texts), with an array for every reference to its block."""
     if isinstance(text, str):
-        film, block = (re.search(rf'id="{name}"[^>]*>([^<]*)<', text)[1] for name in ("film", "block"))
+        film, block = (re.search(rf'id="{name}"[^>]*>([^<]*)<', text)[1] for name in ("film", "arrays"))
     else:
         film, block = text
     data = np.frombuffer(zlib.decompress(base64.b64decode(block)), dtype=np.uint8)
@@ -20,15 +20,15 @@ def decoded(text):
         if isinstance(value, list):
             return [read(each) for each in value]
         if isinstance(value, dict):
-            return _array(data, **value) if "at" in value else {key: read(each) for key, each in value.items()}
+            return _array(data, **value) if "offset" in value else {key: read(each) for key, each in value.items()}
         return value
 
     return read(json.loads(film))
 
 
-def _array(data, at, rows, columns, order, step, **begin):
+def _array(data, offset, rows, columns, order, step, base=0.0):
     size = rows * columns
-    planes = data[at : at + 4 * size].reshape(4, size).astype(np.uint32)
+    planes = data[offset : offset + 4 * size].reshape(4, size).astype(np.uint32)
     folded = planes[0] | planes[1] << 8 | planes[2] << 16 | planes[3] << 24
     words = (folded >> 1).astype(np.int32) ^ -(folded & 1).astype(np.int32)
     words = words.reshape(columns, rows)
@@ -37,7 +37,7 @@ def _array(data, at, rows, columns, order, step, **begin):
             words = np.cumsum(words, axis=1, dtype=np.int32)
     words = np.ascontiguousarray(words.T)
     values = words.view(np.float32).astype(float) if step == 0 else words * step
-    values = values + begin.get("from", 0.0)
+    values = values + base
     return values[:, 0] if columns == 1 else values
 
 

@@ -26,13 +26,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--full-meshes", action="store_true", help="keep every face of the meshes")
     parser.add_argument("--no-plots", action="store_true", help="only the moving picture")
     parser.add_argument("--open", action="store_true", help="open the page in the web browser")
-    films = parser.add_argument_group("stills and films", "drawn by Chromium without a window; no page, unless --out")
+    films = parser.add_argument_group("stills and films", "rendered by headless Chromium; no page is written without --out")
     films.add_argument("--png", type=Path, metavar="FILE", help="write the view at one time as PNG")
     films.add_argument("--at", metavar="S", help="the time of the PNG, s (default: the end)")
     films.add_argument("--gif", type=Path, metavar="FILE", help="write the replay as GIF")
     films.add_argument("--mp4", type=Path, metavar="FILE", help="write the replay as MP4")
     films.add_argument("--speed", metavar="X", help="how many times as fast as it was (default 1)")
-    films.add_argument("--fps", metavar="N", help="frames a second (default 15 for GIF, 30 for MP4)")
+    films.add_argument("--fps", metavar="N", help="frames per second (default 15 for GIF, 30 for MP4)")
     films.add_argument("--window", metavar="WxH", default="960x720", help="size in pixels (default 960x720)")
 
 
@@ -51,9 +51,9 @@ def run(arguments: argparse.Namespace) -> int:
         check_file(f"--{option}", path)
     draw = _drawing(arguments, pictures)
     if pictures:
-        from bellcrank.replays.page.pictures import check_tools
+        from bellcrank.replays.page.rendering import check_rendering_tools
 
-        check_tools(pictures)
+        check_rendering_tools(pictures)
     thing = shown(arguments)
     film = film_of(thing, trace=arguments.trace, detail="full" if arguments.full_meshes else "reduced")
     with temporary_folder("replay") as folder:
@@ -73,20 +73,20 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _drawing(arguments: argparse.Namespace, kinds: Iterable[str]) -> Callable[[str, Path, Path], Path]:
     """What draws a picture of a kind, of a page, into a file; numbers are checked first (InputError)."""
-    from bellcrank.replays.page.pictures import FASTEST
+    from bellcrank.replays.page.rendering import MOST_FPS
 
-    fastest = min((FASTEST[f".{kind}"] for kind in kinds if f".{kind}" in FASTEST), default=max(FASTEST.values()))
+    most_fps = min((MOST_FPS[f".{kind}"] for kind in kinds if f".{kind}" in MOST_FPS), default=max(MOST_FPS.values()))
     speed = number_option("--speed", arguments.speed, above=0.0)
-    fps = number_option("--fps", arguments.fps, least=1.0, most=fastest)
+    fps = number_option("--fps", arguments.fps, least=1.0, most=most_fps)
     at = number_option("--at", arguments.at, "s")
     size = size_option("--window", arguments.window, 64, 4096)
 
     def draw(kind: str, page: Path, path: Path) -> Path:
-        from bellcrank.replays.page.pictures import film, still
+        from bellcrank.replays.page.rendering import render_still, render_video
 
         if kind == "png":
-            return still(page, path, at, size)
+            return render_still(page, path, at, size)
         with counting(kind, "frame") as progress:
-            return film(page, path, 1.0 if speed is None else speed, fps, size, progress)
+            return render_video(page, path, 1.0 if speed is None else speed, fps, size, progress)
 
     return draw

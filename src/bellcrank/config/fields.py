@@ -11,53 +11,20 @@ from typing import Any, Final
 import numpy as np
 
 from bellcrank.config.numbers import split_number
+from bellcrank.config.units import units_for
 from bellcrank.config.yaml_file import read_yaml
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.text import file_name_here
 
-# Unit written in a file -> factor to the SI unit that the reader asked for.
-UNITS: Final[dict[str, dict[str, float]]] = {
-    "": {"": 1.0, "%": 0.01},
-    "m": {"m": 1.0, "cm": 0.01, "mm": 0.001},
-    "rad": {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0},
-    "s": {"s": 1.0, "ms": 0.001, "min": 60.0},
-    "kg": {"kg": 1.0, "g": 0.001},
-    "N m": {"N m": 1.0, "Nm": 1.0, "N*m": 1.0, "mN m": 0.001, "mNm": 0.001},
-    "N": {"N": 1.0, "kN": 1000.0},
-    "kg m^2": {
-        "kg m^2": 1.0,
-        "kg m²": 1.0,
-        "kg*m^2": 1.0,
-        "kg cm^2": 1e-4,
-        "kg cm²": 1e-4,
-        "g cm^2": 1e-7,
-        "g cm²": 1e-7,
-    },
-    "m/s": {"m/s": 1.0, "mm/s": 0.001},
-    "m/s^2": {"m/s^2": 1.0, "m/s²": 1.0, "mm/s^2": 0.001},
-    "m/s^3": {"m/s^3": 1.0, "m/s³": 1.0, "mm/s^3": 0.001},
-    "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180.0, "°/s": math.pi / 180.0, "rpm": math.pi / 30.0},
-    "rad/s^2": {"rad/s^2": 1.0, "rad/s²": 1.0, "deg/s^2": math.pi / 180.0},
-    "N/m": {"N/m": 1.0, "N/mm": 1000.0, "kN/m": 1000.0},
-    "N m/rad": {"N m/rad": 1.0, "Nm/rad": 1.0, "N m/deg": 180.0 / math.pi},
-    "N s/m": {"N s/m": 1.0, "Ns/m": 1.0},
-    "N m s/rad": {"N m s/rad": 1.0, "Nms/rad": 1.0},
-    "1/s": {"1/s": 1.0},
-    "1/s^2": {"1/s^2": 1.0, "1/s²": 1.0},
-    "rad or m": {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0, "m": 1.0, "cm": 0.01, "mm": 0.001},
-}
-# What joints of both kinds share is written in either unit.
-for _turning, _sliding in (("N m", "N"), ("N m/rad", "N/m"), ("N m s/rad", "N s/m")):
-    UNITS[f"{_turning} or {_sliding}"] = UNITS[_turning] | UNITS[_sliding]
 _REQUIRED: Final = object()
 MOST_WHOLE = 10**9
 
 
 def parse_number(value: object, unit: str) -> float:
     """The SI value of a number, or of a text such as "30 deg"; ValueError says what was expected instead."""
-    known = UNITS.get(unit, {unit: 1.0})
+    known = units_for(unit)
     if isinstance(value, (bool, np.bool_)):
         raise ValueError(f"expected {_wanted(unit)}, found {str(value).lower()}")
     if isinstance(value, (int, float, np.integer, np.floating)):

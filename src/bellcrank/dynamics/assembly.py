@@ -19,7 +19,7 @@ from bellcrank.dynamics.binding_rows import binding_of
 from bellcrank.dynamics.constrained import Rows, Solution, close, solve
 from bellcrank.dynamics.reactions import Reactions
 from bellcrank.elements.symbols import Symbols
-from bellcrank.robot.postures import lengths_in_velocity
+from bellcrank.robot.joints import lengths_in_velocity
 
 if TYPE_CHECKING:
     import casadi

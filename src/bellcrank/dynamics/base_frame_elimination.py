@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from bellcrank.elements.symbols import FrameSymbols, Symbols, frame_index
+from bellcrank.elements.symbols import FrameSymbols, Symbols
 
 if TYPE_CHECKING:
     import casadi
@@ -23,8 +23,8 @@ def mass_matrix(s: Symbols) -> casadi.SX:
     import casadi
 
     tree = s.robot.equations.tree
-    leaders = {leader for _, leader, *_ in tree.mimics}
-    on_world = {j["name"] for k, j in enumerate(tree.joints) if j["parent"] == 0 and k + 1 not in leaders}
+    leaders = {mimic.leader for mimic in tree.mimics}
+    on_world = {j.name for k, j in enumerate(tree.joints) if j.parent == 0 and k + 1 not in leaders}
     matrix = s.algorithm("mass_matrix")(_neutral(s, on_world), s.tracer_parameters)
     return casadi.sparsify(casadi.reshape(matrix, s.robot.nv, s.robot.nv))
 
@@ -65,8 +65,8 @@ class Turning(Symbols):
         return self._local[name], self.turn
 
     def _on_world(self, name: str) -> bool:
-        index = frame_index(self.robot, name)
-        return bool(self.robot.equations.tree.frames[index]["parent_joint"] == 0)
+        index = self.robot.frame_index(name)
+        return self.robot.equations.tree.frames[index].parent_joint == 0
 
     def expand(self, expression: casadi.SX) -> casadi.SX:
         """An expression with the rotation written in the quaternion (x, y, z, w)."""

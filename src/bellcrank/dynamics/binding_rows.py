@@ -25,7 +25,7 @@ from bellcrank.elements.loops import WORLD, Loop
 from bellcrank.elements.rolling import RollingDisk
 from bellcrank.errors import InputError
 from bellcrank.numerics import LARGEST, checked, eigenvectors, svd
-from bellcrank.robot.postures import lengths_in_position, lengths_in_velocity
+from bellcrank.robot.joints import lengths_in_position, lengths_in_velocity
 
 if TYPE_CHECKING:
     from bellcrank.elements.constraint import Constraint
@@ -218,7 +218,7 @@ def _on_one_body(robot: Robot, constraint: Constraint) -> bool:
     """Whether a loop's sides are on links that no joint lies between."""
     if not isinstance(constraint, Loop):
         return False
-    bodies = {frame["name"]: int(frame["parent_joint"]) for frame in robot.equations.tree.frames}
+    bodies = {frame.name: frame.parent_joint for frame in robot.equations.tree.frames}
     return len({bodies[name] if name != WORLD else 0 for name in (constraint.frame_a, constraint.frame_b)}) == 1
 
 

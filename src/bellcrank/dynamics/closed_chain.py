@@ -29,7 +29,7 @@ from bellcrank.elements.joint_relations import Drive
 from bellcrank.errors import InputError, UnreachableError
 from bellcrank.motion.motion import Motion
 from bellcrank.numerics import least_squares, pseudo_inverse, singular_values, svd
-from bellcrank.robot.postures import lengths_in_velocity
+from bellcrank.robot.joints import lengths_in_velocity
 from bellcrank.robot.robot import RobotJoint
 
 if TYPE_CHECKING:

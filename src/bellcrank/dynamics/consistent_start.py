@@ -14,7 +14,7 @@ from bellcrank.dynamics.constraint_angles import angle_rows, cosines, way
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.errors import InputError
 from bellcrank.numerics import LARGEST, least_squares, length
-from bellcrank.robot.postures import lengths_in_velocity
+from bellcrank.robot.joints import lengths_in_velocity
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene

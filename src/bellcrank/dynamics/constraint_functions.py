@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bellcrank.codegen import cache as disk
 from bellcrank.errors import InputError
 from bellcrank.numerics import LARGEST, SMALLEST
-from bellcrank.robot.postures import lengths_in_position, lengths_in_velocity, postures
+from bellcrank.robot.joints import lengths_in_position, lengths_in_velocity, postures
 
 if TYPE_CHECKING:
     import casadi
@@ -147,7 +147,7 @@ class RowFunctions:
 def _length(scene: Scene, found: Array, parametric: bool) -> float:
     """L: the root mean square of the lengths found, m; where they are but rounding, the longest placement, or 1."""
     tree = scene.robot.equations.tree
-    placed = [joint["translation"] for joint in tree.joints] + [f["in_parent"]["translation"] for f in tree.frames]
+    placed = [joint.placement.translation for joint in tree.joints] + [f.in_parent.translation for f in tree.frames]
     set_here = [p.value for p in scene.parameters.values() if p.unit == "m" and parametric]
     longest = max((abs(x) for x in (*np.ravel(placed), *set_here)), default=0.0)
     if longest > LARGEST:

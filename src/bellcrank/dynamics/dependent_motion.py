@@ -16,13 +16,16 @@ from bellcrank.dynamics.binding_rows import binding_of
 from bellcrank.dynamics.consistent_start import consistent_posture
 from bellcrank.dynamics.element_forces import changed_lengths, path_note
 from bellcrank.dynamics.frame_path import FrameFollower
-from bellcrank.elements.frame_joints import carrying, frames_drawn
+from bellcrank.elements.frame_joints import frames_drawn
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.csv_files import unguarded
 from bellcrank.messages import unknown_name
 from bellcrank.motion.csv_file import motion_text, read_motion
-from bellcrank.motion.entries import MotionEntry, frame_path
-from bellcrank.motion.motion import Motion, dwell, join
+from bellcrank.motion.entries import CsvEntry, DwellEntry, JoinEntry, WaypointsEntry
+from bellcrank.motion.entry import MotionEntry, Posture
+from bellcrank.motion.motion import Motion, join
+from bellcrank.motion.path_entries import PathEntry
+from bellcrank.motion.waypoints import dwell
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.closed_chain import Array, Chain
@@ -47,8 +50,8 @@ def guided_motion(
         if along is not None:
             return along, _independent(chain, along, independent)
         given = _given(entry, robot, config.motions)
-        if entry.kind == "csv":
-            whole = read_partial_motion(robot, entry.arguments["path"], entry.name, entry.arguments["text"])
+        if isinstance(entry, CsvEntry):
+            whole = read_partial_motion(robot, entry.path, entry.name, entry.text)
         else:
             whole = chain.given.motion(str(motion))
             moved = changed_lengths(chain.given)
@@ -87,30 +90,30 @@ def _frame_motion(
     """The motion of an entry that draws a frame along a path, or joins such motions to others, from the posture
     `previous` (nq,); None for any other, and where the path leaves freedoms open. Raises BellcrankError.
     """
-    if entry.kind == "join":
-        parts = [entries[part] if isinstance(part, str) else part for part in entry.arguments["parts"]]
+    if isinstance(entry, JoinEntry):
         if not any(frames_drawn(entry, entries)):
             return None
         motions: list[Motion] = []
-        for part in parts:
+        for part in entry.part_entries(entries):
             last = motions[-1].position[-1] if motions else previous
             one = _frame_motion(chain, part, entries, last)
             if one is None:
                 one = _part(chain, part, entries, last)
             motions.append(one)
         return join(*motions, name=entry.name)
-    if entry.kind not in ("circle", "line"):
+    if not isinstance(entry, PathEntry):
         return None
+    frame = entry.options.frame
     try:
         start = chain.start if previous is None else previous
-        if "start" in entry.arguments:
-            start = _started(chain, entry.arguments["start"], start)
-        here = chain.robot.frame_pose(entry.arguments["frame"], start)[0]
-        follower = FrameFollower(chain, frame_path(entry, here), start)
+        if entry.start is not None:
+            start = _started(chain, entry.start, start)
+        here = chain.robot.frame_pose(frame, start)[0]
+        follower = FrameFollower(chain, entry.path(here), start)
         freedoms, prescribed = follower.prescribed()
         if prescribed == freedoms:
             return follower.motion()
-        if "coordinates" in entry.arguments or not _led_by_joints(chain, entry.arguments["frame"]):
+        if entry.options.coordinates is not None or not _led_by_joints(chain, frame):
             raise InputError(follower.refusal())
         return None
     except BellcrankError as error:
@@ -119,21 +122,21 @@ def _frame_motion(
 
 def _led_by_joints(chain: Chain, frame: str) -> bool:
     """Whether the joints that carry a frame can all be chosen at will, so that an open chain's posture will do."""
-    names = carrying(chain.robot, frame)
+    names = chain.robot.supporting_joints(frame)
     columns = [joint.v for joint in chain.robot.joints if joint.name in names]
     return chain.are_independent(columns)
 
 
 def _part(chain: Chain, entry: MotionEntry, entries: Mapping[str, MotionEntry], previous: Array | None) -> Motion:
     """A part of a join that is no path: its joints lead, the others follow from the posture `previous` (nq,)."""
-    if entry.kind == "dwell" and "position" not in entry.arguments:
+    if isinstance(entry, DwellEntry) and entry.position is None:
         if previous is None:
             raise InputError(f"{entry.fields.error('', 'a dwell that comes first needs a position')}")
-        return dwell(chain.robot, previous, entry.arguments["duration"], name=entry.name)
+        return dwell(chain.robot, previous, entry.duration, name=entry.name)
     given = _given(entry, chain.robot, entries)
     whole = (
-        read_partial_motion(chain.robot, entry.arguments["path"], entry.name, entry.arguments["text"])
-        if entry.kind == "csv"
+        read_partial_motion(chain.robot, entry.path, entry.name, entry.text)
+        if isinstance(entry, CsvEntry)
         else entry.build(chain.robot, entries, previous)
     )
     candidates = [joint for joint in chain.robot.joints if joint.nv == 1 and joint.name in given]
@@ -185,18 +188,27 @@ def _given(entry: MotionEntry, robot: Robot, entries: Mapping[str, MotionEntry])
     the frame.
     """
     one = {joint.name for joint in robot.joints if joint.nv == 1}
-    if entry.kind in ("circle", "line"):
-        return one & set(carrying(robot, entry.arguments["frame"]))
-    if entry.kind == "csv":
-        return _columns(robot, entry.arguments["text"])
-    if entry.kind == "join":
-        parts = [entries[part] if isinstance(part, str) else part for part in entry.arguments["parts"]]
-        found = [_given(p, robot, entries) for p in parts if p.kind != "dwell" or "position" in p.arguments]
+    if isinstance(entry, PathEntry):
+        return one & set(robot.supporting_joints(entry.options.frame))
+    if isinstance(entry, CsvEntry):
+        return _columns(robot, entry.text)
+    if isinstance(entry, JoinEntry):
+        parts = [p for p in entry.part_entries(entries) if not isinstance(p, DwellEntry) or p.position is not None]
+        found = [_given(part, robot, entries) for part in parts]
         return set.intersection(*found) if found else one
-    postures = entry.arguments.get("positions", [entry.arguments.get("position", ())])
-    if not all(isinstance(posture, Mapping) for posture in postures):
-        return one
-    return {str(name) for posture in postures for name in posture}
+    names: set[str] = set()
+    for posture in _postures(entry):
+        if not isinstance(posture, Mapping):
+            return one
+        names |= {str(name) for name in posture}
+    return names
+
+
+def _postures(entry: MotionEntry) -> tuple[Posture, ...]:
+    """The postures that waypoints or a dwell name."""
+    if isinstance(entry, WaypointsEntry):
+        return entry.positions
+    return (entry.position,) if isinstance(entry, DwellEntry) and entry.position is not None else ((),)
 
 
 @dataclass(frozen=True)

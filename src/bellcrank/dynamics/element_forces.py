@@ -155,7 +155,7 @@ def changed_lengths(scene: Scene) -> list[str]:
     for name, parameter in scene.parameters.items():
         for frame, what in parameter.places:
             if what < 6:
-                now = [*frames[frame]["in_parent"]["translation"], *frames[frame]["rpy"]][what]
+                now = [*frames[frame].in_parent.translation, *frames[frame].rpy][what]
                 if abs(parameter.value - now) > 1e-9 * max(1.0, abs(now)) and name not in found:
                     found.append(name)
     return found

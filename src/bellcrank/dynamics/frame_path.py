@@ -20,7 +20,8 @@ from bellcrank.dynamics.closed_chain import CLOSED, DEAD, FINEST, LEAP, ROUNDED,
 from bellcrank.dynamics.consistent_start import moved
 from bellcrank.errors import InputError, UnreachableError
 from bellcrank.motion.frame_task import vector_text
-from bellcrank.motion.motion import Motion, limit_notes
+from bellcrank.motion.limit_notes import limit_notes
+from bellcrank.motion.motion import Motion
 from bellcrank.motion.path import FramePath, wanted_rotation
 from bellcrank.motion.rotations import angles_to, between
 from bellcrank.numerics import least_squares, pseudo_inverse, singular_values

@@ -12,7 +12,7 @@ Algorithms (2008), ch. 5, by Pinocchio.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,9 +22,7 @@ from bellcrank.derived import cached_property
 from bellcrank.elements.joint_forces import Friction
 from bellcrank.elements.symbols import Symbols
 from bellcrank.errors import InputError
-from bellcrank.robot.equations import MASS, SCALE
-from bellcrank.robot.trace import trace_tree
-from bellcrank.robot.tree import Tree
+from bellcrank.robot.trace import MASS, SCALE, trace_tree
 
 if TYPE_CHECKING:
     import casadi
@@ -130,7 +128,7 @@ class InverseEquations:
         given = {place: p.value for p in self.scene.parameters.values() for place in p.places}
         frames = self.robot.equations.tree.frames
         return {
-            frame: given.get((frame, MASS), frames[frame]["mass"]) * given.get((frame, SCALE), 1.0)
+            frame: given.get((frame, MASS), frames[frame].mass) * given.get((frame, SCALE), 1.0)
             for frame, what in given
             if what in (MASS, SCALE)
         }
@@ -192,9 +190,8 @@ def _link_torques(scene: Scene) -> casadi.Function:
         if frame not in scaled:
             settings.append((frame, SCALE, len(values)))
             values.append(sigma[k])
-    joints = [{**joint, "armature": [0.0] * joint["nv"]} for joint in tree.joints]
     gravity = tuple(float(x) for x in scene.robot.gravity)
-    traced = trace_tree(Tree(**{**asdict(tree), "joints": joints}), gravity, settings, len(values))
+    traced = trace_tree(tree.without_rotors(), gravity, settings, len(values))
     torque = casadi.Function.deserialize(traced.inverse_dynamics().decode("latin-1"))
     q, v, a = (casadi.SX.sym(n, torque.size1_in(k)) for k, n in enumerate("qva"))
     slope = casadi.jacobian(torque(q, v, a, casadi.vertcat(casadi.SX(0, 1), *values)), sigma)

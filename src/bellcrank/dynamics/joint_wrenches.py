@@ -6,7 +6,7 @@ import copy
 from typing import TYPE_CHECKING
 
 from bellcrank.dynamics.binding_rows import binding_of
-from bellcrank.elements.symbols import FrameSymbols, Symbols, frame_index
+from bellcrank.elements.symbols import FrameSymbols, Symbols
 
 if TYPE_CHECKING:
     import casadi
@@ -80,10 +80,5 @@ def _displaced(frame: FrameSymbols, shift: casadi.SX, speed: casadi.SX) -> Frame
 
 def _joints_below(scene: Scene, frame: str) -> set[int]:
     """The joints (numbers from 1) between a frame's link and the world."""
-    tree = scene.robot.equations.tree
-    at = int(tree.frames[frame_index(scene.robot, frame)]["parent_joint"])
-    found: set[int] = set()
-    while at > 0:
-        found.add(at)
-        at = int(tree.joints[at - 1]["parent"])
-    return found
+    robot = scene.robot
+    return set(robot.equations.tree.supporting_joints(robot.frame_index(frame)))

@@ -13,7 +13,7 @@ from bellcrank.codegen.locks import making
 from bellcrank.dynamics.binding_rows import FIXED, ROUNDING, binding_of
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.numerics import checked, eigenvectors, svd
-from bellcrank.robot.postures import lengths_in_velocity, random_posture
+from bellcrank.robot.joints import lengths_in_velocity, random_posture
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.assembly import Assembly

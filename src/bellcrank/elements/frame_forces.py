@@ -219,5 +219,5 @@ class Wrench(Part):
 
 def _is_elsewhere(name: str, robot: Robot) -> bool:
     """Whether a frame of that name moves, or lies elsewhere than the world's origin."""
-    frames = [frame for frame in robot.equations.tree.frames[1:] if frame["name"] == name]
-    return any(frame["parent_joint"] > 0 or any(frame["placement"]["translation"]) for frame in frames)
+    frames = [frame for frame in robot.equations.tree.frames[1:] if frame.name == name]
+    return any(frame.parent_joint > 0 or any(frame.placement.translation) for frame in frames)

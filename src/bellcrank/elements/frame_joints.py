@@ -8,27 +8,19 @@ from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.controllers import Controller
 from bellcrank.elements.element import Part
 from bellcrank.elements.joint_relations import Drive
-from bellcrank.elements.symbols import frame_index
-from bellcrank.motion.entries import MotionEntry
+from bellcrank.motion.entries import JoinEntry
+from bellcrank.motion.entry import MotionEntry
+from bellcrank.motion.path_entries import PathEntry
 from bellcrank.robot.robot import Robot
-
-
-def carrying(robot: Robot, frame: str) -> list[str]:
-    """The joints between a frame and the world, the outermost first. Raises InputError for an unknown frame."""
-    tree = robot.equations.tree
-    at, names = int(tree.frames[frame_index(robot, frame)]["parent_joint"]), []
-    while at > 0:
-        names.append(robot.all_joint_names[at - 1])
-        at = int(tree.joints[at - 1]["parent"])
-    return names
 
 
 def frames_drawn(entry: MotionEntry, entries: Mapping[str, MotionEntry]) -> Iterator[str]:
     """The frames that a motion draws along paths, in the parts of a join too."""
-    if entry.kind in ("circle", "line"):
-        yield entry.arguments["frame"]
-    for part in entry.arguments.get("parts", ()):
-        yield from frames_drawn(entries[part] if isinstance(part, str) else part, entries)
+    if isinstance(entry, PathEntry):
+        yield entry.options.frame
+    if isinstance(entry, JoinEntry):
+        for part in entry.part_entries(entries):
+            yield from frames_drawn(part, entries)
 
 
 def refuse_joints_off_paths(
@@ -47,7 +39,7 @@ def refuse_joints_off_paths(
         if entry is None:
             continue
         for frame in frames_drawn(entry, entries):
-            off = [name for name in joints if name not in carrying(robot, frame)]
+            off = [name for name in joints if name not in robot.supporting_joints(frame)]
             if off:
                 raise part.place.error(
                     "motion",

@@ -21,7 +21,8 @@ from bellcrank.elements.element import (  # fmt: skip
 )
 from bellcrank.elements.signal_source import SignalSource
 from bellcrank.elements.torque_table import INTERPOLATIONS, read_torque_table
-from bellcrank.robot.robot import FRICTION_WIDTH, Robot, RobotJoint
+from bellcrank.robot.friction import FRICTION_WIDTH
+from bellcrank.robot.robot import Robot, RobotJoint
 
 if TYPE_CHECKING:
     import casadi

@@ -19,8 +19,8 @@ from bellcrank.config.fields import Fields
 from bellcrank.elements.element import ANY, NONNEGATIVE, Part, Settable
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
+from bellcrank.robot.pinocchio_model import LEAST_MASS
 from bellcrank.robot.trace import INERTIA, ORIGIN, setting
-from bellcrank.robot.tree import LEAST_MASS
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -86,12 +86,12 @@ def _check_inertias(table: Fields, parameters: Mapping[str, Parameter], robot: R
     given = {place: (p.value, name) for name, p in parameters.items() for place in p.places if 10 <= place[1] < 16}
     for frame, name in {frame: name for (frame, _), (_, name) in given.items()}.items():
         data = robot.equations.tree.frames[frame]
-        xx, xy, yy, xz, yz, zz = (given.get((frame, 10 + k), (x,))[0] for k, x in enumerate(data["inertia"]))
+        xx, xy, yy, xz, yz, zz = (given.get((frame, 10 + k), (x,))[0] for k, x in enumerate(data.inertia))
         moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         if moments[0] < -1e-9 * abs(moments[2]):
             raise table.mapping(name).error(
                 "value",
-                f"with {parameters[name].value:g} kg m^2 the link '{data['name']}' has a principal moment of inertia "
+                f"with {parameters[name].value:g} kg m^2 the link '{data.name}' has a principal moment of inertia "
                 f"of {moments[0]:.4g} kg m^2, expected none below 0",
             )
 
@@ -118,7 +118,7 @@ def _resolve(target: str, robot: Robot, parts: Sequence[Part]) -> tuple[Settable
     tree = robot.equations.tree
     if kind == "frame":
         name, dot, component = rest.rpartition(".origin.")
-        added = {f["name"]: k for k, f in enumerate(tree.frames) if k and not f["is_body"] and not f["is_joint"]}
+        added = {f.name: k for k, f in enumerate(tree.frames) if k and not f.is_body and not f.is_joint}
         if not dot or component not in ORIGIN:
             raise InputError(f"a parameter cannot set '{target}'; of a frame it can set frame.NAME.origin.x (y, z, "
                              "roll, pitch, yaw)")  # fmt: skip

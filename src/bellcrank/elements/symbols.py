@@ -6,8 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from bellcrank.derived import cached_property
-from bellcrank.errors import InputError
-from bellcrank.messages import unknown_name
 from bellcrank.robot.trace import trace_tree
 
 if TYPE_CHECKING:
@@ -147,12 +145,12 @@ class Symbols:
     def joint_frames(self) -> list[FrameSymbols]:
         """The frames of all joints of the tree, mimicking ones too, in the order of `Robot.all_joint_names`."""
         frames = self.robot.equations.tree.frames
-        places = {frame["name"]: k for k, frame in enumerate(frames) if frame["is_joint"]}
+        places = {frame.name: k for k, frame in enumerate(frames) if frame.is_joint}
         return self._traced_frames([places[name] for name in self.robot.all_joint_names], self.q)
 
     def _named_frames(self, names: Sequence[str], q: casadi.SX) -> dict[str, FrameSymbols]:
         """Frames at the position q, traced together."""
-        return dict(zip(names, self._traced_frames([frame_index(self.robot, n) for n in names], q), strict=True))
+        return dict(zip(names, self._traced_frames([self.robot.frame_index(n) for n in names], q), strict=True))
 
     def _traced_frames(self, indices: Sequence[int], q: casadi.SX) -> list[FrameSymbols]:
         import casadi
@@ -222,15 +220,6 @@ class Symbols:
     def _traced(self, gravity: tuple[float, float, float]) -> Any:
         count = len(self.parameters) if self._settings else 0
         return trace_tree(self.robot.equations.tree, gravity, self._settings, count)
-
-
-def frame_index(robot: Robot, name: str) -> int:
-    """The tracer's number of a frame, links before joints of the same name. Raises InputError with what there is."""
-    frames = robot.equations.tree.frames
-    found = [k for k, frame in enumerate(frames) if frame["name"] == name]
-    if not found:
-        raise InputError(f"{robot.name}: {unknown_name('frame', name, robot.frame_names)}")
-    return min(found, key=lambda k: bool(frames[k]["is_joint"]))
 
 
 def _function(serialized: bytes) -> casadi.Function:

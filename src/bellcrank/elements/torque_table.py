@@ -14,15 +14,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.config.fields import UNITS, Fields
+from bellcrank.config.fields import Fields
 from bellcrank.config.numbers import decimal_number
+from bellcrank.config.units import units_for
 from bellcrank.elements.signal_source import SignalSource
 from bellcrank.elements.signals import Signal
 from bellcrank.errors import InputError
 from bellcrank.files.access import MOST_TABLE, read_text
 from bellcrank.files.csv_files import unguarded
 from bellcrank.messages import unknown_name
-from bellcrank.motion.scale import LARGEST, check_size, check_times
+from bellcrank.motion.magnitude_limits import LARGEST, check_size, check_times
 
 Array = NDArray[np.float64]
 INTERPOLATIONS = ("linear", "cubic", "hold")
@@ -105,7 +106,7 @@ def read_table(path: Path, text: str, column: str, unit: str) -> tuple[Array, Ar
     columns = []
     for label, wanted in (("time", "s"), (column, unit)):
         place = labels.index(label)
-        match, known = _HEADER.match(header[place]), UNITS[wanted]
+        match, known = _HEADER.match(header[place]), units_for(wanted)
         if match is None:
             raise InputError(f"{path}: column '{label}' has no unit; write '{label} [{wanted}]'")
         if match["unit"].strip() not in known:

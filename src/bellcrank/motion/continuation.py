@@ -1,9 +1,9 @@
-"""Following a posture along a path: a Taylor predictor of second order and Newton's method.
+"""Numerical continuation of a posture along a path: a Taylor predictor of second order and Newton's method.
 
-The step is kept so small that the branch cannot jump, and the sign of the equations' determinant must stay;
-then all rows are solved at once, from polynomials between the steps. Derivatives with respect to the path's
+The step is kept so small that the branch cannot change, and the sign of the equations' determinant must stay the same;
+then all rows are solved at once, starting from polynomials between the steps. Derivatives with respect to the path's
 length come from F_z z' = x', F_z z'' = x'' − F_zz[z', z'] with derivatives of F from its expression graph.
-(E. L. Allgower, K. Georg, Introduction to Numerical Continuation Methods, ch. 2.)
+Source: E. L. Allgower, K. Georg, Introduction to Numerical Continuation Methods, ch. 2.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from bellcrank.motion.frame_task import FrameTask
 from bellcrank.motion.hermite import quintic
 from bellcrank.motion.rotations import angles_to, between
 from bellcrank.numerics import least_squares, singular_values
-from bellcrank.robot.postures import lengths_in_position
+from bellcrank.robot.joints import lengths_in_position
 
 STEP_BOUND = 0.3  # rad or m: the posture moves less than this from one step to the next
 FIRST_CORRECTION = 0.03  # rad or m: the first Newton step after the predictor is shorter than this
@@ -27,8 +27,8 @@ CLOSE_ENOUGH = 1e-7  # m and rad: a pose missed by less counts as reached
 Curve = Callable[[Array], tuple[Array, Array, Array]]
 
 
-class Lost(Exception):
-    """The continuation cannot go on; `where` is the last length that it reached, `z` the unknowns there."""
+class ContinuationError(Exception):
+    """The continuation failed; `where` is the last length (m) that it reached, `z` the unknowns there."""
 
     def __init__(self, where: float, z: Array) -> None:
         super().__init__(where)
@@ -57,8 +57,10 @@ class Solver:
         return slope[..., self.task.unknowns - self.task.equations :, : self.joints]
 
     def condition(self, z: Array) -> Array:
-        """Smallest over largest singular value of the frame's Jacobian, (n,), lengths told in its longest lever arm, at
-        the start or among these postures, where lengths and angles stand in it together.
+        """Smallest over largest singular value of the frame's Jacobian, (n,).
+
+        Where the Jacobian mixes lengths and angles, lengths are divided by its longest lever arm, at the start or in
+        these postures.
         """
         task = self.task
         jacobian = self.frame_jacobian(self.system(z)[1])
@@ -76,8 +78,8 @@ class Solver:
     def newton(
         self, z: Array, target: Array, bound: float, constants: Array | None = None
     ) -> tuple[Array, Array] | None:
-        """Solution and Jacobian there, or None unless each step is shorter than half the one before and the
-        bound.
+        """Solution and Jacobian there; None unless the first step is shorter than the bound and each step shorter than
+        half the one before.
         """
         last = bound
         for _ in range(12):
@@ -96,7 +98,7 @@ class Solver:
         return None
 
     def to_start(self, point: Array) -> Array:
-        """Unknowns at the curve's first point: moved there from the start posture, branch and all."""
+        """Unknowns at the curve's first point, reached continuously from the start posture."""
         task = self.task
         z = np.zeros(task.unknowns)
         z[: self.joints] = task.start[list(task.active)]
@@ -119,8 +121,8 @@ class Solver:
         return z
 
     def jump_to_start(self, point: Array) -> Array:
-        """Damped Newton from the start posture, for starts in a singular posture or with a way that leaves
-        the reach.
+        """Unknowns at the curve's first point by minimisation from the start posture, for a start posture that is
+        singular or from which the way to the curve leaves the reach.
         """
         task = self.task
         target = task.target(point[None])[0]
@@ -142,12 +144,10 @@ class Solver:
                 return found[0]
         z = np.zeros(task.unknowns)
         z[: self.joints] = task.start[list(task.active)]
-        raise Lost(0.0, z)
+        raise ContinuationError(0.0, z)
 
     def nearest(self, q: Array, target: Array) -> tuple[Array, float]:
-        """The joints (m,) nearest by that come closest to a target, and the distance left (m and rad
-        together).
-        """
+        """The joint positions (m,) near `q` that come closest to a target, and the distance left (m and rad)."""
         from scipy.optimize import minimize
 
         wanted = target[self.task.unknowns - self.task.equations :]
@@ -159,7 +159,7 @@ class Solver:
             miss = value[self.task.unknowns - self.task.equations :] - wanted
             return 0.5 * float(miss @ miss), self.frame_jacobian(slope).T @ miss
 
-        with np.errstate(over="ignore", invalid="ignore"):  # a miss whose square is no number is infinite
+        with np.errstate(over="ignore", invalid="ignore"):  # a miss whose square overflows is infinite
             best = minimize(misfit, q, jac=True, method="BFGS", options={"gtol": 1e-13, "maxiter": 500})
         miss = float(np.sqrt(2.0 * max(best.fun, 0.0)))
         return np.asarray(best.x, dtype=np.float64), miss if np.isfinite(miss) else np.inf
@@ -188,12 +188,12 @@ class Solver:
             slope = self.system(z)[1]
             mark = float(np.linalg.slogdet(slope)[0])
             if mark == 0.0 or (sign and mark != sign):
-                raise Lost(lengths[-1] if lengths else s, z)
+                raise ContinuationError(lengths[-1] if lengths else s, z)
             sign = mark
             try:
                 z1, z2 = self.rates(z[None], slope[None], self.task.target(x1), self.task.target(x2))
             except np.linalg.LinAlgError:
-                raise Lost(s, z) from None
+                raise ContinuationError(s, z) from None
             lengths.append(s)
             rows.append((z, z1[0], z2[0]))
             if s >= end:
@@ -218,14 +218,12 @@ class Solver:
                 return goal, found[0], 1.5 * step
             step *= 0.5
             if step < least:
-                raise Lost(s, z)
+                raise ContinuationError(s, z)
 
     def everywhere(
         self, curve: Curve, lengths: Array, knots: tuple[Array, Array, Array, Array]
     ) -> tuple[Array, Array, Array]:
-        """z, z', z'' (n, k) at all lengths: Newton in one batch from the Hermite polynomials between the
-        knots.
-        """
+        """z, z', z'' (n, k) at all lengths: Newton's method in one batch from the Hermite polynomials between knots."""
         x, x1, x2 = curve(lengths)
         target = self.task.target(x)
         z = np.repeat(knots[1], len(lengths), axis=0) if len(knots[0]) == 1 else quintic(*knots, lengths)[0]
@@ -236,22 +234,22 @@ class Solver:
                 step = np.linalg.solve(slope, (target - value)[..., None])[..., 0]
             except np.linalg.LinAlgError:
                 row = int(np.argmin(np.abs(np.linalg.det(slope))))
-                raise Lost(float(lengths[row]), z[row]) from None
+                raise ContinuationError(float(lengths[row]), z[row]) from None
             z = z + step
             size = np.max(np.abs(step[:, : self.joints]), axis=1)
             first_change = max(first_change, float(np.max(size)))
             if first_change > 0.5 * STEP_BOUND or not np.all(np.isfinite(step)):
                 row = int(np.argmax(size))
-                raise Lost(float(lengths[row]), z[row])
+                raise ContinuationError(float(lengths[row]), z[row])
             if round_ > 0 and float(np.max(size)) < 1e-12:
                 break
         if float(np.max(size)) > 1e-8:
             row = int(np.argmax(size))
-            raise Lost(float(lengths[row]), z[row])
+            raise ContinuationError(float(lengths[row]), z[row])
         slope = self.system(z)[1]
         signs = np.linalg.slogdet(slope)[0]
         if np.any(signs != signs[0]):
             row = int(np.argmax(signs != signs[0]))
-            raise Lost(float(lengths[row]), z[row])
+            raise ContinuationError(float(lengths[row]), z[row])
         z1, z2 = self.rates(z, slope, self.task.target(x1), self.task.target(x2))
         return z, z1, z2

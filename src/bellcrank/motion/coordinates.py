@@ -1,4 +1,4 @@
-"""What the numbers of a posture mean, joint by joint: names, units, and rates q̇, q̈ from v, a and back.
+"""Coordinates of a position, joint by joint: names, units, and rates q̇, q̈ from v, a and back.
 
 A one-degree-of-freedom joint has one number (rad or m) and its rate is its velocity. A planar joint has x, y
 (m), cos θ, sin θ; a floating one x, y, z (m, in the parent's frame) and a quaternion x y z w; their
@@ -9,39 +9,14 @@ velocities are written in the moving frame (linear first), so that ẋ = R v and
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
+from bellcrank.motion.quaternions import conjugate, multiply, rotate
+from bellcrank.robot.joints import JointLike
+
 Array = np.ndarray[Any, np.dtype[np.float64]]
-
-
-class JointLike(Protocol):
-    """A joint's name, kind and place in the position (q, nq) and velocity (v, nv) vectors."""
-
-    @property
-    def name(self) -> str:
-        """Name."""
-
-    @property
-    def kind(self) -> str:
-        """ "revolute", "prismatic", "planar" or "floating"."""
-
-    @property
-    def q(self) -> int:
-        """First index in the position."""
-
-    @property
-    def nq(self) -> int:
-        """Number of position coordinates."""
-
-    @property
-    def v(self) -> int:
-        """First index in the velocity."""
-
-    @property
-    def nv(self) -> int:
-        """Number of velocity coordinates."""
 
 
 def sizes(joints: Sequence[JointLike]) -> tuple[int, int]:
@@ -82,11 +57,11 @@ def rates(joints: Sequence[JointLike], q: Array, v: Array, a: Array) -> tuple[Ar
         if joint.kind == "floating":
             quaternion, linear, angular = q[:, i + 3 : i + 7], v[:, k : k + 3], v[:, k + 3 : k + 6]
             turned = np.cross(angular, linear) + a[:, k : k + 3]
-            qd[:, i : i + 3], qdd[:, i : i + 3] = _turn(quaternion, linear), _turn(quaternion, turned)
-            rate = 0.5 * _multiply(quaternion, _pure(angular))
+            qd[:, i : i + 3], qdd[:, i : i + 3] = rotate(quaternion, linear), rotate(quaternion, turned)
+            rate = 0.5 * multiply(quaternion, _pure(angular))
             qd[:, i + 3 : i + 7] = rate
             qdd[:, i + 3 : i + 7] = 0.5 * (
-                _multiply(rate, _pure(angular)) + _multiply(quaternion, _pure(a[:, k + 3 : k + 6]))
+                multiply(rate, _pure(angular)) + multiply(quaternion, _pure(a[:, k + 3 : k + 6]))
             )
         elif joint.kind == "planar":
             c, s, w = q[:, i + 2], q[:, i + 3], v[:, k + 2]
@@ -112,16 +87,16 @@ def from_rates(joints: Sequence[JointLike], q: Array, qd: Array, qdd: Array) -> 
         if joint.kind == "floating":
             raw, rate = q[:, i + 3 : i + 7], qd[:, i + 3 : i + 7]
             square = np.sum(raw * raw, axis=1, keepdims=True)
-            inverse = _conjugate(raw)
-            angular = 2.0 * _multiply(inverse, rate)[:, :3] / square
+            inverse = conjugate(raw)
+            angular = 2.0 * multiply(inverse, rate)[:, :3] / square
             growth = 2.0 * np.sum(raw * rate, axis=1, keepdims=True) / square
             quaternion = raw / np.sqrt(square)
             v[:, k + 3 : k + 6] = angular
-            a[:, k + 3 : k + 6] = 2.0 * _multiply(inverse, qdd[:, i + 3 : i + 7])[:, :3] / square - growth * angular
-            back = _conjugate(quaternion)
-            linear = _turn(back, qd[:, i : i + 3])
+            a[:, k + 3 : k + 6] = 2.0 * multiply(inverse, qdd[:, i + 3 : i + 7])[:, :3] / square - growth * angular
+            back = conjugate(quaternion)
+            linear = rotate(back, qd[:, i : i + 3])
             v[:, k : k + 3] = linear
-            a[:, k : k + 3] = _turn(back, qdd[:, i : i + 3]) - np.cross(angular, linear)
+            a[:, k : k + 3] = rotate(back, qdd[:, i : i + 3]) - np.cross(angular, linear)
             q[:, i + 3 : i + 7] = quaternion
         elif joint.kind == "planar":
             c, s, cd, sd = q[:, i + 2], q[:, i + 3], qd[:, i + 2], qd[:, i + 3]
@@ -154,20 +129,3 @@ def continuous(joints: Sequence[JointLike], q: Array) -> Array:
 
 def _pure(vector: Array) -> Array:
     return np.concatenate([vector, np.zeros((len(vector), 1))], axis=1)
-
-
-def _conjugate(quaternion: Array) -> Array:
-    return np.asarray(quaternion * np.array([-1.0, -1.0, -1.0, 1.0]))
-
-
-def _multiply(left: Array, right: Array) -> Array:
-    """Hamilton products (n, 4) of quaternions x y z w."""
-    u, w, r, m = left[:, :3], left[:, 3:], right[:, :3], right[:, 3:]
-    return np.concatenate([w * r + m * u + np.cross(u, r), w * m - np.sum(u * r, axis=1, keepdims=True)], axis=1)
-
-
-def _turn(quaternion: Array, vector: Array) -> Array:
-    """R(quaternion) vector, row by row, for unit quaternions."""
-    u, w = quaternion[:, :3], quaternion[:, 3:]
-    cross = 2.0 * np.cross(u, vector)
-    return np.asarray(vector + w * cross + np.cross(u, cross))

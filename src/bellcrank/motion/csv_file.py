@@ -17,36 +17,24 @@ import numpy as np
 
 from bellcrank import arguments
 from bellcrank.config.numbers import decimal_number
+from bellcrank.config.units import units_for
 from bellcrank.errors import InputError
 from bellcrank.files.access import MOST_TABLE, read_text
 from bellcrank.files.csv_files import ROWS, unguarded, write_table
 from bellcrank.messages import unknown_name
-from bellcrank.motion.coordinates import Array, JointLike, position_labels, velocity_labels
-from bellcrank.motion.disagreement import disagreement
-from bellcrank.motion.motion import Motion, limit_notes
-from bellcrank.motion.resolution import end_speed_noise, half_unit
-from bellcrank.motion.sampled import sampled_motion
-from bellcrank.motion.scale import LARGEST
+from bellcrank.motion.consistency import inconsistencies
+from bellcrank.motion.coordinates import Array, position_labels, velocity_labels
+from bellcrank.motion.limit_notes import limit_notes
+from bellcrank.motion.magnitude_limits import LARGEST
+from bellcrank.motion.motion import Motion
+from bellcrank.motion.rounding import end_speed_noise, half_unit
+from bellcrank.motion.sampled_motion import sampled_motion
+from bellcrank.robot.joints import JointLike, unit_vector
 from bellcrank.text import readable
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
-DEGREE = np.pi / 180.0
-# Units that a column may be written in, by the unit that it is kept in.
-UNITS: dict[str, dict[str, float]] = {
-    "s": {"s": 1.0, "ms": 1e-3},
-    "rad": {"rad": 1.0, "deg": DEGREE},
-    "m": {"m": 1.0, "mm": 1e-3},
-    "1": {"1": 1.0},
-    "rad/s": {"rad/s": 1.0, "deg/s": DEGREE, "rpm": 2.0 * np.pi / 60.0},
-    "m/s": {"m/s": 1.0, "mm/s": 1e-3},
-    "rad/s^2": {"rad/s^2": 1.0, "deg/s^2": DEGREE},
-    "m/s^2": {"m/s^2": 1.0, "mm/s^2": 1e-3},
-    "N m": {"N m": 1.0},
-    "N": {"N": 1.0},
-    "W": {"W": 1.0},
-}
 ENERGIES = "kinetic energy [J]"
 _FREE = re.compile(r"\A.* position q[xyzw]\b")
 _HEADER = re.compile(r"^(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]$")
@@ -54,16 +42,16 @@ _HEADER = re.compile(r"^(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]$")
 
 @dataclass(frozen=True)
 class _Columns:
-    """Labels (name, unit) of all columns that a robot's motion can have."""
+    """Labels (name, unit) of all columns that a file of a robot's motion can have."""
 
     position: list[tuple[str, str]]
     velocity: list[tuple[str, str]]
     acceleration: list[tuple[str, str]]
-    torque: list[tuple[str, str]]  # of one-degree-of-freedom joints; results have them, and reading passes them over
+    torque: list[tuple[str, str]]  # of joints of one degree of freedom; results have them, reading ignores them
 
     @property
     def shaft(self) -> list[tuple[str, str]]:
-        """Those of motor shafts, which results have, and reading passes over."""
+        """Those of motor shafts, which results have and reading ignores."""
         joints = [name.removesuffix(" torque") for name, _ in self.torque]
         kinds = (("torque", "N m"), ("speed", "rad/s"), ("power", "W"))
         return [(f"{joint} shaft {what}", unit) for joint in joints for what, unit in kinds]
@@ -87,11 +75,28 @@ def write_motion(
     torque: Array | None = None,
     more: Mapping[tuple[str, str], Array] | None = None,
 ) -> Path:
-    """Write a motion as CSV (s, rad or m, and per s and s²), every number with the digits that give it back
-    exactly; with `torque` (n, one-degree-of-freedom joints), in N m or N, columns for it too, and those of `more`:
-    (title, unit) and values (n,).
+    """Write a motion as a CSV file, every number with the digits that give it back exactly.
 
-    The file is replaced in one step, or not at all. Raises InputError where the folder cannot be written.
+    The file is replaced in one step, or not at all.
+
+    Args:
+        motion: The motion.
+        path: Path of the file.
+        torque: Torques or forces (n, joints of one degree of freedom), N m or N, as further columns.
+        more: Further columns: values (n,) by (title, unit).
+
+    Returns:
+        The path of the file.
+
+    Raises:
+        InputError: An argument is wrong, or the file cannot be written.
+
+    Example:
+        >>> import bellcrank as bc, tempfile, pathlib
+        >>> motion = bc.dwell(bc.load_robot("planar_2r"), {}, 1.0)
+        >>> path = bc.write_motion(motion, pathlib.Path(tempfile.mkdtemp()) / "rest.csv")
+        >>> path.read_text().split(",")[1]
+        'shoulder position [rad]'
     """
     arguments.instance("motion", motion, Motion, "a Motion")
     target = arguments.path("path", path, "the path of a file")
@@ -113,12 +118,30 @@ def write_motion(
 def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: str | None = None) -> Motion:
     """Read a motion from a CSV file with one column a coordinate, in any order, units in the header.
 
-    Positions of every joint are needed. Velocities and accelerations may be left out (all of one kind):
-    missing velocities come from the quintic spline through the positions, missing accelerations from the one
-    through the velocities (not-a-knot, so nothing is assumed of the ends). A time that stands twice marks a
-    jump of acceleration; jumps that show in the columns are found, and the motion has rows for them (sampled.py).
-    `text` is what the file holds, where it was read before. Raises InputError, in one sentence
-    with file and line, for whatever does not fit.
+    Positions of every joint are required. Velocities and accelerations may be left out (all of one kind): missing
+    velocities come from the quintic spline through the positions, missing accelerations from the one through the
+    velocities (not-a-knot, so that nothing is assumed about the ends). A time that occurs twice marks a jump of
+    acceleration; jumps that the columns show are detected, and the motion has rows for them.
+
+    Args:
+        robot: The robot.
+        path: Path of the file.
+        name: Name of the motion; left out, that of the file.
+        text: What the file holds, where it was read before.
+
+    Returns:
+        The motion; its notes say what was derived and what does not agree.
+
+    Raises:
+        InputError: The file is not a motion of the robot; the message names file and line.
+
+    Example:
+        >>> import bellcrank as bc, tempfile, pathlib
+        >>> path = pathlib.Path(tempfile.mkdtemp()) / "own.csv"
+        >>> rows = "time [s],shoulder position [deg],elbow position [rad]", "0,0,0", "1,45,0.5", "2,90,1"
+        >>> _ = path.write_text("\n".join(rows))
+        >>> bc.read_motion(bc.load_robot("planar_2r"), path).position[-1].round(4)
+        array([1.5708, 1.    ])
     """
     file = arguments.path("path", path, "the path of a CSV file")
     joints = tuple(arguments.robot(robot).joints)
@@ -158,7 +181,7 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: s
     motion = replace(motion, position_noise=tuple(position_noise), speed_noise=tuple(speed_noise))
     notes = motion.notes
     if velocity is not None:
-        notes = (*disagreement(motion, time, position, velocity, acceleration), *notes)
+        notes = (*inconsistencies(motion, time, position, velocity, acceleration), *notes)
     if derived:
         notes += (
             f"motion '{title}': accelerations come from differentiating the {derived}; noise in them is amplified",
@@ -197,7 +220,7 @@ def _table(file: Path, text: str) -> tuple[list[str], Array]:
     header = [" ".join(unguarded(cell).split()) for cell in lines[0][1]]
     if len(header) == 1 and ";" in header[0]:
         raise InputError(f"{file}: the columns are separated by ';', expected ',' (and '.' in the numbers)")
-    if all(_label(title) != "time" for title in header):  # no motion, and nothing of it is told
+    if all(_label(title) != "time" for title in header):  # not a motion: nothing of it is shown
         raise InputError(f"{file}: column 'time [s]' is missing; expected a header 'time [s],JOINT position [rad],…'")
     if len(lines) < 3:
         raise InputError(f"{file}: a motion needs at least 2 rows of numbers, got {len(lines) - 1}")
@@ -230,7 +253,7 @@ def _label(title: str) -> str:
 
 
 def _refuse_free_base(file: Path, robot: Robot, header: list[str]) -> None:
-    """Say what is amiss where a file has a free base and the robot has none (InputError)."""
+    """Refuse a file with a free base for a robot with a fixed one (InputError)."""
     free = next((text for text in header if _FREE.match(text)), None)
     if free is not None and all(joint.kind != "floating" for joint in robot.joints):
         raise InputError(
@@ -242,23 +265,23 @@ def _refuse_free_base(file: Path, robot: Robot, header: list[str]) -> None:
 def _converted(
     file: Path, header: list[str], table: Array, units: dict[str, str]
 ) -> tuple[dict[str, Array], dict[str, float]]:
-    """Columns in SI units by their labels, and how much is unknown of their numbers, which have so many digits."""
+    """Columns in SI units by their labels, and how much is unknown of their numbers because of their digits."""
     values: dict[str, Array] = {}
     unknown: dict[str, float] = {}
-    if ENERGIES in header:  # a run's file: its energies and outputs stand last, and are no motion
+    if ENERGIES in header:  # a run's file: its energies and outputs come last and are not part of the motion
         header = header[: header.index(ENERGIES)]
     for column, text in enumerate(header):
         match = _HEADER.match(text)
         label = match["name"] if match else text
         if label not in units:
             raise InputError(f"{file}: {unknown_name('column', label, units)}")
-        known = UNITS[units[label]]
+        known = units_for(units[label])
         if match is None:
             raise InputError(f"{file}: column '{label}' has no unit; write '{label} [{units[label]}]'")
         if match["unit"].strip() not in known:
             raise InputError(f"{file}: column '{label}' is in '{match['unit']}', expected {' or '.join(known)}")
         if label in values:
-            raise InputError(f"{file}: column '{label}' stands twice")
+            raise InputError(f"{file}: column '{label}' occurs twice")
         factor = known[match["unit"].strip()]
         values[label], unknown[label] = table[:, column] * factor, half_unit(table[:, column]) * factor
     return values, unknown
@@ -273,9 +296,9 @@ def _check_time(file: Path, time: Array) -> None:
 
 def _normalised(file: Path, joints: tuple[JointLike, ...], position: Array) -> Array:
     for joint in joints:
-        if joint.nq == 1:
+        block = unit_vector(joint)
+        if block is None:
             continue
-        block = slice(joint.q + (2 if joint.kind == "planar" else 3), joint.q + joint.nq)
         length = np.linalg.norm(position[:, block], axis=1)
         if np.any(np.abs(length - 1.0) > 1e-3):
             k = int(np.argmax(np.abs(length - 1.0)))

@@ -1,10 +1,9 @@
 """The equations that put a frame on a pose, and their exact derivatives as machine code.
 
-The unknowns z are the joints q that move the frame. Where they are as many as the equations f(q) = x, those
-are solved. Where there are more joints, z = (q, λ) and the posture nearest to the start is meant, the
-stationary point of ½ |q − q_start|² on f(q) = x:  q − q_start + J(q)ᵀ λ = 0,  f(q) − x = 0  (D. E. Whitney's
-criterion, on positions instead of rates, so that the posture depends on the pose alone and a closed path ends
-where it began).
+The unknowns z are the joint positions q that move the frame. Where there are as many as equations f(q) = x, these are
+solved. Where there are more, z = (q, λ), and the posture nearest to the start is computed, the stationary point of
+½ |q − q_start|² on f(q) = x:  q − q_start + J(q)ᵀ λ = 0,  f(q) − x = 0. This is D. E. Whitney's criterion for positions
+instead of rates, so that the posture depends on the pose alone and a closed path ends where it began.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from bellcrank.codegen.compile import Compiled
     from bellcrank.robot.robot import Robot
 
-FLAT = 1e-5  # a frame that leaves a plane by less than this part of its motion moves in that plane
+FLAT = 1e-5  # of its motion: a frame that leaves a plane by less than this moves in that plane
 
 
 @dataclass(frozen=True)
@@ -74,9 +73,7 @@ class FrameTask:
         return q
 
     def compiled(self) -> tuple[Compiled, Compiled]:
-        """(z, w) → value (k,), Jacobian (k·k, row by row); and (z, direction, w) → second derivative along
-        it (k,).
-        """
+        """(z, w) → value (k,) and Jacobian (k·k, row by row); and (z, direction, w) → second derivative (k,)."""
         said = repr((self.frame, self.active, self.rotation is not None, self.redundant))
         numbers = self.position_basis.tobytes() + self.rotation_basis.tobytes()
         key = said + hashlib.sha256(numbers + repr(self.rotation_basis.shape).encode()).hexdigest()
@@ -87,9 +84,7 @@ class FrameTask:
 
     @property
     def constants(self) -> Array:
-        """The compiled functions' input w: the start posture (nq,) and, with an orientation, its matrix
-        (9,).
-        """
+        """The compiled functions' input w: the start posture (nq,) and, with an orientation, its matrix (9,)."""
         wanted = [] if self.rotation is None else [self.rotation.ravel()]
         return np.concatenate([self.start, *wanted])
 
@@ -150,12 +145,12 @@ def frame_task(
     rotation_basis = np.zeros((3, 0)) if rotation is None else _span(angular)
     task = FrameTask(robot, frame, start, rotation, active, position_basis, rotation_basis, tuple(coordinates))
     if task.equations == 0:
-        raise InputError(f"{title}: no joint of '{robot.name}' moves frame '{frame}'; choose a frame further out")
+        raise InputError(f"{title}: no joint of '{robot.name}' moves frame '{frame}'; choose a frame on a moving link")
     if task.equations > len(active):
         what = "position" if rotation is None else "position and orientation"
         count = "1 joint" if len(active) == 1 else f"{len(active)} joints"
         raise InputError(
-            f"{title}: the {what} of frame '{frame}' has {task.equations} free numbers, but '{robot.name}' "
+            f"{title}: the {what} of frame '{frame}' has {task.equations} coordinates, but '{robot.name}' "
             f"moves it by {count} only; "
             f"{'choose another frame' if rotation is None else 'leave the orientation free'}"
         )
@@ -181,9 +176,7 @@ def check_plane(task: FrameTask, points: Array, times: Array, title: str) -> Non
 
 
 def _jacobians(robot: Robot, frame: str, start: Array, columns: list[int]) -> tuple[Array, Array]:
-    """Linear and angular Jacobians (postures, 3, joints) at seeded postures around the ranges of the
-    joints.
-    """
+    """Linear and angular Jacobians (postures, 3, joints) at seeded random postures within the joints' ranges."""
     rng = np.random.default_rng(20240229)
     count, unit = 12, np.eye(robot.nv)[columns]
     postures = np.tile(start, (count, 1))
@@ -203,9 +196,7 @@ def _jacobians(robot: Robot, frame: str, start: Array, columns: list[int]) -> tu
 
 
 def _span(jacobians: Array) -> Array:
-    """Orthonormal basis (3, r) of the directions that the columns (n, 3, m) span; axes of the world where
-    these do.
-    """
+    """Orthonormal basis (3, r) of the directions that the columns (n, 3, m) span: axes of the world where possible."""
     rows = jacobians.transpose(1, 0, 2).reshape(3, -1)
     largest = float(np.max(np.abs(rows), initial=0.0))
     if largest == 0.0:

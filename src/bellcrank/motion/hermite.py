@@ -1,5 +1,5 @@
-"""Quintic Hermite interpolation: a polynomial of degree 5 a step that matches value, slope and curvature at both ends;
-and the states of a robot between rows that follow from it.
+"""Quintic Hermite interpolation: on each step the polynomial of degree 5 that matches value, first and second
+derivative at both ends; and the states of a robot between rows by it.
 """
 
 from __future__ import annotations
@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from bellcrank.motion.coordinates import Array, JointLike, continuous, from_rates, rates
+from bellcrank.motion.coordinates import Array, continuous, from_rates, rates
+from bellcrank.robot.joints import JointLike
 
 
 def quintic(

@@ -1,45 +1,56 @@
-"""A motion: positions, velocities and accelerations of a robot's joints over time, exact at its samples.
-
-Motions are made by `circle`, `line`, `waypoints`, `dwell` and `read_motion`, and put one after the other by
-`join`.
+"""A motion: positions, velocities and accelerations of a robot's joints over time, exact at its samples; and joining
+motions.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from bellcrank import arguments
 from bellcrank.derived import Portable, cached_property
 from bellcrank.errors import InputError
-from bellcrank.motion.coordinates import Array, JointLike, continuous, from_rates, rates, sizes, velocity_labels
+from bellcrank.motion.coordinates import Array, continuous, from_rates, rates, sizes, velocity_labels
 from bellcrank.motion.hermite import quintic
-from bellcrank.motion.scale import LONGEST, check_size, check_times
-
-if TYPE_CHECKING:
-    from bellcrank.robot.robot import Robot
+from bellcrank.motion.magnitude_limits import check_size, check_times
+from bellcrank.robot.joints import JointLike, unit_vector
 
 POSITION_GAP = 1e-6  # rad or m: two rows of one time, or two joined motions, may differ by this much
-MOST_TURNED = 4.0 * np.pi  # rad: a joint that turns further than this from 0 may be in degrees
-FAR_OUT = 6.0  # rad: and so may one that leaves its range by more than this
 AT_REST = 1e-6  # of the motion's largest speed: slower than this counts as rest
 NOISE = 1e-2  # of the motion's largest speed: so much may be unknown of a speed that counts as rest
 
 
 @dataclass(frozen=True, eq=False)
 class Motion(Portable):
-    """Joint motion over time: rows of (time, position, velocity, acceleration), finite, in order of time.
+    """Joint motion over time: rows of time, position, velocity and acceleration, finite, in order of time.
 
-    Shapes: time (n,) in s; position (n, nq) in rad or m; velocity (n, nv) in rad/s or m/s; acceleration (n,
-    nv) in rad/s² or m/s²; n >= 2. A time that stands twice marks a jump of acceleration: the two rows are its
-    limits from before and from after, with the same position. `joints` says which column belongs to which
-    joint. `notes` are warnings from whoever made the motion; `position_noise` (nq,) and `speed_noise` (nv,) say how
-    much is unknown of numbers that were read from a file with few digits. The arrays are read-only. Raises InputError
-    where the data are not a motion.
+    A time that occurs twice marks a jump of acceleration: the two rows are its limits from before and from after, with
+    the same position. The arrays are read-only.
+
+    Attributes:
+        joints: The robot's joints, which say which column belongs to which joint.
+        time: Times (n,), s, n >= 2.
+        position: Positions (n, nq), rad or m.
+        velocity: Velocities (n, nv), rad/s or m/s.
+        acceleration: Accelerations (n, nv), rad/s² or m/s².
+        name: Name in messages and plots.
+        notes: Warnings from the function that made the motion.
+        position_noise: How much is unknown of positions (nq,) that were read from a file with few digits.
+        speed_noise: The same for velocities (nv,).
+
+    Raises:
+        InputError: The data are not a motion.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> arm = bc.load_robot("planar_2r")
+        >>> motion = bc.waypoints(arm, [0.0, 1.0], [{}, {"elbow": 1.0}], samples=11)
+        >>> motion.joint_names, motion.duration, motion.position.shape
+        (('shoulder', 'elbow'), 1.0, (11, 2))
     """
 
     joints: Sequence[JointLike]
@@ -90,14 +101,15 @@ class Motion(Portable):
         if np.any(step < 0.0):
             k = int(np.argmax(step < 0.0))
             raise InputError(
-                f"{self._title}: time runs backwards, from {self.time[k]:g} s to {self.time[k + 1]:g} s "
-                f"(rows {k}, {k + 1})"
+                f"{self._title}: time decreases, from {self.time[k]:g} s to {self.time[k + 1]:g} s (rows {k}, {k + 1})"
             )
         if np.any((step[1:] == 0.0) & (step[:-1] == 0.0)):
             k = int(np.argmax((step[1:] == 0.0) & (step[:-1] == 0.0)))
-            raise InputError(f"{self._title}: time {self.time[k]:g} s stands more than twice")
+            raise InputError(f"{self._title}: time {self.time[k]:g} s occurs more than twice")
         if step[0] == 0.0 or step[-1] == 0.0:
-            raise InputError(f"{self._title}: the first or the last time stands twice; nothing lies beyond it")
+            raise InputError(
+                f"{self._title}: the first or the last time occurs twice; there is no acceleration beyond it"
+            )
         twin = np.flatnonzero(step == 0.0)
         gap = np.abs(self._smooth_position[twin + 1] - self._smooth_position[twin])
         if np.any(gap > POSITION_GAP):
@@ -109,9 +121,8 @@ class Motion(Portable):
 
     def _check_rotations(self) -> None:
         for joint in self.joints:
-            if joint.kind in ("planar", "floating"):
-                numbers = self.position[:, joint.q + (2 if joint.kind == "planar" else 3) : joint.q + joint.nq]
-                length = np.linalg.norm(numbers, axis=1)
+            if (part := unit_vector(joint)) is not None:
+                length = np.linalg.norm(self.position[:, part], axis=1)
                 if np.any(np.abs(length - 1.0) > 1e-6):
                     k = int(np.argmax(np.abs(length - 1.0)))
                     raise InputError(
@@ -163,7 +174,9 @@ class Motion(Portable):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """What a motor would not forgive: no rest at the ends, jumps of velocity, and the maker's notes."""
+        """Warnings: the notes, and torques that are not included, of a motion that does not start or end at rest or whose
+        velocity jumps.
+        """
         found = list(self.notes)
         peak = float(np.max(np.abs(self.velocity), initial=0.0))
         rest = np.maximum(AT_REST * peak, np.minimum(self.speed_noise, NOISE * peak))
@@ -201,11 +214,27 @@ class Motion(Portable):
         return rates(self.joints, self._smooth_position, self.velocity, self.acceleration)
 
     def at(self, t: Any, side: Literal["after", "before"] = "after") -> tuple[Array, Array, Array]:
-        """Position, velocity and acceleration at time t (scalar: (nq,), (nv,), (nv,); or (m,): (m, nq), …).
+        """Position, velocity and acceleration at any time of the motion.
 
-        Exact at the samples; between two of them the quintic Hermite polynomial through both (position,
-        velocity and acceleration match at either end; error of the acceleration of order step⁴). At a jump of
-        acceleration `side` picks the limit. Raises InputError for a time outside the motion.
+        They are exact at the samples; between two of them they are those of the quintic Hermite polynomial that
+        matches position, velocity and acceleration at both (error of the acceleration of order step⁴).
+
+        Args:
+            t: A time, or times (m,), s.
+            side: Which limit to give at a jump of acceleration: "after" or "before".
+
+        Returns:
+            Position (nq,), velocity (nv,) and acceleration (nv,); (m, nq), (m, nv) and (m, nv) for several times.
+
+        Raises:
+            InputError: A time is outside the motion.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> motion = bc.waypoints(bc.load_robot("planar_2r"), [0.0, 1.0], [{}, {"elbow": 1.0}])
+            >>> q, v, a = motion.at(0.5)
+            >>> q.round(9)
+            array([0. , 0.5])
         """
         given = arguments.as_array("t", t, "a time or a list of times (s)", self._title)
         arguments.one_of("side", side, ("after", "before"), where=self._title)
@@ -239,31 +268,25 @@ class Motion(Portable):
         return q, v, a
 
 
-def dwell(
-    robot: Robot,
-    position: Mapping[str, float] | Array | Sequence[float],
-    duration: float,
-    name: str = "dwell",
-) -> Motion:
-    """Rest at a posture (dict of joint positions, or (nq,), in rad or m) for `duration` s; raises
-    InputError.
-    """
-    title = f"motion '{arguments.text('name', name, empty=True)}'"
-    duration = arguments.number("duration", duration, "s", above=0.0, most=LONGEST, where=title)
-    arguments.robot(robot)
-    if position is None:
-        arguments.refuse("position", "a posture: a mapping of joints to numbers, or a list of them", position, title)
-    q = np.asarray(robot.posture(position), dtype=np.float64)
-    rest = np.zeros((2, robot.nv))
-    time = np.array([0.0, duration])
-    return Motion(robot.joints, time, np.stack([q, q]), rest, rest, name, limit_notes(robot, name, time, q[None]))
-
-
 def join(*motions: Motion, name: str | None = None) -> Motion:
-    """One motion after the other, in the time of the first; each must start where the one before it ended.
+    """Join motions one after the other.
 
-    Where the acceleration jumps, the time stands twice. Raises InputError for different robots or a gap in
-    position of more than 1e-6 rad or m.
+    Args:
+        motions: Motions of one robot; each starts where the one before it ends. Times continue those of the first.
+        name: Name of the whole; left out, the names joined by " + ".
+
+    Returns:
+        The whole motion; where the acceleration jumps, a time occurs twice.
+
+    Raises:
+        InputError: There is no motion, the joints differ, or there is a gap in position of more than 1e-6 rad or m.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> arm = bc.load_robot("planar_2r")
+        >>> there = bc.waypoints(arm, [0.0, 1.0], [{}, {"elbow": 1.0}])
+        >>> bc.join(there, bc.dwell(arm, {"elbow": 1.0}, 0.5)).duration
+        1.5
     """
     if not motions:
         raise InputError("join needs at least one motion, got none")
@@ -320,38 +343,3 @@ def _layout(motion: Motion) -> list[tuple[str, str, int, int]]:
 def _facing(before: Motion, after: Motion) -> Array:
     pair = np.stack([before.position[-1], after.position[0]])
     return np.asarray(continuous(before.joints, pair)[1])
-
-
-def limit_notes(
-    robot: Robot,
-    name: str,
-    time: Array,
-    position: Array,
-    remedy: str = "write '45 deg'",
-    noise: Sequence[float] | None = None,
-) -> tuple[str, ...]:
-    """A sentence for each one-degree-of-freedom joint whose position (n, nq) leaves the URDF's range, and one where
-    it is so far out, or so many turns, that degrees may have been meant; `remedy` says how to write them. `noise` (nq,)
-    is unknown of the positions.
-    """
-    notes = []
-    for joint in robot.joints:
-        if joint.nq != 1:
-            continue
-        column, lower, upper = position[:, joint.q], float(robot.lower[joint.q]), float(robot.upper[joint.q])
-        excess = np.maximum(column - upper, lower - column)
-        row = int(np.argmax(excess))
-        if excess[row] > 1e-9 + (noise[joint.q] if noise else 0.0):
-            unit = "m" if joint.kind == "prismatic" else "rad"
-            notes.append(
-                f"motion '{name}' leaves the range of joint '{joint.name}' ({lower:.6g} to {upper:.6g} "
-                f"{unit}): it reaches {column[row]:.6g} {unit} at {time[row]:g} s"
-            )
-        far = int(np.argmax(np.abs(column)))
-        if joint.kind == "revolute" and (abs(column[far]) > MOST_TURNED or excess[row] > FAR_OUT):
-            worst = row if excess[row] > FAR_OUT else far
-            notes.append(
-                f"motion '{name}': joint '{joint.name}' reaches {column[worst]:.6g} rad "
-                f"({np.degrees(column[worst]):.0f}°); were degrees meant? {remedy}"
-            )
-    return tuple(notes)

@@ -1,4 +1,4 @@
-"""Motions along paths in space: a frame of the robot drawn along a circle or a straight line."""
+"""Paths in space along which a frame of a robot is drawn: circles and straight lines, with their timing."""
 
 from __future__ import annotations
 
@@ -11,34 +11,28 @@ import numpy as np
 from bellcrank import arguments
 from bellcrank.errors import InputError
 from bellcrank.motion.continuation import Curve
-from bellcrank.motion.coordinates import Array, JointLike
-from bellcrank.motion.frame_task import check_plane, frame_task
-from bellcrank.motion.inverse_kinematics import NEAR_SINGULAR, follow
-from bellcrank.motion.motion import Motion, dwell, join, limit_notes
+from bellcrank.motion.coordinates import Array
 from bellcrank.motion.profile import Profile
 from bellcrank.motion.profile import profile as make_profile
 from bellcrank.motion.rotations import from_rpy
-from bellcrank.motion.waypoints import checked_samples, waypoints
+from bellcrank.motion.waypoints import checked_samples
 from bellcrank.numerics import length as length_of
 from bellcrank.numerics import svd, unit
 
 if TYPE_CHECKING:
-    from bellcrank.robot.robot import Robot
-
-__all__ = ["circle", "dwell", "join", "line", "waypoints"]
+    pass
 
 Vector = Sequence[float] | Array
 Posture = Mapping[str, float] | Sequence[float] | Array
 Orientation = str | Sequence[float] | Sequence[Sequence[float]] | Array
-Limits = tuple[float | None, float | None, float | None, float | None]
 AXES = ("x", "y", "z")
 FARTHEST = 1e9  # m, and turns: beyond, a double cannot tell 0.1 µm
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FramePath:
-    """Where a frame goes, and when: a curve in the world over its length, its timing, the orientation wanted, the
-    number of rows, and which coordinates of the position it prescribes.
+    """A path of a frame: a curve in the world over its length, its timing, the orientation wanted, the number of rows,
+    and the coordinates of the position that it prescribes.
     """
 
     name: str
@@ -50,167 +44,105 @@ class FramePath:
     coordinates: tuple[str, ...]
 
 
-def circle(
-    robot: Robot,
-    frame: str,
-    center: Vector,
-    radius: float,
-    duration: float | None = None,
-    start: Posture | None = None,
-    samples: int = 1001,
-    profile: str = "constant",
-    normal: Vector = (0.0, 0.0, 1.0),
-    turns: float = 1.0,
-    orientation: Orientation | None = None,
-    speed: float | None = None,
-    acceleration: float | None = None,
-    jerk: float | None = None,
-    coordinates: Sequence[str] = AXES,
-    name: str = "circle",
-) -> Motion:
-    """Draw a frame along a circle (center (3,), radius in m, world frame), from the branch of the `start`
-    posture.
+@dataclass(frozen=True, kw_only=True)
+class PathOptions:
+    """What circles and lines have in common: the arguments of `circle`, which describes them.
 
-    The circle starts at center + radius e1, e1 the world's x direction made perpendicular to the normal (y
-    where the normal is along x), and runs counter-clockwise about the normal, clockwise for negative `turns`.
-    Time comes from `duration` (s) or the limits `speed`, `acceleration`, `jerk` along the path (m/s, m/s²,
-    m/s³) and the profile (see `bellcrank.motion.profile`); with "constant" the rows lie at equal angles.
-    `orientation`: None (free), "hold" (as in the start posture), rpy (3,) in rad, or a rotation matrix (3,
-    3), frame to world. `coordinates` are those of the frame's position (world) that the path prescribes, the
-    others are free. With joints to spare the posture is the one nearest to `start`. Raises InputError, and
-    UnreachableError naming time, pose and by how much.
+    `coordinates` None prescribes all of the position.
     """
-    arguments.robot(robot)
-    timing = (duration, speed, acceleration, jerk)
-    path = circle_path(frame, center, radius, normal, turns, timing, profile, orientation, samples, coordinates, name)
-    return _along(robot, path, _posture(robot, start))
 
+    name: str
+    frame: str
+    profile: str
+    duration: float | None = None
+    speed: float | None = None
+    acceleration: float | None = None
+    jerk: float | None = None
+    orientation: Orientation | None = None
+    samples: int = 1001
+    coordinates: Sequence[str] | None = None
 
-def circle_path(
-    frame: str,
-    center: Vector,
-    radius: float,
-    normal: Vector,
-    turns: float,
-    timing: Limits,
-    profile: str,
-    orientation: Orientation | None,
-    samples: int,
-    coordinates: Sequence[str],
-    name: str,
-) -> FramePath:
-    """The path of `circle`, with `timing` its duration, speed, acceleration and jerk. Raises InputError."""
-    title = f"motion '{arguments.text('name', name, empty=True)}'"
-    frame = arguments.text("frame", frame, "the name of a frame", where=title)
-    middle = arguments.vector("center", center, 3, "m", most=FARTHEST, where=title)
-    radius = arguments.number("radius", radius, "m", above=0.0, most=FARTHEST, where=title)
-    turns = arguments.number("turns", turns, least=-FARTHEST, most=FARTHEST, where=title)
-    if turns == 0.0:
-        raise InputError(f"{title}: turns must not be 0; use dwell to stand still")
-    axis = arguments.vector("normal", normal, 3, most=arguments.LARGEST, where=title)
-    if length_of(axis) < 1e-12:
-        raise InputError(f"{title}: normal must not be zero")
-    axis = unit(axis, f"{title}: normal is")
-    e1 = np.eye(3)[0] - axis[0] * axis
-    if np.linalg.norm(e1) < 1e-6:
-        e1 = np.eye(3)[1] - axis[1] * axis
-    e1 = e1 / np.linalg.norm(e1)
-    e2 = np.cross(axis, e1) * np.sign(turns)
-    times = make_profile(profile, 2.0 * np.pi * radius * abs(turns), *timing)
+    @property
+    def title(self) -> str:
+        """What messages begin with. Raises InputError where the name is no text."""
+        return f"motion '{arguments.text('name', self.name, empty=True)}'"
 
-    def curve(s: Array) -> tuple[Array, Array, Array]:
-        cos, sin = np.cos(s / radius)[:, None], np.sin(s / radius)[:, None]
-        outward = cos * e1 + sin * e2
-        return middle + radius * outward, cos * e2 - sin * e1, -outward / radius
-
-    return FramePath(name, frame, curve, times, orientation, checked_samples(title, samples), _axes(title, coordinates))
-
-
-def line(
-    robot: Robot,
-    frame: str,
-    end: Vector,
-    duration: float | None = None,
-    start: Posture | None = None,
-    samples: int = 1001,
-    profile: str = "quintic",
-    begin: Vector | None = None,
-    orientation: Orientation | None = None,
-    speed: float | None = None,
-    acceleration: float | None = None,
-    jerk: float | None = None,
-    coordinates: Sequence[str] = AXES,
-    name: str = "line",
-) -> Motion:
-    """Draw a frame along the straight line to `end` (3,) in m, world frame, from where the `start` posture
-    has it.
-
-    With `begin` (3,) the line starts there, and `start` only selects the branch. The other arguments, the
-    posture with joints to spare, and the errors are those of `circle`.
-    """
-    arguments.robot(robot)
-    posture = _posture(robot, start)
-    arguments.text("frame", frame, "the name of a frame")
-    here = robot.frame_pose(frame, posture)[0]
-    timing = (duration, speed, acceleration, jerk)
-    path = line_path(frame, here, end, begin, timing, profile, orientation, samples, coordinates, name)
-    return _along(robot, path, posture)
-
-
-def line_path(
-    frame: str,
-    here: Array,
-    end: Vector,
-    begin: Vector | None,
-    timing: Limits,
-    profile: str,
-    orientation: Orientation | None,
-    samples: int,
-    coordinates: Sequence[str],
-    name: str,
-) -> FramePath:
-    """The path of `line`, from `here` (3,) m where `begin` is None; `timing` as in `circle_path`. Raises InputError."""
-    title = f"motion '{arguments.text('name', name, empty=True)}'"
-    last = arguments.vector("end", end, 3, "m", most=FARTHEST, where=title)
-    first = here if begin is None else arguments.vector("begin", begin, 3, "m", most=FARTHEST, where=title)
-    length = float(np.linalg.norm(last - first))
-    if length < 1e-9:
-        raise InputError(f"{title}: the line begins where it ends; use dwell to stand still")
-    direction = (last - first) / length
-    times = make_profile(profile, length, *timing)
-
-    def curve(s: Array) -> tuple[Array, Array, Array]:
-        return first + s[:, None] * direction, np.tile(direction, (len(s), 1)), np.zeros((len(s), 3))
-
-    return FramePath(name, frame, curve, times, orientation, checked_samples(title, samples), _axes(title, coordinates))
-
-
-def _along(robot: Robot, path: FramePath, start: Array) -> Motion:
-    title, frame, curve, name = f"motion '{path.name}'", path.frame, path.curve, path.name
-    time, s, speed, growth = path.timing.rows(path.samples)
-    rotation = wanted_rotation(path, robot.frame_pose(frame, start)[1])
-    task = frame_task(robot, frame, start, rotation, title, path.coordinates)
-    check_plane(task, curve(s)[0], time, title)
-    found = follow(task, curve, s, time, title)
-    velocity, acceleration = np.zeros((len(s), robot.nv)), np.zeros((len(s), robot.nv))
-    single: list[JointLike] = [joint for joint in robot.joints if joint.nq == 1]
-    rows, columns = [joint.q for joint in single], [joint.v for joint in single]
-    first, second = found.first[:, rows], found.second[:, rows]
-    velocity[:, columns] = first * speed[:, None]
-    acceleration[:, columns] = second * (speed * speed)[:, None] + first * growth[:, None]
-    notes = limit_notes(robot, name, time, found.position)
-    worst = int(np.argmin(found.condition))
-    if found.condition[worst] < NEAR_SINGULAR:
-        notes += (
-            f"{title} passes near a singular posture at {time[worst]:.6g} s: the smallest singular value of "
-            f"the Jacobian of frame '{frame}' is {found.condition[worst]:.2g} of the largest; small changes "
-            "of the path change the speeds much",
+    def path(self, curve: Curve, length: float) -> FramePath:
+        """The path along a curve of this length, m. Raises InputError."""
+        title = self.title
+        frame = arguments.text("frame", self.frame, "the name of a frame", where=title)
+        timing = make_profile(self.profile, length, self.duration, self.speed, self.acceleration, self.jerk)
+        samples = checked_samples(title, self.samples)
+        coordinates = AXES if self.coordinates is None else _axes(title, self.coordinates)
+        return FramePath(
+            name=self.name,
+            frame=frame,
+            curve=curve,
+            timing=timing,
+            orientation=self.orientation,
+            samples=samples,
+            coordinates=coordinates,
         )
-    return Motion(robot.joints, time, found.position, velocity, acceleration, name, notes)
 
 
-def _posture(robot: Robot, start: Posture | None) -> Array:
-    return np.array(robot.posture({} if start is None else start), dtype=np.float64)
+@dataclass(frozen=True)
+class Circle:
+    """A circle in the world: center (3,) and radius in m, normal (3,), and the number of turns, negative: clockwise."""
+
+    center: Vector
+    radius: float
+    normal: Vector = (0.0, 0.0, 1.0)
+    turns: float = 1.0
+
+    def path(self, options: PathOptions) -> FramePath:
+        """The path along the circle. Raises InputError."""
+        title = options.title
+        center = arguments.vector("center", self.center, 3, "m", most=FARTHEST, where=title)
+        radius = arguments.number("radius", self.radius, "m", above=0.0, most=FARTHEST, where=title)
+        turns = arguments.number("turns", self.turns, least=-FARTHEST, most=FARTHEST, where=title)
+        if turns == 0.0:
+            raise InputError(f"{title}: turns must not be 0; use dwell for a motion at rest")
+        axis = arguments.vector("normal", self.normal, 3, most=arguments.LARGEST, where=title)
+        if length_of(axis) < 1e-12:
+            raise InputError(f"{title}: normal must not be zero")
+        axis = unit(axis, f"{title}: normal is")
+        e1 = np.eye(3)[0] - axis[0] * axis
+        if np.linalg.norm(e1) < 1e-6:
+            e1 = np.eye(3)[1] - axis[1] * axis
+        e1 = e1 / np.linalg.norm(e1)
+        e2 = np.cross(axis, e1) * np.sign(turns)
+
+        def curve(s: Array) -> tuple[Array, Array, Array]:
+            cos, sin = np.cos(s / radius)[:, None], np.sin(s / radius)[:, None]
+            outward = cos * e1 + sin * e2
+            return center + radius * outward, cos * e2 - sin * e1, -outward / radius
+
+        return options.path(curve, 2.0 * np.pi * radius * abs(turns))
+
+
+@dataclass(frozen=True)
+class Line:
+    """A straight line in the world to `end` (3,) m, from `begin` (3,) m or, where that is None, from the frame."""
+
+    end: Vector
+    begin: Vector | None = None
+
+    def path(self, options: PathOptions, here: Array) -> FramePath:
+        """The path along the line, for a frame that is `here` (3,) m at the start. Raises InputError."""
+        title = options.title
+        last = arguments.vector("end", self.end, 3, "m", most=FARTHEST, where=title)
+        first = here
+        if self.begin is not None:
+            first = arguments.vector("begin", self.begin, 3, "m", most=FARTHEST, where=title)
+        length = float(np.linalg.norm(last - first))
+        if length < 1e-9:
+            raise InputError(f"{title}: the line begins where it ends; use dwell for a motion at rest")
+        direction = (last - first) / length
+
+        def curve(s: Array) -> tuple[Array, Array, Array]:
+            return first + s[:, None] * direction, np.tile(direction, (len(s), 1)), np.zeros((len(s), 3))
+
+        return options.path(curve, length)
 
 
 def _axes(title: str, coordinates: Sequence[str]) -> tuple[str, ...]:

@@ -1,12 +1,11 @@
-"""How a path is run through in time: distance s(t) with its speed and acceleration, under limits.
+"""Timing along a path: distance s(t) with its speed and acceleration, under limits.
 
-Four shapes. `constant` runs at one speed and jumps at both ends. `trapezoid` speeds up, cruises and slows
-down at one acceleration. `quintic` is s = S (10 u³ − 15 u⁴ + 6 u⁵), u = t/T. `s_curve` is the trapezoid with
-ramps of acceleration (seven pieces of constant jerk; L. Biagiotti, C. Melchiorri, Trajectory Planning for
-Automatic Machines and Robots, 3.4). With limits and no duration the shape is the fastest within them; with a
-duration it is stretched to it in time, which lowers speed, acceleration and jerk alike. What no limit
-settles: speeding up, cruising and slowing down last a third each, and an s_curve's ramps of acceleration a
-quarter of speeding up.
+Four kinds: `constant` has one speed, which jumps at both ends. `trapezoid` accelerates, cruises and decelerates with
+one magnitude of acceleration. `quintic` is s = S (10 u³ − 15 u⁴ + 6 u⁵), u = t/T. `s_curve` is the trapezoid with ramps
+of acceleration, seven pieces of constant jerk (L. Biagiotti, C. Melchiorri, Trajectory Planning for Automatic Machines
+and Robots, 3.4). With limits and no duration the profile is the fastest within them; with a duration it is stretched in
+time, which lowers speed, acceleration and jerk alike. Where no limit determines them, accelerating, cruising and
+decelerating last a third of the time each, and an s_curve's ramps of acceleration a quarter of accelerating.
 """
 
 from __future__ import annotations
@@ -61,8 +60,7 @@ class Profile:
     def rows(self, samples: int) -> tuple[Array, Array, Array, Array]:
         """Time, distance, speed and acceleration of at least `samples` rows, evenly spaced within each piece.
 
-        Every break is a row; where the acceleration jumps it is two rows of one time, the limits from either
-        side.
+        Every break is a row; where the acceleration jumps there are two rows of one time, the limits from either side.
         """
         count = len(self.coefficients)
         times, pieces = [], []
@@ -115,13 +113,11 @@ def profile(
     acceleration: float | None = None,
     jerk: float | None = None,
 ) -> Profile:
-    """The profile of this kind over `distance` m, in `duration` s or within limits (m/s, m/s², m/s³) along
-    the path.
+    """The profile of this kind over `distance` m, in `duration` s or within limits (m/s, m/s², m/s³) along the path.
 
-    Raises InputError for an unknown kind, for limits that the kind cannot keep (acceleration for `constant`,
-    jerk for `trapezoid`), for what is not
-    from LEAST to MOST, for neither a duration nor a limit, and for a duration shorter than the limits
-    allow.
+    Raises InputError for an unknown kind, for limits that the kind cannot keep (acceleration for `constant`, jerk for
+    `trapezoid`), for numbers outside LEAST to MOST, for neither a duration nor a limit, and for a duration shorter than
+    the limits allow.
     """
     if arguments.text("profile", kind, "the name of a profile") not in KINDS:
         raise InputError(unknown_name("profile", kind, KINDS))
@@ -133,7 +129,7 @@ def profile(
         if not LEAST <= value <= MOST:
             raise InputError(
                 f"profile '{kind}': {key} must be from {LEAST:g} to {MOST:g} {_UNITS[key]}, got {value:g}; "
-                "leave out limits that bind nowhere"
+                "omit limits that have no effect"
             )
     kept = {"constant": 1, "trapezoid": 2}.get(kind, 3)
     for key in ("speed", "acceleration", "jerk")[kept:]:
@@ -185,9 +181,7 @@ def _fastest(kind: str, distance: float, limits: dict[str, float]) -> Profile:
 
 
 def _seven_pieces(distance: float, v: float, a: float, j: float) -> tuple[float, float, float]:
-    """Times of a ramp of acceleration, of constant acceleration and of cruising, for the fastest under all
-    limits.
-    """
+    """Times of a ramp of acceleration, of constant acceleration and of cruising, of the fastest within all limits."""
     ramp = min(a / j, sqrt(v / j))
     flat = v / (j * ramp) - ramp if isfinite(v) else inf
     if isfinite(flat) and v * (2.0 * ramp + flat) <= distance:

@@ -1,7 +1,7 @@
-"""Times at which straight lines show functions of time to within a bound, jumps included.
+"""Times at which straight lines approximate functions of time to within a bound, jumps included.
 
-A jump at t is two times: the last number before t, at which functions have their limit from before, and t itself. So
-times always increase, and a function of time alone says both sides.
+A jump at t is represented by two times: the largest number below t, at which functions have their limit from before,
+and t itself. So times always increase, and a function of time alone gives both sides.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from bellcrank.motion.coordinates import Array
 
-SHARE = 1.0 / 2000.0  # of a line's range: what a value that is shown may be off
+SHARE = 1.0 / 2000.0  # of a line's range: by how much a displayed value may be off
 BETWEEN = 0.4  # of the bound: what lies between rows; the rest is what leaving rows out may take
-FLAT = 1e-6  # of a line's size: a smaller range is taken to be this one, for it is rounding
-NOTHING = 1e-9  # of the largest value of lines that belong together: what is not told from 0
+FLAT = 1e-6  # of a line's size: a smaller range is rounding, and is taken to be this one
+NOTHING = 1e-9  # of the largest value of lines that belong together: not distinguished from 0
 OUTSTANDING = 30.0  # times the usual range: peaks that are higher are drawn on a logarithmic scale, and do not count
 HALVINGS = 12  # of a step, at most
 MOST_ADDED = 40_000  # rows, about, and

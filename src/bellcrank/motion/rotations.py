@@ -1,4 +1,7 @@
-"""Rotation matrices (3, 3): roll, pitch, yaw; the way from one to another; the angle between two."""
+"""Rotation matrices (3, 3): from roll, pitch and yaw; between two rotations; angles between rotations.
+
+scipy's Rotation does the same, but importing it takes longer than loading a robot.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from bellcrank.motion.coordinates import Array
 
 
 def from_rpy(rpy: Array) -> Array:
-    """Matrix of roll, pitch, yaw (rad) about the fixed x, y, z axes in that order, as a URDF means them."""
+    """The matrix of roll, pitch, yaw (3,) in rad about the fixed x, y, z axes in that order, as in a URDF."""
     (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
     return np.array(
         [
@@ -20,7 +23,7 @@ def from_rpy(rpy: Array) -> Array:
 
 
 def between(begin: Array, end: Array, part: float) -> Array:
-    """Rotation matrix (3, 3) a part (0 to 1) of the shortest way from one to another."""
+    """The rotation at a part (0 to 1) of the shortest way from one rotation to another."""
     relative = begin.T @ end
     angle = float(angles_to(relative[None], np.eye(3))[0])
     if angle < 1e-12:
@@ -37,7 +40,7 @@ def between(begin: Array, end: Array, part: float) -> Array:
 
 
 def angles_to(rotations: Array, wanted: Array) -> Array:
-    """Angles (n,) between rotations (n, 3, 3) and one."""
+    """The angles (n,) in rad between rotations (n, 3, 3) and one rotation (3, 3)."""
     relative = np.swapaxes(rotations, 1, 2) @ wanted
     skew = np.stack(
         [

@@ -1,6 +1,4 @@
-"""Motions through given postures: a quintic spline, smooth to the fourth derivative (so to the
-acceleration).
-"""
+"""Motions through given postures by a quintic spline, whose fourth derivative is continuous; and rest at a posture."""
 
 from __future__ import annotations
 
@@ -12,9 +10,11 @@ import numpy as np
 
 from bellcrank import arguments
 from bellcrank.errors import InputError
-from bellcrank.motion.coordinates import Array, JointLike, continuous, from_rates
-from bellcrank.motion.motion import Motion, limit_notes
-from bellcrank.motion.scale import check_size, check_times
+from bellcrank.motion.coordinates import Array, continuous, from_rates
+from bellcrank.motion.limit_notes import limit_notes
+from bellcrank.motion.magnitude_limits import LONGEST, check_size, check_times
+from bellcrank.motion.motion import Motion
+from bellcrank.robot.joints import JointLike
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -27,12 +27,29 @@ def waypoints(
     samples: int = 1001,
     name: str = "waypoints",
 ) -> Motion:
-    """Motion through `positions` at `times` (s), at rest (velocity and acceleration 0) at both ends.
+    """Move through given postures, from rest to rest.
 
-    The interpolation is the quintic spline with simple knots at the waypoints: four times continuously
-    differentiable, each polynomial of degree 5 (C. de Boor, A Practical Guide to Splines). Each position is
-    (nq,) in rad or m, or a dict of joint positions (joints left out stand at their neutral position). The
-    motion has at least `samples` rows, every waypoint among them. Raises InputError.
+    The interpolation is the quintic spline with simple knots at the waypoints: four times continuously differentiable,
+    each polynomial of degree 5 (C. de Boor, A Practical Guide to Splines). Velocity and acceleration are 0 at both ends.
+
+    Args:
+        robot: The robot.
+        times: Increasing times (k,), s, k >= 2.
+        positions: One posture a time: (nq,) in rad or m, or joint positions by name (other joints are neutral).
+        samples: Least number of rows; every waypoint is a row.
+        name: Name of the motion.
+
+    Returns:
+        The motion.
+
+    Raises:
+        InputError: An argument is wrong, or times lie too close together.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> motion = bc.waypoints(bc.load_robot("planar_2r"), [0.0, 1.0, 3.0], [{}, {"elbow": 1.0}, {}], samples=101)
+        >>> motion.at(1.0)[0]
+        array([0., 1.])
     """
     title = f"motion '{arguments.text('name', name, empty=True)}'"
     arguments.robot(robot)
@@ -53,6 +70,42 @@ def waypoints(
     except InputError as error:
         raise InputError(f"{title}: {error}") from None
     return Motion(robot.joints, time, q, v, a, name, limit_notes(robot, name, time, q))
+
+
+def dwell(
+    robot: Robot,
+    position: Mapping[str, float] | Array | Sequence[float],
+    duration: float,
+    name: str = "dwell",
+) -> Motion:
+    """Rest at a posture.
+
+    Args:
+        robot: The robot.
+        position: Joint positions by name, or (nq,), rad or m.
+        duration: Time at rest, s.
+        name: Name of the motion.
+
+    Returns:
+        The motion, of two rows.
+
+    Raises:
+        InputError: An argument is wrong.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> bc.dwell(bc.load_robot("planar_2r"), {"elbow": 1.0}, 2.0).duration
+        2.0
+    """
+    title = f"motion '{arguments.text('name', name, empty=True)}'"
+    duration = arguments.number("duration", duration, "s", above=0.0, most=LONGEST, where=title)
+    arguments.robot(robot)
+    if position is None:
+        arguments.refuse("position", "a posture: a mapping of joints to numbers, or a list of them", position, title)
+    q = np.asarray(robot.posture(position), dtype=np.float64)
+    rest = np.zeros((2, robot.nv))
+    time = np.array([0.0, duration])
+    return Motion(robot.joints, time, np.stack([q, q]), rest, rest, name, limit_notes(robot, name, time, q[None]))
 
 
 def interpolate(
@@ -120,7 +173,7 @@ class _Through:
 
 
 def spread(knots: Array, samples: int) -> Array:
-    """At least `samples` times, evenly spaced between each two knots and with every knot among them."""
+    """At least `samples` times, evenly spaced between each two knots and including every knot."""
     parts = []
     for begin, end in pairwise(knots.tolist()):
         steps = max(1, int(np.ceil((samples - 1) * (end - begin) / (knots[-1] - knots[0]) - 1e-9)))

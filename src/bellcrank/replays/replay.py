@@ -1,4 +1,4 @@
-"""`replay` and `show`: a run, a motion or a sizing as a page to look at."""
+"""`replay` and `show`: a run, a motion or a sizing as an interactive HTML page."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank import arguments
+from bellcrank.deprecated import renamed_arguments
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.temporaries import new_folder
 from bellcrank.motion.motion import Motion
 from bellcrank.replays.film.film import Film
 from bellcrank.replays.geometry.meshes import Detail
-from bellcrank.replays.page.page import page, write_page
+from bellcrank.replays.page.page import page_html, write_page
 from bellcrank.sizing.history import file_name
 from bellcrank.sizing.result import Sizing
 from bellcrank.terminal.progress import share_bar
@@ -26,27 +27,28 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory import Trajectory
 
-HEIGHT = 640  # px of a page in a notebook
+NOTEBOOK_HEIGHT = 640  # px
 
 
 @dataclass(frozen=True)
-class Inline:
-    """A page that a notebook shows where it stands; `page` is its HTML text."""
+class NotebookPage:
+    """A page that a notebook displays; `page` is its HTML text."""
 
     page: str
 
     def _repr_html_(self) -> str:
         return (
-            f'<iframe srcdoc="{html.escape(self.page)}" sandbox="allow-scripts" width="100%" height="{HEIGHT}" '
-            'style="border:0"></iframe>'
+            f'<iframe srcdoc="{html.escape(self.page)}" sandbox="allow-scripts" width="100%" '
+            f'height="{NOTEBOOK_HEIGHT}" style="border:0"></iframe>'
         )
 
     def __repr__(self) -> str:
         return f"a replay of {len(self.page) / 1e6:.2f} MB"
 
 
+@renamed_arguments(thing="source")
 def replay(
-    thing: Trajectory | Motion | Sizing | str | Path,
+    source: Trajectory | Motion | Sizing | str | Path,
     path: str | Path | None = None,
     *,
     robot: Robot | Scene | None = None,
@@ -54,57 +56,110 @@ def replay(
     detail: Detail = "reduced",
     title: str | None = None,
     plots: bool = True,
-) -> Path | Inline:
-    """Write one HTML page that plays a run, a motion (of `robot`) or a sizing, and needs no other file; its path.
+) -> Path | NotebookPage:
+    """Write one HTML page that plays a run, a motion or a sizing, and needs no server, network or other file.
 
-    `thing` may be a run's file or folder, too, and `robot` a scene, whose forces count. Without a `path` a notebook
-    shows the page; elsewhere it is written into the working folder under the thing's name. `trace` names the frames
-    whose paths are drawn, `detail` "full" keeps all faces of meshes, `plots` says whether plots stand beside the view.
-    Raises InputError for what cannot be shown, and where the file cannot be written.
+    The page shows the robot in 3-D with traces, forces and torques as arrows, springs and events, and plots beside it.
+    No point of a body is drawn further from the smooth curve through the rows of the run than the page states. Lengths
+    are in m, forces in N, torques in N m; the world frame is the robot's.
+
+    Args:
+        source: A run, a motion, a sizing, or the path of a run: its file, or the folder that `bellcrank simulate`
+            writes.
+        path: The file to write; .html is added if it has another suffix. Default: the source's name in the working
+            folder, or in a notebook no file.
+        robot: The robot of a motion, or a scene whose forces act on it. Other sources have their own.
+        trace: Names of frames whose paths are drawn. Default: the frames of the scene's outputs, or the tip.
+        detail: "reduced" simplifies meshes without visible loss, "full" keeps all faces.
+        title: The title of the page; default: the name of the scene, motion or sizing.
+        plots: Whether plots stand beside the 3-D view.
+
+    Returns:
+        The path of the page; in a notebook without `path`, the page itself, which the notebook displays.
+
+    Raises:
+        InputError: The source cannot be shown, a frame is unknown, a motion has no robot, or the file cannot be
+            written.
+
+    Example:
+        >>> import tempfile
+        >>> import bellcrank as bc
+        >>> run = bc.simulate("pendulum", duration=1.0)
+        >>> page = bc.replay(run, tempfile.mkdtemp() + "/pendulum.html", title="Pendulum", plots=False)
+        >>> page.name
+        'pendulum.html'
+        >>> "<title>Pendulum</title>" in page.read_text(encoding="utf-8")
+        True
     """
-    source = opened(thing)
+    loaded = load_source(source)
     if path is not None:
         path = arguments.path("path", path, "the path of a page")
     arguments.flag("plots", plots)
     if path is None and _in_notebook():
-        return Inline(page(film_of(source, robot, trace=trace, detail=detail, title=title), plots=plots))
-    target = f"{file_name(name_of(source))}.html" if path is None else path
-    return write_page(film_of(source, robot, trace=trace, detail=detail, title=title), target, plots=plots)
+        return NotebookPage(page_html(film_of(loaded, robot, trace=trace, detail=detail, title=title), plots=plots))
+    target = f"{file_name(source_name(loaded))}.html" if path is None else path
+    return write_page(film_of(loaded, robot, trace=trace, detail=detail, title=title), target, plots=plots)
 
 
-def show(thing: Trajectory | Motion | Sizing | str | Path, **options: Any) -> Path:
-    """Open a replay in the web browser, from a temporary file, whose path is returned; options as `replay` has them.
+@renamed_arguments(thing="source")
+def show(
+    source: Trajectory | Motion | Sizing | str | Path,
+    *,
+    robot: Robot | Scene | None = None,
+    trace: Iterable[str] = (),
+    detail: Detail = "reduced",
+    title: str | None = None,
+    plots: bool = True,
+) -> Path:
+    """Write a replay to a temporary file and open it in the web browser.
 
-    Raises BellcrankError, with the path, where no browser can be started.
+    Args:
+        source: A run, a motion, a sizing, or the path of a run, as in `replay`.
+        robot: The robot of a motion, or a scene whose forces act on it.
+        trace: Names of frames whose paths are drawn.
+        detail: "reduced" simplifies meshes without visible loss, "full" keeps all faces.
+        title: The title of the page; default: the name of the scene, motion or sizing.
+        plots: Whether plots stand beside the 3-D view.
+
+    Returns:
+        The path of the temporary file.
+
+    Raises:
+        InputError: The source cannot be shown, as in `replay`.
+        BellcrankError: No browser could be started; the message names the file.
+
+    Example:
+        `bc.show(bc.simulate("pendulum"))` opens the replay of a pendulum.
     """
-    source = opened(thing)
-    folder = new_folder("show")
-    written = replay(source, folder / f"{file_name(name_of(source))}.html", **options)
+    loaded = load_source(source, "show")
+    target = new_folder("show") / f"{file_name(source_name(loaded))}.html"
+    written = replay(loaded, target, robot=robot, trace=trace, detail=detail, title=title, plots=plots)
     assert isinstance(written, Path)
     open_browser(written)
     return written
 
 
 def open_browser(path: Path) -> None:
-    """Open a page in the web browser. Raises BellcrankError where none can be started."""
+    """Open a page in the web browser. Raises BellcrankError if none can be started."""
     if not webbrowser.open(path.resolve().as_uri()):
         raise BellcrankError(f"no web browser could be started; open {path} yourself")
 
 
 def film_of(
-    thing: Trajectory | Motion | Sizing,
+    source: Trajectory | Motion | Sizing,
     robot: Robot | Scene | None = None,
     *,
     trace: Iterable[str] = (),
     detail: Detail = "reduced",
     title: str | None = None,
 ) -> Film:
-    """The film of a run, a motion (of `robot`) or a sizing, with a progress bar where it takes longer than a second.
+    """The film of a run, a motion (of `robot`) or a sizing, with a progress bar if it takes longer than a second.
 
-    Raises InputError for anything else.
+    Raises InputError for an invalid argument, and for a motion without a robot.
     """
-    from bellcrank.replays.film.motion_film import film_of_motion, film_of_sizing
+    from bellcrank.replays.film.motion_film import film_of_motion
     from bellcrank.replays.film.run_film import film_of_run
+    from bellcrank.replays.film.sizing_film import film_of_sizing
 
     arguments.one_of("detail", detail, ("reduced", "full"))
     trace = arguments.several("trace", trace, str, "names of frames", alone=True)
@@ -114,18 +169,19 @@ def film_of(
         arguments.robot(robot)
     with share_bar("film") as progress:
         options: dict[str, Any] = {"trace": trace, "detail": detail, "title": title, "progress": progress}
-        if isinstance(thing, Sizing):
-            return film_of_sizing(thing, **options)
-        if isinstance(thing, Motion):
+        if isinstance(source, Sizing):
+            return film_of_sizing(source, **options)
+        if isinstance(source, Motion):
             if robot is None:
-                raise InputError(f"motion '{thing.name}': a motion does not hold its robot; write robot=ROBOT too")
-            return film_of_motion(thing, robot, **options)
-        return film_of_run(thing, **options)
+                raise InputError(f"motion '{source.name}': a motion does not hold its robot; pass robot=ROBOT, too")
+            return film_of_motion(source, robot, **options)
+        return film_of_run(source, **options)
 
 
 def find_run(path: str | Path) -> Path:
-    """The file of a run: itself, or run.npz in a folder that `bellcrank simulate` wrote; of a run that was killed, the
-    folder of its blocks. Raises InputError.
+    """The file of a run: the path itself, or run.npz in a folder that `bellcrank simulate` wrote.
+
+    For a run that was killed it is the folder of its blocks. Raises InputError.
     """
     from bellcrank.scene.run_contents import holds_checkpoints
 
@@ -136,44 +192,45 @@ def find_run(path: str | Path) -> Path:
     if holds_checkpoints(blocks):
         if (file / "run.npz").exists():
             raise InputError(
-                f"{file}: beside run.npz there are blocks of a later run that did not come to its end, run.blocks; "
-                f"name one of them, such as {blocks}"
+                f"{file}: beside run.npz there are blocks of a later run that did not finish, run.blocks; name one of "
+                f"them, such as {blocks}"
             )
         return blocks
     if (file / "sizing.json").is_file():
         raise InputError(
-            f"{file}: this folder holds the figures of a sizing, not its motions; name the configuration or URDF that was sized"
+            f"{file}: this folder holds the results of a sizing, not its motions; name the configuration or URDF that "
+            "was sized"
         )
     if not (file / "run.npz").is_file():
         raise InputError(f"{file}: there is no run.npz in this folder; `bellcrank simulate SCENE` writes one")
     return file / "run.npz"
 
 
-def opened(thing: Any, by: str = "replay") -> Trajectory | Motion | Sizing:
-    """What is to be shown, read from its file where a path is given. Raises InputError, which names what asked."""
-    if isinstance(thing, (Motion, Sizing)):
-        return thing
-    if isinstance(thing, (str, Path)):
+def load_source(source: Any, caller: str = "replay", argument: str = "source") -> Trajectory | Motion | Sizing:
+    """A run, a motion or a sizing; a path is read. Raises InputError, which names the caller and its argument."""
+    kinds = "a run, a motion, a sizing, or the path of a run"
+    if isinstance(source, (Motion, Sizing)):
+        return source
+    if isinstance(source, (str, Path)):
         from bellcrank.simulation.load_run import load_run
 
-        return load_run(find_run(arguments.path("thing", thing, "a run, a motion, a sizing, or the path of a run")))
+        return load_run(find_run(arguments.path(argument, source, kinds)))
     from bellcrank.simulation.trajectory import Trajectory
 
-    if isinstance(thing, Trajectory):
-        return thing
-    kinds = "a run, a motion, a sizing, or the path of a run"
-    arguments.refuse("thing", kinds, thing, by, "simulate or size first")
+    if isinstance(source, Trajectory):
+        return source
+    arguments.refuse(argument, kinds, source, caller, "simulate or size first")
 
 
-def name_of(thing: Trajectory | Motion | Sizing) -> str:
-    """What its page is called."""
-    if isinstance(thing, Motion):
-        return thing.name
-    return f"{thing.robot}_sizing" if isinstance(thing, Sizing) else thing.scene.source.stem
+def source_name(source: Trajectory | Motion | Sizing) -> str:
+    """The name after which a page is called."""
+    if isinstance(source, Motion):
+        return source.name
+    return f"{source.robot}_sizing" if isinstance(source, Sizing) else source.scene.source.stem
 
 
 def _in_notebook() -> bool:
-    """Whether this runs in a notebook, which shows what an expression gives."""
+    """Whether this runs in a notebook, which displays the value of an expression."""
     interactive = sys.modules.get("IPython")
     shell = interactive.get_ipython() if interactive is not None else None
     return shell is not None and hasattr(shell, "kernel")

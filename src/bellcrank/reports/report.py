@@ -11,7 +11,7 @@ from bellcrank.errors import InputError
 from bellcrank.motion.motion import Motion
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.page.page import write_page
-from bellcrank.replays.replay import film_of, name_of, opened
+from bellcrank.replays.replay import film_of, load_source, source_name
 from bellcrank.reports.html import document_html
 from bellcrank.sizing.history import file_name
 from bellcrank.sizing.result import Sizing
@@ -36,14 +36,14 @@ def report(
     page needs no other file, and prints. `trace` and `detail` as in `replay`. Raises InputError for what cannot be
     told of, and where the file cannot be written.
     """
-    source = opened(thing, "report")
+    source = load_source(thing, "report", "thing")
     if title is None or (isinstance(title, str) and not title):
         title = _title(source)
     if path is not None:
         path = arguments.path("path", path, "the path of a page")
     film = film_of(source, trace=trace, detail=detail, title=title)
     document = _document(source, film)
-    target = f"{file_name(name_of(source))}_report.html" if path is None else path
+    target = f"{file_name(source_name(source))}_report.html" if path is None else path
     return write_page(film, target, around=document_html(document))
 
 

@@ -62,10 +62,10 @@ def _limited(sizing: Sizing) -> list[bool]:
 def _still(sizing: Sizing, film: Film) -> Still:
     """The first moment at which a limit is exceeded, or else that of the largest power from the supply."""
     begun = {f"motion {name} begins": name for name in sizing.motions}
-    starts = {begun[mark.text]: mark.time for mark in film.marks if mark.text in begun}
-    for mark in film.marks:
-        if mark.text not in begun:
-            return Still(mark.time, mark.text)
+    starts = {begun[event.text]: event.time for event in film.events if event.text in begun}
+    for event in film.events:
+        if event.text not in begun:
+            return Still(event.time, event.text)
     peak = sizing.supply_peak
     return Still(
         starts.get(peak.motion, 0.0) + peak.time,

@@ -1,4 +1,4 @@
-"""The inertia that each joint feels about its own axis when everything beyond it may move freely."""
+"""The articulated inertia of each joint: its inertia about its own axis when all joints beyond it move freely."""
 
 from __future__ import annotations
 
@@ -7,20 +7,19 @@ from typing import Any
 from bellcrank.errors import InputError
 from bellcrank.robot.urdf_file import Urdf
 
-POSTURES = 5
-SEED = 20240229
+POSTURES, SEED = 5, 20240229
 RELATIVE = 1e-10  # of the joint's entry of the mass matrix: below this, nothing but round-off is left
 ABSOLUTE = 1e-14  # of the robot's mass (times its squared size for a turning joint)
 
 
 def articulated_inertias(urdf: Urdf, model: Any = None) -> dict[str, tuple[float, float]]:
-    """Per independent moving joint its articulated inertia about its axis, and what counts as zero beside it.
+    """The articulated inertia of each independent joint about its axis, and the threshold below which it counts as 0.
 
     The articulated inertia is D = Sᵀ I_A S of Featherstone's articulated-body algorithm (Rigid Body Dynamics
     Algorithms, 2008, section 7.3), kg m² (kg for sliding joints), here the pivots of eliminating the mass
-    matrix from the tips to the base. Given is the one of the largest magnitude over some seeded random
+    matrix from the tips to the base. The result is the one of the largest magnitude over POSTURES seeded random
     postures: where that vanishes, forward dynamics is undefined. For a planar or floating joint it is the
-    least of its coordinates. `model` is the pinocchio.Model of the URDF with more bodies on it, such as payloads; it
+    smallest of its coordinates. `model` is the pinocchio.Model of the URDF with more bodies, such as payloads; it
     has a fixed base and no mimic joints. Raises InputError where Pinocchio does not accept the robot.
     """
     import numpy as np
@@ -48,7 +47,6 @@ def articulated_inertias(urdf: Urdf, model: Any = None) -> dict[str, tuple[float
         for index, name in enumerate(names):
             if urdf.joints[name].type == "prismatic":
                 step[index] = random.uniform(-0.1, 0.1)
-        # mimic followers take their leader's angle: not at their own random one
         q = pin.integrate(model, pin.neutral(model), _followed(urdf, names, step))
         matrix, placements = mass_matrix(model, q)
         reduced = reduction.T @ matrix @ reduction
@@ -115,6 +113,7 @@ def _independent(urdf: Urdf, names: list[str]) -> tuple[Any, list[int]]:
 
 
 def _followed(urdf: Urdf, names: list[str], step: Any) -> Any:
+    """The step with mimicking joints where their leaders put them."""
     for index, name in enumerate(names):
         mimic = urdf.joints[name].mimic
         if mimic is not None:
@@ -134,3 +133,12 @@ def _pivots(matrix: Any) -> Any:
             column = remaining[:k, k] / pivots[k]
             remaining[:k, :k] -= np.outer(column, remaining[k, :k])
     return pivots
+
+
+def vanishing_inertia(urdf: Urdf, name: str, least: float) -> str:
+    """The sentence about a joint about whose axis there is no inertia (`least`, kg m² or kg)."""
+    what = "mass" if urdf.joints[name].type == "prismatic" else "inertia"
+    return (
+        f"the {what} that it moves vanishes ({least:.2g}): the mass matrix is singular and the acceleration undefined; "
+        "give a link beyond it a mass (off the axis) or an inertia"
+    )

@@ -39,20 +39,20 @@ SHORT_NAMES = {
 
 
 def find_urdf(name_or_path: str | Path) -> Path:
-    """The URDF file that a path or a name stands for: an existing file, a bundled robot, an example robot.
+    """The URDF file for a path or a name: an existing file, a bundled robot, or a robot of example-robot-data.
 
-    Raises InputError where there is none, naming what there is.
+    Raises InputError with the names that exist where there is none.
     """
     given = str(name_or_path)
     path = Path(name_or_path)
     if "\0" in given:
-        raise InputError(f"the robot {given!r} holds a zero character; name a file or a robot")
+        raise InputError(f"the robot {given!r} contains a null character; name a file or a robot")
     try:
         folder = bool(given) and path.is_dir()
         if path.exists() and not folder and given:
-            return path  # a pipe or a device is refused by who reads it
+            return path  # a pipe or a device is refused by the reader
     except OSError:
-        folder = False  # a name too long for a path is no path
+        folder = False  # too long for a path
     if isinstance(name_or_path, str):
         known = find_named(given)
         if known is not None:
@@ -61,13 +61,11 @@ def find_urdf(name_or_path: str | Path) -> Path:
             raise InputError(unknown_name("robot", given, names()))
     if folder:
         raise InputError(f"{given}: is a folder; name the URDF file in it")
-    raise InputError(
-        f"{given}: there is no such file; give the path of a URDF file or the name of a robot, such as planar_2r"
-    )
+    raise InputError(f"{given}: no such file; give the path of a URDF file or the name of a robot, such as planar_2r")
 
 
 def find_named(name: str) -> Path | None:
-    """The URDF file of a robot that has this name here, or None."""
+    """The URDF file of the robot of this name, or None."""
     own = _bundled()
     if name in own:
         return own[name]
@@ -79,7 +77,7 @@ def find_named(name: str) -> Path | None:
 
 
 def names() -> dict[str, Path]:
-    """Every robot that has a name here, with its URDF file: bundled ones first, then example-robot-data's."""
+    """The URDF file of every robot that has a name: bundled ones first, then those of example-robot-data."""
     own = _bundled()
     return own | {name: path for name, path in _examples().items() if name not in own}
 

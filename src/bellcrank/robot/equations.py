@@ -1,26 +1,25 @@
-"""A robot's equations as casadi expressions: Pinocchio's traced algorithms with the robot's friction added.
+"""A robot's equations as casadi expressions, before they are compiled: Pinocchio's traced algorithms and friction.
 
-They can be looked at before anything is compiled. Inputs are q (nq), v (nv), a or tau (nv), and parameters p.
+Inputs are q (nq), v (nv), a or tau (nv), and parameters p.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.robot.trace import setting, trace_tree
+from bellcrank.robot.mass_diagonal import inertia_diagonal
+from bellcrank.robot.trace import SCALE, setting, trace_tree
 from bellcrank.robot.tree import Tree
 
 if TYPE_CHECKING:
     import casadi
 
 Array = NDArray[np.float64]
-MASS = 6  # the tracer's number for a link's mass (cpp/tracer/tree.hpp)
-SCALE = 16  # the tracer's number for a factor on a link's mass and inertia (cpp/tracer/tree.hpp)
 
 
 @dataclass(frozen=True)
@@ -80,6 +79,10 @@ class Equations:
         q, a = casadi.SX.sym("q", f.size1_in(0)), casadi.SX.sym("a", f.size1_in(2))
         return casadi.Function("inertial_torque", [q, a], [f(q, casadi.SX(f.size1_in(1), 1), a, casadi.SX(0, 1))])
 
+    def inertia_diagonal(self) -> casadi.Function:
+        """(q) -> M_kk of the joints of one degree of freedom, rotors included; joints that mimic are not allowed."""
+        return inertia_diagonal(self.tree)
+
     def link_torques(self) -> casadi.Function:
         """(q, v, a) -> each massive link's share of the torque, link by link (links x nv), without rotors."""
         import casadi
@@ -99,10 +102,8 @@ class Equations:
 
     def _scaled(self) -> casadi.Function:
         """(q, v, a, p) -> torques with each massive link's mass and inertia times its own factor in p, no rotors."""
-        joints = [{**joint, "armature": [0.0] * joint["nv"]} for joint in self.tree.joints]
-        bare = Tree(**{**asdict(self.tree), "joints": joints})
         settings = [(frame, SCALE, k) for k, frame in enumerate(self.tree.massive_frames())]
-        return _function(self._traced(bare, settings, len(settings)).inverse_dynamics())
+        return _function(self._traced(self.tree.without_rotors(), settings, len(settings)).inverse_dynamics())
 
     def parametric(self, name: str, targets: Sequence[str]) -> casadi.Function:
         """An algorithm with the numbers that `targets` name (see trace.setting) left as p, without friction."""

@@ -1,24 +1,25 @@
-"""Joint friction as it was asked for, gathered on the independent coordinates."""
+"""Joint friction: viscous and Coulomb coefficients of the independent joints."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-
-if TYPE_CHECKING:
-    from bellcrank.robot.robot import Robot
+from bellcrank.robot.joints import JointMimic, RobotJoint, joint_named, require_one_degree
 
 Array = NDArray[np.float64]
 Friction = str | Mapping[str, tuple[float, float]]
+FRICTION_WIDTH = 1e-3  # rad/s or m/s: Coulomb friction is at 71 % of its value at this speed
 
 
 def checked_friction(friction: object) -> Friction:
-    """A friction as it may be asked for, a mapping copied: joints are looked up later. Raises InputError."""
+    """The `friction` argument of load_robot, a mapping copied; the joints' names are checked later.
+
+    Raises InputError.
+    """
     expected = "'urdf', 'none' or a mapping of joints to (viscous, coulomb)"
     if isinstance(friction, str):
         return arguments.one_of("friction", friction, ("urdf", "none"))
@@ -33,28 +34,35 @@ def checked_friction(friction: object) -> Friction:
 
 
 def friction_coefficients(
-    robot: Robot, friction: Friction, given: Mapping[str, tuple[float, float]]
+    robot: str,
+    joints: Sequence[RobotJoint],
+    mimics: Iterable[JointMimic],
+    friction: Friction,
+    in_urdf: Mapping[str, tuple[float, float]],
 ) -> tuple[Array, Array]:
-    """Viscous (N m s/rad or N s/m) and Coulomb (N m or N) friction, (nv,) each.
+    """Viscous (N m s/rad or N s/m) and Coulomb (N m or N) friction, (nv,) each, of the independent joints.
 
-    `friction` is "urdf" (the values `given` by the file), "none", or {joint: (viscous, coulomb)}. What a
-    mimicking joint has acts on its leader through the ratio of their speeds. Raises InputError.
+    `friction` is "urdf" (the coefficients `in_urdf`), "none", or {joint: (viscous, coulomb)}; `robot` is the robot's
+    name for messages. The friction of a mimicking joint acts on its leader through the ratio of their speeds. Raises
+    InputError.
     """
-    viscous, coulomb = np.zeros(robot.nv), np.zeros(robot.nv)
+    nv = sum(joint.nv for joint in joints)
+    viscous, coulomb = np.zeros(nv), np.zeros(nv)
     if friction == "none":
         return viscous, coulomb
+    mimics = tuple(mimics)
     if isinstance(friction, str):
-        ratios = {follower: (leader, m) for follower, leader, m, _ in robot.mimics()}
-        for joint_name, (b, c) in given.items():
+        leaders = {mimic.follower: mimic for mimic in mimics}
+        for joint_name, (b, c) in in_urdf.items():
             name, ratio = joint_name, 1.0
-            while name in ratios:
-                name, m = ratios[name]
-                ratio *= m
-            index = robot.joint(name).v
+            while name in leaders:
+                ratio *= leaders[name].multiplier
+                name = leaders[name].leader
+            index = joint_named(robot, joints, (), name).v
             viscous[index] += ratio * ratio * b
             coulomb[index] += abs(ratio) * c
         return viscous, coulomb
     for name, (b, c) in friction.items():
-        joint = robot.one_degree_joint(name, "friction")
+        joint = require_one_degree(joint_named(robot, joints, mimics, name), "friction")
         viscous[joint.v], coulomb[joint.v] = b, c
     return viscous, coulomb

@@ -1,4 +1,4 @@
-"""Where a mesh file lies that a URDF names, and a file that a mesh file names."""
+"""Finding the mesh files that a URDF names, and the files that mesh files name."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from pathlib import Path
 from bellcrank.files.access import ALLOW, FileAccess
 from bellcrank.text import file_name_here
 
-PACKAGE = "package.xml"  # what a folder holds that is a ROS package
+PACKAGE = "package.xml"  # the file that makes a folder a ROS package
 
 
 def find_mesh(mesh: str, source: Path, access: FileAccess) -> Path | None:
-    """The mesh file of a URDF: package://… and model://… below a folder above it, else beside it; None where it is
-    missing or may not be read.
+    """The mesh file that a URDF names: package://… and model://… below a folder above the URDF, others relative to it; None
+    where the file is missing or may not be read.
 
-    What `access` does not allow must lie in a ROS package, that of the URDF or one named by package://, in a folder
-    above the URDF. Absolute paths, as xacro writes them, are allowed where relative ones are. Where only the files of a
-    folder are read, those of a saved run, a URDF in that folder is thought of, too.
+    A file that `access` does not allow must be in a ROS package, that of the URDF or one named by package://, in a
+    folder above the URDF. Absolute paths, as xacro writes them, are allowed where relative ones are. Where only the
+    files of a folder may be read (those of a saved run), paths relative to a URDF in that folder are tried too.
     """
     sources = (source, access.folder / source.name) if access.held else (source,)
     try:
@@ -34,7 +34,7 @@ def find_mesh(mesh: str, source: Path, access: FileAccess) -> Path | None:
 
 
 def looked_for(meshes: Iterable[str], source: Path, access: FileAccess) -> str:
-    """What to say of meshes that were not found, in brackets, where one of them may lie beyond what is looked at."""
+    """A remark in brackets on where meshes that were not found were looked for, if one of them may be elsewhere."""
     for mesh in meshes:
         kind = mesh.partition("://")[0]
         if access.held or kind in ("package", "model") or not access.allows(source.resolve().parent / _inside(mesh)):
@@ -44,8 +44,8 @@ def looked_for(meshes: Iterable[str], source: Path, access: FileAccess) -> str:
 
 
 def find_beside(name: str, path: Path, access: FileAccess) -> Path | None:
-    """The file that a mesh file names: below the folder above the mesh file's; None where it is missing or may not be
-    read.
+    """The file that a mesh file names, below the parent of the mesh file's folder; None where it is missing or may not
+    be read.
     """
     plain, near = name.removeprefix("file://").replace("\\", "/"), FileAccess.of(path)
     for candidate in (plain, plain.rpartition("/")[2]):
@@ -60,13 +60,13 @@ def find_beside(name: str, path: Path, access: FileAccess) -> Path | None:
 
 
 def _inside(mesh: str) -> str:
-    """What a mesh's name says without its kind."""
+    """A mesh's name without its scheme."""
     kind, separator, rest = mesh.partition("://")
     return mesh if not separator else rest.lstrip("/") if kind in ("package", "model") else rest
 
 
 def _places(mesh: str, source: Path) -> Iterator[tuple[Path, Path | None]]:
-    """Where a mesh may lie, and the folder there that would have to be a ROS package."""
+    """The paths at which a mesh may be, each with the folder that has to be a ROS package."""
     folder, mesh = source.resolve().parent, file_name_here(mesh)
     kind, separator, _ = mesh.partition("://")
     rest = _inside(mesh)

@@ -1,4 +1,4 @@
-"""What a robot carries: a rigid mass fixed to one of its frames."""
+"""A payload: a rigid body fixed to a frame of a robot."""
 
 from __future__ import annotations
 
@@ -12,8 +12,19 @@ from bellcrank.errors import InputError
 class Payload:
     """A rigid body fixed to a frame.
 
-    mass in kg; cg (3,) in m and inertia (6,) in kg m² about the CG, order xx xy yy xz yz zz, both in
-    the axes of `frame`. Raises InputError where the mass is not positive or the inertia impossible.
+    Attributes:
+        mass: Mass, kg.
+        frame: Name of the frame that carries it.
+        cg: Centre of gravity (3,) in the frame, m.
+        inertia: Inertia (6,) about the centre of gravity, in the axes of the frame, kg m², order xx xy yy xz yz zz.
+
+    Raises:
+        InputError: The mass is not positive, or no rigid body has the inertia.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> bc.Payload(2.0, "tip", cg=(0.0, 0.0, 0.1)).mass
+        2.0
     """
 
     mass: float
@@ -38,6 +49,7 @@ class Payload:
         minors = (xx, yy, zz, (xx * yy - xy * xy) / scale, (xx * zz - xz * xz) / scale, (yy * zz - yz * yz) / scale)
         if min(minors) < -1e-12 * scale or det < -1e-12 * scale**3 or 2 * max(xx, yy, zz) > (xx + yy + zz) * (1 + 1e-9):
             raise InputError(
-                f"payload on frame '{self.frame}': no body has the inertia {list(self.inertia)}; it must be positive "
-                "and each moment at most the sum of the other two (order xx xy yy xz yz zz, about the CG)"
+                f"payload on frame '{self.frame}': no rigid body has the inertia {list(self.inertia)}; it must be "
+                "positive, and each moment at most the sum of the other two (order xx xy yy xz yz zz, about the centre "
+                "of gravity)"
             )

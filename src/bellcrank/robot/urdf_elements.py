@@ -1,4 +1,4 @@
-"""What a URDF says about one link or one joint, checked element by element."""
+"""Links, joints and transmissions of a URDF, each read and checked by itself."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from bellcrank.robot.xml_tree import Element
 
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 MOVING_AXIS = ("revolute", "continuous", "prismatic", "planar")
-NO_LIMIT = 1e30  # a limit of at least this size says "none"
-LARGEST = 1e30  # no mass, length or inertia of a robot is larger
+NO_LIMIT = 1e30  # a limit of at least this size stands for none
+LARGEST = 1e30  # of masses, lengths and inertias
 NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 
 Vector3 = tuple[float, float, float]
@@ -24,7 +24,7 @@ Vector3 = tuple[float, float, float]
 class Inertial:
     """Mass (kg), pose of the centre of gravity in the link (xyz m, rpy rad) and inertia about it.
 
-    ``inertia`` is (ixx, ixy, ixz, iyy, iyz, izz) in kg m², in the axes that rpy gives.
+    `inertia` is (ixx, ixy, ixz, iyy, iyz, izz) in kg m², in the axes that rpy gives.
     """
 
     mass: float
@@ -44,7 +44,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Mimic:
-    """A joint that follows another: position = multiplier × position of ``joint`` + offset (rad or m)."""
+    """A joint that mimics another: position = multiplier × position of `joint` + offset (rad or m)."""
 
     joint: str
     multiplier: float
@@ -53,11 +53,11 @@ class Mimic:
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint, at ``xyz`` (m) and ``rpy`` (rad) in its parent link; ``axis`` is a unit vector in its frame.
+    """A joint, at `xyz` (m) and `rpy` (rad) in its parent link; `axis` is a unit vector in its frame.
 
     Limits are in rad, m, N m, N, rad/s and m/s, None where the file gives none; damping in N m s/rad or N s/m
-    and friction in N m or N, None where not given. ``axis_length`` is the length of the axis as written in
-    the file, and ``reduction`` the mechanicalReduction of the joint's transmission.
+    and friction in N m or N, None where not given. `axis_length` is the length of the axis as written in
+    the file, and `reduction` the mechanicalReduction of the joint's transmission.
     """
 
     name: str
@@ -79,7 +79,7 @@ class Joint:
 
 
 def link_from(element: Element, fail: Callable[[str], InputError]) -> Link:
-    """A <link> as a Link; ``fail(message)`` makes the InputError that names the file."""
+    """A <link> as a Link; `fail(message)` makes the InputError that names the file."""
     name = _name(element, fail)
     where = f"link '{name}'"
     inertial = element.find("inertial")
@@ -107,9 +107,8 @@ def _inertial(element: Element, where: str, fail: Callable[[str], InputError]) -
     names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     if inertia_element is None:
         raise fail(
-            f"{where} (line {element.line}): <inertial> has no <inertia …/>; give {', '.join(names)} in "
-            f"kg m² "
-            "about the centre of gravity (all 0 for a point mass)"
+            f"{where} (line {element.line}): <inertial> has no <inertia …/>; give {', '.join(names)} in kg m² about "
+            "the centre of gravity (all 0 for a point mass)"
         )
     missing = [name for name in names if name not in inertia_element.attributes]
     if missing:
@@ -122,7 +121,7 @@ def _inertial(element: Element, where: str, fail: Callable[[str], InputError]) -
 
 
 def joint_from(element: Element, fail: Callable[[str], InputError]) -> Joint:
-    """A <joint> as a Joint; ``fail(message)`` makes the InputError that names the file."""
+    """A <joint> as a Joint; `fail(message)` makes the InputError that names the file."""
     name = _name(element, fail)
     where = f"joint '{name}'"
     kind = element.attributes.get("type")
@@ -133,8 +132,7 @@ def joint_from(element: Element, fail: Callable[[str], InputError]) -> Joint:
     parent, child = (_link_named(element, tag, where, fail) for tag in ("parent", "child"))
     if parent == child:
         raise fail(
-            f"{where} (line {element.line}): link '{child}' is its own parent, a loop; "
-            "a joint connects two different links"
+            f"{where} (line {element.line}): link '{child}' is its own parent; a joint connects two different links"
         )
     xyz, rpy = origin_from(element, where, fail)
     axis, length = _axis(element, kind, where, fail)
@@ -177,7 +175,7 @@ def _link_named(element: Element, tag: str, where: str, fail: Callable[[str], In
 
 
 def origin_from(element: Element, where: str, fail: Callable[[str], InputError]) -> tuple[Vector3, Vector3]:
-    """An element's <origin>: xyz (m) and rpy (rad), 0 where it has none; ``fail(message)`` makes the InputError."""
+    """An element's <origin>: xyz (m) and rpy (rad), 0 where it has none; `fail(message)` makes the InputError."""
     origin = element.find("origin")
     if origin is None:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -227,8 +225,8 @@ def _limits(
         lower = 0.0
     if lower is not None and upper is not None and lower > upper:
         raise fail(
-            f"{where} (line {limit.line}): lower {lower:g} is above upper {upper:g} (one that is left out "
-            "counts as 0); exchange or mend them"
+            f"{where} (line {limit.line}): lower {lower:g} is above upper {upper:g} (an "
+            "omitted one is 0); exchange or correct them"
         )
     return lower, upper, found["effort"], found["velocity"]
 
@@ -242,9 +240,8 @@ def _dynamics(element: Element, where: str, fail: Callable[[str], InputError]) -
         value = _number(dynamics, key, f"{where}, <dynamics>", fail) if key in dynamics.attributes else None
         if value is not None and value < 0.0:
             raise fail(
-                f"{where}, <dynamics> (line {dynamics.line}): {key} is {value:g}, which would feed energy "
-                f"in; "
-                "expected 0 or more"
+                f"{where}, <dynamics> (line {dynamics.line}): {key} is {value:g}, which would add energy; expected 0 or "
+                "more"
             )
         values.append(value)
     return values[0], values[1]
@@ -256,7 +253,7 @@ def _mimic(element: Element, where: str, fail: Callable[[str], InputError]) -> M
         return None
     leader = mimic.attributes.get("joint", "").strip()
     if not leader:
-        raise fail(f'{where}, <mimic> (line {mimic.line}): does not name the joint to follow; give joint="…"')
+        raise fail(f'{where}, <mimic> (line {mimic.line}): does not name the joint that it mimics; give joint="…"')
     multiplier = _number(mimic, "multiplier", f"{where}, <mimic>", fail, default=1.0)
     return Mimic(leader, multiplier, _number(mimic, "offset", f"{where}, <mimic>", fail, default=0.0))
 
@@ -299,5 +296,5 @@ def _parse(text: str, where: str, line: int, fail: Callable[[str], InputError], 
         raise fail(f"{where} (line {line}): {text[:40]!r} is not a number; a number in SI units was expected")
     value = float(text)
     if abs(value) > largest or (math.isinf(value) and largest < math.inf):
-        raise fail(f"{where} (line {line}): {text[:40]!r} is larger than anything a robot has; mend it")
+        raise fail(f"{where} (line {line}): {text[:40]!r} is too large; expected at most {LARGEST:g}")
     return value

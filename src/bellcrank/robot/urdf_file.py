@@ -1,4 +1,4 @@
-"""Reading a URDF file into plain checked data, and writing the part of it that Pinocchio needs."""
+"""Reading a URDF file into checked records, and writing the part of it that Pinocchio needs."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ UNLIMITED = 1e300  # in pinocchio_xml: stands for "no limit", as Pinocchio's rea
 class Urdf:
     """A robot description that is a tree: links and joints by name, in the order of the file, and the root.
 
-    An Urdf that exists has one root, every link reached from it once, finite numbers, masses of 0 or more,
-    unit axes, and mimic joints that each follow an independent joint (chains of mimics are resolved).
+    There is one root, from which every link is reached once; numbers are finite, masses 0 or more, axes of unit length,
+    and each mimicking joint mimics an independent joint (chains of mimics are resolved).
     """
 
     name: str
@@ -36,9 +36,9 @@ class Urdf:
 
     @classmethod
     def from_text(cls, text: str, source: str | Path) -> Urdf:
-        """An Urdf from the text of a file; ``source`` is the name that errors carry.
+        """An Urdf from the text of a file; `source` is the name that errors carry.
 
-        Raises InputError, one sentence with file, element and line, for whatever Urdf excludes.
+        Raises InputError, one sentence with file, element and line, where the text is not a valid URDF.
         """
         reading = reading_of(text, source)
         if reading.urdf is None:
@@ -46,7 +46,7 @@ class Urdf:
         return reading.urdf
 
     def pinocchio_xml(self) -> str:
-        """The kinematic and inertial part as a URDF text for ``pinocchio.buildModelFromXML``.
+        """The kinematic and inertial part as a URDF text for `pinocchio.buildModelFromXML`.
 
         Continuous joints become revolute, so that every one-degree-of-freedom joint has one coordinate; a
         limit that the file does not give is ±UNLIMITED (1e300). Shapes, transmissions and simulator elements
@@ -62,10 +62,9 @@ class Urdf:
 def read_urdf(path: str | Path) -> Urdf:
     """Read and check a URDF file.
 
-    Raises InputError, one sentence with file, element and line, where the file is missing, empty, truncated
-    or not XML, holds no robot, is no tree (two roots, a loop, a link with two parents, an unknown or repeated
-    name), or gives a value that no robot has (not a number, NaN, negative mass, zero axis, a mimic that
-    follows nothing).
+    Raises InputError, one sentence with file, element and line, where the file is missing, empty, truncated or not XML,
+    has no <robot>, is not a tree (two roots, a loop, a link with two parents, an unknown or repeated name), or has an
+    impossible value (not a number, NaN, a negative mass, a zero axis, a mimic of an unknown joint).
     """
     source = Path(path)
     return Urdf.from_text(read_text(source), source)
@@ -73,9 +72,9 @@ def read_urdf(path: str | Path) -> Urdf:
 
 @dataclass(frozen=True)
 class Reading:
-    """What could be read from a text: the Urdf, or None with every reason found (at least one) why not.
+    """What could be read from a text: the Urdf, or None and the problems found (at least one).
 
-    ``links`` and ``joints`` are those that could be read, also where there is no Urdf.
+    `links` and `joints` are those that could be read, also where there is no Urdf.
     """
 
     urdf: Urdf | None
@@ -85,7 +84,7 @@ class Reading:
 
 
 def reading_of(text: str, source: str | Path) -> Reading:
-    """Read a text as far as it goes, collecting the problems instead of raising the first one."""
+    """Read all of a text that can be read, collecting the problems instead of raising the first one."""
     source = Path(source)
     problems: list[InputError] = []
 
@@ -122,7 +121,7 @@ def _refuse_foreign(robot: Element, fail: Callable[[str], InputError]) -> None:
     xacro = next((element for element in robot.walk() if element.tag.startswith("xacro:")), None)
     if xacro is not None:
         raise fail(
-            f"line {xacro.line}: holds the xacro element <{xacro.tag}>; expand the file first: "
+            f"line {xacro.line}: contains the xacro element <{xacro.tag}>; expand the file first: "
             "xacro robot.urdf.xacro > robot.urdf"
         )
     if robot.tag != "robot":
@@ -168,14 +167,14 @@ def _root(links: dict[str, Link], joints: dict[str, Joint], fail: Callable[[str]
         if joint.child in above:
             raise fail(
                 f"link '{joint.child}' has two parents, by the joints '{above[joint.child].name}' and "
-                f"'{joint.name}'; a URDF is a tree: cut the loop and close it elsewhere"
+                f"'{joint.name}'; a URDF is a tree: remove one joint of the loop and close the loop by a constraint"
             )
         above[joint.child] = joint
         children[joint.parent].append(joint.child)
     roots = [name for name in links if name not in above]
     if not roots:
         raise fail(
-            f"there is no root link: the joints {_loop(next(iter(links)), above)} form a loop; cut it at one of them"
+            f"there is no root link: the joints {_loop(next(iter(links)), above)} form a loop; remove one of them"
         )
     if len(roots) > 1:
         named = ", ".join(f"'{root}'" for root in roots[:5]) + (", …" if len(roots) > 5 else "")
@@ -188,7 +187,7 @@ def _root(links: dict[str, Link], joints: dict[str, Joint], fail: Callable[[str]
         waiting.extend(children[link])
     lost = next((name for name in links if name not in reached), None)
     if lost is not None:
-        raise fail(f"the joints {_loop(lost, above)} form a loop apart from root '{roots[0]}'; cut it at one of them")
+        raise fail(f"the joints {_loop(lost, above)} form a loop apart from root '{roots[0]}'; remove one of them")
     return roots[0]
 
 
@@ -215,14 +214,14 @@ def _resolved(joint: Joint, joints: dict[str, Joint], fail: Callable[[str], Inpu
     passed = [joint.name]
     while True:
         if leader in passed:
-            what = "mimics itself" if len(passed) == 1 else f"mimics itself by way of '{passed[-1]}'"
-            raise fail(f"joint '{joint.name}', <mimic>: {what}; it must follow an independent joint")
+            what = "mimics itself" if len(passed) == 1 else f"mimics itself through '{passed[-1]}'"
+            raise fail(f"joint '{joint.name}', <mimic>: {what}; it must mimic an independent joint")
         if leader not in joints:
             raise fail(f"joint '{passed[-1]}', <mimic>: {unknown_name('joint', leader, joints)}")
         if joints[leader].type not in ("revolute", "continuous", "prismatic"):
             raise fail(
                 f"joint '{passed[-1]}', <mimic>: joint '{leader}' is {joints[leader].type}; "
-                "only a revolute, continuous or prismatic joint can be followed"
+                "only a revolute, continuous or prismatic joint can be mimicked"
             )
         following = joints[leader].mimic
         if following is None:

@@ -1,4 +1,4 @@
-"""A strict, line-numbered reading of XML by Python's own expat: no repairs, no entities, no network."""
+"""Strict parsing of XML with line numbers, by Python's expat: no repairs, no entities, no network."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from bellcrank.files.access import read_bytes
 
 ENDS_TOO_EARLY = (3, 5, 6, 20)  # expat's codes: no element, unclosed token, partial character, unclosed CDATA
 _DECLARED = re.compile(rb"\A(?:\xef\xbb\xbf)?\s*<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
-MOST_DEPTH = 200  # nesting beyond this is no robot description
+MOST_DEPTH = 200  # of nesting
 
 
 @dataclass(slots=True)
 class Element:
-    """One XML element: tag (with its prefix, as in ``xacro:macro``), attributes, children, text and line."""
+    """One XML element: tag (with its prefix, as in `xacro:macro`), attributes, children, text and line."""
 
     tag: str
     attributes: dict[str, str]
@@ -87,7 +87,7 @@ def parse_xml(text: str, source: Path | str) -> Element:
         if len(open_elements) >= MOST_DEPTH:
             raise InputError(
                 f"{source}: line {element.line}: elements are nested more than {MOST_DEPTH} deep; "
-                "this is no robot description"
+                "this is not a robot description"
             )
         (open_elements[-1].children if open_elements else roots).append(element)
         open_elements.append(element)
@@ -102,7 +102,7 @@ def parse_xml(text: str, source: Path | str) -> Element:
 
     def entity(*declaration: object) -> None:
         raise InputError(
-            f"{source}: line {parser.CurrentLineNumber}: declares an XML entity, which is not read; write its text out"
+            f"{source}: line {parser.CurrentLineNumber}: declares an XML entity, which is not supported; write its text instead"
         )
 
     parser.StartElementHandler = start
@@ -117,7 +117,9 @@ def parse_xml(text: str, source: Path | str) -> Element:
         at_end = error.code in ENDS_TOO_EARLY
         if at_end and open_elements:
             last = open_elements[-1]
-            tag = f"<{last.tag}>" if roots[0].tag == "robot" else "its element"  # of what is no robot nothing is told
+            tag = (
+                f"<{last.tag}>" if roots[0].tag == "robot" else "its element"
+            )  # nothing is shown of a file that is not a URDF
             raise InputError(
                 f"{where}: the file ends before {tag} (line {last.line}) is closed ({reason}); is it truncated?"
             ) from None
@@ -125,7 +127,7 @@ def parse_xml(text: str, source: Path | str) -> Element:
             raise InputError(f"{where}: the file ends too early ({reason}); is it truncated?") from None
         if not roots:
             raise InputError(f"{where}: is not XML ({reason}); a <robot> element was expected") from None
-        raise InputError(f"{where}: is not well-formed XML ({reason}); mend it there") from None
+        raise InputError(f"{where}: is not well-formed XML ({reason}); correct it there") from None
     except UnicodeError:
-        raise InputError(f"{source}: holds characters that are not valid in XML; save it as UTF-8") from None
+        raise InputError(f"{source}: contains characters that are not valid in XML; save it as UTF-8") from None
     return roots[0]

@@ -145,7 +145,7 @@ def read_aligned(read: Fields, robot: Robot, constraints: Sequence[Constraint]) 
         raise read.error("joint_b", f"two joints line up, both are '{a.name}'")
 
     def beyond(joint: str, frame: str) -> bool:
-        return frame != WORLD and joint in _joints_before(robot, frame)
+        return frame != WORLD and joint in set(robot.supporting_joints(frame))
 
     def between(loop: Loop) -> bool:
         sides = [(loop.frame_a, loop.frame_b), (loop.frame_b, loop.frame_a)]
@@ -185,14 +185,3 @@ def read_contact(read: Fields, key: str, constraints: Sequence[Constraint]) -> s
     if name not in disks:
         raise read.error(key, unknown_name("rolling disk", name, disks))
     return name
-
-
-def _joints_before(robot: Robot, frame: str) -> set[str]:
-    """The names of the moving joints between a frame and the world."""
-    tree = robot.equations.tree
-    j = next(f["parent_joint"] for f in tree.frames if f["name"] == frame)
-    names = set()
-    while j > 0:
-        names.add(tree.joints[j - 1]["name"])
-        j = tree.joints[j - 1]["parent"]
-    return names

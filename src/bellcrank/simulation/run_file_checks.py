@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from bellcrank.dynamics.constraint_angles import turning
 from bellcrank.dynamics.prescribed_motion_end import drive_end
 from bellcrank.files.npz_archive import brief
+from bellcrank.robot.joints import unit_vectors
 from bellcrank.scene.settings import STABILISATIONS, Settings, Stabilisation
 from bellcrank.simulation.json_checks import (
     amount,
@@ -34,7 +35,6 @@ from bellcrank.simulation.json_checks import (
 )
 from bellcrank.simulation.statistics import Statistics, Unresolved
 from bellcrank.simulation.status import Status
-from bellcrank.simulation.unit_parts import unit_parts
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
@@ -174,8 +174,8 @@ def _check_rotations(arrays: Mapping[str, Array], scene: Scene) -> None:
     """Unit quaternions, and unit cosines and sines of planar joints, in all finite states and events."""
     for name in ("state", "event_position"):
         rows = arrays[name][np.isfinite(arrays[name]).all(axis=1)]
-        for first, length in unit_parts(scene.robot.joints):
-            off = np.abs(np.sqrt(np.square(rows[:, first : first + length]).sum(axis=1)) - 1.0)
+        for place in unit_vectors(scene.robot.joints):
+            off = np.abs(np.sqrt(np.square(rows[:, place]).sum(axis=1)) - 1.0)
             if not (off <= UNIT).all():
                 raise ValueError(f"'{name}' has a rotation whose length is not 1")
 

@@ -20,7 +20,7 @@ from bellcrank.elements.frame_forces import Wrench
 from bellcrank.elements.joint_forces import Torque
 from bellcrank.elements.joint_relations import Drive
 from bellcrank.elements.torque_table import COMPONENTS
-from bellcrank.motion.motion import FAR_OUT, MOST_TURNED
+from bellcrank.motion.limit_notes import FAR_OUT, MOST_TURNED
 
 if TYPE_CHECKING:
     from bellcrank.elements.signals import Signal

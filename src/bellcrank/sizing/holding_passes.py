@@ -267,18 +267,17 @@ def _links(robot: Robot, joints: tuple[RobotJoint, ...]) -> list[_Link]:
     tree, columns = robot.equations.tree, {joint.name: k for k, joint in enumerate(joints)}
     bodies: list[list[tuple[float, Array]]] = [[] for _ in tree.joints]
     for frame in (tree.frames[k] for k in tree.massive_frames()):
-        placement = frame["placement"]
-        turn = np.array(placement["rotation"]).reshape(3, 3)
-        lever = turn @ np.array(frame["lever"]) + np.array(placement["translation"])
-        bodies[frame["parent_joint"] - 1].append((float(frame["mass"]), lever))
+        turn = np.array(frame.placement.rotation).reshape(3, 3)
+        lever = turn @ np.array(frame.lever) + np.array(frame.placement.translation)
+        bodies[frame.parent_joint - 1].append((frame.mass, lever))
     return [
         _Link(
-            joint["parent"] - 1,
-            np.array(joint["rotation"]).reshape(3, 3),
-            np.array(joint["translation"]),
-            np.array(joint["axis"]),
-            joint["what"] if joint["name"] in columns else "held",
-            columns.get(joint["name"], -1),
+            joint.parent - 1,
+            np.array(joint.placement.rotation).reshape(3, 3),
+            np.array(joint.placement.translation),
+            np.array(joint.axis),
+            joint.kind if joint.name in columns else "held",
+            columns.get(joint.name, -1),
             np.array([mass for mass, _ in carried]),
             np.array([lever for _, lever in carried]).reshape(-1, 3),
         )

@@ -1,12 +1,12 @@
-"""How long arrows are drawn: one scale a unit, linear for what is usual, and logarithmic above it.
+"""Lengths of drawn arrows: one scale for each unit, linear up to the usual magnitude and logarithmic above it.
 
-A lock or a blow lasts for a few steps and pulls a hundred times harder than all else; on one linear scale nothing but
-the blow would be seen.
+An impact lasts for a few steps, with forces a hundred times larger than all others; on a linear scale nothing else
+would be visible.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,21 +14,37 @@ from bellcrank.replays.film.film import Array, Film
 
 LONGEST = 0.45  # arrow, as a share of half the height of the view
 USUAL = 95.0  # percentile of the magnitudes up to which the scale is linear
-OUTSTANDING = 3.0  # times the usual: below it the scale is linear all the way
-LINEAR = 0.7  # share of the longest arrow that the linear part takes, where there is a logarithmic one
-NOTHING = 1e-9  # of the peak: rounding, not a force
+OUTSTANDING = 3.0  # ratio of peak to usual magnitude below which the scale is linear throughout
+LINEAR = 0.7  # share of the longest arrow for the linear part, if there is a logarithmic one
+ROUNDING = 1e-9  # of the peak: smaller magnitudes are rounding errors
 
 
-def arrow_scales(film: Film) -> list[dict[str, Any]]:
-    """One scale a unit: `length` (m) of an arrow of `usual` magnitude, and `decade` (m) more for each factor of ten."""
+@dataclass(frozen=True, kw_only=True)
+class ArrowScale:
+    """The scale of the arrows (by number) of one unit.
+
+    An arrow of the `usual` magnitude is `length` (m) long; each factor of ten above it adds `decade` (m). `peak` is the
+    largest magnitude.
+    """
+
+    unit: str
+    arrows: tuple[int, ...]
+    usual: float
+    length: float
+    decade: float
+    peak: float
+
+
+def arrow_scales(film: Film) -> list[ArrowScale]:
+    """The scales of a film's arrows, one for each unit."""
     camera = film.camera
     distance = float(np.linalg.norm(np.subtract(camera.position, camera.target)))
     longest = LONGEST * distance * float(np.tan(np.deg2rad(20.0)))
     scales = []
     for unit in dict.fromkeys(arrow.unit for arrow in film.arrows):
-        numbers = [k for k, arrow in enumerate(film.arrows) if arrow.unit == unit]
+        numbers = tuple(k for k, arrow in enumerate(film.arrows) if arrow.unit == unit)
         sizes = np.concatenate([_magnitudes(film.arrows[k].vectors) for k in numbers])
-        scales.append({"unit": unit, "arrows": numbers, **_scale(sizes, longest)})
+        scales.append(_scale(unit, numbers, sizes, longest))
     return scales
 
 
@@ -38,12 +54,12 @@ def _magnitudes(vectors: Array) -> Array:
     return np.asarray(sizes[np.isfinite(sizes)])
 
 
-def _scale(sizes: Array, longest: float) -> dict[str, float]:
-    peak = float(sizes.max(initial=0.0))
-    if peak == 0.0:
-        return {"usual": 1.0, "length": longest, "decade": 0.0, "peak": 0.0}
-    usual = float(np.percentile(sizes[sizes > NOTHING * peak], USUAL))
-    if peak <= OUTSTANDING * usual:
-        return {"usual": peak, "length": longest, "decade": 0.0, "peak": peak}
-    decade = (1.0 - LINEAR) * longest / float(np.log10(peak / usual))
-    return {"usual": usual, "length": LINEAR * longest, "decade": decade, "peak": peak}
+def _scale(unit: str, arrows: tuple[int, ...], sizes: Array, longest: float) -> ArrowScale:
+    usual, length, decade, peak = 1.0, longest, 0.0, float(sizes.max(initial=0.0))
+    if peak > 0.0:
+        usual = float(np.percentile(sizes[sizes > ROUNDING * peak], USUAL))
+        if peak <= OUTSTANDING * usual:
+            usual = peak
+        else:
+            length, decade = LINEAR * longest, (1.0 - LINEAR) * longest / float(np.log10(peak / usual))
+    return ArrowScale(unit=unit, arrows=arrows, usual=usual, length=length, decade=decade, peak=peak)

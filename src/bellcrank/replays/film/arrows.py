@@ -1,4 +1,4 @@
-"""Forces as arrows: what constraints, contacts, motors and wrenches do to bodies in the world; and springs as lines."""
+"""Forces and torques as arrows: of constraints, contacts, motors and wrenches; springs and rods as lines."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from bellcrank.elements.joint_relations import Drive
 from bellcrank.elements.loops import WORLD, Distance, Hinge, Loop, Point, Weld, perpendicular
 from bellcrank.elements.rolling import RollingDisk
 from bellcrank.elements.signals import values_at
+from bellcrank.motion.quaternions import from_matrices, multiply, rotate
 from bellcrank.replays.film.film import Arrow, Rod, Spring
-from bellcrank.replays.film.frames import Placed
-from bellcrank.replays.geometry.rotations import multiplied, quaternions, turned
+from bellcrank.replays.film.frames import FramePose
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint
@@ -31,43 +31,41 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class PlacedScene:
-    """A scene at the frames of a film: its parameters' values, `state` (n, …) that begins with q, and where the robot's
-    frames are.
-    """
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SceneFrames:
+    """A scene at n times: its parameters' values, states (n, …) that begin with q, and the poses of the robot's frames."""
 
     scene: Scene
     parameters: Array
     state: Array
-    placed: Placed
+    frame_pose: FramePose
 
-    def number(self, part: Part, field: str) -> float:
-        """A number of a force or constraint, as the parameters have it."""
-        target = f"{part.owner}.{part.name}.{field}"
+    def number(self, element: Part, field: str) -> float:
+        """A number of a force or constraint, with the value of the parameter that sets it, if any."""
+        target = f"{element.owner}.{element.name}.{field}"
         for k, parameter in enumerate(self.scene.parameters.values()):
             if target in parameter.sets:
                 return float(self.parameters[k])
-        return part.number(field)
+        return element.number(field)
 
-    def vector(self, part: Part, field: str) -> Array:
+    def vector(self, element: Part, field: str) -> Array:
         """A vector (3,) of a force or constraint."""
-        return np.array([self.number(part, f"{field}.{c}") for c in "xyz"])
+        return np.array([self.number(element, f"{field}.{c}") for c in "xyz"])
 
-    def side(self, loop: Loop, first: bool) -> tuple[Array, Array]:
-        """Points and quaternions of one side of a loop."""
+    def loop_side(self, loop: Loop, first: bool) -> tuple[Array, Array]:
+        """Points (n, 3) and quaternions (n, 4) of the first or second frame of a loop constraint."""
         name, at = (loop.frame_a, loop.at_a) if first else (loop.frame_b, loop.at_b)
         if name == WORLD and not first:
             points = np.tile(self.vector(loop, "point"), (len(self.state), 1))
-            turns = np.tile([0.0, 0.0, 0.0, 1.0], (len(self.state), 1))
+            quaternions = np.tile([0.0, 0.0, 0.0, 1.0], (len(self.state), 1))
         else:
-            points, turns = self.placed(name)
-        return (points, turns) if at is None else (points + turned(turns, np.array(at[:3])), turns)
+            points, quaternions = self.frame_pose(name)
+        return (points, quaternions) if at is None else (points + rotate(quaternions, np.array(at[:3])), quaternions)
 
 
-@dataclass(frozen=True, eq=False)
-class Moments(PlacedScene):
-    """The scene of a run at the frames of a film: times (n,) s, and states (n, size)."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RunFrames(SceneFrames):
+    """The scene of a run at times (n,) s, with full states (n, size)."""
 
     run: Trajectory
     time: Array
@@ -78,7 +76,7 @@ class Moments(PlacedScene):
 
     @cached_property
     def multipliers(self) -> Array:
-        """Multipliers (n, rows) of the constraints."""
+        """Multipliers (n, rows) of all constraints."""
         return np.asarray(system_of(self.run.scene).constraint(*self._arguments)[0])
 
     @cached_property
@@ -86,8 +84,8 @@ class Moments(PlacedScene):
         """Torques of motors and controllers (n, nv), N m or N."""
         return np.asarray(system_of(self.run.scene).observation(*self._arguments)[2])
 
-    def of(self, constraint: Constraint) -> Array:
-        """A constraint's multipliers (n, k), one a label, 0 for a row that does not bind."""
+    def multipliers_of(self, constraint: Constraint) -> Array:
+        """Multipliers (n, k) of a constraint, one for each of its labels; 0 for a redundant row."""
         labels = constraint.labels(self.run.robot)
         full = np.zeros((len(self.time), len(labels)))
         for row, (owner, label) in enumerate(system_of(self.run.scene).multiplier_names):
@@ -96,132 +94,144 @@ class Moments(PlacedScene):
         return full
 
 
-def shown_frames(scene: Scene) -> tuple[str, ...]:
-    """The frames that arrows, springs and rods of a scene need."""
-    parts: tuple[Part, ...] = (*scene.constraints, *scene.forces)
-    return tuple(dict.fromkeys(name for part in parts for name in part.frames))
+def element_frames(scene: Scene) -> tuple[str, ...]:
+    """The frames whose poses the arrows, springs and rods of a scene need."""
+    elements: tuple[Part, ...] = (*scene.constraints, *scene.forces)
+    return tuple(dict.fromkeys(name for element in elements for name in element.frames))
 
 
 def child_link(robot: Robot, joint: str) -> str:
-    """The link that a joint moves; its frame is the joint's own."""
+    """The child link of a joint, whose frame is the joint's frame."""
     return robot.urdf.joints[joint].child
 
 
-def run_arrows(moments: Moments) -> Iterator[Arrow]:
-    """The forces and torques of a run: multipliers on the body of each constraint's first frame, forces of contact,
-    torques of motors about their axes, and wrenches.
+def run_arrows(frames: RunFrames) -> Iterator[Arrow]:
+    """Arrows of a run's forces and torques.
+
+    These are the forces of constraints on the body of their first frame, contact forces, torques of motors about their
+    joints' axes, and wrenches.
     """
-    scene = moments.run.scene
+    scene = frames.run.scene
     for constraint in scene.constraints:
         if isinstance(constraint, Drive):
-            yield motor_arrow(
-                scene.robot, constraint.joint, moments.of(constraint)[:, 0], moments.placed, constraint.name
-            )
+            torque = frames.multipliers_of(constraint)[:, 0]
+            yield motor_arrow(scene.robot, constraint.joint, torque, frames.frame_pose, constraint.name)
         elif isinstance(constraint, RollingDisk):
             yield Arrow(
-                f"{constraint.name} on {_link(moments, constraint.frame)}",
-                "N",
-                contact_points(moments, constraint),
-                _contact_force(moments, constraint),
+                name=f"{constraint.name} on {_link(frames, constraint.frame)}",
+                unit="N",
+                points=contact_points(frames, constraint),
+                vectors=_contact_force(frames, constraint),
             )
         elif isinstance(constraint, Loop):
-            yield from _loop_arrows(moments, constraint)
+            yield from _loop_arrows(frames, constraint)
     for joint in scene.robot.joints:
-        if joint.nv == 1 and np.any(moments.run.actuator_torque[:, joint.v]):
-            yield motor_arrow(scene.robot, joint, moments.actuator_torque[:, joint.v], moments.placed)
+        if joint.nv == 1 and np.any(frames.run.actuator_torque[:, joint.v]):
+            yield motor_arrow(scene.robot, joint, frames.actuator_torque[:, joint.v], frames.frame_pose)
     for force in scene.forces:
         if isinstance(force, frame_forces.Wrench):
-            points, turns = moments.placed(force.frame)
-            for field, unit in (("force", "N"), ("torque", "N m")):
-                value = np.tile(moments.vector(force, field), (len(points), 1))
-                if np.any(value):
-                    value = value if force.expressed_in == WORLD else turned(turns, value)
-                    yield Arrow(f"{force.name} {field}", unit, points, value, field == "torque")
+            yield from _wrench_arrows(frames, force)
 
 
-def motor_arrow(robot: Robot, joint: RobotJoint, torque: Array, placed: Placed, name: str | None = None) -> Arrow:
-    """A motor's torque (n,) N m about its joint's axis, on the link that it moves; on a prismatic joint a force, N."""
-    points, turns = placed(child_link(robot, joint.name))
-    vectors = torque[:, None] * turned(turns, np.asarray(robot.joint_axis(joint.name)))
+def motor_arrow(
+    robot: Robot, joint: RobotJoint, torque: Array, frame_pose: FramePose, name: str | None = None
+) -> Arrow:
+    """A motor's torque (n,) N m about its joint's axis on the child link; for a prismatic joint a force (n,) N."""
+    points, quaternions = frame_pose(child_link(robot, joint.name))
+    vectors = torque[:, None] * rotate(quaternions, np.asarray(robot.joint_axis(joint.name)))
     linear = joint.kind == "prismatic"
-    return Arrow(name or f"{joint.name} motor", "N" if linear else "N m", points, vectors, not linear)
+    unit = "N" if linear else "N m"
+    return Arrow(name=name or f"{joint.name} motor", unit=unit, points=points, vectors=vectors, is_torque=not linear)
 
 
-def springs_of(moments: PlacedScene) -> Iterator[Spring]:
-    """The springs between frames, and those along prismatic joints: from where the joint is at 0 to where it is."""
-    for force in moments.scene.forces:
+def scene_springs(frames: SceneFrames) -> Iterator[Spring]:
+    """Springs between frames, and those of prismatic joints, from the joint's zero position to its position."""
+    for force in frames.scene.forces:
         if isinstance(force, frame_forces.Spring):
-            a = moments.placed(force.frame_a)[0]
+            a = frames.frame_pose(force.frame_a)[0]
             fixed = force.frame_b == WORLD
-            b = np.tile(moments.vector(force, "point"), (len(a), 1)) if fixed else moments.placed(force.frame_b)[0]
+            b = np.tile(frames.vector(force, "point"), (len(a), 1)) if fixed else frames.frame_pose(force.frame_b)[0]
             yield Spring(force.name, np.stack([a, b], axis=1))
         elif isinstance(force, JointSpring) and force.joint.kind == "prismatic":
-            robot, joint = moments.scene.robot, force.joint
-            points, turns = moments.placed(child_link(robot, joint.name))
-            way = moments.state[:, joint.q, None] * turned(turns, np.asarray(robot.joint_axis(joint.name)))
-            yield Spring(force.name, np.stack([points - way, points], axis=1))
+            robot, joint = frames.scene.robot, force.joint
+            points, quaternions = frames.frame_pose(child_link(robot, joint.name))
+            travel = frames.state[:, joint.q, None] * rotate(quaternions, np.asarray(robot.joint_axis(joint.name)))
+            yield Spring(force.name, np.stack([points - travel, points], axis=1))
 
 
-def rods_of(moments: PlacedScene) -> Iterator[Rod]:
+def scene_rods(frames: SceneFrames) -> Iterator[Rod]:
     """The rods of constraints that keep two points at a distance."""
-    for constraint in moments.scene.constraints:
+    for constraint in frames.scene.constraints:
         if isinstance(constraint, Distance):
-            ends = [moments.side(constraint, first)[0] for first in (True, False)]
+            ends = [frames.loop_side(constraint, first)[0] for first in (True, False)]
             yield Rod(constraint.name, np.stack(ends, axis=1))
 
 
-def contact_points(moments: PlacedScene, disk: RollingDisk) -> Array:
-    """Where a disk touches its plane (n, 3) m: p = c − r (n − (n·a) a)/s, as elements/rolling.py has it."""
-    centre, turns = moments.placed(disk.frame)
-    n, a, steepness = _disk_directions(disk, turns)
+def contact_points(frames: SceneFrames, disk: RollingDisk) -> Array:
+    """Contact points (n, 3) m of a disk with its plane: p = c − r (n − (n·a) a)/s, as in elements/rolling.py."""
+    centre, quaternions = frames.frame_pose(disk.frame)
+    n, a, steepness = _disk_directions(disk, quaternions)
     up = (n - (a @ n)[:, None] * a) / steepness
-    return np.asarray(centre - moments.number(disk, "radius") * up)
+    return np.asarray(centre - frames.number(disk, "radius") * up)
 
 
-def _contact_force(moments: Moments, disk: RollingDisk) -> Array:
-    """What the plane does to the disk (n, 3) N: along its normal n, forwards f = a × n / s, and sideways n × f."""
-    n, a, steepness = _disk_directions(disk, moments.placed(disk.frame)[1])
+def _contact_force(frames: RunFrames, disk: RollingDisk) -> Array:
+    """The force of the plane on a disk (n, 3) N: along the normal n, along f = a × n / s, and along n × f."""
+    n, a, steepness = _disk_directions(disk, frames.frame_pose(disk.frame)[1])
     forward = np.cross(a, n) / steepness
-    normal, along, sideways = np.moveaxis(moments.of(disk)[:, :, None], 1, 0)
+    normal, along, sideways = np.moveaxis(frames.multipliers_of(disk)[:, :, None], 1, 0)
     return np.asarray(normal * n + along * forward + sideways * np.cross(n, forward))
 
 
-def _disk_directions(disk: RollingDisk, turns: Array) -> tuple[Array, Array, Array]:
+def _disk_directions(disk: RollingDisk, quaternions: Array) -> tuple[Array, Array, Array]:
     """The plane's normal (3,), the disk's axis (n, 3), and s = |a × n| (n, 1)."""
     n = np.array(disk.normal)
-    a = turned(turns, np.array(disk.axis))
+    a = rotate(quaternions, np.array(disk.axis))
     return n, a, np.linalg.norm(np.cross(a, n), axis=1, keepdims=True)
 
 
-def _loop_arrows(moments: Moments, loop: Loop) -> Iterator[Arrow]:
+def _wrench_arrows(frames: RunFrames, force: frame_forces.Wrench) -> Iterator[Arrow]:
+    points, quaternions = frames.frame_pose(force.frame)
+    for field, unit in (("force", "N"), ("torque", "N m")):
+        value = np.tile(frames.vector(force, field), (len(points), 1))
+        if np.any(value):
+            value = value if force.expressed_in == WORLD else rotate(quaternions, value)
+            name = f"{force.name} {field}"
+            yield Arrow(name=name, unit=unit, points=points, vectors=value, is_torque=field == "torque")
+
+
+def _loop_arrows(frames: RunFrames, loop: Loop) -> Iterator[Arrow]:
     """Forces on the body of the loop's first frame, and the moments of a hinge or a weld."""
-    value, (a, turn_a), (b, turn_b) = moments.of(loop), moments.side(loop, True), moments.side(loop, False)
-    body = _link(moments, loop.frame_a)
+    value = frames.multipliers_of(loop)
+    (a, quaternions_a), (b, quaternions_b) = frames.loop_side(loop, True), frames.loop_side(loop, False)
+    body = _link(frames, loop.frame_a)
     if isinstance(loop, Distance):
-        way = (a - b) / np.maximum(np.linalg.norm(a - b, axis=1, keepdims=True), 1e-12)
-        yield Arrow(f"{loop.name} on {body}", "N", a, value * way)
+        direction = (a - b) / np.maximum(np.linalg.norm(a - b, axis=1, keepdims=True), 1e-12)
+        yield Arrow(name=f"{loop.name} on {body}", unit="N", points=a, vectors=value * direction)
         return
     if isinstance(loop, (Point, Hinge, Weld)):
-        yield Arrow(f"{loop.name} on {body}", "N", a, value[:, :3])
+        yield Arrow(name=f"{loop.name} on {body}", unit="N", points=a, vectors=value[:, :3])
     moment: Any = None
     if isinstance(loop, Hinge):
-        axis = turned(_placed_turn(loop.at_a, turn_a), np.array(loop.axis))
-        across = [turned(_placed_turn(loop.at_b, turn_b), np.array(n)) for n in perpendicular(loop.axis)]
+        axis = rotate(_side_orientation(loop.at_a, quaternions_a), np.array(loop.axis))
+        other = _side_orientation(loop.at_b, quaternions_b)
+        across = [rotate(other, np.array(n)) for n in perpendicular(loop.axis)]
         moment = sum(value[:, 3 + k, None] * np.cross(axis, n) for k, n in enumerate(across))
     elif isinstance(loop, Weld):
-        moment = turned(_placed_turn(loop.at_b, turn_b), value[:, 3:])
+        moment = rotate(_side_orientation(loop.at_b, quaternions_b), value[:, 3:])
     if moment is not None:
-        yield Arrow(f"{loop.name} moment on {body}", "N m", a, np.asarray(moment), True)
+        name = f"{loop.name} moment on {body}"
+        yield Arrow(name=name, unit="N m", points=a, vectors=np.asarray(moment), is_torque=True)
 
 
-def _link(moments: Moments, frame: str) -> str:
-    """The link on which a frame is, which is what a force at the frame acts on."""
-    robot, named = moments.run.robot, moments.run.scene.config.frames
+def _link(frames: RunFrames, frame: str) -> str:
+    """The link to which a frame is fixed."""
+    robot, named = frames.run.robot, frames.run.scene.config.frames
     return named[frame][0] if frame in named else child_link(robot, frame) if frame in robot.urdf.joints else frame
 
 
-def _placed_turn(at: tuple[float, ...] | None, turns: Array) -> Array:
-    """Quaternions of a side that is turned in its frame by the rotation in `at` (origin 3, rotation 9)."""
+def _side_orientation(at: tuple[float, ...] | None, quaternions: Array) -> Array:
+    """Quaternions (n, 4) of a side of a loop, whose placement in its frame is `at` (origin 3, rotation 9)."""
     if at is None:
-        return turns
-    return multiplied(turns, quaternions(np.array(at[3:]).reshape(3, 3)))
+        return quaternions
+    return multiply(quaternions, from_matrices(np.array(at[3:]).reshape(3, 3)))

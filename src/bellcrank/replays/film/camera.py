@@ -1,29 +1,33 @@
-"""Where to look from: a camera that sees the whole motion from a good side, and the ground under it."""
+"""The camera of a film, which sees the whole motion from a suitable side, and the ground."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.replays.film.film import Camera, Ground, Triple
-from bellcrank.replays.geometry.rotations import multiplied
+from bellcrank.motion.quaternions import conjugate, multiply
+from bellcrank.replays.film.film import Camera, Ground
+from bellcrank.replays.geometry.shapes import Triple
 
 Array = NDArray[np.float64]
-HALF_VIEW = np.tan(np.deg2rad(20.0))  # up and down
+HALF_VIEW = np.tan(np.deg2rad(20.0))  # tangent of half the vertical field of view
 ASPECT = 4.0 / 3.0
-MARGIN = 1.12  # of what must be seen
-FLAT = 1e-6  # of the size: a motion that leaves a plane by less is planar
-TILT = np.deg2rad(9.0)  # from square on, so that a planar scene is seen to be made of bodies
-HEIGHT = np.deg2rad(22.0)  # of the eye above what it looks at
-ASIDE = np.deg2rad(35.0)  # from the side on which most is seen
+MARGIN = 1.12  # factor on what must be visible
+PLANAR = 1e-6  # of the size: a motion that leaves a plane by less is planar
+TILT = np.deg2rad(9.0)  # from the normal of a planar scene, so that its bodies look solid
+ELEVATION = np.deg2rad(22.0)  # of the camera above its target
+AZIMUTH = np.deg2rad(35.0)  # from the direction in which the scene is broadest
 
 
-class Scenery(NamedTuple):
-    """What a camera must know: points (m, 3) to be seen, poses (n, k, 7) of the bodies, joint axes (j, 3) in the world,
-    and gravity (3,) m/s².
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CameraScene:
+    """What a camera is chosen by.
+
+    These are points (m, 3) m that must be visible, poses (n, k, 7) of the bodies, revolute axes (j, 3) in the world
+    frame, and gravity (3,) m/s².
     """
 
     points: Array
@@ -33,37 +37,38 @@ class Scenery(NamedTuple):
 
     @property
     def up(self) -> Array:
-        """Away from gravity; z without any."""
+        """The direction against gravity; z without gravity."""
         size = np.linalg.norm(self.gravity)
         return -self.gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
 
 
-def plane_normal(scenery: Scenery) -> Array | None:
-    """The unit normal (3,) of the one plane that everything moves along; None where there is no such plane.
+def motion_plane_normal(scene: CameraScene) -> Array | None:
+    """The unit normal (3,) of the plane of a planar motion; None if the motion is not planar.
 
-    All turns, and all joint axes, are about it, and no body's origin moves along it.
+    All rotations and joint axes are parallel to the normal, and no body's origin moves along it.
     """
-    poses = scenery.poses
+    poses = scene.poses
     moves = poses[:, :, :3] - poses[:1, :, :3]
-    back = poses[:1, :, 3:] * np.array([-1.0, -1.0, -1.0, 1.0])
-    turns = multiplied(poses[:, :, 3:], np.broadcast_to(back, poses[:, :, 3:].shape))[..., :3].reshape(-1, 3)
-    directions = np.concatenate([turns, scenery.axes])
+    back = conjugate(poses[:1, :, 3:])
+    turns = multiply(poses[:, :, 3:], np.broadcast_to(back, poses[:, :, 3:].shape))[..., :3].reshape(-1, 3)
+    directions = np.concatenate([turns, scene.axes])
     if not len(directions) or np.abs(directions).max() < 1e-9:
         return None
     normal = np.linalg.svd(directions.T @ directions)[0][:, 0]
     normal = normal * np.sign(normal[np.abs(normal).argmax()])
     across = np.linalg.norm(directions - np.outer(directions @ normal, normal), axis=1).max()
-    size = max(float(np.ptp(scenery.points, axis=0).max()), 1e-9)
-    if across > FLAT or np.abs(moves @ normal).max(initial=0.0) > FLAT * size:
+    size = max(float(np.ptp(scene.points, axis=0).max()), 1e-9)
+    if across > PLANAR or np.abs(moves @ normal).max(initial=0.0) > PLANAR * size:
         return None
-    return np.where(np.abs(normal) < FLAT, 0.0, normal)
+    return np.where(np.abs(normal) < PLANAR, 0.0, normal)
 
 
-def camera_for(scenery: Scenery) -> Camera:
-    """A camera that sees all points: square on, nearly, for a planar motion, otherwise from the side on which most is
-    seen, from a little above. Away from gravity is up; without any, y in a planar scene in the x-y plane, else z.
+def choose_camera(scene: CameraScene) -> Camera:
+    """A camera that sees all points: almost along the normal of a planar motion, else on the broadest side, from above.
+
+    The direction against gravity is up; without gravity, y for a motion in the x-y plane, else z.
     """
-    normal, up = plane_normal(scenery), scenery.up
+    normal, up = motion_plane_normal(scene), scene.up
     if normal is not None and abs(float(normal @ up)) > 0.9:
         up = _across(np.array([0.0, 1.0, 0.0]), normal)
     if normal is not None and abs(float(normal @ up)) < 0.1:
@@ -71,15 +76,15 @@ def camera_for(scenery: Scenery) -> Camera:
         back = normal * (np.sign(right[np.abs(right).argmax()]) or 1.0)
         back = _tilted(back, up, TILT, TILT)
     else:
-        back = _tilted(_broad_side(scenery.points, up), up, ASIDE, HEIGHT)
-    return fitted(scenery.points, back, up)
+        back = _tilted(_broad_side(scene.points, up), up, AZIMUTH, ELEVATION)
+    return fit_camera(scene.points, back, up)
 
 
-def fitted(points: Array, back: Array, up: Array) -> Camera:
+def fit_camera(points: Array, back: Array, up: Array) -> Camera:
     """The nearest camera that looks along −back and has all points (m, 3) in view, with a margin.
 
-    With x to the right and z towards the eye, a point is seen where |x − x₀| <= (d − z) tan(angle): both edges are
-    linear in x₀ and d, so the least d is found at once.
+    With x to the right and z towards the camera, a point is visible if |x − x₀| <= (d − z) tan(angle). Both conditions
+    are linear in x₀ and d, so that the smallest d follows directly.
     """
     back = back / np.linalg.norm(back)
     right = _across(np.cross(up, back), back)
@@ -96,21 +101,23 @@ def fitted(points: Array, back: Array, up: Array) -> Camera:
     return Camera(_triple(base + distance * back), _triple(base + depth * back), _triple(up))
 
 
-def ground_for(planes: Sequence[tuple[Array, float]], scenery: Scenery, fixed_base: bool) -> Ground | None:
-    """The plane that a disk rolls on; else, for a robot on a fixed base under gravity along −z, the level of its lowest
-    point, or z = 0 where it is no lower; None where there is no ground to think of.
+def choose_ground(planes: Sequence[tuple[Array, float]], scene: CameraScene, fixed_base: bool) -> Ground | None:
+    """The ground: the first of the planes (normal, height) that disks roll on, else a floor under the robot.
+
+    A robot on a fixed base with gravity along −z has a floor at its lowest point, or at z = 0 if that is close; others
+    have none.
     """
     if planes:
         normal, height = planes[0]
         return Ground(_triple(normal), float(height))
-    if not fixed_base or not np.allclose(scenery.up, [0.0, 0.0, 1.0]) or not np.any(scenery.gravity):
+    if not fixed_base or not np.allclose(scene.up, [0.0, 0.0, 1.0]) or not np.any(scene.gravity):
         return None
-    lowest, size = float(scenery.points[:, 2].min()), float(np.ptp(scenery.points, axis=0).max())
+    lowest, size = float(scene.points[:, 2].min()), float(np.ptp(scene.points, axis=0).max())
     return Ground((0.0, 0.0, 1.0), 0.0 if -0.02 * size < lowest < 0.25 * size else lowest)
 
 
 def _broad_side(points: Array, up: Array) -> Array:
-    """The horizontal direction in which points differ least, towards +x or, failing that, −y."""
+    """The horizontal direction of the smallest extent of points, towards +x, or −y if it is across x."""
     level = points - np.outer(points @ up, up)
     level = level - level.mean(axis=0)
     spread = level.T @ level
@@ -120,14 +127,14 @@ def _broad_side(points: Array, up: Array) -> Array:
     return np.asarray(least * (np.sign(least @ towards) or 1.0) / np.linalg.norm(least))
 
 
-def _tilted(back: Array, up: Array, aside: float, above: float) -> Array:
+def _tilted(back: Array, up: Array, azimuth: float, elevation: float) -> Array:
     right = np.cross(up, back)
-    level = np.cos(aside) * back + np.sin(aside) * right
-    return np.asarray(np.cos(above) * level + np.sin(above) * up)
+    level = np.cos(azimuth) * back + np.sin(azimuth) * right
+    return np.asarray(np.cos(elevation) * level + np.sin(elevation) * up)
 
 
 def _across(vector: Array, direction: Array) -> Array:
-    """The unit vector perpendicular to a direction that is nearest to a vector, or any where that is along it."""
+    """The unit vector across a direction that is nearest to a vector; any one if the vector is parallel to it."""
     for choice in (vector, *np.eye(3)):
         rest = choice - (choice @ direction) * direction
         if np.linalg.norm(rest) > 1e-6:

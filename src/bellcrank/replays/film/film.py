@@ -1,86 +1,51 @@
-"""A film: everything that a replay page shows, as plain data, whatever it was made from.
+"""A film: everything that a replay page shows, as plain data, independent of what it was made from.
 
-Lengths in m, times in s, angles in rad; positions and directions in the world, but for what says otherwise. A pose is
-seven numbers: position x y z and quaternion x y z w.
+Lengths in m, times in s, angles in rad; positions and directions are in the world frame unless stated otherwise. A pose
+is seven numbers: position x y z and unit quaternion x y z w.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.errors import InputError
 from bellcrank.motion.resampling import SHARE
+from bellcrank.replays.geometry.shapes import Body, Triple
 
 Array = NDArray[np.float64]
-Triple = tuple[float, float, float]
-Pose = tuple[float, float, float, float, float, float, float]
-HOME: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-
-
-@dataclass(frozen=True, eq=False)
-class Mesh:
-    """Triangles: vertices (k, 3) float32 in m, and faces (m, 3) int32, counter-clockwise from outside."""
-
-    vertices: NDArray[np.float32]
-    faces: NDArray[np.int32]
-
-
-@dataclass(frozen=True)
-class Shape:
-    """One solid of a body, at a `pose` in the body's frame, of a `colour` (red, green, blue, opacity; 0 to 1 each).
-
-    `size` is (x, y, z) of a box, (radius, length along z) of a cylinder, (radius,) of a sphere, and the scale along x,
-    y and z of a mesh. Shapes may share a `mesh`. `stand_in` says that the URDF has no visual there and this is only a
-    hint.
-    """
-
-    kind: Literal["box", "cylinder", "sphere", "mesh"]
-    size: tuple[float, ...]
-    colour: tuple[float, float, float, float]
-    pose: Pose = HOME
-    mesh: Mesh | None = None
-    stand_in: bool = False
-
-
-@dataclass(frozen=True)
-class Body:
-    """Shapes that move together, by the link's name."""
-
-    name: str
-    shapes: tuple[Shape, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """A curve that is drawn as it happens: points (m, 3) at times (m,), such as a tip's path or a contact's trace."""
+    """A curve that is drawn up to the current time: points (m, 3) at times (m,), such as the path of a frame."""
 
     name: str
     time: Array
     points: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Arrow:
-    """A force or torque, in `unit`, that acts at points (n, 3): vectors (n, 3), one a frame of the film.
+    """A force or torque, in `unit`, that acts at points (n, 3): vectors (n, 3), one for each frame of the film.
 
-    `about` says that it turns about its vector, as a torque does. With `time` (n,), which does not go back, there is
-    one of each a time of its own instead.
+    `is_torque` draws a ring around the arrow. With `time` (n,), which does not decrease, there is one point and vector
+    for each of these times instead.
     """
 
     name: str
     unit: str
     points: Array
     vectors: Array
-    about: bool = False
+    is_torque: bool = False
     time: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Spring:
-    """A spring between two points: ends (n, 2, 3), one pair a frame of the film."""
+    """A spring between two points: ends (n, 2, 3), one pair for each frame of the film."""
 
     name: str
     ends: Array
@@ -88,26 +53,29 @@ class Spring:
 
 @dataclass(frozen=True, eq=False)
 class Rod:
-    """A thin rod between two points: ends (n, 2, 3), one pair a frame of the film."""
+    """A thin rod between two points: ends (n, 2, 3), one pair for each frame of the film."""
 
     name: str
     ends: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Axis:
-    """A joint's axis: a point and a unit direction in the frame of body number `body`; `spring`: a torsion spring."""
+    """A joint's axis: a point and a unit direction in the frame of body number `body`.
+
+    `torsion_spring` draws a spiral around it.
+    """
 
     name: str
     body: int
     point: Triple
     direction: Triple
-    spring: bool = False
+    torsion_spring: bool = False
 
 
 @dataclass(frozen=True)
-class Mark:
-    """Something that happened, as a mark on the time line with its text."""
+class TimelineEvent:
+    """An event at a time, marked on the time line with a text."""
 
     time: float
     text: str
@@ -115,8 +83,9 @@ class Mark:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """Values (m,) of one name at times (m,) of its own that do not go back: a jump has its time twice; else over its
-    chart's time.
+    """Values (m,) of one quantity at its own times (m,), which do not decrease (a jump has its time twice).
+
+    Without `time` the values are at the times of the chart.
     """
 
     name: str
@@ -124,10 +93,12 @@ class Line:
     time: Array | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Chart:
-    """Lines of one unit over times (m,) that do not go back; `share` of its range is how far a line that goes straight
-    between its times may be off, None where there are only extremes, between which nothing is known.
+    """Lines of one unit over times (m,) that do not decrease.
+
+    `tolerance` is the largest error of straight lines between the samples, relative to the range of a line; None if
+    only extremes are kept, so that nothing is known between them.
     """
 
     title: str
@@ -135,13 +106,14 @@ class Chart:
     time: Array
     lines: tuple[Line, ...]
     logarithmic: bool = False
-    share: float | None = SHARE
+    tolerance: float | None = SHARE
 
 
-@dataclass(frozen=True, eq=False)
-class Plane:
-    """One quantity against another over times (m,), such as torque against speed, with closed limits (k, 2) around;
-    times, and `share`, are as a chart's.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class XYPlot:
+    """One quantity over another at times (m,), such as torque over speed, with `limits`: names and closed curves (k, 2).
+
+    Times and `tolerance` as in a chart.
     """
 
     title: str
@@ -151,12 +123,12 @@ class Plane:
     x: Array
     y: Array
     limits: tuple[tuple[str, Array], ...] = ()
-    share: float | None = SHARE
+    tolerance: float | None = SHARE
 
 
 @dataclass(frozen=True)
 class Ground:
-    """A plane to draw: its unit normal and how far along it it lies (m)."""
+    """A plane to draw: its unit normal, and its distance from the origin along the normal (m)."""
 
     normal: Triple
     height: float
@@ -164,20 +136,21 @@ class Ground:
 
 @dataclass(frozen=True)
 class Camera:
-    """Where the eye is, what it looks at, and which way is up; its vertical field of view is 40 degrees."""
+    """The camera's position, the point it looks at, and its up direction; its vertical field of view is 40 degrees."""
 
     position: Triple
     target: Triple
     up: Triple
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Film:
-    """Poses (n, bodies, 7) at increasing times (n,), and what goes with them.
+    """Poses (n, bodies, 7) at increasing times (n,), and everything else that the page shows.
 
-    Between frames positions go straight and orientations turn evenly; frames are so close that this is off by no more
-    than `bound` (m) at any point of the bodies; what is filmed is a smooth curve through the rows that are known.
-    `facts` are what a reader wants to know at the top: (name, value), the answer first, which `good` says is yes.
+    Between frames positions are interpolated linearly and orientations at a constant rate; no point of a body is off by
+    more than `error_bound` (m) from the smooth curve through the known rows. `facts` are (name, value) for the header,
+    the result first, and `success` says whether that result is good. `notes` say what to know about the picture, such
+    as simplified meshes.
     """
 
     title: str
@@ -185,16 +158,82 @@ class Film:
     poses: Array
     bodies: tuple[Body, ...]
     camera: Camera
-    bound: float
+    error_bound: float
     ground: Ground | None = None
     traces: tuple[Trace, ...] = ()
     arrows: tuple[Arrow, ...] = ()
     springs: tuple[Spring, ...] = ()
-    axes: tuple[Axis, ...] = ()
-    marks: tuple[Mark, ...] = ()
-    charts: tuple[Chart, ...] = ()
-    planes: tuple[Plane, ...] = ()
-    facts: tuple[tuple[str, str], ...] = ()
-    good: bool = True
     rods: tuple[Rod, ...] = ()
-    notes: tuple[str, ...] = field(default=())  # what a reader should know of the picture: simplified meshes, stand-ins
+    axes: tuple[Axis, ...] = ()
+    events: tuple[TimelineEvent, ...] = ()
+    charts: tuple[Chart, ...] = ()
+    xy_plots: tuple[XYPlot, ...] = ()
+    facts: tuple[tuple[str, str], ...] = ()
+    success: bool = True
+    notes: tuple[str, ...] = ()
+
+
+def check_film(film: Film) -> None:
+    """Raise InputError, naming what is wrong, if the parts of a film do not fit together or are not finite."""
+    n, names = len(film.time), [body.name for body in film.bodies]
+    if film.time.shape != (n,) or n == 0:
+        raise _inconsistent(film, "it has no frame", "give it at least one time")
+    if film.poses.shape != (n, len(names), 7):
+        raise _inconsistent(film, f"poses are {film.poses.shape}", f"expected {(n, len(names), 7)}: frames, bodies, 7")
+    if not (np.isfinite(film.time).all() and np.all(np.diff(film.time) > 0.0)):
+        raise _inconsistent(film, "its times do not increase", "give finite, increasing times")
+    bad = np.argwhere(~np.isfinite(film.poses).all(axis=2))
+    if len(bad):
+        frame, body = (int(k) for k in bad[0])
+        what = f"the pose of body '{names[body]}' at {film.time[frame]:g} s is not a finite number"
+        raise _inconsistent(film, what, "end the film before it")
+    if np.any(np.linalg.norm(film.poses[:, :, 3:], axis=2) < 1e-6):
+        raise _inconsistent(film, "a quaternion of its poses is zero", "give unit quaternions x y z w")
+    camera = np.array([film.camera.position, film.camera.target, film.camera.up])
+    if not np.isfinite(camera).all() or not np.linalg.norm(np.cross(camera[0] - camera[1], camera[2])) > 0.0:
+        remedy = "give a target other than the position, and an up direction across the view direction"
+        raise _inconsistent(film, "its camera has no view direction", remedy)
+    if not film.error_bound >= 0.0:
+        raise _inconsistent(
+            film, f"its error_bound is {film.error_bound}", "give the largest error of the frames, in m"
+        )
+    for kind, name, ends in (
+        *(("spring", spring.name, spring.ends) for spring in film.springs),
+        *(("rod", rod.name, rod.ends) for rod in film.rods),
+    ):
+        if ends.shape != (n, 2, 3) or not np.isfinite(ends).all():
+            raise _inconsistent(film, f"{kind} '{name}' has no finite ends", f"expected {(n, 2, 3)} numbers")
+    for arrow in film.arrows:
+        rows = n if arrow.time is None else len(arrow.time)
+        if arrow.points.shape != (rows, 3) or arrow.vectors.shape != (rows, 3) or not rows:
+            what = f"arrow '{arrow.name}' has another number of frames"
+            raise _inconsistent(film, what, f"expected {(rows, 3)} numbers")
+        if arrow.time is not None:
+            _check_times(film, f"arrow '{arrow.name}'", arrow.time)
+    for axis in film.axes:
+        if not 0 <= axis.body < len(names):
+            raise _inconsistent(film, f"axis '{axis.name}' is of body {axis.body}", f"there are {len(names)} bodies")
+    for chart in film.charts:
+        for line in chart.lines:
+            time = chart.time if line.time is None else line.time
+            _check_times(film, f"line '{line.name}' of chart '{chart.title}'", time, line.values)
+    for plot in film.xy_plots:
+        _check_times(film, f"plot '{plot.title}'", plot.time, plot.x, plot.y)
+    for trace in film.traces:
+        if trace.points.shape != (len(trace.time), 3):
+            what = f"trace '{trace.name}' has points {trace.points.shape}"
+            raise _inconsistent(film, what, f"expected {(len(trace.time), 3)}")
+        _check_times(film, f"trace '{trace.name}'", trace.time)
+    if not all(np.isfinite(event.time) for event in film.events):
+        raise _inconsistent(film, "the time of an event is not a finite number", "leave the event out")
+
+
+def _check_times(film: Film, what: str, time: Array, *values: Array) -> None:
+    if any(value.shape != time.shape for value in values):
+        raise _inconsistent(film, f"{what} does not have one value for each time", f"expected {time.shape}")
+    if not (np.isfinite(time).all() and np.all(np.diff(time) >= 0.0)):
+        raise _inconsistent(film, f"the times of {what} decrease or are not finite", "sort them")
+
+
+def _inconsistent(film: Film, what: str, remedy: str) -> InputError:
+    return InputError(f"film '{film.title}': {what}; {remedy}")

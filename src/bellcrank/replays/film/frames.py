@@ -1,4 +1,4 @@
-"""What a film is cut from: the poses of bodies and the traces of points along a course, in as few frames as will do."""
+"""Frames of a film: poses of bodies, traces and arrows along a trajectory, at as few times as the error bound allows."""
 
 from __future__ import annotations
 
@@ -9,136 +9,158 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.motion.resampling import NOTHING, OUTSTANDING, extreme_rows
-from bellcrank.motion.resampling import SHARE as VALUE_SHARE
+from bellcrank.motion.resampling import SHARE as VALUE_TOLERANCE
 from bellcrank.replays.film.decimation import Rows, frame_rows, series_rows
-from bellcrank.replays.film.film import Arrow, Body, Trace
-from bellcrank.replays.film.sampled_trajectory import Course, densified
-from bellcrank.replays.geometry.extents import body_corners, cloud, reaches
+from bellcrank.replays.film.film import Arrow, Trace
+from bellcrank.replays.film.sampled_trajectory import SampledTrajectory, refine
+from bellcrank.replays.geometry.shapes import Body, body_radii, bounding_boxes, world_corners
 
 Array = NDArray[np.float64]
-Point = Callable[[Array, Array], Array]  # points (n, frames, 3) and turns (n, frames, 4) -> a point (n, 3)
-SHARE = 1.0 / 2000.0  # of the size of what is shown: half a pixel where it fills a screen of 1,000 lines
-BETWEEN = 0.25  # of the bound: what lies between two rows
-TRACE = 0.25  # of the bound: traces stand still, and are looked at closely
-LEAST_FRAMES = 240  # where there are so many rows
+PointFunction = Callable[[Array, Array], Array]  # points (n, frames, 3), quaternions (n, frames, 4) -> points (n, 3)
+FramePose = Callable[[str], tuple[Array, Array]]  # name of a frame -> points (n, 3) m, quaternions (n, 4), in the world
+ArrowFunction = Callable[[Array, Array, Array, FramePose], Iterable[Arrow]]  # times, positions, velocities, frames
+TOLERANCE = 1.0 / 2000.0  # of the size of what is shown: half a pixel on a screen of 1,000 lines
+REFINEMENT = 0.25  # share of the bound for the error between two rows of the trajectory
+TRACE = 0.25  # share of the bound for traces, which do not move and are examined closely
+LEAST_FRAMES = 240  # if there are that many rows
 BLOCK = 400_000  # poses in memory at a time
-Placed = Callable[[str], tuple[Array, Array]]  # a frame's points (n, 3) m and quaternions (n, 4) in the world
-Forces = Callable[[Array, Array, Array, Placed], Iterable[Arrow]]  # times, positions and velocities -> arrows there
-MOST_ARROWS = 20_000  # times of arrows, all together
-SAMPLED = 100  # rows from which the size is taken
+MOST_ARROWS = 20_000  # times of all arrows in total
+SIZE_SAMPLES = 100  # rows from which the size is computed
 
 
-@dataclass(frozen=True, eq=False)
-class Footage:
-    """Frames of a film: times (n,) s, positions (n, nq) and velocities (n, nv) of the robot, points (n, frames, 3) m
-    and quaternions (n, frames, 4) of the course's frames, of which `bodies` are the numbers of the bodies'.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SampledFrames:
+    """Frames of a film at times (n,) s, with the robot's positions (n, nq) and velocities (n, nv).
+
+    `points` (n, frames, 3) m and `quaternions` (n, frames, 4) are those of all frames of the trajectory; `bodies` are
+    the numbers of the frames that carry bodies, and `corners` the boxes around these.
     """
 
-    course: Course
+    trajectory: SampledTrajectory
     time: Array
     position: Array
     velocity: Array
     points: Array
-    turns: Array
+    quaternions: Array
     bodies: tuple[int, ...]
     corners: tuple[Array, ...]
     traces: tuple[Trace, ...]
     arrows: tuple[Arrow, ...]
-    bound: float
+    error_bound: float
 
     @property
     def poses(self) -> Array:
-        """Poses (n, bodies, 7)."""
-        return np.concatenate([self.points[:, self.bodies], self.turns[:, self.bodies]], axis=2)
+        """Poses (n, bodies, 7) of the bodies."""
+        return np.concatenate([self.points[:, self.bodies], self.quaternions[:, self.bodies]], axis=2)
 
-    def placed(self, name: str) -> tuple[Array, Array]:
-        """Points (n, 3) m and quaternions (n, 4) of a frame."""
-        k = self.course.index[name]
-        return self.points[:, k], self.turns[:, k]
+    def frame_pose(self, name: str) -> tuple[Array, Array]:
+        """Points (n, 3) m and quaternions (n, 4) of a frame in the world frame."""
+        k = self.trajectory.frame_index[name]
+        return self.points[:, k], self.quaternions[:, k]
 
     @property
-    def cloud(self) -> Array:
-        """Points (m, 3) m between which all bodies are at a good hundred of the frames, and those of traces."""
-        some = np.unique(np.linspace(0, len(self.time) - 1, SAMPLED + 1).astype(int))
+    def visible_points(self) -> Array:
+        """Points (m, 3) m: the corners of all bodies at about a hundred of the frames, and the traces."""
+        some = np.unique(np.linspace(0, len(self.time) - 1, SIZE_SAMPLES + 1).astype(int))
         traced = [trace.points for trace in self.traces]
-        points = np.concatenate([cloud(self.poses[some], self.corners).reshape(-1, 3), *traced])
+        points = np.concatenate([world_corners(self.poses[some], self.corners).reshape(-1, 3), *traced])
         return np.asarray(points[np.isfinite(points).all(axis=1)])
 
 
-def footage(
-    course: Course,
+def sample_frames(
+    trajectory: SampledTrajectory,
     bodies: Sequence[Body],
-    traced: Mapping[str, Point],
+    traced: Mapping[str, PointFunction],
     keep: Iterable[float] = (),
     progress: Callable[[float], None] | None = None,
-    forces: Forces | None = None,
-) -> Footage:
-    """The frames, traces and arrows that show a course, times of `keep` among those of the frames; `progress` hears the
-    share that is done.
+    arrows: ArrowFunction | None = None,
+) -> SampledFrames:
+    """The frames, traces and arrows that show a trajectory within an error bound.
 
-    At every row no point of a body is further than Footage.bound from where the film has it, and arrows, at times of
-    their own, are off by SHARE of the longest at most.
+    At every row no point of a body is further than the bound from where the film shows it. Arrows have their own times;
+    their error is at most VALUE_TOLERANCE of the longest.
+
+    Args:
+        trajectory: Rows of the robot's motion, whose frames include the bodies'.
+        bodies: Bodies to show, named after frames.
+        traced: Points whose paths are drawn, by name.
+        keep: Times that must be among those of the frames, s.
+        progress: Called with the completed share.
+        arrows: Computes the arrows at rows of the trajectory.
     """
-    corners = body_corners(bodies)
-    reach, numbers = reaches(corners), tuple(course.index[body.name] for body in bodies)
-    size = _size(course, numbers, corners) or 1.0
-    bound = SHARE * size
-    course = densified(course, numbers, reach, size, BETWEEN * bound)
-    n = len(course.time)
-    wanted = np.concatenate([np.linspace(course.time[0], course.time[-1], LEAST_FRAMES + 1), list(keep)])
-    kept = np.unique(np.clip(np.searchsorted(course.time, wanted), 0, n - 1))
-    block = max(64, BLOCK // max(1, len(course.frames)))
+    corners = bounding_boxes(bodies)
+    radii, numbers = body_radii(corners), tuple(trajectory.frame_index[body.name] for body in bodies)
+    size = _size(trajectory, numbers, corners) or 1.0
+    bound = TOLERANCE * size
+    trajectory = refine(trajectory, numbers, radii, size, REFINEMENT * bound)
+    n = len(trajectory.time)
+    wanted = np.concatenate([np.linspace(trajectory.time[0], trajectory.time[-1], LEAST_FRAMES + 1), list(keep)])
+    kept = np.unique(np.clip(np.searchsorted(trajectory.time, wanted), 0, n - 1))
+    block = max(64, BLOCK // max(1, len(trajectory.frames)))
     rows: list[Rows] = []
     frames: list[tuple[Array, Array]] = []
-    points_of: dict[str, list[Array]] = {name: [] for name in traced}
-    arrows: dict[str, list[Arrow]] = {}
-    before = None
+    trace_rows: dict[str, list[Array]] = {name: [] for name in traced}
+    arrow_parts: dict[str, list[Arrow]] = {}
+    last = None
     for a in range(0, max(n - 1, 1), block):
         b = min(a + block, n - 1)
-        time = course.time[a : b + 1]
-        points, turns = course.places(course.position[a : b + 1])
-        if before is not None:
-            turns *= np.where(np.einsum("kc,kc->k", turns[0], before) < 0.0, -1.0, 1.0)[:, None]
-        before = turns[-1]
-        mine = kept[(kept >= a) & (kept <= b)] - a
-        found = frame_rows(time, points[:, numbers], turns[:, numbers], reach, (1.0 - BETWEEN) * bound, mine)[
-            a > 0 :
-        ]  # the row that two blocks share is the first one's
+        time = trajectory.time[a : b + 1]
+        points, quaternions = trajectory.frame_poses(trajectory.position[a : b + 1])
+        if last is not None:
+            quaternions *= np.where(np.einsum("kc,kc->k", quaternions[0], last) < 0.0, -1.0, 1.0)[:, None]
+        last = quaternions[-1]
+        # the row that two blocks share belongs to the first one
+        found = frame_rows(
+            time, points[:, numbers], quaternions[:, numbers], radii, (1.0 - REFINEMENT) * bound,
+            kept[(kept >= a) & (kept <= b)] - a,
+        )[a > 0 :]  # fmt: skip
         rows.append(found + a)
-        frames.append((points[found], turns[found]))
+        frames.append((points[found], quaternions[found]))
         for name, point in traced.items():
-            way = point(points, turns)
-            some = frame_rows(time, way[:, None], np.zeros((len(way), 1, 4)), np.zeros(1), TRACE * bound)[a > 0 :]
-            points_of[name].append(np.column_stack([time[some], way[some]]))
-        here = [] if forces is None else list(_forces_in(course, a, b, points, turns, forces))
+            path = point(points, quaternions)
+            some = frame_rows(time, path[:, None], np.zeros((len(path), 1, 4)), np.zeros(1), TRACE * bound)[a > 0 :]
+            trace_rows[name].append(np.column_stack([time[some], path[some]]))
+        here = [] if arrows is None else list(_arrows_between(trajectory, a, b, points, quaternions, arrows))
         for arrow in here:
-            part = _thinned(arrow, TRACE * bound, max(LEAST_FRAMES, MOST_ARROWS // len(here)))
-            arrows.setdefault(arrow.name, []).append(part)
+            part = _decimate_arrow(arrow, TRACE * bound, max(LEAST_FRAMES, MOST_ARROWS // len(here)))
+            arrow_parts.setdefault(arrow.name, []).append(part)
         if progress is not None:
             progress((b + 1) / n)
     at = np.concatenate(rows)
-    traces = _unlike([(name, np.concatenate(parts)) for name, parts in points_of.items()], bound)
-    points, turns = (np.concatenate(parts) for parts in zip(*frames, strict=True))
-    return Footage(
-        course, course.time[at], course.position[at], course.velocity[at], points, turns, numbers, tuple(corners),
-        traces, _seen([joined_arrows(parts) for parts in arrows.values()]), bound,
-    )  # fmt: skip
+    points, quaternions = (np.concatenate(parts) for parts in zip(*frames, strict=True))
+    return SampledFrames(
+        trajectory=trajectory,
+        time=trajectory.time[at],
+        position=trajectory.position[at],
+        velocity=trajectory.velocity[at],
+        points=points,
+        quaternions=quaternions,
+        bodies=numbers,
+        corners=tuple(corners),
+        traces=_distinct_traces([(name, np.concatenate(parts)) for name, parts in trace_rows.items()], bound),
+        arrows=_visible_arrows([join_arrows(parts) for parts in arrow_parts.values()]),
+        error_bound=bound,
+    )
 
 
-def _forces_in(course: Course, a: int, b: int, points: Array, turns: Array, forces: Forces) -> Iterable[Arrow]:
-    """Arrows at rows a to b of a course, whose frames are at points and quaternions (b − a + 1, frames, …) there."""
+def _arrows_between(
+    trajectory: SampledTrajectory, a: int, b: int, points: Array, quaternions: Array, arrows: ArrowFunction
+) -> Iterable[Arrow]:
+    """Arrows at rows a to b of a trajectory, at which frames have these points and quaternions (b − a + 1, frames, …)."""
 
-    def placed(name: str) -> tuple[Array, Array]:
-        return points[:, course.index[name]], turns[:, course.index[name]]
+    def frame_pose(name: str) -> tuple[Array, Array]:
+        return points[:, trajectory.frame_index[name]], quaternions[:, trajectory.frame_index[name]]
 
-    time = course.time[a : b + 1]
-    for arrow in forces(time, course.position[a : b + 1], course.velocity[a : b + 1], placed):
+    time = trajectory.time[a : b + 1]
+    for arrow in arrows(time, trajectory.position[a : b + 1], trajectory.velocity[a : b + 1], frame_pose):
         yield replace(arrow, time=time)
 
 
-def _thinned(arrow: Arrow, bound: float, most: int) -> Arrow:
-    """An arrow at the times that it takes for its point to be within a bound (m), and its vector within VALUE_SHARE of
-    the longest, or of OUTSTANDING times what is usual; within more where those are more than `most` times.
+def _decimate_arrow(arrow: Arrow, bound: float, most: int) -> Arrow:
+    """An arrow at the times that keep its point within a bound (m) and its vector within VALUE_TOLERANCE.
+
+    The tolerance is relative to the longest vector, or to OUTSTANDING times the usual length if that is less. Larger
+    bounds are used if more than `most` times are needed.
     """
     assert arrow.time is not None
     with np.errstate(all="ignore"):
@@ -146,19 +168,19 @@ def _thinned(arrow: Arrow, bound: float, most: int) -> Arrow:
     sizes = sizes[np.isfinite(sizes)]
     longest = float(sizes.max(initial=0.0))
     usual = OUTSTANDING * float(np.percentile(sizes, 95.0)) if len(sizes) else 0.0
-    vector = VALUE_SHARE * (min(longest, usual) or longest)
+    vector = VALUE_TOLERANCE * (min(longest, usual) or longest)
     table, bounds = np.hstack([arrow.points, arrow.vectors]), np.repeat([bound, vector], 3) / np.sqrt(3.0)
-    for coarser in (1.0, 4.0, 16.0, 64.0):
-        rows = series_rows(arrow.time, table, coarser * bounds, most)
+    for factor in (1.0, 4.0, 16.0, 64.0):
+        rows = series_rows(arrow.time, table, factor * bounds, most)
         if rows is not None:
             break
-    else:  # it flies apart
+    else:  # the run diverges
         rows = extreme_rows(table, most)
     return replace(arrow, time=arrow.time[rows], points=arrow.points[rows], vectors=arrow.vectors[rows])
 
 
-def _seen(arrows: Sequence[Arrow]) -> tuple[Arrow, ...]:
-    """The arrows that are ever drawn; of one that is rounding beside others of its unit only the ends, as zero."""
+def _visible_arrows(arrows: Sequence[Arrow]) -> tuple[Arrow, ...]:
+    """The arrows that are not always zero; one that is only rounding beside others of its unit becomes zero."""
     peaks = [float(np.abs(np.nan_to_num(arrow.vectors)).max(initial=0.0)) for arrow in arrows]
     found = []
     for arrow, peak in zip(arrows, peaks, strict=True):
@@ -171,8 +193,8 @@ def _seen(arrows: Sequence[Arrow]) -> tuple[Arrow, ...]:
     return tuple(found)
 
 
-def joined_arrows(parts: Sequence[Arrow], shifts: Sequence[float] | None = None) -> Arrow:
-    """An arrow's parts one after the other, each so many s later."""
+def join_arrows(parts: Sequence[Arrow], shifts: Sequence[float] | None = None) -> Arrow:
+    """The parts of an arrow one after the other, each shifted by a time (s)."""
     times = [part.time for part in parts if part.time is not None]
     return replace(
         parts[0],
@@ -182,17 +204,17 @@ def joined_arrows(parts: Sequence[Arrow], shifts: Sequence[float] | None = None)
     )
 
 
-def _size(course: Course, numbers: Sequence[int], corners: Sequence[Array]) -> float:
-    """The largest diagonal (m) of a box around all bodies, at one time."""
-    some = np.unique(np.linspace(0, len(course.time) - 1, SAMPLED).astype(int))
-    points, turns = course.places(course.position[some])
-    poses = np.concatenate([points[:, numbers], turns[:, numbers]], axis=2)
-    boxes = np.ptp(cloud(poses, corners), axis=1) if len(numbers) else np.zeros((1, 3))
+def _size(trajectory: SampledTrajectory, numbers: Sequence[int], corners: Sequence[Array]) -> float:
+    """The largest diagonal (m) of the box around all bodies at any time."""
+    some = np.unique(np.linspace(0, len(trajectory.time) - 1, SIZE_SAMPLES).astype(int))
+    points, quaternions = trajectory.frame_poses(trajectory.position[some])
+    poses = np.concatenate([points[:, numbers], quaternions[:, numbers]], axis=2)
+    boxes = np.ptp(world_corners(poses, corners), axis=1) if len(numbers) else np.zeros((1, 3))
     return float(np.linalg.norm(boxes, axis=1).max())
 
 
-def _unlike(traces: Sequence[tuple[str, Array]], bound: float) -> tuple[Trace, ...]:
-    """The traces (m, 4) of time and point, but for those that one before draws already, as frames of one point do."""
+def _distinct_traces(traces: Sequence[tuple[str, Array]], bound: float) -> tuple[Trace, ...]:
+    """Traces of rows (m, 4), time and point, without those that coincide with an earlier one within a bound (m)."""
     found: list[tuple[str, Array]] = []
     for name, rows in traces:
         for _, other in found:

@@ -1,4 +1,4 @@
-"""What any film shows of a robot: its bodies, joint axes and traced frames."""
+"""What every film shows of a robot: its bodies, joint axes and traced frames, and what the camera must see."""
 
 from __future__ import annotations
 
@@ -11,70 +11,75 @@ from numpy.typing import NDArray
 
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
+from bellcrank.motion.quaternions import rotate
 from bellcrank.replays.film.arrows import child_link
-from bellcrank.replays.film.camera import Scenery
-from bellcrank.replays.film.film import Arrow, Axis, Body
-from bellcrank.replays.film.frames import Footage, Point
-from bellcrank.replays.film.sampled_trajectory import Course
+from bellcrank.replays.film.camera import CameraScene
+from bellcrank.replays.film.film import Arrow, Axis
+from bellcrank.replays.film.frames import PointFunction, SampledFrames
+from bellcrank.replays.film.sampled_trajectory import SampledTrajectory
 from bellcrank.replays.geometry.meshes import Detail
-from bellcrank.replays.geometry.rotations import turned
-from bellcrank.replays.geometry.visuals import bodies as visual_bodies
+from bellcrank.replays.geometry.shapes import Body
+from bellcrank.replays.geometry.visuals import robot_bodies
 from bellcrank.terminal.progress import share_bar
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
 Array = NDArray[np.float64]
-MOST_LEAVES = 2  # links without followers that are traced where nothing else says what is
+MOST_LEAVES = 2  # links without children that are traced by default
 _TIPS = ("tip", "tool0", "tool", "tcp", "ee", "ee_link", "end_effector", "flange")
 _TIP = re.compile(r"(^|_)(tip|tool0?|tcp|ee|end_?effector)($|_)", re.IGNORECASE)
-ARROW = 0.2  # of the scene: how far the camera expects arrows to reach
+ARROW_LENGTH = 0.2  # of the scene: the length of arrows for which the camera leaves room
 
 
-def filmed_bodies(robot: Robot, detail: Detail) -> tuple[tuple[Body, ...], tuple[str, ...]]:
-    """The bodies of a robot with their notes; links that joints move are among them, if only as places."""
+def film_bodies(robot: Robot, detail: Detail) -> tuple[tuple[Body, ...], tuple[str, ...]]:
+    """The bodies of a robot, with an empty one for each moving link without shapes; and notes."""
     with share_bar("meshes") as progress:
-        bodies, notes = visual_bodies(robot, detail, progress)
+        bodies, notes = robot_bodies(robot, detail, progress)
     there = {body.name for body in bodies}
     moved = dict.fromkeys(child_link(robot, name) for name, _ in joint_axes(robot))
     return (*bodies, *(Body(name, ()) for name in moved if name not in there)), notes
 
 
 def joint_axes(robot: Robot) -> list[tuple[str, Array]]:
-    """(joint, unit axis in its own frame) of the joints with one degree of freedom, mimicking ones too."""
+    """(joint, unit axis in its own frame) of the joints with one degree of freedom, including mimic joints."""
     axes = [(name, robot.joint_axis(name)) for name in robot.all_joint_names]
     return [(name, axis) for name, axis in axes if np.any(axis)]
 
 
-def turning_axes(robot: Robot) -> list[tuple[str, Array]]:
-    """(link, axis in its frame) of the joints that turn."""
+def revolute_axes(robot: Robot) -> list[tuple[str, Array]]:
+    """(child link, axis in its frame) of the joints with one degree of freedom that turn."""
     linear = {joint.name for joint in robot.joints if joint.kind == "prismatic"}
     return [(child_link(robot, name), axis) for name, axis in joint_axes(robot) if name not in linear]
 
 
 def film_axes(robot: Robot, bodies: Sequence[Body], sprung: Iterable[str] = ()) -> tuple[Axis, ...]:
-    """The axes of a robot's joints, those of `sprung` joints as torsion springs."""
+    """The axes of a robot's joints; those of `sprung` revolute joints with torsion springs."""
     number = {body.name: k for k, body in enumerate(bodies)}
     linear, sprung = {joint.name for joint in robot.joints if joint.kind == "prismatic"}, set(sprung)
     return tuple(
         Axis(
-            name, number[child_link(robot, name)], (0.0, 0.0, 0.0), (float(x), float(y), float(z)),
-            name in sprung and name not in linear,
+            name=name,
+            body=number[child_link(robot, name)],
+            point=(0.0, 0.0, 0.0),
+            direction=(float(x), float(y), float(z)),
+            torsion_spring=name in sprung and name not in linear,
         )
         for name, (x, y, z) in joint_axes(robot)
-    )  # fmt: skip
+    )
 
 
-def traced_frames(robot: Robot, asked: Iterable[str], followed: Sequence[str] = ()) -> tuple[str, ...]:
-    """The frames to trace: those asked for, else those followed, else one that is called a tip, else the last links
-    where they are few. Raises InputError for a name that the robot does not have.
+def traced_frames(robot: Robot, asked: Iterable[str], default: Sequence[str] = ()) -> tuple[str, ...]:
+    """The frames to trace: those asked for, else the default, else a frame named like a tip, else the last links.
+
+    Last links are traced only if there are few. Raises InputError for a frame that the robot does not have.
     """
     asked = (asked,) if isinstance(asked, str) else tuple(dict.fromkeys(asked))
     for name in asked:
         if name not in robot.frame_names:
             raise InputError(f"trace: {unknown_name('frame', name, robot.frame_names)}")
-    if asked or followed:
-        return asked or tuple(followed)
+    if asked or default:
+        return asked or tuple(default)
     for name in _TIPS:
         if name in robot.frame_names:
             return (name,)
@@ -85,26 +90,31 @@ def traced_frames(robot: Robot, asked: Iterable[str], followed: Sequence[str] = 
     return found if len(found) <= 2 * MOST_LEAVES and (found is tips or len(found) <= MOST_LEAVES) else ()
 
 
-def frame_points(course: Course, names: Iterable[str]) -> dict[str, Point]:
-    """The origins of frames, to be traced."""
+def frame_origins(trajectory: SampledTrajectory, names: Iterable[str]) -> dict[str, PointFunction]:
+    """The origins of frames, as points to trace."""
 
-    def origin(k: int) -> Point:
-        return lambda points, turns: points[:, k]
+    def origin(k: int) -> PointFunction:
+        return lambda points, quaternions: points[:, k]
 
-    return {name: origin(course.index[name]) for name in names}
-
-
-def scenery(shots: Footage, arrows: Sequence[Arrow] = (), more: Sequence[Array] = ()) -> Scenery:
-    """What a camera must know of footage, its arrows, and points (m, 3) besides."""
-    robot = shots.course.robot
-    axes = [turned(shots.placed(link)[1][0], axis) for link, axis in turning_axes(robot)]
-    size = float(np.ptp(shots.cloud, axis=0).max())
-    points = np.concatenate([shots.cloud, *more, *(_tips(arrow, ARROW * size) for arrow in arrows)])
-    return Scenery(points, shots.poses, np.array(axes).reshape(-1, 3), np.array(robot.gravity))
+    return {name: origin(trajectory.frame_index[name]) for name in names}
 
 
-def _tips(arrow: Arrow, longest: float) -> Array:
-    """About where an arrow ends (m, 3) that is drawn so long at most (m)."""
+def camera_scene(frames: SampledFrames, arrows: Sequence[Arrow] = (), points: Sequence[Array] = ()) -> CameraScene:
+    """What the camera must see: the bodies and traces of frames, arrows, and other points (m, 3)."""
+    robot = frames.trajectory.robot
+    axes = [rotate(frames.frame_pose(link)[1][0], axis) for link, axis in revolute_axes(robot)]
+    visible = frames.visible_points
+    length = ARROW_LENGTH * float(np.ptp(visible, axis=0).max())
+    return CameraScene(
+        points=np.concatenate([visible, *points, *(_arrow_tips(arrow, length) for arrow in arrows)]),
+        poses=frames.poses,
+        axes=np.array(axes).reshape(-1, 3),
+        gravity=np.array(robot.gravity),
+    )
+
+
+def _arrow_tips(arrow: Arrow, longest: float) -> Array:
+    """Approximate end points (m, 3) of an arrow that is drawn with at most this length (m)."""
     size = np.linalg.norm(arrow.vectors, axis=1)
     there = np.isfinite(size) & np.isfinite(arrow.points).all(axis=1)
     if not np.any(size[there]):
@@ -115,7 +125,7 @@ def _tips(arrow: Arrow, longest: float) -> Array:
 
 
 def named_facts(rows: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
-    """Facts in which a line without a name has that of the line before."""
+    """Facts in which a line without a name has the name of the line before."""
     facts: list[tuple[str, str]] = []
     for name, value in rows:
         facts.append((name or facts[-1][0], value))

@@ -1,7 +1,7 @@
-"""Mesh files as triangles to draw: read, simplified as far as the eye does not see, and kept in the cache.
+"""Meshes of a robot: read from files, simplified without visible loss, and cached.
 
-All surfaces of a robot are simplified by the same length: the least of a ladder that brings the faces drawn to BUDGET
-or fewer, beginning at a small share of the robot's size.
+All surfaces of a robot are simplified with the same tolerance: the smallest of an increasing sequence, which begins at
+a small share of the robot's size, that brings the number of faces down to BUDGET.
 """
 
 from __future__ import annotations
@@ -20,28 +20,30 @@ import numpy as np
 from bellcrank.codegen import cache as disk
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess, read_bytes
-from bellcrank.replays.film.film import Mesh
 from bellcrank.replays.geometry.colours import Colour
 from bellcrank.replays.geometry.mesh_files import named_files, read_parts
+from bellcrank.replays.geometry.mesh_limits import MeshError
+from bellcrank.replays.geometry.shapes import Mesh
 from bellcrank.replays.geometry.simplify import Simplifier, weld
-from bellcrank.replays.geometry.triangle_files import MeshError
 from bellcrank.robot.mesh_path import find_beside
 
 Detail = Literal["reduced", "full"]
-Ladder = tuple[float, ...]
+Tolerances = tuple[float, ...]  # m, increasing
 Progress = Callable[[float], None]
 
 BUDGET = 30_000  # faces drawn at once: what software rendering shows smoothly
-UNSEEN = 2e-4  # of the robot's size: a tenth of a pixel where the robot fills 500 of them
-LEAST_STEP, MOST_STEP, STEPS = 2**0.25, 2.0, 32  # the ladder of tolerances
-LATER = 0.2  # about how long a step of the ladder takes, of the one before
+FIRST_TOLERANCE = 2e-4  # of the robot's size: a tenth of a pixel if the robot fills 500 pixels
+LEAST_FACTOR, MOST_FACTOR, MOST_STEPS = 2**0.25, 2.0, 32  # from one tolerance to the next
+STEP_TIME = 0.2  # approximate time for a tolerance, relative to the one before
 MOST_BYTES = 200 * 2**20  # of one file
-MODULES = ("meshes", "mesh_files", "triangle_files", "collada_limits", "colours", "simplify")  # that make the meshes
+MODULES = (  # on which the cached meshes depend
+    "meshes", "mesh_files", "mesh_limits", "stl_obj_files", "collada_files", "colours", "simplify",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
-    """What a mesh file has of one colour (None: the file gives none), and how many faces it had as written."""
+class MeshPart:
+    """The part of a mesh file with one colour (None: the file gives none); `written` counts its faces in the file."""
 
     mesh: Mesh
     colour: Colour | None
@@ -50,11 +52,11 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Meshes:
-    """The pieces of mesh files, why others have none, and the length (m; 0: as written) that surfaces were shifted."""
+    """The parts of mesh files, why other files have none, and the tolerance (m; 0: not simplified) of all surfaces."""
 
-    pieces: Mapping[Path, tuple[Piece, ...]]
+    parts: Mapping[Path, tuple[MeshPart, ...]]
     failures: Mapping[Path, str]
-    shift: float
+    tolerance: float
 
 
 def load_meshes(
@@ -64,11 +66,11 @@ def load_meshes(
     progress: Progress = lambda share: None,
     access: FileAccess | None = None,
 ) -> Meshes:
-    """The meshes of files, each used at these scales (m to the file's unit), of a robot of `size` (m).
+    """The meshes of files for a robot of a `size` (m); `uses` gives the scales (m per file unit) of each file.
 
-    Vertices are in the file's own unit, each place one vertex. Files of the same content share their meshes.
-    A file that cannot be drawn raises nothing, it is among the failures. `progress` hears the share that is done of
-    what is not in the cache. `access` says which files the mesh files may name, by default those near each.
+    Vertices are in the file's unit, without duplicates. Files with the same content share their meshes. A file that
+    cannot be drawn raises nothing; it is listed in the failures. `progress` is called with the completed share of what
+    is not in the cache. `access` says which files the mesh files may name; default: those near each file.
     """
     files: dict[str, _File] = {}
     keys: dict[Path, str] = {}
@@ -82,74 +84,75 @@ def load_meshes(
         keys[path] = file.key
         files.setdefault(file.key, file).scales.extend(scales)
     plan = "plan-" + disk.digest(_version(), detail, repr(size), *(repr((f.key, f.scales)) for f in files.values()))
-    ladder = _stored_ladder(plan)
-    if ladder is None:
-        ladder = _climbed(files.values(), size, progress) if detail == "reduced" else ()
-        disk.store(plan, json.dumps(ladder).encode())
-    pieces: dict[Path, tuple[Piece, ...]] = {}
-    made: dict[str, tuple[Piece, ...]] = {}
+    tolerances = _cached_tolerances(plan)
+    if tolerances is None:
+        tolerances = _choose_tolerances(files.values(), size, progress) if detail == "reduced" else ()
+        disk.store(plan, json.dumps(tolerances).encode())
+    parts: dict[Path, tuple[MeshPart, ...]] = {}
+    made: dict[str, tuple[MeshPart, ...]] = {}
     for key, file in files.items():
-        made[key] = _stored_pieces(file, ladder) or _made(file, ladder)
+        made[key] = _cached_parts(file, tolerances) or _simplified_parts(file, tolerances)
         progress(len(made) / len(files))
     for path, key in keys.items():
         if made[key]:
-            pieces[path] = made[key]
+            parts[path] = made[key]
         else:
             failures[path] = files[key].failure
-    return Meshes(pieces, failures, ladder[-1] if ladder else 0.0)
+    return Meshes(parts, failures, tolerances[-1] if tolerances else 0.0)
 
 
 class _File:
-    """A mesh file's content and, once needed, its surfaces, simplified to the end of a ladder."""
+    """The content of a mesh file and, once needed, its surfaces."""
 
     def __init__(self, path: Path, access: FileAccess) -> None:
         self.access = access
         self.path, self.scales, self.failure = path, list[float](), ""
-        self._beside: dict[Path, bytes] = {}
+        self._referenced: dict[Path, bytes] = {}
         self.data = _content(path)
         self._surfaces: list[tuple[Simplifier, Colour | None, int]] | None = None
         self._steps = 0
         self.key = disk.digest(self.data, path.suffix.lower(), *self._named(self.data, path.suffix))
 
     def _named(self, data: bytes, suffix: str) -> Iterable[bytes]:
-        """What the files hold that a file names, and those that they name."""
+        """The contents of the files that a file refers to, and of those that these refer to."""
         for name in named_files(data, suffix):
-            content = self.beside(name)
+            content = self.read_referenced(name)
             yield content or b""
             if content is not None and name.lower().endswith(".mtl"):
                 yield from self._named(content, ".mtl")
 
-    def beside(self, name: str) -> bytes | None:
-        """What a file holds that this one names, or None; also where these hold more than MOST_BYTES together."""
+    def read_referenced(self, name: str) -> bytes | None:
+        """The content of a file that this one refers to; None if there is none, or beyond MOST_BYTES in total."""
         path = find_beside(name, self.path, self.access)
         try:
-            if path is not None and path not in self._beside:
-                self._beside[path] = _content(path, MOST_BYTES - sum(map(len, self._beside.values())))
-            return None if path is None else self._beside[path]
+            if path is not None and path not in self._referenced:
+                self._referenced[path] = _content(path, MOST_BYTES - sum(map(len, self._referenced.values())))
+            return None if path is None else self._referenced[path]
         except MeshError:
             return None
 
-    def surfaces(self, ladder: Ladder) -> list[tuple[Simplifier, Colour | None, int]]:
-        """Each part's surface at the end of a ladder (m), its colour and how many faces it had; empty on failure."""
+    def surfaces(self, tolerances: Tolerances) -> list[tuple[Simplifier, Colour | None, int]]:
+        """The surface of each part after these tolerances, its colour and its faces in the file; empty on failure."""
         if self._surfaces is None:
             self._surfaces = []
             try:
-                for part in read_parts(self.data, self.path.suffix, self.beside):
+                for part in read_parts(self.data, self.path.suffix, self.read_referenced):
                     vertices, faces = weld(part.vertices, part.faces)
                     if len(faces):
                         self._surfaces.append((Simplifier(vertices, faces), part.colour, len(part.faces)))
                 if not self._surfaces:
-                    self.failure = "holds no triangle that has an area"
+                    self.failure = "holds no triangle with an area"
             except MeshError as error:
                 self.failure = str(error)
-        for step in ladder[self._steps :]:
+        for tolerance in tolerances[self._steps :]:
             for surface, _, _ in self._surfaces:
-                surface.reduce(step / self.scale)
-        self._steps = max(self._steps, len(ladder))
+                surface.reduce(tolerance / self.scale)
+        self._steps = max(self._steps, len(tolerances))
         return self._surfaces
 
     @property
     def scale(self) -> float:
+        """The largest scale at which the file is used."""
         return max(self.scales)
 
 
@@ -160,69 +163,69 @@ def _content(path: Path, most: int = MOST_BYTES) -> bytes:
         raise MeshError(str(error).removeprefix(f"{path}: ")) from None
 
 
-def _climbed(files: Collection[_File], size: float, progress: Progress) -> Ladder:
-    """The ladder up to the first tolerance that brings the faces drawn into the budget."""
-    ladder: Ladder = (size * UNSEEN,)
+def _choose_tolerances(files: Collection[_File], size: float, progress: Progress) -> Tolerances:
+    """Increasing tolerances up to the first one with no more than BUDGET faces."""
+    tolerances: Tolerances = (size * FIRST_TOLERANCE,)
     total = sum(len(file.data) for file in files)
-    while len(ladder) < STEPS:
+    while len(tolerances) < MOST_STEPS:
         drawn, read = 0, 0
         for file in files:
-            drawn += sum(len(surface.faces) * len(file.scales) for surface, _, _ in file.surfaces(ladder))
+            drawn += sum(len(surface.faces) * len(file.scales) for surface, _, _ in file.surfaces(tolerances))
             read += len(file.data)
-            progress(1.0 - LATER ** (len(ladder) - 1) * (1.0 - (1.0 - LATER) * read / max(total, 1)))
+            progress(1.0 - STEP_TIME ** (len(tolerances) - 1) * (1.0 - (1.0 - STEP_TIME) * read / max(total, 1)))
         if drawn <= BUDGET:
             break
-        # faces go about as the inverse of the tolerance; half of the way there (in logarithms) at a time
-        ladder += (ladder[-1] * min(max((drawn / BUDGET) ** 0.5, LEAST_STEP), MOST_STEP),)
-    return ladder
+        # the number of faces is about inverse to the tolerance: go half of the way there, in logarithms
+        tolerances += (tolerances[-1] * min(max((drawn / BUDGET) ** 0.5, LEAST_FACTOR), MOST_FACTOR),)
+    return tolerances
 
 
-def _made(file: _File, ladder: Ladder) -> tuple[Piece, ...]:
-    """The pieces of a file at the end of a ladder, also put into the cache; none on failure."""
-    pieces = []
-    for surface, colour, written in file.surfaces(ladder):
+def _simplified_parts(file: _File, tolerances: Tolerances) -> tuple[MeshPart, ...]:
+    """The parts of a file after these tolerances, also stored in the cache; none on failure."""
+    parts = []
+    for surface, colour, written in file.surfaces(tolerances):
         vertices, faces = surface.surface()
-        pieces.append(Piece(Mesh(vertices.astype(np.float32), faces.astype(np.int32)), colour, written))
-    if pieces:
+        parts.append(MeshPart(Mesh(vertices.astype(np.float32), faces.astype(np.int32)), colour, written))
+    if parts:
         arrays: dict[str, np.ndarray] = {}
-        for k, piece in enumerate(pieces):
-            colour_numbers = np.array(piece.colour or (), dtype=np.float64)
-            arrays |= {f"v{k}": piece.mesh.vertices, f"f{k}": piece.mesh.faces, f"c{k}": colour_numbers}
-        arrays["written"] = np.array([piece.written for piece in pieces])
+        for k, part in enumerate(parts):
+            colour_numbers = np.array(part.colour or (), dtype=np.float64)
+            arrays |= {f"v{k}": part.mesh.vertices, f"f{k}": part.mesh.faces, f"c{k}": colour_numbers}
+        arrays["written"] = np.array([part.written for part in parts])
         buffer = BytesIO()
         np.savez(buffer, allow_pickle=False, **arrays)
-        disk.store(_pieces_key(file, ladder), buffer.getvalue())
-    return tuple(pieces)
+        disk.store(_parts_key(file, tolerances), buffer.getvalue())
+    return tuple(parts)
 
 
-def _stored_pieces(file: _File, ladder: Ladder) -> tuple[Piece, ...]:
-    """What the cache has of a file at the end of a ladder; none where it has nothing."""
-    raw = disk.load(_pieces_key(file, ladder))
+def _cached_parts(file: _File, tolerances: Tolerances) -> tuple[MeshPart, ...]:
+    """The parts of a file after these tolerances from the cache; none if they are not there."""
+    raw = disk.load(_parts_key(file, tolerances))
     if raw is None:
         return ()
     try:
         with np.load(BytesIO(raw), allow_pickle=False) as arrays:
-            pieces = []
+            parts = []
             for k, written in enumerate(arrays["written"].tolist()):
                 mesh = Mesh(arrays[f"v{k}"], arrays[f"f{k}"])
                 colour = tuple(arrays[f"c{k}"].tolist())
-                pieces.append(Piece(mesh, colour if len(colour) == 4 else None, written))
-            return tuple(pieces)
+                parts.append(MeshPart(mesh, colour if len(colour) == 4 else None, written))
+            return tuple(parts)
     except (ValueError, KeyError, OSError, BadZipFile):
         return ()
 
 
-def _stored_ladder(plan: str) -> Ladder | None:
+def _cached_tolerances(plan: str) -> Tolerances | None:
     stored = disk.load_data(plan, [float])
     return None if stored is None else tuple(float(step) for step in stored)
 
 
-def _pieces_key(file: _File, ladder: Ladder) -> str:
-    return "mesh-" + disk.digest(_version(), file.key, repr(file.scale), repr(ladder))
+def _parts_key(file: _File, tolerances: Tolerances) -> str:
+    return "mesh-" + disk.digest(_version(), file.key, repr(file.scale), repr(tolerances))
 
 
 @cache
 def _version() -> str:
-    """What the meshes in the cache depend on besides the files: the modules that make them."""
+    """A digest of the modules on which the meshes in the cache depend."""
     folder = Path(__file__).parent
     return disk.digest(*((folder / f"{m}.py").read_bytes() for m in MODULES))

@@ -1,7 +1,7 @@
-"""Fewer triangles for the same shape: collapsing edges where the surface moves least.
+"""Mesh simplification by collapsing edges in the order of the quadric error metric.
 
-Costs and places after Garland and Heckbert, "Surface Simplification Using Quadric Error Metrics", SIGGRAPH 1997. Many
-edges that are far apart collapse in one round, so that a round is a few array operations.
+Source: M. Garland and P. Heckbert, "Surface Simplification Using Quadric Error Metrics", SIGGRAPH 1997. Edges without
+common neighbours collapse in one round, so that a round is a few array operations.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ Numbers = NDArray[np.int64]
 MOST_ROUNDS = 400
 LEVELS = 6
 SCATTER = 0x9E3779B97F4A7C15 % 2**61  # 2^64 over the golden ratio: products with it are spread evenly (Knuth, TAOCP 3)
-BORDER = 10.0  # how much more a border's shift counts than a surface's
-FOLD = -0.9  # two faces whose normals' cosine is below this are the two sides of a sheet, and their edge its border
-MOST_TURN = 0.3  # a collapse must leave the cosine between a face's old and new normal above this
+BORDER = 10.0  # weight of a shift of a border, relative to that of a surface
+FOLD = -0.9  # below this cosine between the normals two faces are the sides of a sheet, and their edge is its border
+MOST_TURN = 0.3  # least cosine between the old and the new normal of a face
 
 
 def weld(vertices: Array, faces: Numbers) -> tuple[Array, Numbers]:
-    """The same surface with coincident vertices made one, and without degenerate faces and unused vertices.
+    """The same surface with coincident vertices merged, without degenerate faces and unused vertices.
 
-    Vertices coincide in the cells of a grid of 2^20 to the largest extent.
+    Vertices coincide if they are in the same cell of a grid with 2^20 cells along the largest extent.
     """
     used, faces = np.unique(faces, return_inverse=True)
     vertices, faces = vertices[used], faces.reshape(-1, 3)
@@ -39,15 +39,15 @@ def weld(vertices: Array, faces: Numbers) -> tuple[Array, Numbers]:
 
 
 def compact(vertices: Array, faces: Numbers) -> tuple[Array, Numbers]:
-    """The same surface without the vertices that no face uses."""
+    """The same surface without unused vertices."""
     used, faces = np.unique(faces, return_inverse=True)
     return vertices[used], faces.reshape(-1, 3)
 
 
 class Simplifier:
-    """A welded surface that gets simpler step by step, by `vertices` (k, 3) and `faces` (m, 3) as they are now.
+    """Simplifies a welded surface step by step; `faces` (m, 3) are the current ones.
 
-    Borders, also those between the two sides of a thin sheet, hold as surfaces do; no face turns over.
+    Borders, including those between the two sides of a thin sheet, are preserved like surfaces; no face turns over.
     """
 
     def __init__(self, vertices: Array, faces: Numbers) -> None:
@@ -57,11 +57,11 @@ class Simplifier:
         self._changed = np.ones(len(vertices), dtype=bool)
 
     def surface(self) -> tuple[Array, Numbers]:
-        """Vertices and faces as they are now."""
+        """The current vertices (k, 3) and faces (m, 3)."""
         return compact(self._vertices, self.faces)
 
     def reduce(self, tolerance: float) -> None:
-        """Take away the faces that a root-mean-square shift of up to `tolerance` (the vertices' unit) can spare."""
+        """Remove faces while the surface shifts by at most `tolerance` (root mean square, in the vertices' unit)."""
         for _ in range(MOST_ROUNDS):
             self._edges = self._edges.after(self._vertices, self._quadrics, self.faces, self._changed)
             self._changed[:] = False
@@ -69,10 +69,10 @@ class Simplifier:
                 return
 
     def _round(self, tolerance: float) -> bool:
-        """One round of collapses; whether there was any to try."""
+        """Collapse one set of independent edges; False if no edge is within the tolerance."""
         edges, pairs = self._edges, self._edges.pairs
         allowed = np.flatnonzero(edges.costs <= tolerance**2)
-        # cheap ones first, by powers of 4, and scattered among themselves: else they would wait in a row for each other
+        # by cost in powers of 4, and scattered within one power: else neighbours would wait for each other in a row
         cost = np.log2(np.maximum(edges.costs[allowed] / tolerance**2, 4.0**-LEVELS)) // 2.0
         allowed = allowed[np.lexsort((edges.keys[allowed] * SCATTER % 2**61, cost))]
         chosen = allowed[_apart(pairs[allowed], self.faces, len(self._vertices))]
@@ -91,7 +91,7 @@ class Simplifier:
 
 @dataclass(frozen=True, eq=False)
 class _Edges:
-    """Edges by rising number, where each one's single vertex goes best, and the mean squared shift that this costs."""
+    """Edges by increasing key, the best place of the merged vertex of each, and the mean squared shift that it costs."""
 
     keys: Numbers
     places: Array
@@ -102,7 +102,7 @@ class _Edges:
         return np.stack([self.keys >> 32, self.keys & (2**32 - 1)], axis=1)
 
     def after(self, vertices: Array, quadrics: Array, faces: Numbers, changed: NDArray[np.bool_]) -> _Edges:
-        """The edges of these faces; what is known already stays, but where an end has changed."""
+        """The edges of these faces; places and costs are computed again only where an end has changed."""
         keys = np.sort(_edge_keys(faces)[0])
         keys = keys[np.diff(keys, prepend=-1) > 0]
         edges = _Edges(keys, np.empty((len(keys), 3)), np.empty(len(keys)))
@@ -122,19 +122,19 @@ def _proper(faces: Numbers) -> NDArray[np.bool_]:
 
 
 def _normals(vertices: Array, faces: Numbers) -> Array:
-    """Normals (m, 3) as long as twice the faces' areas."""
+    """Normals (m, 3) with the length of twice the faces' areas."""
     a, b, c = (vertices[column] for column in faces.T)
     return np.cross(b - a, c - a)
 
 
 def _edge_keys(faces: Numbers) -> tuple[Numbers, Numbers]:
-    """A number for each face's edges (3 m,), the same for the same two vertices, and the face that it is of."""
+    """Keys (3 m,) of the edges of all faces, equal for equal pairs of vertices, and the face of each."""
     starts, ends = faces.ravel(), faces[:, [1, 2, 0]].ravel()
     return np.minimum(starts, ends) * 2**32 + np.maximum(starts, ends), np.repeat(np.arange(len(faces)), 3)
 
 
 def _quadrics(vertices: Array, faces: Numbers) -> Array:
-    """Each vertex's (n, 11): the quadric's xx xy xz yy yz zz, x y z and 1, and the area behind it."""
+    """For each vertex (n, 11): the quadric's terms xx xy xz yy yz zz x y z 1, and the area that it covers."""
     normals = _normals(vertices, faces)
     double = np.linalg.norm(normals, axis=1)
     normals /= np.maximum(double, 1e-300)[:, None]
@@ -145,9 +145,9 @@ def _quadrics(vertices: Array, faces: Numbers) -> Array:
     keys, owner = _edge_keys(faces)
     unique, first, which, count = np.unique(keys, return_index=True, return_inverse=True, return_counts=True)
     other = np.zeros(len(unique), dtype=np.int64)
-    other[which] = owner  # of two faces the last one, and `first` tells the first
+    other[which] = owner  # the last of two faces; `first` gives the first
     opposite = np.einsum("ij,ij->i", normals[owner[first]], normals[other]) < FOLD
-    # a border has more faces on one side than on the other: they go along it more often one way than the other
+    # at a border the faces run along the edge more often in one direction than in the other
     way = np.where(faces.ravel() < faces[:, [1, 2, 0]].ravel(), 1.0, -1.0)
     border = ((np.bincount(which, way) != 0.0) | ((count == 2) & opposite))[which]
     ends = np.stack(np.divmod(keys[border], 2**32), axis=1)
@@ -162,7 +162,7 @@ def _quadrics(vertices: Array, faces: Numbers) -> Array:
 
 
 def _plane(normals: Array, points: Array, weights: Array, areas: Array) -> Array:
-    """Quadrics (k, 11) of planes: weight times the squared distance from each."""
+    """Quadrics (k, 11) of planes: weight times the squared distance from each plane."""
     x, y, z = normals.T
     d = -np.einsum("ij,ij->i", normals, points)
     rows = np.stack([x * x, x * y, x * z, y * y, y * z, z * z, d * x, d * y, d * z, d * d], axis=1)
@@ -170,12 +170,12 @@ def _plane(normals: Array, points: Array, weights: Array, areas: Array) -> Array
 
 
 def _collapses(vertices: Array, quadrics: Array, pairs: Numbers) -> tuple[Array, Array]:
-    """Where each pair's one vertex goes best (k, 3), and the mean squared shift that this costs (k,)."""
+    """The best place (k, 3) of the merged vertex of each pair, and the mean squared shift (k,) that it costs."""
     q = quadrics[pairs[:, 0]] + quadrics[pairs[:, 1]]
     first, second = vertices[pairs[:, 0]], vertices[pairs[:, 1]]
     middle = 0.5 * (first + second)
     xx, xy, xz, yy, yz, zz, x, y, z = q[:, :9].T
-    # the least point solves a 3 by 3 system: by its adjugate, and only where it is well away from singular
+    # the minimum solves a 3 by 3 system: by the adjugate, if the system is far from singular
     ca, cb, cc = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
     cd, ce, cf = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
     determinant = xx * ca + xy * cb + xz * cc
@@ -198,7 +198,7 @@ def _cost(q: Array, p: Array) -> Array:
 
 
 def _apart(pairs: Numbers, faces: Numbers, count: int) -> NDArray[np.bool_]:
-    """Which pairs, in order of merit, come first of all that touch the faces round them: these can go together."""
+    """Which pairs (k,), sorted by cost, come first among all pairs at the faces around them: these are independent."""
     rank = np.arange(len(pairs))
     lowest = np.full(count, len(pairs))
     for end in pairs.T:
@@ -211,17 +211,17 @@ def _apart(pairs: Numbers, faces: Numbers, count: int) -> NDArray[np.bool_]:
 
 
 def _turns_nothing(vertices: Array, faces: Numbers, pairs: Numbers, places: Array) -> NDArray[np.bool_]:
-    """Which collapses turn none of the faces that they leave over."""
+    """Which collapses turn over none of the remaining faces."""
     collapse = np.full(len(vertices), -1)
     collapse[pairs.ravel()] = np.repeat(np.arange(len(pairs)), 2)
     moved = collapse[faces]
-    touched = np.flatnonzero((moved >= 0).sum(axis=1) == 1)  # with two of its vertices it vanishes
+    touched = np.flatnonzero((moved >= 0).sum(axis=1) == 1)  # faces with two collapsing vertices vanish
     near, moved = faces[touched], moved[touched]
     before = _normals(vertices, near)
     corners = np.where((moved >= 0)[..., None], places[moved], vertices[near])
     after = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     cosine = np.einsum("ij,ij->i", before, after)
-    turned = cosine <= MOST_TURN * np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
+    rotate = cosine <= MOST_TURN * np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
     kept = np.ones(len(pairs), dtype=bool)
-    kept[moved.max(axis=1)[turned]] = False
+    kept[moved.max(axis=1)[rotate]] = False
     return kept

@@ -1,4 +1,4 @@
-"""A film as one HTML page that needs nothing else: no server, no network, no other file."""
+"""A film as one HTML page that needs no server, no network and no other file."""
 
 from __future__ import annotations
 
@@ -6,37 +6,42 @@ import base64
 import functools
 import hashlib
 import html
-import importlib.util
 import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
-from bellcrank.errors import BellcrankError
 from bellcrank.files.atomic_write import write_text
 from bellcrank.replays.film.film import Film
-from bellcrank.replays.page.block import compressed
-from bellcrank.replays.page.pack import pack
+from bellcrank.replays.page.array_encoding import deflate_base64
+from bellcrank.replays.page.film_encoding import encode_film
 from bellcrank.text import readable
 from bellcrank.version import version
 
-_PLACE = re.compile(r"\{\{(\w+)\}\}")
 ASSETS = Path(__file__).with_name("assets")
-SCRIPTS = (
-    "block.js", "text.js", "lines.js", "solids.js", "arrows.js", "movers.js", "follower.js", "view.js", "player.js",
-    "scales.js", "charts.js", "planes.js", "main.js", "report.js",
+SCRIPTS = (  # in the order in which they stand in the page
+    "decode.js", "formatting.js", "lines.js", "geometries.js", "arrows.js", "animation.js", "camera_follow.js",
+    "view.js", "player.js", "chart_scales.js", "charts.js", "xy_plots.js", "main.js", "report.js",
 )  # fmt: skip
+_PLACEHOLDER = re.compile(r"\{\{(\w+)\}\}")
 
 
-def page(film: Film, *, plots: bool = True, around: tuple[str, str] = ("", "")) -> str:
-    """The HTML text of a page that plays a film, with its plots beside the 3-D view unless `plots` is false.
+def page_html(film: Film, *, plots: bool = True, around: tuple[str, str] = ("", "")) -> str:
+    """The HTML text of a page that plays a film.
 
-    `around` is HTML to stand before and after it, whose author has escaped it; such a page scrolls, and prints.
-    The page carries a content security policy under which nothing runs but the scripts written here, and nothing is
-    fetched. `#t=3.2` after its address opens it at 3.2 s, `#still=1` without header, player and plots, `#play=1`
-    playing; scripts drive it through `window.bellcrank` (see `assets/main.js`). Raises InputError where the film
-    contradicts itself, and BellcrankError where meshcat's viewer is not installed.
+    The page has a content security policy: no scripts run but those written here, and nothing is fetched. `#t=3.2`
+    after its address opens it at 3.2 s, `#still=1` without header, player and plots, `#play=1` playing. Scripts control
+    it through `window.bellcrank` (see `assets/main.js`).
+
+    Args:
+        film: What the page shows.
+        plots: Whether plots stand beside the 3-D view.
+        around: HTML before and after the replay, already escaped; such a page scrolls and can be printed.
+
+    Raises:
+        InputError: The parts of the film do not fit together, or are not finite.
     """
-    film_json, block = pack(film, plots=plots)
+    film_json, arrays = encode_film(film, plots=plots)
     library, hashes = _library(plots)
     loader = _asset("loader.js")
     scripts = " ".join(f"'sha256-{each}'" for each in (*hashes, _hash(loader)))
@@ -50,70 +55,63 @@ def page(film: Film, *, plots: bool = True, around: tuple[str, str] = ("", "")) 
         "title": html.escape(readable(film.title)),
         "style": _asset("uplot/uPlot.min.css") + _asset("page.css") + (_asset("report.css") if any(around) else ""),
         "film": film_json,
-        "block": block,
+        "arrays": arrays,
         "library": library,
         "script": loader,
         "kind": "report" if any(around) else "",
         "before": around[0],
         "after": around[1],
     }
-    # in one pass, so that what is filled in is never searched for names
-    return _PLACE.sub(lambda found: parts[found[1]], _asset("page.html"))
+    # in one pass, so that inserted text is never searched for placeholders
+    return _PLACEHOLDER.sub(lambda found: parts[found[1]], _asset("page.html"))
 
 
 def write_page(film: Film, path: str | Path, *, plots: bool = True, around: tuple[str, str] = ("", "")) -> Path:
-    """Write the page of a film to `path`, .html added where it is missing, whole or not at all, and return the path.
+    """Write the page of a film, completely or not at all.
 
-    Raises what `page` raises, and InputError where the file cannot be written.
+    Args:
+        film: What the page shows.
+        path: The file; .html is added if it has another suffix.
+        plots: Whether plots stand beside the 3-D view.
+        around: HTML before and after the replay, as in `page_html`.
+
+    Returns:
+        The path of the file.
+
+    Raises:
+        InputError: The film is invalid, as in `page_html`, or the file cannot be written.
     """
     target = Path(path)
     if target.suffix.lower() not in (".html", ".htm"):
         target = target.with_name(target.name + ".html")
-    write_text(target, page(film, plots=plots, around=around))
+    write_text(target, page_html(film, plots=plots, around=around))
     return target
 
 
 @functools.cache
 def _library(plots: bool) -> tuple[str, tuple[str, ...]]:
-    """All scripts but the loader, and the licences, as one deflated text; and the scripts' hashes for the policy.
+    """All scripts but the loader, and their licences, as one deflated text; and the scripts' hashes for the policy.
 
-    The page adds the scripts to itself as they are here, so that a hash allows each; deflated they take a third.
+    The page adds the scripts to itself unchanged, so that the hashes allow them; deflated they are a third as large.
     """
-    viewer = _meshcat()
-    licences = [
-        ("meshcat", (viewer / "LICENSE").read_text("utf-8")),
-        *((name, text) for name, text in _third_parties(viewer)),
-    ]
-    scripts = [(viewer / "dist" / "main.min.js").read_text("utf-8")]
+    scripts = [_asset("meshcat/main.min.js")]
+    licences = list(_meshcat_licences())
     if plots:
         scripts.append(_asset("uplot/uPlot.iife.min.js"))
         licences.append(("uPlot 1.6.32", _asset("uplot/LICENSE")))
     scripts.append('"use strict";(() => {' + "".join(_asset(name) for name in SCRIPTS) + "})();")
-    told = "\n\n".join(f"==== {name}\n\n{text.strip()}" for name, text in licences)
-    content = json.dumps({"scripts": scripts, "licences": told})
-    return compressed(content.encode("utf-8")), tuple(_hash(script) for script in scripts)
+    text = "\n\n".join(f"==== {name}\n\n{licence.strip()}" for name, licence in licences)
+    content = json.dumps({"scripts": scripts, "licences": text})
+    return deflate_base64(content.encode("utf-8")), tuple(_hash(script) for script in scripts)
 
 
-def _meshcat() -> Path:
-    """The folder of meshcat's viewer, found without importing the server that comes with it."""
-    found = importlib.util.find_spec("meshcat")
-    for place in (found.submodule_search_locations or ()) if found else ():
-        viewer = Path(place) / "viewer"
-        if (viewer / "dist" / "main.min.js").is_file():
-            return viewer
-    raise BellcrankError(
-        "the replay page shows the robot with meshcat's viewer, which is not installed; install it with "
-        "`pip install meshcat`"
-    )
-
-
-def _third_parties(viewer: Path) -> list[tuple[str, str]]:
-    """What meshcat's viewer contains of others: names with versions, and the texts of their licences."""
-    listed = json.loads((viewer / "dist" / "main.min.js.THIRD_PARTY_LICENSES.json").read_text("utf-8"))
-    notices = (viewer / "dist" / "main.min.js.LICENSE.txt").read_text("utf-8")
-    told = ("name", "version", "license", "author", "repository")
-    texts = [(", ".join(each[key] for key in told), each.get("licenseText") or "") for each in listed]
-    return [*texts, ("notices in meshcat's viewer", notices)]
+def _meshcat_licences() -> Iterator[tuple[str, str]]:
+    """The licences of meshcat's viewer and of the libraries that its script contains, with their names."""
+    yield "meshcat 0.3.2 (its viewer)", _asset("meshcat/LICENSE")
+    for library in json.loads(_asset("meshcat/main.min.js.THIRD_PARTY_LICENSES.json")):
+        title = ", ".join(library[key] for key in ("name", "version", "license", "author", "repository"))
+        yield title, library.get("licenseText") or _asset(f"meshcat/{library['name']}.LICENSE.txt")
+    yield "notices in meshcat's viewer", _asset("meshcat/main.min.js.LICENSE.txt")
 
 
 @functools.cache

@@ -1,7 +1,7 @@
-// ---- lines of a width in pixels, cut off at a time
+// ---- lines with a width in pixels, drawn up to a time
 
 const LINE_VERTEX = `
-attribute vec4 start, end;  // x, y, z and the time it was there
+attribute vec4 start, end;  // x, y, z and time
 uniform vec2 size;
 uniform float width;
 varying float time;
@@ -28,10 +28,9 @@ void main() {
 }`;
 
 /**
- * A line through points (x, y, z, time each) that is drawn up to a time, to the exact point reached: the shader drops
- * what is later. Each segment is a strip that faces the viewer, and each of its four corners knows both ends. (As one
- * instance a segment it would be shorter here, and ten times slower where a processor draws.) With `pairs` every two
- * points are a segment of their own.
+ * A line through points (x, y, z, time), drawn exactly up to a time: the shader discards what is later. Each segment is
+ * a strip that faces the camera, and each of its four corners has both ends as attributes. (Instanced segments would be
+ * simpler, and ten times slower in software rendering.) With `pairs` every two points are a separate segment.
  */
 function makeLine(THREE, points, { colour, width, size, pairs = false, onTop = false }) {
   const stride = pairs ? 8 : 4;
@@ -61,11 +60,11 @@ function makeLine(THREE, points, { colour, width, size, pairs = false, onTop = f
     fragmentShader: LINE_FRAGMENT,
     uniforms: { colour: { value: new THREE.Color(colour) }, now: { value: Infinity }, width: { value: width }, size },
     side: THREE.DoubleSide,
-    transparent: onTop,  // which is drawn after all else
+    transparent: onTop,  // drawn after everything else
     depthTest: !onTop,
   });
   const line = new THREE.Mesh(geometry, material);
-  line.frustumCulled = false;  // its box is that of the corners, not of the points
+  line.frustumCulled = false;  // the bounding box is that of the corners, not of the points
   line.renderOrder = onTop ? 2 : 0;
   line.upTo = (last, t) => {
     geometry.setDrawRange(0, 6 * Math.min(last + 1, count));

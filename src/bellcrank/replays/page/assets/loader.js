@@ -1,8 +1,8 @@
 "use strict";
-// The only script that stands in the page as it is: it brings in the others, which come deflated. The page's policy
-// lets exactly those texts run, by their hashes.
+// The only script that is in the page uncompressed: it inflates and adds the others. The page's policy allows exactly
+// these scripts, by their hashes.
 
-/** Bytes of the base64 text in the element of that id, inflated. */
+/** The inflated bytes of the base64 text in an element. */
 async function inflated(id) {
   const text = atob(document.getElementById(id).textContent);
   const bytes = new Uint8Array(text.length);
@@ -14,7 +14,7 @@ async function inflated(id) {
 window.bellcrank = { inflated };
 window.bellcrank.ready = (async () => {
   try {
-    if (typeof DecompressionStream === "undefined") throw new Error("it needs a browser of 2023 or later.");
+    if (typeof DecompressionStream === "undefined") throw new Error("it requires a browser released in 2023 or later.");
     const { scripts, licences } = JSON.parse(new TextDecoder().decode(await inflated("library")));
     for (const text of scripts) document.head.append(Object.assign(document.createElement("script"), { textContent: text }));
     await window.bellcrank.open(licences);

@@ -2,29 +2,29 @@
 
 function fillTexts(film, licences) {
   byId("facts").append(...film.facts.map(([name, value]) => element("div", {}, element("dt", { textContent: name }), element("dd", { textContent: value }))));
-  byId("facts").classList.toggle("bad", !film.good);
-  foldFacts();
+  byId("facts").classList.toggle("bad", !film.success);
+  collapseFacts();
   const notes = [
-    `No point of a body is shown further than ${shown(film.bound * 1000, 2)} mm from a smooth curve through the rows of the run.`,
-    ...film.charts.length ? [`No value of a plot is shown further off than ${fraction(film.share)} of its line's range, unless the plot says so; both sides of a jump are there.`] : [],
+    `Bodies are drawn within ${formatNumber(film.error_bound * 1000, 2)} mm of a smooth curve through the rows of the run.`,
+    ...film.charts.length ? [`Plotted lines are accurate to ${fraction(film.tolerance)} of their range, unless the plot states otherwise; both sides of a jump are shown.`] : [],
     ...film.notes,
-    "This page holds all it needs and fetches nothing.",
+    `This page is self-contained and fetches nothing. The viewer of meshcat 0.3.2 draws the 3-D view${typeof uPlot === "undefined" ? "" : ", uPlot 1.6.32 the plots"}.`,
   ];
   byId("notes").append(...notes.map((note) => element("li", { textContent: note })));
   byId("licences").querySelector("pre").textContent = licences;
-  document.body.classList.toggle("alone", !film.charts.length && !film.planes.length);
+  document.body.classList.toggle("alone", !film.charts.length && !film.xy_plots.length);
 }
 
 /** A share as 1/n. */
 const fraction = (share) => `1/${Math.max(Math.floor(1 / share), 1).toLocaleString("en")}`;
 
-/** What a plot says of itself where it is not as good as the page's bound. */
-const inexact = (share, bound) => (share === null ? ", extremes only: values between are not told"
-  : share > 0.25 ? ", right at the run's rows only: it moves too fast between them"
-  : share > 1.01 * bound ? `, within ${fraction(share)} of a line's range` : "");
+/** The statement of a plot that is less accurate than the page's tolerance. */
+const toleranceText = (tolerance, usual) => (tolerance === null ? ", extremes only: values between them are unknown"
+  : tolerance > 0.25 ? ", accurate only at the run's rows, which are too far apart"
+  : tolerance > 1.01 * usual ? `, accurate to ${fraction(tolerance)} of a line's range` : "");
 
-/** The first fact, whatever else its lines hold, and all when asked. */
-function foldFacts() {
+/** Shows the first line of facts, and a button for all of them. */
+function collapseFacts() {
   const [facts, more] = [byId("facts"), byId("more")];
   const fold = () => {
     const all = facts.classList.contains("all");
@@ -40,7 +40,7 @@ function foldFacts() {
   };
 }
 
-/** What can be shown and hidden, in groups; a group of many has a switch for all. */
+/** The list of what can be shown and hidden, in groups; a large group has a switch for all. */
 function makeLayers(view, film) {
   const box = byId("layers");
   const button = byId("layers-button");
@@ -50,7 +50,7 @@ function makeLayers(view, film) {
     for (const object of layer.objects) object.visible = on;
     layer.change?.(on);
     view.refresh();
-    byId("scale").textContent = scaleTexts(film, view);
+    byId("scale").textContent = scaleLegend(film, view);
   };
   const row = (name, colour, on, change) => {
     const input = element("input", { type: "checkbox", checked: on, onchange: () => change(input.checked) });
@@ -67,7 +67,7 @@ function makeLayers(view, film) {
   }
   for (const scale of film.scales) box.append(element("p", { textContent: scaleText(scale, true) }));
   for (const layer of view.layers) set(layer, layer.on);
-  byId("scale").textContent = scaleTexts(film, view);
+  byId("scale").textContent = scaleLegend(film, view);
   const open = (on) => {
     box.hidden = !on;
     button.ariaExpanded = String(on);
@@ -78,12 +78,12 @@ function makeLayers(view, film) {
   return set;
 }
 
-/** The legend in the corner: of the arrows that are shown, and of the grid. */
-function scaleTexts(film, { layers, gridStep }) {
+/** The legend in the corner: the scales of visible arrows, and the grid. */
+function scaleLegend(film, { layers, gridStep }) {
   const arrows = layers.filter(({ group }) => group === "Arrows");
   const seen = film.scales.filter((scale) => scale.arrows.some((k) => arrows[k].on));
   const texts = seen.map((scale) => scaleText(scale, false)).filter(Boolean);
-  if (film.ground) texts.push(`grid ${shown(gridStep())} m${film.ground.height ? `, at ${shown(film.ground.height)} m` : ""}`);
+  if (film.ground) texts.push(`grid ${formatNumber(gridStep())} m${film.ground.height ? `, at ${formatNumber(film.ground.height)} m` : ""}`);
   return texts.join("\n");
 }
 
@@ -93,45 +93,45 @@ async function open(licences) {
   document.body.classList.toggle("still", options.get("still") === "1");
   fillTexts(film, licences);
   const panel = byId("panel");
-  panel.hidden = !(film.charts.length || film.planes.length || film.marks.length || film.notes.length);
+  panel.hidden = !(film.charts.length || film.xy_plots.length || film.events.length || film.notes.length);
   const view = makeView(byId("pane"), film);
   const player = makePlayer(film.time);
   const set = view && makeLayers(view, film);
-  byId("message").textContent = view ? "" : "This browser shows no 3-D here (it has no WebGL).\nThe plots work without it.";
+  byId("message").textContent = view ? "" : "The 3-D view is not available: this browser has no WebGL.\nThe plots work without it.";
   const reset = () => view?.resetCamera();
   makeControls(player, film, reset);
   byId("reset").onclick = reset;
   byId("reset").hidden = !view;
   byId("layers-button").hidden = !view?.layers.length;
-  if (view) player.listen(view.stand);
+  if (view) player.listen(view.showTime);
   const fromHash = () => {
     const text = new URLSearchParams(location.hash.slice(1)).get("t");
     if (text !== null) player.seek(Number(text));
   };
   fromHash();
   addEventListener("hashchange", fromHash);
-  player.tell();
+  player.notify();
   view?.draw();
   Object.defineProperties(window.bellcrank, Object.getOwnPropertyDescriptors(makeFacade(film, view, player, set)));
-  const breathe = () => new Promise((resolve) => { setTimeout(resolve); });
-  await breathe();
-  if (!panel.hidden) await makePanel(panel, film, player, breathe);
-  if (options.get("play") === "1" && !calm.matches) player.play();
+  const yieldToBrowser = () => new Promise((resolve) => { setTimeout(resolve); });
+  await yieldToBrowser();
+  if (!panel.hidden) await makePanel(panel, film, player, yieldToBrowser);
+  if (options.get("play") === "1" && !reducedMotion.matches) player.play();
 }
 
 /**
- * `window.bellcrank`, for stills, films and tests: times in s, points in m in the world, pixels of the view.
+ * `window.bellcrank`, for stills, films and tests: times in s, points in m in the world frame, pixels of the view.
  *
- *   ready             a promise: the film is read, the first frame drawn, and the plots are there
- *   start end duration frames   of the film;  firstFrame  when it was drawn, in ms since the page was opened
- *   time playing      as they are;  speed, loop  may be set
- *   seek(t) play() pause() step(count)   as the controls do
- *   draw()            draws, waits for the picture, and returns how long it took (ms)
- *   capture(paper)    the view at once as a PNG, as a data URL; for paper on white
- *   frameTimes        ms between the last frames that were drawn while playing, 600 at most
- *   project(point)    the pixel where a point of the world is seen
- *   pose(body)        position and quaternion (x y z w) of a body as drawn, by its number in the film
- *   showBody(body, on) layers() showLayer(index, on) resetCamera()   what is seen, and from where
+ *   ready             a promise: the film is decoded, the first frame drawn, and the plots are made
+ *   start end duration frames   of the film;  firstFrame  when it was drawn, ms since the page was opened
+ *   time playing      the current state;  speed, loop  can be set
+ *   seek(t) play() pause() step(count)   like the controls
+ *   draw()            draws, waits for the image, and returns the time it took (ms)
+ *   capture(paper)    the view as the data URL of a PNG; with a white background for paper
+ *   frameTimes        ms between the last frames that were drawn while playing, at most 600
+ *   project(point)    the pixel of a point of the world
+ *   pose(body)        position and quaternion (x y z w) of a body as drawn, by its number
+ *   showBody(body, on) layers() showLayer(index, on) resetCamera()   visibility and camera
  */
 function makeFacade(film, view, player, setLayer) {
   return {

@@ -1,48 +1,48 @@
-// ---- the player: the time, and what moves it
+// ---- the player: the current time and its controls
 
 const SPEEDS = [0.1, 0.2, 0.5, 1, 2, 5, 10];
-const LONGEST_STEP = 0.1;  // seconds of the wall: a tab that was hidden does not jump when it is seen again
+const LONGEST_STEP = 0.1;  // s of wall-clock time: a tab that was hidden does not jump when it is visible again
 
-/** The film's time and how it runs; whoever listens is told each new time. */
+/** The film's time, and playing it; listeners are called with each new time. */
 function makePlayer(times) {
   const [start, end] = [times[0], times[times.length - 1]];
   const listeners = [];
   const frameTimes = [];
-  let before = null;  // when the last frame was drawn
+  let before = null;  // time stamp of the last frame
   let held = 0;
   const player = {
     start, end, time: start, playing: false, speed: 1, loop: false, frameTimes,
     listen(listener) { listeners.push(listener); },
-    tell() { for (const listener of listeners) listener(player.time); },
+    notify() { for (const listener of listeners) listener(player.time); },
     seek(t) {
       if (!Number.isFinite(t)) return;
       player.time = Math.min(Math.max(t, start), end);
-      player.tell();
+      player.notify();
     },
     play() {
       if (player.playing || start === end) return;
       if (player.time >= end) player.time = start;
       player.playing = true;
       before = null;
-      player.tell();
+      player.notify();
       requestAnimationFrame(advance);
     },
     pause() {
       player.playing = false;
-      player.tell();
+      player.notify();
     },
     toggle() { if (player.playing) player.pause(); else player.play(); },
-    /** To another frame of the film, so many on. */
+    /** Move by a number of frames. */
     step(count) {
       player.pause();
       const at = indexAt(times, player.time);
-      // Back from between two frames is the one before.
+      // A step back from between two frames goes to the one before.
       const next = count < 0 && player.time > times[at] ? at + count + 1 : at + count;
       player.seek(times[Math.min(Math.max(next, 0), times.length - 1)]);
     },
     setSpeed(speed) {
       player.speed = Math.min(Math.max(speed, SPEEDS[0]), SPEEDS.at(-1)) || 1;
-      player.tell();
+      player.notify();
     },
     faster(up) {
       const next = up ? SPEEDS.find((s) => s > player.speed * 1.001) : SPEEDS.findLast((s) => s < player.speed * 0.999);
@@ -50,9 +50,9 @@ function makePlayer(times) {
     },
     setLoop(loop) {
       player.loop = Boolean(loop);
-      player.tell();
+      player.notify();
     },
-    /** While a hand moves the time, it does not run by itself. */
+    /** While the user drags the time, it does not advance by itself. */
     hold() { held++; },
     release() { held = Math.max(held - 1, 0); },
   };
@@ -71,19 +71,19 @@ function makePlayer(times) {
       }
       player.time = t;
     }
-    player.tell();
+    player.notify();
     requestAnimationFrame(advance);
   }
   return player;
 }
 
-/** Buttons, scrub bar, keys. */
+/** Buttons, time line and keys. */
 function makeControls(player, film, resetCamera) {
   const { start, end } = player;
   const still = start === end;
   const digits = end - start < 1 ? 4 : end - start < 100 ? 3 : 2;
   const [scrub, speed, loop, clock, play, tip] = ["scrub", "speed", "loop", "clock", "play", "tip"].map(byId);
-  const total = ` / ${shown(end, 5)} s`;
+  const total = ` / ${formatNumber(end, 5)} s`;
   const clockNow = element("span");
   clock.append(clockNow, element("small", { textContent: total }));
   clockNow.style.cssText = `display: inline-block; text-align: right; min-width: ${end.toFixed(digits).length}ch`;
@@ -112,19 +112,19 @@ function makeControls(player, film, resetCamera) {
   scrub.oninput = () => player.seek(Number(scrub.value));
   scrub.addEventListener("pointerdown", player.hold);
   for (const end of ["pointerup", "pointercancel"]) scrub.addEventListener(end, player.release);
-  // A button that was pressed with a pointer does not keep the space key for itself.
+  // A button that was clicked does not capture the space key.
   document.addEventListener("click", (event) => {
     if (event.detail > 0 && event.target.closest?.("button, input, select")) document.activeElement?.blur?.();
   });
-  drawMarks(player, film.marks, scrub, tip, digits);
-  listenToKeys(player, resetCamera);
+  makeTimeline(player, film.events, scrub, tip, digits);
+  addKeys(player, resetCamera);
 }
 
-/** Marks of events on the scrub bar, their text where the pointer is, and a caption after each. */
-function drawMarks(player, marks, scrub, tip, digits) {
+/** Marks of events on the time line, their text at the pointer, and a caption after each event. */
+function makeTimeline(player, events, scrub, tip, digits) {
   const { start, end } = player;
   const canvas = byId("ticks");
-  const thumb = 8;  // half of the thumb: the bar's ends lie so far inside
+  const thumb = 8;  // half the width of the thumb: margin at both ends of the bar
   const toX = (t) => thumb + (t - start) / (end - start || 1) * (scrub.clientWidth - 2 * thumb);
   const draw = () => {
     const ratio = devicePixelRatio;
@@ -133,12 +133,12 @@ function drawMarks(player, marks, scrub, tip, digits) {
     canvas.height = height * ratio;
     const pen = canvas.getContext("2d");
     pen.scale(ratio, ratio);
-    pen.fillStyle = styled("--rule");
+    pen.fillStyle = cssVariable("--rule");
     pen.fillRect(thumb, height / 2 - 2, width - 2 * thumb, 4);
-    pen.fillStyle = styled("--accent");
+    pen.fillStyle = cssVariable("--accent");
     pen.fillRect(thumb, height / 2 - 2, Math.max(toX(player.time) - thumb, 0), 4);
-    pen.fillStyle = styled("--event");
-    for (const { time } of marks) {
+    pen.fillStyle = cssVariable("--event");
+    for (const { time } of events) {
       const x = toX(time);
       pen.fillRect(x - 1, height / 2 - 8, 2, 16);
       pen.beginPath();
@@ -149,10 +149,10 @@ function drawMarks(player, marks, scrub, tip, digits) {
     }
   };
   new ResizeObserver(draw).observe(scrub);
-  darkness.addEventListener("change", draw);
+  darkScheme.addEventListener("change", draw);
   scrub.addEventListener("pointermove", ({ offsetX }) => {
     const t = Math.min(Math.max(start + (offsetX - thumb) / (scrub.clientWidth - 2 * thumb) * (end - start), start), end);
-    const near = marks.filter(({ time }) => Math.abs(toX(time) - offsetX) < 7);
+    const near = events.filter(({ time }) => Math.abs(toX(time) - offsetX) < 7);
     const first = near.slice(0, 4).map(({ time, text }) => `${time.toFixed(digits)} s  ${text}`);
     tip.textContent = near.length ? first.join("\n") + (near.length > 4 ? `\nand ${near.length - 4} more` : "") : `${t.toFixed(digits)} s`;
     const half = tip.offsetWidth / 2;
@@ -163,13 +163,13 @@ function drawMarks(player, marks, scrub, tip, digits) {
   const lasting = Math.max(0.05 * (end - start), 1e-9);
   player.listen((t) => {
     draw();
-    const past = marks.filter(({ time }) => time <= t + 1e-9 && t < time + lasting);
+    const past = events.filter(({ time }) => time <= t + 1e-9 && t < time + lasting);
     const text = past.length && end > start ? past.at(-1).text : "";
     if (caption.textContent !== text) caption.textContent = text;
   });
 }
 
-function listenToKeys(player, resetCamera) {
+function addKeys(player, resetCamera) {
   const help = byId("help");
   byId("help-button").onclick = () => help.showModal();
   help.onclick = (event) => { if (event.target === help) help.close(); };

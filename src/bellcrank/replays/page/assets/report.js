@@ -1,6 +1,6 @@
-// ---- the still of a report: the view at its most telling time, which stands for it on paper
+// ---- the still of a report: the view at a characteristic time, for the printed page
 
-/** Draws it once, when all else is there, and leaves the player at its time. */
+/** Draws it once, after everything else, and restores the time of the player. */
 function drawStill(figure) {
   const b = window.bellcrank;
   const before = b.time;

@@ -1,11 +1,11 @@
-// ---- the 3-D view: what is in it, and how it stands at a time
+// ---- the 3-D view: its contents, and its state at a time
 
 const FIELD = 40;  // degrees of the view's height
-const ASPECT = 4 / 3;  // of the view that the film's camera was placed for
+const ASPECT = 4 / 3;  // of the view for which the film's camera was chosen
 
 /**
- * The view in `pane`, or null where the browser has no WebGL. meshcat's viewer owns the scene, the camera and the
- * controls; the clock is ours, so it never animates by itself and never connects to anything.
+ * The view in `pane`, or null if the browser has no WebGL. meshcat's viewer owns the scene, the camera and the
+ * controls; this page sets the time, so the viewer neither animates by itself nor connects to a server.
  */
 function makeView(pane, film) {
   const canvas = document.createElement("canvas");
@@ -18,17 +18,17 @@ function makeView(pane, film) {
   pane.append(backdrop, canvas);
   canvas.tabIndex = -1;
   const viewer = new Viewer(pane, false, renderer);
-  viewer.gui.domElement.remove();  // its own menu
+  viewer.gui.domElement.remove();  // the viewer's own menu
   for (const path of ["Lights", "Grid", "Axes"]) viewer.delete_path([path]);
   renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
   renderer.shadowMap.enabled = false;
-  renderer.debug.checkShaderErrors = false;  // asking waits for the compiler
+  renderer.debug.checkShaderErrors = false;  // the check waits for the shader compiler
 
   const world = new THREE.Group();
   viewer.set_object(["film"], world);
   const size = { value: new THREE.Vector2(1, 1) };  // of the pane in pixels, for all lines
-  const stock = makeStock(THREE, film);
-  const camera = aim(THREE, viewer, film);
+  const cache = makeGeometryCache(THREE, film);
+  const camera = makeCamera(THREE, viewer, film);
   addLights(THREE, world, film);
   const ground = new THREE.Group();
   world.add(ground);
@@ -36,8 +36,8 @@ function makeView(pane, film) {
   const bodies = film.bodies.map(({ shapes }) => {
     const body = new THREE.Group();
     for (const shape of shapes) {
-      const [geometry, scale] = stock.geometry(shape);
-      const solid = new THREE.Mesh(geometry, stock.material(shape.colour));
+      const [geometry, scale] = cache.geometry(shape);
+      const solid = new THREE.Mesh(geometry, cache.material(shape.colour));
       solid.position.fromArray(shape.pose);
       solid.quaternion.fromArray(shape.pose, 3);
       solid.scale.fromArray(scale);
@@ -47,37 +47,37 @@ function makeView(pane, film) {
     return body;
   });
   const layers = [];
-  const follower = makeFollower(THREE, viewer, camera, film, bodies, ground, layers);
-  const movers = [
-    bodyMover(THREE, film, bodies),
-    follower.move,
+  const cameraFollow = makeCameraFollow(THREE, viewer, camera, film, bodies, ground, layers);
+  const updaters = [
+    bodyUpdater(THREE, film, bodies),
+    cameraFollow.move,
     ...film.traces.map((trace, k) => addTrace(THREE, world, layers, trace, paletteColour(k + 1), size)),
     ...film.springs.map((spring) => addSpring(THREE, world, layers, film, spring)),
-    ...film.rods.map((rod) => addRod(THREE, world, layers, stock, film, rod)),
-    ...film.arrows.map((arrow, k) => addArrow(THREE, world, layers, stock, film, arrow, k)),
+    ...film.rods.map((rod) => addRod(THREE, world, layers, cache, film, rod)),
+    ...film.arrows.map((arrow, k) => addArrow(THREE, world, layers, cache, film, arrow, k)),
     ...addAxes(THREE, world, bodies, layers, film, size),
   ];
 
-  // Sky and ground, half of what a frame costs, stay the same while the camera stays: they are then a picture behind.
+  // Sky and ground take half of the time of a frame. While the camera rests they are an image behind the canvas.
   let sky = null;
   const seenFrom = new THREE.Matrix4();
-  let behind = false;  // whether the picture behind is that of the camera
+  let backdropValid = false;  // whether the image behind belongs to the current camera
   const withBackdrop = (on) => {
     ground.visible = on;
     viewer.scene.background = on ? sky : null;
   };
-  const paintBehind = () => {
-    const shown = world.children.filter((child) => child.visible && child !== ground);
-    for (const child of shown) child.visible = false;
+  const drawBackdrop = () => {
+    const visible = world.children.filter((child) => child.visible && child !== ground);
+    for (const child of visible) child.visible = false;
     withBackdrop(true);
     viewer.render();
     Object.assign(backdrop, { width: canvas.width, height: canvas.height });
     backdrop.getContext("2d").drawImage(canvas, 0, 0);
-    for (const child of shown) child.visible = true;
-    behind = true;
+    for (const child of visible) child.visible = true;
+    backdropValid = true;
   };
-  const forget = () => {
-    behind = false;
+  const invalidateBackdrop = () => {
+    backdropValid = false;
     seenFrom.elements.fill(0);
   };
   const render = () => {
@@ -85,14 +85,14 @@ function makeView(pane, film) {
     camera.updateMatrixWorld();
     const moved = !seenFrom.equals(camera.matrixWorld);
     seenFrom.copy(camera.matrixWorld);
-    if (moved && (film.ground || !behind)) {  // a sky alone is the same wherever the camera is
-      behind = false;
+    if (moved && (film.ground || !backdropValid)) {  // without ground the sky is the same for every camera
+      backdropValid = false;
       withBackdrop(true);
       viewer.render();
-      viewer.set_dirty();  // and once more, when the camera rests
+      viewer.set_dirty();  // once more, when the camera rests
       return;
     }
-    if (!behind) paintBehind();
+    if (!backdropValid) drawBackdrop();
     withBackdrop(false);
     viewer.render();
   };
@@ -102,15 +102,15 @@ function makeView(pane, film) {
   const view = {
     layers,
     bodies,
-    /** Stand as at time t, and be drawn when the browser next draws. */
-    stand(t) {
+    /** Show time t, in the next frame of the browser. */
+    showTime(t) {
       now = t;
-      const [frame, part] = between(film.time, t);
-      for (const move of movers) move(frame, part, t);
+      const [frame, part] = interpolationAt(film.time, t);
+      for (const update of updaters) update(frame, part, t);
       viewer.set_dirty();
     },
     draw: render,
-    /** Draw and wait until the picture is complete: what a frame costs. */
+    /** Draw, and wait until the image is complete, to measure the time of a frame. */
     drawFully() {
       render();
       context.readPixels(0, 0, 1, 1, context.RGBA, context.UNSIGNED_BYTE, new Uint8Array(4));
@@ -130,13 +130,13 @@ function makeView(pane, film) {
       return [(seen.x + 1) / 2 * size.value.x, (1 - seen.y) / 2 * size.value.y];
     },
     resetCamera() {
-      follower.reset();
-      forget();
+      cameraFollow.reset();
+      invalidateBackdrop();
       viewer.set_dirty();
     },
-    gridStep: () => follower.gridStep,
+    gridStep: () => cameraFollow.gridStep,
     refresh() {
-      view.stand(now);
+      view.showTime(now);
     },
   };
 
@@ -149,43 +149,43 @@ function makeView(pane, film) {
       if (viewer.needs_render) render();
     });
   };
-  // The viewer takes the window's height and calls this when the window is loaded or resized; ours is the pane's.
+  // The viewer calls this when the window is loaded or resized, and would take the window's height; ours is the pane's.
   viewer.set_3d_pane_size = () => {
     const width = Math.max(pane.clientWidth, 1);
     const height = Math.max(pane.clientHeight, 1);
     if (size.value.x === width && size.value.y === height) return;
     size.value.set(width, height);
     camera.aspect = width / height;
-    // A narrower pane sees as much to the sides, and more above and below.
+    // A narrower pane shows the same width, and more above and below.
     camera.fov = 2 * Math.atan(Math.tan(FIELD * Math.PI / 360) * Math.max(ASPECT / camera.aspect, 1)) * 180 / Math.PI;
     renderer.setSize(width, height);
-    forget();
+    invalidateBackdrop();
     render();
   };
-  const paint = () => {
-    const [top, bottom] = darkness.matches ? [[30, 37, 47], [14, 18, 24]] : [[246, 248, 251], [219, 226, 234]];
+  const paintSky = () => {
+    const [top, bottom] = darkScheme.matches ? [[30, 37, 47], [14, 18, 24]] : [[246, 248, 251], [219, 226, 234]];
     viewer.set_property(["Background"], "top_color", top.map((x) => x / 255));
     viewer.set_property(["Background"], "bottom_color", bottom.map((x) => x / 255));
     sky = viewer.scene.background;
-    forget();
+    invalidateBackdrop();
     viewer.set_dirty();
   };
-  darkness.addEventListener("change", paint);
-  view.stand(now);
-  paint();
+  darkScheme.addEventListener("change", paintSky);
+  view.showTime(now);
+  paintSky();
   viewer.set_3d_pane_size();
   new ResizeObserver(() => viewer.set_3d_pane_size()).observe(pane);
   return view;
 }
 
-/** The film's camera, turned by hand. The viewer's camera lives where y is up; the film's z is up. */
-function aim(THREE, viewer, { camera: { position, target, up }, extent }) {
+/** The film's camera, with mouse controls. In the viewer's frame y is up, in the film's z. */
+function makeCamera(THREE, viewer, { camera: { position, target, up }, extent }) {
   const turned = ([x, y, z]) => new THREE.Vector3(x, z, -y);
   const distance = turned(position).distanceTo(turned(target));
   const camera = new THREE.PerspectiveCamera(FIELD, 1, Math.min(distance, extent) / 100, 40 * (distance + extent));
   camera.up.copy(turned(up)).normalize();
   camera.position.copy(turned(position));
-  viewer.controls.dispose();  // those of the camera that it replaces
+  viewer.controls.dispose();  // of the camera that is replaced
   viewer.set_camera(camera);
   viewer.set_object(["Cameras", "default", "rotated"], camera);
   viewer.controls.target.copy(turned(target));
@@ -196,7 +196,7 @@ function aim(THREE, viewer, { camera: { position, target, up }, extent }) {
   return camera;
 }
 
-/** A sky, a key light over the viewer's shoulder, and a weak one from the other side; none needs a shadow. */
+/** A sky light, a key light from the upper left of the camera, and a weak fill light from the right, without shadows. */
 function addLights(THREE, world, { camera: { position, target, up } }) {
   const high = new THREE.Vector3(...up).normalize();
   const ahead = new THREE.Vector3(...position).sub(new THREE.Vector3(...target)).normalize();
@@ -210,19 +210,19 @@ function addLights(THREE, world, { camera: { position, target, up } }) {
   world.add(sky, key, fill);
 }
 
-/** The width of the ground's squares (m). */
+/** The width of the squares of the ground's grid (m). */
 const gridStep = (extent) => roundBelow(0.4 * extent);
 
-/** A disk with a grid that fades towards its rim, so far from its middle; `moveTo` puts it below a point. */
+/** A disk with a grid that fades out towards its rim; `placeBelow` centres it below a point. */
 function makeGround(THREE, ground, extent) {
   const normal = new THREE.Vector3(...ground.normal).normalize();
   const plane = new THREE.Group();
   plane.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), normal);
   const step = gridStep(extent);
   const back = plane.quaternion.clone().invert();
-  plane.moveTo = (point) => {
+  plane.placeBelow = (point) => {
     const inPlane = point.clone().applyQuaternion(back);
-    for (const k of ["x", "y"]) inPlane[k] = Math.round(inPlane[k] / step) * step;  // lines pass through the origin
+    for (const k of ["x", "y"]) inPlane[k] = Math.round(inPlane[k] / step) * step;  // grid lines pass through the origin
     inPlane.z = ground.height;
     plane.position.copy(inPlane.applyQuaternion(plane.quaternion));
   };
@@ -234,8 +234,8 @@ function makeGround(THREE, ground, extent) {
   const shade = new Float32Array(4 * disk.attributes.position.count);
   for (let i = 0; i < shade.length; i += 4) shade.set([grey.r, grey.g, grey.b, i === 0 ? 0.2 : 0], i);
   disk.setAttribute("color", new THREE.BufferAttribute(shade, 4));
-  // Drawn before all else, and whatever is below it stays visible: it is a hint, not a wall. Blending without being
-  // "transparent" is what puts it first.
+  // Drawn first and without depth, so that what is below it stays visible. Custom blending without `transparent` puts
+  // it first.
   const look = { vertexColors: true, depthWrite: false, depthTest: false, blending: THREE.CustomBlending, blendSrcAlpha: THREE.OneFactor };
   const floor = new THREE.Mesh(disk, new THREE.MeshBasicMaterial({ ...look, side: THREE.DoubleSide }));
 

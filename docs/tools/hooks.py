@@ -1,0 +1,45 @@
+"""MkDocs calls this while it builds: it adds the reference pages, made from the sources, and files beside docs/."""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from pathlib import Path
+from typing import Any
+
+import api_pages
+import cli_page
+import yaml_page
+from mkdocs.structure.files import File, Files
+
+ROOT = Path(__file__).parents[2]
+# Files beside docs/ that pages link to: link targets of files, as the site has no page for them.
+COPIED = {"changelog.md": "CHANGELOG.md", "contributing.md": "CONTRIBUTING.md", "license.md": "LICENSE"}
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """Add the generated pages."""
+    pages = {"reference/yaml.md": yaml_page.page(), "reference/cli.md": cli_page.page(), **api_pages.pages()}
+    for path, source in COPIED.items():
+        text = (ROOT / source).read_text(encoding="utf-8")
+        pages[path] = f"# License\n\n```text\n{text}```\n" if source == "LICENSE" else _from_docs(text)
+    for path, text in pages.items():
+        files.append(File.generated(config, path, content=text))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
+    """Let links to files beside docs/ lead to their pages."""
+    here = posixpath.dirname(page.file.src_uri)
+    for path, source in COPIED.items():
+        target = posixpath.relpath(f"../{source}", here or ".")
+        markdown = markdown.replace(f"]({target})", f"]({posixpath.relpath(path, here or '.')})")
+    return markdown
+
+
+def _from_docs(text: str) -> str:
+    """A file of the root with its links as a page in docs/ has them."""
+    text = re.sub(r"\]\(docs/", "](", text)
+    for path, source in COPIED.items():
+        text = text.replace(f"]({source})", f"]({path})")
+    return text

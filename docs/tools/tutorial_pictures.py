@@ -1,0 +1,34 @@
+"""Draw the pictures of the tutorials from what their own blocks write: run it after a change to a tutorial."""
+
+import os
+import tempfile
+from pathlib import Path
+
+import tutorial
+from PIL import Image
+
+DOCS = Path(__file__).parents[1]
+PICTURES = {  # tutorial: {file that it writes: picture of the page}
+    "size-an-arm": {"arm_sizing/over_time_reach.png": "tutorial_over_time.png"},
+    "simulate-and-trust": {"scene_run/run.png": "tutorial_run.png"},
+}
+WIDTH, COLOURS = 1000, 64  # pixels; few colours, so that the files are small
+
+
+def main() -> None:
+    """Draw them."""
+    for name, files in PICTURES.items():
+        with tempfile.TemporaryDirectory() as folder:
+            os.chdir(folder)
+            tutorial.run(DOCS / "tutorials" / f"{name}.md")
+            for source, target in files.items():
+                drawn = Image.open(source).convert("RGB")
+                small = drawn.resize((WIDTH, round(drawn.height * WIDTH / drawn.width)), Image.Resampling.LANCZOS)
+                path = DOCS / "pictures" / target
+                small.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+                print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")
+            os.chdir(DOCS)
+
+
+if __name__ == "__main__":
+    main()

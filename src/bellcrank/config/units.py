@@ -1,0 +1,56 @@
+"""Units that files may give numbers in, YAML and CSV alike."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+_DEGREE: Final = math.pi / 180.0
+# Unit that a reader asks for -> units that a file may use -> factor to the unit asked for.
+UNITS: Final[dict[str, dict[str, float]]] = {
+    "": {"": 1.0, "%": 0.01},
+    "m": {"m": 1.0, "cm": 0.01, "mm": 0.001},
+    "rad": {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE},
+    "s": {"s": 1.0, "ms": 0.001, "min": 60.0},
+    "kg": {"kg": 1.0, "g": 0.001},
+    "N m": {"N m": 1.0, "Nm": 1.0, "N*m": 1.0, "mN m": 0.001, "mNm": 0.001},
+    "N": {"N": 1.0, "kN": 1000.0},
+    "kg m^2": {
+        "kg m^2": 1.0,
+        "kg m²": 1.0,
+        "kg*m^2": 1.0,
+        "kg cm^2": 1e-4,
+        "kg cm²": 1e-4,
+        "g cm^2": 1e-7,
+        "g cm²": 1e-7,
+    },
+    "m/s": {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001},
+    "m/s^2": {"m/s^2": 1.0, "m/s²": 1.0, "cm/s^2": 0.01, "cm/s²": 0.01, "mm/s^2": 0.001, "mm/s²": 0.001},
+    "m/s^3": {"m/s^3": 1.0, "m/s³": 1.0, "cm/s^3": 0.01, "cm/s³": 0.01, "mm/s^3": 0.001, "mm/s³": 0.001},
+    "rad/s": {"rad/s": 1.0, "deg/s": _DEGREE, "°/s": _DEGREE, "rpm": math.pi / 30.0},
+    "rad/s^2": {
+        "rad/s^2": 1.0,
+        "rad/s²": 1.0,
+        "deg/s^2": _DEGREE,
+        "deg/s²": _DEGREE,
+        "°/s^2": _DEGREE,
+        "°/s²": _DEGREE,
+    },
+    "N/m": {"N/m": 1.0, "N/mm": 1000.0, "kN/m": 1000.0},
+    "N m/rad": {"N m/rad": 1.0, "Nm/rad": 1.0, "N m/deg": 180.0 / math.pi},
+    "N s/m": {"N s/m": 1.0, "Ns/m": 1.0},
+    "N m s/rad": {"N m s/rad": 1.0, "Nms/rad": 1.0},
+    "1/s": {"1/s": 1.0},
+    "1/s^2": {"1/s^2": 1.0, "1/s²": 1.0},
+    "rad or m": {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE, "m": 1.0, "cm": 0.01, "mm": 0.001},
+}
+# What joints of both kinds share is written in either unit.
+for _turning, _sliding in (("N m", "N"), ("N m/rad", "N/m"), ("N m s/rad", "N s/m")):
+    UNITS[f"{_turning} or {_sliding}"] = UNITS[_turning] | UNITS[_sliding]
+
+
+def units_for(unit: str) -> dict[str, float]:
+    """The units that a number asked for in `unit` may be given in, with their factors; `unit` alone where it has no
+    others.
+    """
+    return UNITS.get(unit, {unit: 1.0})

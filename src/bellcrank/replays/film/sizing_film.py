@@ -1,0 +1,109 @@
+"""The film of a sizing: its motions, the torques of its motors, their limits, and where limits are exceeded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from bellcrank.errors import InputError
+from bellcrank.replays.film.film import Film, TimelineEvent
+from bellcrank.replays.film.motion_film import MotionSequence, Progress, film_of_motions
+from bellcrank.replays.film.torque_speed import with_rms_points
+from bellcrank.replays.geometry.meshes import Detail
+from bellcrank.sizing.table import verdict
+
+if TYPE_CHECKING:
+    from bellcrank.sizing.result import JointSizing, Peak, Sizing
+
+
+def film_of_sizing(
+    sizing: Sizing,
+    *,
+    trace: Iterable[str] = (),
+    detail: Detail = "reduced",
+    title: str | None = None,
+    progress: Progress = None,
+) -> Film:
+    """The film of a sizing: its motions one after the other, torques, torque-speed plots, and events at exceeded limits.
+
+    Raises InputError for an unknown frame, and for a sizing without its motions.
+    """
+    if sizing.study is None:
+        raise InputError(f"sizing of {sizing.robot}: it does not hold its motions; make it with bellcrank.size")
+    mechanism, motions, actuators = sizing.study
+    sequence = MotionSequence(mechanism=mechanism, motions=motions, actuators=actuators)
+    name = title or f"{sizing.robot}: sizing"
+    facts = sizing_facts(sizing)
+    facts += [("motions", ", ".join(sizing.motions)), *((joint.name, _requirements(joint)) for joint in sizing.joints)]
+    if sizing.robot not in name:
+        facts.append(("robot", sizing.robot))
+    stated = {text for _, text in facts}
+    film = film_of_motions(sequence, name, trace, detail, progress)
+    return replace(
+        film,
+        events=tuple(sorted([*film.events, *_limit_events(sizing, sequence)], key=lambda event: event.time)),
+        xy_plots=with_rms_points(film.xy_plots, sizing.joints),
+        facts=(*facts, *film.facts),
+        success=sizing.inside,
+        notes=(*film.notes, *(text for text in sizing.warnings if text not in stated)),
+    )
+
+
+def sizing_facts(sizing: Sizing) -> list[tuple[str, str]]:
+    """The verdict of a sizing with the number of objections; then each objection, error and warning."""
+    objections = [
+        *(("cannot be sized", text) for text in sizing.unsizable),
+        *(("exceeded", text) for text in sizing.exceeded),
+    ]
+    if len(objections) > 1:
+        counts = [
+            (len(sizing.unsizable), "joint cannot be sized", "joints cannot be sized"),
+            (len(sizing.exceeded), "limit exceeded", "limits exceeded"),
+        ]
+        answer = ", ".join(f"{count} {one if count == 1 else many}" for count, one, many in counts if count)
+        facts = [("verdict", f"{answer}; the first: {objections[0][1]}"), *objections[1:]]
+    elif objections:
+        facts = [("verdict", f"{objections[0][0]}: {objections[0][1]}")]
+    else:
+        facts = [("verdict", verdict(sizing).partition("\n")[0])]
+    facts += [("error", text) for text in sizing.urdf_errors]
+    warnings = () if sizing.study is None else sizing.study[0].robot.inertia_warnings
+    return facts + [("warning", text) for text in warnings]
+
+
+def _requirements(joint: JointSizing) -> str:
+    text = f"peak {joint.peak_torque:.4g} {joint.torque_unit}, RMS {joint.rms_torque:.4g} {joint.torque_unit}"
+    return text if joint.shaft is None else f"{text}; motor {joint.shaft.verdict}"
+
+
+def _limit_events(sizing: Sizing, sequence: MotionSequence) -> list[TimelineEvent]:
+    """An event at each peak that exceeds a limit."""
+    shifts = {motion.name: shift for motion, shift in zip(sequence.motions, sequence.shifts, strict=True)}
+    return [
+        TimelineEvent(shifts[peak.motion] + peak.time, text)
+        for joint in sizing.joints
+        for peak, text in exceeded_peaks(joint)
+    ]
+
+
+def exceeded_peaks(joint: JointSizing) -> list[tuple[Peak, str]]:
+    """The peaks at which limits are exceeded most, with a sentence each."""
+    found = []
+    needs = f"needs {joint.peak_torque:.4g} {joint.torque_unit}, beyond the URDF's limit"
+    reaches = f"reaches {joint.peak_speed:.4g} {joint.speed_unit}, beyond the URDF's limit"
+    for margin, peak, text in (
+        (joint.effort_margin, "peak_torque", needs),
+        (joint.velocity_margin, "peak_speed", reaches),
+    ):
+        if margin is not None and margin < 0.0:
+            found.append((joint.peaks[peak], f"{joint.name} {text}"))
+    if joint.shaft is not None:
+        peaks = {
+            "peak torque": joint.shaft.peak_torque, "speed": joint.shaft.peak_speed,
+            "torque-speed curve": joint.shaft.curve_use,
+        }  # fmt: skip
+        for name, margin in joint.shaft.margins.items():
+            if margin < 0.0 and name in peaks:
+                found.append((peaks[name], f"{joint.name} exceeds its motor's {name} by {-margin:.1%}"))
+    return found

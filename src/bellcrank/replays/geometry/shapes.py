@@ -1,0 +1,107 @@
+"""Shapes of bodies: boxes, cylinders, spheres and triangle meshes, and the boxes around them.
+
+Lengths are in m. A pose is seven numbers: position x y z and unit quaternion x y z w.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.motion.quaternions import rotate
+from bellcrank.replays.geometry.colours import Colour
+
+Array = NDArray[np.float64]
+Triple = tuple[float, float, float]
+Pose = tuple[float, float, float, float, float, float, float]
+IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles: vertices (k, 3) float32 in m, and faces (m, 3) int32, counter-clockwise seen from outside."""
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.int32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """One solid of a body, at a `pose` in the body's frame.
+
+    `size` is (x, y, z) of a box, (radius, length along z) of a cylinder, (radius,) of a sphere, and the scale along x,
+    y and z of a mesh. Several shapes may share a `mesh`. `placeholder` marks a shape that the URDF does not define as a
+    visual and that only indicates where the body is.
+    """
+
+    kind: Literal["box", "cylinder", "sphere", "mesh"]
+    size: tuple[float, ...]
+    colour: Colour
+    pose: Pose = IDENTITY
+    mesh: Mesh | None = None
+    placeholder: bool = False
+
+
+@dataclass(frozen=True)
+class Body:
+    """Shapes that move together with the link or frame of this name."""
+
+    name: str
+    shapes: tuple[Shape, ...]
+
+
+# ---- bounding boxes
+
+
+def bounding_boxes(bodies: Sequence[Body]) -> list[Array]:
+    """Corners (8, 3) m, in each body's frame, of a box around all its shapes; the origin for a body without shapes."""
+    meshes: dict[int, tuple[Array, Array]] = {}
+    return [_box_around([_shape_corners(shape, meshes) for shape in body.shapes]) for body in bodies]
+
+
+def body_radii(corners: Sequence[Array]) -> Array:
+    """Largest distances (k,) m of the points of each body from its origin."""
+    return np.array([np.linalg.norm(box, axis=1).max() for box in corners])
+
+
+def world_corners(poses: Array, corners: Sequence[Array]) -> Array:
+    """The corners (n, 8 k, 3) m of the boxes of all bodies in the world frame, for poses (n, k, 7)."""
+    boxes = np.stack(corners) if corners else np.zeros((0, 8, 3))
+    points = poses[:, :, None, :3] + rotate(np.repeat(poses[:, :, None, 3:], 8, axis=2), boxes[None])
+    return np.asarray(points.reshape(len(poses), -1, 3))
+
+
+def _box_around(boxes: list[Array]) -> Array:
+    if not boxes:
+        return np.zeros((8, 3))
+    points = np.concatenate(boxes)
+    low, high = points.min(axis=0), points.max(axis=0)
+    return np.asarray(0.5 * (low + high) + 0.5 * CORNERS * (high - low))
+
+
+def _shape_corners(shape: Shape, meshes: dict[int, tuple[Array, Array]]) -> Array:
+    """Corners (8, 3) m of a box around a shape, in its body's frame; `meshes` caches the extents of meshes."""
+    middle, size = np.zeros(3), np.array(shape.size, dtype=np.float64)
+    if shape.kind == "mesh":
+        low, high = _mesh_extent(shape.mesh, meshes)
+        middle, half = 0.5 * (low + high) * size, 0.5 * (high - low) * size
+    elif shape.kind == "cylinder":
+        half = np.array([size[0], size[0], 0.5 * size[1]])
+    else:
+        half = 0.5 * size if shape.kind == "box" else np.full(3, size[0])
+    pose = np.array(shape.pose)
+    return np.asarray(pose[:3] + rotate(pose[3:], middle + CORNERS * half))
+
+
+def _mesh_extent(mesh: Mesh | None, meshes: dict[int, tuple[Array, Array]]) -> tuple[Array, Array]:
+    if mesh is None or not len(mesh.vertices):
+        return np.zeros(3), np.zeros(3)
+    if id(mesh) not in meshes:
+        meshes[id(mesh)] = mesh.vertices.min(axis=0).astype(float), mesh.vertices.max(axis=0).astype(float)
+    return meshes[id(mesh)]

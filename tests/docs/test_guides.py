@@ -1,0 +1,71 @@
+"""The guides' files open, their Python runs, and the options of their commands exist."""
+
+import contextlib
+import io
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import tutorial
+
+import bellcrank as bc
+from bellcrank import cli
+
+GUIDES = sorted((Path(tutorial.__file__).parents[1] / "guide").glob("*.md"))
+BELLCRANK = re.compile(r"bellcrank (?:size|simulate|sweep|replay|report|plot|check|verify|bench|robots)\b[^`\n#&|)]*")
+
+
+def blocks(page):
+    return list(tutorial.FENCE.finditer(page.read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize("page", GUIDES, ids=lambda page: page.stem)
+def test_the_python_of_a_guide_runs(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for block in blocks(page):
+        if block["title"]:
+            Path(block["title"]).write_text(block["text"], encoding="utf-8")
+            if block["language"] == "yaml":
+                assert bc.load_scene(block["title"]).robot.nq
+        elif block["language"] == "python":
+            with contextlib.redirect_stdout(io.StringIO()) as out:
+                exec(compile(block["text"], page.name, "exec"), {})
+            assert "print" not in block["text"] or out.getvalue()
+
+
+def test_the_motions_of_the_guide_are_sized(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    by_title = {block["title"]: block["text"] for page in GUIDES for block in blocks(page) if block["title"]}
+    for name in ("arm.yaml", "motion.csv"):
+        Path(name).write_text(by_title[name], encoding="utf-8")
+    assert cli.main(["size", "arm.yaml", "--no-plots"]) == 0
+    assert all(name in capsys.readouterr().out for name in ("circle", "reach", "swing", "cycle"))
+    assert cli.main(["size", "planar_2r", "--motion", "motion.csv", "--no-plots"]) == 0
+    assert Path("planar_2r_sizing/history_motion.csv").exists()
+
+
+def test_the_scene_of_the_guide_takes_the_options_that_it_shows(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (page,) = [page for page in GUIDES if page.stem == "scenes"]
+    for block in blocks(page):
+        if block["title"]:
+            Path(block["title"]).write_text(block["text"], encoding="utf-8")
+        elif block["language"] == "sh":
+            for line in block["text"].splitlines():
+                assert cli.main([*shlex.split(line)[1:], "--no-plots"]) == 0
+    assert "event" in capsys.readouterr().out
+
+
+def test_the_commands_that_pages_name_have_these_options():
+    pages = [*GUIDES, *(GUIDES[0].parents[1]).glob("*.md")]
+    lines = {line.strip() for page in pages for line in BELLCRANK.findall(page.read_text(encoding="utf-8"))}
+    checked = 0
+    for line in lines:
+        command = line.split()[1]
+        options = set(re.findall(r"--[a-z-]+", line))
+        with contextlib.redirect_stdout(io.StringIO()) as out, pytest.raises(SystemExit):
+            cli.main([command, "--help"])
+        assert all(option in out.getvalue() for option in options), line
+        checked += len(options)
+    assert checked > 10
