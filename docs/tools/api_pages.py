@@ -70,8 +70,8 @@ def _deprecated() -> str:
     rows += [(f"bellcrank.{old}", f"bellcrank.{new}") for old, new in deprecated.MODULES.items()]
     lines = [
         "# Deprecated names\n",
-        f"These names of version 0.4 still work, with a `DeprecationWarning`, and will be removed in {deprecated.REMOVAL}. "
-        "Old keys of YAML files are in the [YAML reference](../yaml.md#deprecated-names).\n",
+        "These names of version 0.4 still work, with a `DeprecationWarning`, and will be removed in "
+        f"{deprecated.REMOVAL}. Old keys of YAML files are in the [YAML reference](../yaml.md#deprecated-names).\n",
         "| old | new |",
         "|---|---|",
     ]
