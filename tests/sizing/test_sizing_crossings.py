@@ -301,8 +301,8 @@ def test_motors_give_what_the_mechanical_energy_gains_and_all_forces_take(tmp_pa
         {"kind": "wrench", "frame": "quill_link", "force": [5, -8, 60], "torque": [1, 2, 3], "expressed_in": "frame"},
     ]  # fmt: skip
     sizing = bc.size(written(tmp_path, SCARA, gravity=[1, 2, -9], motions={"press": PRESS}, forces=forces))
-    assert sizing.study is not None
-    mechanism, (motion,), _ = sizing.study
+    assert sizing.inputs is not None
+    mechanism, (motion,), _ = sizing.inputs
     time, weight = np.polynomial.legendre.leggauss(40)
     edges = np.linspace(0.0, 2.0, 201)
     time, weight = (edges[:-1, None] + 0.005 * (time + 1.0)).ravel(), np.tile(0.005 * weight, 200)

@@ -185,7 +185,7 @@ def test_the_command_writes_table_and_picture(four_bar, tmp_path, monkeypatch, c
     arguments = ["sweep", scene, "--vary", "crank_length=1.21:1.24:4", "--measure", "lock.time", "--threads", "2"]
     assert main([*arguments, "--out", "here"]) == 0
     out = capsys.readouterr().out
-    assert "lock.time [s]" in out and "4 designs, 4 came to their end" in out
+    assert "lock.time [s]" in out and "4 designs, 4 finished" in out
     assert sorted(path.name for path in (tmp_path / "here").iterdir()) == ["sweep.csv", "sweep.json", "sweep.png"]
     assert main(["sweep", scene, "--vary", "crank_length=4,5"]) == 1
     assert "the constraints do not close" in capsys.readouterr().out
