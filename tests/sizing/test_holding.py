@@ -100,7 +100,9 @@ def test_a_joint_that_others_follow(tmp_path: Path) -> None:
 def test_a_mass_tolerance_raises_the_holding_torque() -> None:
     robot: Any = TwoLink()
     np.testing.assert_allclose(
-        gravity_holding_torques(robot, mass_tolerance=0.1).torque, 1.1 * gravity_holding_torques(robot).torque, rtol=1e-12
+        gravity_holding_torques(robot, mass_tolerance=0.1).torque,
+        1.1 * gravity_holding_torques(robot).torque,
+        rtol=1e-12,
     )
 
 
