@@ -63,6 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run_on_streams(given: list[str]) -> int:
+    """Run a command with the process's standard streams, and report where these cannot be written to."""
     from bellcrank.terminal.streams import standard_streams
 
     with standard_streams() as output:
@@ -85,6 +86,7 @@ def _interrupted() -> int:
 
 
 def _parser(given: list[str]) -> argparse.ArgumentParser:
+    """The parser of all commands; only the given command has its arguments."""
     import argparse
     import importlib
 
@@ -114,6 +116,7 @@ def _run(given: list[str]) -> int:
 
 
 def _command(given: list[str]) -> int:
+    """Run a command and turn errors into messages and exit codes."""
     import importlib
     import traceback
 

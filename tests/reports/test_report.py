@@ -124,8 +124,8 @@ def test_a_report_of_a_sizing_holds_its_inputs_under_headings_of_words(tmp_path)
         "friction: {shoulder: {viscous: 0.25, coulomb: 0.75}}"
         "\nframes: {hook: {link: %s, xyz: [0, 0, 0]}}\npayloads: [{mass: 1.75, frame: hook, cg: [0.01, 0.02, 0.03]}]\n"
         "motions: {lift_slowly: {kind: waypoints, times: [0, 2.5], positions: [{}, {shoulder: 1}]}}\n"
-        "actuators: {shoulder: {ratio: 87.5, efficiency: 0.83, rotor_inertia: 3.1e-5, gear_inertia: 1.7e-6, rated_torque: "
-        "1.23, peak_torque: 4.56, rated_speed: 2900 rpm, max_speed: 4100 rpm, "
+        "actuators: {shoulder: {ratio: 87.5, efficiency: 0.83, rotor_inertia: 3.1e-5, gear_inertia: 1.7e-6, "
+        "rated_torque: 1.23, peak_torque: 4.56, rated_speed: 2900 rpm, max_speed: 4100 rpm, "
         "safety_factor: 1.35, motor_efficiency: 0.91}}"
     )
     link = bc.load_robot("geared_pendulum").urdf.joints["shoulder"].child

@@ -341,7 +341,8 @@ def test_a_motor_with_a_follower_under_forces_is_held_by_the_multiplier_of_a_dri
     go = {"kind": "waypoints", "times": [0, 1, 2], "positions": [{"a": 0}, {"a": 0.8}, {"a": -0.4}], "samples": 101}
     scene = bc.load_scene(written(tmp_path, urdf, gravity=[3, 1, -8], motions={"go": go}, forces=forces))
     times = np.array([0.0, 0.3, 0.77, 1.2, 1.9])
-    held = {"constraints": [{"name": "d", "kind": "prescribed_motion", "joint": "a", "motion": "go"}], "initial": {"motion": "go"},
+    motor = {"name": "d", "kind": "prescribed_motion", "joint": "a", "motion": "go"}
+    held = {"constraints": [motor], "initial": {"motion": "go"},
             "simulate": {"duration": 2.0, "rtol": 1e-12, "atol": 1e-12}}  # fmt: skip
     run = bc.simulate(scene.with_overrides(held), times=times)
     found = scene_inverse_dynamics(scene, "go")

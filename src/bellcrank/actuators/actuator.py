@@ -31,7 +31,7 @@ _NUMBERS = (  # name, least, more than, most
     ("safety_factor", 1.0, None, arguments.LARGEST),
     ("motor_efficiency", None, 0.0, 1.0),
 )
-STANDSTILL = 1e-6  # rad/s of the shaft: below this it counts as standing still, so that rounding does not decide the flow of power
+STANDSTILL = 1e-6  # rad/s of the shaft: slower counts as at rest, so that rounding does not decide the flow of power
 FASTEST = 1500.0  # rad/s: few motors turn faster, while many speeds in rpm are larger numbers
 
 

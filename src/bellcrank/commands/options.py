@@ -17,8 +17,8 @@ def add_trust(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="DIR",
-        help="a folder from which files that the scene, robot or run names may be read, its subfolders included; may be "
-        "repeated",
+        help="a folder from which files that the scene, robot or run names may be read, its subfolders included; may "
+        "be repeated",
     )
 
 
@@ -29,7 +29,7 @@ def add_allow_massless(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="LINK",
-        help="size motors that move only this link, and links fixed to it, although these have no mass; may be repeated",
+        help="size motors that move only this link and links fixed to it, although these have no mass; may be repeated",
     )
 
 
@@ -88,7 +88,7 @@ def size_option(option: str, text: str, least: int, most: int) -> tuple[int, int
     width, height = whole_number(first), whole_number(second)
     if not cross or width is None or height is None or not least <= min(width, height) <= max(width, height) <= most:
         raise InputError(
-            f"{option} {format_value(text)}: expected WIDTHxHEIGHT, each a whole number of pixels from {least} to {most}, "
-            "such as 960x720"
+            f"{option} {format_value(text)}: expected WIDTHxHEIGHT, each a whole number of pixels from {least} to "
+            f"{most}, such as 960x720"
         )
     return width, height

@@ -62,8 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate a scene. Exit code 0: finished; 1: ended early, or there are warnings; 130: interrupted. What was computed
-    is written in any case. Raises BellcrankError for invalid input.
+    """Simulate a scene. Exit code 0: finished; 1: ended early, or there are warnings; 130: interrupted. What was
+    computed is written in any case. Raises BellcrankError for invalid input.
     """
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene

@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="FILE|NAME",
-        help="a CSV file, or a motion of the configuration; may be repeated (default: all motions of the configuration)",
+        help="a CSV file, or a motion of the configuration; may be repeated (default: all motions of ROBOT)",
     )
     parser.add_argument(
         "--payload",

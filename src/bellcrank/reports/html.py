@@ -30,6 +30,7 @@ def _list(title: str, kind: str, texts: Iterable[str]) -> str:
 
 
 def _part(part: Facts | Table | Picture) -> str:
+    """One part of a report as HTML."""
     title = escape(part.title)
     if isinstance(part, Picture):
         data = base64.b64encode(part.svg.encode("utf-8")).decode("ascii")

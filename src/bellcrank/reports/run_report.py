@@ -64,7 +64,8 @@ def _verdict(run: Trajectory, warnings: tuple[str, ...]) -> tuple[str, ...]:
     lines = [run.message.removeprefix(f"{run.scene.name}: ")]
     if not warnings:
         drift, residual = run.energy_drift(), run.equation_residual()
-        text = f"Self-checks passed: the relative energy error is {drift:.1e}, the residual of the equations of motion {residual:.1e}"
+        text = f"Self-checks passed: the relative energy error is {drift:.1e}, "
+        text += f"the residual of the equations of motion {residual:.1e}"
         if run.scene.constraints:
             text += f", and the residual of the constraints {run.constraint_residual():.1e} m or rad"
         lines.append(text + ".")
@@ -80,6 +81,7 @@ def _still(run: Trajectory) -> Still:
 
 
 def _events(run: Trajectory) -> list[Table]:
+    """A table of the events with the positions of the first joints."""
     if not run.events:
         return []
     one = [joint for joint in run.robot.joints if joint.nv == 1][:6]

@@ -48,8 +48,8 @@ def holding_torques(mechanism: Mechanism, motions: Sequence[Motion], mass_tolera
         springs = [force.name for force in acting if isinstance(force, JointSpring) and force.joint == joint]
         if not limited and springs and joint.kind == "revolute":
             notes.append(
-                f"joint '{joint.name}' turns without limits: the holding torque includes spring '{springs[0]}' over one "
-                "turn, and over the motions"
+                f"joint '{joint.name}' turns without limits: the holding torque includes spring '{springs[0]}' over "
+                "one turn, and over the motions"
             )
     return Holding(
         over_ranges.joints,

@@ -149,7 +149,8 @@ def _tree_search(
     if rising:
         notes += (
             f"the search for the holding torques of {len(rising)} joints (such as '{rising[0]}') ended after "
-            f"{SETTINGS.sweeps} sweeps, the last of which still raised them, by up to {100.0 * found.rising.max():.2g} %",
+            f"{SETTINGS.sweeps} sweeps, the last of which still raised them, by up to "
+            f"{100.0 * found.rising.max():.2g} %",
         )
     return Holding(names, found.torque, found.posture, notes)
 

@@ -1,12 +1,12 @@
 """Holding torques of trees of many joints: a sweep over all coordinates takes work proportional to their number.
 
 The gravity torque at joint i, about its axis w, is (w × g) · s, up to its sign, with the first moment of mass s, about
-its origin, of what i moves (statics of rigid bodies; derived here). It has the form a · R(q_k) b for every revolute joint k on
-the way: at or below i, b is the moment of mass of what k moves and a the vector w × g; above i, b is s × w and a is
-gravity. A pass from the tips to the base gives all b. A pass from the base to the tips gives all a, and sets each coordinate to
-its best value as it reaches it: the crest of A + B cos q_k + C sin q_k in its range, or an end. What is above
-and below is fixed meanwhile, so the value never falls. Within a mass tolerance the masses are set to their worst
-in turn with the coordinates.
+its origin, of what i moves (statics of rigid bodies; derived here). It has the form a · R(q_k) b for every revolute
+joint k on the way: at or below i, b is the moment of mass of what k moves and a the vector w × g; above i, b is s × w
+and a is gravity. A pass from the tips to the base gives all b. A pass from the base to the tips gives all a, and sets
+each coordinate to its best value as it reaches it: the crest of A + B cos q_k + C sin q_k in its range, or an end. What
+is above and below is fixed meanwhile, so the value never falls. Within a mass tolerance the masses are set to their
+worst in turn with the coordinates.
 """
 
 from __future__ import annotations

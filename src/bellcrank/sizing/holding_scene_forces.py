@@ -106,7 +106,7 @@ class _StaticTorques:
         return low, high
 
     def _slopes(self, q: Array, zero: Array) -> Array:
-        """The derivative (n, nu, nv) of the scene's forces with respect to the tables' values, in which they are linear."""
+        """The derivative (n, nu, nv) of the scene's forces by the tables' values, in which they are linear."""
         return self.chain.equations.slopes(q, zero, self.values.shape[1])
 
 

@@ -48,7 +48,7 @@ class JointRanges:
 
 
 def joint_ranges(robot: Robot, joints: tuple[RobotJoint, ...]) -> JointRanges:
-    """The joints' position limits. A revolute joint without limits ranges over one turn; a prismatic one is held at 0."""
+    """The position limits. Without them, a revolute joint ranges over one turn; a prismatic one is held at 0."""
     lower, upper, notes = np.zeros(len(joints)), np.zeros(len(joints)), []
     for k, joint in enumerate(joints):
         low, high = float(robot.lower[joint.q]), float(robot.upper[joint.q])

@@ -58,8 +58,8 @@ class JointHistory:
         position: Position, rad or m.
         velocity: Velocity, rad/s or m/s.
         acceleration: Acceleration, rad/s² or m/s².
-        torque: Torque, N m or N, that the motor applies; with an actuator that at the gear's output, without the rotor's
-            inertia.
+        torque: Torque, N m or N, that the motor applies; with an actuator that at the gear's output, without the
+            rotor's inertia.
         power: Power into the joint, W.
         shaft: The motor's shaft; None without an actuator.
     """

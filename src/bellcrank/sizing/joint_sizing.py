@@ -177,7 +177,7 @@ class JointSizing:
 
     @property
     def sampled_torque(self) -> float:
-        """Largest magnitude of the torque at the rows of the motions; a larger one between them rests on interpolation."""
+        """Largest magnitude of the torque at the rows of the motions; the peak torque may lie between two rows."""
         return self.peaks["sampled_torque"].value
 
     @property

@@ -50,7 +50,7 @@ def size_mechanism(
     mass_tolerance: float = 0.0,
     allow_massless: Iterable[str] = (),
 ) -> Sizing:
-    """Size every motor of a mechanism over motions of all of its joints; `bellcrank.size` says what is taken into account.
+    """Size every motor of a mechanism over motions of all of its joints; `bellcrank.size` says what is included.
 
     Raises InputError where there is no motion or a motion is of another robot, where an actuator names no joint or
     gives its rotor another inertia than the robot has, and where a load or margin is not a finite number.

@@ -48,9 +48,9 @@ def write_results(sizing: Sizing, folder: str | Path, others: Iterable[Path] = (
 def write_histories(sizing: Sizing, folder: str | Path) -> list[Path]:
     """Write history_<motion>.csv for each motion of a sizing, and return their paths.
 
-    A file holds the motion's rows with the torques of all joints with one degree of freedom and, with actuators, torque,
-    speed and power at the motor shafts. It can be read as a motion again. Raises InputError where a file cannot be
-    written.
+    A file holds the motion's rows with the torques of all joints with one degree of freedom and, with actuators,
+    torque, speed and power at the motor shafts. It can be read as a motion again. Raises InputError where a file cannot
+    be written.
     """
     mechanism, motions, actuators = sizing_inputs(sizing)
     joints = [joint for joint in mechanism.robot.joints if joint.nv == 1]
@@ -164,6 +164,7 @@ def json_text(sizing: Sizing, files: Iterable[str] = RESULTS) -> str:
 
 
 def _csv_row(joint: JointSizing) -> dict[str, Any]:
+    """The cells of a joint's line by column; empty where there is no value."""
     peak, shaft = joint.peaks["peak_torque"], joint.shaft
     row: dict[str, Any] = {
         "joint": joint.name,

@@ -82,7 +82,8 @@ def _kept(sizing: Sizing) -> str:
     smallest, where = min(margins)
     without = ""
     if 0 < len(sizing.joints_without_actuator) < len(sizing.joints):
-        without = f" Joints without an actuator, compared with the URDF's limits only: {', '.join(sizing.joints_without_actuator)}."
+        names = ", ".join(sizing.joints_without_actuator)
+        without = f" Joints without an actuator, compared with the URDF's limits only: {names}."
     return f"All inside: the tightest margin is {smallest:.1%}, {where}.{without}"
 
 

@@ -100,6 +100,7 @@ def _panels(count: int) -> tuple[Figure, list[Axes]]:
 
 
 def _finish(figure: Figure, axes: list[Axes], count: int, title: str) -> Figure:
+    """The figure with axes through the origin, a title and a legend; axes beyond the first `count` are hidden."""
     from matplotlib.lines import Line2D
 
     for axis in axes[count:]:

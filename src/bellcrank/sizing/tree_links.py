@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class TreeLink:
-    """A joint of the tree: its placement in the parent, its axis, and the masses that move with it, with their levers."""
+    """A joint of the tree: its placement in the parent, its axis, and the masses that move with it."""
 
     parent: int  # -1: the world
     turn: Array
