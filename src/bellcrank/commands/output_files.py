@@ -1,4 +1,4 @@
-"""Files that a command writes one after the other: what is there is told even where one of them cannot be written."""
+"""Files that a command writes one after the other: those written are listed even where one cannot be written."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from bellcrank.errors import InputError
 
 
 @contextmanager
-def telling(files: list[Path], folder: Path) -> Iterator[None]:
-    """Where the block ends early, by an error or a signal, say which files were written until then."""
+def list_on_failure(files: list[Path], folder: Path) -> Iterator[None]:
+    """Where the block ends early, by an error or a signal, list the files written until then."""
     try:
         yield
     except BaseException:

@@ -1,12 +1,12 @@
-"""Holding torques of trees of many joints: a sweep over all coordinates in work that grows with their number.
+"""Holding torques of trees of many joints: a sweep over all coordinates takes work proportional to their number.
 
 The gravity torque at joint i, about its axis w, is (w × g) · s, up to its sign, with the first moment of mass s, about
-its origin, of what i moves (statics of rigid bodies; derived here). It is a · R(q_k) b for every revolute joint k on
-the way: at or below i, b is the moment of mass of what k moves and a the vector w × g; above i, b is s × w and a is
-gravity. A pass from the tips to the base gives all b, and one from the base to the tips all a, in which each coordinate
-is set to its best as the pass reaches it: the crest of A + B cos q_k + C sin q_k in its range, or an end. What is above
-and below stays as it is meanwhile, so the value never falls. Within a mass tolerance the masses are set to their worst
-in turn with the coordinates.
+its origin, of what i moves (statics of rigid bodies; derived here). It has the form a · R(q_k) b for every revolute
+joint k on the way: at or below i, b is the moment of mass of what k moves and a the vector w × g; above i, b is s × w
+and a is gravity. A pass from the tips to the base gives all b. A pass from the base to the tips gives all a, and sets
+each coordinate to its best value as it reaches it: the crest of A + B cos q_k + C sin q_k in its range, or an end. What
+is above and below is fixed meanwhile, so the value never falls. Within a mass tolerance the masses are set to their
+worst in turn with the coordinates.
 """
 
 from __future__ import annotations
@@ -17,30 +17,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.sizing.holding_search import AscentSettings, JointRanges, at_or_above
+from bellcrank.sizing.tree_links import TreeLink, cross, rotated, tree_links
+
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp] | slice
 
-STRETCHED = 4  # one in so many of the starts has what its joint moves stretched
+STRETCHED = 4  # one in so many of the starts has what its joint moves stretched out
 BLOCK_NUMBERS = 1_000_000  # coordinates of all postures that are improved together
-SETTLED = 1e-13  # of a torque: a sweep that raises it by less is the last
-UNSETTLED = 1e-6  # of a torque: one that the last sweep still raised by more is told of
-
-
-@dataclass(frozen=True)
-class _Link:
-    """A joint of the tree and what moves with it: its place in the parent, its axis, its masses and their levers."""
-
-    parent: int  # -1: the world
-    turn: Array
-    shift: Array
-    axis: Array
-    kind: str
-    column: int  # among the joints of one degree of freedom; -1: another, which stays at its neutral posture
-    mass: Array  # (bodies,)
-    lever: Array  # (bodies, 3), in the joint's frame
+UNSETTLED = 1e-6  # of a torque: a note tells of one that the last sweep still raised by more
 
 
 @dataclass(frozen=True)
@@ -52,14 +40,15 @@ class Worst:
     rising: Array
 
 
-class HoldingPasses:
-    """The search for a robot without mimicking joints; `lower` and `upper` (k,) are the joints' ranges."""
+class TreeSearch:
+    """The search for a robot without mimicking joints, over the ranges of its joints and within a mass tolerance."""
 
     def __init__(
-        self, robot: Robot, joints: tuple[RobotJoint, ...], lower: Array, upper: Array, tolerance: float
+        self, robot: Robot, joints: tuple[RobotJoint, ...], ranges: JointRanges, mass_tolerance: float
     ) -> None:
-        self.robot, self.joints, self.lower, self.upper, self.tolerance = robot, joints, lower, upper, tolerance
-        self.links = _links(robot, joints)
+        self.robot, self.joints, self.tolerance = robot, joints, mass_tolerance
+        self.lower, self.upper = ranges.lower, ranges.upper
+        self.links = tree_links(robot, joints)
         count = len(self.links)
         self.within = np.eye(count, dtype=bool)  # [k, i]: joint k is i, or below it
         for k, link in enumerate(self.links):
@@ -70,8 +59,8 @@ class HoldingPasses:
             if link.column >= 0:
                 self.index[link.column] = k
 
-    def worst(self, starts: int, sweeps: int, rough: int, kept: int, generator: np.random.Generator) -> Worst:
-        """The worst of every joint from `starts` postures a sign; after `rough` sweeps the best `kept` go on."""
+    def worst(self, starts: int, settings: AscentSettings, generator: np.random.Generator) -> Worst:
+        """The largest torque of every joint, from `starts` postures for each direction."""
         count, found, stretched = len(self.joints), [], self._stretched()
         step = max(1, BLOCK_NUMBERS // (2 * starts * len(self.links)))
         for first in range(0, count, step):
@@ -82,18 +71,19 @@ class HoldingPasses:
             chosen = np.tile(np.arange(starts) < max(1, starts // STRETCHED), 2 * len(some))
             random = np.where(chosen[:, None] & self.within[self.index][:, self.index[rows]].T, stretched, random)
             postures = _Postures(self, self.index[rows], sign, np.ascontiguousarray(random.T))
-            found.append(postures.climbed(len(some), sweeps, rough, kept))
+            found.append(postures.climb(len(some), settings))
         torque, angles, rising = (np.concatenate(parts) for parts in zip(*found, strict=True))
         posture = np.tile(np.asarray(self.robot.neutral, dtype=np.float64), (count, 1))
         posture[:, [joint.q for joint in self.joints]] = angles
-        if self.tolerance == 0.0:  # by inverse dynamics, which the search does without
+        if self.tolerance == 0.0:  # evaluated by inverse dynamics, which the search does not use
             held = np.asarray(self.robot.gravity_torque(posture))
             torque = np.abs(held[np.arange(count), [joint.v for joint in self.joints]])
         return Worst(torque, posture, rising)
 
     def _stretched(self) -> Array:
-        """Joint positions (k,) at which every joint in turn, from the tips, turns what it moves along the mass nearer
-        to the base: long chains come near to this, and coordinate by coordinate only slowly from elsewhere.
+        """Joint positions (k,) at which the tree is stretched out: each joint, from the tips on, aligns what it moves
+        with the mass nearer to the base. The worst postures of long chains are close to this, and coordinate ascent
+        gets there only slowly from elsewhere.
         """
         q = np.clip(self.robot.neutral[[joint.q for joint in self.joints]], self.lower, self.upper)
         moments = [link.lever.T @ link.mass for link in self.links]
@@ -109,11 +99,11 @@ class HoldingPasses:
                 low, high = self.lower[link.column], self.upper[link.column]
                 a = link.turn.T @ moments[link.parent]
                 b = float(a @ moment - (link.axis @ a) * (link.axis @ moment))
-                c = float(a @ _cross(link.axis, moment))
+                c = float(a @ cross(link.axis, moment))
                 if b or c:
                     q[link.column] = float(_crest(np.array(b), np.array(c), low, high))
                 angle = q[link.column, None]
-                moment = _turned(link.axis, moment[:, None], np.cos(angle), np.sin(angle))[:, 0]
+                moment = rotated(link.axis, moment[:, None], np.cos(angle), np.sin(angle))[:, 0]
             moments[link.parent] = moments[link.parent] + link.turn @ moment
         return q
 
@@ -121,7 +111,7 @@ class HoldingPasses:
 class _Postures:
     """Postures (joints, r) that are improved together, each for the torque of its own joint, times a sign (r,)."""
 
-    def __init__(self, search: HoldingPasses, target: NDArray[np.intp], sign: Array, q: Array) -> None:
+    def __init__(self, search: TreeSearch, target: NDArray[np.intp], sign: Array, q: Array) -> None:
         self.search, self.links = search, search.links
         self.target, self.sign, self.q = target, sign, q
         self.factor: list[Array | float] = [1.0] * len(self.links)  # of each joint's bodies (bodies, rows)
@@ -149,11 +139,12 @@ class _Postures:
             self.own.append((self.target == k)[rows])
             self.matters[k] = related & ~(below & sliding)
 
-    def climbed(self, count: int, sweeps: int, rough: int, kept: int) -> tuple[Array, Array, Array]:
-        """(largest torque (k,), its joint positions (k, n), how much the last sweep still raised it, a share)."""
+    def climb(self, count: int, settings: AscentSettings) -> tuple[Array, Array, Array]:
+        """Largest torque (k,), its joint positions (k, n), and the share (k,) by which the last sweep raised it."""
+        rough, kept = settings.rough, settings.kept
         each = len(self.target) // count
         value, before = self._inward(), np.full(len(self.target), -np.inf)
-        for sweep in range(sweeps):
+        for sweep in range(settings.sweeps):
             if sweep == rough:
                 best = np.argsort(-value.reshape(count, each), axis=1, kind="stable")[:, :kept]
                 best = (best + each * np.arange(count)[:, None]).ravel()
@@ -166,14 +157,14 @@ class _Postures:
             before, value = value, self._sweep()
             if sweep < rough:
                 continue
-            if not np.any(value - before > SETTLED * np.maximum(1.0, np.abs(value))):
+            if not np.any(value - before > settings.settled * np.maximum(1.0, np.abs(value))):
                 break
         row = value.reshape(count, each).argmax(axis=1) + each * np.arange(count)
         rising = (value - before)[row] / np.maximum(np.abs(value[row]), 1e-300)
         return np.maximum(value[row], 0.0), self.q[:, row].T, rising
 
     def _sweep(self) -> Array:
-        """A pass to the tips, in which every coordinate is set to its best, and one to the base; the values (r,)."""
+        """A pass to the tips, which sets every coordinate to its best, and one to the base; the values (r,)."""
         self._outward()
         return self._inward()
 
@@ -195,10 +186,10 @@ class _Postures:
                     arm[np.arange(r)[rows][own]] = -sign * (link.axis @ a[:, own])
                     a[:, own] = 0.0
                 else:
-                    a[:, own] = sign * _cross(link.axis, a[:, own])
+                    a[:, own] = sign * cross(link.axis, a[:, own])
             if link.kind == "revolute":
                 angle = self._set_angle(link, rows, a, self.moments[k])
-                a = _turned(link.axis, a, np.cos(angle), -np.sin(angle))
+                a = rotated(link.axis, a, np.cos(angle), -np.sin(angle))
             elif link.kind == "prismatic":
                 self._set_slide(link, rows, a, self.masses[k] * below)
                 arm[rows] += (link.axis @ a) * self.q[link.column, rows] * below
@@ -223,13 +214,11 @@ class _Postures:
                 moment, mass = moment + carried.pop(k)[:, rows], mass + heavier.pop(k)[rows]
             self.moments[k], self.masses[k] = moment, mass
             if link.kind == "revolute":
-                moment = _turned(link.axis, moment, cosine[link.column, rows], sine[link.column, rows])
+                moment = rotated(link.axis, moment, cosine[link.column, rows], sine[link.column, rows])
             elif link.kind == "prismatic":
                 moment = moment + link.axis[:, None] * (mass * self.q[link.column, rows])
             if own.any():
-                lever = (
-                    link.axis[:, None] * mass[own] if link.kind == "prismatic" else _cross(link.axis, moment[:, own])
-                )
+                lever = link.axis[:, None] * mass[own] if link.kind == "prismatic" else cross(link.axis, moment[:, own])
                 moment = moment.copy()
                 moment[:, own] = -self.sign[rows][own] * lever
             moment = link.turn @ moment
@@ -244,11 +233,11 @@ class _Postures:
             heavier[link.parent][rows] += mass
         return value
 
-    def _set_angle(self, link: _Link, rows: Rows, a: Array, b: Array) -> Array:
+    def _set_angle(self, link: TreeLink, rows: Rows, a: Array, b: Array) -> Array:
         """Set the angle, and return it, at which a · R(angle) b = A + B cos + C sin is largest in the joint's range."""
         low, high = self.search.lower[link.column], self.search.upper[link.column]
         here = self.q[link.column, rows]
-        c = (a * _cross(link.axis, b)).sum(axis=0)
+        c = (a * cross(link.axis, b)).sum(axis=0)
         b = (a * b).sum(axis=0) - (link.axis @ a) * (link.axis @ b)
         best = _crest(b, c, low, high)
         better = b * np.cos(best) + c * np.sin(best) > b * np.cos(here) + c * np.sin(here)
@@ -256,50 +245,15 @@ class _Postures:
         self.q[link.column, rows] = best
         return np.asarray(best)
 
-    def _set_slide(self, link: _Link, rows: Rows, a: Array, mass: Array) -> None:
-        """Set a sliding joint to the end of its range at which what it carries raises the torque of one above it."""
+    def _set_slide(self, link: TreeLink, rows: Rows, a: Array, mass: Array) -> None:
+        """Set a prismatic joint to the end of its range at which what it carries raises the torque of a joint above."""
         slope = (link.axis @ a) * mass
         ends = np.where(slope > 0.0, self.search.upper[link.column], self.search.lower[link.column])
         self.q[link.column, rows] = np.where(slope != 0.0, ends, self.q[link.column, rows])
 
 
-def _links(robot: Robot, joints: tuple[RobotJoint, ...]) -> list[_Link]:
-    tree, columns = robot.equations.tree, {joint.name: k for k, joint in enumerate(joints)}
-    bodies: list[list[tuple[float, Array]]] = [[] for _ in tree.joints]
-    for frame in (tree.frames[k] for k in tree.massive_frames()):
-        turn = np.array(frame.placement.rotation).reshape(3, 3)
-        lever = turn @ np.array(frame.lever) + np.array(frame.placement.translation)
-        bodies[frame.parent_joint - 1].append((frame.mass, lever))
-    return [
-        _Link(
-            joint.parent - 1,
-            np.array(joint.placement.rotation).reshape(3, 3),
-            np.array(joint.placement.translation),
-            np.array(joint.axis),
-            joint.kind if joint.name in columns else "held",
-            columns.get(joint.name, -1),
-            np.array([mass for mass, _ in carried]),
-            np.array([lever for _, lever in carried]).reshape(-1, 3),
-        )
-        for joint, carried in zip(tree.joints, bodies, strict=True)
-    ]
-
-
-def _cross(axis: Array, vectors: Array) -> Array:
-    """axis (3,) × vectors (3, r)."""
-    x, y, z = axis
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ vectors
-
-
 def _crest(b: Array, c: Array, low: float, high: float) -> Array:
     """Where B cos x + C sin x is largest in a range, for each of (r,) pairs."""
-    crest = np.arctan2(c, b)
-    crest = crest + 2.0 * np.pi * np.ceil((low - crest) / (2.0 * np.pi))
+    crest = at_or_above(np.arctan2(c, b), low)
     end = np.where(b * np.cos(low) + c * np.sin(low) > b * np.cos(high) + c * np.sin(high), low, high)
     return np.asarray(np.where(crest <= high, crest, end))
-
-
-def _turned(axis: Array, vectors: Array, cosine: Array, sine: Array) -> Array:
-    """Vectors (3, r) turned about an axis by angles of these cosines and sines (r,) (Rodrigues)."""
-    along = np.outer(axis, (axis @ vectors) * (1.0 - cosine))
-    return np.asarray(vectors * cosine + _cross(axis, vectors) * sine + along)

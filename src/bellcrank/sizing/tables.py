@@ -1,23 +1,33 @@
-"""A sizing for people: tables for the terminal with units in the headers, and a verdict."""
+"""The tables and the verdict of a sizing, as text for the terminal and as HTML for notebooks."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from html import escape
+from typing import NamedTuple
 
-from bellcrank.sizing.result import JointSizing, Sizing
+from bellcrank.sizing.joint_sizing import JointSizing
+from bellcrank.sizing.result import Sizing
 
 NO_LIMIT = "no limit given"
 
 
+class TableContent(NamedTuple):
+    """A header, whose second lines hold units, and rows of cells."""
+
+    header: list[str]
+    rows: list[list[str]]
+
+
 def table(sizing: Sizing) -> str:
-    """The sizing as text: joints, then shafts, then the supply; units in the headers."""
-    parts = [_heading(sizing), _grid(*joint_rows(sizing)), "", _grid(*structure_rows(sizing))]
+    """The sizing as text: the joints, the motor shafts and the supply."""
+    parts = [_heading(sizing), _text_table(*joint_rows(sizing)), "", _text_table(*structure_rows(sizing))]
     if any(joint.shaft for joint in sizing.joints):
         parts += [
             "",
             "At the motor shaft (margins with the safety factor on torques):",
-            _grid(*shaft_rows(sizing)),
+            _text_table(*shaft_rows(sizing)),
         ]
     supply, back = sizing.supply_peak, sizing.regeneration_peak
     parts += [
@@ -27,14 +37,27 @@ def table(sizing: Sizing) -> str:
     ]
     if sizing.mass_tolerance:
         parts.append(
-            "Peaks are the worst case within the mass tolerance; RMS, energies and supply power are upper "
-            "bounds; reactions and inertias, histories and pictures are for the nominal masses."
+            "Peaks are the worst case within the mass tolerance; RMS torques, energies and supply power are upper "
+            "bounds; reactions, inertias, histories and pictures are for the nominal masses."
         )
     return "\n".join(parts)
 
 
+def sizing_html(sizing: Sizing) -> str:
+    """The verdict and the tables of a sizing as HTML; names are escaped."""
+    answer = "<br>".join(escape(line) for line in verdict(sizing).split("\n"))
+    conditions = "; ".join(f"{name} {value}" for name, value in sized_with(sizing))
+    about = escape(f"{sizing.robot} over {', '.join(sizing.motions)}; {conditions}")
+    tables = [_html_table("At the joints", joint_rows(sizing))]
+    if any(joint.shaft for joint in sizing.joints):
+        tables.append(_html_table("At the motor shafts, margins with the safety factor on torques", shaft_rows(sizing)))
+    tables.append(_html_table("Structure and energy", structure_rows(sizing)))
+    notes = "".join(f"<li>{escape(text)}</li>" for text in sizing.warnings)
+    return f"<p><b>{answer}</b><br>{about}</p>{''.join(tables)}" + (f"<ul>{notes}</ul>" if notes else "")
+
+
 def verdict(sizing: Sizing) -> str:
-    """What cannot be sized, what is exceeded, or that nothing is; errors of the URDF; and what was allowed."""
+    """What cannot be sized, which limits are exceeded or that none is, errors of the URDF, and what was allowed."""
     lines = []
     if sizing.unsizable:
         lines += ["cannot be sized:", *(f"  - {text}" for text in sizing.unsizable)]
@@ -44,7 +67,7 @@ def verdict(sizing: Sizing) -> str:
     if sizing.inside:
         lines.append(_kept(sizing))
     if sizing.urdf_errors:
-        lines.append("The URDF has errors that `bellcrank check` finds, and the torques rest on them:")
+        lines.append("The URDF has errors, which `bellcrank check` lists too, and the torques depend on them:")
         lines += [f"  - {text}" for text in sizing.urdf_errors]
     if sizing.allowed_massless:
         lines.append(f"Joints that move no mass, as allowed: {', '.join(sizing.allowed_massless)}.")
@@ -52,19 +75,20 @@ def verdict(sizing: Sizing) -> str:
 
 
 def _kept(sizing: Sizing) -> str:
-    """That all limits are kept, and which are not given."""
+    """That all limits are kept, with the smallest margin."""
     margins = [(margin, f"{joint.name}'s {what}") for joint in sizing.joints for margin, what in _margins(joint)]
     if not margins:
-        return "Nothing to compare with: neither the URDF nor a drive gives a limit."
+        return "Nothing to compare with: neither the URDF nor an actuator gives a limit."
     smallest, where = min(margins)
     without = ""
-    if 0 < len(sizing.undriven) < len(sizing.joints):
-        without = f" Joints without a drive, compared with the URDF's limits only: {', '.join(sizing.undriven)}."
+    if 0 < len(sizing.joints_without_actuator) < len(sizing.joints):
+        names = ", ".join(sizing.joints_without_actuator)
+        without = f" Joints without an actuator, compared with the URDF's limits only: {names}."
     return f"All inside: the tightest margin is {smallest:.1%}, {where}.{without}"
 
 
 def sized_with(sizing: Sizing) -> list[tuple[str, str]]:
-    """(name, value) of what a sizing rests on: gravity, payload, mass tolerance, drives."""
+    """(name, value) of what a sizing assumes: gravity, payloads, forces, parameters, mass tolerance, actuators."""
     payloads = ", ".join(f"{mass:g} kg @ {frame}" for mass, frame in sizing.payloads)
     rows = [
         ("gravity", f"({', '.join(f'{x:g}' for x in sizing.gravity)}) m/s²"),
@@ -78,30 +102,30 @@ def sized_with(sizing: Sizing) -> list[tuple[str, str]]:
         )
     if sizing.mass_tolerance:
         rows.append(("mass tolerance", f"±{100.0 * sizing.mass_tolerance:.10g} %: each link as a whole"))
-    if len(sizing.undriven) == len(sizing.joints):
-        rows.append(("drives", "none"))
-    elif sizing.undriven:
-        rows.append(("without a drive:", ", ".join(sizing.undriven)))
+    if len(sizing.joints_without_actuator) == len(sizing.joints):
+        rows.append(("actuators", "none"))
+    elif sizing.joints_without_actuator:
+        rows.append(("without an actuator:", ", ".join(sizing.joints_without_actuator)))
     return rows
 
 
 def _heading(sizing: Sizing) -> str:
     """The robot and its motions, and what it was sized with."""
-    with_ = "; ".join(f"{name} {value}" for name, value in sized_with(sizing))
-    return f"{sizing.robot}, {len(sizing.motions)} motion(s): {', '.join(sizing.motions)}\n{with_}\n"
+    conditions = "; ".join(f"{name} {value}" for name, value in sized_with(sizing))
+    return f"{sizing.robot}, {len(sizing.motions)} motion(s): {', '.join(sizing.motions)}\n{conditions}\n"
 
 
-def joint_rows(sizing: Sizing) -> tuple[list[str], list[list[str]]]:
-    """Header and rows: torques, speeds, powers and margins of each joint."""
-    unit, speed = _units(sizing)
+def joint_rows(sizing: Sizing) -> TableContent:
+    """Torques, speeds, powers and margins of each joint."""
+    units = _Units(sizing)
     header = [
         "joint",
-        f"peak\n[{unit}]",
-        f"min\n[{unit}]",
-        f"max\n[{unit}]",
-        f"RMS\n[{unit}]",
-        f"peak speed\n[{speed}]",
-        f"mean speed\n[{speed}]",
+        units.header("peak", "torque"),
+        units.header("min", "torque"),
+        units.header("max", "torque"),
+        units.header("RMS", "torque"),
+        units.header("peak speed", "speed"),
+        units.header("mean speed", "speed"),
         "motoring\n[W]",
         "regenerating\n[W]",
         "effort\nmargin",
@@ -114,34 +138,30 @@ def joint_rows(sizing: Sizing) -> tuple[list[str], list[list[str]]]:
         rows.append(
             [
                 joint.name,
-                *_figures(
-                    joint.peak_torque,
-                    joint.min_torque,
-                    joint.max_torque,
-                    joint.rms_torque,
-                    joint.peak_speed,
-                    joint.mean_speed,
-                    joint.peak_motoring_power,
-                    joint.peak_regenerating_power,
-                ),
+                units.cell(joint.peak_torque, joint.torque_unit),
+                units.cell(joint.min_torque, joint.torque_unit),
+                units.cell(joint.max_torque, joint.torque_unit),
+                units.cell(joint.rms_torque, joint.torque_unit),
+                units.cell(joint.peak_speed, joint.speed_unit),
+                units.cell(joint.mean_speed, joint.speed_unit),
+                *_figures(joint.peak_motoring_power, joint.peak_regenerating_power),
                 _percent(joint.effort_margin),
                 _percent(joint.velocity_margin),
-                NO_LIMIT if position is None else f"{position:+.3g} {joint.speed_unit[:-2]}",
+                NO_LIMIT if position is None else f"{position:+.3g} {joint.position_unit}",
             ]
         )
-    return header, rows
+    return TableContent(header, rows)
 
 
-def structure_rows(sizing: Sizing) -> tuple[list[str], list[list[str]]]:
-    """Header and rows: holding torque, friction, inertia, reactions and energies of each joint."""
-    unit, _ = _units(sizing)
-    inertia = "kg m² | kg" if "|" in unit else "kg" if unit == "N" else "kg m²"
+def structure_rows(sizing: Sizing) -> TableContent:
+    """Holding torque, friction, inertia, reactions and energies of each joint."""
+    units = _Units(sizing)
     header = [
         "joint",
-        f"peak at rows\n[{unit}]",
-        f"holding\n[{unit}]",
+        units.header("peak at rows", "torque"),
+        units.header("holding", "torque"),
         "friction share\nof the peak",
-        f"inertia M_ii\n[{inertia}]",
+        units.header("inertia M_ii", "inertia"),
         "bearing force\n[N]",
         "tilting moment\n[N m]",
         "energy in\n[J]",
@@ -155,10 +175,11 @@ def structure_rows(sizing: Sizing) -> tuple[list[str], list[list[str]]]:
         rows.append(
             [
                 joint.name,
-                *_figures(joint.sampled_torque, joint.holding_torque),
+                units.cell(joint.sampled_torque, joint.torque_unit),
+                units.cell(joint.holding_torque, joint.torque_unit),
                 f"{joint.friction_share:.1%}",
+                units.cell(joint.largest_inertia, _inertia_unit(joint)),
                 *_figures(
-                    joint.largest_inertia,
                     joint.peak_bearing_force,
                     joint.peak_tilting_moment,
                     joint.motoring_energy,
@@ -168,11 +189,11 @@ def structure_rows(sizing: Sizing) -> tuple[list[str], list[list[str]]]:
                 peak.motion,
             ]
         )
-    return header, rows
+    return TableContent(header, rows)
 
 
-def shaft_rows(sizing: Sizing) -> tuple[list[str], list[list[str]]]:
-    """Header and rows: what each motor's shaft delivers, and its margins."""
+def shaft_rows(sizing: Sizing) -> TableContent:
+    """What each motor's shaft delivers, and its margins."""
     header = [
         "joint",
         "peak\n[N m]",
@@ -204,12 +225,27 @@ def shaft_rows(sizing: Sizing) -> tuple[list[str], list[list[str]]]:
                 shaft.verdict,
             ]
         )
-    return header, rows
+    return TableContent(header, rows)
 
 
-def _units(sizing: Sizing) -> tuple[str, str]:
-    kinds = {(joint.torque_unit, joint.speed_unit) for joint in sizing.joints}
-    return kinds.pop() if len(kinds) == 1 else ("N m | N", "rad/s | m/s")
+class _Units:
+    """Where units are written: in the header where all joints are of one kind, else in each cell."""
+
+    def __init__(self, sizing: Sizing) -> None:
+        self.mixed = len({joint.kind == "prismatic" for joint in sizing.joints}) > 1
+        one = sizing.joints[0]
+        self.of = {"torque": one.torque_unit, "speed": one.speed_unit, "inertia": _inertia_unit(one)}
+
+    def header(self, title: str, quantity: str) -> str:
+        return title if self.mixed else f"{title}\n[{self.of[quantity]}]"
+
+    def cell(self, value: float, unit: str) -> str:
+        [figure] = _figures(value)
+        return f"{figure} {unit}" if self.mixed else figure
+
+
+def _inertia_unit(joint: JointSizing) -> str:
+    return "kg" if joint.kind == "prismatic" else "kg m²"
 
 
 def _margins(joint: JointSizing) -> list[tuple[float, str]]:
@@ -218,7 +254,7 @@ def _margins(joint: JointSizing) -> list[tuple[float, str]]:
         (joint.velocity_margin, "speed against the URDF's velocity limit"),
     ]
     if joint.shaft is not None:
-        found += [(margin, f"drive ({name})") for name, margin in joint.shaft.margins.items()]
+        found += [(margin, f"actuator ({name})") for name, margin in joint.shaft.margins.items()]
     return [(margin, what) for margin, what in found if margin is not None]
 
 
@@ -232,7 +268,7 @@ def _percent(margin: float | None) -> str:
     return f"{margin:+.1%}" if math.isfinite(margin) else "limit is 0"
 
 
-def _grid(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def _text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Columns under headers of one or two lines; the first and the last column are texts."""
     titles = [title.split("\n") for title in header]
     depth = max(map(len, titles))
@@ -249,3 +285,13 @@ def _grid(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
     rule = "-" * (sum(widths) + 2 * len(widths) - 2)
     return "\n".join([*map(written, heads), rule, *map(written, rows)])
+
+
+def _html_table(title: str, content: TableContent) -> str:
+    left = 'style="text-align:left"'
+    head = "".join(f"<th>{escape(text).replace(chr(10), '<br>')}</th>" for text in content.header)
+    body = "".join(
+        f"<tr><th {left}>{escape(first)}</th>{''.join(f'<td>{escape(text)}</td>' for text in others)}</tr>"
+        for first, *others in content.rows
+    )
+    return f"<table><caption {left}>{escape(title)}</caption><tr>{head}</tr>{body}</table>"

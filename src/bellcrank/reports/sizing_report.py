@@ -1,4 +1,4 @@
-"""The report of a sizing: whether every limit is kept, the tables, and the pictures."""
+"""The content of the report of a sizing: verdict, tables, inputs and pictures."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from dataclasses import replace
 from bellcrank.plot_style import svg_of
 from bellcrank.replays.film.film import Film
 from bellcrank.reports.document import Document, Facts, Picture, Still, Table
-from bellcrank.reports.inputs import drive_table, force_table, joint_table, motion_table, robot_facts
+from bellcrank.reports.input_tables import actuator_table, force_table, joint_table, motion_table, robot_facts
 from bellcrank.reports.machine_facts import about, made_with
-from bellcrank.sizing.plots import draw
+from bellcrank.sizing.plots import sizing_figures
 from bellcrank.sizing.result import Sizing
-from bellcrank.sizing.table import joint_rows, shaft_rows, sized_with, structure_rows, verdict
+from bellcrank.sizing.tables import TableContent, joint_rows, shaft_rows, sized_with, structure_rows, verdict
 
 
 def sizing_document(sizing: Sizing, film: Film) -> Document:
-    """The report of a sizing, with the film of its motions; units as in its tables."""
+    """The report of a sizing, with the film of its motions."""
     parts: list[Facts | Table | Picture] = [_table("At the joints", joint_rows(sizing))]
     if any(joint.shaft for joint in sizing.joints):
         note = "Margins with the safety factor on torques."
@@ -36,14 +36,21 @@ def sizing_document(sizing: Sizing, film: Film) -> Document:
     made = made_with()
     parts += [*_inputs(sizing), Facts("Made with", made), *_pictures(sizing)]
     lines = tuple(line.removeprefix("  - ") for line in verdict(sizing).split("\n"))
-    asked = f"{len(sizing.motions)} motion{'' if len(sizing.motions) == 1 else 's'}"
+    count = f"{len(sizing.motions)} motion{'' if len(sizing.motions) == 1 else 's'}"
     return Document(
-        sizing.robot, _word(sizing), sizing.inside, lines, ("motor sizing", asked, *about(made)), sizing.warnings, (),
-        _still(sizing, film), tuple(parts),
-    )  # fmt: skip
+        title=sizing.robot,
+        status=_status(sizing),
+        success=sizing.inside,
+        verdict=lines,
+        about=("motor sizing", count, *about(made)),
+        warnings=sizing.warnings,
+        notes=(),
+        still=_still(sizing, film),
+        parts=tuple(parts),
+    )
 
 
-def _word(sizing: Sizing) -> str:
+def _status(sizing: Sizing) -> str:
     if sizing.unsizable:
         return "Cannot be sized"
     if not sizing.inside:
@@ -69,33 +76,32 @@ def _still(sizing: Sizing, film: Film) -> Still:
     peak = sizing.supply_peak
     return Still(
         starts.get(peak.motion, 0.0) + peak.time,
-        f"At {peak.time:.4g} s of {peak.motion}, where the motors take the most power ({peak.value:.4g} W)",
+        f"At {peak.time:.4g} s of {peak.motion}, where the motors take the largest power ({peak.value:.4g} W)",
     )
 
 
 def _inputs(sizing: Sizing) -> list[Facts | Table]:
-    """What the sizing rests on, besides what it was sized for."""
-    if sizing.study is None:
+    """Tables of the sizing's inputs."""
+    if sizing.inputs is None:
         return []
-    mechanism, motions, drives = sizing.study
+    mechanism, motions, actuators = sizing.inputs
     robot = mechanism.robot
     parts: list[Facts | Table] = [Facts("Robot", tuple(robot_facts(robot))), joint_table(robot), motion_table(motions)]
     scene = mechanism.equations.scene  # with the forces that count
     if scene is not None and scene.forces:
         parts.append(force_table(replace(scene, control=()), scene.parameter_values.tolist()))
-    return [*parts, drive_table(drives)] if drives else parts
+    return [*parts, actuator_table(actuators)] if actuators else parts
 
 
-def _table(title: str, content: tuple[list[str], list[list[str]]], note: str = "") -> Table:
+def _table(title: str, content: TableContent, note: str = "") -> Table:
     header, rows = content
     return Table(title, tuple(header), tuple(map(tuple, rows)), note)
 
 
 def _pictures(sizing: Sizing) -> list[Picture]:
-    if sizing.study is None:
+    if sizing.inputs is None:
         return []
-    mechanism, motions, drives = sizing.study
-    figures = draw(mechanism, motions, drives, sizing.robot, sizing.mass_tolerance, sizing.joints)
-    titles = [f"Motion '{motion.name}' over time" for motion in motions]
+    figures = sizing_figures(sizing)
+    titles = [f"Motion '{motion.name}' over time" for motion in sizing.inputs.motions]
     titles += ["Torque and speed at the joints", "Torque and speed at the motor shafts"]
     return [Picture(title, svg_of(figure)) for title, figure in zip(titles, figures.values(), strict=False)]

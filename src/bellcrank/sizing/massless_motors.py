@@ -1,8 +1,9 @@
-"""Motors that move nothing with mass, for which a torque says nothing about the motor that is needed."""
+"""Motors that move no mass: their torque says nothing about the motor that is needed, so they are not sized."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,17 +17,23 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import RobotJoint
 
 MOVES = 1e-9  # of the fastest joint's speed: a joint of a linkage that is slower does not move with the motor
-POSTURES = 7  # of a motion, at which a linkage is looked at
-SHOWN = 4  # links that are written out
+POSTURES = 7  # of a motion, at which a linkage is evaluated
+LISTED = 4  # links that a sentence names
 
 
-def massless_motors(
-    mechanism: Mechanism, motions: Sequence[Motion], allowed: Iterable[str] = ()
-) -> tuple[dict[str, str], dict[str, str]]:
-    """Sentences by joint about the motors that move no mass: those that cannot be sized, and those that are allowed.
+@dataclass(frozen=True)
+class MasslessMotors:
+    """A sentence for each joint whose motor moves no mass: those that cannot be sized, and those that are allowed."""
 
-    A payload is mass; a motor of a linkage moves all that its loops move. `allowed` names links without mass: with a
-    link goes all that is fixed to it or follows it. Raises InputError for a link that is unknown or moves mass.
+    refused: Mapping[str, str]
+    allowed: Mapping[str, str]
+
+
+def massless_motors(mechanism: Mechanism, motions: Sequence[Motion], allowed: Iterable[str] = ()) -> MasslessMotors:
+    """The motors that move no mass. A payload is mass; a motor of a closed linkage moves all that its loops move.
+
+    `allowed` names links without mass that may be moved; all that is fixed to such a link or follows it is allowed too.
+    Raises InputError for a link that is unknown or moves mass.
     """
     robot, given = mechanism.robot, mechanism.equations.set_masses
     permitted: set[str] = set()
@@ -60,11 +67,11 @@ def massless_motors(
             f"joint '{joint.name}' moves no mass: {_names(links)} {why}; {remedy}, add a payload, or allow it with "
             f"{options}"
         )
-    return refused, let_pass
+    return MasslessMotors(refused, let_pass)
 
 
 def _moving(mechanism: Mechanism, k: int, joint: RobotJoint, motions: Sequence[Motion]) -> list[str]:
-    """The joints of the tree that turn or slide with the k-th motor alone."""
+    """The joints of the tree that move when only the k-th motor does."""
     robot, found = mechanism.robot, {joint.name}
     if isinstance(mechanism, Linkage):
         q = np.concatenate([motion.position[:: max(1, len(motion) // POSTURES)] for motion in motions])
@@ -76,6 +83,6 @@ def _moving(mechanism: Mechanism, k: int, joint: RobotJoint, motions: Sequence[M
 
 
 def _names(links: Sequence[str]) -> str:
-    shown = ", ".join(f"'{name}'" for name in links[:SHOWN])
-    more = f" and {len(links) - SHOWN} more" if len(links) > SHOWN else ""
-    return f"link{'' if len(links) == 1 else 's'} {shown}{more}"
+    listed = ", ".join(f"'{name}'" for name in links[:LISTED])
+    more = f" and {len(links) - LISTED} more" if len(links) > LISTED else ""
+    return f"link{'' if len(links) == 1 else 's'} {listed}{more}"

@@ -1,4 +1,4 @@
-"""That what a sizing finds are finite numbers: where a load is none, or overflows, there is no verdict to give."""
+"""Checks that loads and results are finite numbers: where one is not, sizing gives no verdict."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
-    from bellcrank.sizing.result import JointSizing
+    from bellcrank.sizing.joint_sizing import JointSizing
 
 Array = NDArray[np.float64]
-REMEDY = "so that nothing can be said of a motor; look at the masses, lengths, forces, drive and accelerations there"
+REMEDY = "so the motor cannot be sized; check the masses, lengths, forces, actuator and accelerations there"
 
 
 def refuse_non_finite(robot: str, joints: Sequence[str], time: Array, values: Mapping[str, Array]) -> None:
-    """InputError naming joint, quantity and the first time at which one of these (n, k) is not finite."""
+    """InputError naming joint, quantity and the first time (n,) at which one of the values (n, k) is not finite."""
     bad = {name: ~np.isfinite(rows) for name, rows in values.items()}
     rows = {name: int(each.any(axis=1).argmax()) for name, each in bad.items() if each.any()}
     if not rows:
@@ -35,27 +35,31 @@ def refuse_non_finite(robot: str, joints: Sequence[str], time: Array, values: Ma
     )
 
 
-def refuse_non_finite_line(robot: str, line: JointSizing) -> None:
-    """InputError naming joint and quantity where a number of a joint's line is none, or overflows."""
-    for name, value in _numbers(line, ""):
+def refuse_non_finite_joint(robot: str, joint: JointSizing) -> None:
+    """InputError naming joint and quantity where a number of a joint's sizing is not finite.
+
+    A margin may be infinite where its limit is 0.
+    """
+    for name, value in _numbers(joint, ""):
         if not math.isfinite(value):
-            raise InputError(f"sizing of {robot}: the {name} of joint '{line.name}' is {_found(value)}, {REMEDY}")
-    margins = [("effort margin", line.effort_margin, line.effort_limit),
-               ("velocity margin", line.velocity_margin, line.velocity_limit)]  # fmt: skip
-    for name, margin, limit in margins:
+            raise InputError(f"sizing of {robot}: the {name} of joint '{joint.name}' is {_found(value)}, {REMEDY}")
+    for name, margin, limit in (
+        ("effort margin", joint.effort_margin, joint.effort_limit),
+        ("velocity margin", joint.velocity_margin, joint.velocity_limit),
+    ):
         if margin is not None and not math.isfinite(margin) and limit:
-            raise InputError(f"sizing of {robot}: the {name} of joint '{line.name}' is {_found(margin)}, {REMEDY}")
+            raise InputError(f"sizing of {robot}: the {name} of joint '{joint.name}' is {_found(margin)}, {REMEDY}")
 
 
 def root_mean_square(weight: Array, rows: Array, duration: float) -> Array:
-    """The RMS (k,) of rows (n, k) with weights (n,) s over a duration, s; squares do not overflow."""
+    """The RMS (k,) of rows (n, k) with weights (n,), s, over a duration, s; squares do not overflow."""
     size = np.abs(rows).max(axis=0, initial=0.0)
     size = np.where(size > 1e100, size, 1.0)
     return np.asarray(size * np.sqrt(weight @ (rows / size) ** 2 / duration))
 
 
 def _numbers(value: Any, name: str) -> Iterable[tuple[str, float]]:
-    """All floats in a result, with the names of their fields; limits are given, and may be infinite."""
+    """All floats in a result, with the names of their fields."""
     if isinstance(value, float):
         yield name, value
     elif is_dataclass(value):
@@ -70,4 +74,4 @@ def _numbers(value: Any, name: str) -> Iterable[tuple[str, float]]:
 
 
 def _found(value: float) -> str:
-    return "not a number (NaN)" if math.isnan(value) else "beyond all numbers (infinite)"
+    return "not a number (NaN)" if math.isnan(value) else "infinite"

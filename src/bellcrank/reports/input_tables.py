@@ -1,4 +1,4 @@
-"""What a result rests on: the robot's URDF, mounting, payloads, limits and friction, the motors and the motions."""
+"""Tables of the inputs of a result: the robot, its joints, actuators and motions, and the scene's forces."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bellcrank.dynamics.element_forces import acts_on
 from bellcrank.reports.document import Table
 
 if TYPE_CHECKING:
-    from bellcrank.actuators.actuator import Drive
+    from bellcrank.actuators.actuator import Actuator
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.payload import Payload
     from bellcrank.robot.robot import Robot
@@ -21,7 +21,7 @@ RPM = 30.0 / math.pi
 
 
 def robot_facts(robot: Robot) -> list[tuple[str, str]]:
-    """(name, value) of the URDF, how it is mounted, and what it carries."""
+    """(name, value) of the URDF, the base, gravity and the payloads."""
     rows = [
         ("URDF", f"{robot.source.name}, robot '{robot.urdf.name}'"),
         ("base", "free" if robot.floating_base else "fixed"),
@@ -70,8 +70,8 @@ def joint_table(robot: Robot) -> Table:
     return Table("Joints", header, tuple(rows))
 
 
-def drive_table(drives: Mapping[str, Drive]) -> Table:
-    """What the motors and gears are; at the motor shaft, speeds in rpm."""
+def actuator_table(actuators: Mapping[str, Actuator]) -> Table:
+    """The actuators' data; torques and inertias at the motor shaft, speeds in rpm."""
     header = (
         "joint", "ratio", "gear\nefficiency", "rated\n[N m]", "peak\n[N m]", "rated speed\n[rpm]",
         "largest speed\n[rpm]", "rotor inertia\n[kg m²]", "gear inertia\n[kg m²]", "safety\nfactor",
@@ -84,15 +84,15 @@ def drive_table(drives: Mapping[str, Drive]) -> Table:
             f"{d.safety_factor:.4g}", "1, not given" if d.motor_efficiency is None else f"{d.motor_efficiency:.4g}",
             "from the ratings" if d.curve is None else f"{len(d.curve)} points",
         )
-        for name, d in drives.items()
+        for name, d in actuators.items()
     )  # fmt: skip
-    return Table("Motors and gears", header, rows)
+    return Table("Actuators", header, rows)
 
 
 def motion_table(motions: Sequence[Motion]) -> Table:
-    """The motions: how long they last, and how many rows they have."""
+    """The motions' durations and numbers of rows."""
     rows = tuple((motion.name, f"{motion.duration:.6g}", str(len(motion))) for motion in motions)
-    return Table("Motions", ("motion", "lasts\n[s]", "rows"), rows)
+    return Table("Motions", ("motion", "duration\n[s]", "rows"), rows)
 
 
 def scene_facts(run: Trajectory) -> list[tuple[str, str]]:
@@ -108,7 +108,7 @@ def scene_facts(run: Trajectory) -> list[tuple[str, str]]:
 
 
 def force_table(scene: Scene, parameters: Sequence[float]) -> Table:
-    """The forces and controllers of a scene with their numbers, at the values of its parameters."""
+    """The forces and controllers of a scene with their values, those of its parameters included."""
     sets = zip(scene.parameters.values(), parameters, strict=False)
     given = {target: float(value) for parameter, value in sets for target in parameter.sets}
     rows = []
@@ -118,8 +118,8 @@ def force_table(scene: Scene, parameters: Sequence[float]) -> Table:
             for field, each in part.settable.items()
         ]
         where = acts_on(part) if part.owner == "force" else ", ".join(j.name for j in getattr(part, "joints", ()))
-        rows.append((part.name, part.kind, where, ", ".join(numbers) or "over time, from a file"))
-    return Table("Forces and controllers", ("name", "kind", "acts on", "numbers"), tuple(rows))
+        rows.append((part.name, part.kind, where, ", ".join(numbers) or "given over time by a file"))
+    return Table("Forces and controllers", ("name", "kind", "acts on", "values"), tuple(rows))
 
 
 def _number(value: float) -> str:

@@ -1,4 +1,4 @@
-"""A sizing for programs: sizing.csv and sizing.json, units always said."""
+"""The files that a sizing is written to: sizing.csv, sizing.json and a history of each motion, with units."""
 
 from __future__ import annotations
 
@@ -8,38 +8,87 @@ import io
 import json
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.files.access import read_text
 from bellcrank.files.csv_files import guarded
-from bellcrank.sizing.result import JointSizing, Peak, ShaftSizing, Sizing
+from bellcrank.motion.csv_file import write_motion
+from bellcrank.motion.motion import Motion
+from bellcrank.sizing.joint_histories import MotionHistory, motion_history
+from bellcrank.sizing.joint_sizing import JointSizing, Peak, ShaftSizing
+from bellcrank.sizing.result import Sizing, sizing_inputs
+from bellcrank.text import file_name
 
-REPORTS = ("sizing.csv", "sizing.json")
-FILES = (*REPORTS, "history_*.csv", "over_time_*.png", "*torque_speed.png")  # all that a sizing writes
+RESULTS = ("sizing.csv", "sizing.json")
+FILES = (*RESULTS, "history_*.csv", "over_time_*.png", "*torque_speed.png")  # all that a sizing writes
 _OURS = re.compile(r"\A(?:history_[^/\\\0]+\.csv|over_time_[^/\\\0]+\.png|(?:motor_)?torque_speed\.png|sizing\.csv)\Z")
 
 
-def write_reports(sizing: Sizing, folder: str | Path, others: Iterable[Path] = ()) -> list[Path]:
-    """Write sizing.csv and sizing.json into a folder, whole or not at all; their paths. InputError.
+def write_results(sizing: Sizing, folder: str | Path, others: Iterable[Path] = ()) -> list[Path]:
+    """Write sizing.csv and sizing.json into a folder, each as a whole or not at all, and return their paths.
 
-    `others` are files of the same sizing in the folder, named in sizing.json beside these two under "files".
+    `others` are files of the same sizing in the folder; sizing.json lists them beside these two under "files". Raises
+    InputError where a file cannot be written.
     """
     folder = Path(folder)
-    names = [*REPORTS, *(path.name for path in others)]
+    names = [*RESULTS, *(path.name for path in others)]
     files = {folder / "sizing.csv": csv_text(sizing), folder / "sizing.json": json_text(sizing, names)}
     for path, text in files.items():
         atomic_write.write_text(path, text)
     return list(files)
 
 
-def earlier_files(folder: str | Path) -> list[str]:
-    """Names that the sizing.json of a folder lists as written with it; none where there is no such file.
+def write_histories(sizing: Sizing, folder: str | Path) -> list[Path]:
+    """Write history_<motion>.csv for each motion of a sizing, and return their paths.
 
-    Only plain names of the kinds that a sizing writes count, so that no other file can be meant.
+    A file holds the motion's rows with the torques of all joints with one degree of freedom and, with actuators,
+    torque, speed and power at the motor shafts. It can be read as a motion again. Raises InputError where a file cannot
+    be written.
+    """
+    mechanism, motions, actuators = sizing_inputs(sizing)
+    joints = [joint for joint in mechanism.robot.joints if joint.nv == 1]
+    paths = []
+    for motion, name in zip(motions, file_names(motions), strict=True):
+        history = motion_history(mechanism, joints, actuators, motion)
+        torque = np.column_stack([joint.torque for joint in history.joints])
+        paths.append(write_motion(motion, Path(folder) / f"history_{name}.csv", torque, _shaft_columns(history)))
+    return paths
+
+
+def _shaft_columns(history: MotionHistory) -> dict[tuple[str, str], NDArray[np.float64]]:
+    """The columns of the motors' shafts: (title, unit) and values (n,)."""
+    columns = {}
+    for joint in history.joints:
+        if joint.shaft is not None:
+            columns[f"{joint.name} shaft torque", "N m"] = joint.shaft.torque
+            columns[f"{joint.name} shaft speed", "rad/s"] = joint.shaft.speed
+            columns[f"{joint.name} shaft power", "W"] = joint.shaft.power
+    return columns
+
+
+def file_names(motions: Sequence[Motion]) -> list[str]:
+    """The part of a file name that stands for each motion; all are different."""
+    names: list[str] = []
+    for motion in motions:
+        name, number = file_name(motion.name), 1
+        while name in names:
+            number += 1
+            name = f"{file_name(motion.name)}_{number}"
+        names.append(name)
+    return names
+
+
+def earlier_files(folder: str | Path) -> list[str]:
+    """Names of the files that the sizing.json of a folder lists; none where there is no such file.
+
+    Only plain names of the kinds that a sizing writes are returned, so that no other file can be removed.
     """
     try:
         document = json.loads(read_text(Path(folder) / "sizing.json"))
@@ -50,7 +99,7 @@ def earlier_files(folder: str | Path) -> list[str]:
 
 
 def remove_stale(folder: str | Path, earlier: Iterable[str], written: Iterable[Path]) -> list[str]:
-    """Remove the files of an earlier sizing that were not written again; the names of those removed."""
+    """Remove the files of an earlier sizing that were not written again, and return their names."""
     kept = {path.name.casefold() for path in written}
     removed = []
     for name in earlier:
@@ -64,7 +113,7 @@ def remove_stale(folder: str | Path, earlier: Iterable[str], written: Iterable[P
 
 
 def csv_text(sizing: Sizing) -> str:
-    """One line a joint; units in the headers, empty where there is no limit or no drive."""
+    """The text of sizing.csv: one line a joint, units in the header, empty where there is no limit or no actuator."""
     rows = [_csv_row(joint) for joint in sizing.joints]
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
@@ -73,8 +122,8 @@ def csv_text(sizing: Sizing) -> str:
     return buffer.getvalue()
 
 
-def json_text(sizing: Sizing, files: Iterable[str] = REPORTS) -> str:
-    """The whole sizing; numbers that are not finite (a margin against a limit of 0) are written as null."""
+def json_text(sizing: Sizing, files: Iterable[str] = RESULTS) -> str:
+    """The text of sizing.json: the whole sizing, with null for an infinite margin (against a limit of 0)."""
     document = {
         "robot": sizing.robot,
         "motions": list(sizing.motions),
@@ -84,7 +133,8 @@ def json_text(sizing: Sizing, files: Iterable[str] = REPORTS) -> str:
         "parameters": {name: {"value": value, "unit": unit or "1"} for name, value, unit in sizing.parameters},
         "mass_tolerance": sizing.mass_tolerance,
         "mass_tolerance_percent": float(f"{100.0 * sizing.mass_tolerance:.10g}"),
-        "joints_without_drive": list(sizing.undriven),
+        "joints_without_actuator": list(sizing.joints_without_actuator),
+        "joints_without_drive": list(sizing.joints_without_actuator),  # its name before 0.5
         "files": list(files),
         "inside": sizing.inside,
         "exceeded": list(sizing.exceeded),
@@ -114,6 +164,7 @@ def json_text(sizing: Sizing, files: Iterable[str] = REPORTS) -> str:
 
 
 def _csv_row(joint: JointSizing) -> dict[str, Any]:
+    """The cells of a joint's line by column; empty where there is no value."""
     peak, shaft = joint.peaks["peak_torque"], joint.shaft
     row: dict[str, Any] = {
         "joint": joint.name,
@@ -187,9 +238,10 @@ def _joint_document(joint: JointSizing) -> dict[str, Any]:
 
 
 def _shaft_document(shaft: ShaftSizing) -> dict[str, Any]:
-    drive = {key: value for key, value in vars(shaft.drive).items() if key != "curve"}
+    actuator = vars(shaft.actuator) | {"curve": [list(point) for point in shaft.actuator.curve_points]}
     return {
-        "drive": drive | {"curve": [list(point) for point in shaft.drive.curve_points]},
+        "actuator": actuator,
+        "drive": actuator,  # its name before 0.5
         "peak_torque": _peak(shaft.peak_torque),
         "rms_torque": shaft.rms_torque,
         "peak_speed": _peak(shaft.peak_speed),

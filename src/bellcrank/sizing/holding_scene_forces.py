@@ -1,103 +1,44 @@
-"""The worst static torque of each motor under gravity and the forces of a scene: what a brake must hold.
+"""The largest static torque of each motor of an open chain under gravity and the forces of a scene.
 
-At rest dampers and friction give nothing; springs, preloads, wrenches and torques act, so that a torque is no longer
-affine in the cosine and sine of each coordinate, as holding.py needs. The largest |τ| + tolerance · Σ|share of a link|
-over the joint ranges is searched for: many postures spread evenly, the best of them improved one coordinate after the
-other and then all together (Byrd, Lu, Nocedal & Zhu, SIAM J. Sci. Comput. 16 (1995), L-BFGS-B). Forces that tables
-give are linear in the tables' values, so all values that the tables take are compared at every posture.
+At rest dampers and friction exert no force; springs, preloads, wrenches and torques do, so that a torque is not affine
+in the cosine and sine of each coordinate, as holding_gravity.py requires. The largest |τ| + tolerance · Σ|share of a
+link| over the joint ranges is searched for from many random postures: the best of them are improved one coordinate
+after the other and then all together (L-BFGS-B: Byrd, Lu, Nocedal & Zhu, SIAM J. Sci. Comput. 16, 1995). Forces given
+by tables are linear in the tables' values, so all values of the tables are compared at every posture.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.element_forces import force_breaks
-from bellcrank.dynamics.open_chain import OpenChain
-from bellcrank.elements.joint_forces import Damper, Friction, JointSpring
-from bellcrank.sizing.holding import Holding, holding_torques, joint_ranges
-from bellcrank.sizing.peaks import grid_along, maxima
+from bellcrank.sizing.holding_search import Holding, joint_ranges
 
 if TYPE_CHECKING:
-    from bellcrank.dynamics.mechanism import Mechanism
-    from bellcrank.motion.motion import Motion
+    from bellcrank.dynamics.open_chain import OpenChain
     from bellcrank.robot.robot import RobotJoint
 
 Array = NDArray[np.float64]
 Value = Callable[[Array], Array]
 
-SPREAD = 8192  # postures looked at first
+SPREAD = 8192  # random postures to start from
 KEPT = 10  # of them for each motor and sign
 POINTS = 33  # along one coordinate
 SWEEPS = 12  # at most, over all coordinates
-POLISHED = 3  # starts of each motor and sign that all coordinates improve together
+POLISHED = 3  # starts of each motor and sign of which all coordinates are improved together
 BETWEEN = 16  # points between two rows of a table
 MOST_VALUES = 20_000  # numbers of tables compared at one time
 
 
-def holding_of(mechanism: Mechanism, motions: Sequence[Motion], mass_tolerance: float) -> Holding:
-    """The largest static torque (k,), N m or N, that holds each motor's joint, its posture (k, nq), and notes.
-
-    Of an open chain over the ranges of all joints, as `holding_torques` says, with the forces of a scene over all times
-    of their tables; of a linkage, whose joints have no ranges of their own, over the postures and times of the motions.
-    """
-    if mechanism.closed:
-        found = along_motions(mechanism, motions, mass_tolerance)
-        note = "holding torques are the largest at the postures of the motions: the constraints tie the joints together"
-        return Holding(found.joints, found.torque, found.position, (note,))
-    assert isinstance(mechanism, OpenChain)
-    acting = [force for force in mechanism.equations.forces if not isinstance(force, Damper | Friction)]
-    if not acting:
-        return holding_torques(
-            mechanism.robot, mass_tolerance=mass_tolerance, statics=mechanism if mechanism.equations.sets_tree else None
-        )
-    over_ranges, over_motions = _searched(mechanism, mass_tolerance), along_motions(mechanism, motions, mass_tolerance)
-    seen = over_motions.torque > over_ranges.torque  # joints without limits may go further than a turn
-    notes = list(over_ranges.notes)
-    for joint in mechanism.motors:
-        without = not np.isfinite([mechanism.robot.lower[joint.q], mechanism.robot.upper[joint.q]]).all()
-        sprung = [force.name for force in acting if isinstance(force, JointSpring) and force.joint == joint]
-        if without and sprung and joint.kind == "revolute":
-            notes.append(
-                f"joint '{joint.name}' turns without limits: the holding torque counts spring '{sprung[0]}' over one "
-                "turn, and over the motions"
-            )
-    return Holding(
-        over_ranges.joints,
-        np.where(seen, over_motions.torque, over_ranges.torque),
-        np.where(seen[:, None], over_motions.position, over_ranges.position),
-        tuple(notes),
-    )
-
-
-def along_motions(mechanism: Mechanism, motions: Sequence[Motion], mass_tolerance: float) -> Holding:
-    """The largest torque that holds each motor's joint at rest at a posture of the motions, at its time."""
-
-    def still(t: Array, q: Array, v: Array, a: Array) -> dict[str, Array]:
-        none = np.zeros_like(v)
-        torque = np.abs(mechanism.torques(t, q, none, none)[0])
-        if mass_tolerance:
-            torque = torque + mass_tolerance * np.abs(mechanism.link_torques(t, q, none, none)).sum(axis=1)
-        return {"holding": torque}
-
-    breaks = force_breaks(mechanism)
-    found = [(motion, maxima(motion, grid_along(motion, None, breaks), still)[1]["holding"]) for motion in motions]
-    torque = np.array([largest for _, (largest, _) in found])
-    place = torque.argmax(axis=0)
-    postures = np.array([found[m][0].at(float(found[m][1][1][k]))[0] for k, m in enumerate(place)])
-    return Holding(tuple(joint.name for joint in mechanism.motors), torque.max(axis=0), postures, ())
-
-
-def _searched(chain: OpenChain, tolerance: float) -> Holding:
-    """The worst over the ranges of the joints and the values of the tables."""
+def scene_holding_torques(chain: OpenChain, mass_tolerance: float) -> Holding:
+    """The largest static torques over the ranges of the joints and the values of the tables."""
     robot, joints = chain.robot, chain.motors
-    lower, upper, notes = joint_ranges(robot, joints)
-    if len(joints) < len(robot.joints):
-        notes += ("holding torques are for the neutral posture of the base",)
-    static = _Static(chain, tolerance)
+    ranges = joint_ranges(robot, joints)
+    lower, upper = ranges.lower, ranges.upper
+    static = _StaticTorques(chain, mass_tolerance)
     torque, posture = np.zeros(len(joints)), np.tile(robot.neutral, (len(joints), 1))
     generator = np.random.default_rng(0)
     first = lower + (upper - lower) * generator.random((SPREAD, len(joints)))
@@ -119,12 +60,12 @@ def _searched(chain: OpenChain, tolerance: float) -> Holding:
                 if most > torque[k]:
                     torque[k] = most
                     posture[k, [joint.q for joint in joints]] = x
-    return Holding(tuple(joint.name for joint in joints), torque, posture, notes)
+    return Holding(tuple(joint.name for joint in joints), torque, posture, ranges.notes)
 
 
-class _Static:
-    """The lowest and highest static torques (n, k) at positions (n, k) of the motors' joints, over all values that
-    tables take, and within the mass tolerance.
+class _StaticTorques:
+    """The lowest and highest static torques (n, k) at positions (n, k) of the motors' joints, over all values of the
+    tables and within the mass tolerance.
     """
 
     def __init__(self, chain: OpenChain, tolerance: float) -> None:
@@ -146,12 +87,12 @@ class _Static:
         equations, columns = self.chain.equations, [joint.v for joint in self.joints]
         q = np.tile(self.chain.robot.neutral, (len(x), 1))
         q[:, [joint.q for joint in self.joints]] = x
-        still = np.zeros((len(x), self.chain.robot.nv))
+        zero = np.zeros((len(x), self.chain.robot.nv))
         now = np.full(len(x), self.times[0])
-        base = equations.needed(now, q, still, still)[:, columns]
+        base = equations.needed(now, q, zero, zero)[:, columns]
         low = high = base
         if len(self.times) > 1:
-            slopes = self._slopes(q, still)[:, :, columns]  # d force / d u (n, nu, k)
+            slopes = self._slopes(q, zero)[:, :, columns]  # d force / d u (n, nu, k)
             change = self.values - self.values[0]
             low, high = base.copy(), base.copy()
             step = max(1, MOST_VALUES // max(1, len(x)))
@@ -160,17 +101,17 @@ class _Static:
                 low = np.minimum(low, base + more.min(axis=1))
                 high = np.maximum(high, base + more.max(axis=1))
         if self.tolerance:
-            spread = self.tolerance * np.abs(self.chain.link_torques(now, q, still, still)).sum(axis=1)
+            spread = self.tolerance * np.abs(self.chain.link_torques(now, q, zero, zero)).sum(axis=1)
             low, high = low - spread, high + spread
         return low, high
 
-    def _slopes(self, q: Array, still: Array) -> Array:
+    def _slopes(self, q: Array, zero: Array) -> Array:
         """The derivative (n, nu, nv) of the scene's forces by the tables' values, in which they are linear."""
-        return self.chain.equations.slopes(q, still, self.values.shape[1])
+        return self.chain.equations.slopes(q, zero, self.values.shape[1])
 
 
 def _by_coordinates(value: Value, x: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Positions (m, k) improved one coordinate after the other, by a grid that narrows, and their values (m,)."""
+    """Positions (m, k) improved one coordinate after the other by a grid that is refined, and their values (m,)."""
     m, count = x.shape
     x, reached = x.copy(), value(x)
     for _ in range(SWEEPS):
@@ -199,7 +140,7 @@ def _by_coordinates(value: Value, x: Array, lower: Array, upper: Array) -> tuple
 
 
 def _together(value: Value, x: Array, lower: Array, upper: Array) -> tuple[Array, float]:
-    """A position (k,) improved in all coordinates at once, and its value."""
+    """A position (k,) of which all coordinates are improved at once, and its value."""
     from scipy.optimize import minimize
 
     count, most = len(x), float(value(x[None])[0])

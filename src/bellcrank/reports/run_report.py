@@ -1,4 +1,4 @@
-"""The report of a run: whether it finished and passed its self-checks, events, constraints, the end, and the pictures."""
+"""The content of the report of a run: verdict, events, constraint forces, the final state, inputs and pictures."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from bellcrank.plot_style import svg_of
 from bellcrank.reports.document import Document, Facts, Picture, Still, Table
-from bellcrank.reports.inputs import drive_table, force_table, joint_table, robot_facts, scene_facts
+from bellcrank.reports.input_tables import actuator_table, force_table, joint_table, robot_facts, scene_facts
 from bellcrank.reports.machine_facts import about, made_with
 from bellcrank.simulation.run_plot import run_pages
 from bellcrank.simulation.run_warnings import run_notes
@@ -23,8 +23,8 @@ NOTES = 8  # notes listed
 
 
 def run_document(run: Trajectory) -> Document:
-    """The report of a run. SI units; what is listed is shortened where it is long."""
-    against, notes = (*_gaps(run), *run.warnings), run_notes(run)
+    """The report of a run, in SI units; long lists are shortened."""
+    against, notes = (*_non_finite(run), *run.warnings), run_notes(run)
     warnings = (*against, *run.robot.inertia_warnings)
     more = len(notes) - NOTES
     facts = tuple((name, text) for name, text in run_facts(run) if name not in ("warning", "note"))
@@ -34,7 +34,7 @@ def run_document(run: Trajectory) -> Document:
     if run.scene.forces or run.scene.control:
         parts.append(force_table(run.scene, run.parameters.tolist()))
     if run.scene.config.actuators:
-        parts.append(drive_table(run.scene.config.actuators))
+        parts.append(actuator_table(run.scene.config.actuators))
     made = made_with()
     parts.append(Facts("Made with", (("scene", run.scene.source.name), *made)))
     pages = run_pages(run)
@@ -42,32 +42,38 @@ def run_document(run: Trajectory) -> Document:
         title = "Everything over time" + (f", {k + 1} of {len(pages)}" if len(pages) > 1 else "")
         parts.append(Picture(title, svg_of(figure)))
     return Document(
-        run.scene.name, "Warnings" if against else "OK", not against, _verdict(run, against),
-        ("simulation", run.scene.source.name, facts[0][1], *about(made)), warnings,
-        (*notes[:NOTES], *([f"… and {more} more joints that leave their range"] if more > 0 else ())),
-        _still(run), tuple(parts),
-    )  # fmt: skip
+        title=run.scene.name,
+        status="Warnings" if against else "OK",
+        success=not against,
+        verdict=_verdict(run, against),
+        about=("simulation", run.scene.source.name, facts[0][1], *about(made)),
+        warnings=warnings,
+        notes=(*notes[:NOTES], *([f"… and {more} more joints that leave their range"] if more > 0 else ())),
+        still=_still(run),
+        parts=tuple(parts),
+    )
 
 
-def _gaps(run: Trajectory) -> list[str]:
-    """That the run is not numbers throughout, which no residual of it tells."""
+def _non_finite(run: Trajectory) -> list[str]:
+    """A warning where the run contains values that are not finite, which residuals do not show."""
     bad = ~np.isfinite(run.state).all(axis=1)
-    return [f"from {run.time[bad.argmax()]:.6g} s on the run is not finite numbers"] if bad.any() else []
+    return [f"from {run.time[bad.argmax()]:.6g} s on the run contains values that are not finite"] if bad.any() else []
 
 
 def _verdict(run: Trajectory, warnings: tuple[str, ...]) -> tuple[str, ...]:
     lines = [run.message.removeprefix(f"{run.scene.name}: ")]
     if not warnings:
         drift, residual = run.energy_drift(), run.equation_residual()
-        text = f"Self-checks passed: energy is in balance to {drift:.1e}, the equations of motion to {residual:.1e}"
+        text = f"Self-checks passed: the relative energy error is {drift:.1e}, "
+        text += f"the residual of the equations of motion {residual:.1e}"
         if run.scene.constraints:
-            text += f", and constraints are closed to {run.constraint_residual():.1e} m or rad"
+            text += f", and the residual of the constraints {run.constraint_residual():.1e} m or rad"
         lines.append(text + ".")
     return tuple(line[:1].upper() + line[1:] for line in lines)
 
 
 def _still(run: Trajectory) -> Still:
-    """The end, where events stop a run and failures end it."""
+    """The last finite state of the run."""
     good = np.isfinite(run.state).all(axis=1)
     time = float(run.time[good][-1]) if good.any() else float(run.time[0])
     last = next((event for event in reversed(run.events) if event.stopped), None)
@@ -75,6 +81,7 @@ def _still(run: Trajectory) -> Still:
 
 
 def _events(run: Trajectory) -> list[Table]:
+    """A table of the events with the positions of the first joints."""
     if not run.events:
         return []
     one = [joint for joint in run.robot.joints if joint.nv == 1][:6]
@@ -93,7 +100,7 @@ def _then(stopped: bool, lost: float) -> str:
 
 
 def _constraints(run: Trajectory) -> list[Table]:
-    """Each multiplier's largest size and when, and how far its constraint came apart."""
+    """The largest magnitude of each constraint force, its time, and the force at the end."""
     rows = []
     for constraint in run.scene.constraints:
         history = run.constraint(constraint.name)
@@ -110,10 +117,10 @@ def _constraints(run: Trajectory) -> list[Table]:
             )
     if not rows:
         return []
-    note = "Forces of constraints on the body of their first frame, in the world's axes where labels say x, y, z."
+    note = "Forces act on the body of the constraint's first frame; components x, y, z are in the world frame."
     hidden = len(rows) - FORCES
     note += f" … and {hidden} more." if hidden > 0 else ""
-    return [Table("Forces in the constraints", ("", "largest", "at\n[s]", "at the end"), tuple(rows[:FORCES]), note)]
+    return [Table("Constraint forces", ("", "largest", "at\n[s]", "at the end"), tuple(rows[:FORCES]), note)]
 
 
 def _end(run: Trajectory) -> Table:
