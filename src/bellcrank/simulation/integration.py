@@ -22,6 +22,7 @@ from bellcrank.dynamics.singular_mass import massless_motion
 from bellcrank.dynamics.system import LARGEST_STAGED, System, system_of
 from bellcrank.elements.signals import values_at
 from bellcrank.errors import InputError
+from bellcrank.robot.joints import unit_vectors
 from bellcrank.scene.constraint_conditions import ContactLost
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.events import Event, event_at
@@ -29,7 +30,6 @@ from bellcrank.simulation.integration_problem import EventSearch, IntegrationPro
 from bellcrank.simulation.statistics import statistics_of
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
-from bellcrank.simulation.unit_parts import unit_parts
 from bellcrank.terminal import interruption
 
 if TYPE_CHECKING:
@@ -188,7 +188,7 @@ def _state_layout(scene: Scene) -> StateLayout:
     return StateLayout(
         norm_size=system.size if prescribed else system.nq + system.nv,
         nq=system.nq,
-        unit_parts=unit_parts(scene.robot.joints),
+        unit_parts=[(part.start, part.stop - part.start) for part in unit_vectors(scene.robot.joints)],
         weights=coordinate_weights(scene) if scene.constraints else None,
     )
 

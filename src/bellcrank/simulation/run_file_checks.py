@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from bellcrank.dynamics.constraint_angles import turning
 from bellcrank.dynamics.prescribed_motion_end import drive_end
+from bellcrank.robot.joints import unit_vectors
 from bellcrank.scene.settings import STABILISATIONS, Settings, Stabilisation
 from bellcrank.simulation.run_archive import brief
 from bellcrank.simulation.statistics import Statistics, Unresolved
 from bellcrank.simulation.status import Status
-from bellcrank.simulation.unit_parts import unit_parts
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
@@ -259,8 +259,8 @@ def _check_rotations(arrays: Mapping[str, Array], scene: Scene) -> None:
     """Unit quaternions, and unit cosines and sines of planar joints, in all finite states and events."""
     for name in ("state", "event_position"):
         rows = arrays[name][np.isfinite(arrays[name]).all(axis=1)]
-        for first, length in unit_parts(scene.robot.joints):
-            off = np.abs(np.sqrt(np.square(rows[:, first : first + length]).sum(axis=1)) - 1.0)
+        for part in unit_vectors(scene.robot.joints):
+            off = np.abs(np.sqrt(np.square(rows[:, part]).sum(axis=1)) - 1.0)
             if not (off <= UNIT).all():
                 raise ValueError(f"'{name}' has a rotation whose length is not 1")
 

@@ -17,11 +17,11 @@ from bellcrank.dynamics.constraint_angles import cosines_along, turning
 from bellcrank.dynamics.prescribed_motion_end import drive_end
 from bellcrank.dynamics.system import system_of
 from bellcrank.errors import InputError
+from bellcrank.robot.joints import unit_vectors
 from bellcrank.simulation.events import Event
 from bellcrank.simulation.state_history import StateHistory
 from bellcrank.simulation.statistics import Statistics
 from bellcrank.simulation.status import Status
-from bellcrank.simulation.unit_parts import unit_parts
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -184,11 +184,11 @@ class Trajectory(StateHistory):
             >>> bool(bc.simulate("four_bar").constraint_residual() < 1e-12)
             True
         """
-        places = unit_parts(self.scene.robot.joints)
+        places = unit_vectors(self.scene.robot.joints)
 
         def measures(run: Self) -> list[Any]:
             with np.errstate(all="ignore"):
-                units = [np.linalg.norm(run.state[:, first : first + length], axis=1) for first, length in places]
+                units = [np.linalg.norm(run.state[:, place], axis=1) for place in places]
                 return [run._position_residuals.max(initial=0.0), *(np.abs(x - 1.0).max() for x in units)]
 
         return _finite_or_infinite(self._largest(measures))

@@ -36,7 +36,7 @@ from bellcrank.sizing.between import between_warnings, peaks_at_rows
 from bellcrank.sizing.finite import refuse_non_finite, refuse_non_finite_line, root_mean_square
 from bellcrank.sizing.holding_forces import holding_of
 from bellcrank.sizing.loads import Loads
-from bellcrank.sizing.massless import massless_motors
+from bellcrank.sizing.massless import massless_motors, singular_joints
 from bellcrank.sizing.peaks import Grid, grid_along, maxima, reversal_times
 from bellcrank.sizing.result import Cycle, JointSizing, Peak, ShaftSizing, Sizing
 
@@ -117,7 +117,7 @@ def size(
     errors = list(robot.findings)
     if not mechanism.closed:  # a loop can give a joint the inertia that its own links do not have
         told = {*refused, *allowed}
-        errors += [text for name, text in robot.singular_joints.items() if name not in told]
+        errors += [text for name, text in singular_joints(mechanism).items() if name not in told]
     warnings = [*errors, *robot.inertia_warnings, *allowed.values()]
     warnings += [warning for motion in motions for warning in motion.warnings]
     warnings += mechanism_notes(mechanism)
