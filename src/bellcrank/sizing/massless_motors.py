@@ -10,6 +10,8 @@ import numpy as np
 
 from bellcrank.dynamics.linkage import Linkage
 from bellcrank.errors import InputError
+from bellcrank.robot.articulated_inertia import vanishing_pivots
+from bellcrank.robot.joints import postures
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.mechanism import Mechanism
@@ -68,6 +70,17 @@ def massless_motors(mechanism: Mechanism, motions: Sequence[Motion], allowed: It
             f"{options}"
         )
     return MasslessMotors(refused, let_pass)
+
+
+def singular_joints(mechanism: Mechanism) -> dict[str, str]:
+    """Sentences by joint about the joints of a tree about whose axis there is no inertia, parameters included."""
+    robot, equations = mechanism.robot, mechanism.equations
+    if not robot.singular_joints or not equations.sets_tree:
+        return dict(robot.singular_joints)
+    moves = np.random.default_rng(POSTURES).uniform(-1.5, 1.5, (POSTURES, robot.nq))
+    matrices = equations.mass_matrix(postures(robot, moves, 0.1)) - np.diag(robot.rotor_inertia)
+    singular = vanishing_pivots(matrices)
+    return {name: text for name, text in robot.singular_joints.items() if singular[robot.joint(name).v]}
 
 
 def _moving(mechanism: Mechanism, k: int, joint: RobotJoint, motions: Sequence[Motion]) -> list[str]:

@@ -35,7 +35,7 @@ from bellcrank.sizing.holding import holding_torques
 from bellcrank.sizing.holding_search import Holding
 from bellcrank.sizing.joint_loads import JointLoads
 from bellcrank.sizing.joint_sizing import Cycle, JointSizing, Peak, ShaftSizing
-from bellcrank.sizing.massless_motors import massless_motors
+from bellcrank.sizing.massless_motors import massless_motors, singular_joints
 from bellcrank.sizing.motion_peaks import JointPeaks, MotionPeaks, interpolation_warnings, peaks_along, worst_peaks
 from bellcrank.sizing.result import Sizing, SizingInputs
 
@@ -69,7 +69,7 @@ def size_mechanism(
     errors = list(robot.findings)
     if not mechanism.closed:  # a loop can give a joint the inertia that its own links do not have
         explained = {*massless.refused, *massless.allowed}
-        errors += [text for name, text in robot.singular_joints.items() if name not in explained]
+        errors += [text for name, text in singular_joints(mechanism).items() if name not in explained]
     warnings = [*errors, *robot.inertia_warnings, *massless.allowed.values()]
     warnings += [warning for motion in motions for warning in motion.warnings]
     warnings += mechanism_notes(mechanism)

@@ -88,7 +88,7 @@ def interpolation_warnings(joints: Sequence[JointSizing]) -> list[str]:
             found.append(
                 f"joint '{joint.name}': its peak of {joint.peak_torque:.4g} {unit} lies between two rows of motion "
                 f"'{peak.motion}' (at {peak.time:.4g} s), where it rests on interpolation; at the rows it is "
-                f"{joint.sampled_torque:.4g} {unit}; give more rows, or accelerations"
+                f"{joint.sampled_torque:.4g} {unit}; give more rows, and accelerations where the motion has none"
             )
     return found
 
