@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.codegen import llvm
 from bellcrank.codegen.vector_math import Lanes
 from bellcrank.errors import BellcrankError
 from bellcrank.files.temporaries import temporary_folder

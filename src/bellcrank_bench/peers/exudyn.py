@@ -7,7 +7,7 @@ import importlib
 import io
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -119,14 +119,12 @@ def _new_system(exu: Any) -> tuple[Any, Any, Any]:
     return importlib.import_module("exudyn.itemInterface"), container, container.AddSystem()
 
 
-def _joint_coordinates(item: Any, system: Any, position: Sequence[float], velocity: Sequence[float]) -> Any:
+def _joint_coordinates(item: Any, system: Any, position: Iterable[float], velocity: Iterable[float]) -> Any:
     """The node with the joint coordinates of a kinematic tree, with their initial values."""
-    return system.AddNode(
-        item.NodeGenericODE2(
-            referenceCoordinates=[0.0] * len(position), initialCoordinates=list(position),
-            initialCoordinates_t=list(velocity), numberOfODE2Coordinates=len(position),
-        )
-    )  # fmt: skip
+    start = list(position)
+    coordinates = {"referenceCoordinates": [0.0] * len(start), "numberOfODE2Coordinates": len(start)}
+    initial = {"initialCoordinates": start, "initialCoordinates_t": list(velocity)}
+    return system.AddNode(item.NodeGenericODE2(**coordinates, **initial))
 
 
 def _spring_pendulum(exu: Any, benchmark: Benchmark) -> Built:
