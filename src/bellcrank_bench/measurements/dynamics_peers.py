@@ -1,4 +1,4 @@
-"""What batches of dynamics are compared with: Pinocchio's own C++ loop, casadi's generated C, and the machine's peak rate."""
+"""What batches of dynamics are compared with: Pinocchio's C++ loop, casadi's generated C, the peak rate."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ int drive(const double *q, const double *v, const double *a, double *out, long n
 def pinocchio_parallel(
     robot: Robot, algorithm: str, q: Array, v: Array, third: Array
 ) -> tuple[Callable[[], Any], Array] | str:
-    """libpinocchio's batch loop in C++ on one thread, and the array (nv, n) of its results; a text why there is none."""
+    """libpinocchio's batch loop in C++ on one thread, and its results (nv, n); or why there is none."""
     if robot.mimics() and (algorithm == "forward_dynamics" or robot.model.nv != robot.nv):
         return "Pinocchio's algorithm does not take mimic joints"  # aba would end the process
     import pinocchio as pin
@@ -57,7 +57,7 @@ def pinocchio_parallel(
 def generated_c(
     robot: Robot, algorithm: str, q: Array, v: Array, third: Array
 ) -> tuple[Callable[[], Any], Array] | str:
-    """casadi's own generated C of the same graph at -O3 -march=native, and its results (n, nv); a text why there is none."""
+    """casadi's generated C of the same graph at -O3 -march=native, and its results (n, nv); or why there is none."""
     import casadi
 
     function = robot.equations.dynamics(algorithm)

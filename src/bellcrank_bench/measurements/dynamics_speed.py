@@ -1,8 +1,8 @@
 """The time per sample of batches of compiled dynamics, next to Pinocchio's C++ and casadi's generated C.
 
-Every time is the best of several on one thread. The clock of bellcrank's rows covers the compiled call on allocated arrays
-(a row each sample), that of Pinocchio's rows `rneaInParallel` or `abaInParallel` with one thread (a column each sample),
-and that of the generated C a loop in C over the generated function.
+Every time is the best of several on one thread. The clock of bellcrank's rows covers the compiled call on allocated
+arrays (a row each sample), that of Pinocchio's rows `rneaInParallel` or `abaInParallel` with one thread (a column each
+sample), and that of the generated C a loop in C over the generated function.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ FLOATING = ("talos", "solo", "anymal", "go", "a1", "hyq", "g1", "bolt", "icub")
 
 
 def random_states(robot: Robot, samples: int, seed: int = 0) -> tuple[Array, Array, Array]:
-    """Random positions (rad, m), velocities, and accelerations or torques; quaternions and planar headings have norm 1."""
+    """Random positions (rad, m), velocities, and accelerations or torques; quaternions and headings have norm 1."""
     random = np.random.default_rng(seed)
     q = random.uniform(-3, 3, (samples, robot.nq))
     for j in robot.joints:
@@ -115,7 +115,7 @@ def _single(robot: Robot, algorithm: str, states: tuple[Array, Array, Array]) ->
 
 
 def _time_at_peak(graph: Graph) -> str:
-    """The time of the operations at the measured peak rate of the vector units, without fused multiply-adds, as text."""
+    """The time of the operations at the measured peak rate, without fused multiply-adds, as text."""
     run, operations = peak_kernel(200_000)
     rate = operations / best_of(run, 10) * 1e-9  # vector operations a ns
     angles = {node.args[0] for node in graph.nodes if node.op in ("sin", "cos")}

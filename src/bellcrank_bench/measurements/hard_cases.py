@@ -66,10 +66,10 @@ def chain_speed() -> list[Check]:
 
 
 def loop_speed(counts: tuple[int, ...] = LOOPS) -> list[Check]:
-    """The time of stepping the N four-bar per loop and evaluation, over 1.1 s with one passage through the flat position.
+    """The time of stepping the N four-bar per loop and evaluation, over 1.1 s with one flat position.
 
-    It is constant if the cost is proportional to N. Then for each N the whole 20 s at a tolerance of 1e-8: kernel, all of
-    simulate(), and the error of B0 at 401 times. The best of 5 runs taken in turns; of whole ones the best of 2.
+    It is constant if the cost is proportional to N. Then for each N the whole 20 s at a tolerance of 1e-8: kernel, all
+    of simulate(), and the error of B0 at 401 times. The best of 5 runs taken in turns; of whole ones the best of 2.
     """
     scenes = {n: n_four_bar(n) for n in counts}
     best = _best_times(scenes, {"duration": 1.1, "rtol": 1e-9, "atol": 1e-9}, repeats=5)
@@ -115,7 +115,10 @@ def first_runs() -> list[Check]:
 def compile_time() -> list[Check]:
     """The time from `import bellcrank` to the compiled equations of a chain of 100 links, with an empty cache."""
     path = str(chain_scene(100).source)
-    statement = f"from bellcrank.dynamics.system import system_of\nsystem_of(bellcrank.load_scene({path!r})).rhs.address('scalar')"
+    statement = (
+        "from bellcrank.dynamics.system import system_of\n"
+        f"system_of(bellcrank.load_scene({path!r})).rhs.address('scalar')"
+    )
     return [Check("100 links", _cold(statement), 5.0, "s")]
 
 

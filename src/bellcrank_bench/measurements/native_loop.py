@@ -1,7 +1,7 @@
 """A loop in native code over single calls of a compiled function.
 
-What each call reads is written just before from the result of the previous call (times zero). A stepper's next stage also
-waits for the last one, so calls must not overlap in the processor.
+What each call reads is written just before from the result of the previous call (times zero). A stepper's next stage
+also waits for the last one, so calls must not overlap in the processor.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def _loop_ir(input_sizes: list[int], output_sizes: list[int]) -> str:
 
 
 def _copy(name: str, size: int) -> list[str]:
-    """The code that adds zero to a row and writes it to `copy`, four numbers at a time, as a stepper writes the next state."""
+    """The code that adds zero to a row and writes it to `copy`, four numbers at a time, as a stepper would."""
     lines = []
     at = 0
     while at < size:

@@ -1,7 +1,7 @@
 """The accuracy of the proximal solve over its regularisation μ: regular, redundant and nearly singular constraints.
 
-The reference is a dense solve: with M = L Lᵀ and G = J L⁻ᵀ, the accelerations are L⁻ᵀ (w + G⁺ (b − G w)), w = L⁻¹ f, with the
-pseudo-inverse by singular values (Udwadia & Kalaba, Proc. R. Soc. A 439 (1992)).
+The reference is a dense solve: with M = L Lᵀ and G = J L⁻ᵀ, the accelerations are L⁻ᵀ (w + G⁺ (b − G w)), w = L⁻¹ f,
+with the pseudo-inverse by singular values (Udwadia & Kalaba, Proc. R. Soc. A 439 (1992)).
 """
 
 from __future__ import annotations
@@ -54,11 +54,11 @@ def proximal_errors(
 def contradiction(
     scene: Scene, q: Array, v: Array, distance: float, shares: Sequence[float] = SHARES, refinements: int = REFINEMENTS
 ) -> ProximalStudy:
-    """The change of accelerations and joint forces for every μ if the posture is `distance` (m, rad) off the constraint.
+    """The change of accelerations and joint forces for every μ, `distance` (m, rad) off the constraint.
 
-    A redundant row is redundant only on the constraint. Off it, as far as the stages of a step are, a solve with a small μ
-    treats the row as an independent one, which contradicts the others. The accelerations then jump, and a solver with
-    error control takes short steps.
+    A redundant row is redundant only on the constraint. Off it, as far as the stages of a step are, a solve with a
+    small μ treats the row as an independent one, which contradicts the others. The accelerations then jump, and a
+    solver with error control takes short steps.
     """
     solve = _solver(scene, refinements)
     direction = np.random.default_rng(0).normal(size=len(q))
@@ -71,7 +71,7 @@ def contradiction(
 
 
 def _solver(scene: Scene, refinements: int) -> Callable[[Array, Array, float], list[Array]]:
-    """A function of (q, v, μ) that returns M, J, force, right-hand side, acceleration and Jᵀ λ of the proximal solve."""
+    """Function of (q, v, μ) with the results M, J, force, right-hand side, acceleration and Jᵀ λ of the proximal solve."""
     import casadi
 
     assembly, share = system_of(scene).assembly, casadi.SX.sym("share")
@@ -105,7 +105,7 @@ def dense(mass: Array, jacobian: Array, force: Array, right: Array) -> tuple[Arr
 
 
 def proximal_studies() -> list[ProximalStudy]:
-    """A regular constraint, Bricard's redundant one, the same off its constraint, and a four-bar close to its flat position."""
+    """Four-bar, Bricard on and off its redundant constraint, and a four-bar close to its flat position."""
     four_bar, bricard = load_scene("four_bar"), load_scene("bricard")
     run = simulate(bricard, duration=1.0, times=[0.7, 1.0], rtol=1e-12, atol=1e-12)
     there = run.position[0], run.velocity[0]

@@ -1,4 +1,4 @@
-"""The time of single calls of compiled forward dynamics, as a stepper makes them, next to libpinocchio and the C baseline."""
+"""The time of single calls of forward dynamics, as a stepper makes them, next to libpinocchio and the C baseline."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ def forward_dynamics_calls(robot_name: str, repeats: int = 40) -> list[Row]:
     """The rows of single calls of forward dynamics (q, v, tau) -> a without friction: libpinocchio's, then bellcrank's.
 
     planar_2r, with gravity along -y, adds the right-hand side (q, v) -> (v, a) of the arm, from the C baseline and
-    compiled: the lecture's equations (A. Ghosal, NPTEL 2022, lecture 18; c_baseline/planar_2r_swing.h). Mimic joints are
-    independent here, because libpinocchio's algorithm does not take them.
+    compiled: the lecture's equations (A. Ghosal, NPTEL 2022, lecture 18; c_baseline/planar_2r_swing.h). Mimic joints
+    are independent here, because libpinocchio's algorithm does not take them.
     """
     robot = _without_mimics(robot_name)
     states = random_states(robot, SAMPLES)

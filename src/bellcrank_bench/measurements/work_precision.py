@@ -29,7 +29,7 @@ LEVELS = (1e-6, 1e-10)  # errors at which times are compared
 
 
 def measure(runs: Sequence[Run], reference: Reference, repeats: int = REPEATS, budget: float = BUDGET) -> list[Row]:
-    """Rows of runs that belong together, which are repeated in turns, so that disturbances of the machine affect all alike.
+    """Rows of runs that are repeated in turns, so that disturbances of the machine affect all alike.
 
     Each is repeated at least `repeats` times, but fewer times if that takes longer than `budget` s per run.
     """
@@ -104,7 +104,7 @@ def _whole(row: Row) -> Row:
 
 @dataclass(frozen=True)
 class Ratio:
-    """How many times as long `slower` takes as `faster` to reach an error; infinite or NaN if one does not reach it."""
+    """How many times as long `slower` takes as `faster` to reach an error; infinite or NaN if one never does."""
 
     scene: str
     error: float
@@ -114,7 +114,7 @@ class Ratio:
 
 
 def ratios(scene: str, rows: Sequence[Row], levels: Sequence[float] = LEVELS) -> list[Ratio]:
-    """bellcrank's kernel against the C baseline, method by method; then every peer against bellcrank, the best first."""
+    """bellcrank's kernel against the C baseline, method by method; then every peer against bellcrank, fastest first."""
     own = [r for r in rows if r.tool == BELLCRANK]
     peers = [tool for tool in dict.fromkeys(r.tool for r in rows) if tool not in (BELLCRANK, C_BASELINE)]
     found = []

@@ -1,5 +1,5 @@
-"""Drake's MultibodyPlant under Simulator: in continuous time with its integrators, or in discrete time with constraints,
-as its continuous plants take none.
+"""Drake's MultibodyPlant under Simulator: in continuous time with its integrators, or in discrete time with
+constraints, as its continuous plants take none.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Exudyn: kinematic trees, whose loops a joint closes; a mass point on a spring-damper; bodies with joints; a rolling joint."""
+"""Exudyn: kinematic trees with loop joints, a mass point on a spring-damper, bodies with joints, a rolling joint."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """MuJoCo, from MJCF text with the numbers of the scene; everything that the scene does not need is disabled.
 
-Loops are closed by equality constraints of two sites, rolling is contact with friction. Both are springs of MuJoCo's own,
-whose rate (`solref`) and impedance (`solimp`) are varied along with the step.
+Loops are closed by equality constraints of two sites, rolling is contact with friction. Both are springs of MuJoCo's
+own, whose rate (`solref`) and impedance (`solimp`) are varied along with the step.
 """
 
 from __future__ import annotations

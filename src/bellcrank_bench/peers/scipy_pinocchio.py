@@ -1,4 +1,4 @@
-"""Python around Pinocchio's dynamics: SciPy's solve_ivp, and a Runge-Kutta loop; with constraints pin.constraintDynamics.
+"""Python around Pinocchio: solve_ivp and a Runge-Kutta loop on pin.aba, or solve_ivp on pin.constraintDynamics.
 
 Pinocchio has no rolling constraint, so the scenes that roll have no runs.
 """
@@ -122,7 +122,7 @@ def _four_bar(equations: ReducedFourBar) -> Rates:
 
 
 def _ring(equations: BricardRing) -> Rates:
-    """The rates of the hinges' angles and their velocities; the sixth hinge as point constraints at two of its points."""
+    """The rates of hinge angles and velocities; the sixth hinge as point constraints at two of its points."""
     import pinocchio as pin
 
     model = pin.Model()

@@ -41,7 +41,7 @@ def judge(run: Trajectory) -> list[Check]:
 
 
 def smallest_singular_value(run: Trajectory) -> float:
-    """The constraint Jacobian's smallest singular value over its largest; the greatest ratio over the rows of the run."""
+    """The constraint Jacobian's smallest singular value over its largest; the greatest ratio over the run."""
     system, ratios = system_of(run.scene), []
     for t, x, u in zip(run.time, run.state, run.inputs, strict=True):
         jacobian = system.linearised_constraints(np.array([t]), x, u, run.parameters)[2]

@@ -56,7 +56,7 @@ def judge_held(run: Trajectory) -> list[Check]:
 
 
 def pinocchio_accelerations(run: Trajectory, rows: np.ndarray) -> np.ndarray:
-    """Accelerations (rows, nv) by Pinocchio's own algorithm; with mimic joints, which that does not take, by its mass matrix."""
+    """Accelerations (rows, nv) by Pinocchio's own algorithm, or by its mass matrix if there are mimic joints."""
     import pinocchio as pin
 
     model = run.robot.model

@@ -1,4 +1,4 @@
-"""Checks of a run against a known answer: what a reference problem's `judge` returns, and what several problems check."""
+"""Checks of a run against a known answer, which a problem's `judge` returns, and those that several problems use."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ def swing_scene() -> Scene:
 
 
 def judge_swing(run: Trajectory) -> list[Check]:
-    """Known: the lecture's equations with multipliers, integrated by SciPy's DOP853; after the lock the crank reverses."""
+    """Known: the lecture's equations with multipliers, integrated by DOP853; after the lock the crank reverses."""
     equations = FourBarWithMultipliers()
     x = integrate(equations.derivative, np.r_[run.position[0], run.velocity[0]], run.time)
     acceleration, force = equations.accelerations(x[:, :3], x[:, 3:])

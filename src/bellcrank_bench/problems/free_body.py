@@ -1,4 +1,4 @@
-"""Reference problems of free bodies: one that spins about its intermediate axis and flips, and a humanoid in free fall."""
+"""Reference problems of free bodies: a spin about the intermediate axis that flips, and a humanoid in free fall."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOMENTA = {f"{kind}_momentum": {"momentum": kind} for kind in ("linear", "angula
 
 
 def spinning_scene() -> Scene:
-    """A free body without gravity, rotated against the world's axes, spinning about its intermediate axis with a wobble."""
+    """A body without gravity, rotated against the world, spinning about its intermediate axis with a wobble."""
     base = {
         "rpy": [0.3, -0.4, 0.5], "linear_velocity": [0.1, 0.2, -0.3], "angular_velocity": [0.0, SPIN, WOBBLE],
         "expressed_in": "body",
@@ -74,7 +74,7 @@ def spin_closed_form(times: Array) -> Array:
 
 def judge_humanoid(run: Trajectory) -> list[Check]:
     """Known: gravity alone acts, so linear momentum changes by m g t, angular momentum about the centre of mass is
-    conserved, and the centre of mass moves on a parabola. Pinocchio's own centroidal momentum at the end is a second route.
+    conserved, and the centre of mass moves on a parabola; and Pinocchio's own centroidal momentum at the end.
     """
     import pinocchio as pin
 

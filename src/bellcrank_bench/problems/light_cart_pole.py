@@ -1,4 +1,4 @@
-"""Reference problem: the light cart-pole, a cart of 1e-6 kg under a pole of 1 kg, which reaches 4,429 rad/s for an instant.
+"""Reference problem: the light cart-pole, 1e-6 kg under 1 kg, which reaches 4,429 rad/s for an instant.
 
 Proposed by N. Parsons to the IFToMM library of computational benchmark problems (light-cartpole-benchmark).
 """

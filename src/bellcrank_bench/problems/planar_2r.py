@@ -60,7 +60,7 @@ def judge_long_swing(run: Trajectory) -> list[Check]:
 
 
 def mass_ratio_problem(heavy: str, light: int) -> Problem:
-    """The arm with the mass and inertia of its link number `light` (1 or 2) divided by a million; `heavy` names the other."""
+    """The arm with the mass and inertia of link number `light` divided by a million; `heavy` names the other."""
     arm = PlanarTwoLink()
     arm = replace(arm, **{name: getattr(arm, name) * 1e-6 for name in (f"m{light}", f"i{light}")})
 
@@ -116,8 +116,8 @@ def judge_tracking(run: Trajectory) -> list[Check]:
 def judge_tracking_with_mass_error(run: Trajectory) -> list[Check]:
     """Known: the differential equation of the tracking error, integrated by SciPy's DOP853.
 
-    With links (1 + ε) times as heavy in the model, M a + h = (1 + ε)(M (a_d - kd ė - kp e) + h), where e is the position
-    minus its reference, so ë + (1 + ε)(kd ė + kp e) = ε (a_d + M⁻¹ h), in the closed forms of circle and arm.
+    With links (1 + ε) times as heavy in the model, M a + h = (1 + ε)(M (a_d - kd ė - kp e) + h), where e is the
+    position minus its reference, so ë + (1 + ε)(kd ė + kp e) = ε (a_d + M⁻¹ h), in the closed forms of circle and arm.
     """
     from scipy.integrate import solve_ivp
 
@@ -227,8 +227,8 @@ PROBLEMS = (
         judge=judge_tracking_with_mass_error,
         settings={"duration": PERIOD, "rtol": 1e-11, "atol": 1e-11},
     ),
-    # The deviation from upright is what matters, but the tolerance applies to the shoulder's angle near π/2, which has a
-    # resolution of 2e-16 rad. The velocities, which start from 0, carry the error there: the absolute tolerance must be
+    # The deviation from upright is what matters, but the tolerance applies to the shoulder's angle near π/2, whose
+    # resolution is 2e-16 rad. The velocities, which start from 0, carry the error there: the absolute tolerance must be
     # small beside them, and yet not ask for digits that the position does not have. With rtol = 1e-12, atol from 1e-15
     # to 1e-17 serves; at atol = 1e-12 the time of the fall is off by 3e-4 s.
     Problem(

@@ -90,7 +90,7 @@ class Benchmark:
 
     @property
     def adaptive(self) -> tuple[str, ...]:
-        """The solvers with step control that are measured: Radau only without constraints, as no such scene is stiff."""
+        """The solvers with step control that are measured; without constraints also Radau."""
         return ("RK45", "DOP853") if self.constrained else ("RK45", "DOP853", "Radau")
 
     @property

@@ -1,4 +1,4 @@
-"""Reference motions from the analytic equations, by extrapolation in extended precision, with an estimate of their error.
+"""Reference motions from the analytic equations, by extrapolation in extended precision, with their error.
 
 Method: Gragg's modified midpoint rule, extrapolated in the square of the step (Hairer, Nørsett, Wanner, Solving
 Ordinary Differential Equations I, sec. II.9), order 16, in numpy's longdouble. It shares nothing with what is measured.
@@ -38,7 +38,7 @@ class Reference:
     scipy_error: float
 
     def error(self, position: Array, time: Array | None = None) -> float:
-        """The largest difference of positions (k, m) at the output times or at `time` (k,), s; infinite if some are missing."""
+        """Largest difference of positions (k, m) at the output times, or at `time`; infinite if any is missing."""
         expected = self.benchmark.positions(self.state) if time is None else self.at(time)
         if position.shape != expected.shape:
             return float("inf")

@@ -28,9 +28,9 @@ def swing_scene() -> Scene:
 
 
 def judge_swing(run: Trajectory) -> list[Check]:
-    """Known: end values, and the range over rows every 20 ms, to the digits printed, by an integrator of order 8 at rtol
-    = atol = 1e-13 and by a second method, both on the lecture's equations; the turning points by SciPy's DOP853 and its
-    events.
+    """Known: end values, and the range over rows every 20 ms, to the digits printed, by an integrator of order 8 at
+    rtol = atol = 1e-13 and by a second method, both on the lecture's equations; the turning points by SciPy's DOP853
+    and its events.
     """
     low, high = extremes(run)
     rows = run.joint("slide").position
@@ -54,8 +54,8 @@ def judge_stiff(run: Trajectory) -> list[Check]:
     """Known: on its slow motion the spring carries the load, r = l + ε (g cos θ + l θ̇²) + O(ε²) with ε = m/k = 2e-8,
     which leaves an equation for θ alone that is not stiff (singular perturbation); SciPy's DOP853 integrates it.
 
-    The spring's own period is 0.9 ms, and that motion is not excited; DOP853 at the same tolerances takes steps as short
-    only because its stability demands them.
+    The spring's own period is 0.9 ms, and that motion is not excited; DOP853 at the same tolerances takes steps as
+    short only because its stability demands them.
     """
     from scipy.integrate import solve_ivp
 

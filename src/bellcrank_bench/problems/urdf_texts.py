@@ -58,7 +58,7 @@ def upright_pendulum() -> str:
 
 
 def cart_pole(cart: float) -> str:
-    """A cart of mass `cart`, kg, on a rail along x, joint `slide`, with a point mass of 1 kg, 1 m below, on the joint `swing`."""
+    """A cart (mass in kg) on a rail along x, joint `slide`, and a point mass of 1 kg 1 m below, joint `swing`."""
     return robot(
         "cart_pole",
         link("rail"), link("cart", cart), link("pole", 1.0, (0, -1, 0)),

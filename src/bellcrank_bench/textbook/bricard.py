@@ -28,7 +28,7 @@ class BricardRing:
 
     @property
     def rods(self) -> NDArray[np.float64]:
-        """The five moving rods at the start, (5, 3), m, from P0 = 0 on; their hinges are along y, z, x, y, z and, at P5, x."""
+        """The five moving rods at the start, (5, 3), m, from P0 = 0; hinges along y, z, x, y, z and, at P5, x."""
         return np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, 1], [-1, 0, 0], [0, 1, 0]])
 
     @property
@@ -71,7 +71,7 @@ class BricardRing:
         return np.stack([p - m, p + m], 1)[:, [0, 1, 0, 1, 0]]
 
     def _sums(self, s: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Inertia I, half its derivative, and the derivative of the potential with respect to s: I s̈ + ½ I' ṡ² + V' = 0."""
+        """I, half its derivative, and the derivative of the potential V with respect to s: I s̈ + ½ I' ṡ² + V' = 0."""
         angle, first, second = self._five(s)
         rods, axes = _rods(angle)
         first, second = first[..., None], second[..., None]

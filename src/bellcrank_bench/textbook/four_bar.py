@@ -22,7 +22,8 @@ class FourBarParameters:
         ground: Distance between the pivots of crank and rocker, m.
         length: Lengths of crank, coupler and rocker, m.
         mass: Their masses, kg.
-        center: Distances of their centres of gravity from the joint nearer to the crank's pivot, or from the rocker's, m.
+        center: Distances of their centres of gravity from their frames, m: crank's pivot, crank's tip, rocker's
+            pivot.
         inertia: Their inertias about the centre of gravity, kg m².
         preload: Torque of the spring at angle 0 of the crank, N m.
         stiffness: Decrease of that torque with the angle, N m/rad.
@@ -98,7 +99,7 @@ class FourBarWithMultipliers(FourBarParameters):
     def closed(self, crank: Array, rate: Array, branch: Array) -> tuple[Array, Array]:
         """Position and velocity (..., 3) of the closed loop at an angle and rate of the crank.
 
-        `branch` (±1) is the side of the line from the crank's tip to the rocker's pivot on which coupler and rocker meet.
+        `branch` (±1) is the side, seen from the crank's tip to the rocker's pivot, on which coupler and rocker meet.
         """
         (_, l2, l3), tip = self.length, _along(crank, self.length[0])
         way = np.array([self.ground, 0.0]) - tip
@@ -148,7 +149,7 @@ class ReducedFourBar(FourBarParameters):
         return np.stack([first, second, (l2 * second - way) / l3])
 
     def derivative(self, x: NDArray[Any]) -> NDArray[Any]:
-        """Rates (..., 2) of the state, in its own precision, by Jourdain's principle along the one degree of freedom."""
+        """Rates (..., 2) of the state, in its own precision, by Jourdain's principle."""
         e = self.directions(x[..., 0])
         w, bend = self._rates(e, x[..., 1])
         k, _ = self._rates(e, np.ones_like(x[..., 1]))

@@ -39,6 +39,6 @@ class NFourBar:
         return np.asarray(0.5 * inertia * x[..., 1] ** 2 + self.g * weight * np.cos(x[..., 0]))
 
     def _moments(self, kind: Any) -> tuple[Any, Any]:
-        """First and second moment of mass of all rods, kg m and kg m²: cranks rotate, couplers translate with the tops."""
+        """First and second moment of mass, kg m and kg m²: cranks rotate, couplers translate with the tops."""
         cranks = np.array(self.loops + 1, kind)
         return cranks / 2 + self.loops, cranks / 3 + self.loops

@@ -55,8 +55,8 @@ class SixCoordinateDisk:
         return np.concatenate([linear, rates], -1)
 
     def accelerations(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Accelerations q̈ (..., 6) and multipliers λ (..., 3), N, by Lagrange's equations with T = ½ m ẋ·ẋ + ½ I (θ̇2² + c2² θ̇1²) + I w²,
-        w = θ̇3 + s2 θ̇1, I = k m r².
+        """Accelerations q̈ (..., 6) and multipliers λ (..., 3), N, by Lagrange's equations with T = ½ m ẋ·ẋ + ½ I (θ̇2²
+        + c2² θ̇1²) + I w², w = θ̇3 + s2 θ̇1, I = k m r².
         """
         r, inertia = self.radius, self.k * self.mass * self.radius**2
         (s1, c1), (s2, c2) = _sine_cosine(q[..., 3]), _sine_cosine(q[..., 4])
@@ -101,8 +101,8 @@ class SixCoordinateDisk:
         return 0.5 * self.mass * (moving + self.k * self.radius**2 * turning), self.mass * self.g * q[..., 2]
 
     def circle_rate(self, lean: float, path: float) -> float:
-        """The rate Ω, rad/s, of steady rolling with the centre on a circle of radius `path` (m), leaning by `lean` (rad)
-        from the vertical: Ω² = g tan α / ((1 + 2k) b + k r sin α). It is undefined if lean and path are both 0.
+        """The rate Ω, rad/s, of steady rolling with the centre on a circle of radius `path` (m), leaning by `lean`
+        (rad) from the vertical: Ω² = g tan α / ((1 + 2k) b + k r sin α). It is undefined if lean and path are both 0.
         """
         reach = (1 + 2 * self.k) * path + self.k * self.radius * np.sin(lean)
         return float(np.sqrt(self.g * np.tan(lean) / reach))
@@ -113,7 +113,7 @@ class SixCoordinateDisk:
         return float(np.sqrt(self.g * self.radius / (2 * (1 + 2 * self.k))))
 
     def stiffness(self, speed: float) -> float:
-        """n², 1/s², of the linearised tilt θ̈2 = −n² θ2 about straight rolling at a speed (m/s); negative if unstable."""
+        """n², 1/s², of the tilt θ̈2 = −n² θ2 about straight rolling at a speed (m/s); negative if unstable."""
         return float((2 * (1 + 2 * self.k) * (speed / self.radius) ** 2 - self.g / self.radius) / (1 + self.k))
 
 
@@ -123,10 +123,11 @@ def _sine_cosine(angle: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class ReducedRollingDisk:
-    """A thin disk that rolls on a horizontal plane, without multipliers; radius in m, g in m/s². The mass has no influence.
+    """A thin disk that rolls on a horizontal plane, without multipliers; radius in m, g in m/s²; any mass.
 
     The state (..., 8) is (x, y) of the centre, the angles tilt, heading and spin (about X', Z and Y''), and the angular
-    velocity in the axes after heading and tilt. The equations are the moments about the contact point, and v = ω × (r ẑ').
+    velocity in the axes after heading and tilt.
+    The equations are the moments about the contact point, and v = ω × (r ẑ').
     """
 
     radius: float = 0.1
@@ -152,8 +153,8 @@ class ReducedRollingDisk:
         return np.stack([x[..., 0], x[..., 1], self.radius * np.cos(x[..., 2])], -1)
 
     def free_body(self, state: Array) -> tuple[Array, Array]:
-        """A state (8,) as that of a free body: its centre (m) and quaternion w x y z, (7,), and its velocity in world axes
-        (m/s) and angular velocity in its own axes (rad/s), (6,).
+        """A state (8,) as that of a free body: its centre (m) and quaternion w x y z, (7,), and its velocity in world
+        axes (m/s) and angular velocity in its own axes (rad/s), (6,).
         """
         tilt, heading = state[2:4]
         (c, s), (d, e) = (cos(0.5 * heading), sin(0.5 * heading)), (cos(0.5 * tilt), sin(0.5 * tilt))

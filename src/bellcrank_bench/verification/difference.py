@@ -49,7 +49,7 @@ def difference(quantity: str, states: str, ours: Array, theirs: Any, tolerance: 
 
 
 def run_differences(run: Trajectory, position: Array, velocity: Array) -> list[Difference]:
-    """The differences of a run's positions (n, nq) and velocities (n, nv) from those of SciPy's DOP853, and at its end."""
+    """The differences of a run's positions (n, nq) and velocities (n, nv) from given ones: all rows, and the last."""
     found = []
     for states, rows in (("run, SciPy's DOP853", slice(None)), ("its end", slice(-1, None))):
         for quantity, ours, theirs in (("positions", run.position, position), ("velocities", run.velocity, velocity)):
