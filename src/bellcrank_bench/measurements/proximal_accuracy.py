@@ -71,7 +71,7 @@ def contradiction(
 
 
 def _solver(scene: Scene, refinements: int) -> Callable[[Array, Array, float], list[Array]]:
-    """Function of (q, v, μ) with the results M, J, force, right-hand side, acceleration and Jᵀ λ of the proximal solve."""
+    """(q, v, μ) -> M, J, force, right-hand side, acceleration and Jᵀ λ of the proximal solve."""
     import casadi
 
     assembly, share = system_of(scene).assembly, casadi.SX.sym("share")
