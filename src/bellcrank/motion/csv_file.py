@@ -139,7 +139,7 @@ def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: s
         >>> import bellcrank as bc, tempfile, pathlib
         >>> path = pathlib.Path(tempfile.mkdtemp()) / "own.csv"
         >>> rows = "time [s],shoulder position [deg],elbow position [rad]", "0,0,0", "1,45,0.5", "2,90,1"
-        >>> _ = path.write_text("\n".join(rows))
+        >>> _ = path.write_text("\\n".join(rows))
         >>> bc.read_motion(bc.load_robot("planar_2r"), path).position[-1].round(4)
         array([1.5708, 1.    ])
     """
