@@ -1,4 +1,4 @@
-"""Bricard's linkage moves although counting joints says it cannot: one row of its constraint repeats. bricard.html."""
+"""Simulate Bricard's linkage, in which one row of the constraints is redundant; writes bricard.html."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ def main() -> None:
     rank = run.constraint_rank()
     print(f"rank {rank.rank} of {len(system_of(run.scene).multiplier_names)} rows, drift {run.energy_drift():.0e}")
     at_five = bc.simulate("bricard", times=[5.0], duration=5.0).output("P3")[0]
-    print(f"P3 at 5 s is off by {np.abs(at_five - P3).max():.1e} m")
+    print(f"error of P3 at 5 s: {np.abs(at_five - P3).max():.1e} m")
     print(bc.replay(run, "bricard.html"))
     assert np.abs(at_five - P3).max() < 1e-6
 

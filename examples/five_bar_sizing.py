@@ -1,4 +1,4 @@
-"""Size both motors of a five-bar robot, a closed linkage, over a pick: five_bar_sizing.html."""
+"""Size both motors of a five-bar robot, a closed linkage, over a pick; writes five_bar_sizing.html."""
 
 import bellcrank as bc
 

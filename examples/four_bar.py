@@ -1,4 +1,4 @@
-"""A four-bar unfolds until it locks, and what its pin bears then; a sweep over its crank. four_bar.html."""
+"""Simulate a four-bar linkage until it locks, and sweep the length of its crank; writes four_bar.html."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ def main() -> None:
     lock = run.events[-1]
     print(f"{lock.name} at {lock.time:.9f} s, crank at {np.degrees(lock.position[0]):.6f} deg")
     first, last = np.linalg.norm(run.multipliers[[0, -1]], axis=1)
-    print(f"the pin bears {first:.1f} N at first, {last:.1f} N at the lock")
+    print(f"force in the pin: {first:.1f} N at the start, {last:.1f} N at the lock")
     designs = bc.sweep("four_bar", {"crank_length": np.linspace(1.21, 1.24, 7)})
     print(designs.table())
     print(bc.replay(run, "four_bar.html"))

@@ -1,4 +1,4 @@
-"""Size the motors of a planar arm that draws a circle, and see it: planar_2r_sizing.html."""
+"""Size the motors of a planar arm whose tip follows a circle; writes planar_2r_sizing.html."""
 
 import bellcrank as bc
 
@@ -8,7 +8,7 @@ def main() -> None:
     robot = config.robot()
     sizing = bc.size(robot, [config.motion(robot, name) for name in config.motions], config.actuators)
     for joint in sizing.joints:
-        verdict = joint.shaft.verdict if joint.shaft else "no drive"
+        verdict = joint.shaft.verdict if joint.shaft else "no actuator"
         print(f"{joint.name:10} peak {joint.peak_torque:8.2f} {joint.torque_unit}, motor {verdict}")
     print(bc.replay(sizing, "planar_2r_sizing.html"))
     assert sizing.joint("shoulder").peak_torque > sizing.joint("elbow").peak_torque

@@ -1,4 +1,4 @@
-"""Let a planar arm go: it swings chaotically and keeps its energy; a damper takes it out. planar_2r_swing.html."""
+"""Simulate a planar arm that swings freely, and with a damper, and check its energy; writes planar_2r_swing.html."""
 
 import bellcrank as bc
 

@@ -1,4 +1,4 @@
-"""A thin disk rolls and leans, from three starts: its contact's trace and energies. rolling_disk*.html."""
+"""Simulate a thin disk that rolls without slip, from three starts; writes rolling_disk*.html."""
 
 import numpy as np
 
@@ -11,9 +11,10 @@ def main() -> None:
         x, y, _ = run.position[-1, :3]
         normal, *friction = run.constraint("floor").multipliers.T
         demand = (np.linalg.norm(friction, axis=0) / normal).max()
-        print(f"{name}: ends at ({x:.6f}, {y:.6f}) m, needs a friction of {demand:.3f}, drift {run.energy_drift():.0e}")
+        print(f"{name}: ends at ({x:.6f}, {y:.6f}) m, coefficient of friction needed: {demand:.3f}")
+        print(f"energy drift {run.energy_drift():.0e}")
         print(bc.replay(run, f"{name}.html"))
-        assert run.velocity_residual() < 1e-10  # it does not slip
+        assert run.velocity_residual() < 1e-10  # no slip
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""A mass on a spring swings and bounces: the parts of its acceleration, and stiffer springs. spring_pendulum.html."""
+"""Simulate a mass on a spring with several stiffnesses, and save a run; writes spring_pendulum.html."""
 
 import tempfile
 from pathlib import Path
@@ -11,7 +11,7 @@ import bellcrank as bc
 def main() -> None:
     run = bc.simulate("spring_pendulum")
     print(f"the spring pulls with up to {-run.output('spring_force').min():.1f} N; drift {run.energy_drift():.0e}")
-    print(f"positions are off by about {run.error_estimate():.1e}")
+    print(f"error of the positions: about {run.error_estimate():.1e}")
     for stiffness in ("10 N/m", "15 N/m", "40 N/m"):
         changed = bc.simulate("spring_pendulum", overrides={"forces.spring.stiffness": stiffness})
         slide = changed.joint("slide").position

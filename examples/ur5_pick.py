@@ -1,4 +1,4 @@
-"""A UR5 carries 3 kg from one box to another: its motors, with the part and without. ur5_pick.html."""
+"""Size the motors of a UR5 that carries 3 kg from one box to another, and without it; writes ur5_pick.html."""
 
 import bellcrank as bc
 

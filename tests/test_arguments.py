@@ -148,12 +148,12 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
     pendulum, four_bar = bc.load_scene("pendulum"), bc.load_scene("four_bar")
     linkage = bc.Linkage(four_bar)
     config = bc.load_robot_config("planar_2r")
-    drive = bc.Drive(100.0, 1.0, 2.0, 300.0, 400.0)
+    actuator = bc.Actuator(100.0, 1.0, 2.0, 300.0, 400.0)
     payload = bc.Payload(1.0, "tip")
     motion = bc.waypoints(robot, [0.0, 1.0], [[0.0, 0.0], [1.0, 1.0]], samples=11)
     run = bc.simulate(pendulum, duration=0.01, samples=3)
     closed_run = bc.simulate(four_bar, duration=0.01, samples=3)
-    sizing = bc.size(robot, motion, {"shoulder": drive})
+    sizing = bc.size(robot, motion, {"shoulder": actuator})
     swept = bc.sweep(pendulum, {"simulate.rtol": [1e-6, 1e-7]}, overrides={"simulate.duration": 0.01})
     whole = linkage.motion("unfold")
     few = slice(0, 3)
@@ -199,11 +199,11 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         "write_motion": (bc.write_motion, {"motion": motion, "path": "written.csv", "torque": np.zeros((11, 2)),
                                            "more": {("own", "W"): np.zeros(11)}}),
         "load_robot_config": (bc.load_robot_config, {"path_or_name": "planar_2r", "trust": ["."]}),
-        "Drive": (bc.Drive, {
+        "Actuator": (bc.Actuator, {
             "ratio": 100.0, "rated_torque": 1.0, "peak_torque": 2.0, "rated_speed": 300.0, "max_speed": 400.0,
             "efficiency": 0.9, "rotor_inertia": 1e-4, "gear_inertia": 1e-5, "safety_factor": 1.2,
             "motor_efficiency": 0.9, "curve": ((0.0, 2.0), (400.0, 0.0))}),
-        "size": (bc.size, {"robot": robot, "motions": [motion], "drives": {"shoulder": drive}, "mass_tolerance": 0.1,
+        "size": (bc.size, {"robot": robot, "motions": [motion], "actuators": {"shoulder": actuator}, "mass_tolerance": 0.1,
                            "payloads": [payload], "allow_massless": []}),
         "load_scene": (bc.load_scene, {"path_or_name": "pendulum", "overrides": {"simulate.rtol": 1e-6},
                                        "trust": ["."]}),
@@ -244,7 +244,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         **of(motion, at={"t": [0.1, 0.2], "side": "after"}),
         **of(config, motion={"robot": config.robot(), "name": next(iter(config.motions))},
              robot={"extra_payloads": [payload]}),
-        **of(drive, available_torque={"speed": v}, curve_use={"torque": v, "speed": a},
+        **of(actuator, available_torque={"speed": v}, curve_use={"torque": v, "speed": a},
              electrical_power={"shaft_power": v}, shaft_torque={"load_torque": q, "velocity": v, "acceleration": a}),
         **of(sizing, joint={"name": "elbow"}, plot={"path": None, "what": "time", "motion": "waypoints"},
              to_csv={"path": "s.csv"}, to_json={"path": "s.json"}),
@@ -407,8 +407,8 @@ def test_states_too_fast_for_numbers_are_refused_and_never_nan() -> None:
         (lambda: bc.Payload(1.0, "tip", inertia=(1e110, 0, 1e110, 0, 0, 1e110)), "'inertia': .* at most 1e.100"),
         (lambda: bc.Payload(1e308, "tip"), "'mass': .* at most 1e.100"),
         (lambda: bc.Payload(1.0, "tip", cg=(1e200, 0, 0)), "'cg'"),
-        (lambda: bc.Drive(1e200, 1.0, 2.0, 300.0, 400.0), "'ratio': .* at most 1e.100"),
-        (lambda: bc.Drive(1e60, 1.0, 2.0, 300.0, 400.0, rotor_inertia=1e-4), "ratio: .*reflected inertia"),
+        (lambda: bc.Actuator(1e200, 1.0, 2.0, 300.0, 400.0), "'ratio': .* at most 1e.100"),
+        (lambda: bc.Actuator(1e60, 1.0, 2.0, 300.0, 400.0, rotor_inertia=1e-4), "ratio: .*reflected inertia"),
         (lambda: bc.load_robot("planar_2r", friction={"elbow": (1e300, 0.0)}), "friction"),
         (lambda: bc.load_robot("planar_2r", rotor_inertia={"elbow": 1e300}), "rotor_inertia"),
         (lambda: bc.load_robot("planar_2r", gravity=(0, 0, -1e308)), "gravity"),
@@ -425,5 +425,5 @@ def test_the_largest_payload_and_ratio_give_finite_torques() -> None:
     robot = bc.load_robot("planar_2r", payloads=[payload])
     torque = robot.inverse_dynamics([0.0, 0.0], [0.0, 0.0], [1.0, 0.0])
     assert np.isfinite(torque).all() and torque[0] > 1e100
-    drive = bc.Drive(1e49, 1.0, 2.0, 300.0, 400.0, rotor_inertia=1.0)
-    assert drive.reflected_inertia == pytest.approx(1e98)
+    actuator = bc.Actuator(1e49, 1.0, 2.0, 300.0, 400.0, rotor_inertia=1.0)
+    assert actuator.reflected_inertia == pytest.approx(1e98)

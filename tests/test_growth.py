@@ -17,7 +17,7 @@ from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.symbols import Symbols
 from bellcrank.robot.joints import random_posture
 from bellcrank.scene.scene import load_scene
-from bellcrank_bench.problems.linkages import n_four_bar
+from bellcrank_bench.problems.n_four_bar import n_four_bar
 from bellcrank_bench.problems.urdf_texts import chain
 
 MEGABYTE = 2**20

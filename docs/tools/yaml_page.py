@@ -9,7 +9,7 @@ import yaml
 from yaml_recorder import Asked, recorded
 
 import bellcrank as bc
-from bellcrank.config.fields import UNITS
+from bellcrank.config.units import UNITS
 from bellcrank.deprecated import REMOVAL
 from bellcrank.scene import renamed_keys
 

@@ -29,9 +29,9 @@ _HOME = {
     "write_motion": "motion.csv_file",
     "RobotConfig": "scene.robot_config",
     "load_robot_config": "scene.robot_config",
-    "Drive": "actuators.actuator",
+    "Actuator": "actuators.actuator",
     "Sizing": "sizing.result",
-    "size": "sizing.front",
+    "size": "sizing.size",
     "Scene": "scene.scene",
     "load_scene": "scene.scene",
     "Settings": "scene.settings",
@@ -53,7 +53,7 @@ __all__ = ["__version__", *_HOME]
 
 if TYPE_CHECKING:
     __version__: str
-    from bellcrank.actuators.actuator import Drive
+    from bellcrank.actuators.actuator import Actuator
     from bellcrank.dynamics.linkage import Linkage
     from bellcrank.dynamics.scene_inverse_dynamics import closed_inverse_dynamics, scene_inverse_dynamics
     from bellcrank.errors import BellcrankError, CompileError, InputError, NotSavedError, UnreachableError
@@ -74,8 +74,8 @@ if TYPE_CHECKING:
     from bellcrank.simulation.run_plot import plot_run as plot
     from bellcrank.simulation.simulate import simulate
     from bellcrank.simulation.trajectory import Trajectory
-    from bellcrank.sizing.front import size
     from bellcrank.sizing.result import Sizing
+    from bellcrank.sizing.size import size
     from bellcrank.studies.sweep import sweep
     from bellcrank.studies.sweep_result import Sweep
 

@@ -1,4 +1,4 @@
-"""The command `bellcrank`: each subcommand is a module with `add_arguments` and `run`."""
+"""The command `bellcrank`. Each subcommand is a module with the functions `add_arguments` and `run`."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ if TYPE_CHECKING:
 
 _COMMANDS = {
     "size": "size the motors of a robot over its motions",
-    "simulate": "integrate a scene's motion, and certify it",
-    "sweep": "run a scene for many values of its parameters",
-    "replay": "show a run or a sizing as one page that opens in any browser",
-    "report": "put a run or a sizing on one page: verdict, tables, pictures, replay",
-    "plot": "draw a run or a scene as PNG",
-    "check": "say what is wrong with a URDF before it bites",
-    "robots": "list the robots and configurations that can be named",
+    "simulate": "simulate a scene, and check the accuracy of the result",
+    "sweep": "simulate a scene for many values of its parameters",
+    "replay": "write the replay of a run or a sizing as one HTML page",
+    "report": "write the report of a run or a sizing as one HTML page: verdict, tables, pictures, replay",
+    "plot": "draw a run, a scene or a sizing",
+    "check": "find errors in URDF files",
+    "robots": "list the names of robots, robot configurations and scenes",
 }
 
 
 def _modules(given: list[str]) -> dict[str, str]:
-    """Module of each subcommand by name: bellcrank's own, and, unless one of these is chosen, those that other packages
-    add by an entry point.
+    """Module of each subcommand by name: bellcrank's own and, unless one of these is given, those that other packages
+    add through the entry point group "bellcrank.commands".
     """
     own = {name: f"bellcrank.commands.{name}" for name in _COMMANDS}
     if given[:1] and given[0] in own:
-        return own  # looking for entry points takes a while
+        return own  # searching for entry points takes time
     from importlib.metadata import entry_points
 
     added = {entry.name: entry.value for entry in entry_points(group="bellcrank.commands")}
@@ -40,16 +40,18 @@ def _modules(given: list[str]) -> dict[str, str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns 0 (done, or all well), 1 (the answer is no) or 2 (bad input), and 128 + n where
-    signal n (2: Ctrl-C, 15: SIGTERM) interrupted it.
+    """Run the command line and return the exit code.
 
-    Without `arguments` they are the process's own, and so are its signals and its standard output and error. Where a
-    signal finds threads in the middle of what cannot be stopped, such as compiling, it ends the process without them.
+    Exit code 0: success; 1: a limit is exceeded, a check failed or a run ended early; 2: invalid input, explained in
+    one line; 128 + n: interrupted by signal n (2: Ctrl-C, 15: SIGTERM).
+
+    Without `arguments`, those of the process are used, and its signals and standard streams are handled too. A signal
+    ends the process even while threads do what cannot be stopped, such as compiling.
     """
     if arguments is not None:
         return _run(list(arguments))
     status = 130
-    with interruption.handled():  # before anything else is imported, which takes a while
+    with interruption.handled():  # before anything else is imported, which takes time
         try:
             status = _run_on_streams(sys.argv[1:])
         except KeyboardInterrupt:
@@ -61,13 +63,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run_on_streams(given: list[str]) -> int:
+    """Run a command with the process's standard streams, and report where these cannot be written to."""
     from bellcrank.terminal.streams import standard_streams
 
     with standard_streams() as output:
         try:
             status = _run(given)
             sys.stdout.flush()
-        except SystemExit as stop:  # argparse has said what it has to say
+        except SystemExit as stop:  # argparse has printed its message
             status = stop.code if isinstance(stop.code, int) else 0
         except KeyboardInterrupt:
             status = _interrupted()
@@ -83,29 +86,29 @@ def _interrupted() -> int:
 
 
 def _parser(given: list[str]) -> argparse.ArgumentParser:
+    """The parser of all commands; only the given command has its arguments."""
     import argparse
     import importlib
 
     parser = argparse.ArgumentParser(
         prog="bellcrank",
         description="Size motors and simulate robots from a URDF.",
-        epilog="exit codes: 0 done, 1 the answer is no, 2 bad input, 128 + n interrupted by signal n",
+        epilog="Exit codes: 0: success; 1: a limit is exceeded, a check failed or a run ended early; 2: invalid input, "
+        "explained in one line; 128 + n: interrupted by signal n.",
     )
     parser.add_argument("--version", action="version", version=f"bellcrank {version()}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, module in _modules(given).items():
         summary = _COMMANDS.get(name) or importlib.import_module(module).SUMMARY
         sub = commands.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
-        if given[:1] == [name]:  # only the chosen command's module is loaded, so that help is quick
+        if given[:1] == [name]:  # only this command's module is loaded, so that help is quick
             importlib.import_module(module).add_arguments(sub)
             sub.set_defaults(module=module)
     return parser
 
 
 def _run(given: list[str]) -> int:
-    """Run a command; what it prints shows the control characters that names in files may hold, and does not send them
-    to a terminal.
-    """
+    """Run a command. Control characters in what it prints, which names in files may contain, are escaped."""
     from bellcrank.terminal.printable import printable_streams
 
     with printable_streams():
@@ -113,6 +116,7 @@ def _run(given: list[str]) -> int:
 
 
 def _command(given: list[str]) -> int:
+    """Run a command and turn errors into messages and exit codes."""
     import importlib
     import traceback
 
@@ -122,7 +126,7 @@ def _command(given: list[str]) -> int:
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:
-            reconfigure(errors=ERRORS)  # a terminal without ² shows \xb2, and the files have it
+            reconfigure(errors=ERRORS)  # a terminal without ² shows \xb2; files contain ²
     try:
         parsed = _parser(given).parse_args(given)
         status: int = importlib.import_module(parsed.module).run(parsed)
@@ -135,14 +139,14 @@ def _command(given: list[str]) -> int:
         return _interrupted()
     except MemoryError as error:
         why = f": {one_line(str(error))}" if str(error) else ""
-        print(f"bellcrank: out of memory{why}; ask for less", file=sys.stderr)
+        print(f"bellcrank: out of memory{why}; reduce the size of the problem", file=sys.stderr)
         return 2
     except OSError as error:
         where = f": {error.filename}" if error.filename else ""
         print(f"bellcrank: {one_line(f'{error.strerror or error}{where}')}", file=sys.stderr)
         return 2
-    except Exception:  # 1 means "the answer is no", so a fault of ours needs a number of its own
-        if interruption.exit_status() is not None:  # what libraries make of it
+    except Exception:  # a fault of bellcrank must not look like exit code 1
+        if interruption.exit_status() is not None:  # what libraries turn the signal into
             return _interrupted()
         traceback.print_exc()
         print("bellcrank: this is a fault of bellcrank; please report it with the lines above", file=sys.stderr)

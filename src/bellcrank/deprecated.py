@@ -16,12 +16,13 @@ from typing import Any, ClassVar, ParamSpec, TypeVar
 P = ParamSpec("P")
 R = TypeVar("R")
 REMOVAL = "0.6"
-NAMES = {"Card": "RobotConfig", "load_card": "load_robot_config"}  # of the package itself
+NAMES = {"Card": "RobotConfig", "load_card": "load_robot_config", "Drive": "Actuator"}  # of the package itself
 MODULES = {
     "atomic": "files.atomic_write",
     "designs": "studies",
     "machine_code": "codegen",
     "shipped": "files.bundled_data",
+    "sizing.report": "sizing.sizing_files",
 }
 
 
@@ -90,9 +91,12 @@ class _OldModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
 
 def _new_module(name: str) -> str | None:
     """The new name of a module; None where it is not an old one."""
-    package, _, rest = name.partition(".")
-    room, dot, below = rest.partition(".")
-    return f"bellcrank.{MODULES[room]}{dot}{below}" if package == "bellcrank" and room in MODULES else None
+    package, *parts = name.split(".")
+    for count in range(len(parts), 0, -1):
+        new = MODULES.get(".".join(parts[:count]))
+        if package == "bellcrank" and new is not None:
+            return ".".join(["bellcrank", new, *parts[count:]])
+    return None
 
 
 def install() -> None:

@@ -103,3 +103,9 @@ def svg_of(figure: Figure) -> str:
         save_figure(figure, buffer, "svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
     text = _PATH.sub(lambda found: _DIGITS.sub(r"\1", found[0]), buffer.getvalue().decode("utf-8"))
     return _BREAK.sub(" ", text).replace("> <", "><")  # a third less
+
+
+def legend_columns(labels: list[str], figure: Figure) -> int:
+    """As many legend columns as fit the figure's width: about 0.085 inches a character, and 0.65 inches for a key."""
+    width = 0.085 * max(map(len, labels)) + 0.65
+    return max(1, min(6, len(labels), int(figure.get_figwidth() / width)))

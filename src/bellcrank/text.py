@@ -14,6 +14,7 @@ import sys
 
 ERRORS = "bellcrank"  # the error handler for such texts
 MOST_LETTERS = 1200  # of a message
+_UNUSUAL = re.compile(r"[^\w.-]+")  # in names of files
 # controls but for newline and tab; what turns the direction of writing; what breaks lines besides a newline
 _CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 
@@ -33,6 +34,11 @@ def file_name_here(name: str) -> str:
     if name.isascii() or sys.getfilesystemencoding().lower() in ("utf-8", "utf8"):
         return name
     return os.fsdecode(utf8(name))
+
+
+def file_name(text: str, default: str = "motion") -> str:
+    """A name as part of a file name: letters, digits, . _ and - only, at most 80; `default` where nothing is left."""
+    return file_name_here(_UNUSUAL.sub("_", text).strip("_.")[:80]) or default
 
 
 def one_line(text: str) -> str:

@@ -1,32 +1,33 @@
-"""The reference problems: every one is solved within its bars, and none is solved by a run that is wrong."""
+"""The reference problems: every one is solved within its tolerances, and a wrong run of it is found out."""
 
 import numpy as np
 import pytest
 
 from bellcrank.errors import InputError
 from bellcrank.simulation.simulate import simulate
-from bellcrank_bench.problems.cart_pole import reference
+from bellcrank_bench.measurements import hard_cases
+from bellcrank_bench.problems.checks import Check
 from bellcrank_bench.problems.free_body import INERTIA, spin_closed_form
-from bellcrank_bench.problems.problem import Figure
-from bellcrank_bench.problems.registry import PROBLEMS, hard_cases, problem
-from bellcrank_bench.problems.upright_falls import arm_fall
+from bellcrank_bench.problems.light_cart_pole import reference
+from bellcrank_bench.problems.planar_2r import fall_time
+from bellcrank_bench.problems.registry import PROBLEMS, problem
 
 LONG_TO_COMPILE = {"chain_100", "n_four_bar_40"}  # `bellcrank bench --hard` runs it
-AT_REST = {"tracking", "ur5_held", "panda_held"}  # exact at any tolerance: nothing departs from the motion wanted
+AT_REST = {"tracking", "ur5_held", "panda_held"}  # exact at any tolerance: the motion never departs from its target
 
 
 @pytest.mark.parametrize("name", sorted(set(PROBLEMS) - LONG_TO_COMPILE))
 def test_the_known_answer_is_met(name):
-    figures = problem(name).figures()
-    assert len(figures) >= 2
-    assert [f for f in figures if not f.good] == []
+    checks = problem(name).checks()
+    assert len(checks) >= 2
+    assert [check for check in checks if not check.passed] == []
 
 
 @pytest.mark.parametrize("name", sorted(set(PROBLEMS) - LONG_TO_COMPILE - AT_REST))
 def test_a_run_with_loose_tolerances_is_judged_wrong(name):
     p = problem(name)
     run = simulate(p.make(), **(p.settings | {"rtol": 1e-2, "atol": 1e-2}))
-    assert any(not f.good for f in p.judge(run)[1:])
+    assert any(not check.passed for check in p.judge(run)[1:])
 
 
 @pytest.mark.parametrize("name", sorted(AT_REST))
@@ -35,34 +36,32 @@ def test_a_robot_that_leaves_its_target_is_judged_wrong(name):
     scene = p.make()
     joint = scene.robot.joint_names[1]
     run = simulate(scene, **p.settings, overrides={f"initial.velocity.{joint}": 1e-6})
-    assert any(not f.good for f in p.judge(run)[1:])
+    assert any(not check.passed for check in p.judge(run)[1:])
 
 
-def test_a_figure_that_is_no_number_is_never_good():
-    assert not Figure("drift", float("nan"), 1.0).good and not Figure("ratio", float("inf"), 20.0, at_least=True).good
-    assert Figure("ratio", 21.0, 20.0, at_least=True).good and not Figure("ratio", 19.0, 20.0, at_least=True).good
+def test_a_check_of_a_number_that_is_not_finite_never_passes():
+    assert not Check("drift", float("nan"), 1.0).passed
+    assert not Check("ratio", float("inf"), 20.0, at_least=True).passed
+    assert Check("ratio", 21.0, 20.0, at_least=True).passed
+    assert not Check("ratio", 19.0, 20.0, at_least=True).passed
 
 
 def test_an_unknown_problem_is_refused_with_what_there_is():
-    with pytest.raises(InputError, match=r"no problem 'pendulm'.*upright_pendulum"):
+    with pytest.raises(InputError, match=r"unknown problem 'pendulm'.*upright_pendulum"):
         problem("pendulm")
 
 
 def test_the_hard_cases_name_every_problem_and_its_seconds(monkeypatch):
-    few = [problem(name) for name in ("upright_pendulum", "middle_axis_flips")]
-    monkeypatch.setattr("bellcrank_bench.problems.registry._ALL", few)
-    for slow in (
-        "registry._chain_speed",
-        "registry._first_runs",
-        "registry._compile",
-        "closed_linkages.loops_at_speed",
-    ):
-        monkeypatch.setattr(f"bellcrank_bench.problems.{slow}", lambda: [Figure("time", 1.0, 2.0, "s")])
-    told = []
-    rows = hard_cases(told.append)
-    assert list(dict.fromkeys(row.problem for row in rows)) == told
-    assert told[:2] == ["upright_pendulum", "middle_axis_flips"] and "first_runs" in told
-    assert all(row.figure.good and row.seconds >= 0.0 for row in rows)
+    few = {name: problem(name) for name in ("upright_pendulum", "middle_axis_flips")}
+    monkeypatch.setattr(hard_cases, "PROBLEMS", few)
+    for slow in ("chain_speed", "loop_speed", "first_runs", "compile_time"):
+        monkeypatch.setattr(hard_cases, slow, lambda: [Check("time", 1.0, 2.0, "s")])
+    begun = []
+    cases = hard_cases.hard_cases(begun.append)
+    assert [case.name for case in cases] == begun
+    assert begun[:2] == ["upright_pendulum", "middle_axis_flips"] and "first_runs" in begun
+    assert all(check.passed for case in cases for check in case.checks)
+    assert all(case.seconds >= 0.0 for case in cases)
 
 
 # ---- the references themselves
@@ -93,5 +92,5 @@ def test_the_spinning_bodys_closed_form_obeys_eulers_equations():
 
 
 def test_three_methods_agree_on_the_arms_fall_from_upright():
-    falls = [arm_fall("DOP853", 1e-12), arm_fall("RK45", 1e-10), arm_fall("LSODA", 1e-11)]
+    falls = [fall_time("DOP853", 1e-12), fall_time("RK45", 1e-10), fall_time("LSODA", 1e-11)]
     assert np.ptp(falls) < 1e-8

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from bellcrank_bench.bench.bench_problem import cartesian, polar
-from bellcrank_bench.textbook.open_chains import PlanarTwoLink, SpringPendulum
+from bellcrank_bench.textbook.planar_2r import PlanarTwoLink
+from bellcrank_bench.textbook.spring_pendulum import SpringPendulum, cartesian, polar
 
 PENDULUM = SpringPendulum()
 

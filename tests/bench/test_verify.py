@@ -8,9 +8,11 @@ import pytest
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.errors import InputError
-from bellcrank_bench.textbook.closed_linkages import ClosedFourBar, SixCoordinateDisk
-from bellcrank_bench.textbook.open_chains import PlanarTwoLink, SpringPendulum
-from bellcrank_bench.verify.verify import VERIFIABLE, verify, verify_planar_2r
+from bellcrank_bench.textbook.four_bar import FourBarWithMultipliers
+from bellcrank_bench.textbook.planar_2r import PlanarTwoLink
+from bellcrank_bench.textbook.rolling_disk import SixCoordinateDisk
+from bellcrank_bench.textbook.spring_pendulum import SpringPendulum
+from bellcrank_bench.verification.verify import VERIFIABLE, verify, verify_planar_2r
 
 # A. Ghosal, lecture 18, scene 1, recomputed independently: tau1 min, max, tau2 min, max in N m at phi = 2 pi k / 1000
 TABLE = {-1: (71.86823535828, 168.2846498082, 62.9079893977, 71.60635945914),
@@ -60,7 +62,7 @@ def test_verify_finds_every_quantity_in_agreement(name):
 
 def test_verify_notices_a_wrong_robot(monkeypatch):
     heavier = dataclasses.replace(PlanarTwoLink(), m2=12.456 * (1 + 1e-9))
-    monkeypatch.setattr("bellcrank_bench.verify.verify.PlanarTwoLink", lambda **_: heavier)
+    monkeypatch.setattr("bellcrank_bench.verification.verify.PlanarTwoLink", lambda **_: heavier)
     robot = bc.load_robot("planar_2r", gravity=(0, -9.81, 0), friction="none")
     assert not all(d.agrees for d in verify_planar_2r(robot))
     wrong = {d.states for d in verify("planar_2r_swing") if not d.agrees}
@@ -69,22 +71,22 @@ def test_verify_notices_a_wrong_robot(monkeypatch):
 
 def test_verify_notices_a_wrong_spring_at_states_and_along_the_run(monkeypatch):
     stiffer = dataclasses.replace(SpringPendulum(), stiffness=15.0 * (1 + 1e-7))
-    monkeypatch.setattr("bellcrank_bench.verify.verify.SpringPendulum", lambda: stiffer)
+    monkeypatch.setattr("bellcrank_bench.verification.verify.SpringPendulum", lambda: stiffer)
     wrong = {(d.quantity, d.states) for d in verify("spring_pendulum") if not d.agrees}
     assert {("accelerations", "random"), ("potential energy", "random"), ("positions", "its end")} <= wrong
     assert not any(quantity in ("kinetic energy", "coriolis", "centrifugal") for quantity, _ in wrong)
 
 
 def test_verify_notices_a_wrong_rocker_in_accelerations_and_multipliers(monkeypatch):
-    heavier = dataclasses.replace(ClosedFourBar(), mass=(20.15, 8.25, 8.25 * (1 + 1e-8)))
-    monkeypatch.setattr("bellcrank_bench.verify.verify_closed.ClosedFourBar", lambda: heavier)
+    heavier = dataclasses.replace(FourBarWithMultipliers(), mass=(20.15, 8.25, 8.25 * (1 + 1e-8)))
+    monkeypatch.setattr("bellcrank_bench.verification.constrained.FourBarWithMultipliers", lambda: heavier)
     wrong = {(d.quantity, d.states) for d in verify("four_bar") if not d.agrees}
     assert {("accelerations", "random"), ("multipliers", "random"), ("positions", "its end")} <= wrong
 
 
 def test_verify_notices_a_disk_of_another_inertia(monkeypatch):
     thicker = dataclasses.replace(SixCoordinateDisk(), k=0.25 * (1 + 1e-7))
-    monkeypatch.setattr("bellcrank_bench.verify.verify_closed.SixCoordinateDisk", lambda: thicker)
+    monkeypatch.setattr("bellcrank_bench.verification.constrained.SixCoordinateDisk", lambda: thicker)
     wrong = {d.quantity for d in verify("rolling_disk") if not d.agrees}
     assert {"accelerations", "friction", "kinetic energy", "positions"} <= wrong
 
@@ -99,13 +101,13 @@ def test_verify_command_prints_the_differences_of_the_scenes_named_or_of_all(cap
 
 
 def test_verify_command_answers_no_where_a_quantity_differs(monkeypatch, capsys):
-    monkeypatch.setattr("bellcrank_bench.verify.verify.PlanarTwoLink", lambda **_: PlanarTwoLink(g=9.8))
+    monkeypatch.setattr("bellcrank_bench.verification.verify.PlanarTwoLink", lambda **_: PlanarTwoLink(g=9.8))
     assert main(["verify", "planar_2r", "spring_pendulum"]) == 1
     assert "DIFFERS" in capsys.readouterr().out
 
 
 def test_verify_refuses_what_it_has_no_analytic_equations_for(capsys):
     assert main(["verify", "panda"]) == 2
-    assert "no scene 'panda'" in capsys.readouterr().err
+    assert "unknown scene 'panda'" in capsys.readouterr().err
     with pytest.raises(InputError, match="planar 2R arm"):
         verify_planar_2r(bc.load_robot("ur5"))

@@ -209,12 +209,12 @@ def test_products_and_sums_written_either_way_round_are_one():
 
 
 def test_the_native_loop_of_single_calls_visits_every_row_and_agrees_with_pinocchio_and_hand_written_c():
-    from bellcrank_bench.bench.single_calls import forward_dynamics_calls
+    from bellcrank_bench.measurements.single_calls import forward_dynamics_calls
 
     rows = forward_dynamics_calls("planar_2r", repeats=1)
-    assert [r.algorithm for r in rows[:2]] == ["forward_dynamics"] * 2
+    assert [r.method for r in rows[:2]] == ["forward_dynamics"] * 2
     assert len(rows) == 4 or "no C compiler" in rows[2].note
-    assert all(r.error < 1e-12 and 0 < r.ns < 1e7 for r in rows if "no C compiler" not in r.note)
+    assert all(r.error < 1e-12 and 0 < r.nanoseconds < 1e7 for r in rows if "no C compiler" not in r.note)
 
 
 # ---- the cache

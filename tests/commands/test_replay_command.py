@@ -71,7 +71,7 @@ def test_a_urdf_is_sized_over_a_motion_from_a_file(here, capsys):
     (here / "go.csv").write_text(
         "time [s],shoulder position [deg],elbow position [deg]\n0,9,0\n0.5,8,1\n1,7,2\n1.5,7,3\n"
     )
-    assert given("planar_2r", "--motion", "go.csv", "--out", "go.html") in (0, 1)
+    assert given("planar_2r", "--motion", "go.csv", "--out", "go.html") == 0
     assert "go" in (here / "go.html").read_text(encoding="utf-8") and "finished" not in capsys.readouterr().out
 
 

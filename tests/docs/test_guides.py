@@ -40,7 +40,8 @@ def test_the_motions_of_the_guide_are_sized(tmp_path, monkeypatch, capsys):
     for name in ("arm.yaml", "motion.csv"):
         Path(name).write_text(by_title[name], encoding="utf-8")
     assert cli.main(["size", "arm.yaml", "--no-plots"]) == 0
-    assert all(name in capsys.readouterr().out for name in ("circle", "reach", "swing", "cycle"))
+    printed = capsys.readouterr().out
+    assert all(name in printed for name in ("circle", "reach", "swing", "cycle"))
     assert cli.main(["size", "planar_2r", "--motion", "motion.csv", "--no-plots"]) == 0
     assert Path("planar_2r_sizing/history_motion.csv").exists()
 

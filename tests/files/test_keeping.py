@@ -552,7 +552,7 @@ def test_targets_that_cannot_be_files_are_refused_before_anything_is_computed(tm
 
 def test_size_checks_its_folder_before_it_computes(tmp_path, monkeypatch, capsys):
     (tmp_path / "file").write_text("")
-    monkeypatch.setattr("bellcrank.sizing.front.size", lambda *_, **__: pytest.fail("computed first"))
+    monkeypatch.setattr("bellcrank.sizing.size.size", lambda *_, **__: pytest.fail("computed first"))
     assert main(["size", "planar_2r", "--out", str(tmp_path / "file" / "deep")]) == 2
     assert "is a file; expected a folder" in capsys.readouterr().err
 

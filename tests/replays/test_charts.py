@@ -21,7 +21,7 @@ from bellcrank.replays.geometry.shapes import Body
 from bellcrank.replays.page.film_encoding import encode_film
 from bellcrank.replays.page.page import write_page
 from bellcrank.simulation.plot_panels import _linear, shown_unit
-from bellcrank.sizing.history import joint_torques
+from bellcrank.sizing.joint_histories import SampledStates, joint_torques
 
 pytest_plugins = ("browser",)
 SOLVED = 1e-7  # of the largest value of a unit: what the solver's own interpolation is off between its steps
@@ -132,7 +132,7 @@ def no_meshes(monkeypatch):
 @pytest.mark.parametrize("name", SIZED)
 def test_every_bundled_sizing_is_shown_as_its_motions_are_at_random_times(name, no_meshes):
     sizing = sized(name)
-    mechanism, motions, drives = sizing.study
+    mechanism, motions, actuators = sizing.inputs
     robot = mechanism.robot
     page = decoded(encode_film(film_of_sizing(sizing)))
     lines, rng, start = charts_of(page), np.random.default_rng(6), 0.0
@@ -143,9 +143,9 @@ def test_every_bundled_sizing_is_shown_as_its_motions_are_at_random_times(name, 
         shown = times - motion.time[0] + start + (motion.time[0] if len(motions) == 1 else 0.0)
         for joint in joints:
             values = {"position": q[:, joint.q], "velocity": v[:, joint.v], "acceleration": a[:, joint.v]}
-            values["joint torque"] = values["joint force"] = joint_torques(mechanism, [joint], drives, times, q, v, a)[
-                :, 0
-            ]
+            values["joint torque"] = values["joint force"] = joint_torques(
+                mechanism, [joint], actuators, SampledStates(times, q, v, a)
+            )[:, 0]
             mine = {key: line for key, line in lines.items() if key[2] == joint.name}
             assert len(mine) >= 3
             for (title, unit, _), line in mine.items():

@@ -239,7 +239,7 @@ def test_the_film_of_a_sizing_has_rods_springs_and_the_lengths_that_parameters_g
     assert np.linalg.norm(rod.ends[:, 1] - rod.ends[:, 0], axis=1) == pytest.approx(1.6, abs=1e-6)
     assert np.all(rod.ends[:, 1] == [2.5, 0.5, 0.0]) and np.all(spring.ends[:, 1] == [0.0, 2.0, 0.0])
     assert np.array_equal(rod.ends[:, 0], spring.ends[:, 0])
-    shoulder = sizing.study[1][0].at(film.time)[0][:, 0]
+    shoulder = sizing.inputs[1][0].at(film.time)[0][:, 0]
     elbow = film.poses[:, [body.name for body in film.bodies].index("link_2")][:, :3]
     assert elbow[:, :2] == pytest.approx(1.3 * np.column_stack([np.cos(shoulder), np.sin(shoulder)]), abs=1e-6)
 
@@ -352,10 +352,10 @@ def test_an_unknown_frame_to_trace_is_refused_with_what_there_is(four_bar):
 def test_a_sizing_plays_its_motions_one_after_the_other_with_its_torques_and_limits(sizing):
     film = film_of_sizing(sizing)
     check_film(film)
-    first, second = sizing.study[1]
+    first, second = sizing.inputs[1]
     assert film.time[-1] == pytest.approx(first.duration + GAP + second.duration)
     assert [mark.text for mark in film.events] == ["motion elbow_up begins", "motion elbow_down begins"]
-    robot = sizing.study[0].robot
+    robot = sizing.inputs[0].robot
     late = film.time > first.duration + GAP / 2
     times = film.time[late] - first.duration - GAP
     k = [body.name for body in film.bodies].index("link_2")
@@ -380,7 +380,7 @@ def test_where_a_limit_is_exceeded_a_sizing_has_a_mark():
 
 
 def test_a_motion_needs_its_own_robot(sizing):
-    mechanism, (motion, _), _ = sizing.study
+    mechanism, (motion, _), _ = sizing.inputs
     robot = mechanism.robot
     film = film_of_motion(motion, robot)
     check_film(film)

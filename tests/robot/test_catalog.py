@@ -51,12 +51,12 @@ def test_stems_that_stand_twice_are_told_apart() -> None:
     [
         ("ur55", "unknown robot 'ur55'; did you mean 'ur5'"),
         ("", "unknown robot ''"),
-        ("nowhere/arm.urdf", "nowhere/arm.urdf: there is no such file"),
-        ("arm.urdf", "arm.urdf: there is no such file"),
+        ("nowhere/arm.urdf", "nowhere/arm.urdf: no such file"),
+        ("arm.urdf", "arm.urdf: no such file"),
         ("..", "is a folder"),
-        ("../planar_2r", "there is no such file"),
+        ("../planar_2r", "no such file"),
         ("x" * 5000, "unknown robot"),
-        ("a\0b", "zero character"),
+        ("a\0b", "null character"),
     ],
 )
 def test_an_unknown_robot_is_one_sentence(given: str, expected: str) -> None:

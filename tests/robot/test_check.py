@@ -342,7 +342,7 @@ def test_the_command_says_yes_no_and_bad_input(tmp_path: Path, capsys: pytest.Ca
     bad.write_text("<robot>", encoding="utf-8")
     with pytest.raises(InputError, match="truncated"):
         command("planar_2r", str(bad))
-    with pytest.raises(InputError, match="there is no such file"):
+    with pytest.raises(InputError, match="no such file"):
         command(str(tmp_path / "none.urdf"))
     assert capsys.readouterr().out == ""
 

@@ -8,7 +8,7 @@ from example_robots import SOUND, gathered
 import bellcrank as bc
 from bellcrank.robot.articulated_inertia import mass_matrix
 from bellcrank.simulation.simulate import simulate
-from bellcrank_bench.bench.dynamics_calls import random_states
+from bellcrank_bench.measurements.dynamics_speed import random_states
 from bellcrank_bench.problems.problem import scene_of
 from bellcrank_bench.problems.urdf_texts import joint, link, robot
 

@@ -10,8 +10,8 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.robot.robot import Robot
-from bellcrank.sizing import holding, peaks
-from bellcrank.sizing.holding import holding_torques
+from bellcrank.sizing import holding_gravity, motion_grid
+from bellcrank.sizing.holding_gravity import gravity_holding_torques
 from bellcrank_bench.problems.urdf_texts import chain
 
 G = 9.81
@@ -57,7 +57,7 @@ def random_tree(tmp_path: Path, count: int, seed: int) -> Robot:
 
 def test_a_long_chain_is_held_stretched_out_horizontally(tmp_path: Path) -> None:
     count = 64
-    found = holding_torques(long_chain(tmp_path, count, (0.0, 0.0, 1.0)))
+    found = gravity_holding_torques(long_chain(tmp_path, count, (0.0, 0.0, 1.0)))
     distances = LINK * (np.arange(count) + 0.5)
     stretched = MASS * G * np.array([distances[: count - k].sum() for k in range(count)])
     assert np.all(found.torque <= stretched * (1 + 1e-12))  # no posture needs more
@@ -72,9 +72,9 @@ def test_passes_along_a_tree_find_what_the_search_by_all_torques_finds(
     tmp_path: Path, tolerance: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     robot = random_tree(tmp_path, 14, seed=5)
-    by_all = holding_torques(robot, mass_tolerance=tolerance)
-    monkeypatch.setattr(holding, "MANY", 4)
-    by_passes = holding_torques(robot, mass_tolerance=tolerance)
+    by_all = gravity_holding_torques(robot, mass_tolerance=tolerance)
+    monkeypatch.setattr(holding_gravity, "MANY", 4)
+    by_passes = gravity_holding_torques(robot, mass_tolerance=tolerance)
     scale = by_all.torque.max()
     # Sweeps of the search by all torques end before it has settled to 1e-6; masses that are set in turn with the
     # coordinates may end at a lower torque, which a note says.
@@ -96,9 +96,9 @@ def test_fewer_starts_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
                                  '<limit lower="-2.5" upper="2.5" effort="100" velocity="10"/>'
                                  '<mimic joint="j1" multiplier="0"/></joint></robot>'))  # fmt: skip
     robot = bc.load_robot(path)
-    whole = holding_torques(robot)
-    monkeypatch.setattr(holding, "MANY", 0)
-    fewer = holding_torques(robot)
+    whole = gravity_holding_torques(robot)
+    monkeypatch.setattr(holding_gravity, "MANY", 0)
+    fewer = gravity_holding_torques(robot)
     assert whole.notes == () and "from 2 postures a joint instead of 48" in fewer.notes[0]
     np.testing.assert_allclose(fewer.torque, MASS * G * (0.5 + 1.5), rtol=1e-12)
 
@@ -136,7 +136,7 @@ def test_a_sizing_looks_at_few_states_at_a_time_and_blocks_do_not_change_it(
         return inverse_dynamics(self, q, v, a)
 
     monkeypatch.setattr(Robot, "inverse_dynamics", counted)
-    monkeypatch.setattr(peaks, "BLOCK_NUMBERS", 6 * 200)
+    monkeypatch.setattr(motion_grid, "BLOCK_NUMBERS", 6 * 200)
     blocks = bc.size(robot, motion)
     assert max(looked) <= 3 * 200
     for one, other in zip(whole.joints, blocks.joints, strict=True):

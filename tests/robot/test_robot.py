@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import bellcrank as bc
 from bellcrank.codegen.compile import compiled
 from bellcrank.errors import InputError
-from bellcrank_bench.bench.dynamics_calls import random_states
+from bellcrank_bench.measurements.dynamics_speed import random_states
 
 
 def test_at_least_thirty_example_robots_are_compared():
@@ -330,7 +330,7 @@ def test_parameters_stay_symbols_and_equal_the_constants_they_replace():
     same = function(q, v, a, np.array([1.0, 12.456, 1.042, 0.583]))
     np.testing.assert_allclose(same, robot.inverse_dynamics(q, v, a), atol=1e-11)
 
-    from bellcrank_bench.textbook.open_chains import PlanarTwoLink
+    from bellcrank_bench.textbook.planar_2r import PlanarTwoLink
 
     p = np.array([1.3, 5.0, 2.0, 0.4])
     robot = bc.load_robot("planar_2r", friction="none", gravity=(0, -9.81, 0))

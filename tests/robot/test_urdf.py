@@ -118,7 +118,7 @@ BROKEN = {
         tree('<limit lower="-inf" upper="1" effort="1" velocity="1"/>'),
         "<limit>, lower (line 2): is '-inf'",
     ),
-    "overflow": (tree('<origin xyz="1e999 0 0"/>'), "'1e999' is larger than anything a robot has"),
+    "overflow": (tree('<origin xyz="1e999 0 0"/>'), "'1e999' is too large"),
     "two numbers": (tree('<origin xyz="0 0"/>'), "xyz='0 0' has 2 numbers; expected 3"),
     "zero axis": (tree('<axis xyz="0 0 0"/>'), "the axis is '0 0 0', of length zero"),
     "negative mass": (
@@ -138,7 +138,7 @@ BROKEN = {
         tree('<limit lower="1" upper="-1" effort="1" velocity="1"/>'),
         "lower 1 is above upper -1",
     ),
-    "negative damping": (tree('<dynamics damping="-1"/>'), "damping is -1, which would feed energy in"),
+    "negative damping": (tree('<dynamics damping="-1"/>'), "damping is -1, which would add energy"),
     "mimic of nothing": (tree("<mimic/>"), "joint 'j', <mimic> (line 2): does not name the joint"),
     "mimic of unknown": (
         tree('<mimic joint="kk"/>'),
@@ -147,11 +147,11 @@ BROKEN = {
     "mimic of itself": (tree('<mimic joint="j"/>'), "joint 'j', <mimic>: mimics itself"),
     "mimic in a circle": (
         robot(LINKS + joint(inside='<mimic joint="k"/>') + joint("k", '<mimic joint="j"/>', "b", "c")),
-        "joint 'j', <mimic>: mimics itself by way of 'k'",
+        "joint 'j', <mimic>: mimics itself through 'k'",
     ),
     "mimic of a fixed joint": (
         robot(LINKS + joint(inside='<mimic joint="k"/>') + joint("k", "", "b", "c", "fixed")),
-        "joint 'k' is fixed; only a revolute, continuous or prismatic joint can be followed",
+        "joint 'k' is fixed; only a revolute, continuous or prismatic joint can be mimicked",
     ),
     "reduction in words": (
         robot(

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from bellcrank import InputError
+from bellcrank.cli import main
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.settings import Settings, Stabilisation
 from bellcrank.simulation.baumgarte_gains import PER_RATE, automatic_gains, drift_bound
 from bellcrank.simulation.simulate import simulate
-from bellcrank_bench.bench import gain_map
-from bellcrank_bench.bench.gain_map import stabilised
+from bellcrank_bench.measurements import gain_map
+from bellcrank_bench.measurements.gain_map import stabilised
 
 SCENES = {"four_bar": 12.0, "rolling_disk": 10.0}
 NONE, PROJECTION = Stabilisation("none"), Stabilisation("projection")
@@ -169,13 +170,12 @@ def test_a_tree_has_no_gains_to_choose():
 def test_the_maps_are_printed_and_written(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(gain_map, "CASES", gain_map.CASES[:1])
     monkeypatch.setattr(gain_map, "FACTORS", (0.1, 1.0, 1000.0))
-    monkeypatch.setattr("bellcrank_bench.bench.gain_map_plot.FACTORS", (0.1, 1.0, 1000.0))
-    assert gain_map.gain_map_command(tmp_path) == 0
+    assert main(["bench", "--gains", "--out", str(tmp_path)]) == 0
     table = capsys.readouterr().out
     assert "DOP853, 1e-09           projection" in table and "with pilot" in table
     (found,) = json.loads((tmp_path / "gains.json").read_text())["scenes"]
     assert found["scene"] == "four_bar" and len(found["grid"]) == 3 * 9
     wild = [p for p in found["grid"] if p["solver"] == "RK4" and p["alpha"] * found["step"] > 5.0]
-    assert wild and all(p["closure"] is None for p in wild)  # beyond the border of stability
+    assert wild and all(p["residual"] is None for p in wild)  # beyond the border of stability
     for kind in ("map", "slices"):
         assert (tmp_path / f"gain_{kind}_four_bar.png").read_bytes().startswith(b"\x89PNG")

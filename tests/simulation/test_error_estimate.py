@@ -13,8 +13,8 @@ from scipy.integrate import solve_ivp
 
 import bellcrank as bc
 from bellcrank.cli import main
-from bellcrank_bench.bench.bench_problem import problem
-from bellcrank_bench.problems.linkages import n_four_bar
+from bellcrank_bench.problems.n_four_bar import n_four_bar
+from bellcrank_bench.problems.registry import benchmark
 
 LEAST, MOST = 0.8, 40.0  # what the estimate may be of the true error
 LUCKY = 100.0  # the same where the true error may by chance be far below the floor: 51 for five loops at 1e-13
@@ -61,14 +61,14 @@ def test_the_error_estimate_knows_the_floor_that_singular_positions_leave(parall
 
 @pytest.mark.parametrize("name", ["bricard", "four_bar", "rolling_disk", "planar_2r_swing", "spring_pendulum"])
 def test_the_error_estimate_is_near_the_true_error_of_textbook_scenes(name):
-    chosen = problem(name)
+    chosen = benchmark(name)
     states = solve_ivp(
         lambda _, x: chosen.equations.derivative(x), (0.0, chosen.duration), chosen.start, method="DOP853",
         rtol=1e-13, atol=1e-15, t_eval=chosen.times,
     ).y.T  # fmt: skip
     for tolerance in (1e-8, 1e-10):
         run = bc.simulate(name, duration=chosen.duration, times=chosen.times, rtol=tolerance, atol=tolerance)
-        true = float(np.abs(chosen.own(run) - chosen.positions(states)).max())
+        true = float(np.abs(chosen.positions_of(run) - chosen.positions(states)).max())
         assert LEAST * true < run.error_estimate()
         if name in ("planar_2r_swing", "spring_pendulum"):  # the others are compared in some of their coordinates
             assert run.error_estimate() < 1.5 * true

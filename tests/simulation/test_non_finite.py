@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.actuators.actuator import Drive
+from bellcrank.actuators.actuator import Actuator
 from bellcrank.cli import main
-from bellcrank.commands.shown import verdict_of
+from bellcrank.commands.result_argument import verdict_of
 from bellcrank.elements.expression import parse_expression
 from bellcrank.elements.rolling import RollingDisk
 from bellcrank.simulation.constraint_rank import rank_of
 from bellcrank.simulation.non_finite import EACH
 from bellcrank.simulation.scene_notes import scene_notes
 from bellcrank.simulation.status import Status
-from bellcrank.sizing.finite import refuse_non_finite_line, root_mean_square
+from bellcrank.sizing.finite_checks import refuse_non_finite_joint, root_mean_square
 from bellcrank.studies.sweep import sweep
 
 ARM = "name: Arm\nurdf: planar_2r\ngravity: [0, -9.81, 0]\ninitial: {shoulder: 0.3, elbow: 0.4}\n"
@@ -279,13 +279,13 @@ def test_a_joint_whose_load_is_no_number_or_overflows_is_refused_with_motion_tim
 
 @pytest.mark.parametrize("what", [*DRIVE, "rotor_inertia", "gear_inertia"])
 def test_a_drive_beyond_what_has_squares_is_refused_by_name(what):
-    with pytest.raises(bc.InputError, match=f"a drive: argument '{what}': .* at most 1e\\+100, found 1e\\+200"):
-        Drive(**DRIVE | {"peak_torque": 1e99, "max_speed": 1e99, what: 1e200})
+    with pytest.raises(bc.InputError, match=f"an actuator: argument '{what}': .* at most 1e\\+100, found 1e\\+200"):
+        Actuator(**DRIVE | {"peak_torque": 1e99, "max_speed": 1e99, what: 1e200})
 
 
 def test_a_sizing_of_loads_near_the_largest_has_finite_numbers_and_valid_json(tmp_path, arm, swing):
     heavy = arm.with_payloads([bc.Payload(1e90, "tip")])
-    sizing = bc.size(heavy, swing, {"shoulder": Drive(**DRIVE, rotor_inertia=1e-4)})
+    sizing = bc.size(heavy, swing, {"shoulder": Actuator(**DRIVE, rotor_inertia=1e-4)})
     line = sizing.joint("shoulder")
     assert not sizing.inside
     assert all(
@@ -307,10 +307,10 @@ def test_an_rms_has_no_overflow_of_squares():
 
 def test_a_line_with_a_number_that_is_none_is_refused(arm, swing):
     line = bc.size(arm, swing).joint("elbow")
-    refuse_non_finite_line("arm", line)
+    refuse_non_finite_joint("arm", line)
     object.__setattr__(line, "holding_torque", math.nan)
     with pytest.raises(bc.InputError, match="the holding torque of joint 'elbow' is not a number"):
-        refuse_non_finite_line("arm", line)
+        refuse_non_finite_joint("arm", line)
 
 
 # ---- sweeps
@@ -334,7 +334,7 @@ def test_a_design_whose_measure_is_no_number_is_unknown_and_not_among_those_that
         ["sweep", str(path), "--vary", "initial.shoulder=-0.5,-0.4", "--out", str(tmp_path / "s"), "--no-plots"]
     )
     assert code == 1
-    assert "0 finished, 0 did not, 2 unknown, as their reasons say" in capsys.readouterr().out
+    assert "0 finished, 0 did not, 2 unknown (see their reasons)" in capsys.readouterr().out
 
 
 def test_a_design_whose_aim_could_not_be_looked_for_is_unknown(tmp_path):

@@ -19,7 +19,7 @@ from bellcrank.errors import InputError
 from bellcrank.simulation.run_csv import columns
 from bellcrank.simulation.run_plot import plot_run
 from bellcrank.simulation.run_warnings import run_warnings
-from bellcrank_bench.textbook.open_chains import PlanarTwoLink
+from bellcrank_bench.textbook.planar_2r import PlanarTwoLink
 
 ARM = """
 name: Swinging arm

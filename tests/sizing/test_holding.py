@@ -10,7 +10,7 @@ import pytest
 from two_link import M1, M2, R1, R2, G, TwoLink
 
 from bellcrank.robot.load import load_robot
-from bellcrank.sizing.holding import holding_torques
+from bellcrank.sizing.holding_gravity import gravity_holding_torques
 
 UNIT = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
 SLIDER = """<robot name="slider"><link name="base"/>
@@ -27,14 +27,14 @@ FOLLOWER = """<robot name="follow"><link name="base"/><link name="a">{body}</lin
 
 def test_two_link_by_hand() -> None:
     robot: Any = TwoLink()
-    holding = holding_torques(robot)
+    holding = gravity_holding_torques(robot)
     np.testing.assert_allclose(holding.torque, [G * (M1 * R1 + M2 * (1 + R2)), G * M2 * R2], rtol=1e-12)
 
 
 def test_ranges_are_kept() -> None:
     robot: Any = TwoLink()
     robot.lower, robot.upper = np.array([np.radians(60), 0.2]), np.array([np.radians(120), 0.4])
-    holding = holding_torques(robot)
+    holding = gravity_holding_torques(robot)
     grid = np.stack(
         np.meshgrid(np.linspace(robot.lower[0], robot.upper[0], 201), np.linspace(0.2, 0.4, 201)), axis=-1
     ).reshape(-1, 2)
@@ -45,7 +45,7 @@ def test_ranges_are_kept() -> None:
 @pytest.mark.parametrize("name", ["ur5", "kinova", "panda"])
 def test_no_random_posture_needs_more_and_the_posture_found_needs_as_much(name: str) -> None:
     robot = load_robot(name, gravity=(2.0, -3.0, -9.0))
-    holding = holding_torques(robot)
+    holding = gravity_holding_torques(robot)
     generator = np.random.default_rng(7)
     columns = [joint.q for joint in robot.joints]
     low = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)[columns]
@@ -76,13 +76,13 @@ def slider(tmp_path: Path, kind: str, slide: str, limit: str = "") -> Any:
 
 def test_a_sliding_joint_goes_to_its_end(tmp_path: Path) -> None:
     robot = slider(tmp_path, "continuous", '<limit lower="-0.1" upper="0.8" effort="1" velocity="1"/>')
-    holding = holding_torques(robot)
+    holding = gravity_holding_torques(robot)
     np.testing.assert_allclose(holding.torque, [9.81 * (3 * 0.2 + 2 * 0.8), 9.81 * 2], rtol=1e-12)
     assert holding.notes == ()
 
 
 def test_a_sliding_joint_without_limits_is_held_at_zero_and_said_so(tmp_path: Path) -> None:
-    holding = holding_torques(slider(tmp_path, "continuous", ""))
+    holding = gravity_holding_torques(slider(tmp_path, "continuous", ""))
     np.testing.assert_allclose(holding.torque[0], 9.81 * 3 * 0.2, rtol=1e-12)
     assert "slides without limits" in holding.notes[0]
 
@@ -91,7 +91,7 @@ def test_a_joint_that_others_follow(tmp_path: Path) -> None:
     path = tmp_path / "follow.urdf"
     body = f'<inertial><mass value="1"/><origin xyz="0.5 0 0"/>{UNIT}</inertial>'
     path.write_text(FOLLOWER.format(body=body))
-    holding = holding_torques(load_robot(path))
+    holding = gravity_holding_torques(load_robot(path))
     x = np.linspace(-np.pi, np.pi, 2_000_001)
     # V = g (0.5 h(x) + h(x) + 0.5 h(3x)), h = −sin; its slope is the torque.
     assert holding.torque[0] == pytest.approx(np.abs(9.81 * (1.5 * np.cos(x) + 1.5 * np.cos(3 * x))).max(), rel=1e-9)
@@ -100,7 +100,9 @@ def test_a_joint_that_others_follow(tmp_path: Path) -> None:
 def test_a_mass_tolerance_raises_the_holding_torque() -> None:
     robot: Any = TwoLink()
     np.testing.assert_allclose(
-        holding_torques(robot, mass_tolerance=0.1).torque, 1.1 * holding_torques(robot).torque, rtol=1e-12
+        gravity_holding_torques(robot, mass_tolerance=0.1).torque,
+        1.1 * gravity_holding_torques(robot).torque,
+        rtol=1e-12,
     )
 
 
@@ -128,7 +130,7 @@ def test_the_worst_of_all_masses_and_postures_is_found(
     path = tmp_path / "arm.urdf"
     path.write_text(ARM_AND_COUNTERWEIGHT.format(unit=UNIT, kind=kind, axis=axis, origin=origin, at=at, range=reach))
     robot = load_robot(path)
-    holding = holding_torques(robot, mass_tolerance=0.3)
+    holding = gravity_holding_torques(robot, mass_tolerance=0.3)
     both = np.stack(np.meshgrid(np.linspace(-3.2, 3.2, 1281), np.linspace(-reach, reach, 161)), axis=-1).reshape(-1, 2)
     rest = np.zeros_like(both)
     shares = robot.link_torques(both, rest, rest)
@@ -145,7 +147,7 @@ def test_the_worst_of_all_masses_and_postures_is_found(
 
 def test_more_tolerance_never_lowers_the_holding_torque_and_scaling_all_masses_is_within_it() -> None:
     robot = load_robot("ur5")
-    nominal, wide, wider = (holding_torques(robot, mass_tolerance=tol).torque for tol in (0.0, 0.1, 0.3))
+    nominal, wide, wider = (gravity_holding_torques(robot, mass_tolerance=tol).torque for tol in (0.0, 0.1, 0.3))
     assert np.all(wide >= 1.1 * nominal - 1e-9) and np.all(wider >= 1.3 * nominal - 1e-9)
     assert np.all(wider >= wide - 1e-9)
     generator = np.random.default_rng(3)
@@ -162,4 +164,4 @@ def test_a_mass_tolerance_with_a_joint_that_others_follow(tmp_path: Path) -> Non
     x = np.linspace(-np.pi, np.pi, 400_001)[:, None]
     shares = robot.link_torques(x, 0 * x, 0 * x)[:, :, 0]
     brute = (np.abs(shares.sum(axis=1)) + 0.2 * np.abs(shares).sum(axis=1)).max()
-    assert holding_torques(robot, mass_tolerance=0.2).torque[0] == pytest.approx(brute, rel=1e-9)
+    assert gravity_holding_torques(robot, mass_tolerance=0.2).torque[0] == pytest.approx(brute, rel=1e-9)

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from two_link import CONTINUOUS, TwoLink, circle_states
 
-from bellcrank.actuators.actuator import Drive
+from bellcrank.actuators.actuator import Actuator
 from bellcrank.errors import InputError
 from bellcrank.motion.motion import Motion, join
 from bellcrank.motion.waypoints import dwell
 from bellcrank.robot.payload import Payload
-from bellcrank.sizing.report import json_text
 from bellcrank.sizing.size import size
-from bellcrank.sizing.table import table, verdict
+from bellcrank.sizing.sizing_files import json_text
+from bellcrank.sizing.tables import table, verdict
 
-DRIVE = Drive(
+DRIVE = Actuator(
     ratio=100.0,
     efficiency=0.8,
     rotor_inertia=1e-4,
@@ -226,15 +226,15 @@ def test_warnings_of_motions_are_carried() -> None:
     ("arguments", "message"),
     [
         ({"motions": []}, "there is no motion"),
-        ({"drives": {"sholder": DRIVE}}, "did you mean 'shoulder'"),
+        ({"actuators": {"sholder": DRIVE}}, "did you mean 'shoulder'"),
         ({"mass_tolerance": "10%"}, "'mass_tolerance': .* found '10%'"),
         ({"mass_tolerance": None}, "argument 'mass_tolerance': expected"),
         ({"mass_tolerance": True}, "argument 'mass_tolerance': expected"),
         ({"motions": "elbow_up"}, "argument 'motions': expected a list of Motions, found 'elbow_up'"),
         ({"motions": 3}, "argument 'motions': expected a list of Motions"),
-        ({"motions": ["elbow_up"]}, "found 'elbow_up'; it stands at place 1"),
-        ({"drives": [DRIVE]}, "argument 'drives': expected a mapping .* found a list"),
-        ({"drives": {"shoulder": {"ratio": 100}}}, "drives..shoulder..': expected a Drive, found a mapping"),
+        ({"motions": ["elbow_up"]}, "found 'elbow_up'; it is entry 1"),
+        ({"actuators": [DRIVE]}, "argument 'actuators': expected a mapping .* found a list"),
+        ({"actuators": {"shoulder": {"ratio": 100}}}, "actuators..shoulder..': expected an Actuator, found a mapping"),
         ({"mass_tolerance": 1.5}, "argument 'mass_tolerance': expected"),
         ({"mass_tolerance": float("nan")}, "argument 'mass_tolerance': expected"),
     ],
@@ -248,11 +248,11 @@ def test_bad_arguments_are_named(arguments: dict[str, Any], message: str) -> Non
 def test_a_rotor_inertia_given_twice_with_two_values_is_refused() -> None:
     robot: Any = TwoLink(rotor=(0.5, 0.0))
     with pytest.raises(InputError, match=r"'shoulder' is given twice.*0\.5 kg m².*1\.2 kg m².*without rotor_inertia"):
-        size(robot, lecture_circle(robot, -1, 11), drives={"shoulder": DRIVE})
-    same = TwoLink(rotor=(DRIVE.reflected_inertia, 0.7))  # equal, and without a drive at the elbow
+        size(robot, lecture_circle(robot, -1, 11), actuators={"shoulder": DRIVE})
+    same = TwoLink(rotor=(DRIVE.reflected_inertia, 0.7))  # equal, and without an actuator at the elbow
     none = TwoLink()
     peaks = [
-        size(one, lecture_circle(one, -1, 101), drives={"shoulder": DRIVE}).joint("shoulder").shaft
+        size(one, lecture_circle(one, -1, 101), actuators={"shoulder": DRIVE}).joint("shoulder").shaft
         for one in (same, none)
         if isinstance(one, TwoLink)
     ]
@@ -262,15 +262,15 @@ def test_a_rotor_inertia_given_twice_with_two_values_is_refused() -> None:
 def test_a_sizing_says_what_was_sized() -> None:
     robot: Any = TwoLink()
     robot.payloads, robot.findings = (Payload(2.5, "tip"),), ("link 'tip' weighs 100 kg",)
-    sizing = size(robot, lecture_circle(robot, -1, 101), drives={"elbow": DRIVE}, mass_tolerance=0.125)
+    sizing = size(robot, lecture_circle(robot, -1, 101), actuators={"elbow": DRIVE}, mass_tolerance=0.125)
     assert sizing.gravity == (0.0, -9.81, 0.0) and sizing.payloads == ((2.5, "tip"),)
-    assert sizing.undriven == ("shoulder",) and "link 'tip' weighs 100 kg" in sizing.warnings
+    assert sizing.joints_without_actuator == ("shoulder",) and "link 'tip' weighs 100 kg" in sizing.warnings
     text = table(sizing)
     for piece in (
         "gravity (0, -9.81, 0) m/s²",
         "payload 2.5 kg @ tip",
         "±12.5 %: each link as a whole",
-        "without a drive: shoulder",
+        "without an actuator: shoulder",
     ):
         assert piece in text.split("\n")[1]
     document = json.loads(json_text(sizing))
@@ -284,17 +284,17 @@ def test_the_verdict_names_joints_without_a_drive_where_others_have_one() -> Non
     motion = lecture_circle(robot, -1, 101)
     strong = replace(DRIVE, rated_torque=300.0, peak_torque=600.0)
     text = {
-        count: verdict(size(robot, motion, drives=dict.fromkeys(("elbow", "shoulder")[:count], strong)))
+        count: verdict(size(robot, motion, actuators=dict.fromkeys(("elbow", "shoulder")[:count], strong)))
         for count in range(3)
     }
     assert all("All inside" in each for each in text.values())
-    assert text[1].endswith("Joints without a drive, compared with the URDF's limits only: shoulder.")
-    assert "without a drive" not in text[0] + text[2]
+    assert text[1].endswith("Joints without an actuator, compared with the URDF's limits only: shoulder.")
+    assert "without an actuator" not in text[0] + text[2]
 
 
 def test_speeds_that_look_like_rpm_are_pointed_out() -> None:
     robot: Any = TwoLink()
     fast = replace(DRIVE, rated_speed=1000.0, max_speed=3000.0)
     found = [text for text in size(robot, lecture_circle(robot, -1, 11), {"elbow": fast}).warnings if "rpm" in text]
-    assert found == ["drive of joint 'elbow': max_speed 3000 rad/s is 28648 rpm: was rpm meant? write '3000 rpm'"]
+    assert found == ["actuator of joint 'elbow': max_speed 3000 rad/s is 28648 rpm: was rpm meant? write '3000 rpm'"]
     assert DRIVE.doubts == ()

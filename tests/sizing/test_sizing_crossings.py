@@ -301,8 +301,8 @@ def test_motors_give_what_the_mechanical_energy_gains_and_all_forces_take(tmp_pa
         {"kind": "wrench", "frame": "quill_link", "force": [5, -8, 60], "torque": [1, 2, 3], "expressed_in": "frame"},
     ]  # fmt: skip
     sizing = bc.size(written(tmp_path, SCARA, gravity=[1, 2, -9], motions={"press": PRESS}, forces=forces))
-    assert sizing.study is not None
-    mechanism, (motion,), _ = sizing.study
+    assert sizing.inputs is not None
+    mechanism, (motion,), _ = sizing.inputs
     time, weight = np.polynomial.legendre.leggauss(40)
     edges = np.linspace(0.0, 2.0, 201)
     time, weight = (edges[:-1, None] + 0.005 * (time + 1.0)).ravel(), np.tile(0.005 * weight, 200)
@@ -341,7 +341,8 @@ def test_a_motor_with_a_follower_under_forces_is_held_by_the_multiplier_of_a_dri
     go = {"kind": "waypoints", "times": [0, 1, 2], "positions": [{"a": 0}, {"a": 0.8}, {"a": -0.4}], "samples": 101}
     scene = bc.load_scene(written(tmp_path, urdf, gravity=[3, 1, -8], motions={"go": go}, forces=forces))
     times = np.array([0.0, 0.3, 0.77, 1.2, 1.9])
-    held = {"constraints": [{"name": "d", "kind": "prescribed_motion", "joint": "a", "motion": "go"}], "initial": {"motion": "go"},
+    motor = {"name": "d", "kind": "prescribed_motion", "joint": "a", "motion": "go"}
+    held = {"constraints": [motor], "initial": {"motion": "go"},
             "simulate": {"duration": 2.0, "rtol": 1e-12, "atol": 1e-12}}  # fmt: skip
     run = bc.simulate(scene.with_overrides(held), times=times)
     found = scene_inverse_dynamics(scene, "go")

@@ -16,7 +16,7 @@ from bellcrank.dynamics.mechanism import mechanism_of
 from bellcrank.dynamics.system import system_of
 from bellcrank.motion.csv_file import write_motion
 from bellcrank.simulation.scene_notes import scene_notes
-from bellcrank.sizing.table import table
+from bellcrank.sizing.tables import table
 
 LINK = (
     '<link name="{name}"><inertial><origin xyz="{at}"/><mass value="{mass}"/><inertia ixx="0.02" iyy="0.05" izz="0.04" '
@@ -471,8 +471,8 @@ def test_a_wrench_s_table_pushes_a_simulated_block_as_its_polynomials_say(tmp_pa
 @pytest.mark.parametrize(
     ("table", "keys", "message"),
     [
-        ("time [s],force_x [N]\n0,1\n1,2\n", {}, "no column of a wrench 'force_x'; did you mean 'force x'"),
-        ("time [s],force x [N],temperature [C]\n0,1,2\n1,2,2\n", {}, "no column of a wrench 'temperature'"),
+        ("time [s],force_x [N]\n0,1\n1,2\n", {}, "unknown column of a wrench 'force_x'; did you mean 'force x'"),
+        ("time [s],force x [N],temperature [C]\n0,1,2\n1,2,2\n", {}, "unknown column of a wrench 'temperature'"),
         ("time [s]\n0\n1\n", {}, "there is no column of a wrench; expected one of force x"),
         ("time [s],force x\n0,1\n1,2\n", {}, "column 'force x' has no unit; write 'force x \\[N\\]'"),
         ("time [s],force x [N m]\n0,1\n1,2\n", {}, "column 'force x' is in 'N m', expected"),

@@ -13,11 +13,11 @@ from bellcrank.cli import main
 from bellcrank.errors import InputError
 from bellcrank.files.bundled_data import folder
 from bellcrank.replays.replay import film_of
-from bellcrank.reports.run_document import run_document
-from bellcrank.reports.sizing_document import sizing_document
+from bellcrank.reports.run_report import run_document
+from bellcrank.reports.sizing_report import sizing_document
 from bellcrank.robot.catalog import find_urdf
 from bellcrank.robot.check import check_urdf
-from bellcrank.sizing.table import verdict
+from bellcrank.sizing.tables import verdict
 
 LIMIT = '<limit lower="-3" upper="3" effort="100" velocity="5"/>'
 MASS = (
@@ -121,8 +121,8 @@ def test_a_payload_is_mass(tmp_path: Path) -> None:
 
 
 def test_a_rotor_is_no_mass_that_the_motor_moves(tmp_path: Path) -> None:
-    drive = "{ratio: 50, rated_torque: 1, peak_torque: 3, rated_speed: 300, max_speed: 500, rotor_inertia: 1e-4}"
-    sizing = bc.size(arm(tmp_path, config=f"actuators: {{shoulder: {drive}, elbow: {drive}}}"))
+    actuator = "{ratio: 50, rated_torque: 1, peak_torque: 3, rated_speed: 300, max_speed: 500, rotor_inertia: 1e-4}"
+    sizing = bc.size(arm(tmp_path, config=f"actuators: {{shoulder: {actuator}, elbow: {actuator}}}"))
     assert len(sizing.unsizable) == 2
 
 
@@ -149,12 +149,12 @@ def test_a_moving_link_without_mass_is_warned_of_by_check_size_report_page_and_r
     assert any(text.startswith(words) for text in sizing_document(sizing, film).warnings)
     assert [value[: len(words)] for name, value in film.facts if name == "warning"] == [words]
     assert not any(words in note for note in film.notes)
-    assert sizing.study is not None
-    swing = film_of(sizing.study[1][0], bc.load_robot(tmp_path / "arm.urdf"))
+    assert sizing.inputs is not None
+    swing = film_of(sizing.inputs[1][0], bc.load_robot(tmp_path / "arm.urdf"))
     assert any(name == "warning" and value.startswith(words) for name, value in swing.facts)
     run = bc.simulate(config)
     document = run_document(run)
-    assert document.word == "OK" and any(text.startswith(words) for text in document.warnings)
+    assert document.status == "OK" and any(text.startswith(words) for text in document.warnings)
     assert any(name == "warning" and value.startswith(words) for name, value in film_of(run).facts)
 
 
@@ -168,7 +168,7 @@ def test_errors_of_check_stand_in_the_verdict(tmp_path: Path) -> None:
     impossible = MASS.replace('izz="0.02"', 'izz="0.2"')
     sizing = bc.size(arm(tmp_path, upper=MASS, fore=impossible))
     assert sizing.inside and "the inertia violates the triangle inequality" in sizing.urdf_errors[0]
-    assert "`bellcrank check` finds" in verdict(sizing) and sizing.urdf_errors[0] in verdict(sizing)
+    assert "`bellcrank check` lists" in verdict(sizing) and sizing.urdf_errors[0] in verdict(sizing)
     point = re.sub(r'xyz="0.3 0 0"', 'xyz="0 0 0"', re.sub(r'(i..)="0.02"', r'\1="0"', MASS))
     on_axis = bc.size(arm(tmp_path, upper=MASS, fore=point))
     assert (

@@ -1,25 +1,26 @@
-"""The command ``bellcrank check FILE…``."""
+"""`bellcrank check`: findings about URDF files."""
 
 from __future__ import annotations
 
 import argparse
 
-from bellcrank.commands.trust import add_trust
+from bellcrank.commands.options import add_trust
 from bellcrank.robot.catalog import find_urdf
 from bellcrank.robot.check import check_urdf, format_findings
 from bellcrank.robot.xml_tree import parse_xml, read_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Give the parser the arguments of ``bellcrank check``."""
-    parser.add_argument("files", metavar="FILE", nargs="+", help="URDF files, or names of robots such as ur5")
+    """The files to check."""
+    parser.add_argument(
+        "files", metavar="FILE", nargs="+", help="URDF files, or names that `bellcrank robots` lists, such as ur5"
+    )
     add_trust(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the findings about each file: 0 where there is no error among them, 1 where there is.
-
-    Raises InputError, before anything is printed, where a file does not exist or is not XML.
+    """Print the findings about each file. Exit code 0: no errors; 1: a file has errors. Raises InputError, before
+    anything is printed, where a file does not exist or is not XML.
     """
     paths = [find_urdf(name) for name in args.files]
     for path in paths:

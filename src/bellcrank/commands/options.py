@@ -1,11 +1,51 @@
-"""Numbers given on the command line: each is checked as it is read, and a refusal names the option."""
+"""Options that several commands have, and the numbers given to options, which are checked as they are read."""
 
 from __future__ import annotations
+
+import argparse
 
 from bellcrank.config.fields import parse_number
 from bellcrank.config.numbers import whole_number
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value
+
+
+def add_trust(parser: argparse.ArgumentParser) -> None:
+    """--trust, the folders whose files a file may name."""
+    parser.add_argument(
+        "--trust",
+        action="append",
+        default=[],
+        metavar="DIR",
+        help="a folder from which files that the scene, robot or run names may be read, its subfolders included; may "
+        "be repeated",
+    )
+
+
+def add_allow_massless(parser: argparse.ArgumentParser) -> None:
+    """--allow-massless, the links without mass that motors may move."""
+    parser.add_argument(
+        "--allow-massless",
+        action="append",
+        default=[],
+        metavar="LINK",
+        help="size motors that move only this link and links fixed to it, although these have no mass; may be repeated",
+    )
+
+
+def add_keep_every(parser: argparse.ArgumentParser) -> None:
+    """--keep-every, how often results are saved during the computation."""
+    parser.add_argument(
+        "--keep-every", metavar="S", help="save the results so far about every S seconds of computing time (default: 5)"
+    )
+
+
+def keep_every(arguments: argparse.Namespace) -> float:
+    """The seconds of computing time between two saves. Raises InputError."""
+    from bellcrank.simulation.checkpoints import KEEP_EVERY, LONGEST_KEEP
+
+    seconds = number_option("--keep-every", arguments.keep_every, "s", above=0.0, most=LONGEST_KEEP)
+    return KEEP_EVERY if seconds is None else seconds
 
 
 def number_option(
@@ -48,7 +88,7 @@ def size_option(option: str, text: str, least: int, most: int) -> tuple[int, int
     width, height = whole_number(first), whole_number(second)
     if not cross or width is None or height is None or not least <= min(width, height) <= max(width, height) <= most:
         raise InputError(
-            f"{option} {format_value(text)}: expected WIDTHxHEIGHT, each a whole number of pixels from {least} to {most}, "
-            "such as 960x720"
+            f"{option} {format_value(text)}: expected WIDTHxHEIGHT, each a whole number of pixels from {least} to "
+            f"{most}, such as 960x720"
         )
     return width, height

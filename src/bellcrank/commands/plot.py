@@ -1,4 +1,4 @@
-"""`bellcrank plot`: a run, a scene or a sizing as PNG."""
+"""`bellcrank plot`: pictures of a run, a scene or a sizing."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank.commands.shown import add_shown, shown, stem, verdict_of
+from bellcrank.commands.result_argument import add_result_argument, compute_or_load, stem, verdict_of
 from bellcrank.files.atomic_write import check_file, default_place
 
 if TYPE_CHECKING:
@@ -16,31 +16,40 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """What to draw, and where to write."""
-    add_shown(parser)
+    add_result_argument(parser)
     parser.add_argument(
-        "--out", type=Path, metavar="FILE", help="the picture of a run, PNG, PDF or SVG (default: RUN.png)"
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="picture of a run: PNG, PDF or SVG; pictures of a sizing are PNG, named after it (default: RUN.png in the "
+        "current folder)",
     )
     parser.add_argument(
-        "--frame", action="append", default=[], metavar="NAME", help="draw this frame's path instead; may be repeated"
+        "--frame",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="draw the path of this frame instead; may be repeated",
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Draw; 0 where the answer is yes, 1 where it is no. BellcrankError for bad input."""
+    """Draw. Exit code 0 or 1 as `verdict_of` says. Raises BellcrankError for invalid input."""
     from bellcrank.sizing.result import Sizing
 
     out = arguments.out or default_place(f"{stem(arguments.run)}.png")
     check_file("--out", out)
-    thing = shown(arguments)
-    files = _sizing_files(thing, out) if isinstance(thing, Sizing) else _run_files(thing, out, arguments.frame)
-    well, verdict = verdict_of(thing)
+    result = compute_or_load(arguments)
+    files = _sizing_files(result, out) if isinstance(result, Sizing) else _run_files(result, out, arguments.frame)
+    success, verdict = verdict_of(result)
     print(f"{verdict}\nwrote {', '.join(map(str, files))}")
-    return 0 if well else 1
+    return 0 if success else 1
 
 
 def _run_files(run: Trajectory, out: Path, frames: list[str]) -> list[Path]:
+    """One picture of everything over time, or one for the path of each frame."""
     from bellcrank.simulation.run_plot import plot_run
-    from bellcrank.sizing.history import file_name
+    from bellcrank.text import file_name
 
     if not frames:
         plot_run(run, out)
@@ -52,15 +61,13 @@ def _run_files(run: Trajectory, out: Path, frames: list[str]) -> list[Path]:
 
 
 def _sizing_files(sizing: Sizing, out: Path) -> list[Path]:
-    """A picture for each motion, and the torque-speed planes, named after `out`."""
+    """A picture for each motion and the torque-speed plots, named after `out`."""
     from bellcrank.files.atomic_write import writing
     from bellcrank.plot_style import DPI, save_figure
-    from bellcrank.sizing.plots import draw
+    from bellcrank.sizing.plots import sizing_figures
 
-    assert sizing.study is not None
-    robot, motions, drives = sizing.study
     files = []
-    for name, figure in draw(robot, motions, drives, sizing.robot, sizing.mass_tolerance).items():
+    for name, figure in sizing_figures(sizing).items():
         files.append(out.with_name(f"{out.stem}_{name}"))
         with writing(files[-1]) as temporary:
             save_figure(figure, temporary, "png", dpi=DPI)

@@ -1,4 +1,4 @@
-"""`bellcrank replay`: a run, a scene or a sizing as one HTML page that opens anywhere, or as stills and films of it."""
+"""`bellcrank replay`: the replay of a run, a scene or a sizing as one HTML page, as a still or as a film."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from bellcrank.commands.options import number_option, size_option
-from bellcrank.commands.shown import add_shown, shown, stem, verdict_of
+from bellcrank.commands.result_argument import add_result_argument, compute_or_load, stem, verdict_of
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file, default_place
 from bellcrank.files.temporaries import temporary_folder
@@ -18,26 +18,28 @@ PICTURES = ("png", "gif", "mp4")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """What to show, and where to write."""
-    add_shown(parser)
-    parser.add_argument("--out", type=Path, metavar="FILE", help="the page (default: RUN.html, here)")
+    add_result_argument(parser)
+    parser.add_argument("--out", type=Path, metavar="FILE", help="the page (default: RUN.html in the current folder)")
     parser.add_argument(
         "--trace", action="append", default=[], metavar="FRAME", help="draw the path of this frame; may be repeated"
     )
-    parser.add_argument("--full-meshes", action="store_true", help="keep every face of the meshes")
-    parser.add_argument("--no-plots", action="store_true", help="only the moving picture")
+    parser.add_argument("--full-meshes", action="store_true", help="do not simplify the meshes")
+    parser.add_argument("--no-plots", action="store_true", help="leave the plots out of the page")
     parser.add_argument("--open", action="store_true", help="open the page in the web browser")
-    films = parser.add_argument_group("stills and films", "rendered by headless Chromium; no page is written without --out")
-    films.add_argument("--png", type=Path, metavar="FILE", help="write the view at one time as PNG")
-    films.add_argument("--at", metavar="S", help="the time of the PNG, s (default: the end)")
+    films = parser.add_argument_group(
+        "stills and films", "rendered by headless Chromium; the page itself is written only with --out or --open"
+    )
+    films.add_argument("--png", type=Path, metavar="FILE", help="write a still as PNG")
+    films.add_argument("--at", metavar="S", help="time of the still, s (default: the end)")
     films.add_argument("--gif", type=Path, metavar="FILE", help="write the replay as GIF")
     films.add_argument("--mp4", type=Path, metavar="FILE", help="write the replay as MP4")
-    films.add_argument("--speed", metavar="X", help="how many times as fast as it was (default 1)")
-    films.add_argument("--fps", metavar="N", help="frames per second (default 15 for GIF, 30 for MP4)")
-    films.add_argument("--window", metavar="WxH", default="960x720", help="size in pixels (default 960x720)")
+    films.add_argument("--speed", metavar="X", help="playback speed relative to real time (default: 1)")
+    films.add_argument("--fps", metavar="N", help="frames per second (default: 15 for GIF, 30 for MP4)")
+    films.add_argument("--window", metavar="WxH", default="960x720", help="size in pixels (default: 960x720)")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the page; 0 done, 1 where the run ended early or a limit is exceeded. BellcrankError for bad input."""
+    """Write the replay. Exit code 0 or 1 as `verdict_of` says. Raises BellcrankError for invalid input."""
     from bellcrank.replays.page.page import write_page
     from bellcrank.replays.replay import film_of, open_browser
 
@@ -45,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     for kind, path in pictures.items():
         if path.suffix.lower() != f".{kind}":
             raise InputError(f"--{kind} {path}: expected a name that ends in .{kind}")
-    wanted = bool(arguments.out or arguments.open or not pictures)  # whether the page itself is
+    wanted = bool(arguments.out or arguments.open or not pictures)  # the page itself
     out = arguments.out or default_place(f"{stem(arguments.run)}.html")
     for option, path in {**pictures, **({"out": out} if wanted else {})}.items():
         check_file(f"--{option}", path)
@@ -54,12 +56,12 @@ def run(arguments: argparse.Namespace) -> int:
         from bellcrank.replays.page.rendering import check_rendering_tools
 
         check_rendering_tools(pictures)
-    thing = shown(arguments)
-    film = film_of(thing, trace=arguments.trace, detail="full" if arguments.full_meshes else "reduced")
+    result = compute_or_load(arguments)
+    film = film_of(result, trace=arguments.trace, detail="full" if arguments.full_meshes else "reduced")
     with temporary_folder("replay") as folder:
         page = write_page(film, out if wanted else folder / "replay.html", plots=wanted and not arguments.no_plots)
         files = [draw(kind, page, path) for kind, path in pictures.items()]
-    well, verdict = verdict_of(thing)
+    success, verdict = verdict_of(result)
     print(verdict)
     for name, text in (*film.facts, *(("note", note) for note in film.notes)):
         if name in ("error", "warning", "note"):
@@ -68,11 +70,11 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"wrote {path} ({path.stat().st_size / 1e6:.2f} MB)")
     if arguments.open:
         open_browser(page)
-    return 0 if well else 1
+    return 0 if success else 1
 
 
 def _drawing(arguments: argparse.Namespace, kinds: Iterable[str]) -> Callable[[str, Path, Path], Path]:
-    """What draws a picture of a kind, of a page, into a file; numbers are checked first (InputError)."""
+    """A function that draws a picture of a kind from a page into a file; options are checked first (InputError)."""
     from bellcrank.replays.page.rendering import MOST_FPS
 
     most_fps = min((MOST_FPS[f".{kind}"] for kind in kinds if f".{kind}" in MOST_FPS), default=max(MOST_FPS.values()))

@@ -1,4 +1,4 @@
-"""`bellcrank simulate`: the summary on screen; run.npz, run.csv and pictures in a folder."""
+"""`bellcrank simulate`: a summary on screen; run.npz, run.csv and pictures in a folder."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bellcrank.commands.options import number_option, whole_option
-from bellcrank.commands.trust import add_trust
-from bellcrank.commands.written import telling, write_each
+from bellcrank.commands.options import add_keep_every, add_trust, keep_every, number_option, whole_option
+from bellcrank.commands.output_files import list_on_failure, write_each
 from bellcrank.errors import InputError, NotSavedError
 from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.terminal.progress import bars
@@ -22,60 +21,49 @@ if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory
 
 
-CSV_ROWS = 1_000_000  # of more, run.csv is written where it is asked for: it takes about 200 bytes a row and minutes
-INTERRUPTED_ROWS = 20_000  # of a run that a signal cut short: a second of writing
+CSV_ROWS = 1_000_000  # with more, run.csv needs --csv: it takes about 200 bytes a row, and minutes
+INTERRUPTED_ROWS = 20_000  # of an interrupted run: a second of writing
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The scene, what to change in it, and where to write."""
     parser.add_argument(
-        "scene", metavar="SCENE", help="a scene or robot configuration: a path, or a name (see bellcrank robots)"
+        "scene", metavar="SCENE", help="a scene or robot configuration: a path, or a name that `bellcrank robots` lists"
     )
-    parser.add_argument("--duration", metavar="S", help="how long to simulate, s")
-    parser.add_argument("--solver", metavar="NAME", help="DOP853, RK45, Radau (stiff) or RK4 (fixed step)")
-    parser.add_argument("--rtol", metavar="X", help="relative tolerance of every position and velocity")
-    parser.add_argument("--atol", metavar="X", help="absolute tolerance (rad, m, rad/s, m/s)")
-    parser.add_argument("--step", metavar="S", help="a fixed step, s, instead of tolerances")
-    parser.add_argument("--samples", metavar="N", help="rows of the result, equally spaced in time")
+    parser.add_argument("--duration", metavar="S", help="simulated time, s")
+    parser.add_argument("--solver", metavar="NAME", help="DOP853, RK45, Radau (for stiff scenes) or RK4 (fixed step)")
+    parser.add_argument("--rtol", metavar="X", help="relative tolerance of positions and velocities")
+    parser.add_argument(
+        "--atol", metavar="X", help="absolute tolerance of positions and velocities (rad, m, rad/s, m/s)"
+    )
+    parser.add_argument("--step", metavar="S", help="fixed step, s, instead of tolerances")
+    parser.add_argument("--samples", metavar="N", help="number of rows of the result, equally spaced in time")
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="changes",
-        help="change the scene, such as initial.shoulder='10 deg'; may be repeated",
+        help="change a value of the scene, such as initial.shoulder='10 deg'; may be repeated",
     )  # fmt: skip
     add_trust(parser)
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for the files (default: SCENE_run, here)")
     parser.add_argument(
-        "--csv", action="store_true", help=f"write run.csv also where the run has more than {CSV_ROWS} rows"
+        "--out", type=Path, metavar="DIR", help="output folder (default: SCENE_run in the current folder)"
     )
-    parser.add_argument("--no-plots", action="store_true", help="write no pictures")
     parser.add_argument(
-        "--frame", action="append", default=[], metavar="NAME", help="draw the path of this frame too; may be repeated"
+        "--csv", action="store_true", help=f"write run.csv even if the run has more than {CSV_ROWS} rows"
+    )
+    parser.add_argument("--no-plots", action="store_true", help="do not write pictures")
+    parser.add_argument(
+        "--frame", action="append", default=[], metavar="NAME", help="also draw the path of this frame; may be repeated"
     )
     parser.add_argument(
         "--error-estimate",
         action="store_true",
-        help="say how far positions may be off, by repeated runs, even where these take more than a second",
+        help="estimate the error of positions by repeated runs, even if these take more than a second",
     )
     add_keep_every(parser)
 
 
-def add_keep_every(parser: argparse.ArgumentParser) -> None:
-    """The option that says how often what is computed so far is written."""
-    parser.add_argument(
-        "--keep-every", metavar="S", help="write what is computed so far about every S seconds of computing (default 5)"
-    )
-
-
-def keep_every(arguments: argparse.Namespace) -> float:
-    """The seconds of computing after which what there is is written. Raises InputError."""
-    from bellcrank.simulation.checkpoints import KEEP_EVERY, LONGEST_KEEP
-
-    seconds = number_option("--keep-every", arguments.keep_every, "s", above=0.0, most=LONGEST_KEEP)
-    return KEEP_EVERY if seconds is None else seconds
-
-
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate a scene; 0 where it came to its end, 1 where it did not or is warned of, 130 where it was interrupted;
-    what was computed is written in any case. BellcrankError for bad input.
+    """Simulate a scene. Exit code 0: finished; 1: ended early, or there are warnings; 130: interrupted. What was
+    computed is written in any case. Raises BellcrankError for invalid input.
     """
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
@@ -105,8 +93,8 @@ def run(arguments: argparse.Namespace) -> int:
     duration = scene.settings.duration if numbers["duration"] is None else numbers["duration"]
     unfinished = set_aside(checkpoint_folder(target))
     if unfinished is not None:
-        print(f"note: an earlier run into {folder} did not come to its end; what there is of it is now {unfinished}")
-    with interruption.held() as check, simulated_bar(duration) as bar:
+        print(f"note: an earlier run into {folder} did not finish; its partial results are now in {unfinished}")
+    with interruption.held() as check, simulation_progress(duration) as bar:
 
         def progress(time: float) -> None:
             check()
@@ -122,14 +110,14 @@ def run(arguments: argparse.Namespace) -> int:
             raise
         bar(float(result.time[-1]))
     files, most = [target], CSV_ROWS
-    if result.status is Status.INTERRUPTED:  # who asks to stop waits for no picture and no long table
+    if result.status is Status.INTERRUPTED:  # no pictures and no long table after an interruption
         most, arguments.no_plots, arguments.frame = INTERRUPTED_ROWS, True, []
     wanted_csv = arguments.csv or len(result) <= most
     arguments.csv = wanted_csv
-    with telling(files, folder):
+    with list_on_failure(files, folder):
         if arguments.error_estimate and result.success:
             write_each(files, _others(result, folder, arguments))
-            result.error_estimate()  # told in the summary; the run itself is safe by now
+            result.error_estimate()  # part of the summary; the run itself is saved by now
             result.save(target)
         print(result.summary())
         if result.known_estimate is not None and not arguments.error_estimate:
@@ -149,8 +137,8 @@ def run(arguments: argparse.Namespace) -> int:
 def _others(
     result: Trajectory, folder: Path, arguments: argparse.Namespace
 ) -> Iterator[tuple[Path, Callable[[Path], object]]]:
-    """The files beside run.npz, and what writes each."""
-    from bellcrank.sizing.history import file_name
+    """The files beside run.npz, and a function that writes each."""
+    from bellcrank.text import file_name
 
     def csv(path: Path) -> None:
         with _row_bar(len(result)) as progress:
@@ -166,14 +154,14 @@ def _others(
             yield folder / f"path_{file_name(frame)}.png", partial(plot_run, result, frame=frame)
 
 
-_COPIES = 4  # of the states, at most, that writing, summary and pictures hold, a block of rows at a time
+_COPIES = 4  # of the states, at most, that writing, summary and pictures hold in memory
 
 
 def _no_csv(result: Trajectory, folder: Path, most: int) -> str:
-    """That the run was not written as CSV, and how to have it."""
-    text = f"run.csv was not written: the run has {len(result)} rows, more than {most}; --csv writes it all the same"
-    text += f", and load_run('{folder / 'run.npz'}').to_csv('run.csv') later"
-    return text + (f" (the run.csv in {folder} is an earlier run's)" if (folder / "run.csv").exists() else "")
+    """A sentence that run.csv was not written, and how to write it."""
+    text = f"run.csv was not written: the run has {len(result)} rows, more than {most}; write it with --csv"
+    text += f", or later with load_run('{folder / 'run.npz'}').to_csv('run.csv')"
+    return text + (f" (the run.csv in {folder} belongs to an earlier run)" if (folder / "run.csv").exists() else "")
 
 
 _NUMBERS = {"duration": "s", "rtol": "", "atol": "", "step": "s"}
@@ -188,8 +176,8 @@ def _check_frames(robot: Any, frames: list[str]) -> None:
 
 
 @contextmanager
-def simulated_bar(duration: float) -> Iterator[Callable[[float], None]]:
-    """A progress bar over the simulated time, which shows itself after a second; yields what to call with the time."""
+def simulation_progress(duration: float) -> Iterator[Callable[[float], None]]:
+    """A progress bar over the simulated time, shown after a second; yields a function to call with the time, s."""
     layout = "{l_bar}{bar}| {n:.5g}/{total:g} s simulated [{elapsed}<{remaining}]"
     with bars()(total=duration, desc="simulate", delay=1.0, disable=None, bar_format=layout) as bar:
 
@@ -201,7 +189,7 @@ def simulated_bar(duration: float) -> Iterator[Callable[[float], None]]:
 
 @contextmanager
 def _row_bar(rows: int) -> Iterator[Callable[[int], None]]:
-    """A progress bar over rows that are written, which shows itself after a second; yields what to call with them."""
+    """A progress bar over written rows, shown after a second; yields a function to call with their number."""
     from tqdm import tqdm
 
     with tqdm(total=rows, desc="run.csv", unit=" rows", unit_scale=True, delay=1.0, disable=None) as bar:

@@ -1,4 +1,4 @@
-"""`bellcrank size`: the table on screen, sizing.csv, sizing.json and plots in a folder."""
+"""`bellcrank size`: tables on screen; sizing.csv, sizing.json, histories and pictures in a folder."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank.commands.options import number_option
-from bellcrank.commands.trust import add_trust
-from bellcrank.commands.written import telling
+from bellcrank.commands.options import add_allow_massless, add_trust, number_option
+from bellcrank.commands.output_files import list_on_failure
 from bellcrank.config.fields import parse_number
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
@@ -25,14 +24,16 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The robot, its motions and payloads, and where to write."""
     parser.add_argument(
-        "robot", metavar="ROBOT", help="a robot configuration or URDF: a path, or a name (see bellcrank robots)"
+        "robot",
+        metavar="ROBOT",
+        help="a robot configuration or URDF: a path, or a name that `bellcrank robots` lists",
     )
     parser.add_argument(
         "--motion",
         action="append",
         default=[],
         metavar="FILE|NAME",
-        help="a motion of the configuration, or a CSV file; may be repeated (default: all of the configuration's)",
+        help="a CSV file, or a motion of the configuration; may be repeated (default: all motions of ROBOT)",
     )
     parser.add_argument(
         "--payload",
@@ -45,36 +46,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--mass-tolerance",
         default="0",
         metavar="SHARE",
-        help="size for the worst case with each link as a whole, mass and inertia by one factor, up to this far "
-        "off, such as 10%%",
+        help="size for the worst case in which mass and inertia of each link are off by one factor of up to this "
+        "share, such as 10%%",
     )
     add_allow_massless(parser)
     add_trust(parser)
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for the files (default: ROBOT_sizing, here)")
-    parser.add_argument("--no-plots", action="store_true", help="write no pictures")
-
-
-def add_allow_massless(parser: argparse.ArgumentParser) -> None:
-    """The option that lets motors move links without mass."""
     parser.add_argument(
-        "--allow-massless",
-        action="append",
-        default=[],
-        metavar="LINK",
-        help="size motors though all that they move, from this link on, has no mass; may be repeated",
+        "--out", type=Path, metavar="DIR", help="output folder (default: ROBOT_sizing in the current folder)"
     )
+    parser.add_argument("--no-plots", action="store_true", help="do not write pictures")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Size a robot; 0 where all limits are kept, 1 where one is exceeded or a motor cannot be sized. BellcrankError for
-    bad input.
+    """Size a robot. Exit code 0: all limits are kept; 1: a limit is exceeded, or a motor cannot be sized. Raises
+    BellcrankError for invalid input.
     """
-    from bellcrank.commands.shown import remarks_of
+    from bellcrank.commands.result_argument import remarks_of
     from bellcrank.scene.robot_config import load_robot_config
-    from bellcrank.sizing.front import size
-    from bellcrank.sizing.history import write_histories
-    from bellcrank.sizing.report import FILES, REPORTS, earlier_files, remove_stale, write_reports
-    from bellcrank.sizing.table import table, verdict
+    from bellcrank.sizing.size import size
+    from bellcrank.sizing.sizing_files import (
+        FILES,
+        RESULTS,
+        earlier_files,
+        remove_stale,
+        write_histories,
+        write_results,
+    )
+    from bellcrank.sizing.tables import table, verdict
 
     if Path(arguments.robot).suffix.lower() == ".csv":
         raise InputError(
@@ -89,35 +87,30 @@ def run(arguments: argparse.Namespace) -> int:
     sizing = size(
         config, arguments.motion or None, None, tolerance, payloads=payloads, allow_massless=arguments.allow_massless
     )
-    assert sizing.study is not None
-    mechanism, motions, drives = sizing.study
     print(table(sizing))
     for kind, text in remarks_of(sizing):
         print(f"{kind}: {text}")
     earlier = earlier_files(folder)
-    files = write_reports(sizing, folder)  # first what matters most, should the disk be full
-    with telling(files, folder):
-        files += write_histories(mechanism, motions, folder, drives)
+    files = write_results(sizing, folder)  # first what matters most, in case the disk is full
+    with list_on_failure(files, folder):
+        files += write_histories(sizing, folder)
         if not arguments.no_plots:
             from bellcrank.sizing.plots import write_plots
 
-            files += write_plots(
-                mechanism, motions, folder, drives, title=config.name, mass_tolerance=tolerance, lines=sizing.joints
-            )
-        write_reports(sizing, folder, files[len(REPORTS) :])
+            files += write_plots(sizing, folder)
+        write_results(sizing, folder, files[len(RESULTS) :])
     remove_stale(folder, earlier, files)
     print(f"\n{verdict(sizing)}\nwrote {', '.join(path.name for path in files)} in {folder}")
     return 0 if sizing.inside else 1
 
 
 def chosen(config: RobotConfig, robot: Robot, names: list[str]) -> tuple[Mechanism, list[Motion]]:
-    """The mechanism and the motions that `--motion` names, all of the configuration's where it names none.
+    """The old name of `bellcrank.sizing.size.mechanism_and_motions`, until 0.6."""
+    from bellcrank import deprecated
+    from bellcrank.sizing.size import mechanism_and_motions
 
-    Raises InputError for an unknown motion, and where there is none; see `bellcrank.sizing.front.chosen`.
-    """
-    from bellcrank.sizing import front
-
-    return front.chosen(config, robot, names or None)
+    deprecated.warn("bellcrank.commands.size.chosen", "bellcrank.sizing.size.mechanism_and_motions")
+    return mechanism_and_motions(config, robot, names or None)
 
 
 def parse_payload(text: str) -> Payload:

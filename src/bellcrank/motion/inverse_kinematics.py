@@ -68,8 +68,8 @@ class _TimedPath:
     def explanation(self, solver: Solver, error: ContinuationError) -> str:
         """Why the path cannot be followed past a length: it leaves the reach by so much, or is singular."""
         task, span = self.task, float(self.lengths[-1])
-        ahead = (np.array([error.where + 1e-3 * span]), np.linspace(error.where, span, 41))
-        lengths = np.unique(np.concatenate(ahead).clip(0.0, span))
+        ahead = np.append(np.linspace(error.where, span, 41), error.where + 1e-3 * span)
+        lengths = np.unique(ahead.clip(0.0, span))
         points = self.curve(lengths)[0]
         q = error.z[: solver.joints]
         missing = np.empty(len(lengths))

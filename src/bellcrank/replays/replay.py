@@ -18,9 +18,9 @@ from bellcrank.motion.motion import Motion
 from bellcrank.replays.film.film import Film
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.page.page import page_html, write_page
-from bellcrank.sizing.history import file_name
 from bellcrank.sizing.result import Sizing
 from bellcrank.terminal.progress import share_bar
+from bellcrank.text import file_name
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot

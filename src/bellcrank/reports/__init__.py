@@ -1,1 +1,1 @@
-"""Reports: what was run or sized, the verdict first, with tables, pictures and the replay on one page."""
+"""Reports: one HTML page with the verdict of a run or a sizing, its replay, tables and pictures."""

@@ -1,4 +1,4 @@
-"""A report as plain data: a verdict, and parts below it."""
+"""The content of a report as plain data."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Facts:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of cells under a header; the first column names the row. A header's second line is its unit."""
+    """Rows of cells under a header. The first column names the row; the second line of a header is a unit."""
 
     title: str
     header: tuple[str, ...]
@@ -25,7 +25,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture for paper as SVG text, and what it shows; on a screen the page's own plots show it."""
+    """A picture as SVG text for the printed page; on screen the page's interactive plots show the same."""
 
     title: str
     svg: str
@@ -33,22 +33,31 @@ class Picture:
 
 @dataclass(frozen=True)
 class Still:
-    """The moment of the replay (s of the film) that stands for it on paper, and what it shows."""
+    """The time of the replay, s, whose still replaces it on the printed page, and a caption."""
 
     time: float
     caption: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Document:
-    """A report: `word` is the answer, `good` whether it is yes, `verdict` why; `about` says what was asked, of what.
+    """A report.
 
-    `warnings` speak against the answer, `notes` are worth knowing beside it.
+    Attributes:
+        title: Title of the page.
+        status: The result in a word or two, such as "OK" or "Exceeded".
+        success: Whether the result is good.
+        verdict: Sentences that explain the status.
+        about: What was computed, from which file, with which version.
+        warnings: Sentences that put the result in question.
+        notes: Further sentences.
+        still: The still of the replay for the printed page.
+        parts: Tables and pictures, in order.
     """
 
     title: str
-    word: str
-    good: bool
+    status: str
+    success: bool
     verdict: tuple[str, ...]
     about: tuple[str, ...]
     warnings: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""A document as HTML, to be put on a page; everything that came from outside is escaped."""
+"""A report's document as HTML; texts are escaped."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from bellcrank.reports.document import Document, Facts, Picture, Table
 
 
 def document_html(document: Document) -> tuple[str, str]:
-    """What comes before the replay (verdict, warnings, the still for paper) and what after it (the parts)."""
+    """The HTML before the replay (verdict, warnings, the still for paper) and after it (the parts)."""
     lines = "".join(f"<p>{escape(line)}</p>" for line in document.verdict)
     before = (
-        f'<section class="verdict {"good" if document.good else "bad"}" aria-label="verdict">'
-        f'<span class="word">{escape(document.word)}</span><div>{lines}'
+        f'<section class="verdict {"good" if document.success else "bad"}" aria-label="verdict">'
+        f'<span class="word">{escape(document.status)}</span><div>{lines}'
         f'<p class="about">{" · ".join(map(escape, document.about))}</p></div></section>'
         + _list("Warnings", "warnings", document.warnings)
         + _list("Notes", "notes", document.notes)
@@ -30,6 +30,7 @@ def _list(title: str, kind: str, texts: Iterable[str]) -> str:
 
 
 def _part(part: Facts | Table | Picture) -> str:
+    """One part of a report as HTML."""
     title = escape(part.title)
     if isinstance(part, Picture):
         data = base64.b64encode(part.svg.encode("utf-8")).decode("ascii")
@@ -56,5 +57,5 @@ def _row(cells: Iterable[str], words: Iterable[bool], tags: Iterable[str]) -> st
 
 
 def _is_word(cell: str) -> bool:
-    """Whether a cell is text, which stands on the left and may wrap, and no number."""
+    """Whether a cell is text, which is aligned left and may wrap, rather than a number."""
     return not any(letter.isdigit() for letter in cell.partition(" ")[0])

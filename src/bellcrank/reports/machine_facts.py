@@ -1,4 +1,4 @@
-"""What a report was made with: versions and the machine."""
+"""The versions and the machine that a report was made with."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PACKAGES = ("pin", "casadi", "llvmlite", "numpy")
 
 
 def made_with() -> tuple[tuple[str, str], ...]:
-    """(name, value) of the library, the packages below it, the machine and the day."""
+    """(name, value) of the versions of bellcrank and its main dependencies, the machine and the date."""
     return (
         ("bellcrank", version()),
         ("with", ", ".join(f"{name} {metadata.version(name)}" for name in PACKAGES)),
@@ -25,6 +25,6 @@ def made_with() -> tuple[tuple[str, str], ...]:
 
 
 def about(made: tuple[tuple[str, str], ...]) -> tuple[str, str]:
-    """The library with its version, and the day."""
+    """The version of bellcrank, and the date."""
     named = dict(made)
     return f"bellcrank {named['bellcrank']}", named["written on"]

@@ -1,4 +1,4 @@
-"""`report`: a run or a sizing on one page, the verdict first."""
+"""`bellcrank.report`: the report of a run or a sizing as one HTML page."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bellcrank import arguments
+from bellcrank.deprecated import renamed_arguments
 from bellcrank.errors import InputError
+from bellcrank.files.access import Trust
 from bellcrank.motion.motion import Motion
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.page.page import write_page
-from bellcrank.replays.replay import film_of, load_source, source_name
+from bellcrank.replays.replay import film_of, find_run, load_source, source_name
 from bellcrank.reports.html import document_html
-from bellcrank.sizing.history import file_name
 from bellcrank.sizing.result import Sizing
+from bellcrank.text import file_name
 
 if TYPE_CHECKING:
     from bellcrank.replays.film.film import Film
@@ -22,44 +24,73 @@ if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory
 
 
+@renamed_arguments(thing="source")
 def report(
-    thing: Trajectory | Sizing | str | Path,
+    source: Trajectory | Sizing | str | Path,
     path: str | Path | None = None,
     *,
     trace: Iterable[str] = (),
     detail: Detail = "reduced",
     title: str | None = None,
+    trust: Trust = (),
 ) -> Path:
-    """Write one HTML page with the verdict of a run or a sizing, its replay, tables and pictures; its path.
+    """Write one HTML page with the verdict of a run or a sizing, its replay, tables and pictures.
 
-    `thing` may be a run's file or folder, too; without a `path` the page is named after it, in the working folder. The
-    page needs no other file, and prints. `trace` and `detail` as in `replay`. Raises InputError for what cannot be
-    told of, and where the file cannot be written.
+    The page needs no other file, and can be printed.
+
+    Args:
+        source: A run, a sizing, or the path of a run: its file, or the folder that `bellcrank simulate` writes.
+        path: The file to write. Default: the source's name and "_report.html", in the working folder.
+        trace: Names of frames whose paths are drawn. Default: the frames of the scene's outputs, or the tip.
+        detail: "reduced" simplifies meshes without visible loss, "full" keeps all faces.
+        title: The title of the page. Default: the name of the scene or sizing.
+        trust: With the path of a run, folders whose meshes it may name, besides its own folder.
+
+    Returns:
+        The path of the page.
+
+    Raises:
+        InputError: For a source that cannot be reported, an unknown frame, and where the file cannot be written.
+
+    Example:
+        >>> import tempfile
+        >>> import bellcrank as bc
+        >>> page = bc.report(bc.simulate("pendulum", duration=1.0), tempfile.mkdtemp() + "/pendulum.html")
+        >>> page.name
+        'pendulum.html'
     """
-    source = load_source(thing, "report", "thing")
+    given: object = source
+    if isinstance(source, (str, Path)):
+        from bellcrank.simulation.load_run import load_run
+
+        kinds = "a run, a sizing, or the path of a run"
+        given = load_run(find_run(arguments.path("source", source, kinds)), trust=trust)
+    elif trust:
+        raise InputError("argument 'trust': it is for files, and 'source' is loaded already; give it to load_run")
+    result = load_source(given, "report")
     if title is None or (isinstance(title, str) and not title):
-        title = _title(source)
+        title = _title(result)
     if path is not None:
         path = arguments.path("path", path, "the path of a page")
-    film = film_of(source, trace=trace, detail=detail, title=title)
-    document = _document(source, film)
-    target = f"{file_name(source_name(source))}_report.html" if path is None else path
+    film = film_of(result, trace=trace, detail=detail, title=title)
+    document = _document(result, film)
+    target = f"{file_name(source_name(result))}_report.html" if path is None else path
     return write_page(film, target, around=document_html(document))
 
 
-def _title(thing: Trajectory | Motion | Sizing) -> str:
-    if isinstance(thing, Motion):
+def _title(result: Trajectory | Motion | Sizing) -> str:
+    if isinstance(result, Motion):
         raise InputError(
-            f"report: motion '{thing.name}' is no result yet; size it first, or write its page with replay"
+            f"report: motion '{result.name}' has no result to report; size it first, or use replay to show the motion"
         )
-    return thing.robot if isinstance(thing, Sizing) else thing.scene.name
+    return result.robot if isinstance(result, Sizing) else result.scene.name
 
 
-def _document(thing: Trajectory | Motion | Sizing, film: Film) -> Document:
-    from bellcrank.reports.run_document import run_document
-    from bellcrank.reports.sizing_document import sizing_document
+def _document(result: Trajectory | Motion | Sizing, film: Film) -> Document:
+    from bellcrank.reports.run_report import run_document
+    from bellcrank.reports.sizing_report import sizing_document
 
-    if isinstance(thing, Sizing):
-        return sizing_document(thing, film)
-    assert not isinstance(thing, Motion)
-    return run_document(thing)
+    if isinstance(result, Sizing):
+        return sizing_document(result, film)
+    assert not isinstance(result, Motion)
+    return run_document(result)

@@ -135,6 +135,15 @@ def _pivots(matrix: Any) -> Any:
     return pivots
 
 
+def vanishing_pivots(matrices: Any) -> Any:
+    """Which articulated inertias (nv,) vanish in all of these mass matrices (n, nv, nv), up to rounding."""
+    import numpy as np
+
+    pivots = np.max([np.abs(_pivots(matrix)) for matrix in matrices], axis=0)
+    diagonal = np.abs(np.diagonal(matrices, axis1=1, axis2=2)).max(axis=0)
+    return pivots <= RELATIVE * diagonal + ABSOLUTE * diagonal.max(initial=0.0)
+
+
 def vanishing_inertia(urdf: Urdf, name: str, least: float) -> str:
     """The sentence about a joint about whose axis there is no inertia (`least`, kg m² or kg)."""
     what = "mass" if urdf.joints[name].type == "prismatic" else "inertia"

@@ -1,10 +1,10 @@
 """A robot configuration: one YAML file that says which URDF, how it is mounted and loaded, how it moves and what
-drives it.
+motors it has.
 
 Keys: name, urdf (a path beside the configuration, or the name of a robot), gravity (m/s²), floating_base, friction
 ("urdf", "none" or {joint: {viscous, coulomb}}), payloads [{mass, frame, cg, inertia}], frames {name: {link,
-xyz, rpy}}, motions (see motions.py), drives {joint: {…}} (see drive.py) and, for a robot whose loops are closed,
-actuated, the list of joints with motors (left out: those with drives). A scene's keys (see scene/scene.py) may stand in
+xyz, rpy}}, motions (see motions.py), actuators {joint: {…}} (see actuators/actuator.py) and, for a robot whose loops are closed,
+actuated, the list of joints with motors (left out: those with actuators). A scene's keys (see scene/scene.py) may stand in
 the same file; sizing takes constraints, the start, forces and parameters from them, says that control and the clock of the
 start do not count, and passes over the others.
 """
@@ -18,7 +18,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from bellcrank import arguments
-from bellcrank.actuators.actuator import Drive, drive_from_fields
+from bellcrank.actuators.actuator import Actuator
+from bellcrank.actuators.actuator_entry import actuator_from_fields
 from bellcrank.config.fields import Fields
 from bellcrank.deprecated import Renamed
 from bellcrank.errors import InputError
@@ -57,7 +58,7 @@ class RobotConfig(Renamed):
     payloads: tuple[Payload, ...] = ()
     frames: Mapping[str, Frame] = field(default_factory=dict)
     motions: Mapping[str, MotionEntry] = field(default_factory=dict)
-    actuators: Mapping[str, Drive] = field(default_factory=dict)
+    actuators: Mapping[str, Actuator] = field(default_factory=dict)
     actuated: tuple[str, ...] = ()
     access: FileAccess | None = field(default=None, repr=False, compare=False)  # which files the URDF may name
     # a note on each key of its file that has another name since 0.5
@@ -66,7 +67,7 @@ class RobotConfig(Renamed):
     renamed: ClassVar[Mapping[str, str]] = {"drives": "actuators"}
 
     def robot(self, extra_payloads: Iterable[Payload] = ()) -> Robot:
-        """The robot with its mounting, payloads, frames and the drives' reflected inertias; InputError."""
+        """The robot with its mounting, payloads, frames and the actuators' reflected inertias; InputError."""
         from bellcrank.robot.load import load_robot
 
         extra = arguments.several("extra_payloads", extra_payloads, Payload, "Payloads")
@@ -169,7 +170,7 @@ def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
     entries = {key: read_motion_entry(key, motions.mapping(key)) for key in motions}
     check_references(entries)
     motors = fields.mapping("actuators", {})
-    actuators = {joint: drive_from_fields(motors.mapping(joint)) for joint in motors}
+    actuators = {joint: actuator_from_fields(motors.mapping(joint)) for joint in motors}
     actuated = fields.raw("actuated", ())
     if not isinstance(actuated, (list, tuple)) or not all(isinstance(joint, str) for joint in actuated):
         raise fields.error("actuated", "expected a list of joints, such as [crank]")

@@ -1,1 +1,1 @@
-"""Sizing: loads along motions, their peaks, drives, verdicts, and the reports of them."""
+"""Sizing: loads along motions, their peaks, actuators, verdicts, and the reports of them."""

@@ -1,40 +1,73 @@
-"""MuJoCo, from MJCF text with the scene's numbers; everything that the scene lacks is disabled."""
+"""MuJoCo, from MJCF text with the numbers of the scene; everything that the scene does not need is disabled.
+
+Loops are closed by equality constraints of two sites, rolling is contact with friction. Both are springs of MuJoCo's
+own, whose rate (`solref`) and impedance (`solimp`) are varied along with the step.
+"""
 
 from __future__ import annotations
 
 import importlib
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
 
-from bellcrank_bench.bench.bench_problem import Outcome, Problem, Run
-from bellcrank_bench.peers import substeps
-from bellcrank_bench.textbook.open_chains import SimplePendulum, SpringPendulum
+from bellcrank_bench.peers.peer import Outcome, Peer, Run, substeps
+from bellcrank_bench.problems.checks import Array
+from bellcrank_bench.problems.problem import Benchmark
+from bellcrank_bench.textbook.bricard import BricardRing
+from bellcrank_bench.textbook.four_bar import ReducedFourBar
+from bellcrank_bench.textbook.pendulum import SimplePendulum
+from bellcrank_bench.textbook.planar_2r import PlanarTwoLink
+from bellcrank_bench.textbook.rolling_disk import ReducedRollingDisk
+from bellcrank_bench.textbook.spring_pendulum import SpringPendulum
 
-OFF = "constraint contact warmstart sensor actuation autoreset midphase nativeccd island eulerdamp".split()
-NOTE = "mj_step(model, data, nstep) from output to output: C loop, GIL-free (rollout takes as long)"
+NAME = "MuJoCo"
+DISABLED = ("sensor", "actuation", "autoreset", "midphase", "nativeccd", "island", "eulerdamp")
+CONSTRAINT_GRID = ("integrator", "step", "rate", "impedance", "shape")
+NOTE = "mj_step(model, data, nstep) from output to output: C loop, GIL-free"
 
 
-def runs(problem: Problem, settings: Mapping[str, Sequence[float]]) -> Iterator[Run]:
-    """Every integrator at every time step."""
+def runs(benchmark: Benchmark, settings: Mapping[str, Any]) -> Iterator[Run]:
+    """Every integrator at every time step; with constraints also every rate, impedance and shape of the rim."""
     mujoco: Any = importlib.import_module("mujoco")
+    return (_constrained_runs if benchmark.constrained else _tree_runs)(mujoco, benchmark, settings)
+
+
+def _tree_runs(mujoco: Any, benchmark: Benchmark, settings: Mapping[str, Any]) -> Iterator[Run]:
     for integrator, steps in settings.items():
         for step in steps:
-            count, h = substeps(problem, step)
-            model = mujoco.MjModel.from_xml_string(_mjcf(problem, integrator, h))
-            once = partial(_run, mujoco, problem, model, mujoco.MjData(model), count)
-            yield Run("MuJoCo", integrator, f"h {h:.3g}", NOTE, once)
+            count, h = substeps(benchmark, step)
+            model = mujoco.MjModel.from_xml_string(_tree(benchmark.equations, integrator, h))
+            once = partial(_run, mujoco, benchmark, model, mujoco.MjData(model), count)
+            yield Run(
+                tool=NAME, method=integrator, setting=f"h {h:.3g}", note=f"{NOTE} (rollout takes as long)", once=once
+            )
 
 
-def _mjcf(problem: Problem, integrator: str, step: float) -> str:
-    equations = problem.equations
-    flags = " ".join(f'{name}="disable"' for name in OFF)
+def _constrained_runs(mujoco: Any, benchmark: Benchmark, settings: Mapping[str, Any]) -> Iterator[Run]:
+    mujoco.set_mju_user_warning(lambda _: None)  # a run that diverges is a row that failed, not lines on the screen
+    for integrator, step, rate_step, impedance, shape in product(*(settings[key] for key in CONSTRAINT_GRID)):
+        count, h = substeps(benchmark, step)
+        rate = rate_step / h
+        # critically damped at `rate` (1/s), in MuJoCo's direct format (-stiffness, -damping)
+        solid = f'solref="{-rate * rate!r} {-2.0 * rate!r}" solimp="{impedance!r} {impedance!r} 0.001 0.5 2"'
+        model = mujoco.MjModel.from_xml_string(_constrained(benchmark.equations, integrator, h, solid, shape))
+        once = partial(_run, mujoco, benchmark, model, mujoco.MjData(model), count)
+        setting = f"h {h:.3g}, {rate:.3g}/s, {impedance:g}, {shape}"
+        yield Run(
+            tool=NAME, method=integrator, setting=setting, note=f"{NOTE}; Newton's solver, warm starts", once=once
+        )
+
+
+def _tree(equations: Any, integrator: str, step: float) -> str:
+    flags = " ".join(f'{name}="disable"' for name in ("constraint", "contact", "warmstart", *DISABLED))
     if isinstance(equations, SpringPendulum):
         spring = f'stiffness="{equations.stiffness!r}" springref="{equations.free_length!r}"'
-        # MuJoCo wants some inertia: 1e-12 kg m² beside m r² = 50 kg m²
+        # MuJoCo demands an inertia: 1e-12 kg m² beside m r² = 50 kg m²
         bodies = f"""<body><joint axis="0 0 1"/>
             <joint type="slide" axis="0 -1 0" {spring}/>
             <inertial pos="0 0 0" mass="{equations.mass!r}" diaginertia="1e-12 1e-12 1e-12"/></body>"""
@@ -43,6 +76,7 @@ def _mjcf(problem: Problem, integrator: str, step: float) -> str:
             <inertial pos="0 {-equations.length!r} 0" mass="{equations.mass!r}"
               diaginertia="1e-12 1e-12 1e-12"/></body>"""
     else:
+        assert isinstance(equations, PlanarTwoLink)
         link = '<joint axis="0 0 1"/><inertial pos="{1!r} 0 0" mass="{0!r}" diaginertia="{2!r} {2!r} {2!r}"/>'
         inner = link.format(equations.m1, equations.r1, equations.i1)
         outer = link.format(equations.m2, equations.r2, equations.i2)
@@ -52,15 +86,89 @@ def _mjcf(problem: Problem, integrator: str, step: float) -> str:
         <worldbody>{bodies}</worldbody></mujoco>"""
 
 
-def _run(mujoco: Any, problem: Problem, model: Any, data: Any, count: int) -> Outcome:
+def _constrained(equations: Any, integrator: str, step: float, solid: str, shape: str) -> str:
+    disabled, equality = [*DISABLED, "refsafe"], ""
+    if isinstance(equations, ReducedFourBar):
+        disabled, gravity = [*disabled, "contact"], "0 0 0"
+        bodies = _four_bar(equations)
+        equality = f'<equality><connect site1="a" site2="b" {solid}/></equality>'
+    elif isinstance(equations, BricardRing):
+        disabled, gravity = [*disabled, "contact"], f"0 {-equations.g!r} 0"
+        bodies = _ring(equations)
+        pairs = "".join(f'<connect site1="a{k}" site2="b{k}" {solid}/>' for k in range(2))
+        equality = f"<equality>{pairs}</equality>"
+    else:
+        assert isinstance(equations, ReducedRollingDisk)
+        gravity, bodies = f"0 0 {-equations.g!r}", _disk(equations, solid, shape)
+    flags = " ".join(f'{name}="disable"' for name in disabled)
+    return f"""<mujoco><compiler angle="radian" autolimits="false"/>
+        <option gravity="{gravity}" timestep="{step!r}" integrator="{integrator}" cone="elliptic" impratio="100"
+          tolerance="1e-15"><flag {flags}/></option>
+        <worldbody>{bodies}</worldbody>{equality}</mujoco>"""
+
+
+def _four_bar(equations: ReducedFourBar) -> str:
+    link = '<joint axis="0 0 1" {3}/><inertial pos="{1!r} 0 0" mass="{0!r}" diaginertia="{2!r} {2!r} {2!r}"/>'
+    spring = f'stiffness="{equations.stiffness!r}" springref="{equations.preload / equations.stiffness!r}"'
+    crank, coupler, rocker = (
+        link.format(*values, spring if k == 0 else "")
+        for k, values in enumerate(zip(equations.mass, equations.center, equations.inertia, strict=True))
+    )
+    l1, l2, l3 = equations.length
+    return f"""<body>{crank}<body pos="{l1!r} 0 0">{coupler}<site name="a" pos="{l2!r} 0 0"/></body></body>
+        <body pos="{equations.ground!r} 0 0">{rocker}<site name="b" pos="{l3!r} 0 0"/></body>"""
+
+
+def _ring(equations: BricardRing) -> str:
+    """Five nested bodies; the sixth hinge is closed at two points, P5 and 1 m along its axis."""
+    rods = equations.rods
+    ends = "".join(f'<site name="a{k}" pos="{k} 1 0"/>' for k in range(2))
+    for rod, inertia, axis, at in zip(
+        rods[::-1], equations.inertias[::-1], "zyxzy", [*rods[3::-1], np.zeros(3)], strict=True
+    ):
+        along = " ".join("1" if name == axis else "0" for name in "xyz")
+        center, place = (" ".join(f"{float(x)!r}" for x in point) for point in (rod / 2, at))
+        about = " ".join(f"{float(x)!r}" for x in np.diag(inertia))
+        ends = f"""<body pos="{place}"><joint axis="{along}"/><inertial pos="{center}" mass="1" diaginertia="{about}"/>
+            {ends}</body>"""
+    return ends + "".join(f'<site name="b{k}" pos="{k} 0 1"/>' for k in range(2))
+
+
+def _disk(equations: ReducedRollingDisk, solid: str, shape: str) -> str:
+    r = equations.radius
+    size = {"cylinder": f"{r!r} 1e-5", "ellipsoid": f"{r!r} {r!r} 1e-3"}[shape]
+    across, axial, rough = 0.125 * r * r, 0.25 * r * r, f'friction="3 0 0" {solid}'
+    return f"""<geom type="plane" size="0 0 1" {rough}/>
+        <body><freejoint/><geom type="{shape}" size="{size}" euler="1.5707963267948966 0 0" {rough}/>
+        <inertial pos="0 0 0" mass="0.5" diaginertia="{across!r} {axial!r} {across!r}"/></body>"""
+
+
+def _start(benchmark: Benchmark) -> tuple[Array, Array]:
+    """Position and velocity in MuJoCo's coordinates."""
+    equations, start = benchmark.equations, np.array(benchmark.start)
+    if isinstance(equations, BricardRing):
+        return np.zeros(5), np.zeros(5)
+    if isinstance(equations, ReducedRollingDisk):
+        return equations.free_body(start)
+    state = benchmark.unreduced(start)
+    return state[: benchmark.count], state[benchmark.count :]
+
+
+def _run(mujoco: Any, benchmark: Benchmark, model: Any, data: Any, count: int) -> Outcome:
     mujoco.mj_resetData(model, data)
-    data.qpos[:], data.qvel[:] = problem.start[: problem.count], problem.start[problem.count :]
-    position = np.empty((len(problem.times), problem.count))
-    step, now = mujoco.mj_step, data.qpos
+    data.qpos[:], data.qvel[:] = _start(benchmark)
+    ring = benchmark.equations if isinstance(benchmark.equations, BricardRing) else None
+    width = 5 if ring else benchmark.compared_count
+    position = np.empty((len(benchmark.times), width))
+    step, now = mujoco.mj_step, data.qpos[:width]
     begun = time.perf_counter()
     position[0] = now
     for k in range(1, len(position)):
         step(model, data, count)
         position[k] = now
     seconds = time.perf_counter() - begun
-    return Outcome(seconds, position, steps=count * (len(position) - 1))
+    compared = ring.corner_of(position) if ring else position
+    return Outcome(seconds=seconds, position=compared, steps=count * (len(position) - 1))
+
+
+PEER = Peer(NAME, "mujoco", runs)

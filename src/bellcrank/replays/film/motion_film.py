@@ -29,11 +29,11 @@ from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.simulation.interpolation import signal_jumps
 from bellcrank.simulation.plot_panels import by_unit, titled_apart
 from bellcrank.simulation.run_csv import torque_unit
-from bellcrank.sizing.history import joint_torques
+from bellcrank.sizing.joint_histories import SampledStates, joint_torques
 from bellcrank.version import version
 
 if TYPE_CHECKING:
-    from bellcrank.actuators.actuator import Drive
+    from bellcrank.actuators.actuator import Actuator
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
@@ -49,7 +49,7 @@ class MotionSequence:
 
     mechanism: Mechanism
     motions: Sequence[Motion]
-    actuators: Mapping[str, Drive]
+    actuators: Mapping[str, Actuator]
 
     @cached_property
     def starts(self) -> list[float]:
@@ -65,7 +65,8 @@ class MotionSequence:
     def torques(self, motion: Motion, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Torques (n, motors) N m or N of the motors at times (n,) s of a motion."""
         end = float(motion.time[-1])
-        return joint_torques(self.mechanism, self.mechanism.motors, self.actuators, t, q, v, a, end)
+        states = SampledStates(t, q, v, a)
+        return joint_torques(self.mechanism, self.mechanism.motors, self.actuators, states, end)
 
     def efforts(self, motion: Motion, t: Array, q: Array, v: Array, a: Array) -> list[Array]:
         """Torques at the joints, and speeds and torques of the motors, (n, motors) each, at times (n,) s of a motion."""

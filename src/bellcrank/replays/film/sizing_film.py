@@ -11,10 +11,11 @@ from bellcrank.replays.film.film import Film, TimelineEvent
 from bellcrank.replays.film.motion_film import MotionSequence, Progress, film_of_motions
 from bellcrank.replays.film.torque_speed import with_rms_points
 from bellcrank.replays.geometry.meshes import Detail
-from bellcrank.sizing.table import verdict
+from bellcrank.sizing.tables import verdict
 
 if TYPE_CHECKING:
-    from bellcrank.sizing.result import JointSizing, Peak, Sizing
+    from bellcrank.sizing.joint_sizing import JointSizing, Peak
+    from bellcrank.sizing.result import Sizing
 
 
 def film_of_sizing(
@@ -29,9 +30,9 @@ def film_of_sizing(
 
     Raises InputError for an unknown frame, and for a sizing without its motions.
     """
-    if sizing.study is None:
+    if sizing.inputs is None:
         raise InputError(f"sizing of {sizing.robot}: it does not hold its motions; make it with bellcrank.size")
-    mechanism, motions, actuators = sizing.study
+    mechanism, motions, actuators = sizing.inputs
     sequence = MotionSequence(mechanism=mechanism, motions=motions, actuators=actuators)
     name = title or f"{sizing.robot}: sizing"
     facts = sizing_facts(sizing)
@@ -68,7 +69,7 @@ def sizing_facts(sizing: Sizing) -> list[tuple[str, str]]:
     else:
         facts = [("verdict", verdict(sizing).partition("\n")[0])]
     facts += [("error", text) for text in sizing.urdf_errors]
-    warnings = () if sizing.study is None else sizing.study[0].robot.inertia_warnings
+    warnings = () if sizing.inputs is None else sizing.inputs[0].robot.inertia_warnings
     return facts + [("warning", text) for text in warnings]
 
 

@@ -15,10 +15,10 @@ from bellcrank.replays.film.charts import kept_rows
 from bellcrank.replays.film.film import XYPlot
 
 if TYPE_CHECKING:
-    from bellcrank.actuators.actuator import Drive
+    from bellcrank.actuators.actuator import Actuator
     from bellcrank.dynamics.mechanism import Mechanism
     from bellcrank.robot.robot import Robot, RobotJoint
-    from bellcrank.sizing.result import JointSizing
+    from bellcrank.sizing.joint_sizing import JointSizing
 
 Array = NDArray[np.float64]
 Limits = tuple[tuple[str, Array], ...]
@@ -27,7 +27,7 @@ MOST_RMS_POINTS = 3  # motions with a point each; of more motions, the one with 
 
 
 def motor_speed_torque(
-    joint: RobotJoint, actuator: Drive | None, torque: Array, v: Array, a: Array
+    joint: RobotJoint, actuator: Actuator | None, torque: Array, v: Array, a: Array
 ) -> tuple[Array, Array]:
     """Speeds and torques (n,) of a motor for the torque (n,) at its joint.
 
@@ -42,7 +42,7 @@ def motor_speed_torque(
 
 
 def torque_speed_plots(
-    mechanism: Mechanism, actuators: Mapping[str, Drive], error: float, time: Array, speeds: Array, torques: Array
+    mechanism: Mechanism, actuators: Mapping[str, Actuator], error: float, time: Array, speeds: Array, torques: Array
 ) -> tuple[XYPlot, ...]:
     """A plot for each motor over times (n,) s of the film, from the `motor_speed_torque` (n, motors) of all.
 
@@ -60,7 +60,7 @@ def torque_speed_plots(
     return tuple(plots)
 
 
-def _shaft_plot(joint: RobotJoint, actuator: Drive) -> XYPlot:
+def _shaft_plot(joint: RobotJoint, actuator: Actuator) -> XYPlot:
     """The plot of a motor shaft, without data."""
     factor = f" × {actuator.safety_factor:g}" if actuator.safety_factor != 1.0 else ""
     scale = np.array([RPM, 1.0])
@@ -105,7 +105,7 @@ def with_rms_points(plots: Sequence[XYPlot], joints: Sequence[JointSizing]) -> t
 
 
 def _with_rms_points(plot: XYPlot, joint: JointSizing) -> XYPlot:
-    actuator = None if joint.shaft is None else joint.shaft.drive
+    actuator = None if joint.shaft is None else joint.shaft.actuator
     cycles = joint.cycles
     if len(cycles) > MOST_RMS_POINTS:
         cycles = (max(cycles, key=lambda cycle: cycle.rms_torque),)

@@ -1,0 +1,33 @@
+"""Files that a command writes one after the other: those written are listed even where one cannot be written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from bellcrank.errors import InputError
+
+
+@contextmanager
+def list_on_failure(files: list[Path], folder: Path) -> Iterator[None]:
+    """Where the block ends early, by an error or a signal, list the files written until then."""
+    try:
+        yield
+    except BaseException:
+        if files:
+            print(f"wrote {', '.join(path.name for path in files)} in {folder}")
+        raise
+
+
+def write_each(files: list[Path], jobs: Iterable[tuple[Path, Callable[[Path], object]]]) -> None:
+    """Write all files that can be written, and add them to a list. Raises the InputError of the first that cannot."""
+    failures = []
+    for path, write in jobs:
+        try:
+            write(path)
+            files.append(path)
+        except InputError as error:
+            failures.append(error)
+    if failures:
+        raise failures[0]

@@ -1,0 +1,130 @@
+"""The content of the report of a run: verdict, events, constraint forces, the final state, inputs and pictures."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bellcrank.plot_style import svg_of
+from bellcrank.reports.document import Document, Facts, Picture, Still, Table
+from bellcrank.reports.input_tables import actuator_table, force_table, joint_table, robot_facts, scene_facts
+from bellcrank.reports.machine_facts import about, made_with
+from bellcrank.simulation.run_plot import run_pages
+from bellcrank.simulation.run_warnings import run_notes
+from bellcrank.simulation.summary import END_HEADER, JOINTS, end_rows, run_facts
+
+if TYPE_CHECKING:
+    from bellcrank.simulation.trajectory import Trajectory
+
+EVENTS = 40  # events listed one by one
+FORCES = 24  # multipliers listed
+NOTES = 8  # notes listed
+
+
+def run_document(run: Trajectory) -> Document:
+    """The report of a run, in SI units; long lists are shortened."""
+    against, notes = (*_non_finite(run), *run.warnings), run_notes(run)
+    warnings = (*against, *run.robot.inertia_warnings)
+    more = len(notes) - NOTES
+    facts = tuple((name, text) for name, text in run_facts(run) if name not in ("warning", "note"))
+    parts: list[Facts | Table | Picture] = [Facts("The run", facts), *_events(run), *_constraints(run), _end(run)]
+    inputs = (*robot_facts(run.robot), *scene_facts(run))
+    parts += [Facts("Robot and scene", inputs), joint_table(run.robot)]
+    if run.scene.forces or run.scene.control:
+        parts.append(force_table(run.scene, run.parameters.tolist()))
+    if run.scene.config.actuators:
+        parts.append(actuator_table(run.scene.config.actuators))
+    made = made_with()
+    parts.append(Facts("Made with", (("scene", run.scene.source.name), *made)))
+    pages = run_pages(run)
+    for k, figure in enumerate(pages):
+        title = "Everything over time" + (f", {k + 1} of {len(pages)}" if len(pages) > 1 else "")
+        parts.append(Picture(title, svg_of(figure)))
+    return Document(
+        title=run.scene.name,
+        status="Warnings" if against else "OK",
+        success=not against,
+        verdict=_verdict(run, against),
+        about=("simulation", run.scene.source.name, facts[0][1], *about(made)),
+        warnings=warnings,
+        notes=(*notes[:NOTES], *([f"… and {more} more joints that leave their range"] if more > 0 else ())),
+        still=_still(run),
+        parts=tuple(parts),
+    )
+
+
+def _non_finite(run: Trajectory) -> list[str]:
+    """A warning where the run contains values that are not finite, which residuals do not show."""
+    bad = ~np.isfinite(run.state).all(axis=1)
+    return [f"from {run.time[bad.argmax()]:.6g} s on the run contains values that are not finite"] if bad.any() else []
+
+
+def _verdict(run: Trajectory, warnings: tuple[str, ...]) -> tuple[str, ...]:
+    lines = [run.message.removeprefix(f"{run.scene.name}: ")]
+    if not warnings:
+        drift, residual = run.energy_drift(), run.equation_residual()
+        text = f"Self-checks passed: the relative energy error is {drift:.1e}, "
+        text += f"the residual of the equations of motion {residual:.1e}"
+        if run.scene.constraints:
+            text += f", and the residual of the constraints {run.constraint_residual():.1e} m or rad"
+        lines.append(text + ".")
+    return tuple(line[:1].upper() + line[1:] for line in lines)
+
+
+def _still(run: Trajectory) -> Still:
+    """The last finite state of the run."""
+    good = np.isfinite(run.state).all(axis=1)
+    time = float(run.time[good][-1]) if good.any() else float(run.time[0])
+    last = next((event for event in reversed(run.events) if event.stopped), None)
+    return Still(time, f"At {time:.6g} s" + (f", event '{last.name}'" if last else ", the end"))
+
+
+def _events(run: Trajectory) -> list[Table]:
+    """A table of the events with the positions of the first joints."""
+    if not run.events:
+        return []
+    one = [joint for joint in run.robot.joints if joint.nv == 1][:6]
+    header = ("event", "time\n[s]", *(f"{j.name}\n[{'m' if j.kind == 'prismatic' else 'rad'}]" for j in one), "then")
+    rows = tuple(
+        (e.name, f"{e.time:.9g}", *(f"{e.position[j.q]:.6g}" for j in one), _then(e.stopped, e.energy_lost))
+        for e in run.events[:EVENTS]
+    )
+    hidden = len(run.events) - EVENTS
+    return [Table("Events", header, rows, f"… and {hidden} more" if hidden > 0 else "")]
+
+
+def _then(stopped: bool, lost: float) -> str:
+    text = "ended the run" if stopped else ""
+    return f"{text}, {lost:.6g} J lost".removeprefix(", ") if lost else text
+
+
+def _constraints(run: Trajectory) -> list[Table]:
+    """The largest magnitude of each constraint force, its time, and the force at the end."""
+    rows = []
+    for constraint in run.scene.constraints:
+        history = run.constraint(constraint.name)
+        for label, values in zip(history.labels, history.multipliers.T, strict=True):
+            what, _, unit = label.removesuffix("]").rpartition(" [")
+            at = int(np.argmax(np.abs(values)))
+            rows.append(
+                (
+                    f"{constraint.name}: {what}",
+                    f"{values[at]:.6g} {unit}",
+                    f"{run.time[at]:.6g}",
+                    f"{values[-1]:.6g} {unit}",
+                )
+            )
+    if not rows:
+        return []
+    note = "Forces act on the body of the constraint's first frame; components x, y, z are in the world frame."
+    hidden = len(rows) - FORCES
+    note += f" … and {hidden} more." if hidden > 0 else ""
+    return [Table("Constraint forces", ("", "largest", "at\n[s]", "at the end"), tuple(rows[:FORCES]), note)]
+
+
+def _end(run: Trajectory) -> Table:
+    rows = end_rows(run)
+    hidden = len(run.robot.joints) - JOINTS
+    note = f"… and {hidden} more joints" if hidden > 0 else ""
+    return Table("At the end", ("", *END_HEADER[1:]), tuple(rows), note)

@@ -1,0 +1,162 @@
+"""What the searches for holding torques share: joint ranges, the result, and coordinate ascent from many postures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from bellcrank.robot.robot import Robot, RobotJoint
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+THIRD_OF_TURN = 2.0 * math.pi / 3.0
+
+
+class Statics(Protocol):
+    """The gravity torques of a robot at rest: a Robot, or an open chain whose parameters set masses."""
+
+    def gravity_torque(self, q: Array) -> Array:
+        """The torques (n, nv) that hold the robot at rest at q (n, nq)."""
+
+    def link_gravity_torques(self, q: Array) -> Array:
+        """Each link's share of them, (n, links, nv)."""
+
+
+@dataclass(frozen=True)
+class Holding:
+    """For each joint: the largest static |torque| (k,), N m or N, and the position q (k, nq) where it is needed."""
+
+    joints: tuple[str, ...]
+    torque: Array
+    position: Array
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class JointRanges:
+    """Lower and upper ends (k,) of the positions searched, rad or m, and notes about joints without limits."""
+
+    lower: Array
+    upper: Array
+    notes: tuple[str, ...]
+
+
+def joint_ranges(robot: Robot, joints: tuple[RobotJoint, ...]) -> JointRanges:
+    """The position limits. Without them, a revolute joint ranges over one turn; a prismatic one is held at 0."""
+    lower, upper, notes = np.zeros(len(joints)), np.zeros(len(joints)), []
+    for k, joint in enumerate(joints):
+        low, high = float(robot.lower[joint.q]), float(robot.upper[joint.q])
+        bounded_below, bounded_above = math.isfinite(low), math.isfinite(high)
+        if joint.kind == "prismatic":
+            if not (bounded_below and bounded_above):
+                low = high = min(max(0.0, low), high)
+                notes.append(
+                    f"joint '{joint.name}' slides without limits: it is held at {low:g} m for the holding torques"
+                )
+        elif not bounded_below and not bounded_above:
+            low, high = -math.pi, math.pi
+        elif not bounded_above:
+            high = low + 2.0 * math.pi
+        elif not bounded_below:
+            low = high - 2.0 * math.pi
+        lower[k], upper[k] = low, max(low, high)
+    if len(joints) < len(robot.joints):
+        notes.append("holding torques are for the neutral posture of the base")
+    return JointRanges(lower, upper, tuple(notes))
+
+
+@dataclass(frozen=True)
+class AscentSettings:
+    """When coordinate ascent stops: after `sweeps` over all coordinates, or where one sweep raises a value by less than
+    `settled` of it. After `rough` sweeps only the `kept` best starts of each joint go on.
+    """
+
+    sweeps: int
+    rough: int
+    kept: int
+    settled: float
+
+
+@dataclass(eq=False, kw_only=True)
+class CoordinateAscent:
+    """Postures that are improved one coordinate after the other; the values never fall.
+
+    Rows are grouped by the joint whose torque is maximised, `starts` rows a joint.
+
+    Attributes:
+        q: Postures (rows, nq), improved in place.
+        value: Their values (rows,), improved in place.
+        matters: Whether a row's value depends on each joint (rows, k).
+        places: Index in q of each joint's coordinate.
+        starts: Number of rows a joint.
+    """
+
+    q: Array
+    value: Array
+    matters: NDArray[np.bool_]
+    places: list[int]
+    starts: int
+
+    def run(self, improve: Callable[[int, Rows], tuple[Array, Array]], settings: AscentSettings) -> None:
+        """Sweep over the coordinates; `improve(k, rows)` gives the best positions (r,) of joint k for these rows, the
+        other joints fixed, and the values (r,) there.
+        """
+        q, value = self.q, self.value
+        count = len(q) // self.starts
+        active = np.ones(len(q), dtype=bool)
+        for sweep in range(settings.sweeps):
+            before = value.copy()
+            for k, place in enumerate(self.places):
+                rows = np.flatnonzero(active & self.matters[:, k])
+                if not rows.size:
+                    continue
+                position, reached = improve(k, rows)
+                better = reached > value[rows]
+                q[rows[better], place] = position[better]
+                value[rows[better]] = reached[better]
+            active &= value - before > settings.settled * np.maximum(1.0, np.abs(value))
+            if sweep == settings.rough - 1:
+                dropped = np.argsort(-value.reshape(count, self.starts), axis=1)[:, settings.kept :]
+                active[(dropped + self.starts * np.arange(count)[:, None]).ravel()] = False
+            if not active.any():
+                break
+
+    def best(self) -> Rows:
+        """The row of the largest value of each joint, (joints,)."""
+        table = self.value.reshape(-1, self.starts)
+        return np.asarray(table.argmax(axis=1) + self.starts * np.arange(len(table)))
+
+
+def dependence(
+    torques: Callable[[Array], Array], places: list[int], postures: Array, noise: float
+) -> NDArray[np.bool_]:
+    """Whether each velocity coordinate's torque depends on each joint's position, (nv, k).
+
+    `torques` gives (n, …, nv) at postures (n, nq); changes below `noise` of the largest torque do not count.
+    """
+    here = np.asarray(torques(postures))
+    threshold = noise * max(1e-300, float(np.max(np.abs(here), initial=0.0)))
+    result = np.zeros((here.shape[-1], len(places)), dtype=bool)
+    for k, place in enumerate(places):
+        there = np.asarray(torques(moved(postures, place, np.roll(postures[:, place], 1))))
+        changes = np.abs(there - here)
+        result[:, k] = np.max(changes, axis=tuple(range(changes.ndim - 1)), initial=0.0) > threshold
+    return result
+
+
+def moved(q: Array, place: int, values: float | Array) -> Array:
+    """Postures q (n, nq) with one coordinate changed."""
+    changed = q.copy()
+    changed[:, place] = values
+    return changed
+
+
+def at_or_above(angle: Array, low: Array | float) -> Array:
+    """Angles plus the whole turns that bring them to the first such angle at or above `low`."""
+    return np.asarray(angle + 2.0 * math.pi * np.ceil((low - angle) / (2.0 * math.pi)))

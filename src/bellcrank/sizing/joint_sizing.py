@@ -1,0 +1,298 @@
+"""What sizing finds for one joint: peaks with their time and posture, cycles, the motor's shaft, and signed margins.
+
+A margin is the share of a limit that is left: 0.25 means that a quarter of the limit is left, a negative margin that
+the limit is exceeded, None that no limit is given. Torques are N m on revolute joints and N on prismatic ones, speeds
+rad/s or m/s, powers W, energies J.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from bellcrank.actuators.actuator import Actuator
+from bellcrank.deprecated import Renamed
+
+OVERSHOOT = 4.0  # times the rounding of positions in a file: interpolation may overshoot the rows by this much
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The largest value of a quantity, with the place where it occurs.
+
+    Attributes:
+        value: The value, in the quantity's SI unit.
+        time: Time in the motion, s.
+        motion: Name of the motion.
+        position: The robot's position q (nq,) at that time.
+    """
+
+    value: float
+    time: float
+    motion: str
+    position: tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cycle:
+    """One motion of one joint, taken as a cycle that repeats.
+
+    Attributes:
+        motion: Name of the motion.
+        duration: Its duration, s.
+        rms_torque: RMS torque at the joint, N m or N.
+        mean_speed: Mean |speed| of the joint, rad/s or m/s.
+        motoring_energy: Energy into the joint in one cycle, J.
+        regenerated_energy: Energy out of the joint in one cycle, J.
+        rms_shaft_torque: RMS torque at the motor shaft, N m, without the safety factor; None without an actuator.
+    """
+
+    motion: str
+    duration: float
+    rms_torque: float
+    mean_speed: float
+    motoring_energy: float
+    regenerated_energy: float
+    rms_shaft_torque: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShaftSizing(Renamed):
+    """What the motor of one joint must deliver at its shaft, compared with the limits of its actuator.
+
+    Attributes:
+        actuator: The actuator that was compared.
+        peak_torque: Largest |shaft torque|, N m, without the safety factor.
+        rms_torque: RMS shaft torque of the motion in which it is largest, N m, without the safety factor.
+        peak_speed: Largest |shaft speed|, rad/s.
+        curve_use: Largest share of the torque-speed curve used, with the safety factor; more than 1 is outside.
+        inertia_ratio: Largest joint inertia over the rotor's reflected inertia; None where the rotor has no inertia.
+        margins: Share left of "peak torque", "rated torque", "speed" and "torque-speed curve", torques with the safety
+            factor; negative where exceeded.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> shaft = bc.size("geared_pendulum").joint("shoulder").shaft
+        >>> shaft.verdict
+        'inside (rated torque +40.8%)'
+    """
+
+    renamed: ClassVar[Mapping[str, str]] = {"drive": "actuator"}
+
+    actuator: Actuator
+    peak_torque: Peak
+    rms_torque: float
+    peak_speed: Peak
+    curve_use: Peak
+    inertia_ratio: float | None
+    margins: Mapping[str, float]
+
+    @property
+    def tightest(self) -> str:
+        """Name of the smallest margin."""
+        return min(self.margins, key=lambda name: self.margins[name])
+
+    @property
+    def tightest_margin(self) -> float:
+        """The smallest margin, a share of its limit; negative where the limit is exceeded."""
+        return self.margins[self.tightest]
+
+    @property
+    def inside(self) -> bool:
+        """Whether every limit of the actuator is kept."""
+        return self.tightest_margin >= 0.0
+
+    @property
+    def verdict(self) -> str:
+        """ "inside" or "exceeded", with the smallest margin."""
+        return f"{'inside' if self.inside else 'exceeded'} ({self.tightest} {self.tightest_margin:+.1%})"
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointSizing:
+    """What the motor of one joint must deliver, over all motions.
+
+    Torques do not include the inertia of an actuator's rotor, which counts at the shaft.
+
+    Attributes:
+        name: Name of the joint.
+        kind: "revolute" or "prismatic".
+        peaks: Each of these as a Peak; each is also an attribute that holds its value: max_torque and min_torque
+            (signed), peak_torque (of the two, the one of larger magnitude), sampled_torque (largest magnitude at the
+            rows of the motions), peak_speed, peak_motoring_power and peak_regenerating_power (both positive),
+            largest_inertia (M_ii, kg m² or kg), peak_bearing_force (N) and peak_tilting_moment (N m).
+        cycles: Each motion as a cycle that repeats.
+        friction_share: Share of the peak torque that overcomes friction.
+        holding_torque: Largest torque that holds the joint at rest, N m or N.
+        holding_position: The robot's position q (nq,) at which it is needed.
+        effort_limit: The URDF's effort limit, N m or N; None where none is given.
+        velocity_limit: The URDF's velocity limit, rad/s or m/s; None where none is given.
+        position_range: Lowest and highest position of the motions, rad or m.
+        position_limits: The URDF's lower and upper position limit, rad or m; None where none is given.
+        shaft: The motor's shaft; None without an actuator.
+        position_noise: Uncertainty of positions that were read from a file with few digits, rad or m.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> joint = bc.size("geared_pendulum").joint("shoulder")
+        >>> round(joint.peak_torque, 3), joint.torque_unit
+        (9.81, 'N m')
+    """
+
+    name: str
+    kind: str
+    peaks: Mapping[str, Peak]
+    cycles: tuple[Cycle, ...]
+    friction_share: float
+    holding_torque: float
+    holding_position: tuple[float, ...]
+    effort_limit: float | None
+    velocity_limit: float | None
+    position_range: tuple[float, float]
+    position_limits: tuple[float | None, float | None]
+    shaft: ShaftSizing | None = None
+    position_noise: float = 0.0
+
+    @property
+    def torque_unit(self) -> str:
+        """ "N m" or, on a prismatic joint, "N"."""
+        return "N" if self.kind == "prismatic" else "N m"
+
+    @property
+    def speed_unit(self) -> str:
+        """ "rad/s" or, on a prismatic joint, "m/s"."""
+        return "m/s" if self.kind == "prismatic" else "rad/s"
+
+    @property
+    def position_unit(self) -> str:
+        """ "rad" or, on a prismatic joint, "m"."""
+        return "m" if self.kind == "prismatic" else "rad"
+
+    @property
+    def peak_torque(self) -> float:
+        """Largest magnitude of the torque."""
+        return abs(self.peaks["peak_torque"].value)
+
+    @property
+    def sampled_torque(self) -> float:
+        """Largest magnitude of the torque at the rows of the motions; the peak torque may lie between two rows."""
+        return self.peaks["sampled_torque"].value
+
+    @property
+    def max_torque(self) -> float:
+        """Largest signed torque."""
+        return self.peaks["max_torque"].value
+
+    @property
+    def min_torque(self) -> float:
+        """Smallest signed torque."""
+        return self.peaks["min_torque"].value
+
+    @property
+    def peak_speed(self) -> float:
+        """Largest |speed|."""
+        return self.peaks["peak_speed"].value
+
+    @property
+    def peak_motoring_power(self) -> float:
+        """Largest power into the joint, W; 0 where it takes none."""
+        return self.peaks["peak_motoring_power"].value
+
+    @property
+    def peak_regenerating_power(self) -> float:
+        """Largest power out of the joint, W; 0 where it gives none."""
+        return self.peaks["peak_regenerating_power"].value
+
+    @property
+    def peak_power(self) -> float:
+        """The larger of motoring and regenerating power, W."""
+        return max(self.peak_motoring_power, self.peak_regenerating_power)
+
+    @property
+    def largest_inertia(self) -> float:
+        """Largest M_ii along the motions, kg m² (kg on a prismatic joint), without an actuator's rotor."""
+        return self.peaks["largest_inertia"].value
+
+    @property
+    def peak_bearing_force(self) -> float:
+        """Largest reaction force, N; on a prismatic joint its component perpendicular to the axis."""
+        return self.peaks["peak_bearing_force"].value
+
+    @property
+    def peak_tilting_moment(self) -> float:
+        """Largest reaction moment perpendicular to the axis, N m; on a prismatic joint the whole moment."""
+        return self.peaks["peak_tilting_moment"].value
+
+    @property
+    def rms_torque(self) -> float:
+        """RMS torque of the motion in which it is largest."""
+        return max(cycle.rms_torque for cycle in self.cycles)
+
+    @property
+    def mean_speed(self) -> float:
+        """Mean |speed| of the motion in which it is largest."""
+        return max(cycle.mean_speed for cycle in self.cycles)
+
+    @property
+    def motoring_energy(self) -> float:
+        """Energy into the joint in one cycle, J, of the motion in which it is largest."""
+        return max(cycle.motoring_energy for cycle in self.cycles)
+
+    @property
+    def regenerated_energy(self) -> float:
+        """Energy out of the joint in one cycle, J, of the motion in which it is largest."""
+        return max(cycle.regenerated_energy for cycle in self.cycles)
+
+    @property
+    def effort_margin(self) -> float | None:
+        """1 − peak torque / the URDF's effort limit; None where no limit is given."""
+        return _margin(self.peak_torque, self.effort_limit)
+
+    @property
+    def velocity_margin(self) -> float | None:
+        """1 − peak speed / the URDF's velocity limit; None where no limit is given."""
+        return _margin(self.peak_speed, self.velocity_limit)
+
+    @property
+    def position_margin(self) -> float | None:
+        """Smallest distance to the URDF's position limits, rad or m, negative outside; None where none is given."""
+        lower, upper = self.position_limits
+        distances = [] if lower is None else [self.position_range[0] - lower]
+        distances += [] if upper is None else [upper - self.position_range[1]]
+        return min(distances, default=None)
+
+    @property
+    def exceeded(self) -> tuple[str, ...]:
+        """A sentence for each limit that is not kept."""
+        found = []
+        if self.effort_margin is not None and self.effort_margin < 0.0:
+            found.append(
+                f"joint '{self.name}' needs {self.peak_torque:.4g} {self.torque_unit}, "
+                f"the URDF's effort limit is {self.effort_limit:.4g} {self.torque_unit}"
+            )
+        if self.velocity_margin is not None and self.velocity_margin < 0.0:
+            found.append(
+                f"joint '{self.name}' reaches {self.peak_speed:.4g} {self.speed_unit}, "
+                f"the URDF's velocity limit is {self.velocity_limit:.4g} {self.speed_unit}"
+            )
+        if self.position_margin is not None and self.position_margin < -(1e-9 + OVERSHOOT * self.position_noise):
+            found.append(
+                f"joint '{self.name}' leaves its position range by {-self.position_margin:.4g} {self.position_unit}"
+            )
+        if self.shaft is not None:
+            found += [
+                f"joint '{self.name}': the actuator's {name} limit is exceeded by {-margin:.1%}"
+                for name, margin in self.shaft.margins.items()
+                if margin < 0.0
+            ]
+        return tuple(found)
+
+
+def _margin(used: float, limit: float | None) -> float | None:
+    if limit is None:
+        return None
+    if limit == 0.0:
+        return 0.0 if used == 0.0 else -math.inf
+    return 1.0 - used / limit

@@ -1,0 +1,207 @@
+"""Size the motors of a mechanism over one or several motions: at the joints, at the motor shafts and at the supply.
+
+The torque at a joint follows from inverse dynamics, τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction − the scene's forces
+(Ghosal, lecture 18; dynamics/inverse_dynamics.py), that of a closed linkage from its motors' share of it
+(dynamics/closed_chain.py). Where a joint has an actuator, the torque is that at the gear's output, and the rotor's
+inertia counts at the shaft.
+
+A mass tolerance scales each massive link and payload as a whole, mass and inertia together, by one factor within
+1 ± tolerance. Torque is linear in these factors, so it changes by at most tolerance · Σ|share of each link|, and that
+bound is reached: peaks are exact worst cases; RMS torques and energies are upper bounds. Reactions and inertias are
+those of the nominal masses.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bellcrank.actuators.actuator import Actuator
+from bellcrank.dynamics.element_forces import (
+    elements,
+    mechanism_notes,
+    motion_notes,
+    parameter_values,
+    with_force_rows,
+)
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
+from bellcrank.motion.motion import Motion
+from bellcrank.sizing.finite_checks import refuse_non_finite_joint
+from bellcrank.sizing.holding import holding_torques
+from bellcrank.sizing.holding_search import Holding
+from bellcrank.sizing.joint_loads import JointLoads
+from bellcrank.sizing.joint_sizing import Cycle, JointSizing, Peak, ShaftSizing
+from bellcrank.sizing.massless_motors import massless_motors, singular_joints
+from bellcrank.sizing.motion_peaks import JointPeaks, MotionPeaks, interpolation_warnings, peaks_along, worst_peaks
+from bellcrank.sizing.result import Sizing, SizingInputs
+
+if TYPE_CHECKING:
+    from bellcrank.dynamics.mechanism import Mechanism
+
+
+def size_mechanism(
+    mechanism: Mechanism,
+    motions: Sequence[Motion],
+    actuators: Mapping[str, Actuator],
+    mass_tolerance: float = 0.0,
+    allow_massless: Iterable[str] = (),
+) -> Sizing:
+    """Size every motor of a mechanism over motions of all of its joints; `bellcrank.size` says what is included.
+
+    Raises InputError where there is no motion or a motion is of another robot, where an actuator names no joint or
+    gives its rotor another inertia than the robot has, and where a load or margin is not a finite number.
+    """
+    _check(mechanism, motions, actuators)
+    robot = mechanism.robot
+    motions = [with_force_rows(mechanism, motion) for motion in motions]
+    loads = JointLoads(mechanism, actuators, mass_tolerance)
+    with np.errstate(all="ignore"):  # what overflows or is not a number is refused, with its place
+        each = [_peaks_along(loads, motion) for motion in motions]
+        holding = holding_torques(mechanism, motions, mass_tolerance)
+    joints = tuple(_joint_sizing(loads, k, each, motions, holding) for k in range(len(loads.joints)))
+    for joint in joints:
+        refuse_non_finite_joint(robot.name, joint)
+    massless = massless_motors(mechanism, motions, allow_massless)
+    errors = list(robot.findings)
+    if not mechanism.closed:  # a loop can give a joint the inertia that its own links do not have
+        explained = {*massless.refused, *massless.allowed}
+        errors += [text for name, text in singular_joints(mechanism).items() if name not in explained]
+    warnings = [*errors, *robot.inertia_warnings, *massless.allowed.values()]
+    warnings += [warning for motion in motions for warning in motion.warnings]
+    warnings += mechanism_notes(mechanism)
+    warnings += [note for motion in motions for note in motion_notes(mechanism, motion)]
+    warnings += [f"actuator of joint '{name}': {text}" for name, one in actuators.items() for text in one.doubts]
+    warnings += interpolation_warnings(joints)
+    warnings += holding.notes
+    if others := ", ".join(f"'{joint.name}' ({joint.kind})" for joint in robot.joints if joint.nv != 1):
+        warnings.append(f"joints with several degrees of freedom have no single motor and are not sized: {others}")
+    return Sizing(
+        robot=robot.name,
+        motions=tuple(motion.name for motion in motions),
+        mass_tolerance=mass_tolerance,
+        joints=joints,
+        supply_peak=max((peaks.supply for peaks in each), key=lambda peak: peak.value),
+        regeneration_peak=max((peaks.regeneration for peaks in each), key=lambda peak: peak.value),
+        warnings=tuple(dict.fromkeys(warnings)),
+        gravity=tuple(map(float, robot.gravity)),
+        payloads=tuple((float(payload.mass), payload.frame) for payload in robot.payloads),
+        inputs=SizingInputs(mechanism, tuple(motions), actuators),
+        forces=elements(mechanism),
+        parameters=parameter_values(mechanism),
+        unsizable=tuple(massless.refused.values()),
+        urdf_errors=tuple(errors),
+        allowed_massless=tuple(massless.allowed),
+    )
+
+
+def _peaks_along(loads: JointLoads, motion: Motion) -> MotionPeaks:
+    try:
+        return peaks_along(loads, motion)
+    except InputError as error:
+        raise InputError(f"motion '{motion.name}': {error}") from None
+
+
+def _check(mechanism: Mechanism, motions: Sequence[Motion], actuators: Mapping[str, Actuator]) -> None:
+    """Refuse motions and actuators that are not the mechanism's (InputError)."""
+    robot, joints = mechanism.robot, mechanism.motors
+    if not motions:
+        raise InputError(f"sizing of {robot.name}: there is no motion; give at least one")
+    if not joints:
+        raise InputError(f"sizing of {robot.name}: the robot has no joint that a motor could drive")
+    layout = [(joint.name, joint.q, joint.v) for joint in robot.joints]
+    for motion in motions:
+        if [(joint.name, joint.q, joint.v) for joint in motion.joints] != layout:
+            raise InputError(
+                f"motion '{motion.name}' is for the joints {', '.join(motion.joint_names)}, "
+                f"the robot {robot.name} has {', '.join(joint.name for joint in robot.joints)}"
+            )
+    known = [joint.name for joint in joints]
+    for name in actuators:
+        if name not in known:
+            raise InputError(f"actuators of {robot.name}: {unknown_name('joint', name, known)}")
+    for joint in joints:
+        actuator, given = actuators.get(joint.name), float(robot.rotor_inertia[joint.v])
+        if actuator is None or given == 0.0 or math.isclose(given, actuator.reflected_inertia, rel_tol=1e-9):
+            continue
+        unit = "kg" if joint.kind == "prismatic" else "kg m²"
+        raise InputError(
+            f"sizing of {robot.name}: the rotor inertia of joint '{joint.name}' is given twice, with two values: the "
+            f"robot's rotor_inertia is {given:.6g} {unit}, its actuator's reflected inertia ratio² · (rotor_inertia + "
+            f"gear_inertia) is {actuator.reflected_inertia:.6g} {unit}; load the robot without rotor_inertia for this "
+            "joint, or with the actuator's reflected_inertia"
+        )
+
+
+def _joint_sizing(
+    loads: JointLoads, k: int, each: Sequence[MotionPeaks], motions: Sequence[Motion], holding: Holding
+) -> JointSizing:
+    """The sizing of the k-th joint from its peaks along each motion."""
+    robot, joint = loads.mechanism.robot, loads.joints[k]
+    worst, cycles = worst_peaks([peaks.joints[k] for peaks in each]), tuple(peaks.cycles[k] for peaks in each)
+    peak = max((worst.max_torque, worst.min_torque), key=lambda peak: abs(peak.value))
+    actuator = loads.actuators.get(joint.name)
+    return JointSizing(
+        name=joint.name,
+        kind=joint.kind,
+        peaks={
+            "max_torque": worst.max_torque,
+            "min_torque": worst.min_torque,
+            "peak_speed": worst.peak_speed,
+            "peak_motoring_power": worst.peak_motoring_power,
+            "peak_regenerating_power": worst.peak_regenerating_power,
+            "peak_bearing_force": worst.peak_bearing_force,
+            "peak_tilting_moment": worst.peak_tilting_moment,
+            "largest_inertia": worst.largest_inertia,
+            "sampled_torque": worst.sampled_torque,
+            "peak_torque": peak,
+        },
+        cycles=cycles,
+        friction_share=_friction_share(loads, k, peak, motions),
+        holding_torque=float(holding.torque[k]),
+        holding_position=tuple(map(float, holding.position[k])),
+        effort_limit=_given(robot.effort_limit[joint.v]),
+        velocity_limit=_given(robot.velocity_limit[joint.v]),
+        position_range=(worst.lowest_position.value, worst.highest_position.value),
+        position_limits=(_given(robot.lower[joint.q]), _given(robot.upper[joint.q])),
+        shaft=None if actuator is None else _shaft_sizing(actuator, worst, cycles),
+        position_noise=max(motion.position_noise[joint.q] for motion in motions),
+    )
+
+
+def _friction_share(loads: JointLoads, k: int, peak: Peak, motions: Sequence[Motion]) -> float:
+    """Share of a peak torque of the k-th joint that overcomes friction."""
+    motion = next(motion for motion in motions if motion.name == peak.motion)
+    time = np.array([peak.time])
+    q, v, _ = motion.at(time)
+    friction = abs(float(loads.mechanism.friction(time, q, v)[0, k]))
+    return friction / abs(peak.value) if peak.value else 0.0
+
+
+def _shaft_sizing(actuator: Actuator, peaks: JointPeaks, cycles: Sequence[Cycle]) -> ShaftSizing:
+    """What the motor's shaft delivers, and how much of the actuator's limits is left."""
+    torque, speed = peaks.shaft_torque, peaks.peak_speed
+    rms = max(cycle.rms_shaft_torque or 0.0 for cycle in cycles)
+    turns = Peak(actuator.ratio * speed.value, speed.time, speed.motion, speed.position)
+    reflected = actuator.reflected_inertia
+    return ShaftSizing(
+        actuator=actuator,
+        peak_torque=torque,
+        rms_torque=rms,
+        peak_speed=turns,
+        curve_use=peaks.curve_use,
+        inertia_ratio=peaks.largest_inertia.value / reflected if reflected > 0.0 else None,
+        margins={
+            "peak torque": 1.0 - actuator.safety_factor * torque.value / actuator.peak_torque,
+            "rated torque": 1.0 - actuator.safety_factor * rms / actuator.rated_torque,
+            "speed": 1.0 - turns.value / actuator.max_speed,
+            "torque-speed curve": 1.0 - peaks.curve_use.value,
+        },
+    )
+
+
+def _given(limit: float) -> float | None:
+    return float(limit) if np.isfinite(limit) else None

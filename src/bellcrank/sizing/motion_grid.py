@@ -1,0 +1,164 @@
+"""Points along a motion at which loads are evaluated and integrated.
+
+The time between the rows of a motion is divided into parts: at the reversals of every joint, where friction and the
+losses of a gear jump; at the rows of force tables, where forces may jump; and further where torques change fast
+(friction, stiff springs), until halving a part no longer changes the integral of their squares. Integrals are
+Gauss-Legendre sums over the three inner points of each part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.motion.motion import Motion
+
+Array = NDArray[np.float64]
+Torque = Callable[[Array, Array, Array, Array], Array]  # (t, q, v, a) -> (n, k)
+
+FINEST = 300  # parts of a whole motion that the grid has at least
+_GAUSS = 0.5 * np.sqrt(0.6)
+_NODES = np.array([0.0, 0.5 - _GAUSS, 0.5, 0.5 + _GAUSS, 1.0])
+_WEIGHTS = np.array([0.0, 5.0, 8.0, 5.0, 0.0]) / 18.0
+HALVINGS = 16  # of a part, at most
+SETTLED = 1e-9  # of the whole integral of a squared torque: a part that halving changes by less is fine enough
+NOISE = 1e-12  # of the largest integral of a squared torque: smaller ones need not settle
+MOST_PARTS = 30_000  # of a motion's grid that halving may lead to
+BISECTIONS = 40  # of the part in which a velocity changes sign
+BLOCK_NUMBERS = 1_000_000  # of one quantity, in memory at a time
+LEAST_BLOCK = 9  # states that are evaluated together, at least
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Points along a motion: times (n,), s, states q (n, nq), v and a (n, nv), and integration weights (n,), s.
+
+    `force_time` (n,) is the time at which forces are evaluated: just before `time` where a part ends, so that a force
+    that jumps there has its limit from before.
+    """
+
+    time: Array
+    force_time: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    weight: Array
+
+
+def grid_along(
+    motion: Motion, probes: Array | None = None, breaks: Array | None = None, torque: Torque | None = None
+) -> Grid:
+    """The grid of a motion. It holds both limits of every jump of acceleration, and of forces at `breaks` (s).
+
+    `probes` are further times (s) at which loads are evaluated, such as those next to a reversal; their weight is 0.
+    Parts are halved where `torque` changes too fast for them.
+    """
+    low, high = _parts(motion, np.zeros(0) if breaks is None else breaks)
+    if torque is not None:
+        low, high = _halved(motion, torque, low, high)
+    length, last = high - low, len(_NODES) - 1
+    time = (low[:, None] + length[:, None] * _NODES).ravel()
+    weight = (length[:, None] * _WEIGHTS).ravel()
+    force_time = time.copy()
+    time[last :: last + 1] = high
+    force_time[last :: last + 1] = np.nextafter(high, -np.inf)
+    position, velocity, acceleration = motion.at(time)
+    # A part that starts (ends) at a row of the motion takes that row's limit from after (before) a jump.
+    for place, edge, side in ((0, low, "right"), (last, high, "left")):
+        row = np.searchsorted(motion.time, edge, side="right" if side == "right" else "left")
+        row = np.clip(row - 1 if side == "right" else row, 0, len(motion.time) - 1)
+        at_row = motion.time[row] == edge
+        points = np.arange(len(low))[at_row] * len(_NODES) + place
+        position[points], velocity[points] = motion.position[row[at_row]], motion.velocity[row[at_row]]
+        acceleration[points] = motion.acceleration[row[at_row]]
+    if probes is not None and probes.size:
+        probes = np.unique(probes)
+        probes = probes[~np.isin(probes, time)]
+        at = np.searchsorted(time, probes)
+        extra = motion.at(probes)
+        time, weight = np.insert(time, at, probes), np.insert(weight, at, 0.0)
+        force_time = np.insert(force_time, at, probes)
+        position, velocity, acceleration = (
+            np.insert(old, at, new, axis=0) for old, new in zip((position, velocity, acceleration), extra, strict=True)
+        )
+    return Grid(time, force_time, position, velocity, acceleration, weight)
+
+
+def _parts(motion: Motion, breaks: Array) -> tuple[Array, Array]:
+    """Starts and ends (m,), s, of the parts: the motion's rows, divided further, breaks, and reversals of any joint."""
+    starts = np.flatnonzero(np.diff(motion.time) > 0.0)
+    length = motion.time[starts + 1] - motion.time[starts]
+    count = np.maximum(1, np.ceil(FINEST * length / motion.duration - 1e-9)).astype(int)
+    place = np.concatenate([np.arange(many) for many in count])
+    step = np.repeat(length / count, count)
+    breaks = breaks[(breaks > motion.time[0]) & (breaks < motion.time[-1])]
+    edges = np.unique(np.concatenate([np.repeat(motion.time[starts], count) + place * step, motion.time, breaks]))
+    speed = motion.at(edges)[1]
+    row, column = np.nonzero(speed[:-1] * speed[1:] < 0.0)
+    low, high = edges[row].copy(), edges[row + 1].copy()
+    for _ in range(BISECTIONS if row.size else 0):
+        middle = 0.5 * (low + high)
+        before = motion.at(middle)[1][np.arange(len(row)), column] * speed[row, column] > 0.0
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    edges = np.unique(np.concatenate([edges, low]))
+    return edges[:-1], edges[1:]
+
+
+def _halved(motion: Motion, torque: Torque, low: Array, high: Array) -> tuple[Array, Array]:
+    """The parts, halved until the Gauss-Legendre sum of each squared torque over a part is that over its halves."""
+
+    def squares(low: Array, high: Array) -> Array:
+        found = []
+        for first in range(0, len(low), step):
+            begin, length = low[first : first + step], (high - low)[first : first + step]
+            time = (begin[:, None] + length[:, None] * _NODES[1:-1]).ravel()
+            values = torque(time, *motion.at(time)).reshape(len(begin), 3, -1)
+            found.append(length[:, None] * np.einsum("j,njk->nk", _WEIGHTS[1:-1], values**2))
+        return np.concatenate(found)
+
+    step = rows_at_once(motion)
+    sums = squares(low, high)
+    whole = sums.sum(axis=0)
+    whole = np.maximum(whole, NOISE * whole.max(initial=0.0) + 1e-300)
+    done: list[tuple[Array, Array]] = []
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        left, right = squares(low, middle), squares(middle, high)
+        coarse = (np.abs(left + right - sums) > SETTLED * whole).any(axis=1) & (low < middle) & (middle < high)
+        done.append((low[~coarse], high[~coarse]))
+        low, middle, high = low[coarse], middle[coarse], high[coarse]
+        if not len(low) or sum(len(part) for part, _ in done) + 2 * len(low) > MOST_PARTS:
+            break
+        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+        sums = np.concatenate([left[coarse], right[coarse]])
+    done.append((low, high))
+    low, high = (np.concatenate([part[k] for part in done]) for k in (0, 1))
+    order = np.argsort(low)
+    return low[order], high[order]
+
+
+def reversal_times(motion: Motion, rough: Sequence[tuple[int, float]]) -> Array:
+    """Times just before and after velocities change sign: 0.3, 1, … 100 friction widths away in speed.
+
+    `rough` holds pairs of a velocity coordinate and the width of its friction, rad/s or m/s.
+    """
+    found = []
+    for column, width in rough:
+        speed = motion.velocity[:, column]
+        for k in np.flatnonzero((speed[:-1] * speed[1:] < 0.0) & (np.diff(motion.time) > 0.0)):
+            low, high = float(motion.time[k]), float(motion.time[k + 1])
+            rate = (speed[k + 1] - speed[k]) / (high - low)
+            zero = low - speed[k] / rate
+            for factor in (0.3, 1.0, 3.0, 10.0, 30.0, 100.0):
+                offset = factor * width / abs(rate)
+                found += [zero - offset, zero + offset]
+        found = [time for time in found if motion.time[0] < time < motion.time[-1]]
+    return np.array(found, dtype=np.float64)
+
+
+def rows_at_once(motion: Motion) -> int:
+    """How many states of a motion's robot are evaluated together."""
+    return max(LEAST_BLOCK, BLOCK_NUMBERS // max(1, motion.nv))

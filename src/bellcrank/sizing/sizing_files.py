@@ -1,0 +1,262 @@
+"""The files that a sizing is written to: sizing.csv, sizing.json and a history of each motion, with units."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import json
+import math
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.errors import InputError
+from bellcrank.files import atomic_write
+from bellcrank.files.access import read_text
+from bellcrank.files.csv_files import guarded
+from bellcrank.motion.csv_file import write_motion
+from bellcrank.motion.motion import Motion
+from bellcrank.sizing.joint_histories import MotionHistory, motion_history
+from bellcrank.sizing.joint_sizing import JointSizing, Peak, ShaftSizing
+from bellcrank.sizing.result import Sizing, sizing_inputs
+from bellcrank.text import file_name
+
+RESULTS = ("sizing.csv", "sizing.json")
+FILES = (*RESULTS, "history_*.csv", "over_time_*.png", "*torque_speed.png")  # all that a sizing writes
+_OURS = re.compile(r"\A(?:history_[^/\\\0]+\.csv|over_time_[^/\\\0]+\.png|(?:motor_)?torque_speed\.png|sizing\.csv)\Z")
+
+
+def write_results(sizing: Sizing, folder: str | Path, others: Iterable[Path] = ()) -> list[Path]:
+    """Write sizing.csv and sizing.json into a folder, each as a whole or not at all, and return their paths.
+
+    `others` are files of the same sizing in the folder; sizing.json lists them beside these two under "files". Raises
+    InputError where a file cannot be written.
+    """
+    folder = Path(folder)
+    names = [*RESULTS, *(path.name for path in others)]
+    files = {folder / "sizing.csv": csv_text(sizing), folder / "sizing.json": json_text(sizing, names)}
+    for path, text in files.items():
+        atomic_write.write_text(path, text)
+    return list(files)
+
+
+def write_histories(sizing: Sizing, folder: str | Path) -> list[Path]:
+    """Write history_<motion>.csv for each motion of a sizing, and return their paths.
+
+    A file holds the motion's rows with the torques of all joints with one degree of freedom and, with actuators,
+    torque, speed and power at the motor shafts. It can be read as a motion again. Raises InputError where a file cannot
+    be written.
+    """
+    mechanism, motions, actuators = sizing_inputs(sizing)
+    joints = [joint for joint in mechanism.robot.joints if joint.nv == 1]
+    paths = []
+    for motion, name in zip(motions, file_names(motions), strict=True):
+        history = motion_history(mechanism, joints, actuators, motion)
+        torque = np.column_stack([joint.torque for joint in history.joints])
+        paths.append(write_motion(motion, Path(folder) / f"history_{name}.csv", torque, _shaft_columns(history)))
+    return paths
+
+
+def _shaft_columns(history: MotionHistory) -> dict[tuple[str, str], NDArray[np.float64]]:
+    """The columns of the motors' shafts: (title, unit) and values (n,)."""
+    columns = {}
+    for joint in history.joints:
+        if joint.shaft is not None:
+            columns[f"{joint.name} shaft torque", "N m"] = joint.shaft.torque
+            columns[f"{joint.name} shaft speed", "rad/s"] = joint.shaft.speed
+            columns[f"{joint.name} shaft power", "W"] = joint.shaft.power
+    return columns
+
+
+def file_names(motions: Sequence[Motion]) -> list[str]:
+    """The part of a file name that stands for each motion; all are different."""
+    names: list[str] = []
+    for motion in motions:
+        name, number = file_name(motion.name), 1
+        while name in names:
+            number += 1
+            name = f"{file_name(motion.name)}_{number}"
+        names.append(name)
+    return names
+
+
+def earlier_files(folder: str | Path) -> list[str]:
+    """Names of the files that the sizing.json of a folder lists; none where there is no such file.
+
+    Only plain names of the kinds that a sizing writes are returned, so that no other file can be removed.
+    """
+    try:
+        document = json.loads(read_text(Path(folder) / "sizing.json"))
+    except (InputError, ValueError, RecursionError):
+        return []
+    listed = document.get("files") if isinstance(document, dict) else None
+    return [name for name in listed if isinstance(name, str) and _OURS.match(name)] if isinstance(listed, list) else []
+
+
+def remove_stale(folder: str | Path, earlier: Iterable[str], written: Iterable[Path]) -> list[str]:
+    """Remove the files of an earlier sizing that were not written again, and return their names."""
+    kept = {path.name.casefold() for path in written}
+    removed = []
+    for name in earlier:
+        path = Path(folder) / name
+        if name.casefold() in kept or path.is_symlink() or not path.is_file():
+            continue
+        with contextlib.suppress(OSError):
+            path.unlink()
+            removed.append(name)
+    return removed
+
+
+def csv_text(sizing: Sizing) -> str:
+    """The text of sizing.csv: one line a joint, units in the header, empty where there is no limit or no actuator."""
+    rows = [_csv_row(joint) for joint in sizing.joints]
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(rows[0])
+    writer.writerows(guarded(row.values()) for row in rows)
+    return buffer.getvalue()
+
+
+def json_text(sizing: Sizing, files: Iterable[str] = RESULTS) -> str:
+    """The text of sizing.json: the whole sizing, with null for an infinite margin (against a limit of 0)."""
+    document = {
+        "robot": sizing.robot,
+        "motions": list(sizing.motions),
+        "gravity": list(sizing.gravity),
+        "payloads": [{"mass": mass, "frame": frame} for mass, frame in sizing.payloads],
+        "forces": [{"name": force.name, "kind": force.kind, "on": force.on} for force in sizing.forces],
+        "parameters": {name: {"value": value, "unit": unit or "1"} for name, value, unit in sizing.parameters},
+        "mass_tolerance": sizing.mass_tolerance,
+        "mass_tolerance_percent": float(f"{100.0 * sizing.mass_tolerance:.10g}"),
+        "joints_without_actuator": list(sizing.joints_without_actuator),
+        "joints_without_drive": list(sizing.joints_without_actuator),  # its name before 0.5
+        "files": list(files),
+        "inside": sizing.inside,
+        "exceeded": list(sizing.exceeded),
+        "cannot_be_sized": list(sizing.unsizable),
+        "urdf_errors": list(sizing.urdf_errors),
+        "joints_allowed_without_mass": list(sizing.allowed_massless),
+        "warnings": list(sizing.warnings),
+        "units": {
+            "gravity": "m/s^2, in the world",
+            "mass": "kg",
+            "torque": "N m (N on prismatic joints)",
+            "speed": "rad/s (m/s)",
+            "position": "rad (m)",
+            "power": "W",
+            "energy": "J",
+            "inertia": "kg m^2 (kg)",
+            "force": "N",
+            "moment": "N m",
+            "time": "s",
+            "margin": "share of the limit left (position: rad or m)",
+        },
+        "supply": _peak(sizing.supply_peak),
+        "regeneration": _peak(sizing.regeneration_peak),
+        "joints": [_joint_document(joint) for joint in sizing.joints],
+    }
+    return json.dumps(_finite(document), indent=1, allow_nan=False) + "\n"
+
+
+def _csv_row(joint: JointSizing) -> dict[str, Any]:
+    """The cells of a joint's line by column; empty where there is no value."""
+    peak, shaft = joint.peaks["peak_torque"], joint.shaft
+    row: dict[str, Any] = {
+        "joint": joint.name,
+        "torque unit": joint.torque_unit,
+        "speed unit": joint.speed_unit,
+        "peak torque [torque unit]": joint.peak_torque,
+        "peak torque at rows [torque unit]": joint.sampled_torque,
+        "min torque [torque unit]": joint.min_torque,
+        "max torque [torque unit]": joint.max_torque,
+        "RMS torque [torque unit]": joint.rms_torque,
+        "holding torque [torque unit]": joint.holding_torque,
+        "peak speed [speed unit]": joint.peak_speed,
+        "mean speed [speed unit]": joint.mean_speed,
+        "peak motoring power [W]": joint.peak_motoring_power,
+        "peak regenerating power [W]": joint.peak_regenerating_power,
+        "motoring energy [J]": joint.motoring_energy,
+        "regenerated energy [J]": joint.regenerated_energy,
+        "friction share of peak [1]": joint.friction_share,
+        "largest inertia [kg m^2 or kg]": joint.largest_inertia,
+        "peak bearing force [N]": joint.peak_bearing_force,
+        "peak tilting moment [N m]": joint.peak_tilting_moment,
+        "peak torque at [s]": peak.time,
+        "peak torque in motion": peak.motion,
+        "effort limit [torque unit]": joint.effort_limit,
+        "effort margin [1]": joint.effort_margin,
+        "velocity limit [speed unit]": joint.velocity_limit,
+        "velocity margin [1]": joint.velocity_margin,
+        "position margin [rad or m]": joint.position_margin,
+        "shaft peak torque [N m]": shaft and shaft.peak_torque.value,
+        "shaft RMS torque [N m]": shaft and shaft.rms_torque,
+        "shaft peak speed [rad/s]": shaft and shaft.peak_speed.value,
+        "load to rotor inertia [1]": shaft and shaft.inertia_ratio,
+    }
+    for name in ("peak torque", "rated torque", "speed", "torque-speed curve"):
+        row[f"shaft {name} margin [1]"] = shaft and shaft.margins[name]
+    row["shaft verdict"] = shaft and ("inside" if shaft.inside else "exceeded")
+    return {
+        key: "" if value is None or value != value or value in (math.inf, -math.inf) else value
+        for key, value in row.items()
+    }
+
+
+def _peak(peak: Peak) -> dict[str, Any]:
+    return {"value": peak.value, "time": peak.time, "motion": peak.motion, "position": list(peak.position)}
+
+
+def _joint_document(joint: JointSizing) -> dict[str, Any]:
+    return {
+        "name": joint.name,
+        "kind": joint.kind,
+        "torque_unit": joint.torque_unit,
+        "speed_unit": joint.speed_unit,
+        "peaks": {name: _peak(peak) for name, peak in joint.peaks.items()},
+        "rms_torque": joint.rms_torque,
+        "mean_speed": joint.mean_speed,
+        "motoring_energy": joint.motoring_energy,
+        "regenerated_energy": joint.regenerated_energy,
+        "friction_share": joint.friction_share,
+        "holding": {"torque": joint.holding_torque, "position": list(joint.holding_position)},
+        "effort": {"limit": joint.effort_limit, "margin": joint.effort_margin},
+        "velocity": {"limit": joint.velocity_limit, "margin": joint.velocity_margin},
+        "position": {
+            "range": list(joint.position_range),
+            "limits": list(joint.position_limits),
+            "margin": joint.position_margin,
+        },
+        "cycles": [vars(cycle) for cycle in joint.cycles],
+        "exceeded": list(joint.exceeded),
+        "shaft": None if joint.shaft is None else _shaft_document(joint.shaft),
+    }
+
+
+def _shaft_document(shaft: ShaftSizing) -> dict[str, Any]:
+    actuator = vars(shaft.actuator) | {"curve": [list(point) for point in shaft.actuator.curve_points]}
+    return {
+        "actuator": actuator,
+        "drive": actuator,  # its name before 0.5
+        "peak_torque": _peak(shaft.peak_torque),
+        "rms_torque": shaft.rms_torque,
+        "peak_speed": _peak(shaft.peak_speed),
+        "curve_use": _peak(shaft.curve_use),
+        "inertia_ratio": shaft.inertia_ratio,
+        "margins": dict(shaft.margins),
+        "tightest": shaft.tightest,
+        "inside": shaft.inside,
+        "verdict": shaft.verdict,
+    }
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,297 @@
+"""The tables and the verdict of a sizing, as text for the terminal and as HTML for notebooks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from html import escape
+from typing import NamedTuple
+
+from bellcrank.sizing.joint_sizing import JointSizing
+from bellcrank.sizing.result import Sizing
+
+NO_LIMIT = "no limit given"
+
+
+class TableContent(NamedTuple):
+    """A header, whose second lines hold units, and rows of cells."""
+
+    header: list[str]
+    rows: list[list[str]]
+
+
+def table(sizing: Sizing) -> str:
+    """The sizing as text: the joints, the motor shafts and the supply."""
+    parts = [_heading(sizing), _text_table(*joint_rows(sizing)), "", _text_table(*structure_rows(sizing))]
+    if any(joint.shaft for joint in sizing.joints):
+        parts += [
+            "",
+            "At the motor shaft (margins with the safety factor on torques):",
+            _text_table(*shaft_rows(sizing)),
+        ]
+    supply, back = sizing.supply_peak, sizing.regeneration_peak
+    parts += [
+        "",
+        f"All joints at one instant: {supply.value:.4g} W from the supply (at {supply.time:.4g} s of "
+        f"{supply.motion}), {back.value:.4g} W given back (at {back.time:.4g} s of {back.motion})",
+    ]
+    if sizing.mass_tolerance:
+        parts.append(
+            "Peaks are the worst case within the mass tolerance; RMS torques, energies and supply power are upper "
+            "bounds; reactions, inertias, histories and pictures are for the nominal masses."
+        )
+    return "\n".join(parts)
+
+
+def sizing_html(sizing: Sizing) -> str:
+    """The verdict and the tables of a sizing as HTML; names are escaped."""
+    answer = "<br>".join(escape(line) for line in verdict(sizing).split("\n"))
+    conditions = "; ".join(f"{name} {value}" for name, value in sized_with(sizing))
+    about = escape(f"{sizing.robot} over {', '.join(sizing.motions)}; {conditions}")
+    tables = [_html_table("At the joints", joint_rows(sizing))]
+    if any(joint.shaft for joint in sizing.joints):
+        tables.append(_html_table("At the motor shafts, margins with the safety factor on torques", shaft_rows(sizing)))
+    tables.append(_html_table("Structure and energy", structure_rows(sizing)))
+    notes = "".join(f"<li>{escape(text)}</li>" for text in sizing.warnings)
+    return f"<p><b>{answer}</b><br>{about}</p>{''.join(tables)}" + (f"<ul>{notes}</ul>" if notes else "")
+
+
+def verdict(sizing: Sizing) -> str:
+    """What cannot be sized, which limits are exceeded or that none is, errors of the URDF, and what was allowed."""
+    lines = []
+    if sizing.unsizable:
+        lines += ["cannot be sized:", *(f"  - {text}" for text in sizing.unsizable)]
+    if sizing.exceeded:
+        count = len(sizing.exceeded)
+        lines += [f"EXCEEDED: {count} limit{'' if count == 1 else 's'}", *(f"  - {text}" for text in sizing.exceeded)]
+    if sizing.inside:
+        lines.append(_kept(sizing))
+    if sizing.urdf_errors:
+        lines.append("The URDF has errors, which `bellcrank check` lists too, and the torques depend on them:")
+        lines += [f"  - {text}" for text in sizing.urdf_errors]
+    if sizing.allowed_massless:
+        lines.append(f"Joints that move no mass, as allowed: {', '.join(sizing.allowed_massless)}.")
+    return "\n".join(lines)
+
+
+def _kept(sizing: Sizing) -> str:
+    """That all limits are kept, with the smallest margin."""
+    margins = [(margin, f"{joint.name}'s {what}") for joint in sizing.joints for margin, what in _margins(joint)]
+    if not margins:
+        return "Nothing to compare with: neither the URDF nor an actuator gives a limit."
+    smallest, where = min(margins)
+    without = ""
+    if 0 < len(sizing.joints_without_actuator) < len(sizing.joints):
+        names = ", ".join(sizing.joints_without_actuator)
+        without = f" Joints without an actuator, compared with the URDF's limits only: {names}."
+    return f"All inside: the tightest margin is {smallest:.1%}, {where}.{without}"
+
+
+def sized_with(sizing: Sizing) -> list[tuple[str, str]]:
+    """(name, value) of what a sizing assumes: gravity, payloads, forces, parameters, mass tolerance, actuators."""
+    payloads = ", ".join(f"{mass:g} kg @ {frame}" for mass, frame in sizing.payloads)
+    rows = [
+        ("gravity", f"({', '.join(f'{x:g}' for x in sizing.gravity)}) m/s²"),
+        ("payload", payloads or "none"),
+    ]
+    if sizing.forces:
+        rows.append(("forces", ", ".join(f"{force.kind} '{force.name}'" for force in sizing.forces)))
+    if sizing.parameters:
+        rows.append(
+            ("parameters", ", ".join(f"{n} = {value:.6g} {unit}".rstrip() for n, value, unit in sizing.parameters))
+        )
+    if sizing.mass_tolerance:
+        rows.append(("mass tolerance", f"±{100.0 * sizing.mass_tolerance:.10g} %: each link as a whole"))
+    if len(sizing.joints_without_actuator) == len(sizing.joints):
+        rows.append(("actuators", "none"))
+    elif sizing.joints_without_actuator:
+        rows.append(("without an actuator:", ", ".join(sizing.joints_without_actuator)))
+    return rows
+
+
+def _heading(sizing: Sizing) -> str:
+    """The robot and its motions, and what it was sized with."""
+    conditions = "; ".join(f"{name} {value}" for name, value in sized_with(sizing))
+    return f"{sizing.robot}, {len(sizing.motions)} motion(s): {', '.join(sizing.motions)}\n{conditions}\n"
+
+
+def joint_rows(sizing: Sizing) -> TableContent:
+    """Torques, speeds, powers and margins of each joint."""
+    units = _Units(sizing)
+    header = [
+        "joint",
+        units.header("peak", "torque"),
+        units.header("min", "torque"),
+        units.header("max", "torque"),
+        units.header("RMS", "torque"),
+        units.header("peak speed", "speed"),
+        units.header("mean speed", "speed"),
+        "motoring\n[W]",
+        "regenerating\n[W]",
+        "effort\nmargin",
+        "speed\nmargin",
+        "position\nmargin",
+    ]
+    rows = []
+    for joint in sizing.joints:
+        position = joint.position_margin
+        rows.append(
+            [
+                joint.name,
+                units.cell(joint.peak_torque, joint.torque_unit),
+                units.cell(joint.min_torque, joint.torque_unit),
+                units.cell(joint.max_torque, joint.torque_unit),
+                units.cell(joint.rms_torque, joint.torque_unit),
+                units.cell(joint.peak_speed, joint.speed_unit),
+                units.cell(joint.mean_speed, joint.speed_unit),
+                *_figures(joint.peak_motoring_power, joint.peak_regenerating_power),
+                _percent(joint.effort_margin),
+                _percent(joint.velocity_margin),
+                NO_LIMIT if position is None else f"{position:+.3g} {joint.position_unit}",
+            ]
+        )
+    return TableContent(header, rows)
+
+
+def structure_rows(sizing: Sizing) -> TableContent:
+    """Holding torque, friction, inertia, reactions and energies of each joint."""
+    units = _Units(sizing)
+    header = [
+        "joint",
+        units.header("peak at rows", "torque"),
+        units.header("holding", "torque"),
+        "friction share\nof the peak",
+        units.header("inertia M_ii", "inertia"),
+        "bearing force\n[N]",
+        "tilting moment\n[N m]",
+        "energy in\n[J]",
+        "given back\n[J]",
+        "peak at\n[s]",
+        "in motion",
+    ]
+    rows = []
+    for joint in sizing.joints:
+        peak = joint.peaks["peak_torque"]
+        rows.append(
+            [
+                joint.name,
+                units.cell(joint.sampled_torque, joint.torque_unit),
+                units.cell(joint.holding_torque, joint.torque_unit),
+                f"{joint.friction_share:.1%}",
+                units.cell(joint.largest_inertia, _inertia_unit(joint)),
+                *_figures(
+                    joint.peak_bearing_force,
+                    joint.peak_tilting_moment,
+                    joint.motoring_energy,
+                    joint.regenerated_energy,
+                    peak.time,
+                ),
+                peak.motion,
+            ]
+        )
+    return TableContent(header, rows)
+
+
+def shaft_rows(sizing: Sizing) -> TableContent:
+    """What each motor's shaft delivers, and its margins."""
+    header = [
+        "joint",
+        "peak\n[N m]",
+        "RMS\n[N m]",
+        "peak speed\n[rad/s]",
+        "peak speed\n[rpm]",
+        "load/rotor\ninertia",
+        "peak\nmargin",
+        "rated\nmargin",
+        "speed\nmargin",
+        "curve\nmargin",
+        "verdict",
+    ]
+    rows = []
+    for joint in sizing.joints:
+        if (shaft := joint.shaft) is None:
+            continue
+        rows.append(
+            [
+                joint.name,
+                *_figures(
+                    shaft.peak_torque.value,
+                    shaft.rms_torque,
+                    shaft.peak_speed.value,
+                    shaft.peak_speed.value * 30.0 / math.pi,
+                ),
+                "-" if shaft.inertia_ratio is None else f"{shaft.inertia_ratio:.3g}",
+                *(_percent(margin) for margin in shaft.margins.values()),
+                shaft.verdict,
+            ]
+        )
+    return TableContent(header, rows)
+
+
+class _Units:
+    """Where units are written: in the header where all joints are of one kind, else in each cell."""
+
+    def __init__(self, sizing: Sizing) -> None:
+        self.mixed = len({joint.kind == "prismatic" for joint in sizing.joints}) > 1
+        one = sizing.joints[0]
+        self.of = {"torque": one.torque_unit, "speed": one.speed_unit, "inertia": _inertia_unit(one)}
+
+    def header(self, title: str, quantity: str) -> str:
+        return title if self.mixed else f"{title}\n[{self.of[quantity]}]"
+
+    def cell(self, value: float, unit: str) -> str:
+        [figure] = _figures(value)
+        return f"{figure} {unit}" if self.mixed else figure
+
+
+def _inertia_unit(joint: JointSizing) -> str:
+    return "kg" if joint.kind == "prismatic" else "kg m²"
+
+
+def _margins(joint: JointSizing) -> list[tuple[float, str]]:
+    found = [
+        (joint.effort_margin, "torque against the URDF's effort limit"),
+        (joint.velocity_margin, "speed against the URDF's velocity limit"),
+    ]
+    if joint.shaft is not None:
+        found += [(margin, f"actuator ({name})") for name, margin in joint.shaft.margins.items()]
+    return [(margin, what) for margin, what in found if margin is not None]
+
+
+def _figures(*values: float) -> list[str]:
+    return [f"{0.0 if abs(value) < 1e-7 else value:.4g}" for value in values]
+
+
+def _percent(margin: float | None) -> str:
+    if margin is None:
+        return NO_LIMIT
+    return f"{margin:+.1%}" if math.isfinite(margin) else "limit is 0"
+
+
+def _text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Columns under headers of one or two lines; the first and the last column are texts."""
+    titles = [title.split("\n") for title in header]
+    depth = max(map(len, titles))
+    heads = [[title[k] if k < len(title) else "" for title in titles] for k in range(depth)]
+    lines = [*heads, *map(list, rows)]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(header))]
+
+    def written(line: Sequence[str]) -> str:
+        cells = [
+            cell.ljust(width) if k in (0, len(widths) - 1) else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(line, widths, strict=True))
+        ]
+        return "  ".join(cells).rstrip()
+
+    rule = "-" * (sum(widths) + 2 * len(widths) - 2)
+    return "\n".join([*map(written, heads), rule, *map(written, rows)])
+
+
+def _html_table(title: str, content: TableContent) -> str:
+    left = 'style="text-align:left"'
+    head = "".join(f"<th>{escape(text).replace(chr(10), '<br>')}</th>" for text in content.header)
+    body = "".join(
+        f"<tr><th {left}>{escape(first)}</th>{''.join(f'<td>{escape(text)}</td>' for text in others)}</tr>"
+        for first, *others in content.rows
+    )
+    return f"<table><caption {left}>{escape(title)}</caption><tr>{head}</tr>{body}</table>"

@@ -1,0 +1,153 @@
+"""Torque-speed plots of a sizing: where each joint and each motor works, with its limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.plot_style import colour, legend_columns, literal, new_figure, plain
+from bellcrank.sizing.drawn_motion import DrawnMotion
+from bellcrank.sizing.result import sizing_inputs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from bellcrank.sizing.result import Sizing
+
+LEAST_WIDTH = 8.5  # inches: title and legend need it where there is one panel only
+LIMIT = "#b30000"
+CURVE = "#1a1a1a"
+Array = NDArray[np.float64]
+RPM = 30.0 / math.pi  # of 1 rad/s
+
+
+def joint_figure(sizing: Sizing, motions: Sequence[DrawnMotion]) -> Figure:
+    """Torque over speed of each motor's joint, with the RMS torque of each motion and the URDF's limits."""
+    robot, joints = sizing_inputs(sizing).mechanism.robot, sizing_inputs(sizing).mechanism.motors
+    cycles = {joint.name: joint.cycles for joint in sizing.joints}
+    figure, axes = _panels(len(joints))
+    for axis, joint in zip(axes, joints, strict=False):
+        for k, motion in enumerate(motions):
+            _trace(axis, motion.states.velocity[:, joint.v], motion.torque_of(joint.name), k, motion.name)
+        for k, cycle in enumerate(cycles[joint.name]):
+            _rms_point(axis, cycle.mean_speed, cycle.rms_torque, k, _bound(sizing))
+        effort, speed = float(robot.effort_limit[joint.v]), float(robot.velocity_limit[joint.v])
+        _limit_box(axis, speed, effort)
+        linear = joint.kind == "prismatic"
+        axis.set_xlabel(f"speed [{'m/s' if linear else 'rad/s'}]")
+        axis.set_ylabel("force [N]" if linear else "torque [N m]")
+        missing = [what for what, limit in (("effort", effort), ("speed", speed)) if not math.isfinite(limit)]
+        axis.set_title(
+            literal(joint.name + (f" (no {' and '.join(missing)} limit given)" if missing else "")), fontsize="medium"
+        )
+    title = f"{sizing.robot}: torque and speed at the joints, with the URDF's limits{_note(sizing)}"
+    return _finish(figure, axes, len(joints), title)
+
+
+def shaft_figure(sizing: Sizing, motions: Sequence[DrawnMotion]) -> Figure:
+    """Torque, with the safety factor, over speed of each motor's shaft, with its RMS torques and its limits."""
+    mechanism, _, actuators = sizing_inputs(sizing)
+    joints = [joint for joint in mechanism.motors if joint.name in actuators]
+    cycles = {joint.name: joint.cycles for joint in sizing.joints}
+    figure, axes = _panels(len(joints))
+    for axis, joint in zip(axes, joints, strict=False):
+        actuator = actuators[joint.name]
+        for k, motion in enumerate(motions):
+            _, _, v, a = motion.states
+            torque = actuator.shaft_torque(motion.torque_of(joint.name), v[:, joint.v], a[:, joint.v])
+            speed = actuator.ratio * v[:, joint.v] * RPM
+            _trace(axis, speed, actuator.safety_factor * torque, k, motion.name)
+        for k, cycle in enumerate(cycles[joint.name]):
+            rms = actuator.safety_factor * (cycle.rms_shaft_torque or 0.0)
+            _rms_point(axis, actuator.ratio * cycle.mean_speed * RPM, rms, k, _bound(sizing))
+        axis.plot(
+            actuator.outline[:, 0] * RPM,
+            actuator.outline[:, 1],
+            color=CURVE,
+            linewidth=1.2,
+            solid_capstyle="projecting",
+            label="torque-speed curve",
+        )
+        for sign, labels in ((1.0, ("rated torque (for the RMS)", "largest speed")), (-1.0, (None, None))):
+            axis.axhline(sign * actuator.rated_torque, color=LIMIT, linestyle=":", linewidth=1.0, label=labels[0])
+            axis.axvline(sign * actuator.max_speed * RPM, color=LIMIT, linestyle="--", linewidth=1.0, label=labels[1])
+        axis.set_xlabel("motor speed [rpm]")
+        factor = f" × {actuator.safety_factor:g}" if actuator.safety_factor != 1.0 else ""
+        axis.set_ylabel(f"motor torque{factor} [N m]")
+        axis.set_title(literal(f"{joint.name} (ratio {actuator.ratio:g})"), fontsize="medium")
+    title = f"{sizing.robot}: torque and speed at the motor shafts{_note(sizing)}"
+    return _finish(figure, axes, len(joints), title)
+
+
+def _note(sizing: Sizing) -> str:
+    return " (nominal masses)" if sizing.mass_tolerance else ""
+
+
+def _bound(sizing: Sizing) -> str:
+    return " (largest within the mass tolerance)" if sizing.mass_tolerance else ""
+
+
+def _panels(count: int) -> tuple[Figure, list[Axes]]:
+    columns = min(count, 3 if count > 4 else 2)
+    rows = math.ceil(count / columns)
+    figure = new_figure(max(LEAST_WIDTH, 4.6 * columns), 3.7 * rows + 0.9)
+    return figure, list(figure.subplots(rows, columns, squeeze=False).ravel())
+
+
+def _finish(figure: Figure, axes: list[Axes], count: int, title: str) -> Figure:
+    """The figure with axes through the origin, a title and a legend; axes beyond the first `count` are hidden."""
+    from matplotlib.lines import Line2D
+
+    for axis in axes[count:]:
+        axis.set_visible(False)
+    for axis in axes[:count]:
+        plain(axis)
+        axis.locator_params(axis="x", nbins=7)
+        axis.axhline(0.0, color="0.6", linewidth=0.7, zorder=0)
+        axis.axvline(0.0, color="0.6", linewidth=0.7, zorder=0)
+    entries: dict[str, Any] = {}
+    for axis in axes[:count]:
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, handle)
+    entries["start"] = Line2D([], [], color="0.35", marker="o", markersize=3.5, linestyle="none")
+    figure.suptitle(literal(title, 90))
+    figure.legend(
+        list(entries.values()),
+        list(entries),
+        loc="outside lower center",
+        ncols=legend_columns(list(entries), figure),
+        frameon=False,
+        fontsize="small",
+    )
+    return figure
+
+
+def _trace(axis: Axes, speed: Array, torque: Array, k: int, name: str) -> None:
+    """One motion in a torque-speed plane; its start is marked, so that a joint at rest can be seen too."""
+    axis.plot(speed, torque, color=colour(k), linewidth=1.3, label=literal(name))
+    axis.plot(speed[:1], torque[:1], color=colour(k), marker="o", markersize=3.5, linestyle="none")
+
+
+def _rms_point(axis: Axes, speed: float, torque: float, k: int, bound: str) -> None:
+    """The RMS torque of one motion at its mean speed."""
+    axis.plot(
+        [speed], [torque], color=colour(k), marker="D", markersize=5.5, markeredgecolor="white", markeredgewidth=0.8,
+        linestyle="none", zorder=4,
+    )  # fmt: skip
+    axis.plot([], [], color="0.35", marker="D", markersize=5.5, linestyle="none", label=f"RMS at mean speed{bound}")
+
+
+def _limit_box(axis: Axes, speed: float, effort: float) -> None:
+    label: str | None = "URDF limits"
+    for sign in (1.0, -1.0):
+        if math.isfinite(effort):
+            axis.axhline(sign * effort, color=LIMIT, linestyle="--", linewidth=1.0, label=label)
+            label = None
+        if math.isfinite(speed):
+            axis.axvline(sign * speed, color=LIMIT, linestyle="--", linewidth=1.0, label=label)
+            label = None

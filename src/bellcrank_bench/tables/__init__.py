@@ -1,0 +1,1 @@
+"""Measurements as tables: text for the terminal, and Markdown for the README."""

@@ -1,0 +1,1 @@
+"""Compiled equations of motion against analytic ones: what `bellcrank verify` runs."""

@@ -1,1 +1,0 @@
-"""Compiled dynamics against textbook equations."""
