@@ -131,7 +131,7 @@ def test_an_estimate_that_is_not_computed_says_why(parallel):
     assert slow.error_estimate() > 0.0  # on request it is
     assert "(rad or m) in positions" in slow.summary()
     short = bc.simulate(scene, times=times, max_evaluations=500)
-    assert "not computed (the run stopped early)" in short.summary()
+    assert "not computed (the run ended early)" in short.summary()
 
 
 def test_a_saved_run_of_an_earlier_version_with_constraints_is_read(tmp_path):

@@ -79,9 +79,9 @@ def test_a_run_with_an_output_that_is_no_number_never_just_finishes(undefined):
     assert "output 'log' is not a number" in run.message
     assert "output 'log' is not a number" in run.summary()
     assert "output &#x27;log&#x27; is not a number" in run._repr_html_()
-    assert "not all of it finite numbers" in repr(run)
+    assert "not all results are finite" in repr(run)
     figure = run.plot()
-    assert "not all of it finite numbers" in figure.get_suptitle()
+    assert "not all results are finite" in figure.get_suptitle()
 
 
 def test_files_of_a_run_have_nan_in_csv_cells_and_none_in_the_json_of_pages(undefined):
@@ -94,7 +94,7 @@ def test_files_of_a_run_have_nan_in_csv_cells_and_none_in_the_json_of_pages(unde
     page = bc.replay(run, folder / "run.html").read_text()
     text = page.split('type="application/json"', 1)[1].split(">", 1)[1].split("</script>", 1)[0]
     film = json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} in the page's JSON"))
-    assert film["good"] is False
+    assert film["success"] is False
     assert any("output 'log'" in fact for _, fact in film["facts"])
 
 
@@ -190,7 +190,7 @@ def test_a_formula_that_loses_its_value_ends_the_run_with_its_name_and_time(tmp_
     run = bc.simulate(closed(tmp_path, f"sqrt(0.05-t)*({SHOULDER}-0.3)"))
     assert run.status is Status.NON_FINITE
     assert run.time[-1] == pytest.approx(0.05, abs=1e-6)
-    assert "constraint 'own' is not a finite number" in run.message
+    assert "constraint 'own' is not finite" in run.message
 
 
 def test_a_disk_that_lies_flat_in_all_postures_is_refused_by_name(tmp_path):

@@ -580,3 +580,13 @@ def test_result_arrays_outlive_the_result(arm):
     for _ in range(9):
         arm.run("RK45", every_step=True)
     assert np.array_equal(state, kept)
+
+
+def test_a_problem_keeps_its_arrays_alive_and_converts_other_numbers(arm):
+    """What only the record refers to lives as long as the run; whole numbers become doubles."""
+    plain = arm.run("DOP853", times=[1.0, 2.0])
+    freed = arm.run("DOP853", times=np.array([1, 2]), x0=np.array(arm.x0), progress=lambda t: np.empty(1000).fill(t))
+    assert np.array_equal(freed.state, plain.state)
+    for changes in ({"x0": "a text"}, {"lanes": 1.5}, {"unit_parts": 3}):
+        with pytest.raises(TypeError, match=f"'{next(iter(changes))}'"):
+            _step.integrate(arm.problem("DOP853", **changes))

@@ -513,3 +513,25 @@ def test_the_html_summary_escapes_names(tmp_path):
     html = run._repr_html_()
     assert "<script>" not in html and "&lt;script&gt;" in html and "&amp; co" in html
     assert html.count("<tr>") == html.count("</tr>") and f"{run.energy_drift():.1e}" in html
+
+
+# ---- names of version 0.4
+
+
+def test_old_names_of_a_run_still_work_with_a_warning():
+    run = bc.simulate("four_bar", samples=11)
+    with pytest.warns(DeprecationWarning, match=r"'Trajectory\.closure' is now 'Trajectory\.constraint'"):
+        assert np.array_equal(run.closure("apex").multipliers, run.multipliers)
+    with pytest.warns(DeprecationWarning, match="constraint_rank"):
+        assert run.closure_rank().rank == 2
+    with pytest.warns(DeprecationWarning, match="constraint_residuals"):
+        assert list(run.closure_residuals) == ["m", "m/s"]
+    assert run.multiplier_names == (("apex", "x [N]"), ("apex", "y [N]"))
+
+
+def test_the_status_that_0_4_0_wrote_is_read():
+    from bellcrank.simulation.status import Status
+
+    assert Status("drive_ended") is Status.PRESCRIBED_MOTION_ENDED
+    with pytest.raises(ValueError, match="fell_asleep"):
+        Status("fell_asleep")

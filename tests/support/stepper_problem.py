@@ -35,7 +35,12 @@ class Problem:
         self.events = kernel("_events", [t, x, u, p], ca.vertcat(*events(t, x, u, p))) if events else None
 
     def run(self, method, tolerance=1e-6, **changes):
-        """Integrate; `changes` are attributes of the problem or its parts, signals as tuples of a Signal's fields."""
+        """Integrate a problem with these changes."""
+        changes = {k: np.asarray(v, float) if k in ("times", "stops", "x0") else v for k, v in changes.items()}
+        return _step.integrate(self.problem(method, tolerance, **changes))
+
+    def problem(self, method, tolerance=1e-6, **changes):
+        """The record; `changes` are attributes of it or its parts, signals as tuples of a Signal's fields."""
         values = {
             "rhs": self.slope.address("scalar"), "method": method, "t1": self.t1, "x0": self.x0, "parameters": self.p,
             "norm_size": len(self.x0), "rtol": tolerance, "atol": tolerance, "lanes": 8, "max_evaluations": 10**9,
@@ -50,7 +55,6 @@ class Problem:
             }
         if method == "RK4" and "step" not in changes:
             changes["step"] = 0.01
-        changes = {k: np.asarray(v, float) if k in ("times", "stops", "x0") else v for k, v in changes.items()}
         values |= changes
         if "signals" in values:
             values["signals"] = [Signal(*signal) for signal in values["signals"]]
@@ -67,7 +71,7 @@ class Problem:
             events=part(EventSearch),
         )
         assert not values, f"no attributes of a problem: {', '.join(values)}"
-        return _step.integrate(problem)
+        return problem
 
     def scipy(self, method, tolerance, **more):
         n = len(self.x0)

@@ -68,7 +68,7 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory import Trajectory
 
-PER_RATE = 2.0  # α in units of ω, as the pilot run tells it
+PER_RATE = 2.0  # α in units of ω, as the pilot run gives it
 PILOT_TOLERANCE = 1e-3  # of the larger of rtol and atol
 PILOT_ORDER = 8  # DOP853's error estimate falls with this power of the step size
 PILOT_EVALUATIONS = 20_000  # a longer run is judged by its beginning

@@ -1,4 +1,4 @@
-"""Reads runs that `Trajectory.save` wrote, or whose checkpoints are there."""
+"""Reads runs: files that `Trajectory.save` wrote, and folders of checkpoints."""
 
 from __future__ import annotations
 

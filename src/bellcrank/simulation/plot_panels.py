@@ -213,10 +213,10 @@ def _better_curved(run: Trajectory, table: Array, bound: Array) -> NDArray[np.bo
         share = ((run.time[k] - run.time[k - 1]) / (run.time[k + 1] - run.time[k - 1]))[:, None]
         straight = np.abs(table[k - 1] + share * (table[k + 1] - table[k - 1]) - table[k])
     missed = straight > bound
-    told = (curved / 64.0 < bound) | (
+    accurate = (curved / 64.0 < bound) | (
         straight > 0.1 * np.ptp(table, axis=0)
     )  # the error falls with the sixth power of the step
-    better = missed & told & (curved < 0.5 * straight)
+    better = missed & accurate & (curved < 0.5 * straight)
     return np.asarray(better.sum(axis=0) >= 0.5 * missed.sum(axis=0), dtype=np.bool_)
 
 

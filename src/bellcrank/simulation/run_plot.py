@@ -94,8 +94,8 @@ def _over_time(run: Trajectory, panels: Sequence[Panel]) -> Figure:
     axes[-1].set_xlabel("time [s]")
     if run.time[-1] > run.time[0]:
         axes[-1].set_xlim(run.time[0], run.time[-1])
-    told = ", not all results are finite" if run.non_finite else ""
-    figure.suptitle(literal(f"{run.scene.name}: {run.status} at {run.time[-1]:.6g} s{told}", 90))
+    remark = ", not all results are finite" if run.non_finite else ""
+    figure.suptitle(literal(f"{run.scene.name}: {run.status} at {run.time[-1]:.6g} s{remark}", 90))
     return figure
 
 

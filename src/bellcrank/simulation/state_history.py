@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from bellcrank.scene.settings import Settings
 
 Array = NDArray[np.float64]
-# Rows of a block: so many numbers of the state, in whole LEAST_ROWS, which the SIMD lanes divide, so that every row has
-# the same bits as if all rows were computed at once.
+# Rows of a block: about BLOCK_NUMBERS numbers of the state, a multiple of LEAST_ROWS and so of the SIMD lanes, so that
+# every row has the same bits as if all rows were computed at once.
 BLOCK_NUMBERS, LEAST_ROWS, MOST_ROWS = 500_000, 1024, 65_536
 
 

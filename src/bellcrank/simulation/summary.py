@@ -72,7 +72,7 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
     t, v, w = float(last.kinetic_energy[0]), float(last.potential_energy[0]), float(last.work[0])
     work = f", work {w:.6g} J" if system_of(run.scene).has_work else ""
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
-        certificate = [
+        residuals = [
             ("energy drift", _known(run.energy_drift(), "of the largest energy")),
             ("equation residual", _known(run.equation_residual(), "of the largest joint force")),
         ]
@@ -81,7 +81,7 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
         ("cost", f"{effort}, {_seconds(cost.kernel_time)} in the integrator"),
         *((("events" if k == 0 else ""), text) for k, text in enumerate(_events(run))),
         ("energy at the end", f"kinetic {t:.6g} J, potential {v:.6g} J{work}"),
-        *certificate,
+        *residuals,
     ]
     rows.append(("error estimate", _error(run)))
     rows += _constraints(run)

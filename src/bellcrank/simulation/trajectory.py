@@ -70,7 +70,7 @@ class Trajectory(StateHistory):
     steps: Array
 
     def __repr__(self) -> str:
-        rows = f"{len(self.time)} rows{', not all of it finite numbers' if self.non_finite else ''}"
+        rows = f"{len(self.time)} rows{', not all results are finite' if self.non_finite else ''}"
         return f"Trajectory('{self.scene.name}', {self.status} at {self.time[-1]:g} s, {rows})"
 
     # ---- the end of the run

@@ -115,7 +115,7 @@ class ParallelRuns:
 
 
 class RegularCall:
-    """Calls a function with the sweep as far as it is, at most every `seconds` and for a small share of the time."""
+    """Calls a function with the designs that are done, at most every `seconds` and for a small share of the time."""
 
     def __init__(self, call: Callable[[Sweep], object], seconds: float) -> None:
         self.call, self.seconds = call, seconds

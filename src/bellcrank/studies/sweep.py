@@ -47,8 +47,8 @@ def sweep(
         threads: How many designs run at once; by default as many as the machine has processors.
         progress: Called with the number of designs done and the number of all.
         checking: Called before, with the number of values of an axis that are checked and the number of all.
-        keep: Called with the sweep as far as it is about every `keep_every` s, such as to write it to a file; less
-            often where that takes long.
+        keep: Called with the sweep of the designs that are done about every `keep_every` s, such as to write it to a
+            file; less often where that takes long.
         keep_every: s.
 
     Returns:
@@ -92,7 +92,7 @@ def _check_count(count: int) -> None:
 
 
 def _check(scene: Scene, axis: Axis, checking: Callable[[int, int], None] | None) -> None:
-    """Refuse a path none of whose values the scene takes, and one that changes the equations (InputError).
+    """Refuse a path that accepts none of its values or changes the equations (InputError).
 
     A parameter is an input of the equations, whatever its value, so that one value that the scene takes is enough.
     """

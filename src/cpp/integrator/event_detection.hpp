@@ -145,7 +145,7 @@ class Events {
     double v[parts + 1];
     for (int i = 0; i <= samples; ++i) blank(v[i] = g(i, e), at(i));
     if (samples == parts) {
-      stretch(e, 0, 1, v, 0);
+      scan_interval(e, 0, 1, v, 0);
     } else if (sign(v[0]) == now_ && sign(v[1]) == now_ && sign(v[2]) == now_ && halves_keep_off(v)) {
     } else {
       again(e, 0, v[0], 0.5, v[1], 1);
@@ -164,7 +164,7 @@ class Events {
 
   // The crossings between a and b, from samples at `place` between them. Where g oscillates here, later intervals of this
   // step and of the next are sampled as densely: an oscillation may look smooth in some interval by chance.
-  void stretch(int e, double a, double b, const double* v, int depth) {
+  void scan_interval(int e, double a, double b, const double* v, int depth) {
     const Shape shape(v);
     bool unclear[parts];
     int count = 0;
@@ -196,7 +196,7 @@ class Events {
     v[0] = at_a, v[parts] = at_b;
     for (int i = 1; i < parts; ++i) blank(v[i] = along(e, a + (b - a) * place[i]), a + (b - a) * place[i]);
     spent_ += parts - 1;
-    stretch(e, a, b, v, depth);
+    scan_interval(e, a, b, v, depth);
   }
 
   // An interval with at most one crossing, or with two around an extremum where it `may_dip`.
@@ -300,13 +300,13 @@ class Events {
   }
 
   // Corrects a root on the dense output by secant iterations over steps that end there; leaves the state at the event.
-  double refined(int e, double s, double stretch, double* x) {
+  double refined(int e, double s, double interval, double* x) {
     const double start = stepper_.t_old, h = length(), ulp = spacing(stepper_.t);
     const std::size_t bytes = p_.n * sizeof(double);
     if ((1 - s) * h <= ulp) return std::memcpy(x, stepper_.state(), bytes), stepper_.t;
     if (s * h <= ulp) return std::memcpy(x, stepper_.old_state(), bytes), start;
-    const double width = smaller(smaller(1e-3, larger(0.05 * stretch, 1e-7)), smaller(s, 1 - s));
-    const double most = smaller(0.1, larger(stretch, 1e-5)) * h;
+    const double width = smaller(smaller(1e-3, larger(0.05 * interval, 1e-7)), smaller(s, 1 - s));
+    const double most = smaller(0.1, larger(interval, 1e-5)) * h;
     double slope = (along(e, s + width) - along(e, s - width)) / (2 * width * h);
     double now = s * h, before = 0, at_before = 0;
     for (int k = 0; k < 8; ++k) {

@@ -1,7 +1,7 @@
 // Dense linear systems, real and complex: LU with partial pivoting, L D U with unit diagonals in L and U. Columns are
-// padded with zeros to whole lanes and hold only what a sweep subtracts, so that each step of a solution is one
-// multiplication of whole lanes; `Blocks` fixes their number at compile time (0: any number), and a solution then
-// stays in registers. Complex numbers are kept as separate real and imaginary arrays.
+// padded with zeros to whole SIMD lanes, so that each step of a substitution is one multiplication of whole lanes.
+// `Blocks` fixes their number at compile time (0: any number); a solution then stays in registers. Real and imaginary
+// parts are stored in separate arrays.
 #pragma once
 
 #include <utility>

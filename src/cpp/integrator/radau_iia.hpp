@@ -109,7 +109,7 @@ class Radau {
     rhs_.normalise(x);
   }
 
-  // The stages' cubic does not carry quadratures, whose rates may themselves be cubics of the time. Their dense output
+  // The cubic through the stages is too inaccurate for quadratures, whose rates may be cubics of time. Their dense output
   // is the integral of the cubic through the rates at the start, the end and the two stages between them, evaluated
   // anew there; at the step's end that is the method's own weights again.
   bool prepare() {

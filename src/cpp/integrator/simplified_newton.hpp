@@ -1,6 +1,6 @@
 // The stage equations of Radau IIA, solved by simplified Newton iterations: E. Hairer, G. Wanner, Solving Ordinary
-// Differential Equations II, sec. IV.8. On transformed stages they need one real and one complex factorisation; both
-// and the Jacobian are kept while they serve. Equations are multiplied by the step, so that none is too small.
+// Differential Equations II, sec. IV.8. In transformed stages they take one real and one complex factorisation; both and
+// the Jacobian are reused while Newton's method converges. Equations are multiplied by the step size for scaling.
 #pragma once
 
 #include "step_size_control.hpp"
@@ -85,7 +85,7 @@ class StageEquations {
     }
   }
 
-  // Iterations to a fraction of the tolerance, given up as soon as the rate foretells that six will not do.
+  // Iterates to a fraction of the tolerance; gives up as soon as the rate shows that six iterations will not suffice.
   Newton iterate(double t, double h, const double* start) {
     const double tolerance = larger(10 * 2.220446049250313e-16 / p_.rtol, smaller(0.03, std::sqrt(p_.rtol)));
     Newton newton;
@@ -114,7 +114,7 @@ class StageEquations {
     return newton;
   }
 
-  // Iterations to rounding, for steps whose size is given.
+  // Iterates to rounding error, for steps of a given size.
   Newton iterate_fully(double t, double h, const double* start) {
     Newton newton;
     double before = INFINITY;
@@ -127,7 +127,7 @@ class StageEquations {
       const double size = correction();
       newton.bad = !(size < INFINITY);
       if (newton.bad || (size > 2 * before && size > 1e-10)) return newton;
-      newton.converged = size <= 1e-15 || (size <= 1e-11 && size >= 0.5 * before);  // or as far as rounding lets it
+      newton.converged = size <= 1e-15 || (size <= 1e-11 && size >= 0.5 * before);  // or as far as rounding allows
       apply();
       if (newton.converged) return newton;
       before = size;
@@ -166,7 +166,7 @@ class StageEquations {
     return sum == 0;
   }
 
-  // Root mean square of so many rows of v over the scales.
+  // Root mean square of the first `rows` rows of v, divided by the scales.
   BELLCRANK_INLINE double norm(const double* v, int rows) const {
     Lanes sum = {};
     for (int b = 0; b < blocks(); ++b)
