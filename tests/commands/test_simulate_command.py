@@ -228,7 +228,7 @@ def test_the_progress_is_reported_in_simulated_time(arm, monkeypatch):
             seen.append(self.n)
 
     monkeypatch.setattr("tqdm.tqdm", Bar)
-    with command.simulated_bar(2.0) as progress:
+    with command.simulation_progress(2.0) as progress:
         for t in (0.5, 1.5, 2.5):
             progress(t)
     assert seen == [0.5, 1.5, 2.0]
