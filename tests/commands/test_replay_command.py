@@ -103,7 +103,7 @@ def test_a_limit_that_is_exceeded_is_exit_1(here, capsys):
         (["arm.yaml", "--png", "a.png", "--at", "2"], "a still at 2 s: expected a time from 0 s to 1 s"),
         (["four_baar"], "unknown scene or robot 'four_baar'"),
         (["arm.yaml", "--size"], "there is no motion to size over"),
-        ([".", "--simulate"], "--simulate is for a scene or configuration; . is a run already"),
+        ([".", "--simulate"], "--simulate is for a scene or configuration, and . is a saved run"),
     ],
 )
 def test_what_cannot_be_shown_is_refused_in_one_sentence_and_leaves_nothing(here, words, sentence):

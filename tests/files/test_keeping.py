@@ -533,7 +533,7 @@ def test_targets_that_cannot_be_files_are_refused_before_anything_is_computed(tm
     def compute(*_, **__):
         raise AssertionError("computed first")
 
-    for where in ("simulation.simulate.simulate", "designs.sweep.sweep", "sizing.front.size", "scene.scene.load_scene"):
+    for where in ("simulation.simulate.simulate", "studies.sweep.sweep", "sizing.size.size", "scene.scene.load_scene"):
         monkeypatch.setattr(f"bellcrank.{where}", compute)
     commands = [
         [*SWING, "--out", "out"],

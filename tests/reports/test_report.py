@@ -71,7 +71,7 @@ def test_energy_out_of_balance_is_no_ok_and_warned_of(tmp_path):
     coarse = simulated(tmp_path, ARM, solver="RK4", step=0.2)
     document = run_document(coarse)
     assert not document.success and document.status == "Warnings" and len(document.verdict) == 1
-    assert any("energy is not in balance" in text for text in document.warnings)
+    assert any("the energy balance is violated" in text for text in document.warnings)
 
 
 def test_rows_that_are_no_numbers_are_no_ok_and_the_still_stands_before_them(stopped):

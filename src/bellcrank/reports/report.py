@@ -65,7 +65,7 @@ def report(
 
         kinds = "a run, a sizing, or the path of a run"
         given = load_run(find_run(arguments.path("source", source, kinds)), trust=trust)
-    elif trust:
+    elif arguments.several("trust", [trust] if isinstance(trust, (str, Path)) else trust, object, "folders"):
         raise InputError("argument 'trust': it is for files, and 'source' is loaded already; give it to load_run")
     result = load_source(given, "report")
     if title is None or (isinstance(title, str) and not title):

@@ -77,7 +77,8 @@ def size(
     mass_tolerance = _mass_tolerance(mass_tolerance)
     loads = arguments.several("payloads", payloads, Payload, "Payloads", alone=True)
     links = arguments.several("allow_massless", allow_massless, str, "names of links", alone=True)
-    if trust and not isinstance(robot, (str, Path)):
+    folders = arguments.several("trust", [trust] if isinstance(trust, (str, Path)) else trust, object, "folders")
+    if folders and not isinstance(robot, (str, Path)):
         raise InputError(
             "argument 'trust': it is for files, and 'robot' is read already; give it where the robot is loaded"
         )
