@@ -489,7 +489,7 @@ def test_every_row_left_out_of_a_line_is_within_its_own_bound_and_gaps_and_jumps
 def test_between_sparse_rows_a_rolling_disk_is_where_a_finer_run_has_it():
     sparse, fine = (bc.simulate("rolling_disk", samples=n) for n in (501, 4001))
     film = film_of_run(sparse)
-    assert not any("guess" in text for name, text in film.facts if name == "note")
+    assert not any("uncertain" in note for note in film.notes)
     centre = np.stack([np.interp(fine.time, film.time, film.poses[:, 0, c]) for c in range(3)], axis=1)
     assert np.abs(centre - fine.position[:, :3]).max() < 2.0 * film.error_bound
     mine, true = film.arrows[0], film_of_run(fine).arrows[0]
