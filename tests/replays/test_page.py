@@ -2,9 +2,11 @@
 
 import base64
 import dataclasses
+import hashlib
 import io
 import json
 import re
+import zlib
 
 import numpy as np
 import pytest
@@ -29,7 +31,7 @@ from bellcrank.replays.film.film import (
     XYPlot,
 )
 from bellcrank.replays.geometry.shapes import Body, Mesh, Shape
-from bellcrank.replays.page.page import page_html, write_page
+from bellcrank.replays.page.page import ASSETS, page_html, write_page
 
 pytest_plugins = ("browser",)
 
@@ -718,6 +720,29 @@ def test_a_page_that_cannot_be_written_leaves_nothing_behind(tmp_path):
     with pytest.raises(InputError, match="finite"):
         write_page(nan_pose(arm()), bad)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder.html"]
+
+
+# ---- bundled scripts
+
+
+@pytest.mark.parametrize("library", ["meshcat", "uplot"])
+def test_bundled_scripts_are_those_that_their_readme_states(library):
+    folder = ASSETS / library
+    stated = re.findall(r"^\| `([^`]+)` \|.*\| `([0-9a-f]{64})` \|$", (folder / "README.md").read_text(), re.MULTILINE)
+    assert len(stated) >= 3
+    for name, digest in stated:
+        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest, name
+
+
+def test_a_page_names_its_libraries_with_versions_and_holds_the_text_of_each_licence():
+    library = re.search(r'id="library">([^<]*)<', page_html(arm()))[1]
+    licences = json.loads(zlib.decompress(base64.b64decode(library)))["licences"]
+    parts = {part.split("\n\n", 1)[0]: part.split("\n\n", 1)[1] for part in licences.split("==== ")[1:]}
+    names = ("meshcat 0.3.2", "three, 0.132.2", "dat.gui, 0.7.7", "msgpack-lite", "isarray, 1.0.0", "uPlot 1.6.32")
+    for name in names:
+        (text,) = (text for title, text in parts.items() if title.startswith(name))
+        assert "Permission is hereby granted" in text or "Apache License" in text, name
+    assert len(parts) == 12 and min(map(len, parts.values())) > 800
 
 
 # ---- arrows
