@@ -69,25 +69,52 @@ def arm(n=601, end=10.0, **changes):
     q1, q2 = angles(t)
     force = np.stack([30 * np.sin(t), 0 * t, 20 + 0 * t], axis=1)
     fields = {
-        "title": "Arm of two boxes", "time": t, "poses": poses,
+        "title": "Arm of two boxes",
+        "time": t,
+        "poses": poses,
         "bodies": (
             Body("upper", (Shape(kind="box", size=(0.5, 0.08, 0.1), colour=BLUE, pose=(0.25, 0, 0, 0, 0, 0, 1)),)),
             Body("fore", (Shape(kind="box", size=tuple(BOX), colour=GREEN, pose=(0.2, 0, 0, 0, 0, 0, 1)),)),
             Body("ball", (Shape(kind="sphere", size=(BALL,), colour=RED),)),
         ),
-        "camera": Camera((0.4, -2.6, 1.2), (0.0, 0.0, 0.6), (0, 0, 1)), "error_bound": 1e-4,
-        "ground": Ground((0, 0, 1), 0.0), "traces": (Trace("path of the ball", t, places[:, 2]),),
-        "arrows": (Arrow(name="contact", unit="N", points=places[:, 2], vectors=force), Arrow(name="motor", unit="N m", points=places[:, 1], vectors=0.1 * force, is_torque=True)),
+        "camera": Camera((0.4, -2.6, 1.2), (0.0, 0.0, 0.6), (0, 0, 1)),
+        "error_bound": 1e-4,
+        "ground": Ground((0, 0, 1), 0.0),
+        "traces": (Trace("path of the ball", t, places[:, 2]),),
+        "arrows": (
+            Arrow(name="contact", unit="N", points=places[:, 2], vectors=force),
+            Arrow(name="motor", unit="N m", points=places[:, 1], vectors=0.1 * force, is_torque=True),
+        ),
         "springs": (Spring("spring", np.stack([0 * places[:, 0] + [-0.6, 0, 1.2], places[:, 1]], axis=1)),),
-        "axes": (Axis(name="shoulder", body=0, point=(0, 0, 0), direction=(0, 1, 0), torsion_spring=True), Axis(name="elbow", body=1, point=(0, 0, 0), direction=(0, 1, 0))),
+        "axes": (
+            Axis(name="shoulder", body=0, point=(0, 0, 0), direction=(0, 1, 0), torsion_spring=True),
+            Axis(name="elbow", body=1, point=(0, 0, 0), direction=(0, 1, 0)),
+        ),
         "events": (TimelineEvent(2.5, "lock engages"), TimelineEvent(7.0, "contact lost")),
         "charts": (
             Chart(title="position", unit="rad", time=t, lines=(Line("shoulder", q1), Line("elbow", q2))),
-            Chart(title="residual", unit="m", time=t, lines=(Line("loop", np.abs(1e-12 * np.sin(9 * t))),), logarithmic=True),
+            Chart(
+                title="residual",
+                unit="m",
+                time=t,
+                lines=(Line("loop", np.abs(1e-12 * np.sin(9 * t))),),
+                logarithmic=True,
+            ),
         ),
-        "xy_plots": (XYPlot(title="motor", x_label="speed [rad/s]", y_label="torque [N m]", time=t, x=np.cos(t), y=q1, limits=(("peak", np.eye(3, 2)),)),),
-        "facts": (("solver", "DOP853"),), "notes": ("A note.",),
-    }  # fmt: skip
+        "xy_plots": (
+            XYPlot(
+                title="motor",
+                x_label="speed [rad/s]",
+                y_label="torque [N m]",
+                time=t,
+                x=np.cos(t),
+                y=q1,
+                limits=(("peak", np.eye(3, 2)),),
+            ),
+        ),
+        "facts": (("solver", "DOP853"),),
+        "notes": ("A note.",),
+    }
     return Film(**{**fields, **changes})
 
 
@@ -601,16 +628,28 @@ def test_names_cannot_bring_anything_into_the_page(open_page, folder):
     names = ("__proto__", "constructor", "toString", "a/b", HOSTILE)
     t = np.array([0.0, 1.0])
     film = Film(
-        title=HOSTILE, time=t, poses=np.tile([0.0, 0, 0, 0, 0, 0, 1], (2, len(names), 1)),
+        title=HOSTILE,
+        time=t,
+        poses=np.tile([0.0, 0, 0, 0, 0, 0, 1], (2, len(names), 1)),
         bodies=tuple(Body(name, (Shape(kind="box", size=(0.1, 0.1, 0.1), colour=RED),)) for name in names),
-        camera=Camera((1, 1, 1), (0, 0, 0), (0, 0, 1)), error_bound=0.0, ground=None, traces=tuple(Trace(name, t, np.eye(2, 3)) for name in names),
+        camera=Camera((1, 1, 1), (0, 0, 0), (0, 0, 1)),
+        error_bound=0.0,
+        ground=None,
+        traces=tuple(Trace(name, t, np.eye(2, 3)) for name in names),
         arrows=tuple(Arrow(name=name, unit=name, points=np.eye(2, 3), vectors=np.eye(2, 3)) for name in names),
         springs=tuple(Spring(name, np.ones((2, 2, 3)) * [[[0], [1]]]) for name in names),
-        axes=tuple(Axis(name=name, body=0, point=(0, 0, 0), direction=(0, 0, 1)) for name in names), events=tuple(TimelineEvent(0.5, name) for name in names),
-        charts=tuple(Chart(title=name, unit=name, time=t, lines=tuple(Line(each, t) for each in names)) for name in names),
-        xy_plots=tuple(XYPlot(title=name, x_label=name, y_label=name, time=t, x=t, y=t, limits=((name, np.eye(3, 2)),)) for name in names),
-        facts=tuple((name, name) for name in names), notes=names,
-    )  # fmt: skip
+        axes=tuple(Axis(name=name, body=0, point=(0, 0, 0), direction=(0, 0, 1)) for name in names),
+        events=tuple(TimelineEvent(0.5, name) for name in names),
+        charts=tuple(
+            Chart(title=name, unit=name, time=t, lines=tuple(Line(each, t) for each in names)) for name in names
+        ),
+        xy_plots=tuple(
+            XYPlot(title=name, x_label=name, y_label=name, time=t, x=t, y=t, limits=((name, np.eye(3, 2)),))
+            for name in names
+        ),
+        facts=tuple((name, name) for name in names),
+        notes=names,
+    )
     opened = open_page(write_page(film, folder / "hostile.html"), size=(1280, 800))
     shown = HOSTILE.replace("\ud800", "?")
     assert opened.tab.text_content("h1") == shown and opened.tab.title() == shown
