@@ -281,6 +281,7 @@ def test_what_cannot_be_told_in_so_few_numbers_is_said_to_be_extremes():
 # ---- in a browser
 
 
+@pytest.mark.browser
 def test_the_page_reads_off_what_is_true_in_a_dwell_and_after_a_zoom_its_playhead_stays_with_its_time(
     open_page, tmp_path, no_meshes
 ):

@@ -313,7 +313,7 @@ def test_what_rolls_has_marks_off_its_axle_by_which_its_spin_is_seen(name):
 
 def test_torsion_springs_axes_and_prismatic_springs_are_there():
     film = film_of_run(bc.simulate("four_bar", duration=0.5))
-    assert [axis.name for axis in film.axes if axis.spring] == ["crank"] and len(film.axes) == 3
+    assert [axis.name for axis in film.axes if axis.torsion_spring] == ["crank"] and len(film.axes) == 3
     run = bc.simulate("spring_pendulum", duration=1.0)
     (spring,) = (film := film_of_run(run)).springs
     length = np.linalg.norm(spring.ends[:, 1] - spring.ends[:, 0], axis=1)
@@ -374,7 +374,7 @@ def test_where_a_limit_is_exceeded_a_sizing_has_a_mark():
     robot = config.robot()
     weak = {"shoulder": replace(config.actuators["shoulder"], rated_torque=0.1, peak_torque=0.5)}
     sizing = bc.size(robot, config.motion(robot, "elbow_down"), weak)
-    marks = film_of_sizing(sizing).marks
+    marks = film_of_sizing(sizing).events
     worst = sizing.joint("shoulder").shaft.peak_torque
     assert any("shoulder exceeds its motor's peak torque" in m.text and m.time == worst.time for m in marks)
 
@@ -489,7 +489,7 @@ def test_every_row_left_out_of_a_line_is_within_its_own_bound_and_gaps_and_jumps
 def test_between_sparse_rows_a_rolling_disk_is_where_a_finer_run_has_it():
     sparse, fine = (bc.simulate("rolling_disk", samples=n) for n in (501, 4001))
     film = film_of_run(sparse)
-    assert not any("guess" in text for name, text in film.facts if name == "note")
+    assert not any("uncertain" in note for note in film.notes)
     centre = np.stack([np.interp(fine.time, film.time, film.poses[:, 0, c]) for c in range(3)], axis=1)
     assert np.abs(centre - fine.position[:, :3]).max() < 2.0 * film.error_bound
     mine, true = film.arrows[0], film_of_run(fine).arrows[0]

@@ -198,6 +198,7 @@ def written(stopped, tmp_path_factory):
     return report(stopped, tmp_path_factory.mktemp("report") / "stopped")
 
 
+@pytest.mark.browser
 def test_on_a_screen_the_verdict_comes_first_and_nothing_runs_but_the_page(written, open_page):
     page = open_page(written, size=(1280, 900))
     assert page.clean and page.do("window.hacked === undefined") and page.do("b.time") == 0.0
@@ -207,11 +208,13 @@ def test_on_a_screen_the_verdict_comes_first_and_nothing_runs_but_the_page(writt
     assert not page.tab.locator(".paper").first.is_visible()
 
 
+@pytest.mark.browser
 def test_on_a_phone_nothing_is_wider_than_the_screen(written, open_page):
     page = open_page(written, size=(390, 844))
     assert page.do("document.documentElement.scrollWidth") <= 390 and page.clean
 
 
+@pytest.mark.browser
 def test_on_paper_the_moment_and_the_plots_stand_for_what_moves(written, stopped, open_page):
     page = open_page(written, size=(1280, 900))
     page.tab.wait_for_function("document.querySelector('#still img').complete")
@@ -227,6 +230,7 @@ def test_on_paper_the_moment_and_the_plots_stand_for_what_moves(written, stopped
     assert max(widths) <= 0 and len(page.tab.pdf(format="A4")) > 20_000
 
 
+@pytest.mark.browser
 def test_two_notebook_frames_on_one_page_draw_at_full_width_without_an_error(stopped, open_page, tmp_path):
     from bellcrank.replays.page.page import page_html
 

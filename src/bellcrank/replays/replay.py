@@ -206,20 +206,20 @@ def find_run(path: str | Path) -> Path:
     return file / "run.npz"
 
 
-def load_source(source: Any, caller: str = "replay", argument: str = "source") -> Trajectory | Motion | Sizing:
-    """A run, a motion or a sizing; a path is read. Raises InputError, which names the caller and its argument."""
+def load_source(source: Any, caller: str = "replay") -> Trajectory | Motion | Sizing:
+    """A run, a motion or a sizing; a path is read. Raises InputError, which names the caller."""
     kinds = "a run, a motion, a sizing, or the path of a run"
     if isinstance(source, (Motion, Sizing)):
         return source
     if isinstance(source, (str, Path)):
         from bellcrank.simulation.load_run import load_run
 
-        return load_run(find_run(arguments.path(argument, source, kinds)))
+        return load_run(find_run(arguments.path("source", source, kinds)))
     from bellcrank.simulation.trajectory import Trajectory
 
     if isinstance(source, Trajectory):
         return source
-    arguments.refuse(argument, kinds, source, caller, "simulate or size first")
+    arguments.refuse("source", kinds, source, caller, "simulate or size first")
 
 
 def source_name(source: Trajectory | Motion | Sizing) -> str:

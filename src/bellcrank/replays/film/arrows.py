@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SceneFrames:
-    """A scene at n times: its parameters' values, states (n, …) that begin with q, and the poses of the robot's frames."""
+    """A scene at n times: parameter values, states (n, …) that begin with q, and the poses of the robot's frames."""
 
     scene: Scene
     parameters: Array

@@ -80,7 +80,7 @@ def frame_rows(
 def interpolation_error(
     time: Array, points: Array, quaternions: Array, radii: Array, rows: Rows, first: Rows, last: Rows
 ) -> Array:
-    """Bounds (m,) on the error of any point of the bodies at `rows` (m,), interpolated from rows `first` to rows `last`.
+    """Bounds (m,) on the error of any point of the bodies at `rows` (m,), interpolated from `first` to `last` rows.
 
     Positions are interpolated linearly, orientations at a constant rate. The bound is |Δp| + 2 r |Δq|: a rotation by δ
     moves a point at the radius r by at most 2 r sin(δ/2), and |Δq| = 2 sin(δ/4). It is infinite if a body turns by more

@@ -111,7 +111,7 @@ class Chart:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class XYPlot:
-    """One quantity over another at times (m,), such as torque over speed, with `limits`: names and closed curves (k, 2).
+    """One quantity over another at times (m,), such as torque over speed; `limits` are names and closed curves (k, 2).
 
     Times and `tolerance` as in a chart.
     """

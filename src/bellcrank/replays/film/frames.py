@@ -1,4 +1,4 @@
-"""Frames of a film: poses of bodies, traces and arrows along a trajectory, at as few times as the error bound allows."""
+"""Frames of a film: poses, traces and arrows along a trajectory, at as few times as the error bound allows."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def sample_frames(
 def _arrows_between(
     trajectory: SampledTrajectory, a: int, b: int, points: Array, quaternions: Array, arrows: ArrowFunction
 ) -> Iterable[Arrow]:
-    """Arrows at rows a to b of a trajectory, at which frames have these points and quaternions (b − a + 1, frames, …)."""
+    """Arrows at rows a to b of a trajectory; points and quaternions (b − a + 1, frames, …) are those of its frames."""
 
     def frame_pose(name: str) -> tuple[Array, Array]:
         return points[:, trajectory.frame_index[name]], quaternions[:, trajectory.frame_index[name]]

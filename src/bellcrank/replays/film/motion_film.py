@@ -69,7 +69,7 @@ class MotionSequence:
         return joint_torques(self.mechanism, self.mechanism.motors, self.actuators, states, end)
 
     def efforts(self, motion: Motion, t: Array, q: Array, v: Array, a: Array) -> list[Array]:
-        """Torques at the joints, and speeds and torques of the motors, (n, motors) each, at times (n,) s of a motion."""
+        """Torques at joints, and speeds and torques of motors, (n, motors) each, at times (n,) s of a motion."""
         torques = self.torques(motion, t, q, v, a)
         motors = [
             motor_speed_torque(joint, self.actuators.get(joint.name), torque, v, a)

@@ -26,7 +26,7 @@ def film_of_sizing(
     title: str | None = None,
     progress: Progress = None,
 ) -> Film:
-    """The film of a sizing: its motions one after the other, torques, torque-speed plots, and events at exceeded limits.
+    """The film of a sizing: its motions in sequence, torques, torque-speed plots, and events at exceeded limits.
 
     Raises InputError for an unknown frame, and for a sizing without its motions.
     """

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ColouredTriangles:
-    """Triangles of one colour (None: the file gives none): vertices (k, 3) in the file's unit (COLLADA: m), faces (m, 3)."""
+    """Triangles of one colour (None: unknown): vertices (k, 3) in the file's unit (COLLADA: m), faces (m, 3)."""
 
     vertices: Array
     faces: NDArray[np.int64]

@@ -91,7 +91,7 @@ class Simplifier:
 
 @dataclass(frozen=True, eq=False)
 class _Edges:
-    """Edges by increasing key, the best place of the merged vertex of each, and the mean squared shift that it costs."""
+    """Edges by increasing key, the best place of each merged vertex, and the mean squared shift that it costs."""
 
     keys: Numbers
     places: Array

@@ -25,7 +25,7 @@ UNCOLOURED: Colour = (*GREY[:3], -1.0)  # marks a shape that the URDF gives no c
 
 @dataclass(frozen=True)
 class UrdfShape:
-    """The shape of an element (colour UNCOLOURED if the URDF gives none); for a mesh, its name and its file if found."""
+    """The shape of an element (UNCOLOURED if the URDF gives no colour); for a mesh, its name, and its file if found."""
 
     shape: Shape
     mesh: str = ""
