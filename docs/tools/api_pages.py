@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import bellcrank as bc
 from bellcrank import deprecated
@@ -78,7 +79,8 @@ def _deprecated() -> str:
     return "\n".join([*lines, *(f"| `{old}` | `{new}` |" for old, new in dict.fromkeys(rows)), ""])
 
 
-def _below(cls: type) -> Iterator[type]:
+def _below(cls: type[Any]) -> Iterator[type[Any]]:
+    each: type[Any]
     for each in cls.__subclasses__():
         yield each
         yield from _below(each)

@@ -30,9 +30,7 @@ def page() -> str:
     """The page as Markdown."""
     lines = [HEAD]
     for name, parser in commands().items():
-        parser.formatter_class = lambda prog: argparse.HelpFormatter(prog, width=100)
-        usage = " ".join(parser.format_usage().removeprefix("usage: ").split())
-        lines += [f"\n## bellcrank {name}\n", f"{parser.description}\n", f"```text\n{usage}\n```\n"]
+        lines += [f"\n## bellcrank {name}\n", f"{parser.description}\n", f"```text\n{_usage(name, parser)}\n```\n"]
         lines += ["| argument | meaning |", "|---|---|"]
         lines += [_row(action) for action in parser._actions if not isinstance(action, argparse._HelpAction)]
     return "\n".join([*lines, ""])
@@ -40,6 +38,18 @@ def page() -> str:
 
 def _subparsers(parser: argparse.ArgumentParser) -> argparse._SubParsersAction[argparse.ArgumentParser]:
     return next(action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
+
+
+def _usage(name: str, parser: argparse.ArgumentParser) -> str:
+    """The command with what it requires."""
+    words = ["bellcrank", name]
+    for action in parser._actions:
+        given = action.metavar if isinstance(action.metavar, str) else action.dest.upper()
+        if action.option_strings:
+            words += [f"{action.option_strings[0]} {given}"] if action.required else []
+        else:
+            words.append({"*": f"[{given} ...]", "?": f"[{given}]", "+": f"{given} ..."}.get(str(action.nargs), given))
+    return " ".join([*words, "[options]"])
 
 
 def _row(action: argparse.Action) -> str:

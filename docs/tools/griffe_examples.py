@@ -8,7 +8,7 @@ from typing import Any
 import griffe
 
 
-class ExampleSections(griffe.Extension):  # type: ignore[misc]
+class ExampleSections(griffe.Extension):
     """Lets the examples be shown as Python sessions rather than as a note."""
 
     def on_object(self, *, obj: griffe.Object, **_: Any) -> None:

@@ -23,7 +23,8 @@ VIEW, CAPTION, COLUMNS = (400, 300), 34, 4
 def few_colours(picture: Image.Image) -> Image.Image:
     """In 256 colours: half of them for the sky, which is most of it, and half for all else."""
     halves = [
-        picture.quantize(128, method).getpalette() for method in (Image.Quantize.MEDIANCUT, Image.Quantize.MAXCOVERAGE)
+        picture.quantize(128, method).getpalette() or []
+        for method in (Image.Quantize.MEDIANCUT, Image.Quantize.MAXCOVERAGE)
     ]
     palette = Image.new("P", (1, 1))
     palette.putpalette([colour for half in halves for colour in half[: 3 * 128]])
