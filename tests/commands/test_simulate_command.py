@@ -79,7 +79,7 @@ def test_options_win_over_set_and_set_over_the_file(arm):
 
 def test_the_error_estimate_is_of_the_size_of_the_true_error(arm, capsys):
     assert main(["simulate", "arm.yaml", "--rtol", "1e-6", "--atol", "1e-6", "--error-estimate", "--no-plots"]) == 0
-    told = float(re.search(r"off by about (\S+)", capsys.readouterr().out)[1])
+    told = float(re.search(r"about (\S+) \(rad or m\) in positions", capsys.readouterr().out)[1])
     rough = bc.load_run("arm_run/run.npz")
     true = np.abs(rough.position - bc.simulate("arm.yaml", rtol=1e-12, atol=1e-12).position).max()
     assert 0.3 * true < told < 3.0 * true
