@@ -12,7 +12,8 @@ from bellcrank_bench.textbook.four_bar import FourBarWithMultipliers
 from bellcrank_bench.textbook.planar_2r import PlanarTwoLink
 from bellcrank_bench.textbook.rolling_disk import SixCoordinateDisk
 from bellcrank_bench.textbook.spring_pendulum import SpringPendulum
-from bellcrank_bench.verification.verify import VERIFIABLE, verify, verify_planar_2r
+from bellcrank_bench.verification import VERIFIABLE
+from bellcrank_bench.verification.verify import verify, verify_planar_2r
 
 # A. Ghosal, lecture 18, scene 1, recomputed independently: tau1 min, max, tau2 min, max in N m at phi = 2 pi k / 1000
 TABLE = {-1: (71.86823535828, 168.2846498082, 62.9079893977, 71.60635945914),

@@ -204,7 +204,7 @@ def test_a_fault_of_ours_is_not_the_answer_no(monkeypatch, capsys):
     def fail(name):
         raise ZeroDivisionError("ours")
 
-    monkeypatch.setattr("bellcrank_bench.commands.verify.verify", fail)
+    monkeypatch.setattr("bellcrank_bench.verification.verify.verify", fail)
     assert main(["verify", "planar_2r"]) == 70
     assert "fault of bellcrank" in capsys.readouterr().err
 

@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from bellcrank.commands.options import whole_option
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.terminal import interruption
@@ -56,6 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Measure, print tables and write files; exit code 1 if a hard case misses a limit."""
+    from bellcrank.commands.options import whole_option
+
     arguments.repeats = whole_option("--repeats", arguments.repeats, 1, 10**6)
     arguments.samples = whole_option("--samples", arguments.samples, 64, 10**8)
     if arguments.scenes and (arguments.hard or arguments.gains or arguments.dynamics is not None):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from bellcrank.terminal import interruption
-from bellcrank_bench.verification.verify import VERIFIABLE, verify
+from bellcrank_bench.verification import VERIFIABLE
 
 SUMMARY = "compare compiled equations with a textbook's"
 
@@ -18,6 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print the largest difference of each quantity; exit code 1 if one exceeds its tolerance."""
     from bellcrank_bench.tables.text import difference_table
+    from bellcrank_bench.verification.verify import verify
 
     good = True
     for name in arguments.scenes or VERIFIABLE:

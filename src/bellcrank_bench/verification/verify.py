@@ -17,6 +17,7 @@ from bellcrank.simulation.simulate import simulate
 from bellcrank_bench.textbook.integrate import Array, integrate
 from bellcrank_bench.textbook.planar_2r import PlanarTwoLink
 from bellcrank_bench.textbook.spring_pendulum import SpringPendulum
+from bellcrank_bench.verification import VERIFIABLE
 from bellcrank_bench.verification.constrained import verify_four_bar, verify_rolling_disk
 from bellcrank_bench.verification.difference import Difference, difference, run_differences
 
@@ -151,4 +152,3 @@ _CLOSED: dict[str, Callable[[Scene, int], list[Difference]]] = {
     "four_bar": verify_four_bar,
     "rolling_disk": verify_rolling_disk,
 }
-VERIFIABLE = ("planar_2r", *_SCENES, *_CLOSED)
