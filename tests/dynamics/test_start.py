@@ -386,6 +386,22 @@ def test_after_a_latch_a_run_goes_on_behind_the_impact(tmp_path):
     np.testing.assert_array_equal(q, run.position[-1])
     np.testing.assert_allclose(v, latch.velocity, atol=1e-13)
     assert abs(v[1]) < 1e-12
+    # a file of version 0.4 does not hold the velocity behind the impact: saved once more, it does
+    with np.load(tmp_path / "shut.npz") as archive:
+        members = {name: archive[name] for name in archive.files if name != "latch_velocity"}
+    np.savez(tmp_path / "old.npz", **members)
+    with pytest.raises(InputError, match=r"old\.npz: the run ended with a latch .*bc\.load_run\(FILE\)\.save\(FILE\)"):
+        scene.with_overrides({"initial": {"run": "old.npz"}})
+    bc.load_run(tmp_path / "old.npz").save(tmp_path / "old.npz")
+    again = consistent_start(scene.with_overrides({"initial": {"run": "old.npz"}}))
+    np.testing.assert_allclose(again[1], v, rtol=0, atol=1e-13)
+    # the velocity that a file holds is checked
+    for wrong in (np.zeros(5), np.full(2, np.nan)):
+        np.savez(tmp_path / "wrong.npz", **members, latch_velocity=wrong)
+        with pytest.raises(InputError, match=r"latch_velocity|not finite"):
+            scene.with_overrides({"initial": {"run": "wrong.npz"}})
+        with pytest.raises(InputError, match="latch_velocity"):
+            bc.load_run(tmp_path / "wrong.npz")
 
 
 @pytest.mark.parametrize(

@@ -145,7 +145,7 @@ def test_blocks_that_are_no_blocks_are_refused_in_one_sentence(tmp_path):
     shutil.copy(tmp_path / "run.blocks/about.npz", folder / "0002.npz")
     with pytest.raises(InputError, match="not a run"):
         bc.load_run(folder)
-    with pytest.raises(InputError, match="found a folder"):
+    with pytest.raises(InputError, match="found another folder"):
         bc.load_run(tmp_path)
     (tmp_path / "mine.blocks").mkdir()
     with pytest.raises(InputError, match="found something else"):
@@ -174,7 +174,7 @@ def test_what_compressed_blocks_unpack_to_is_limited_together(tmp_path, monkeypa
     np.savez_compressed(folder / "0001.npz", about=about, time=np.zeros(claimed // 8))
     size = (folder / "0001.npz").stat().st_size
     assert 20 * size < claimed / 2
-    monkeypatch.setattr(checkpoints, "UNPACKED", claimed * count // 2)
+    monkeypatch.setattr("bellcrank.scene.run_contents.UNPACKED", claimed * count // 2)
     with pytest.raises(InputError, match=r"0001.npz.*its members claim \d+ bytes"):
         bc.load_run(folder)
 

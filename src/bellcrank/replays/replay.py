@@ -183,7 +183,7 @@ def find_run(path: str | Path) -> Path:
 
     For a run that was killed it is the folder of its blocks. Raises InputError.
     """
-    from bellcrank.simulation.checkpoints import holds_checkpoints
+    from bellcrank.scene.run_contents import holds_checkpoints
 
     file = Path(path)
     if not file.is_dir() or holds_checkpoints(file):

@@ -2,7 +2,7 @@
 
 initial: {shoulder: -90 deg, elbow: {guess: 45 deg}, velocity: {shoulder: 0.2}}; joints that are not named start at 0
 and at rest. `motion: NAME` starts on a motion of the configuration, at time 0, joints that are named besides keep what they are
-given. `run: FILE.npz` starts where a saved run was (run_start.py), likewise. The keys `velocity`, `motion` and `run`
+given. `run: FILE.npz` starts where a saved run was (saved_state.py), likewise. The keys `velocity`, `motion` and `run`
 stand for a joint of that name where their value is a position, `time` and `clock` wherever there is such a joint. A
 `guess` is a plain value as long as nothing closes a loop. A floating or planar joint has a mapping, in the words of
 `base` (free_joint_start.py).
@@ -21,7 +21,7 @@ from bellcrank.config.fields import Fields, parse_number
 from bellcrank.elements.element import joint_named, joint_unit
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.scene.free_joint_start import FreeJointStart, read_free_joint_start
-from bellcrank.simulation.run_start import SavedState, read_clock, read_run_start
+from bellcrank.scene.saved_state import SavedState, SceneReader, read_clock, read_run_start
 
 if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
@@ -50,7 +50,7 @@ class Initial:
         """The position (nq,) that is given; `motion` is the one that the field `motion` names."""
         q = robot.neutral.copy()
         if self.saved is not None:
-            self.saved.place(robot, q)
+            self.saved.write_position(robot, q)
         if motion is not None:
             start = motion.at(np.clip(self.clock, motion.time[0], motion.time[-1]))[0]
             for j in robot.joints:
@@ -66,7 +66,7 @@ class Initial:
         """The velocity (nv,) that is given, a free joint's in the axes that its body has at the position q (nq,)."""
         v = np.zeros(robot.nv)
         if self.saved is not None:
-            self.saved.move(robot, v)
+            self.saved.write_velocity(robot, v)
         if motion is not None:
             rate = motion.at(np.clip(self.clock, motion.time[0], motion.time[-1]))[1]
             for j in robot.joints:
@@ -102,8 +102,11 @@ class Initial:
         )
 
 
-def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any]) -> Initial:
-    """The keys `initial` and `base` of a scene; InputError naming file and key."""
+def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any], read_scene: SceneReader) -> Initial:
+    """The keys `initial` and `base` of a scene; InputError naming file and key.
+
+    `read_scene` reads the scene inside a saved run.
+    """
     start = read.mapping("initial", {})
     position, guesses, free = dict[str, float](), list[str](), dict[str, FreeJointStart]()
     motion: str | None = None
@@ -119,7 +122,7 @@ def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any]) -> Init
             if motion not in motions:
                 raise start.error(key, unknown_name("motion", motion, motions))
         elif key == "run" and isinstance(given, str) and not _is_position(given):
-            saved = read_run_start(start, robot, "time" in times)
+            saved = read_run_start(start, robot, read_scene, "time" in times)
         elif key in times:
             continue
         elif (of_free := _read_free(start, key, robot)) is not None:

@@ -43,6 +43,7 @@ from bellcrank.scene.outputs import Output, read_outputs
 from bellcrank.scene.overrides import apply_overrides
 from bellcrank.scene.renamed_keys import read_scene_data
 from bellcrank.scene.robot_config import SCENE_KEYS, RobotConfig, config_from_fields, find_config
+from bellcrank.scene.saved_state import RunScene
 from bellcrank.scene.settings import Settings, check_rows, read_settings
 from bellcrank.scene.source_mapping import plain, source_mapping
 
@@ -249,6 +250,12 @@ def load_held_scene(source: Path) -> Scene:
     return _read(read_scene_data(source)[0], source, FileAccess(source.parent, source.parent, held=True))
 
 
+def scene_of_run(source: Path) -> RunScene:
+    """What a start takes from the scene inside a saved run."""
+    scene = load_held_scene(source)
+    return RunScene(scene.robot, scene.initial.clock, frozenset(rule.name for rule in scene.events if rule.latch))
+
+
 def _read(
     data: Mapping[str, Any],
     source: Path,
@@ -270,7 +277,7 @@ def _read(
     forces = read_forces(read, robot)
     control = read_control(read, robot, config.motions, motion_of)
     refuse_joints_off_paths(constraints, control, robot, config.motions)
-    initial = read_initial(read, robot, config.motions)
+    initial = read_initial(read, robot, config.motions, scene_of_run)
     parts: tuple[Part, ...] = (*forces, *control, *constraints)
     parameters = read_parameters(read, robot, parts)
     events = read_events(read, robot, parameters, constraints)

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import shutil
 import time
 import warnings
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +26,17 @@ from bellcrank.elements.signals import Signal
 from bellcrank.errors import InputError, NotSavedError
 from bellcrank.files.atomic_write import file_meant
 from bellcrank.files.temporaries import is_running, new_folder, own_mark
+from bellcrank.scene.run_contents import (
+    CHECKPOINT,
+    CHECKPOINTS,
+    VERSION,
+    archive_of,
+    checkpoint_file,
+    holds_checkpoints,
+)
 from bellcrank.scene.scene import Scene
 from bellcrank.scene.settings import Settings
-from bellcrank.simulation.run_archive import UNPACKED
-from bellcrank.simulation.run_format import CHECKPOINT, CHECKPOINTS, RUN, VERSION, archive_of, run_path, write_archive
+from bellcrank.simulation.run_format import run_path, write_archive
 from bellcrank.simulation.save_run import file_contents, refuse_functions, save_run
 from bellcrank.simulation.statistics import Statistics, statistics_of
 from bellcrank.simulation.status import Status
@@ -42,8 +48,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 KEEP_EVERY, LONGEST_KEEP = 5.0, 1e6  # s of computing between two checkpoints: the default, and the most
 SPACING = 50.0  # times as long as writing takes: on a slow disk checkpoints are further apart
-_NUMBERED = re.compile(r"\d{4,}\.npz")
-_ROWS = ("time", "state", "event_time", "event_position", "event_velocity")
 
 
 def check_keep_every(seconds: float) -> float:
@@ -54,11 +58,6 @@ def check_keep_every(seconds: float) -> float:
 def checkpoint_folder(path: str | Path) -> Path:
     """The folder of the checkpoints of a run that is kept in an .npz file: run.blocks for run.npz."""
     return run_path(path).with_suffix(".blocks")
-
-
-def holds_checkpoints(folder: Path) -> bool:
-    """Whether this is a folder of checkpoints."""
-    return (folder / "about.npz").is_file()
 
 
 def set_aside(folder: Path) -> Path | None:
@@ -73,7 +72,7 @@ def set_aside(folder: Path) -> Path | None:
             f"{folder}: expected the checkpoints of an unfinished run there, found something else; rename it"
         )
     try:
-        about, _ = archive_of(_member(folder, "about.npz"), CHECKPOINTS)
+        about, _ = archive_of(checkpoint_file(folder, "about.npz"), CHECKPOINTS)
     except InputError:
         about = {}
     mark = str(about.get("process", ""))
@@ -221,50 +220,3 @@ class CheckpointWriter:
         self._written += 1
         self._rows += len(arrays["time"])
         self._until = float(arrays["end_time"][-1])
-
-
-def joined_checkpoints(folder: Path) -> tuple[dict[str, Any], dict[str, Array]]:
-    """The contents of a folder of checkpoints, in the form of a run's file. Raises InputError."""
-    if not holds_checkpoints(folder):
-        raise InputError(f"{folder}: expected a run (.npz) or a folder of its checkpoints, found another folder")
-    about, arrays = archive_of(_member(folder, "about.npz"), CHECKPOINTS)
-    names = sorted((path.name for path in folder.iterdir() if _NUMBERED.fullmatch(path.name)), key=_number)
-    for k, name in enumerate(names, 1):
-        if _number(name) != k:
-            raise InputError(
-                f"{folder}: the checkpoint {k:04d}.npz is missing; move those after it elsewhere to load the run up to it"
-            )
-    if not names:
-        raise InputError(f"{folder}: there is no checkpoint in it")
-    spare = UNPACKED // len(names)  # all together are limited as one file is
-    parts = [archive_of(_member(folder, name), CHECKPOINT, spare) for name in names]
-    try:
-        for name in _ROWS:
-            arrays[name] = np.concatenate([rows[name] for _, rows in parts])
-        last, rows = parts[-1]
-        arrays["steps"] = rows["steps"]  # each checkpoint holds all steps so far
-        if not len(arrays["time"]) or arrays["time"][-1] < rows["end_time"][0]:
-            arrays["time"] = np.append(arrays["time"], rows["end_time"])
-            arrays["state"] = np.vstack([arrays["state"], rows["end_state"]])
-        events = [event for facts, _ in parts for event in facts["events"]]
-        about.pop("process", None)
-        about |= {"format": RUN, "status": last["status"], "statistics": last["statistics"], "events": events}
-    except (KeyError, TypeError, ValueError, IndexError) as error:
-        why = " ".join(str(error).split())[:150]
-        raise InputError(f"{folder}: the checkpoints do not fit together ({why}); copy the folder again") from None
-    return about, arrays
-
-
-def _member(folder: Path, name: str) -> Path:
-    """The path of a file in a folder of checkpoints.
-
-    Raises InputError for a link: it may lead out of the folder, or let one small file count as many.
-    """
-    path = folder / name
-    if path.is_symlink():
-        raise InputError(f"{path}: is a symbolic link, expected a file of the run itself; copy the folder again")
-    return path
-
-
-def _number(name: str) -> int:
-    return int(name.partition(".")[0])

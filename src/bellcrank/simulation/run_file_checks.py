@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from bellcrank.dynamics.constraint_angles import turning
 from bellcrank.dynamics.prescribed_motion_end import drive_end
+from bellcrank.files.npz_archive import brief
 from bellcrank.scene.settings import STABILISATIONS, Settings, Stabilisation
-from bellcrank.simulation.run_archive import brief
 from bellcrank.simulation.statistics import Statistics, Unresolved
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.unit_parts import unit_parts
@@ -198,7 +198,7 @@ def check_arrays(about: Mapping[str, Any], arrays: Mapping[str, Array], scene: S
         if name not in arrays:
             raise ValueError(f"there is no '{name}'")
     for name in arrays:
-        if name not in needed and name != "multipliers":
+        if name not in needed and name not in ("multipliers", "latch_velocity"):
             raise ValueError(f"'{name}' belongs to no signal of the run")
     rows, width = len(np.atleast_1d(arrays["time"])), arrays["state"].shape[-1] if arrays["state"].ndim else 0
     shapes = {
@@ -216,6 +216,12 @@ def check_arrays(about: Mapping[str, Any], arrays: Mapping[str, Array], scene: S
         raise ValueError("'steps' is no list of times")
     if "multipliers" in arrays and (arrays["multipliers"].ndim != 2 or len(arrays["multipliers"]) != rows):
         raise ValueError(f"'multipliers' has the shape {arrays['multipliers'].shape}, expected {rows} rows")
+    if "latch_velocity" in arrays:
+        latches = [rule.name for rule in scene.events if rule.latch]
+        if not (events and about["events"][-1]["name"] in latches):
+            raise ValueError("'latch_velocity' belongs to no latch of the run")
+        if arrays["latch_velocity"].shape != (robot.nv,) or not np.isfinite(arrays["latch_velocity"]).all():
+            raise ValueError("'latch_velocity' is no velocity of the robot")
     if signals != len(sources):
         raise ValueError(f"it has {signals} signals, the scene has {len(sources)}")
     for k, (source, facts) in enumerate(zip(sources, about["signals"], strict=True)):

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from bellcrank.codegen import llvm as machine
 from bellcrank.elements.expression_constraint import Own
 from bellcrank.errors import InputError
-from bellcrank.simulation.run_format import RUN, VERSION, run_path, write_archive
-from bellcrank.simulation.run_start import explicit_start
+from bellcrank.scene.run_contents import RUN, VERSION
+from bellcrank.simulation.explicit_start import explicit_start
+from bellcrank.simulation.run_format import run_path, write_archive
 from bellcrank.text import readable
 from bellcrank.version import version
 
@@ -50,6 +51,8 @@ def save_run(run: Trajectory, path: str | Path, lasting: bool = False) -> Path:
         "event_position": np.array([event.position for event in run.events]).reshape(-1, nq),
         "event_velocity": np.array([event.velocity for event in run.events]).reshape(-1, nv),
     }
+    if run.events and (latch := run.events[-1].latch) is not None:
+        arrays["latch_velocity"] = latch.velocity  # a run that starts from the file goes on from it
     target = run_path(path)
     write_archive(target, about, arrays, lasting)
     return target

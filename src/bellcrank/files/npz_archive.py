@@ -1,5 +1,6 @@
-"""The members of a run's .npz, read under limits: what a file claims is compared with what it holds before memory is
-taken for it.
+"""Reads an .npz file of a JSON text, `about`, and float64 arrays under limits.
+
+What the file claims is compared with what it holds before memory is allocated for it.
 """
 
 from __future__ import annotations
@@ -19,10 +20,6 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-MEMBER = re.compile(
-    r"(about|time|state|parameters|steps|multipliers|event_(time|position|velocity)|end_(time|state)|"
-    r"signal_(0|[1-9][0-9]{0,3})_(breaks|coefficients))\.npy"
-)
 MOST_LISTED = 8 * 2**20  # bytes of the list of members: about 100,000 of them
 MOST_HEADER = 512  # characters of an array's header, of which numpy writes about 120
 MOST_TEXT, MOST_STRUCTURE = 512 * 2**20, 16 * 2**20  # bytes of the JSON text, and of what is no string in it
@@ -40,40 +37,43 @@ DAMAGE = (
 )  # fmt: skip  # what numpy, zipfile and json raise on files that are not what they say
 
 
-class NoRun(Exception):
-    """A whole archive that is not a run's."""
+class NoAboutError(Exception):
+    """A whole archive without a JSON mapping `about`: that of another program."""
 
 
-def read_archive(stream: IO[bytes], unpacked: int | None = None) -> tuple[dict[str, Any], dict[str, Array]]:
-    """The JSON mapping and the float64 arrays, by the names of their members, of a run's open file. `unpacked` are the
-    bytes that its members may hold beyond RATIO times its size, UNPACKED by default.
+def read_archive(
+    stream: IO[bytes], members: re.Pattern[str], unpacked: int | None = None
+) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Read the JSON mapping and the float64 arrays, by name, of an open file.
 
-    Raises NoRun for an archive of something else, an OSError where the file cannot be read, and one of DAMAGE, whose
-    text says what is wrong, for all else.
+    `members` matches the names of the arrays that the file may have. `unpacked` are the bytes that its members may hold
+    beyond RATIO times its size, UNPACKED by default.
+
+    Raises NoAboutError for an archive of something else, an OSError where the file cannot be read, and one of DAMAGE,
+    whose text says what is wrong, for all else.
     """
     _check_list(stream)
     with zipfile.ZipFile(stream) as archive:
-        members = archive.infolist()
-        if "about.npy" not in (member.filename for member in members):
-            raise NoRun
-        _check_members(
-            members, stream.seek(0, os.SEEK_END), archive.start_dir, UNPACKED if unpacked is None else unpacked
-        )
+        listed = archive.infolist()
+        if "about.npy" not in (member.filename for member in listed):
+            raise NoAboutError
+        spare = UNPACKED if unpacked is None else unpacked
+        _check_members(listed, members, stream.seek(0, os.SEEK_END), archive.start_dir, spare)
         arrays: dict[str, Array] = {}
         about: Any = None
-        for member in members:
+        for member in listed:
             with archive.open(member) as content:
                 if member.filename == "about.npy":
                     about = _json(_read(content, member, np.dtype(np.uint8)).tobytes())
                 else:
                     arrays[member.filename.removesuffix(".npy")] = _read(content, member, np.dtype(np.float64))
     if not isinstance(about, dict):
-        raise NoRun
+        raise NoAboutError
     return about, arrays
 
 
 def _check_list(stream: IO[bytes]) -> None:
-    """Refuse an archive whose list of members is longer than a run's can be, before it is read."""
+    """Refuse an archive whose list of members is longer than any expected one, before it is read."""
     size = stream.seek(0, os.SEEK_END)
     if size < _TAIL.size:
         raise ValueError("it is empty or truncated")
@@ -90,21 +90,25 @@ def _check_list(stream: IO[bytes]) -> None:
         raise ValueError(f"its list of members takes {listed} bytes, at most {MOST_LISTED} were expected")
 
 
-def _check_members(members: Sequence[zipfile.ZipInfo], size: int, listed: int, spare: int) -> None:
-    """Refuse members that a run does not have, that lie over each other, or that claim more than they can hold."""
+def _check_members(
+    members: Sequence[zipfile.ZipInfo], expected: re.Pattern[str], size: int, listed: int, spare: int
+) -> None:
+    """Refuse members of unexpected names, that overlap, or that claim more than they can hold."""
     names, end = set(), 0
     for member in sorted(members, key=lambda member: member.header_offset):
         name = member.filename
-        if name in names or not MEMBER.fullmatch(name):
-            raise ValueError(f"the member {brief(name)} {'stands twice' if name in names else 'is not of a run'}")
+        if name in names:
+            raise ValueError(f"it has two members {brief(name)}")
+        if name != "about.npy" and not (name.endswith(".npy") and expected.fullmatch(name.removesuffix(".npy"))):
+            raise ValueError(f"the member {brief(name)} is not expected")
         names.add(name)
         if member.flag_bits & _ENCRYPTED or member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise ValueError(f"the member {brief(name)} is encrypted, or compressed in an unusual way")
         if member.header_offset < end:
-            raise ValueError("its members lie over each other")
+            raise ValueError("its members overlap")
         end = member.header_offset + 30 + len(name) + member.compress_size  # 30: a local header
     if end > listed:
-        raise ValueError("its members lie over each other")
+        raise ValueError("its members overlap")
     unpacked, most = sum(member.file_size for member in members), spare + RATIO * size
     if unpacked > most:
         raise ValueError(f"its members claim {unpacked} bytes, of a file of {size} bytes at most {most} are read")
@@ -139,7 +143,7 @@ def _read(stream: IO[bytes], member: zipfile.ZipInfo, dtype: np.dtype[Any]) -> N
 
 
 def _json(text: bytes) -> Any:
-    """The JSON value of a text without NaN and repeated keys, nested and long only as a run's is."""
+    """The JSON value of a text within limits of length and depth, without NaN and repeated keys."""
     if len(text) > MOST_TEXT:
         raise ValueError(f"its text takes {len(text)} bytes, at most {MOST_TEXT} are read")
     structure = _STRING.sub(b"", text)
@@ -156,7 +160,7 @@ def _json(text: bytes) -> Any:
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        raise ValueError("its text has a key twice")
+        raise ValueError("its text has a duplicate key")
     return found
 
 

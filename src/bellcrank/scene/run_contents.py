@@ -1,0 +1,178 @@
+"""The contents of a saved run: the JSON text and the arrays of its .npz file, or of a folder of checkpoints.
+
+The text holds the scene, the URDF and the files that the scene names, so that a run can be loaded where the originals
+are gone. Only sizes and names are checked here; simulation/load_run.py checks the rest.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import json
+import re
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.errors import BellcrankError, InputError
+from bellcrank.files.access import MOST_RUN, open_regular
+from bellcrank.files.npz_archive import DAMAGE, UNPACKED, NoAboutError, brief, read_archive
+from bellcrank.files.temporaries import new_folder
+from bellcrank.text import file_name_here, utf8
+from bellcrank.version import version
+
+Array = NDArray[np.float64]
+RUN: Final = "bellcrank run"
+CHECKPOINTS: Final = "bellcrank run in blocks"  # about.npz of a folder of checkpoints
+CHECKPOINT: Final = "bellcrank run block"  # the other files of that folder
+VERSION: Final = 1
+LONGEST_REASON: Final = 300  # characters
+_ARRAYS = re.compile(
+    r"time|state|parameters|steps|multipliers|event_(time|position|velocity)|latch_velocity|end_(time|state)|"
+    r"signal_(0|[1-9][0-9]{0,3})_(breaks|coefficients)"
+)
+_NUMBERED = re.compile(r"\d{4,}\.npz")
+_ROWS = ("time", "state", "event_time", "event_position", "event_velocity")
+
+
+def run_contents(file: Path) -> tuple[dict[str, Any], dict[str, Array]]:
+    """The JSON text and the float64 arrays of a run's file, or of a folder of checkpoints. Raises InputError."""
+    return joined_checkpoints(file) if file.is_dir() else archive_of(file, RUN)
+
+
+def archive_of(file: Path, form: str, unpacked: int | None = None) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Read the JSON text and the float64 arrays of an .npz file of the format `form`.
+
+    `unpacked` as in `read_archive`. Raises InputError for any other file.
+    """
+    try:
+        with open_regular(file, MOST_RUN) as stream:
+            about, arrays = read_archive(stream, _ARRAYS, unpacked)
+    except NoAboutError:
+        about, arrays = {}, {}
+    except DAMAGE as error:
+        raise damaged(file, error) from None
+    if about.get("format") != form:
+        raise InputError(f"{file}: not a run: expected an .npz file that Trajectory.save wrote")
+    if about.get("version") != VERSION:
+        raise InputError(
+            f"{file}: the run has format version {brief(about.get('version'), '')}, this bellcrank {version()} reads "
+            f"{VERSION}; load it with the bellcrank that wrote it, or a later one"
+        )
+    return about, arrays
+
+
+def damaged(file: Path, error: BaseException) -> InputError:
+    """The error of a file that is not what it says, with the reason."""
+    why = reason(error)
+    return InputError(f"{file}: not a run, or damaged{f' ({why})' if why else ''}; save or copy it again")
+
+
+def reason(error: BaseException) -> str:
+    """The text of an error in one line of at most LONGEST_REASON characters."""
+    text = " ".join(str(error).split())
+    return text if len(text) <= LONGEST_REASON else f"{text[:LONGEST_REASON]}…"
+
+
+@contextlib.contextmanager
+def refusing(file: Path) -> Iterator[None]:
+    """Turn the errors that a file's contents cause into an InputError of one sentence that names the file."""
+    try:
+        yield
+    except BellcrankError as error:
+        raise InputError(f"{file}: the scene in it cannot be rebuilt: {reason(error)}") from None
+    except DAMAGE as error:
+        raise damaged(file, error) from None
+
+
+# ---- checkpoints
+
+
+def holds_checkpoints(folder: Path) -> bool:
+    """Whether this is a folder of checkpoints."""
+    return (folder / "about.npz").is_file()
+
+
+def checkpoint_file(folder: Path, name: str) -> Path:
+    """The path of a file in a folder of checkpoints.
+
+    Raises InputError for a link: it may lead out of the folder, or let one small file count as many.
+    """
+    path = folder / name
+    if path.is_symlink():
+        raise InputError(f"{path}: is a symbolic link, expected a file of the run itself; copy the folder again")
+    return path
+
+
+def joined_checkpoints(folder: Path) -> tuple[dict[str, Any], dict[str, Array]]:
+    """The contents of a folder of checkpoints, in the form of a run's file. Raises InputError."""
+    if not holds_checkpoints(folder):
+        raise InputError(f"{folder}: expected a run (.npz) or a folder of its checkpoints, found another folder")
+    about, arrays = archive_of(checkpoint_file(folder, "about.npz"), CHECKPOINTS)
+    names = sorted((path.name for path in folder.iterdir() if _NUMBERED.fullmatch(path.name)), key=_number)
+    for k, name in enumerate(names, 1):
+        if _number(name) != k:
+            raise InputError(
+                f"{folder}: the checkpoint {k:04d}.npz is missing; move those after it elsewhere to load the run up to it"
+            )
+    if not names:
+        raise InputError(f"{folder}: there is no checkpoint in it")
+    spare = UNPACKED // len(names)  # all together are limited as one file is
+    parts = [archive_of(checkpoint_file(folder, name), CHECKPOINT, spare) for name in names]
+    try:
+        for name in _ROWS:
+            arrays[name] = np.concatenate([rows[name] for _, rows in parts])
+        last, rows = parts[-1]
+        arrays["steps"] = rows["steps"]  # each checkpoint holds all steps so far
+        if not len(arrays["time"]) or arrays["time"][-1] < rows["end_time"][0]:
+            arrays["time"] = np.append(arrays["time"], rows["end_time"])
+            arrays["state"] = np.vstack([arrays["state"], rows["end_state"]])
+        events = [event for facts, _ in parts for event in facts["events"]]
+        about.pop("process", None)
+        about |= {"format": RUN, "status": last["status"], "statistics": last["statistics"], "events": events}
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        why = " ".join(str(error).split())[:150]
+        raise InputError(f"{folder}: the checkpoints do not fit together ({why}); copy the folder again") from None
+    return about, arrays
+
+
+def _number(name: str) -> int:
+    return int(name.partition(".")[0])
+
+
+# ---- the scene's files
+
+
+def unpacked_scene(about: Mapping[str, Any]) -> Path:
+    """The path of a run's scene, unpacked into a temporary folder with the files that it names.
+
+    Raises InputError where they cannot be written, and ValueError for names that lead out of the folder.
+    """
+    return _unpacked(json.dumps(about["files"], sort_keys=True)) / _file_name(about["scene"])
+
+
+@cache
+def _unpacked(files: str) -> Path:
+    """A folder with these files (JSON {name: text}) in it, kept until the process ends. Raises InputError."""
+    texts: dict[str, str] = {_file_name(name): text for name, text in json.loads(files).items()}
+    try:
+        folder = new_folder("run")
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        for name, text in texts.items():
+            (folder / name).write_bytes(utf8(text))
+    except OSError as error:
+        raise InputError(f"cannot be unpacked into {tempfile.gettempdir()}: {error.strerror or error}") from None
+    return folder
+
+
+def _file_name(name: str) -> str:
+    """A file's name as this system takes it; ValueError for one that leads out of its folder."""
+    if Path(name).name != name or name in ("", ".."):
+        raise ValueError(f"it names the file {brief(name)}")
+    return file_name_here(name)

@@ -1,0 +1,200 @@
+"""A start from a saved run: initial: {run: FILE.npz, time: …, clock: …}.
+
+The file is looked for in the scene's folder and, where an override names it, in the working directory too. The state is
+that of the last row, or of the row at `time`; after a latch that ended the run, the velocity behind the impact. The run
+must have the joints of the scene's robot. Other keys of `initial` and `base` take precedence over it. Where constraints
+do not fit the state, all values of the run may move. The new run counts its time from 0; `clock` is what t, tables and
+motions read at that moment: a number (s), by default 0, or `continue` for what they read in the saved run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.config.fields import Fields
+from bellcrank.errors import InputError
+from bellcrank.files.npz_archive import brief
+from bellcrank.scene.run_contents import refusing, run_contents, unpacked_scene
+
+if TYPE_CHECKING:
+    from bellcrank.robot.robot import Robot, RobotJoint
+
+Array = NDArray[np.float64]
+SAME_TIME = 1e-12  # relative difference of a row's time and a time that is asked for
+SAME = 1e-9  # relative difference of the last time and the duration
+UNIT = 1e-6  # difference of a rotation's length and 1; the solver keeps it to rounding
+
+
+@dataclass(frozen=True)
+class RunScene:
+    """What a start takes from the scene inside a run: robot, clock at time 0 (s), names of events that latch."""
+
+    robot: Robot
+    clock: float
+    latches: frozenset[str]
+
+
+SceneReader = Callable[[Path], RunScene]
+
+
+@dataclass(frozen=True, eq=False)
+class SavedState:
+    """A row of a saved run: joints, position (nq,), velocity (nv,), and what the clock read there, s."""
+
+    name: str
+    joints: tuple[RobotJoint, ...]
+    position: Array
+    velocity: Array
+    clock: float
+
+    def write_position(self, robot: Robot, q: Array) -> None:
+        """Write the position into q (nq,) of a robot with these joints."""
+        for j in self.joints:
+            here = robot.joint(j.name)
+            q[here.q : here.q + here.nq] = self.position[j.q : j.q + j.nq]
+
+    def write_velocity(self, robot: Robot, v: Array) -> None:
+        """Write the velocity into v (nv,) of a robot with these joints."""
+        for j in self.joints:
+            here = robot.joint(j.name)
+            v[here.v : here.v + here.nv] = self.velocity[j.v : j.v + j.nv]
+
+
+def read_run_start(start: Fields, robot: Robot, read_scene: SceneReader, timed: bool = True) -> SavedState:
+    """The state under the keys `run`, and `time` if `timed`, of `initial`; InputError naming file and key."""
+    file = _file(start).resolve()
+    time = start.optional_number("time", "s") if timed else None
+    try:
+        facts = file.stat()
+        saved = _cached_state(file, time, read_scene, facts.st_mtime_ns, facts.st_size)
+    except OSError:
+        raise start.error("run", f"{file}: there is no such file") from None
+    except InputError as error:
+        raise start.error("run", str(error)) from None
+    theirs, mine = ({(j.name, j.kind) for j in joints} for joints in (saved.joints, robot.joints))
+    if theirs != mine:
+        parts = [
+            f"{what} {', '.join(f'{name} ({kind})' for name, kind in sorted(joints))}"
+            for what, joints in (("only the run has", theirs - mine), ("only the robot has", mine - theirs))
+            if joints
+        ]
+        raise start.error(
+            "run",
+            f"the joints of the run in {file} are not those of {robot.name}: {'; '.join(parts)}; a run can start from "
+            "runs of the same joints only",
+        )
+    return saved
+
+
+def read_clock(start: Fields, saved: SavedState | None) -> float:
+    """The clock at the start, s, under the key `clock`; InputError naming file and key."""
+    if start.raw("clock", 0.0) != "continue":
+        return start.number("clock", "s", 0.0)
+    if saved is None:
+        raise start.error("clock", "'continue' goes on with the clock of a saved run; name it as run: FILE.npz")
+    return saved.clock
+
+
+def saved_state(path: str | Path, time: float | None, read_scene: SceneReader) -> SavedState:
+    """The last row of a saved run, or the row at a time (s).
+
+    Only what it uses is read and checked: times, states, events and the scene inside. Raises InputError for a file that
+    is not a run, for a time without a row, and for a state that is not finite.
+    """
+    file = Path(path)
+    about, arrays = run_contents(file)
+    with refusing(file):
+        _check_texts(about)
+        scene = read_scene(unpacked_scene(about))
+        times, states = _checked_rows(about, arrays, scene.robot)
+    robot = scene.robot
+    k = len(times) - 1 if time is None else int(np.abs(times - time).argmin())
+    if time is not None and not abs(times[k] - time) <= SAME_TIME * max(1.0, abs(time)):
+        near = ", ".join(f"{t:.12g}" for t in np.sort(times[np.argsort(np.abs(times - time))[:2]]))
+        raise InputError(f"{file}: the run has no row at {time:.12g} s; the nearest are at {near} s")
+    q, v = states[k, : robot.nq], states[k, robot.nq : robot.nq + robot.nv]
+    ended_by_event = k == len(times) - 1 and about["status"] == "event" and about["events"]
+    if ended_by_event and about["events"][-1]["name"] in scene.latches:
+        v = _latch_velocity(file, arrays, robot)
+    if not (np.isfinite(q).all() and np.isfinite(v).all()):
+        raise InputError(f"{file}: the state at {times[k]:.6g} s is not finite; start from an earlier `time`")
+    return SavedState(file.name, robot.joints, q, v, float(times[k]) + scene.clock)
+
+
+def _latch_velocity(file: Path, arrays: Mapping[str, Array], robot: Robot) -> Array:
+    """The velocity (nv,) behind the impact of the latch that ended a run."""
+    velocity = arrays.get("latch_velocity")
+    if velocity is None:
+        raise InputError(
+            f"{file}: the run ended with a latch and does not hold the velocity behind its impact, as files of bellcrank "
+            "0.4 and checkpoints do not; load it and save it once more: bc.load_run(FILE).save(FILE)"
+        )
+    if velocity.shape != (robot.nv,):
+        raise InputError(f"{file}: 'latch_velocity' has the shape {velocity.shape}, expected ({robot.nv},)")
+    return velocity
+
+
+def _check_texts(about: Mapping[str, Any]) -> None:
+    """Refuse (ValueError) a JSON text whose entries are not of the expected types."""
+    files, events, settings = about.get("files"), about.get("events"), about.get("settings")
+    if not isinstance(files, dict) or not all(isinstance(text, str) for text in files.values()):
+        raise ValueError("'files': expected a mapping of names to texts")
+    for key in ("scene", "status"):
+        if not isinstance(about.get(key), str):
+            raise ValueError(f"'{key}': expected a text, found {brief(about.get(key))}")
+    if not isinstance(events, list) or not all(isinstance(e, dict) and isinstance(e.get("name"), str) for e in events):
+        raise ValueError("'events': expected a list of mappings with names")
+    if not isinstance(settings, dict) or type(settings.get("duration")) not in (int, float):
+        raise ValueError("'settings.duration': expected a number")
+
+
+def _checked_rows(about: Mapping[str, Any], arrays: Mapping[str, Array], robot: Robot) -> tuple[Array, Array]:
+    """Times (n,) and states (n, nq + nv, or one more) of a run; ValueError for arrays that no run has."""
+    for name in ("time", "state"):
+        if name not in arrays:
+            raise ValueError(f"there is no '{name}'")
+    times, states = arrays["time"], arrays["state"]
+    widths = (robot.nq + robot.nv, robot.nq + robot.nv + 1)  # without and with the work
+    if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or np.any(np.diff(times) < 0.0):
+        raise ValueError("'time' is not a list of finite times that do not decrease")
+    latest = float(about["settings"]["duration"]) * (1.0 + SAME)
+    if not 0.0 <= times[0] <= times[-1] <= latest:
+        raise ValueError(f"'time' reaches from {times[0]:.6g} to {times[-1]:.6g} s, the run to {latest:.6g} s")
+    if states.shape not in [(len(times), width) for width in widths]:
+        raise ValueError(f"'state' has the shape {states.shape}, expected {(len(times), widths[0])}")
+    if not np.isfinite(states[:-1]).all():
+        raise ValueError("'state' is not finite before its last row")
+    whole = states[np.isfinite(states).all(axis=1)]
+    for j in robot.joints:
+        if j.kind in ("floating", "planar"):
+            first = j.q + (3 if j.kind == "floating" else 2)  # quaternion, or cosine and sine
+            length = np.sqrt(np.square(whole[:, first : j.q + j.nq]).sum(axis=1))
+            if not (np.abs(length - 1.0) <= UNIT).all():
+                raise ValueError("'state' has a rotation whose length is not 1")
+    return times, states
+
+
+@lru_cache(maxsize=16)
+def _cached_state(file: Path, time: float | None, read_scene: SceneReader, changed: int, size: int) -> SavedState:
+    """The state; `changed` and `size` of the file tell a new one under the old name."""
+    return saved_state(file, time, read_scene)
+
+
+def _file(start: Fields) -> Path:
+    """The run's file; InputError where it may not be named, and where an override names two different ones."""
+    if not start.overridden("run"):
+        return start.file("run")
+    name = Path(start.text("run")).expanduser()
+    here, there = start.access.folder / name, Path.cwd() / name
+    if not there.exists():
+        return here
+    if here.exists() and not here.samefile(there):
+        raise start.error("run", f"there are two files of that name, {here} and {there}; write the whole path")
+    return there
