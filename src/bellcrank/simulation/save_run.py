@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.codegen import llvm as machine
-from bellcrank.elements.expression_constraint import Own
+from bellcrank.elements.expression_constraint import FunctionConstraint
 from bellcrank.errors import InputError
 from bellcrank.scene.run_contents import RUN, VERSION
 from bellcrank.simulation.explicit_start import explicit_start
@@ -88,7 +88,7 @@ def file_contents(run: Trajectory) -> tuple[dict[str, Any], dict[str, Array]]:
 
 def refuse_functions(scene: Scene) -> None:
     """Refuse a scene with a constraint that is a Python function, which no file can hold (InputError)."""
-    own = [constraint.name for constraint in scene.constraints if isinstance(constraint, Own)]
+    own = [constraint.name for constraint in scene.constraints if isinstance(constraint, FunctionConstraint)]
     if own:
         raise InputError(
             f"{scene.name}: constraint '{own[0]}' is a Python function, which no file can hold; write it as "
