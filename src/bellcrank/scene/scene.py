@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Scene(Portable, Renamed):
     """What a scene file says, checked against the robot. Made by `load_scene`."""
 
@@ -290,20 +290,20 @@ def _read(
         raise read.mapping("simulate").error("samples", str(error)) from None
     read.done()
     return Scene(
-        config,
-        robot,
-        constraints,
-        forces,
-        control,
-        initial,
-        parameters,
-        events,
-        outputs,
-        settings,
-        motion_of,
-        data,
-        access,
-        loop_files,
+        config=config,
+        robot=robot,
+        constraints=constraints,
+        forces=forces,
+        control=control,
+        initial=initial,
+        parameters=parameters,
+        events=events,
+        outputs=outputs,
+        settings=settings,
+        motion_of=motion_of,
+        source_data=data,
+        access=access,
+        loop_files=loop_files,
     )
 
 
