@@ -15,7 +15,7 @@ from bellcrank import load_run, load_scene, simulate
 from bellcrank.dynamics.consistent_start import consistent_posture, consistent_velocity
 from bellcrank.dynamics.scene_inverse_dynamics import closed_inverse_dynamics
 from bellcrank.dynamics.system import system_of, system_parameters
-from bellcrank.elements.importers import read_gepetto
+from bellcrank.elements.constraint_importers import read_gepetto
 from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
 from bellcrank.scene.settings import Settings, Stabilisation, stabilisation
@@ -498,7 +498,7 @@ def test_a_coupling_of_joints_in_mjcf_is_read_with_its_sign(beside):
         ("mjcf", "<mujoco>", "<?xml version='1.0' encoding='rot13'?><mujoco>", "is not text in the encoding rot13"),
         ("sdf", "<sdf ", "<?xml version='1.0' encoding='utf-32'?><sdf ", "is not text in the encoding utf-32"),
         ("mjcf", 'joint name="rocker"', 'joint name="swing"', "unknown joint 'swing'"),
-        ("mjcf", "</equality>", "<tendon/></equality>", "<tendon> under <equality> is not allowed"),
+        ("mjcf", "</equality>", "<tendon/></equality>", "<tendon> under <equality> is not read"),
         ("sdf", 'name="apex" type="revolute"', 'name="apex" type="screw"', "closes a loop and is screw"),
         ("sdf", "<pose>1.2 ", "<pose>one ", "not a number where one is needed"),
         ("sdf", "<child>coupler_link</child>\n<axis>", "<child>tip_link</child>\n<axis>", "closes no loops"),

@@ -12,11 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bellcrank.elements.expression import FUNCTIONS, parse_expression
-from bellcrank.elements.signal_source import motion_signal
+from bellcrank.elements.force_table import table_signal
+from bellcrank.elements.signals import motion_signal
 from bellcrank.elements.symbols import Symbols
-from bellcrank.elements.torque_table import table_signal
 from bellcrank.errors import InputError
 from bellcrank.motion.motion import Motion
+from bellcrank.scene.equation_symbols import EquationSymbols
 from bellcrank.scene.scene import load_scene
 
 HOOK = {"hook": {"link": "tip", "xyz": [0.1, 0.05, 0]}}
@@ -78,7 +79,12 @@ def state(robot):
 def test_a_force_is_minus_the_gradient_of_its_potential_and_the_rest_is_its_power(folder, force, free):
     scene = crane(folder, forces=[force], floating_base=free)
     part = scene.forces[0]
-    f = function(scene, lambda s: part.apply(s).force, lambda s: part.apply(s).potential, lambda s: part.apply(s).power)
+    f = function(
+        scene,
+        lambda s: part.generalised_force(s).force,
+        lambda s: part.generalised_force(s).potential,
+        lambda s: part.generalised_force(s).power,
+    )
     for _ in range(5):
         q, v = state(scene.robot)
         tau, _, power = f(0.3, q, v)
@@ -100,7 +106,7 @@ def test_a_wrench_acts_through_the_transposed_jacobian_of_its_frame(folder, axes
     wrench = {"kind": "wrench", "frame": "hook", "force": [1, -2, 3], "torque": [0.5, 0.1, -0.4], "expressed_in": axes}
     frames = {"hook": {"link": "tip", "xyz": [0.1, 0.2, 0], "rpy": [0.2, 0.3, 0]}}
     scene = crane(folder, forces=[wrench], frames=frames)
-    robot, f = scene.robot, function(scene, lambda s: scene.forces[0].apply(s).force)
+    robot, f = scene.robot, function(scene, lambda s: scene.forces[0].generalised_force(s).force)
     q, v = state(robot)
     turn = robot.frame_pose("hook", q)[1] if axes == "frame" else np.eye(3)
     force, torque = turn @ [1, -2, 3], turn @ [0.5, 0.1, -0.4]
@@ -122,10 +128,12 @@ def test_springs_pull_by_hookes_law_and_stay_finite_where_their_ends_meet(folder
     q, v = state(scene.robot)
     place, speed = scene.robot.frame_pose("hook", q)[0], scene.robot.frame_velocity("hook", q, v)[0]
     length = np.linalg.norm(place)
-    f = function(scene, scene.outputs["t"].apply)
+    f = function(scene, scene.outputs["t"].quantity.force.measure)
     assert f(0.0, q, v)[0] == pytest.approx(40 * (length - 0.5) + place @ speed / length, rel=1e-12)
     met = scene.with_overrides({"forces.spring.point": place.tolist()})
-    parts = function(met, lambda s: met.forces[0].apply(s).force, lambda s: met.forces[0].apply(s).power)
+    parts = function(
+        met, lambda s: met.forces[0].generalised_force(s).force, lambda s: met.forces[0].generalised_force(s).power
+    )
     assert all(np.isfinite(x).all() for x in parts(0.0, q, v))
 
 
@@ -141,7 +149,7 @@ def test_springs_of_any_size_pull_by_hookes_law(folder, size):
     apart = size * np.array([0.05, -0.1, 0.02])
     near = scene.with_overrides({"forces.spring.point": (place + apart).tolist()})
     length = np.linalg.norm(np.array(near.forces[0].point) - place)
-    f = function(near, near.outputs["t"].apply)
+    f = function(near, near.outputs["t"].quantity.force.measure)
     assert f(0.0, q, v)[0] == pytest.approx(40 * (length - 0.2 * size), rel=1e-8, abs=0)
 
 
@@ -154,7 +162,7 @@ def test_the_slope_of_a_springs_force_is_finite_where_its_ends_meet(folder, free
     met = scene.with_overrides({"forces.spring.point": scene.robot.frame_pose("hook", q)[0].tolist()})
 
     def slopes(s):
-        force = met.forces[0].apply(s).force
+        force = met.forces[0].generalised_force(s).force
         return casadi.densify(casadi.jacobian(force, casadi.vertcat(s.q, s.v)))
 
     for speed in (v, np.zeros_like(v)):
@@ -163,7 +171,7 @@ def test_the_slope_of_a_springs_force_is_finite_where_its_ends_meet(folder, free
 
 def test_smoothed_coulomb_friction_reaches_its_value_at_speed(folder):
     scene = crane(folder, forces=[{"kind": "friction", "joint": "elbow", "coulomb": 2.0, "width": 0.01}])
-    f = function(scene, lambda s: scene.forces[0].apply(s).force)
+    f = function(scene, lambda s: scene.forces[0].generalised_force(s).force)
     assert f(0, np.zeros(3), np.array([0, 0.01, 0]))[0][1] == pytest.approx(-2 / math.sqrt(2), rel=1e-12)
     assert f(0, np.zeros(3), np.array([0, -5.0, 0]))[0][1] == pytest.approx(2.0, rel=1e-5)
 
@@ -189,7 +197,7 @@ def test_computed_torque_leaves_the_error_a_linear_equation(folder):
     robot = scene.robot
     for error in (0.0, 0.2):
         wrong = scene.with_overrides({"control.c.mass_error": error})
-        f = function(wrong, lambda s, part=wrong.control[0]: part.apply(s).force)
+        f = function(wrong, lambda s, part=wrong.control[0]: part.generalised_force(s).force)
         for t in (0.0, 0.7, 1.6):
             q, v = state(robot)
             qd, vd, ad = scene.motion("go").at(t)
@@ -216,12 +224,14 @@ def test_pd_pulls_to_its_target_and_is_clamped(folder):
     scene = crane(folder, control=[control])
     q, v = np.array([0.3, 0.2, 0.25]), np.array([1.0, 0.5, -0.4])
     part = scene.control[0]
-    free, power = function(scene, lambda s: part.apply(s).force, lambda s: part.apply(s).power)(0, q, v)
+    free, power = function(scene, lambda s: part.generalised_force(s).force, lambda s: part.generalised_force(s).power)(
+        0, q, v
+    )
     np.testing.assert_allclose(free, [0, 100 * 0.3 - 2 * 0.5, -100 * 0.15 + 3 * 0.4], rtol=1e-12)
     assert power == pytest.approx(free @ v)
     for limit, expected in ((10, [0, 10, -10]), ("effort", [0, 29, -13.8])):
         clamped = scene.with_overrides({"control.c.limit": limit})
-        torque = function(clamped, lambda s, c=clamped: c.control[0].apply(s).force)(0, q, v)[0]
+        torque = function(clamped, lambda s, c=clamped: c.control[0].generalised_force(s).force)(0, q, v)[0]
         np.testing.assert_allclose(torque, expected, rtol=1e-12)
 
 
@@ -230,7 +240,7 @@ def test_gravity_compensation_holds_the_textbook_arm():
         "planar_2r_swing", {"control": [{"name": "g", "kind": "gravity_compensation", "mass_error": "10 %"}]}
     )
     q = RNG.normal(size=2)
-    torque = function(scene, lambda s: scene.control[0].apply(s).force)(0, q, np.ones(2))[0]
+    torque = function(scene, lambda s: scene.control[0].generalised_force(s).force)(0, q, np.ones(2))[0]
     np.testing.assert_allclose(torque, 1.1 * two_link.TwoLink().gravity_torque(q)[0], rtol=1e-12)
 
 
@@ -246,7 +256,7 @@ def test_the_textbook_arms_gravity_potential():
 def test_a_free_bases_pd_leaves_the_base_alone(folder):
     scene = load_scene(folder / "flying.yaml")
     q, v = state(scene.robot)
-    torque = function(scene, lambda s: scene.control[0].apply(s).force)(0, q, v)[0]
+    torque = function(scene, lambda s: scene.control[0].generalised_force(s).force)(0, q, v)[0]
     np.testing.assert_array_equal(torque[:7], 0.0)
     assert torque[7] == pytest.approx(20 * (0.3 - q[8]) - 2 * v[7]) and torque[8] != 0.0
 
@@ -307,7 +317,7 @@ def test_controllers_that_follow_one_motion_share_its_signal(folder):
     assert [source.size for source in scene.signal_sources] == [6, 2]
     s = Symbols(scene.robot)
     for part in scene.control:
-        part.apply(s)
+        part.generalised_force(s)
     assert s.u.numel() == 8
 
 
@@ -342,7 +352,7 @@ def test_a_parameter_does_what_the_number_in_the_file_would(folder):
     q, v = state(scene.robot)
 
     def parts(s, where):
-        return casadi.vertcat(where.forces[0].apply(s).force, where.control[0].apply(s).force,
+        return casadi.vertcat(where.forces[0].generalised_force(s).force, where.control[0].generalised_force(s).force,
                               s.algorithm("energy")(s.q, s.v, s.tracer_parameters))  # fmt: skip
 
     found, wanted = (function(x, lambda s, x=x: parts(s, x))(0, q, v)[0] for x in (changed, plain))
@@ -359,8 +369,12 @@ def test_momentum_is_pinocchios_moved_to_the_worlds_origin(folder):
     q, v = state(robot)
 
     def momenta(s):
-        s.kinetic = s.algorithm("energy")(s.q, s.v, s.tracer_parameters)[0]
-        return casadi.vertcat(*[output.apply(s) for output in scene.outputs.values()])
+        kinetic, potential = casadi.vertsplit(s.algorithm("energy")(s.q, s.v, s.tracer_parameters))
+        none = casadi.SX(robot.nv, 1)
+        equations = EquationSymbols(
+            symbols=s, acceleration=none, joint_torque=none, kinetic=kinetic, potential=potential, reactions=None
+        )
+        return casadi.vertcat(*[output.value(equations) for output in scene.outputs.values()])
 
     found = function(scene, momenta)(0, q, v)[0]
     data = robot.model.createData()
@@ -388,7 +402,7 @@ _LEAVES = {"t": 0.7, "elbow.velocity": -0.4, "joint('slide').position": 0.3, "fr
 )  # fmt: skip
 def test_a_formula_is_what_python_makes_of_it(flying_free_scene, formula):
     scene, q, v, values = flying_free_scene
-    found = function(scene, parse_expression(formula, scene.robot, scene.parameters).apply)(0.7, q, v)[0]
+    found = function(scene, parse_expression(formula, scene.robot, scene.parameters).value)(0.7, q, v)[0]
     text = formula
     for name, value in values.items():
         text = text.replace(name, f"({value!r})")
@@ -409,7 +423,7 @@ def flying_free_scene(folder):
 @pytest.mark.parametrize("name", sorted(set(FUNCTIONS) - {"min", "max", "atan2", "sign", "abs"}))
 def test_every_function_of_formulas(flying_free_scene, name):
     scene, q, v, _ = flying_free_scene
-    found = function(scene, parse_expression(f"{name}(t - 0.2)", scene.robot, {}).apply)(0.7, q, v)[0]
+    found = function(scene, parse_expression(f"{name}(t - 0.2)", scene.robot, {}).value)(0.7, q, v)[0]
     assert found == pytest.approx(getattr(math, name)(0.5), rel=1e-14)
 
 
@@ -418,7 +432,7 @@ def test_signs_and_extremes_of_formulas(flying_free_scene):
     formulas = {"sign(-t)": -1, "max(1, t, 3, -2)": 3, "min(1, t, 3)": 0.7, "2**-1 + t**(1/2)": 0.5 + math.sqrt(0.7),
                 "-2**2": -4, "frame('base').x + frame('base').vz": 0.0}  # fmt: skip
     for formula, expected in formulas.items():
-        f = function(scene, parse_expression(formula, scene.robot, {}).apply)
+        f = function(scene, parse_expression(formula, scene.robot, {}).value)
         assert f(0.7, q, v)[0] == pytest.approx(expected), formula
 
 

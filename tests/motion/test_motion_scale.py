@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.elements.torque_table import read_table, table_signal
+from bellcrank.elements.force_table import read_table, table_signal
 from bellcrank.errors import InputError
 from bellcrank.motion.csv_file import read_motion
 from bellcrank.motion.hermite import quintic

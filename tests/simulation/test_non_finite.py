@@ -12,7 +12,7 @@ from bellcrank.actuators.actuator import Actuator
 from bellcrank.cli import main
 from bellcrank.commands.result_argument import verdict_of
 from bellcrank.elements.expression import parse_expression
-from bellcrank.elements.rolling import RollingDisk
+from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.simulation.constraint_rank import rank_of
 from bellcrank.simulation.non_finite import EACH
 from bellcrank.simulation.scene_notes import scene_notes

@@ -11,7 +11,7 @@ Pinocchio.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from bellcrank.dynamics.base_frame_elimination import mass_matrix
@@ -20,6 +20,7 @@ from bellcrank.dynamics.constrained import Rows, Solution, close, solve
 from bellcrank.dynamics.reactions import Reactions
 from bellcrank.elements.symbols import Symbols
 from bellcrank.robot.joints import lengths_in_velocity
+from bellcrank.scene.equation_symbols import EquationSymbols
 
 if TYPE_CHECKING:
     import casadi
@@ -55,6 +56,7 @@ class Assembly:
     events: casadi.SX
     work: casadi.SX
     symbols: Symbols
+    event_equations: EquationSymbols  # what events are written in
     solution: Solution | None = None  # of a scene with constraints
 
     @property
@@ -103,7 +105,7 @@ def assemble(scene: Scene) -> Assembly:
     actuator, passive = casadi.SX.zeros(robot.nv, 1), casadi.SX.zeros(robot.nv, 1)
     potential, power = casadi.SX(0), casadi.SX(0)
     for item in (*scene.forces, *scene.control):
-        applied = item.apply(s)
+        applied = item.generalised_force(s)
         if applied.actuator:
             actuator += applied.force
         else:
@@ -132,22 +134,27 @@ def assemble(scene: Scene) -> Assembly:
         )
     else:
         acceleration = s.algorithm("forward_dynamics")(s.q, s.v, torque, s.tracer_parameters)
-    s.acceleration = acceleration
     energy = s.algorithm("energy")(s.q, s.v, s.tracer_parameters)
     # the other route to the same accelerations: recursive Newton-Euler gives back the torque
     residual = newton_euler(s.q, s.v, acceleration, s.tracer_parameters) - torque - reaction
-    s.joint_torque = torque
-    s.kinetic, s.potential = energy[0], energy[1] + potential
+    equations = EquationSymbols(
+        symbols=s,
+        acceleration=acceleration,
+        joint_torque=torque,
+        kinetic=energy[0],
+        potential=energy[1] + potential,
+        reactions=None if solution is None else Reactions(scene.constraints, solution, solution.multipliers, s),
+    )
+    outputs = {name: output.value(equations) for name, output in scene.outputs.items()}
+    event_equations = equations
     if solution is not None:
-        s.reactions = Reactions(scene.constraints, solution, solution.multipliers, s)
-    outputs = {name: output.apply(s) for name, output in scene.outputs.items()}
-    if solution is not None:
-        s.reactions = Reactions(scene.constraints, solution, solution.quick_multipliers, s)
-    events = casadi.vertcat(*[event.apply(s) for event in scene.events])
+        quick = Reactions(scene.constraints, solution, solution.quick_multipliers, s)
+        event_equations = replace(equations, reactions=quick)
+    events = casadi.vertcat(*[event.function(event_equations) for event in scene.events])
     return Assembly(
         s.t, s.q, s.v, s.u, p, s.algorithm("configuration_rate")(s.q, s.v), acceleration,
         actuator, passive, power, plain_power, energy[0], energy[1] + potential, residual, bias, outputs,
-        casadi.SX(events), casadi.SX.sym("W"), s, solution,
+        casadi.SX(events), casadi.SX.sym("W"), s, event_equations, solution,
     )  # fmt: skip
 
 

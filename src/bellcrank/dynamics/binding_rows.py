@@ -20,9 +20,9 @@ from bellcrank.codegen import cache as disk
 from bellcrank.codegen.locks import making
 from bellcrank.derived import computed_once
 from bellcrank.dynamics.constraint_functions import POSTURES, RowFunctions, in_metres
-from bellcrank.elements.expression_constraint import Formula
-from bellcrank.elements.loops import WORLD, Loop
-from bellcrank.elements.rolling import RollingDisk
+from bellcrank.elements.expression_constraint import ExpressionConstraint
+from bellcrank.elements.loop_constraints import WORLD, Loop
+from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.errors import InputError
 from bellcrank.numerics import LARGEST, checked, eigenvectors, svd
 from bellcrank.robot.joints import lengths_in_position, lengths_in_velocity
@@ -174,7 +174,7 @@ def _with_values(
     constraint = next(constraint for constraint in scene.constraints if constraint.name == name)
     found = np.append(jacobian[~there[:, k], k].ravel(), gaps[~there[:, k], k])
     value = found[~(np.abs(found) <= LARGEST)][-1]
-    if isinstance(constraint, Formula) and not constraint.moves:
+    if isinstance(constraint, ExpressionConstraint) and not constraint.moves:
         raise InputError(
             f"{scene.source}: constraints: '{name}' cannot close: no joint stands in its expression, which is {value:.6g} "
             f"in its row {label}; write it in positions or velocities of joints"
@@ -224,7 +224,7 @@ def _on_one_body(robot: Robot, constraint: Constraint) -> bool:
 
 def _impossible(scene: Scene, constraint: Constraint, label: str, gap: float, rigid: bool) -> str:
     why = "whatever the joints do"
-    if isinstance(constraint, Formula) and not constraint.moves:
+    if isinstance(constraint, ExpressionConstraint) and not constraint.moves:
         return (
             f"{scene.source}: constraints: '{constraint.name}' cannot close: no joint stands in its expression, which is "
             f"{gap:.6g} away from 0 in its row {label}; write it in positions or velocities of joints"

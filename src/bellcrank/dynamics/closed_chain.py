@@ -25,7 +25,7 @@ from bellcrank.dynamics.consistent_start import consistent_start, moved
 from bellcrank.dynamics.constraint_angles import cosines_along, turning
 from bellcrank.dynamics.inverse_dynamics import InverseEquations
 from bellcrank.dynamics.system import system_of, system_parameters
-from bellcrank.elements.joint_relations import Drive
+from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.errors import InputError, UnreachableError
 from bellcrank.motion.motion import Motion
 from bellcrank.numerics import least_squares, pseudo_inverse, singular_values, svd
@@ -59,8 +59,8 @@ class Chain:
 
     def __init__(self, scene: Scene, actuated: Sequence[str] | None = None) -> None:
         scene = replace(scene, initial=replace(scene.initial, clock=0.0))  # times are those of the motion
-        drives = [constraint for constraint in scene.constraints if isinstance(constraint, Drive)]
-        loops = tuple(constraint for constraint in scene.constraints if not isinstance(constraint, Drive))
+        drives = [constraint for constraint in scene.constraints if isinstance(constraint, PrescribedMotion)]
+        loops = tuple(constraint for constraint in scene.constraints if not isinstance(constraint, PrescribedMotion))
         if not loops:
             raise InputError(
                 f"{scene.source}: nothing closes a loop; use bc.scene_inverse_dynamics, which takes open chains"

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.dynamics.system import system_of, system_parameters
-from bellcrank.elements.loops import Hinge, Weld
+from bellcrank.elements.loop_constraints import Hinge, Weld
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene

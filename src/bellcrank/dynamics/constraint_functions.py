@@ -69,7 +69,7 @@ class RowFunctions:
             at_rest = casadi.SX.zeros(scene.robot.nv, 1)
             whole = close(scene.constraints, None, s)
             jacobian = casadi.sparsify(casadi.substitute(whole.jacobian, s.v, at_rest))
-            arms = [casadi.jacobian(constraint.reach(s), s.v) for constraint in scene.constraints]
+            arms = [casadi.jacobian(constraint.lever_velocities(s), s.v) for constraint in scene.constraints]
             turning = [k for k, far in enumerate(lengths_in_velocity(scene.robot)) if not far]
             lengths = [casadi.vec(casadi.densify(casadi.sparsify(arm[:, turning]))) for arm in arms if arm.numel()]
             lengths += [constraint.lengths(s) for constraint in scene.constraints]

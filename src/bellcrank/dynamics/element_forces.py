@@ -13,13 +13,13 @@ from bellcrank.elements.element import table_span
 from bellcrank.elements.expression import has_time
 from bellcrank.elements.frame_forces import Spring
 from bellcrank.elements.frame_joints import frames_drawn
+from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Friction, JointForce, Torque
-from bellcrank.elements.joint_relations import Drive
-from bellcrank.elements.signal_source import SMALL_JUMP
+from bellcrank.elements.signals import SMALL_JUMP
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.mechanism import Mechanism
-    from bellcrank.elements.element import Part
+    from bellcrank.elements.element import Force
     from bellcrank.motion.motion import Motion
     from bellcrank.scene.scene import Scene
 
@@ -43,7 +43,7 @@ def elements(mechanism: Mechanism) -> tuple[Element, ...]:
     return tuple(Element(force.name, force.kind, acts_on(force)) for force in mechanism.equations.forces)
 
 
-def acts_on(force: Part) -> str:
+def acts_on(force: Force) -> str:
     """What a force acts on, such as "joint 'elbow'"."""
     if isinstance(force, JointForce):
         return f"joint '{force.joint.name}'"
@@ -80,7 +80,9 @@ def _clock_notes(scene: Scene) -> Iterator[str]:
     clock = scene.initial.clock
     moving = [f"{force.kind} '{force.name}'" for force in scene.forces if force.source is not None]
     moving += [
-        f"constraint '{part.name}'" for part in scene.constraints if not isinstance(part, Drive) and has_time(part)
+        f"constraint '{part.name}'"
+        for part in scene.constraints
+        if not isinstance(part, PrescribedMotion) and has_time(part)
     ]
     if clock and moving:
         yield (
@@ -133,7 +135,7 @@ def _base_notes(scene: Scene, motion: Motion) -> Iterator[str]:
 def _drive_notes(scene: Scene, motion: Motion) -> Iterator[str]:
     """Drives of the scene that have their joints follow another motion."""
     for constraint in scene.constraints:
-        if isinstance(constraint, Drive) and (follows := str(constraint.place.raw("motion"))) != motion.name:
+        if isinstance(constraint, PrescribedMotion) and (follows := str(constraint.place.raw("motion"))) != motion.name:
             yield (
                 f"drive '{constraint.name}' of the scene follows motion '{follows}'; here motion '{motion.name}' counts "
                 "for its joint"

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import casadi
 
     from bellcrank.codegen.compile import Compiled
-    from bellcrank.elements.element import Part
+    from bellcrank.elements.element import Force
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
 
@@ -48,7 +48,7 @@ class InverseEquations:
         if scene is not None:
             bare = replace(scene, robot=robot, constraints=(), control=(), events=(), outputs={})
             self.scene = replace(bare, initial=replace(scene.initial, clock=0.0))
-        self.forces: tuple[Part, ...] = () if scene is None else scene.forces
+        self.forces: tuple[Force, ...] = () if scene is None else scene.forces
         self.parameters: Array = np.zeros(0) if scene is None else scene.parameter_values
         self.sets_tree = scene is not None and any(p.places for p in scene.parameters.values())
 
@@ -100,7 +100,7 @@ class InverseEquations:
             s = Symbols(self.robot, scene.parameters, scene.frames)
             total, rubbing = casadi.SX.zeros(self.robot.nv, 1), casadi.SX.zeros(self.robot.nv, 1)
             for part in scene.forces:
-                force = part.apply(s).force
+                force = part.generalised_force(s).force
                 total += force
                 if isinstance(part, Friction):
                     rubbing += force

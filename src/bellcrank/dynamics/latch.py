@@ -25,7 +25,7 @@ def latch(rule: EventRule, assembly: Assembly) -> list[casadi.SX]:
     import casadi
 
     s, solution = assembly.symbols, assembly.solution
-    g = casadi.SX(rule.apply(s))
+    g = casadi.SX(rule.function(assembly.event_equations))
     if casadi.depends_on(g, s.v):
         raise InputError(
             f"{s.robot.name}: event '{rule.name}': a latch closes where a position is reached, and its condition "

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.dynamics.element_forces import SAME_TIME
-from bellcrank.elements.joint_relations import Drive
+from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def mechanism_of(
         if not hasattr(given, "joints"):
             arguments.refuse("robot", "a robot, a scene or a linkage", given, remedy="bc.load_scene reads a scene")
         return OpenChain(cast(Robot, given))
-    if any(not isinstance(constraint, Drive) for constraint in given.constraints):
+    if any(not isinstance(constraint, PrescribedMotion) for constraint in given.constraints):
         return Linkage(given, robot, actuated)
     return OpenChain(given.robot if robot is None else robot, given, actuated or given.config.actuated or None)
 

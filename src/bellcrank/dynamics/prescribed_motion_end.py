@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bellcrank.derived import computed_once
 from bellcrank.elements.element import joint_unit
-from bellcrank.elements.joint_relations import Drive
+from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.signals import Signal
 from bellcrank.errors import InputError
 
@@ -31,7 +31,7 @@ MOVING = 1e-4  # of a motion's largest speed: jumps up to this are what files ro
 class DriveEnd:
     """Where the speed (rad/s or m/s) of a drive's motion jumps, s: from `before` to `after`."""
 
-    drive: Drive
+    drive: PrescribedMotion
     time: float
     before: float
     after: float
@@ -62,7 +62,7 @@ def drive_end(scene: Scene) -> DriveEnd | None:
     found = []
     signals = dict(zip(scene.signal_sources, scene.signals, strict=True))
     for drive in scene.constraints:
-        if not isinstance(drive, Drive):
+        if not isinstance(drive, PrescribedMotion):
             continue
         signal = signals[drive.source]
         before, after = _speeds(signal)
@@ -82,7 +82,7 @@ def drive_end(scene: Scene) -> DriveEnd | None:
 
 def signals_until(scene: Scene, time: float) -> tuple[Signal, ...]:
     """The scene's signals, those of drives cut off at a time (s), at which they then have their limits from before."""
-    driven = {drive.source for drive in scene.constraints if isinstance(drive, Drive)}
+    driven = {drive.source for drive in scene.constraints if isinstance(drive, PrescribedMotion)}
     return tuple(
         _cut(signal, time) if source in driven else signal
         for source, signal in zip(scene.signal_sources, scene.signals, strict=True)

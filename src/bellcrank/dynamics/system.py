@@ -182,7 +182,7 @@ class System:
         def build() -> casadi.Function:
             import casadi
 
-            found = [constraint.facing(self.assembly.symbols) for constraint in self._scene.constraints]
+            found = [constraint.alignment(self.assembly.symbols) for constraint in self._scene.constraints]
             return self._state_function("facing", [casadi.vertcat(*found)])
 
         return self._compiled("facing", build)
@@ -195,7 +195,7 @@ class System:
             import casadi
 
             s = self.assembly.symbols
-            found = casadi.vertcat(*[constraint.way(s) for constraint in self._scene.constraints])
+            found = casadi.vertcat(*[constraint.misalignment(s) for constraint in self._scene.constraints])
             return self._state_function("way", [found, _dense(casadi.jacobian(flow(found, s), s.v))])
 
         return self._compiled("way", build)

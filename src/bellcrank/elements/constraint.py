@@ -1,21 +1,38 @@
-"""What constraints have in common: residuals as expressions, and multipliers with names, units and a meaning."""
+"""The base class of constraints: residuals as expressions, and multipliers with names, units and a meaning."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
-from bellcrank.elements.element import Part
+from bellcrank.elements.element import Element
 
 if TYPE_CHECKING:
     import casadi
 
+    from bellcrank.config.fields import Fields
     from bellcrank.elements.symbols import Symbols
+    from bellcrank.motion.motion import Motion
+    from bellcrank.robot.robot import Robot
+
+
+@dataclass(frozen=True)
+class ReadContext:
+    """What the entries of a scene file may refer to: the robot, motions and parameters by name."""
+
+    robot: Robot
+    motions: Mapping[str, Any]
+    motion_of: Callable[[str], Motion]
+    parameters: Mapping[str, Any]
 
 
 class Residual(NamedTuple):
-    """What a constraint keeps at zero: `position` φ(q, t, u, p), and `velocity` ψ(q, v, t, u, p), linear in v, which is
-    the derivative of no φ (non-holonomic).
+    """What a constraint keeps at zero.
+
+    Attributes:
+        position: The position residual φ(q, t, u, p), holonomic.
+        velocity: The velocity residual ψ(q, v, t, u, p), linear in v and not the derivative of a φ: non-holonomic.
     """
 
     position: casadi.SX
@@ -23,39 +40,47 @@ class Residual(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Constraint(Part):
-    """A constraint of a scene. Its multipliers λ stand in M v̇ = f + Jᵀλ with J = ∂φ̇/∂v, ∂ψ/∂v; `labels` say what each is:
-    a force or moment on the body of the first frame, its axes, its unit.
+class Constraint(Element):
+    """A constraint of a scene.
+
+    Its multipliers λ enter M v̇ = f + Jᵀ λ with the rows J = ∂φ̇/∂v and ∂ψ/∂v. `labels` name them: forces and moments on
+    the body of the first frame, with their axes and units.
     """
 
     owner: ClassVar[str] = "constraint"
 
-    def residual(self, symbols: Symbols) -> Residual:
-        """Its residuals; multipliers come in the same order, those of `position` first."""
+    @classmethod
+    def read(cls, name: str, read: Fields, context: ReadContext) -> Self:
+        """The constraint of an entry of the list `constraints`. Raises InputError naming file and key."""
         raise NotImplementedError
 
-    def reach(self, symbols: Symbols) -> casadi.SX:
-        """Velocities, m/s, whose derivatives by joint rates are lever arms of what it closes, besides those of its
-        rows; none as a rule.
+    def residual(self, symbols: Symbols) -> Residual:
+        """Its residuals. The multipliers have the same order, those of `position` first."""
+        raise NotImplementedError
+
+    def lever_velocities(self, symbols: Symbols) -> casadi.SX:
+        """Velocities, m/s, whose derivatives by joint velocities are lever arms, besides those of its rows.
+
+        They give the length scale of the mechanism; most constraints have none.
         """
         import casadi
 
         return casadi.SX(0, 1)
 
     def lengths(self, symbols: Symbols) -> casadi.SX:
-        """Lengths of its own, m, which say how large what it closes is; none as a rule."""
+        """Its own lengths, m, which give the length scale of the mechanism too; most constraints have none."""
         import casadi
 
         return casadi.SX(0, 1)
 
-    def facing(self, symbols: Symbols) -> casadi.SX:
-        """The cosine of the angle between its sides (1), where its rows vanish at half a turn too; else none (0)."""
+    def alignment(self, symbols: Symbols) -> casadi.SX:
+        """The cosine of the angle between its two sides (1) where the residual also vanishes at 180 deg; else none (0)."""
         import casadi
 
         return casadi.SX(0, 1)
 
-    def way(self, symbols: Symbols) -> casadi.SX:
-        """What vanishes where `facing` is 1 and nowhere else, and leads there from any angle below half a turn."""
+    def misalignment(self, symbols: Symbols) -> casadi.SX:
+        """A residual that vanishes only where `alignment` is 1, for the search of a start from any angle below 180 deg."""
         import casadi
 
         return casadi.SX(0, 1)

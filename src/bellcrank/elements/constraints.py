@@ -1,50 +1,46 @@
-"""The constraints of a scene: what a URDF tree cannot say.
+"""Reads the constraints of a scene: what the tree of a URDF cannot express.
 
-Each entry of the list `constraints` has a `kind`, maybe a `name`, and the keys of its kind (loops.py, joint_relations.py,
-rolling.py, formula.py); `{kind: gepetto | mjcf | sdf, file}` stands for all loops that such a file beside the URDF
-tells of (foreign.py).
+Each entry of the list `constraints` has a `kind`, maybe a `name`, and the keys of its kind. To add a kind, derive a class
+from `Constraint` (constraint.py) and add it to `KINDS`. Files of other tools (constraint_importers.py) are kinds too; one
+entry stands for all loops in such a file.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Final
 
 from bellcrank.config.fields import Fields
-from bellcrank.elements.constraint import Constraint
+from bellcrank.elements.constraint import Constraint, ReadContext
+from bellcrank.elements.constraint_importers import IMPORTERS, import_constraints
 from bellcrank.elements.element import named_entries
-from bellcrank.elements.expression_constraint import Formula
-from bellcrank.elements.importers import READERS, read_foreign
-from bellcrank.elements.joint_relations import Coupling, Drive
-from bellcrank.elements.loops import Distance, Hinge, Point, Weld
-from bellcrank.elements.rolling import RollingDisk
-from bellcrank.robot.robot import Robot
+from bellcrank.elements.expression_constraint import ExpressionConstraint
+from bellcrank.elements.joint_constraints import Coupling, PrescribedMotion
+from bellcrank.elements.loop_constraints import Distance, Hinge, Point, Weld
+from bellcrank.elements.rolling_constraint import RollingDisk
 
-if TYPE_CHECKING:
-    from bellcrank.motion.motion import Motion
+Reader = Callable[[str, Fields, ReadContext], Sequence[Constraint]]  # of a name, an entry and its context
 
-KINDS: Final[dict[str, Any]] = {
-    cls.kind: cls for cls in (Point, Hinge, Weld, Distance, Coupling, Drive, RollingDisk, Formula)
+
+def _reader(kind: type[Constraint]) -> Reader:
+    return lambda name, read, context: [kind.read(name, read, context)]
+
+
+KINDS: Final[dict[str, Reader]] = {
+    **{
+        cls.kind: _reader(cls)
+        for cls in (Point, Hinge, Weld, Distance, Coupling, PrescribedMotion, RollingDisk, ExpressionConstraint)
+    },
+    **{kind: partial(import_constraints, kind) for kind in IMPORTERS},
 }
 
 
-def read_constraints(
-    read: Fields, robot: Robot, motions: Mapping[str, Any], motion_of: Callable[[str], Motion]
-) -> tuple[Constraint, ...]:
-    """The list `constraints` of a scene; InputError naming file and key."""
-    parameters = read.raw("parameters", {})
+def read_constraints(read: Fields, context: ReadContext) -> tuple[Constraint, ...]:
+    """The list `constraints` of a scene. Raises InputError naming file and key."""
     constraints: list[Constraint] = []
     for name, entry in named_entries(read, "constraints"):
-        kind = entry.choice("kind", (*KINDS, *READERS))
-        if kind in READERS:
-            constraints += read_foreign(kind, name, entry, robot)
-        elif kind == Drive.kind:
-            constraints.append(Drive.read(name, entry, robot, motions, motion_of))
-        elif kind == Formula.kind:
-            names = parameters if isinstance(parameters, Mapping) else {}
-            constraints.append(Formula.read_with(name, entry, robot, names))
-        else:
-            constraints.append(KINDS[kind].read(name, entry, robot))
+        constraints += KINDS[entry.choice("kind", tuple(KINDS))](name, entry, context)
         entry.done()
     taken = [constraint.name for constraint in constraints]
     for name in taken:

@@ -14,7 +14,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 
 from bellcrank.config.fields import Fields
-from bellcrank.elements.controller_gains import (  # fmt: skip
+from bellcrank.elements.controller_fields import (  # fmt: skip
     Gain,
     all_joints,
     read_gain,
@@ -29,14 +29,14 @@ from bellcrank.elements.element import (  # fmt: skip
     MASS_ERROR,
     NONNEGATIVE,
     POSITIVE,
-    Applied,
-    Part,
+    Force,
+    GeneralisedForce,
     Settable,
     joint_named,
     joint_unit,
     named_entries,
 )
-from bellcrank.elements.signal_source import SignalSource, motion_source
+from bellcrank.elements.signals import SignalSource, motion_source
 from bellcrank.robot.robot import Robot, RobotJoint
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ BOUNDS: Final = {"limit": POSITIVE, "kp": NONNEGATIVE, "kd": NONNEGATIVE, "targe
 
 
 @dataclass(frozen=True)
-class Controller(Part):
+class Controller(Force):
     """Torques at some joints. `limit`: None, a number (N m or N), or {joint: effort limit}."""
 
     joints: tuple[RobotJoint, ...]
@@ -79,7 +79,7 @@ class Controller(Part):
         each = isinstance(getattr(self, name), Mapping)
         return self.value(symbols, f"{name}.{joint.name}" if each else name)
 
-    def applied(self, symbols: Symbols, torques: list[casadi.SX]) -> Applied:
+    def clamped(self, symbols: Symbols, torques: list[casadi.SX]) -> GeneralisedForce:
         """Clamped torques, one a joint, as a force of actuators."""
         import casadi
 
@@ -92,7 +92,7 @@ class Controller(Part):
                     torque = casadi.fmax(casadi.fmin(torque, most), -most)
             force[joint.v] = torque
             power += torque * symbols.v[joint.v]
-        return Applied(force, symbols.zero, power, True)
+        return GeneralisedForce(force, symbols.zero, power, True)
 
     def labels(self, robot: Robot) -> tuple[str, ...]:
         """Its torque at each of its joints."""
@@ -102,7 +102,7 @@ class Controller(Part):
 
     def measure(self, symbols: Symbols) -> casadi.SX:
         """Its torque at each of its joints, N m or N."""
-        return self.apply(symbols).force[[joint.v for joint in self.joints]]
+        return self.generalised_force(symbols).force[[joint.v for joint in self.joints]]
 
 
 @dataclass(frozen=True)
@@ -151,8 +151,8 @@ class PD(Controller):
         """The motion."""
         return self.motion
 
-    def apply(self, symbols: Symbols) -> Applied:
-        """Its expressions."""
+    def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
+        """What it adds to the equations of motion."""
         wanted = None if self.motion is None else symbols.signal(self.motion)
         torques = []
         for k, joint in enumerate(self.joints):
@@ -161,7 +161,7 @@ class PD(Controller):
             aim_rate = 0.0 if wanted is None else wanted[k, 1]
             kp, kd = self.of_joint(symbols, "kp", joint), self.of_joint(symbols, "kd", joint)
             torques.append(kp * (aim - angle) + kd * (aim_rate - rate))
-        return self.applied(symbols, torques)
+        return self.clamped(symbols, torques)
 
 
 @dataclass(frozen=True)
@@ -205,8 +205,8 @@ class ComputedTorque(Controller):
         """The motion."""
         return self.motion
 
-    def apply(self, symbols: Symbols) -> Applied:
-        """Its expressions."""
+    def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
+        """What it adds to the equations of motion."""
         import casadi
 
         wanted = symbols.signal(self.motion)
@@ -218,7 +218,7 @@ class ComputedTorque(Controller):
         scale = 1.0 + self.value(symbols, "mass_error")
         torque = symbols.inverse_dynamics(symbols.q, symbols.v, demand, scale)
         torque += symbols.robot.equations.friction(symbols.v)
-        return self.applied(symbols, [torque[joint.v] for joint in self.joints])
+        return self.clamped(symbols, [torque[joint.v] for joint in self.joints])
 
 
 @dataclass(frozen=True)
@@ -241,13 +241,13 @@ class GravityCompensation(Controller):
         """The mass error and the limit."""
         return super().quantities() | {"mass_error": ""}
 
-    def apply(self, symbols: Symbols) -> Applied:
-        """Its expressions."""
+    def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
+        """What it adds to the equations of motion."""
         import casadi
 
         rest = casadi.SX(symbols.robot.nv, 1)
         torque = symbols.inverse_dynamics(symbols.q, rest, rest) * (1.0 + self.value(symbols, "mass_error"))
-        return self.applied(symbols, [torque[joint.v] for joint in self.joints])
+        return self.clamped(symbols, [torque[joint.v] for joint in self.joints])
 
 
 KINDS: Final[dict[str, type[PD | ComputedTorque | GravityCompensation]]] = {

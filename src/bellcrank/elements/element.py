@@ -1,4 +1,8 @@
-"""What forces and controllers have in common: a name, where they stand in the file, and numbers that parameters set."""
+"""Base classes of what acts on a robot: `Element`, and `Force` of forces and controllers (`Constraint`: constraint.py).
+
+An element has a name, its entry in the scene file, and numbers that parameters can set. It adds expressions to the
+equations; it knows the robot, but no scene.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +18,7 @@ from bellcrank.messages import format_value, unknown_name
 if TYPE_CHECKING:
     import casadi
 
-    from bellcrank.elements.signal_source import SignalSource
+    from bellcrank.elements.signals import SignalSource
     from bellcrank.elements.symbols import Symbols
     from bellcrank.robot.robot import Robot, RobotJoint
 
@@ -30,13 +34,13 @@ JOINT_UNITS: Final = {
 
 
 class Bound(NamedTuple):
-    """What a number may be: more than `least`, or `least` itself where that is `included`."""
+    """A lower bound of a number; `included`: the number may equal it."""
 
     least: float
     included: bool
 
     def admits(self, value: float) -> bool:
-        """Whether a number keeps the bound."""
+        """Whether a number is within the bound."""
         return value >= self.least if self.included else value > self.least
 
     def wanted(self, unit: str) -> str:
@@ -48,22 +52,25 @@ class Bound(NamedTuple):
 ANY: Final = Bound(-math.inf, True)
 NONNEGATIVE: Final = Bound(0.0, True)
 POSITIVE: Final = Bound(0.0, False)
-MASS_ERROR: Final = Bound(-1.0, False)  # a share of the mass: something must be left of it
+MASS_ERROR: Final = Bound(-1.0, False)  # relative to the mass, which must stay positive
 
 
 class Settable(NamedTuple):
-    """A number that parameters can set: its unit, and what it may be in the file and by a parameter alike."""
+    """The unit and the bound of a number that parameters can set; both hold in the file too."""
 
     unit: str
     bound: Bound = ANY
 
 
 @dataclass(frozen=True)
-class Applied:
+class GeneralisedForce:
     """What a force adds to the equations of motion.
 
-    force (nv): all of it, N m or N; potential, J: the part of it that is −∂V/∂q; power, W: of the rest, as it
-    changes T + V; actuator: whether a motor gives it.
+    Attributes:
+        force: The generalised force (nv), N m or N.
+        potential: The potential energy V, J, of the part of the force that is −∂V/∂q.
+        power: The power of the rest of the force, W, which changes T + V.
+        actuator: Whether a motor exerts the force.
     """
 
     force: casadi.SX
@@ -73,17 +80,17 @@ class Applied:
 
 
 @dataclass(frozen=True)
-class Part:
-    """A force or controller of a scene. `settable` are the numbers that parameters can set."""
+class Element:
+    """A force, controller or constraint of a scene; `place` is its entry in the file."""
 
     name: str
     place: Fields = field(repr=False, compare=False)
-    owner: ClassVar[str] = "force"  # how parameters address it: force.NAME.FIELD or control.NAME.FIELD
-    kind: ClassVar[str] = ""
+    owner: ClassVar[str] = ""  # the first word of parameters' targets: force.NAME.FIELD, control.…, constraint.…
+    kind: ClassVar[str] = ""  # under the key `kind` in the file
 
     @property
     def settable(self) -> dict[str, Settable]:
-        """Field -> what "force.NAME.FIELD" can set."""
+        """The numbers that parameters can set, by the names of their fields."""
         return {}
 
     @property
@@ -96,30 +103,16 @@ class Part:
         """The signal it follows."""
         return None
 
-    def apply(self, symbols: Symbols) -> Applied:
-        """Its expressions."""
-        raise NotImplementedError
-
-    def wrenches(self, symbols: Symbols) -> tuple[tuple[str, casadi.SX], ...]:
-        """(frame, force (3) N and moment (3) N m about its origin, world axes) on the body of each frame it acts on;
-        none of a force between joint coordinates.
-        """
-        return ()
-
     def labels(self, robot: Robot) -> tuple[str, ...]:
-        """What follows an output's name in the titles of the columns of `measure`, such as "[N m]"."""
-        raise NotImplementedError
-
-    def measure(self, symbols: Symbols) -> casadi.SX:
-        """The force as an instrument would show it."""
+        """The names and units of its outputs' columns, such as "x [N]"; they follow the output's name."""
         raise NotImplementedError
 
     def value(self, symbols: Symbols, name: str) -> casadi.SX | float:
-        """A number of its own, or the symbol of the parameter that sets it."""
+        """The value of a field, or the symbol of the parameter that sets it."""
         return symbols.value(self.owner, self.name, name, self.number(name))
 
     def number(self, name: str) -> float:
-        """The number of a field, of a vector's component ("force.x") or of a joint's ("kp.elbow")."""
+        """The number of a field, of a component of a vector ("force.x") or of a joint ("kp.elbow")."""
         key, _, rest = name.partition(".")
         value: Any = getattr(self, key)
         if rest:
@@ -127,10 +120,33 @@ class Part:
         return float(value)
 
     def vector(self, symbols: Symbols, name: str) -> casadi.SX:
-        """A vector (3) of its own, each component a number or a symbol."""
+        """The value of a vector field (3), each component a number or a symbol."""
         import casadi
 
         return casadi.vertcat(*[casadi.SX(self.value(symbols, f"{name}.{c}")) for c in "xyz"])
+
+
+@dataclass(frozen=True)
+class Force(Element):
+    """A force or controller of a scene."""
+
+    owner: ClassVar[str] = "force"
+
+    def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
+        """What it adds to the equations of motion."""
+        raise NotImplementedError
+
+    def wrenches(self, symbols: Symbols) -> tuple[tuple[str, casadi.SX], ...]:
+        """Its wrenches (frame, wrench) on the bodies of frames, in world axes.
+
+        A wrench (6) is the force, N, and the moment about the frame's origin, N m. Forces between joint coordinates have
+        none.
+        """
+        return ()
+
+    def measure(self, symbols: Symbols) -> casadi.SX:
+        """The force as outputs show it, with the columns of `labels`."""
+        raise NotImplementedError
 
 
 def joint_unit(joint: RobotJoint, quantity: str) -> str:
@@ -139,7 +155,7 @@ def joint_unit(joint: RobotJoint, quantity: str) -> str:
 
 
 def common_unit(joints: Sequence[RobotJoint], quantity: str) -> str:
-    """The unit of a quantity at several joints: one, or both ("N m or N") where they are of both kinds."""
+    """The unit of a quantity at several joints: "N m or N" where some turn and some slide."""
     units = dict.fromkeys(joint_unit(joint, quantity) for joint in joints)
     return next(iter(units)) if len(units) == 1 else " or ".join(JOINT_UNITS[quantity])
 
@@ -166,7 +182,7 @@ def read_frame(read: Fields, robot: Robot, key: str = "frame") -> str:
 
 
 def number(read: Fields, key: str, unit: str, default: float | None = None, bound: Bound = ANY) -> float:
-    """A number within a bound, needed where the default is None; InputError naming file and key."""
+    """A number within a bound, required where the default is None; InputError naming file and key."""
     value = read.number(key, unit) if default is None else read.number(key, unit, default)
     if not bound.admits(value):
         raise read.error(key, f"expected {bound.wanted(unit)}, found {format_value(read.raw(key, default))}")
@@ -174,8 +190,10 @@ def number(read: Fields, key: str, unit: str, default: float | None = None, boun
 
 
 def entry_names(entries: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The names of a list's entries: what `name` says; else the kind where it is the only one of it, else the kind and
-    the joint ("damper_elbow"); a name that is taken gets a number ("damper_elbow_2").
+    """The names of a list's entries.
+
+    An entry without `name` is named after its kind, or after kind and joint ("damper_elbow") where there are several of
+    the kind; a number makes the name unique ("damper_elbow_2").
     """
     kinds = [str(entry.get("kind", "entry")) for entry in entries if "name" not in entry]
     taken = {str(entry["name"]) for entry in entries if "name" in entry}
@@ -196,7 +214,7 @@ def entry_names(entries: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def named_entries(read: Fields, key: str) -> list[tuple[str, Fields]]:
-    """The mappings of a list with their names; InputError where a name is no text, has a dot or stands twice."""
+    """The mappings of a list with their names; InputError for a name that is not a text, has a dot or is not unique."""
     entries = read.mappings(key)
     raw = [entry for entry in read.raw(key, ())]
     names = entry_names(raw)
@@ -211,9 +229,11 @@ def named_entries(read: Fields, key: str) -> list[tuple[str, Fields]]:
     return list(zip(names, entries, strict=True))
 
 
-def table_span(part: Part) -> tuple[float, float]:
-    """First and last time of the table of a torque or wrench, s."""
-    assert part.source is not None
-    signal = part.source.signal
+def table_span(force: Force) -> tuple[float, float]:
+    """The first and last time of the table of a torque or wrench, s."""
+    assert force.source is not None
+    signal = force.source.signal
     held = signal.kinked and signal.coefficients.shape[1] == 1
-    return float(signal.breaks[0]), float(signal.breaks[-2 if held else -1])  # held values have a piece beyond the last
+    return float(signal.breaks[0]), float(
+        signal.breaks[-2 if held else -1]
+    )  # held values have one more piece after the last time

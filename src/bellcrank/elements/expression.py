@@ -70,11 +70,11 @@ class Expression:
         """The kinds of numbers and names in it: "number", "time", "parameter", "joint", "frame"."""
         return {leaf.operation for leaf in self.term.leaves()}
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
-        """The formula over the symbols of a scene."""
+    def value(self, symbols: Symbols, acceleration: casadi.SX | None = None) -> casadi.SX:
+        """The expression over symbols; `acceleration` (nv) is needed where it contains accelerations."""
         import casadi
 
-        return casadi.SX(_build(self.term, symbols))
+        return casadi.SX(_build(self.term, symbols, acceleration))
 
 
 def parse_expression(text: str, robot: Robot, parameters: Mapping[str, Any]) -> Expression:
@@ -196,7 +196,7 @@ class _Reader:
         return InputError(f"'{_short(piece)}': {message}")
 
 
-def _build(term: Term, s: Symbols) -> Any:
+def _build(term: Term, s: Symbols, acceleration: casadi.SX | None) -> Any:
     import casadi
 
     if term.operation == "number":
@@ -209,13 +209,14 @@ def _build(term: Term, s: Symbols) -> Any:
         name, what = term.value
         joint = s.joint(name)
         if what == "acceleration":
-            return s.acceleration[joint.row]
+            assert acceleration is not None  # constraints with accelerations are refused when they are read
+            return acceleration[joint.row]
         return joint.position if what == "position" else joint.velocity
     if term.operation == "frame":
         name, what = term.value
         frame = s.frame(name)
         return frame.position["xyz".index(what)] if len(what) == 1 else frame.linear["xyz".index(what[1])]
-    pieces = [_build(piece, s) for piece in term.pieces]
+    pieces = [_build(piece, s, acceleration) for piece in term.pieces]
     if term.operation in ("min", "max"):
         pick = casadi.fmin if term.operation == "min" else casadi.fmax
         result = pieces[0]

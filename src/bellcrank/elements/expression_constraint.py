@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from bellcrank import arguments
 from bellcrank.config.fields import Fields
-from bellcrank.elements.constraint import Constraint, Residual
+from bellcrank.elements.constraint import Constraint, ReadContext, Residual
 from bellcrank.elements.expression import Expression, parse_expression
 from bellcrank.errors import InputError
 from bellcrank.robot.robot import Robot
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Formula(Constraint):
+class ExpressionConstraint(Constraint):
     """A formula (expression.py) stays zero: φ(q, t) where no velocity stands in it (holonomic), else ψ(q, v, t),
     which must be linear in velocities (non-holonomic).
 
@@ -36,11 +36,11 @@ class Formula(Constraint):
     kind: ClassVar[str] = "expression"
 
     @classmethod
-    def read_with(cls, name: str, read: Fields, robot: Robot, parameters: Mapping[str, Any]) -> Self:
-        """From its mapping; `parameters` are the names that the formula may use. InputError naming file and key."""
+    def read(cls, name: str, read: Fields, context: ReadContext) -> Self:
+        """The constraint of an entry. Raises InputError naming file and key."""
         text = read.text("expression")
         try:
-            expression = parse_expression(text, robot, parameters)
+            expression = parse_expression(text, context.robot, context.parameters)
         except InputError as error:
             raise read.error("expression", str(error)) from None
         if any(leaf.operation == "joint" and leaf.value[1] == "acceleration" for leaf in expression.term.leaves()):
@@ -59,7 +59,7 @@ class Formula(Constraint):
 
     def residual(self, symbols: Symbols) -> Residual:
         """One row."""
-        return one_row(self.name, self.expression.apply(symbols), symbols)
+        return one_row(self.name, self.expression.value(symbols), symbols)
 
     def labels(self, robot: Robot) -> tuple[str, ...]:
         """The generalised force."""
@@ -70,10 +70,10 @@ class Formula(Constraint):
 
 
 @dataclass(frozen=True)
-class Own(Constraint):
+class FunctionConstraint(Constraint):
     """A constraint that a Python function builds; made by `Scene.with_constraint`.
 
-    `function` takes Symbols and gives a casadi.SX column, each row as in Formula; all rows are of one unit. `digest`
+    `function` takes Symbols and gives a casadi.SX column, each row as in ExpressionConstraint; all rows are of one unit. `digest`
     stands for the expressions in what tells equations apart.
     """
 
@@ -99,7 +99,9 @@ class Own(Constraint):
         return (one,) if self.rows == 1 else tuple(f"{k + 1} {one}" for k in range(self.rows))
 
 
-def own_constraint(function: Callable[[Symbols], Any], name: str, unit: str, symbols: Symbols, source: Path) -> Own:
+def function_constraint(
+    function: Callable[[Symbols], Any], name: str, unit: str, symbols: Symbols, source: Path
+) -> FunctionConstraint:
     """The constraint that keeps function(symbols) at zero; InputError, which names the scene's file `source`, where it
     is no column of expressions in the symbols.
     """
@@ -120,7 +122,7 @@ def own_constraint(function: Callable[[Symbols], Any], name: str, unit: str, sym
     text = casadi.Function("own", [s.t, s.q, s.v, s.p], [casadi.densify(column)]).serialize()
     digest = hashlib.sha256(text.encode("latin-1")).hexdigest()
     moving = bool(casadi.depends_on(column, s.v))
-    own = Own(name, Fields({}, str(source)), function, column.size1(), moving, unit, digest)
+    own = FunctionConstraint(name, Fields({}, str(source)), function, column.size1(), moving, unit, digest)
     own.residual(s)
     return own
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Final
 
 from bellcrank.config.fields import Fields
-from bellcrank.elements.element import Part, named_entries
+from bellcrank.elements.element import Force, named_entries
 from bellcrank.elements.frame_forces import Spring, Wrench
 from bellcrank.elements.joint_forces import Damper, Friction, JointForce, JointSpring, Torque
 from bellcrank.robot.robot import Robot
@@ -20,9 +20,9 @@ KINDS: Final[dict[str, type[JointForce | Spring | Wrench]]] = {
 }
 
 
-def read_forces(read: Fields, robot: Robot) -> tuple[Part, ...]:
+def read_forces(read: Fields, robot: Robot) -> tuple[Force, ...]:
     """The list `forces` of a scene; InputError naming file and key."""
-    forces: list[Part] = []
+    forces: list[Force] = []
     for name, entry in named_entries(read, "forces"):
         kind = KINDS[entry.choice("kind", tuple(KINDS))]
         forces.append(kind.read(name, entry, robot))

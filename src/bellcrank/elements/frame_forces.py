@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Self
 
 from bellcrank.config.fields import Fields
-from bellcrank.elements.element import NONNEGATIVE, Applied, Part, Settable, number, read_frame
-from bellcrank.elements.signal_source import SignalSource
-from bellcrank.elements.torque_table import INTERPOLATIONS, read_wrench_table
+from bellcrank.elements.element import NONNEGATIVE, Force, GeneralisedForce, Settable, number, read_frame
+from bellcrank.elements.force_table import INTERPOLATIONS, read_wrench_table
+from bellcrank.elements.signals import SignalSource
 from bellcrank.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ NOTHING = 1e-30  # m
 
 
 @dataclass(frozen=True)
-class Spring(Part):
+class Spring(Force):
     """A spring with a damper between two frames' origins, or a frame and a point of the world.
 
     With d the way from a to b, its length l = sqrt(d·d) (kept from 0 by 1e-9 of its free length, so that it has a
@@ -81,15 +81,15 @@ class Spring(Part):
         """Its ends."""
         return (self.frame_a,) if self.frame_b == WORLD else (self.frame_a, self.frame_b)
 
-    def apply(self, symbols: Symbols) -> Applied:
-        """Its expressions."""
+    def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
+        """What it adds to the equations of motion."""
         import casadi
 
         way, rate, length, slope, pull = self._geometry(symbols)
         force = casadi.jtimes(rate, symbols.v, -pull * way, True)
         stretch = length - self.value(symbols, "free_length")
         potential = 0.5 * self.value(symbols, "stiffness") * stretch * stretch
-        return Applied(force, potential, -self.value(symbols, "damping") * slope * slope, False)
+        return GeneralisedForce(force, potential, -self.value(symbols, "damping") * slope * slope, False)
 
     def wrenches(self, symbols: Symbols) -> tuple[tuple[str, casadi.SX], ...]:
         """What it does to the bodies of its ends: forces along the way between them, and no moments about them."""
@@ -128,7 +128,7 @@ class Spring(Part):
 
 
 @dataclass(frozen=True)
-class Wrench(Part):
+class Wrench(Force):
     """A force (N) at a frame's origin and a torque (N m), in the axes of the world or of the frame: constant, or a
     table over time in a CSV `file` beside the scene.
 
@@ -184,15 +184,15 @@ class Wrench(Part):
         """The frame it acts on."""
         return (self.frame,)
 
-    def apply(self, symbols: Symbols) -> Applied:
-        """Its expressions."""
+    def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
+        """What it adds to the equations of motion."""
         import casadi
 
         at = symbols.frame(self.frame)
         wrench = self.measure(symbols)
         velocity = casadi.vertcat(at.linear, at.angular)
         force = casadi.jtimes(velocity, symbols.v, wrench, True)
-        return Applied(force, symbols.zero, casadi.dot(wrench, velocity), False)
+        return GeneralisedForce(force, symbols.zero, casadi.dot(wrench, velocity), False)
 
     def wrenches(self, symbols: Symbols) -> tuple[tuple[str, casadi.SX], ...]:
         """What it does to the frame's body: itself."""

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.controllers import Controller
-from bellcrank.elements.element import Part
-from bellcrank.elements.joint_relations import Drive
+from bellcrank.elements.element import Element
+from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.motion.entries import JoinEntry
 from bellcrank.motion.entry import MotionEntry
 from bellcrank.motion.path_entries import PathEntry
@@ -30,9 +30,11 @@ def refuse_joints_off_paths(
     the frame, a motion that draws a frame: in a scene such a motion moves the joints that carry it alone.
     """
     constraints = tuple(constraints)
-    if all(isinstance(constraint, Drive) for constraint in constraints):
+    if all(isinstance(constraint, PrescribedMotion) for constraint in constraints):
         return
-    followers: list[tuple[Part, list[str]]] = [(c, [c.joint.name]) for c in constraints if isinstance(c, Drive)]
+    followers: list[tuple[Element, list[str]]] = [
+        (c, [c.joint.name]) for c in constraints if isinstance(c, PrescribedMotion)
+    ]
     followers += [(part, [joint.name for joint in part.joints]) for part in control]
     for part, joints in followers:
         entry = entries.get(str(part.place.raw("motion", None)))

@@ -11,16 +11,16 @@ from bellcrank.elements.element import (  # fmt: skip
     ANY,
     NONNEGATIVE,
     POSITIVE,
-    Applied,
     Bound,
-    Part,
+    Force,
+    GeneralisedForce,
     Settable,
     joint_unit,
     number,
     read_joint,
 )
-from bellcrank.elements.signal_source import SignalSource
-from bellcrank.elements.torque_table import INTERPOLATIONS, read_torque_table
+from bellcrank.elements.force_table import INTERPOLATIONS, read_torque_table
+from bellcrank.elements.signals import SignalSource
 from bellcrank.robot.friction import FRICTION_WIDTH
 from bellcrank.robot.robot import Robot, RobotJoint
 
@@ -34,7 +34,7 @@ Numbers = Mapping[str, tuple[str, float | None, Bound]]
 
 
 @dataclass(frozen=True)
-class JointForce(Part):
+class JointForce(Force):
     """A force along one joint's coordinate θ (rad or m).
 
     NUMBERS: field -> quantity, default, what it may be.
@@ -65,7 +65,7 @@ class JointForce(Part):
 
     def measure(self, symbols: Symbols) -> casadi.SX:
         """The generalised force at the joint, N m or N."""
-        return self.apply(symbols).force[self.joint.v]
+        return self.generalised_force(symbols).force[self.joint.v]
 
 
 @dataclass(frozen=True)
@@ -87,14 +87,14 @@ class JointSpring(JointForce):
         "damping": ("damping", 0.0, NONNEGATIVE),
     }
 
-    def apply(self, symbols: Symbols) -> Applied:
-        """Its expressions."""
+    def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
+        """What it adds to the equations of motion."""
         angle, rate, index = symbols.joint(self.joint)
         stiffness, rest, preload, damping = (self.value(symbols, name) for name in self.NUMBERS)
         stretch = angle - rest
         torque = preload - stiffness * stretch - damping * rate
         potential = 0.5 * stiffness * stretch * stretch - preload * angle
-        return Applied(symbols.joint_force(index, torque), potential, -damping * rate * rate, False)
+        return GeneralisedForce(symbols.joint_force(index, torque), potential, -damping * rate * rate, False)
 
 
 @dataclass(frozen=True)
@@ -105,11 +105,11 @@ class Damper(JointForce):
     kind: ClassVar[str] = "damper"
     NUMBERS: ClassVar[Numbers] = {"coefficient": ("damping", REQUIRED, NONNEGATIVE)}
 
-    def apply(self, symbols: Symbols) -> Applied:
-        """Its expressions."""
+    def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
+        """What it adds to the equations of motion."""
         _, rate, index = symbols.joint(self.joint)
         torque = -self.value(symbols, "coefficient") * rate
-        return Applied(symbols.joint_force(index, torque), symbols.zero, torque * rate, False)
+        return GeneralisedForce(symbols.joint_force(index, torque), symbols.zero, torque * rate, False)
 
 
 @dataclass(frozen=True)
@@ -129,8 +129,8 @@ class Friction(JointForce):
         "width": ("velocity", FRICTION_WIDTH, POSITIVE),
     }
 
-    def apply(self, symbols: Symbols) -> Applied:
-        """Its expressions."""
+    def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
+        """What it adds to the equations of motion."""
         import casadi
 
         _, rate, index = symbols.joint(self.joint)
@@ -138,7 +138,7 @@ class Friction(JointForce):
         torque = -viscous * rate
         if not (isinstance(coulomb, float) and coulomb == 0.0):
             torque -= coulomb * rate / casadi.sqrt(rate * rate + width * width)
-        return Applied(symbols.joint_force(index, torque), symbols.zero, torque * rate, False)
+        return GeneralisedForce(symbols.joint_force(index, torque), symbols.zero, torque * rate, False)
 
 
 @dataclass(frozen=True)
@@ -189,8 +189,8 @@ class Torque(JointForce):
         """The table."""
         return self.table
 
-    def apply(self, symbols: Symbols) -> Applied:
-        """Its expressions."""
+    def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
+        """What it adds to the equations of motion."""
         _, rate, index = symbols.joint(self.joint)
         torque = self.value(symbols, "value") if self.table is None else symbols.signal(self.table)[0]
-        return Applied(symbols.joint_force(index, torque), symbols.zero, torque * rate, True)
+        return GeneralisedForce(symbols.joint_force(index, torque), symbols.zero, torque * rate, True)

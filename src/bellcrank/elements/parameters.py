@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.config.fields import Fields
-from bellcrank.elements.element import ANY, NONNEGATIVE, Part, Settable
+from bellcrank.elements.element import ANY, NONNEGATIVE, Element, Settable
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.robot.pinocchio_model import LEAST_MASS
@@ -41,7 +41,7 @@ class Parameter:
     places: tuple[tuple[int, int], ...]
 
 
-def read_parameters(read: Fields, robot: Robot, parts: Sequence[Part]) -> dict[str, Parameter]:
+def read_parameters(read: Fields, robot: Robot, parts: Sequence[Element]) -> dict[str, Parameter]:
     """The mapping `parameters` of a scene, for its robot, forces and controllers; InputError naming file and key."""
     table = read.mapping("parameters", {})
     parameters: dict[str, Parameter] = {}
@@ -103,11 +103,11 @@ def _targets(entry: Fields) -> tuple[str, ...]:
     return tuple(PLURAL.get(kind, kind) + dot + rest for kind, dot, rest in (target.partition(".") for target in given))
 
 
-def _resolve(target: str, robot: Robot, parts: Sequence[Part]) -> tuple[Settable, tuple[int, int] | None]:
+def _resolve(target: str, robot: Robot, parts: Sequence[Element]) -> tuple[Settable, tuple[int, int] | None]:
     """The unit of a target with what it may be, and where it is the tracer's."""
     kind, _, rest = target.partition(".")
     if kind in ("force", "control", "constraint"):
-        mine: Mapping[str, Part] = {part.name: part for part in parts if part.owner == kind}
+        mine: Mapping[str, Element] = {part.name: part for part in parts if part.owner == kind}
         name, _, field = rest.partition(".")
         if name not in mine:
             raise InputError(unknown_name(kind, name, mine))

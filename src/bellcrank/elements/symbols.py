@@ -1,9 +1,9 @@
-"""The symbols that forces, controllers, outputs and events write their expressions in."""
+"""The symbols that forces, controllers and constraints write their expressions in, and kinematics over them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bellcrank.derived import cached_property
 from bellcrank.robot.trace import trace_tree
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import casadi
 
     from bellcrank.elements.parameters import Parameter
-    from bellcrank.elements.signal_source import SignalSource
+    from bellcrank.elements.signals import SignalSource
     from bellcrank.robot.robot import Robot, RobotJoint
 
 _FRAME = 18  # numbers a frame: position 3, rotation 9, linear and angular velocity 3 each
@@ -35,32 +35,12 @@ class FrameSymbols(NamedTuple):
     angular: casadi.SX
 
 
-class Reactions(Protocol):
-    """What constraints do to the robot, as expressions for outputs and events."""
-
-    def of(self, name: str) -> casadi.SX:
-        """The multipliers of one constraint, N or N m, in the order of its labels."""
-        ...
-
-    @property
-    def closeness(self) -> casadi.SX:
-        """σ_min/σ_max of J M⁻¹ᐟ²: 0 where the constraints are singular."""
-        ...
-
-
 class Symbols:
     """Time t, position q (nq), velocity v (nv), signals u and parameters p, and what follows from them by kinematics.
 
     Whatever the parameters set is a symbol in every traced algorithm. `frames` may name the frames that will be asked
-    for, so that they are traced together. A formula's t is t + `clock` (s). `acceleration` (nv), `joint_torque` (nv),
-    `kinetic` and `potential` (J) are set by whoever assembles the equations, before outputs and events are written.
+    for, so that they are traced together. In expressions of a scene file, t is t + `clock` (s).
     """
-
-    acceleration: casadi.SX
-    joint_torque: casadi.SX
-    kinetic: casadi.SX
-    potential: casadi.SX
-    reactions: Reactions  # of a scene with constraints
 
     def __init__(
         self,

@@ -15,19 +15,17 @@ from typing import TYPE_CHECKING, Protocol
 from bellcrank.config.fields import Fields
 from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.element import read_joint
-from bellcrank.elements.loops import WORLD, Loop
-from bellcrank.elements.rolling import RollingDisk
+from bellcrank.elements.loop_constraints import WORLD, Loop
+from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.messages import unknown_name
 from bellcrank.robot.robot import Robot
 
 if TYPE_CHECKING:
     import casadi
 
-    from bellcrank.elements.symbols import Symbols
+    from bellcrank.scene.equation_symbols import EquationSymbols
 
-FLAT = 1e-4
-
-FLAT = 1e-4  # rad
+FLAT = 1e-4  # rad: a disk that is nearer to lying flat has no lowest point that can be told
 
 
 class Condition(Protocol):
@@ -37,7 +35,7 @@ class Condition(Protocol):
     def frames(self) -> tuple[str, ...]:
         """The frames it uses."""
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
+    def function(self, equations: EquationSymbols) -> casadi.SX:
         """The function whose zero it is."""
 
 
@@ -60,10 +58,11 @@ class Aligned:
         """Both joints' and the constraint's."""
         return (self.link_a, self.link_b, *self.loop.frames)
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
+    def function(self, equations: EquationSymbols) -> casadi.SX:
         """The function whose zero it is."""
         import casadi
 
+        symbols = equations.symbols
         a, b, tip = symbols.frame(self.link_a), symbols.frame(self.link_b), self.loop.sides(symbols)[0].position
         arm_a, arm_b = a.position - tip, b.position - tip
         area = casadi.dot(a.rotation @ casadi.DM(self.axis), casadi.cross(arm_a, arm_b))
@@ -81,9 +80,9 @@ class SingularConstraint:
         """The frames it uses."""
         return ()
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
+    def function(self, equations: EquationSymbols) -> casadi.SX:
         """The function whose zero it is."""
-        return symbols.reactions.closeness - self.threshold
+        return equations.closeness - self.threshold
 
 
 @dataclass(frozen=True)
@@ -97,9 +96,9 @@ class ContactLost:
         """The frames it uses."""
         return ()
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
+    def function(self, equations: EquationSymbols) -> casadi.SX:
         """The function whose zero it is."""
-        return symbols.reactions.of(self.constraint)[0]
+        return equations.multipliers(self.constraint)[0]
 
 
 @dataclass(frozen=True)
@@ -113,9 +112,9 @@ class LiesFlat:
         """The disk's."""
         return self.disk.frames
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
+    def function(self, equations: EquationSymbols) -> casadi.SX:
         """The function whose zero it is."""
-        return self.disk.steepness(symbols) - FLAT
+        return self.disk.steepness(equations.symbols) - FLAT
 
 
 @dataclass(frozen=True)
@@ -130,11 +129,11 @@ class FrictionDemand:
         """The frames it uses."""
         return ()
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
+    def function(self, equations: EquationSymbols) -> casadi.SX:
         """The function whose zero it is."""
         import casadi
 
-        normal, *friction = casadi.vertsplit(symbols.reactions.of(self.constraint))
+        normal, *friction = casadi.vertsplit(equations.multipliers(self.constraint))
         return casadi.norm_2(casadi.vertcat(*friction)) - self.limit * normal
 
 

@@ -19,7 +19,7 @@ from bellcrank.config.fields import Fields
 from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.element import joint_unit, read_joint
 from bellcrank.elements.expression import Expression, parse_expression
-from bellcrank.elements.rolling import RollingDisk
+from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.errors import InputError
 from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.constraint_conditions import (
@@ -37,7 +37,7 @@ from bellcrank.scene.constraint_conditions import (
 if TYPE_CHECKING:
     import casadi
 
-    from bellcrank.elements.symbols import Symbols
+    from bellcrank.scene.equation_symbols import EquationSymbols
 
 DIRECTIONS: Final = {"up": 1, "down": -1, "any": 0}
 CONDITIONS: Final = ("joint", "expression", "aligned", "singular_constraints", "contact_lost", "friction_demand")
@@ -56,10 +56,26 @@ class JointReaches:
         """The frames it uses."""
         return ()
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
+    def function(self, equations: EquationSymbols) -> casadi.SX:
         """The function whose zero it is."""
-        position, velocity, _ = symbols.joint(self.joint)
+        position, velocity, _ = equations.symbols.joint(self.joint)
         return (position if self.what == "position" else velocity) - self.value
+
+
+@dataclass(frozen=True)
+class ExpressionVanishes:
+    """The value of an expression."""
+
+    expression: Expression
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The frames in the expression."""
+        return self.expression.frames
+
+    def function(self, equations: EquationSymbols) -> casadi.SX:
+        """The function whose zero it is."""
+        return self.expression.value(equations.symbols, equations.acceleration)
 
 
 @dataclass(frozen=True)
@@ -86,9 +102,9 @@ class EventRule:
             return f"{joint_unit(self.when.joint, 'torque')} s"
         return "N m s" if isinstance(self.when, Aligned) else "J s per unit of the expression"
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
+    def function(self, equations: EquationSymbols) -> casadi.SX:
         """The function g(t, x, u, p) whose zero is the event."""
-        return self.when.apply(symbols)
+        return self.when.function(equations)
 
 
 def read_events(
@@ -144,7 +160,7 @@ def _read_condition(
     read.known(*CONDITIONS, "position", "velocity")
     there = [key for key in CONDITIONS if key in read]
     if there == ["expression"]:
-        condition: Condition = read_expression(read, robot, parameters)
+        condition: Condition = ExpressionVanishes(read_expression(read, robot, parameters))
     elif there == ["aligned"]:
         condition = read_aligned(read.mapping("aligned"), robot, constraints)
     elif there == ["singular_constraints"]:

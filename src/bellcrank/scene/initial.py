@@ -32,7 +32,7 @@ Mask = NDArray[np.bool_]
 Axes = list[tuple[slice, Array]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Initial:
     """Positions (rad or m) and velocities of joints by name, those of them that are `guesses`, and the starts of joints
     with several degrees of freedom, a free base among them. `clock` is what t, tables and motions read at time 0, s.
@@ -142,7 +142,15 @@ def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any], read_sc
     if saved is None and "time" in start and "time" in times:
         raise start.error("time", "'time' says at which time of a saved run to start; name it as run: FILE.npz")
     clock = read_clock(start, saved) if "clock" in times else 0.0
-    return Initial(position, velocity, tuple(guesses), motion, free | _read_base(read, robot), saved, clock)
+    return Initial(
+        position=position,
+        velocity=velocity,
+        guesses=tuple(guesses),
+        motion=motion,
+        free=free | _read_base(read, robot),
+        saved=saved,
+        clock=clock,
+    )
 
 
 def _read_rates(rates: Fields, robot: Robot) -> dict[str, float]:

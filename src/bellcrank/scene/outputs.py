@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 from bellcrank.config.fields import Fields
 from bellcrank.elements.constraint import Constraint
-from bellcrank.elements.element import Part, joint_unit, read_frame, read_joint
+from bellcrank.elements.element import Element, Force, joint_unit, read_frame, read_joint
 from bellcrank.elements.expression import Expression
-from bellcrank.elements.rolling import RollingDisk
+from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.messages import unknown_name
 from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.events import read_expression
@@ -27,7 +27,7 @@ from bellcrank.scene.events import read_expression
 if TYPE_CHECKING:
     import casadi
 
-    from bellcrank.elements.symbols import Symbols
+    from bellcrank.scene.equation_symbols import EquationSymbols
 
 FRAME_LABELS: Final = {
     "position": tuple(f"{c} [m]" for c in "xyz"),
@@ -56,7 +56,7 @@ class Quantity:
         """What follows the output's name in the titles of its columns."""
         raise NotImplementedError
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
+    def value(self, equations: EquationSymbols) -> casadi.SX:
         """Its column."""
         raise NotImplementedError
 
@@ -77,11 +77,11 @@ class FrameOutput(Quantity):
         """What follows the output's name in a column's title."""
         return FRAME_LABELS[self.what]
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
+    def value(self, equations: EquationSymbols) -> casadi.SX:
         """The column."""
         import casadi
 
-        f = symbols.frame(self.frame)
+        f = equations.symbols.frame(self.frame)
         return {
             "position": f.position, "velocity": f.linear, "rotation": casadi.vec(f.rotation.T),
             "angular_velocity": f.angular,
@@ -99,12 +99,12 @@ class JointOutput(Quantity):
         """The unit."""
         return (f"[{joint_unit(self.joint, self.what)}]",)
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
+    def value(self, equations: EquationSymbols) -> casadi.SX:
         """One number."""
-        position, velocity, index = symbols.joint(self.joint)
+        position, velocity, index = equations.symbols.joint(self.joint)
         if self.what in ("position", "velocity"):
             return position if self.what == "position" else velocity
-        return (symbols.acceleration if self.what == "acceleration" else symbols.joint_torque)[index]
+        return (equations.acceleration if self.what == "acceleration" else equations.joint_torque)[index]
 
 
 @dataclass(frozen=True)
@@ -117,10 +117,10 @@ class EnergyOutput(Quantity):
         """The unit."""
         return ("[J]",)
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
+    def value(self, equations: EquationSymbols) -> casadi.SX:
         """One number."""
-        total = symbols.kinetic + symbols.potential
-        return {"kinetic": symbols.kinetic, "potential": symbols.potential, "total": total}[self.energy]
+        total = equations.kinetic + equations.potential
+        return {"kinetic": equations.kinetic, "potential": equations.potential, "total": total}[self.energy]
 
 
 @dataclass(frozen=True)
@@ -136,12 +136,13 @@ class MomentumOutput(Quantity):
         """One a component."""
         return MOMENTA[self.momentum]
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
+    def value(self, equations: EquationSymbols) -> casadi.SX:
         """The column."""
         import casadi
 
-        conjugate = casadi.gradient(symbols.kinetic, symbols.v)[:6]
-        position, turn = symbols.q[:3], _rotation(symbols.q[3:7])
+        conjugate = casadi.gradient(equations.kinetic, equations.symbols.v)[:6]
+        q = equations.symbols.q
+        position, turn = q[:3], _rotation(q[3:7])
         linear = turn @ conjugate[:3]
         if self.momentum == "linear":
             return linear
@@ -152,21 +153,21 @@ class MomentumOutput(Quantity):
 class ForceOutput(Quantity):
     """A force or controller as an instrument would show it."""
 
-    part: Part
+    force: Force
     labels: tuple[str, ...]
 
     @property
     def frames(self) -> tuple[str, ...]:
         """Those of the force."""
-        return self.part.frames
+        return self.force.frames
 
     def suffixes(self) -> tuple[str, ...]:
         """As the force says."""
         return self.labels
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
+    def value(self, equations: EquationSymbols) -> casadi.SX:
         """As the force says."""
-        return self.part.measure(symbols)
+        return self.force.measure(equations.symbols)
 
 
 @dataclass(frozen=True)
@@ -185,9 +186,9 @@ class ConstraintOutput(Quantity):
         """As the constraint says."""
         return self.labels
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
+    def value(self, equations: EquationSymbols) -> casadi.SX:
         """One a row."""
-        return symbols.reactions.of(self.constraint.name)
+        return equations.multipliers(self.constraint.name)
 
 
 @dataclass(frozen=True)
@@ -205,9 +206,9 @@ class ContactOutput(Quantity):
         """One a component."""
         return FRAME_LABELS["position"]
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
+    def value(self, equations: EquationSymbols) -> casadi.SX:
         """The column."""
-        return self.disk.contact_point(symbols)
+        return self.disk.contact_point(equations.symbols)
 
 
 @dataclass(frozen=True)
@@ -220,11 +221,11 @@ class DemandOutput(Quantity):
         """A plain number."""
         return ("[1]",)
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
+    def value(self, equations: EquationSymbols) -> casadi.SX:
         """One number."""
         import casadi
 
-        normal, *friction = casadi.vertsplit(symbols.reactions.of(self.disk.name))
+        normal, *friction = casadi.vertsplit(equations.multipliers(self.disk.name))
         return casadi.norm_2(casadi.vertcat(*friction)) / normal
 
 
@@ -244,9 +245,9 @@ class ExpressionOutput(Quantity):
         """The unit."""
         return (f"[{self.unit}]",)
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
+    def value(self, equations: EquationSymbols) -> casadi.SX:
         """One number."""
-        return self.expression.apply(symbols)
+        return self.expression.value(equations.symbols, equations.acceleration)
 
 
 @dataclass(frozen=True)
@@ -266,12 +267,14 @@ class Output:
         """The frames it uses."""
         return self.quantity.frames
 
-    def apply(self, symbols: Symbols) -> casadi.SX:
+    def value(self, equations: EquationSymbols) -> casadi.SX:
         """Its column (len(labels)) over the symbols of a scene whose acceleration and energies are known."""
-        return self.quantity.apply(symbols)
+        return self.quantity.value(equations)
 
 
-def read_outputs(read: Fields, robot: Robot, parameters: Mapping[str, Any], parts: Sequence[Part]) -> dict[str, Output]:
+def read_outputs(
+    read: Fields, robot: Robot, parameters: Mapping[str, Any], parts: Sequence[Element]
+) -> dict[str, Output]:
     """The mapping `outputs` of a scene; InputError naming file and key."""
 
     def frame(entry: Fields) -> Quantity:
@@ -290,7 +293,7 @@ def read_outputs(read: Fields, robot: Robot, parameters: Mapping[str, Any], part
 
     def force(entry: Fields) -> Quantity:
         name = entry.text("force")
-        forces = [part for part in parts if not isinstance(part, Constraint)]
+        forces = [part for part in parts if isinstance(part, Force)]
         found = [part for part in forces if part.name == name]
         if not found:
             raise entry.error("force", unknown_name("force or controller", name, [part.name for part in forces]))

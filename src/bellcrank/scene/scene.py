@@ -20,19 +20,18 @@ from bellcrank import arguments
 from bellcrank.config.fields import Fields
 from bellcrank.deprecated import Renamed
 from bellcrank.derived import Portable, cached_property
-from bellcrank.elements.constraint import Constraint
+from bellcrank.elements.constraint import Constraint, ReadContext
+from bellcrank.elements.constraint_importers import imported_motors
 from bellcrank.elements.constraints import read_constraints
 from bellcrank.elements.controllers import Controller, read_control
-from bellcrank.elements.element import Part
-from bellcrank.elements.expression_constraint import Own, own_constraint
+from bellcrank.elements.element import Element, Force
+from bellcrank.elements.expression_constraint import FunctionConstraint, function_constraint
 from bellcrank.elements.forces import read_forces
 from bellcrank.elements.frame_forces import Wrench
 from bellcrank.elements.frame_joints import refuse_joints_off_paths
-from bellcrank.elements.importers import foreign_motors
 from bellcrank.elements.joint_forces import Torque
 from bellcrank.elements.parameters import Parameter, read_parameters
-from bellcrank.elements.signal_source import SignalSource, later_signal, later_stops
-from bellcrank.elements.signals import Signal, values_at
+from bellcrank.elements.signals import Signal, SignalSource, signal_after, stops_after, values_at
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess, Trust, read_text
 from bellcrank.motion.entries import csv_texts
@@ -54,14 +53,14 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Scene(Portable, Renamed):
     """What a scene file says, checked against the robot. Made by `load_scene`."""
 
     config: RobotConfig
     robot: Robot
     constraints: tuple[Constraint, ...]
-    forces: tuple[Part, ...]
+    forces: tuple[Force, ...]
     control: tuple[Controller, ...]
     initial: Initial
     parameters: Mapping[str, Parameter]
@@ -117,7 +116,7 @@ class Scene(Portable, Renamed):
         notes = tuple(dict.fromkeys((*self.config.deprecations, *notes)))
         same_robot = own(data) == own(self.source_data)
         changed = _read(data, self.source, self.access, notes, self if same_robot else None)
-        mine = tuple(constraint for constraint in self.constraints if isinstance(constraint, Own))
+        mine = tuple(constraint for constraint in self.constraints if isinstance(constraint, FunctionConstraint))
         return replace(changed, constraints=(*changed.constraints, *mine)) if mine else changed
 
     def with_constraint(self, function: Callable[[Symbols], Any], name: str = "own", unit: str = "1") -> Scene:
@@ -135,7 +134,7 @@ class Scene(Portable, Renamed):
         from bellcrank.elements.symbols import Symbols
 
         symbols = Symbols(self.robot, self.parameters, self.frames)
-        own = own_constraint(function, name, unit, symbols, self.source)
+        own = function_constraint(function, name, unit, symbols, self.source)
         return replace(self, constraints=(*self.constraints, own))
 
     @property
@@ -177,12 +176,12 @@ class Scene(Portable, Renamed):
     @cached_property
     def signals(self) -> tuple[Signal, ...]:
         """The signals u(t); InputError or UnreachableError where a motion cannot be made."""
-        return tuple(later_signal(source, self.initial.clock) for source in self.signal_sources)
+        return tuple(signal_after(source, self.initial.clock) for source in self.signal_sources)
 
     @cached_property
     def stops(self) -> Array:
         """Times (k,) s at which signals jump, besides the breaks of kinked ones: no step should cross them."""
-        stops = [later_stops(source, self.initial.clock) for source in self.signal_sources]
+        stops = [stops_after(source, self.initial.clock) for source in self.signal_sources]
         return np.unique(np.concatenate([np.zeros(0), *stops]))
 
     def signals_at(self, times: Array) -> Array:
@@ -270,15 +269,17 @@ def _read(
     config = replace(config if like is None else like.config, deprecations=deprecations)
     if motion_of is None:
         motion_of = _Motions(config, robot)
-    constraints = read_constraints(read, robot, config.motions, motion_of)
+    names = read.raw("parameters", {})
+    context = ReadContext(robot, config.motions, motion_of, names if isinstance(names, Mapping) else {})
+    constraints = read_constraints(read, context)
     if not config.actuated:
-        config = replace(config, actuated=foreign_motors(constraints, robot))
+        config = replace(config, actuated=imported_motors(constraints, robot))
     loop_files = {name: read_text(path) for name, path in _named_files(constraints).items()}
     forces = read_forces(read, robot)
     control = read_control(read, robot, config.motions, motion_of)
     refuse_joints_off_paths(constraints, control, robot, config.motions)
     initial = read_initial(read, robot, config.motions, scene_of_run)
-    parts: tuple[Part, ...] = (*forces, *control, *constraints)
+    parts: tuple[Element, ...] = (*forces, *control, *constraints)
     parameters = read_parameters(read, robot, parts)
     events = read_events(read, robot, parameters, constraints)
     outputs = read_outputs(read, robot, parameters, parts)
@@ -289,20 +290,20 @@ def _read(
         raise read.mapping("simulate").error("samples", str(error)) from None
     read.done()
     return Scene(
-        config,
-        robot,
-        constraints,
-        forces,
-        control,
-        initial,
-        parameters,
-        events,
-        outputs,
-        settings,
-        motion_of,
-        data,
-        access,
-        loop_files,
+        config=config,
+        robot=robot,
+        constraints=constraints,
+        forces=forces,
+        control=control,
+        initial=initial,
+        parameters=parameters,
+        events=events,
+        outputs=outputs,
+        settings=settings,
+        motion_of=motion_of,
+        source_data=data,
+        access=access,
+        loop_files=loop_files,
     )
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from bellcrank.codegen import llvm as machine
 from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.elements.expression_constraint import Own
+from bellcrank.elements.expression_constraint import FunctionConstraint
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import writing
 from bellcrank.scene.run_contents import RUN, VERSION
@@ -107,7 +107,7 @@ def file_contents(run: Trajectory) -> tuple[dict[str, Any], dict[str, Array]]:
 
 def refuse_functions(scene: Scene) -> None:
     """Refuse a scene with a constraint that is a Python function, which no file can hold (InputError)."""
-    own = [constraint.name for constraint in scene.constraints if isinstance(constraint, Own)]
+    own = [constraint.name for constraint in scene.constraints if isinstance(constraint, FunctionConstraint)]
     if own:
         raise InputError(
             f"{scene.name}: constraint '{own[0]}' is a Python function, which no file can hold; write it as "

@@ -14,12 +14,12 @@ from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.dynamics.prescribed_motion_end import drive_end
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.controllers import PD
-from bellcrank.elements.element import Part, joint_unit, table_span
+from bellcrank.elements.element import Force, joint_unit, table_span
 from bellcrank.elements.expression import has_time
+from bellcrank.elements.force_table import COMPONENTS
 from bellcrank.elements.frame_forces import Wrench
+from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Torque
-from bellcrank.elements.joint_relations import Drive
-from bellcrank.elements.torque_table import COMPONENTS
 from bellcrank.motion.limit_notes import FAR_OUT, MOST_TURNED
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ def _targets(scene: Scene) -> Iterator[str]:
 
 def _signals(scene: Scene, duration: float) -> Iterator[str]:
     """Tables and motions that do not cover the run, and splines that overshoot."""
-    parts: tuple[Part, ...] = (*scene.forces, *scene.control)
+    parts: tuple[Force, ...] = (*scene.forces, *scene.control)
     for part in parts:
         if part.source is None:
             continue
@@ -196,7 +196,7 @@ def _drives(scene: Scene, duration: float) -> Iterator[str]:
     end = drive_end(scene)
     until = duration if end is None else min(duration, end.time)
     for constraint in scene.constraints:
-        if not isinstance(constraint, Drive) or constraint.source is None:
+        if not isinstance(constraint, PrescribedMotion) or constraint.source is None:
             continue
         breaks = constraint.source.signal.breaks - scene.initial.clock
         if breaks[-1] < until:

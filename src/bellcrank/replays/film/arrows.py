@@ -13,11 +13,11 @@ from bellcrank.derived import cached_property
 from bellcrank.dynamics.system import system_of
 from bellcrank.elements import frame_forces
 from bellcrank.elements.constraint import Constraint
-from bellcrank.elements.element import Part
+from bellcrank.elements.element import Element
+from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import JointSpring
-from bellcrank.elements.joint_relations import Drive
-from bellcrank.elements.loops import WORLD, Distance, Hinge, Loop, Point, Weld, perpendicular
-from bellcrank.elements.rolling import RollingDisk
+from bellcrank.elements.loop_constraints import WORLD, Distance, Hinge, Loop, Point, Weld, perpendicular
+from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.elements.signals import values_at
 from bellcrank.motion.quaternions import from_matrices, multiply, rotate
 from bellcrank.replays.film.film import Arrow, Rod, Spring
@@ -40,7 +40,7 @@ class SceneFrames:
     state: Array
     frame_pose: FramePose
 
-    def number(self, element: Part, field: str) -> float:
+    def number(self, element: Element, field: str) -> float:
         """A number of a force or constraint, with the value of the parameter that sets it, if any."""
         target = f"{element.owner}.{element.name}.{field}"
         for k, parameter in enumerate(self.scene.parameters.values()):
@@ -48,7 +48,7 @@ class SceneFrames:
                 return float(self.parameters[k])
         return element.number(field)
 
-    def vector(self, element: Part, field: str) -> Array:
+    def vector(self, element: Element, field: str) -> Array:
         """A vector (3,) of a force or constraint."""
         return np.array([self.number(element, f"{field}.{c}") for c in "xyz"])
 
@@ -96,7 +96,7 @@ class RunFrames(SceneFrames):
 
 def element_frames(scene: Scene) -> tuple[str, ...]:
     """The frames whose poses the arrows, springs and rods of a scene need."""
-    elements: tuple[Part, ...] = (*scene.constraints, *scene.forces)
+    elements: tuple[Element, ...] = (*scene.constraints, *scene.forces)
     return tuple(dict.fromkeys(name for element in elements for name in element.frames))
 
 
@@ -113,7 +113,7 @@ def run_arrows(frames: RunFrames) -> Iterator[Arrow]:
     """
     scene = frames.run.scene
     for constraint in scene.constraints:
-        if isinstance(constraint, Drive):
+        if isinstance(constraint, PrescribedMotion):
             torque = frames.multipliers_of(constraint)[:, 0]
             yield motor_arrow(scene.robot, constraint.joint, torque, frames.frame_pose, constraint.name)
         elif isinstance(constraint, RollingDisk):

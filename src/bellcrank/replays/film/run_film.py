@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bellcrank.dynamics.system import system_of
 from bellcrank.elements.joint_forces import JointSpring
-from bellcrank.elements.rolling import RollingDisk
+from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import position_labels
 from bellcrank.motion.hermite import smooth_between

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from bellcrank.config.fields import Fields
 from bellcrank.config.numbers import decimal_number
 from bellcrank.config.yaml_file import read_yaml
-from bellcrank.elements.constraint import Constraint
-from bellcrank.elements.joint_relations import Coupling
-from bellcrank.elements.loops import WORLD, Hinge, Point, Weld
+from bellcrank.elements.constraint import Constraint, ReadContext
+from bellcrank.elements.joint_constraints import Coupling
+from bellcrank.elements.loop_constraints import WORLD, Hinge, Point, Weld
 from bellcrank.errors import InputError
 from bellcrank.files.access import read_bytes
 from bellcrank.messages import format_value, unknown_name
@@ -68,11 +68,11 @@ def read_gepetto(path: str | Path) -> GepettoLoops:
     return GepettoLoops(loops, tuple(map(str, motors if isinstance(motors, list) else [motors])))
 
 
-def read_foreign(kind: str, name: str, read: Fields, robot: Robot) -> list[Constraint]:
-    """The constraints of the file under the key `file`, named NAME_1, NAME_2, … InputError naming file and key."""
+def import_constraints(kind: str, name: str, read: Fields, context: ReadContext) -> list[Constraint]:
+    """The constraints of the file under the key `file`, named NAME_1, NAME_2, … Raises InputError naming file and key."""
     path = read.file("file")
     try:
-        found = READERS[kind](path, name, read, robot)
+        found = IMPORTERS[kind](path, name, read, context.robot)
     except InputError as error:
         raise read.error("file", str(error)) from None
     except ValueError as error:
@@ -82,7 +82,7 @@ def read_foreign(kind: str, name: str, read: Fields, robot: Robot) -> list[Const
     return found
 
 
-def foreign_motors(constraints: Sequence[Constraint], robot: Robot) -> tuple[str, ...]:
+def imported_motors(constraints: Sequence[Constraint], robot: Robot) -> tuple[str, ...]:
     """The joints with motors (`name_mot`) of the Gepetto files that constraints were read from; InputError naming file."""
     files = {c.place.raw("file"): c.place for c in constraints if c.place.raw("kind", None) == "gepetto"}
     found: list[str] = []
@@ -246,6 +246,6 @@ def _xml(path: Path) -> ET.Element:
         raise InputError(f"{path}: holds characters that are not valid in XML; save it as UTF-8") from None
 
 
-READERS: Final[Mapping[str, Callable[[Path, str, Fields, Robot], list[Constraint]]]] = {
+IMPORTERS: Final[Mapping[str, Callable[[Path, str, Fields, Robot], list[Constraint]]]] = {
     "gepetto": _gepetto, "mjcf": _mjcf, "sdf": _sdf,
 }  # fmt: skip

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 
 from bellcrank.config.fields import Fields
-from bellcrank.elements.constraint import Constraint, Residual
+from bellcrank.elements.constraint import Constraint, ReadContext, Residual
 from bellcrank.elements.element import POSITIVE, Settable, read_frame
 from bellcrank.numerics import LARGEST, length
 from bellcrank.robot.robot import Robot
@@ -76,9 +76,9 @@ class Point(Loop):
     kind: ClassVar[str] = "point"
 
     @classmethod
-    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
-        """From its mapping; InputError naming file and key."""
-        return cls(name, read, *read_sides(read, robot))
+    def read(cls, name: str, read: Fields, context: ReadContext) -> Self:
+        """The constraint of an entry. Raises InputError naming file and key."""
+        return cls(name, read, *read_sides(read, context.robot))
 
     def residual(self, symbols: Symbols) -> Residual:
         """Three rows."""
@@ -96,16 +96,16 @@ class Hinge(Loop):
 
     φ = a − b (m, world axes), then n₁·k and n₂·k: k is the axis of a, n₁ and n₂ are perpendicular to that of b. Their
     multipliers are moments on the body of frame a, N m, about k × n₁ and k × n₂ (turned to face it). φ vanishes with
-    the axes opposed too, which no start is and no run keeps (`facing`).
+    the axes opposed too, which no start is and no run keeps (`alignment`).
     """
 
     axis: tuple[float, ...]
     kind: ClassVar[str] = "hinge"
 
     @classmethod
-    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
-        """From its mapping; InputError naming file and key."""
-        return cls(name, read, *read_sides(read, robot), read_direction(read, "axis", (0.0, 0.0, 1.0)))
+    def read(cls, name: str, read: Fields, context: ReadContext) -> Self:
+        """The constraint of an entry. Raises InputError naming file and key."""
+        return cls(name, read, *read_sides(read, context.robot), read_direction(read, "axis", (0.0, 0.0, 1.0)))
 
     def residual(self, symbols: Symbols) -> Residual:
         """Five rows."""
@@ -116,14 +116,14 @@ class Hinge(Loop):
         across = [casadi.dot(b.rotation @ casadi.DM(n), k) for n in perpendicular(self.axis)]
         return Residual(casadi.vertcat(a.position - b.position, *across), _none())
 
-    def facing(self, symbols: Symbols) -> casadi.SX:
+    def alignment(self, symbols: Symbols) -> casadi.SX:
         """The cosine of the angle between the two sides' axes."""
         import casadi
 
         a, b = self.sides(symbols)
         return casadi.dot(a.rotation @ casadi.DM(self.axis), b.rotation @ casadi.DM(self.axis))
 
-    def way(self, symbols: Symbols) -> casadi.SX:
+    def misalignment(self, symbols: Symbols) -> casadi.SX:
         """The difference of the axes (3)."""
         import casadi
 
@@ -140,15 +140,15 @@ class Weld(Loop):
     """Two frames coincide: φ = a − b (m, world axes), then half the vector part of Rᵦᵀ Rₐ − Rₐᵀ Rᵦ (axes of b).
 
     The multipliers are the force on the body of frame a in world axes, N, and the moment on it in the axes of b, N m.
-    The angle's part of φ is its sine, which vanishes at half a turn too; no start is there and no run stays (`facing`).
+    The angle's part of φ is its sine, which vanishes at half a turn too; no start is there and no run stays (`alignment`).
     """
 
     kind: ClassVar[str] = "weld"
 
     @classmethod
-    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
-        """From its mapping; InputError naming file and key."""
-        return cls(name, read, *read_sides(read, robot))
+    def read(cls, name: str, read: Fields, context: ReadContext) -> Self:
+        """The constraint of an entry. Raises InputError naming file and key."""
+        return cls(name, read, *read_sides(read, context.robot))
 
     def residual(self, symbols: Symbols) -> Residual:
         """Six rows."""
@@ -159,14 +159,14 @@ class Weld(Loop):
         angle = [0.5 * (turn[j, i] - turn[i, j]) for i, j in ((1, 2), (2, 0), (0, 1))]
         return Residual(casadi.vertcat(a.position - b.position, *angle), _none())
 
-    def facing(self, symbols: Symbols) -> casadi.SX:
+    def alignment(self, symbols: Symbols) -> casadi.SX:
         """The cosine of the angle θ that the frames are turned by: tr Rᵦᵀ Rₐ = 1 + 2 cos θ."""
         import casadi
 
         a, b = self.sides(symbols)
         return 0.5 * (casadi.trace(b.rotation.T @ a.rotation) - 1.0)
 
-    def way(self, symbols: Symbols) -> casadi.SX:
+    def misalignment(self, symbols: Symbols) -> casadi.SX:
         """Rᵦᵀ Rₐ − 1 (9), of the length 2 √(1 − cos θ)."""
         import casadi
 
@@ -189,9 +189,9 @@ class Distance(Loop):
     kind: ClassVar[str] = "distance"
 
     @classmethod
-    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
-        """From its mapping; InputError naming file and key."""
-        return cls(name, read, *read_sides(read, robot), read.number("length", "m", positive=True))
+    def read(cls, name: str, read: Fields, context: ReadContext) -> Self:
+        """The constraint of an entry. Raises InputError naming file and key."""
+        return cls(name, read, *read_sides(read, context.robot), read.number("length", "m", positive=True))
 
     @property
     def settable(self) -> dict[str, Settable]:
@@ -206,7 +206,7 @@ class Distance(Loop):
         way, length = a.position - b.position, self.value(symbols, "length")
         return Residual((casadi.dot(way, way) - length * length) / (2.0 * length), _none())
 
-    def reach(self, symbols: Symbols) -> casadi.SX:
+    def lever_velocities(self, symbols: Symbols) -> casadi.SX:
         """How fast its ends move against each other."""
         a, b = self.sides(symbols)
         return a.linear - b.linear

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from bellcrank.config.fields import Fields
 from bellcrank.config.numbers import decimal_number
 from bellcrank.config.units import units_for
-from bellcrank.elements.signal_source import SignalSource
-from bellcrank.elements.signals import Signal
+from bellcrank.elements.signals import Signal, SignalSource
 from bellcrank.errors import InputError
 from bellcrank.files.access import MOST_TABLE, read_text
 from bellcrank.files.csv_files import unguarded

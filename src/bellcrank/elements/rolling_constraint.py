@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Self
 
 from bellcrank.config.fields import Fields
-from bellcrank.elements.constraint import Constraint, Residual
+from bellcrank.elements.constraint import Constraint, ReadContext, Residual
 from bellcrank.elements.element import POSITIVE, Settable, read_frame
-from bellcrank.elements.loops import read_direction
+from bellcrank.elements.loop_constraints import read_direction
 from bellcrank.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -40,12 +40,14 @@ class RollingDisk(Constraint):
     kind: ClassVar[str] = "rolling_disk"
 
     @classmethod
-    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
-        """From its mapping; InputError naming file and key."""
+    def read(cls, name: str, read: Fields, context: ReadContext) -> Self:
+        """The constraint of an entry. Raises InputError naming file and key."""
         axis = read_direction(read, "axis", (0.0, 1.0, 0.0))
         normal = read_direction(read, "normal", (0.0, 0.0, 1.0))
         radius, height = read.number("radius", "m", positive=True), read.number("height", "m", 0.0)
-        return cls(name, read, read_frame(read, robot), radius, axis, normal, height, read.flag("two_sided", False))
+        return cls(
+            name, read, read_frame(read, context.robot), radius, axis, normal, height, read.flag("two_sided", False)
+        )
 
     @property
     def settable(self) -> dict[str, Settable]:

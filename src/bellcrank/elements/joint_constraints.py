@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 from bellcrank.config.fields import Fields
-from bellcrank.elements.constraint import Constraint, Residual
-from bellcrank.elements.controller_gains import read_motion_name
+from bellcrank.elements.constraint import Constraint, ReadContext, Residual
+from bellcrank.elements.controller_fields import read_motion_name
 from bellcrank.elements.element import Settable, joint_unit, read_joint
-from bellcrank.elements.signal_source import SignalSource, motion_source
+from bellcrank.elements.signals import SignalSource, motion_source
 from bellcrank.robot.robot import Robot, RobotJoint
 
 if TYPE_CHECKING:
     from bellcrank.elements.symbols import Symbols
-    from bellcrank.motion.motion import Motion
 
 
 @dataclass(frozen=True)
@@ -33,9 +31,9 @@ class Coupling(Constraint):
     kind: ClassVar[str] = "coupling"
 
     @classmethod
-    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
-        """From its mapping; InputError naming file and key."""
-        a, b = read_joint(read, robot, "joint_a"), read_joint(read, robot, "joint_b")
+    def read(cls, name: str, read: Fields, context: ReadContext) -> Self:
+        """The constraint of an entry. Raises InputError naming file and key."""
+        a, b = (read_joint(read, context.robot, key) for key in ("joint_a", "joint_b"))
         if a == b:
             raise read.error("joint_b", f"a coupling needs two joints, both are '{a.name}'")
         return cls(name, read, a, b, read.number("ratio", ""), read.number("offset", joint_unit(b, "position"), 0.0))
@@ -59,7 +57,7 @@ class Coupling(Constraint):
 
 
 @dataclass(frozen=True)
-class Drive(Constraint):
+class PrescribedMotion(Constraint):
     """A joint follows a motion of the configuration: φ = θ − θ_motion(t). λ is the actuator's torque, N m or N, and its power
     is work.
     """
@@ -69,12 +67,10 @@ class Drive(Constraint):
     kind: ClassVar[str] = "prescribed_motion"
 
     @classmethod
-    def read(
-        cls, name: str, read: Fields, robot: Robot, motions: Mapping[str, Any], motion_of: Callable[[str], Motion]
-    ) -> Self:
-        """From its mapping; InputError naming file and key."""
-        joint, title = read_joint(read, robot), read_motion_name(read, motions)
-        return cls(name, read, joint, motion_source(title, partial(motion_of, title), (joint,), 2))
+    def read(cls, name: str, read: Fields, context: ReadContext) -> Self:
+        """The constraint of an entry. Raises InputError naming file and key."""
+        joint, motion = read_joint(read, context.robot), read_motion_name(read, context.motions)
+        return cls(name, read, joint, motion_source(motion, partial(context.motion_of, motion), (joint,), 2))
 
     @property
     def source(self) -> SignalSource:
