@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics import binding_rows, system
-from bellcrank.dynamics.binding_rows import binding_of
+from bellcrank.dynamics import constraint_rows, system
+from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.system import system_of
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import load_scene
@@ -92,7 +92,7 @@ def answer(path, values):
 
 def forget():
     """What a new process would not know."""
-    for known in (system._systems, binding_rows._structures, binding_rows._known):
+    for known in (system._systems, constraint_rows._structures, constraint_rows._known):
         known.clear()
 
 
@@ -112,7 +112,7 @@ def test_rows_left_out_as_rounding_are_named_with_their_gap(folder):
     scene = load_scene(path, {"tilt": 1e-7})
     (note,) = [note for note in scene_notes(scene) if "apex" in note]
     assert "row z [N]" in note and "left out" in note
-    assert len(system_of(scene).multiplier_names) == 3 and not binding_of(load_scene(path)).left_out
+    assert len(system_of(scene).multiplier_names) == 3 and not rows_of(load_scene(path)).left_out
 
 
 def test_a_mass_driven_to_nothing_is_refused_whatever_ran_before_and_runs_again_after(folder):

@@ -5,7 +5,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.constraint_angles import true_gaps
+from bellcrank.dynamics.constraint_alignment import full_angle_residuals
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import load_scene
 from bellcrank.simulation.scene_notes import scene_notes
@@ -78,7 +78,7 @@ def test_the_residual_is_the_angle_and_not_its_sine(chain):
     angle = np.array([1e-9, 0.3, 1.5, 2.0, 3.0, np.pi])
     gap = np.zeros((len(angle), 3))  # x, y, rz
     gap[:, 2] = np.sin(angle)
-    found = true_gaps(scene, gap, np.cos(angle)[:, None])
+    found = full_angle_residuals(scene, gap, np.cos(angle)[:, None])
     np.testing.assert_allclose(found[:, 2], angle, rtol=1e-7)
 
 
@@ -86,7 +86,7 @@ def test_a_run_whose_weld_is_turned_over_ends_and_names_it(chain, monkeypatch):
     scene = chain(["{name: shut, kind: weld, frame_a: b, frame_b: world, point: [1, 0, 0]}"], "{c: 20 deg}")
     whole = bc.simulate(scene)
     over = np.where(np.arange(len(whole)) < 4, 1.0, -1.0)[:, None]
-    monkeypatch.setattr("bellcrank.simulation.integration.cosines_along", lambda *_: over)
+    monkeypatch.setattr("bellcrank.simulation.integration.alignment_cosines_along", lambda *_: over)
     run = bc.simulate(scene)
     assert run.status is Status.TURNED_OVER and not run.success
     assert len(run) == 4 and run.time[-1] == whole.time[3]

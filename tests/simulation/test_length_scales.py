@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics.binding_rows import binding_of
+from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.dynamics.system import system_of
 from bellcrank.errors import InputError
@@ -117,7 +117,7 @@ def test_a_mechanism_moves_alike_from_micrometres_to_kilometres(kind, tmp_path):
     for s in SIZES:
         other, labels, same, forces, lost = run_of(s)
         assert labels == names
-        assert binding_of(other).length == pytest.approx(s * binding_of(scene).length, rel=1e-12)
+        assert rows_of(other).length == pytest.approx(s * rows_of(scene).length, rel=1e-12)
         np.testing.assert_allclose(same, states, rtol=0, atol=1e-11)
         np.testing.assert_allclose(forces, multipliers, rtol=0, atol=1e-10 * np.abs(multipliers).max())
         assert lost == pytest.approx(drift, rel=1e-3, abs=1e-13)

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from bellcrank.dynamics.base_frame_elimination import mass_matrix
-from bellcrank.dynamics.binding_rows import binding_of
-from bellcrank.dynamics.constrained import Rows, Solution, close, solve
+from bellcrank.dynamics.constraint_rows import rows_of
+from bellcrank.dynamics.constraint_derivatives import Rows, Solution, close, solve
 from bellcrank.dynamics.reactions import Reactions
 from bellcrank.elements.symbols import Symbols
 from bellcrank.robot.joints import lengths_in_velocity
@@ -155,7 +155,7 @@ def _rows(scene: Scene) -> tuple[Rows, casadi.SX]:
     """The rows that bind, and what of them are parameters: all numbers where any depends on the scene's parameters."""
     import casadi
 
-    found, count = binding_of(scene), len(binding_of(scene).kept)
+    found, count = rows_of(scene), len(rows_of(scene).kept)
     sizes = casadi.SX.sym("rows", len(found.parameters))
     if found.parametric:
         scale, square, unit, length = casadi.vertsplit(sizes, [0, count, 2 * count, 3 * count, 3 * count + 1])

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.derived import computed_once
-from bellcrank.dynamics.binding_rows import binding_of
-from bellcrank.dynamics.constraint_angles import angle_rows, cosines, way
+from bellcrank.dynamics.constraint_rows import rows_of
+from bellcrank.dynamics.constraint_alignment import angle_rows, cosines, way
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.errors import InputError
 from bellcrank.numerics import LARGEST, least_squares, length
@@ -74,7 +74,7 @@ def consistent_velocity(scene: Scene, q: Array, v: Array, held: Mask) -> Array:
     """
     speed, jacobian = _linearised(scene, q, v)[1:]
     _refuse_no_value(scene, speed, jacobian)
-    columns, unit = _columns(scene), binding_of(scene).unit
+    columns, unit = _columns(scene), rows_of(scene).unit
     axes = scene.initial.axes(scene.robot, q)[1]
     change = np.zeros_like(v)
     scaled = _along(jacobian / unit[:, None] * columns, axes)
@@ -200,7 +200,7 @@ def _in_body(step: Array, axes: Axes) -> Array:
 
 def _columns(scene: Scene) -> Array:
     """How large 1 is in each degree of freedom (nv): the mechanism's length, m, or 1 rad."""
-    return np.where(lengths_in_velocity(scene.robot), binding_of(scene).length, 1.0)
+    return np.where(lengths_in_velocity(scene.robot), rows_of(scene).length, 1.0)
 
 
 def moved(scene: Scene, q: Array, step: Array) -> Array:
@@ -224,7 +224,7 @@ def _linearised(scene: Scene, q: Array, v: Array) -> tuple[Array, Array, Array]:
 def _position(scene: Scene, q: Array) -> tuple[Array, Array]:
     """φ (h) and J (h, nv) at time 0, in rad and lengths of the mechanism."""
     gap, _, jacobian = _linearised(scene, q, np.zeros(scene.robot.nv))
-    unit = binding_of(scene).unit[: len(gap)]
+    unit = rows_of(scene).unit[: len(gap)]
     return gap / unit, jacobian[: len(gap)] / unit[:, None] * _columns(scene)
 
 
@@ -240,4 +240,4 @@ def _worst(scene: Scene, q: Array) -> tuple[str, str, float]:
     """The constraint and row that is furthest apart, and how far, m or rad."""
     gap = np.abs(_position(scene, q)[0])
     worst = int(np.argmax(gap))
-    return *system_of(scene).multiplier_names[worst], float(gap[worst] * binding_of(scene).unit[worst])
+    return *system_of(scene).multiplier_names[worst], float(gap[worst] * rows_of(scene).unit[worst])

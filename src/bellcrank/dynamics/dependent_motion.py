@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from bellcrank import arguments
-from bellcrank.dynamics.binding_rows import binding_of
+from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.consistent_start import consistent_posture
-from bellcrank.dynamics.element_forces import changed_lengths, path_note
-from bellcrank.dynamics.frame_path import FrameFollower
+from bellcrank.dynamics.motion_notes import changed_lengths, path_note
+from bellcrank.dynamics.closed_inverse_kinematics import FrameFollower
 from bellcrank.elements.frame_joints import frames_drawn
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.csv_files import unguarded
@@ -28,7 +28,7 @@ from bellcrank.motion.path_entries import PathEntry
 from bellcrank.motion.waypoints import dwell
 
 if TYPE_CHECKING:
-    from bellcrank.dynamics.closed_chain import Array, Chain
+    from bellcrank.dynamics.loop_kinematics import Array, Chain
     from bellcrank.robot.robot import Robot, RobotJoint
 
 AGREEMENT = 1e-5  # rad, or of the mechanism's length: what files round off
@@ -173,7 +173,7 @@ def _check_agreement(chain: Chain, wanted: Motion, found: Motion, joints: Sequen
     for joint in joints:
         gap = found.position[:, joint.q] - wanted.position[:, joint.q]
         gap = np.abs(np.remainder(gap + np.pi, 2.0 * np.pi) - np.pi if joint.kind == "revolute" else gap)
-        if gap.max() > AGREEMENT * (1.0 if joint.kind == "revolute" else binding_of(chain.scene).length):
+        if gap.max() > AGREEMENT * (1.0 if joint.kind == "revolute" else rows_of(chain.scene).length):
             row = int(gap.argmax())
             raise InputError(
                 f"motion '{wanted.name}' wants joint '{joint.name}' at {wanted.position[row, joint.q]:.6g} at "

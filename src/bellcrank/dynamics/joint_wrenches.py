@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from typing import TYPE_CHECKING
 
-from bellcrank.dynamics.binding_rows import binding_of
+from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.elements.symbols import FrameSymbols, Symbols
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def joint_wrenches(scene: Scene) -> casadi.Function:
     for source in scene.signal_sources:  # all of them, in the order of the scene's signals
         s.signal(source)
     given = [item for force in scene.forces for item in force.wrenches(s)]
-    kept = binding_of(scene).kept if scene.constraints else ()
+    kept = rows_of(scene).kept if scene.constraints else ()
     a, multipliers = casadi.SX.sym("a", scene.robot.nv), casadi.SX.sym("lambda", len(kept))
     tree = s.algorithm("reactions")(s.q, s.v, a, s.tracer_parameters)
     if scene.constraints:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.derived import cached_property
-from bellcrank.dynamics.binding_rows import binding_of
-from bellcrank.dynamics.closed_chain import Chain
+from bellcrank.dynamics.constraint_rows import rows_of
+from bellcrank.dynamics.loop_kinematics import Chain
 from bellcrank.dynamics.dependent_motion import guided_motion
 from bellcrank.dynamics.joint_wrenches import joint_wrenches
 from bellcrank.motion.motion import Motion
@@ -21,7 +21,7 @@ from bellcrank.robot.robot import Robot, RobotJoint
 
 if TYPE_CHECKING:
     from bellcrank.codegen.compile import Compiled
-    from bellcrank.dynamics.inverse_dynamics import InverseEquations
+    from bellcrank.dynamics.tree_inverse_dynamics import InverseEquations
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -109,7 +109,7 @@ class Linkage:
     @cached_property
     def _wrenches(self) -> Compiled:
         scene = self.chain.loaded
-        key = f"joint wrenches {scene.physics_key()} {binding_of(scene).signature}"
+        key = f"joint wrenches {scene.physics_key()} {rows_of(scene).signature}"
         return self.robot.compiled(key, lambda: joint_wrenches(scene))
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array) -> tuple[float, float]:

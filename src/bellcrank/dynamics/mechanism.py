@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank.dynamics.element_forces import SAME_TIME
+from bellcrank.dynamics.motion_notes import SAME_TIME
 from bellcrank.elements.joint_relations import Drive
 from bellcrank.robot.robot import Robot
 
 if TYPE_CHECKING:
-    from bellcrank.dynamics.inverse_dynamics import InverseEquations
+    from bellcrank.dynamics.tree_inverse_dynamics import InverseEquations
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import RobotJoint
     from bellcrank.scene.scene import Scene

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.derived import cached_property
-from bellcrank.dynamics.inverse_dynamics import InverseEquations
+from bellcrank.dynamics.tree_inverse_dynamics import InverseEquations
 from bellcrank.dynamics.joint_wrenches import joint_wrenches
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name

@@ -28,7 +28,7 @@ MOVING = 1e-4  # of a motion's largest speed: jumps up to this are what files ro
 
 
 @dataclass(frozen=True)
-class DriveEnd:
+class PrescribedMotionEnd:
     """Where the speed (rad/s or m/s) of a drive's motion jumps, s: from `before` to `after`."""
 
     drive: Drive
@@ -55,7 +55,7 @@ class DriveEnd:
 
 
 @computed_once
-def drive_end(scene: Scene) -> DriveEnd | None:
+def prescribed_motion_end(scene: Scene) -> PrescribedMotionEnd | None:
     """The first time after 0 s at which the speed of a drive's motion jumps; None where none does. Raises InputError
     where the motion ends moving at 0 s.
     """
@@ -76,7 +76,7 @@ def drive_end(scene: Scene) -> DriveEnd | None:
             )
         for k in np.flatnonzero(jumps & (signal.breaks > 0.0))[:1].tolist():
             last = k == len(signal.breaks) - 1
-            found.append(DriveEnd(drive, float(signal.breaks[k]), float(before[k]), float(after[k]), last))
+            found.append(PrescribedMotionEnd(drive, float(signal.breaks[k]), float(before[k]), float(after[k]), last))
     return min(found, key=lambda end: end.time, default=None)
 
 

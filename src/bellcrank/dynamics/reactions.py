@@ -13,7 +13,7 @@ from bellcrank.elements.constraint import Constraint
 if TYPE_CHECKING:
     import casadi
 
-    from bellcrank.dynamics.constrained import Solution
+    from bellcrank.dynamics.constraint_derivatives import Solution
     from bellcrank.elements.symbols import Symbols
 
 PASSES: Final = 6  # of the power iterations

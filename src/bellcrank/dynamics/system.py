@@ -18,10 +18,10 @@ from bellcrank.codegen.compile import Compiled
 from bellcrank.codegen.locks import making
 from bellcrank.derived import cached_property, computed_once
 from bellcrank.dynamics.assembly import Assembly, assemble
-from bellcrank.dynamics.binding_rows import binding_of
-from bellcrank.dynamics.constrained import REGULARISATION, flow, row_names
-from bellcrank.dynamics.latch import latch
-from bellcrank.dynamics.sparse import Places, entries
+from bellcrank.dynamics.constraint_rows import rows_of
+from bellcrank.dynamics.constraint_derivatives import REGULARISATION, flow, row_names
+from bellcrank.dynamics.latch_impact import latch
+from bellcrank.dynamics.system_layout import Places, entries
 
 if TYPE_CHECKING:
     import casadi
@@ -320,7 +320,7 @@ def system_parameters(scene: Scene) -> Array:
     last, their regularisation. Not to be written to.
     """
     own = scene.own_parameters
-    found = np.concatenate([own, binding_of(scene).parameters, [REGULARISATION]]) if scene.constraints else own
+    found = np.concatenate([own, rows_of(scene).parameters, [REGULARISATION]]) if scene.constraints else own
     found.setflags(write=False)
     return found
 
@@ -331,7 +331,7 @@ def system_of(scene: Scene) -> System:
 
     It lives as long as one of them, and those last used a little longer, so that scenes that are read again are warm.
     """
-    key = disk.digest(scene.structure_key, binding_of(scene).signature)
+    key = disk.digest(scene.structure_key, rows_of(scene).signature)
     with making:
         system = _systems.get(key)
         if system is None:

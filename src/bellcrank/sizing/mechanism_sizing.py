@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.dynamics.element_forces import (
+from bellcrank.dynamics.motion_notes import (
     elements,
     mechanism_notes,
     motion_notes,

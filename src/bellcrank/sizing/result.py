@@ -11,7 +11,7 @@ from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.deprecated import Renamed
 from bellcrank.derived import Portable, cached_property
-from bellcrank.dynamics.element_forces import Element
+from bellcrank.dynamics.motion_notes import Element
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.messages import unknown_name

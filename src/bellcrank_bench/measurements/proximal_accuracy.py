@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.constrained import REFINEMENTS
+from bellcrank.dynamics.constraint_derivatives import REFINEMENTS
 from bellcrank.dynamics.kkt import Factor, proximal
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.scene.scene import Scene, load_scene

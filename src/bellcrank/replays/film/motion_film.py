@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.derived import cached_property
-from bellcrank.dynamics.element_forces import mechanism_notes, motion_notes, with_force_rows
+from bellcrank.dynamics.motion_notes import mechanism_notes, motion_notes, with_force_rows
 from bellcrank.dynamics.mechanism import Mechanism, mechanism_of
 from bellcrank.elements.joint_forces import JointSpring
 from bellcrank.errors import InputError

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from bellcrank.dynamics.constrained import REFINEMENTS, REGULARISATION, flow
+from bellcrank.dynamics.constraint_derivatives import REFINEMENTS, REGULARISATION, flow
 from bellcrank.dynamics.kkt import Factor, proximal
 from bellcrank.errors import InputError
 

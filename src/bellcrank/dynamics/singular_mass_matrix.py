@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen.locks import making
-from bellcrank.dynamics.binding_rows import FIXED, ROUNDING, binding_of
+from bellcrank.dynamics.constraint_rows import FIXED, ROUNDING, rows_of
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.numerics import checked, eigenvectors, svd
 from bellcrank.robot.joints import lengths_in_velocity, random_posture
@@ -44,7 +44,7 @@ def massless_motion(scene: Scene) -> str | None:
 def _massless_motion(scene: Scene, assembly: Assembly) -> str | None:
     random = np.random.default_rng(0)
     for _ in range(POSTURES):
-        q = random_posture(scene.robot, random, binding_of(scene).length)
+        q = random_posture(scene.robot, random, rows_of(scene).length)
         mass, jacobian = _inertia(scene, assembly, q)
         checked(mass, f"{scene.source}: the mass matrix of '{scene.robot.name}' is")
         own = mass.diagonal()
@@ -77,7 +77,7 @@ def _inertia(scene: Scene, assembly: Assembly, q: Array) -> tuple[Array, Array]:
     """M (nv, nv) and J (rows, nv) in a posture, lengths in units of the mechanism's own."""
     import casadi
 
-    a, found = assembly, binding_of(scene)
+    a, found = assembly, rows_of(scene)
     columns = np.where(lengths_in_velocity(scene.robot), found.length, 1.0)
     p = scene.parameter_values[: None if a.symbols.tracer_parameters.numel() else 0]
     mass = np.array(a.symbols.inertia()(q, np.eye(scene.robot.nv), p)) * np.outer(columns, columns)

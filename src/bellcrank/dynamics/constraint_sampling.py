@@ -62,7 +62,7 @@ class RowFunctions:
         if self._made is None:
             import casadi
 
-            from bellcrank.dynamics.constrained import close, row_names
+            from bellcrank.dynamics.constraint_derivatives import close, row_names
             from bellcrank.elements.symbols import Symbols
 
             s = Symbols(scene.robot, scene.parameters, scene.frames, scene.initial.clock)

@@ -8,7 +8,7 @@ import pytest
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.dynamics.linkage import Linkage
-from bellcrank.dynamics.scene_inverse_dynamics import closed_inverse_dynamics
+from bellcrank.dynamics.inverse_dynamics import closed_inverse_dynamics
 from bellcrank.dynamics.system import system_of
 from bellcrank.motion.motion import Motion
 

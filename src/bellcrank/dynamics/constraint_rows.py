@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen.locks import making
 from bellcrank.derived import computed_once
-from bellcrank.dynamics.constraint_functions import POSTURES, RowFunctions, in_metres
+from bellcrank.dynamics.constraint_sampling import POSTURES, RowFunctions, in_metres
 from bellcrank.elements.expression_constraint import Formula
 from bellcrank.elements.loops import WORLD, Loop
 from bellcrank.elements.rolling import RollingDisk
@@ -47,7 +47,7 @@ MEMORY = 4096  # values of parameters remembered
 
 
 @dataclass(frozen=True, eq=False)
-class Binding:
+class ConstraintRows:
     """What is so at a scene's parameters: the rows that bind (`kept`, among all φ and then all ψ), for each the usual
     J M⁻¹ Jᵀ (`scale`) and square of J (`square`, columns of coordinates in m times L) as powers of ten, and L or 1
     (`unit`): how large 1 is in it.
@@ -82,18 +82,18 @@ class Binding:
 RECENT = 64  # structures remembered
 _STORED = ([int], [float], [float], [float], float, bool, bool, [(str, str, float)])
 _structures: dict[str, RowFunctions] = {}
-_known: dict[tuple[str, bytes], Binding] = {}
+_known: dict[tuple[str, bytes], ConstraintRows] = {}
 
 
 @computed_once
 def coordinate_weights(scene: Scene) -> Array | None:
     """How much 1 is in each coordinate (nq), lengths told in the mechanism's own; None where all are angles."""
     far = lengths_in_position(scene.robot)
-    return np.where(far, 1.0 / binding_of(scene).length, 1.0) if far.any() else None
+    return np.where(far, 1.0 / rows_of(scene).length, 1.0) if far.any() else None
 
 
 @computed_once
-def binding_of(scene: Scene) -> Binding:
+def rows_of(scene: Scene) -> ConstraintRows:
     """The binding rows of a scene at its parameters. Raises InputError where a row cannot hold whatever joints do."""
     key = scene.structure_key
     with making:
@@ -106,16 +106,16 @@ def binding_of(scene: Scene) -> Binding:
         if place not in _known:
             if len(_known) >= MEMORY:
                 del _known[next(iter(_known))]
-            _known[place] = _binding_at(structure, scene)
+            _known[place] = _rows_at(structure, scene)
         return _known[place]
 
 
-def _binding_at(functions: RowFunctions, scene: Scene) -> Binding:
+def _rows_at(functions: RowFunctions, scene: Scene) -> ConstraintRows:
     """What is so at the scene's parameters; kept on disk where it is so at any."""
     stored = None if functions.parametric else disk.load_data("binding-" + functions.key, _STORED)
     if stored and len(stored[0]) == len(stored[1]) == len(stored[2]) == len(stored[3]):
         kept, scale, square, unit, length, singular, massless, left_out = stored
-        return Binding(
+        return ConstraintRows(
             tuple(kept), np.array(scale, dtype=np.float64), np.array(square, dtype=np.float64),
             np.array(unit, dtype=np.float64), length, singular, massless,
             tuple((constraint, row, gap) for constraint, row, gap in left_out), False,
@@ -128,7 +128,7 @@ def _binding_at(functions: RowFunctions, scene: Scene) -> Binding:
     return found
 
 
-def _judged(scene: Scene, functions: RowFunctions, inertias: Callable[[Array], Array]) -> Binding:
+def _judged(scene: Scene, functions: RowFunctions, inertias: Callable[[Array], Array]) -> ConstraintRows:
     names = [(str(name), str(label)) for name, label in functions.facts["names"]]
     q, jacobian, gaps, length = _with_values(scene, names, functions)
     columns = np.where(lengths_in_velocity(scene.robot), length, 1.0)
@@ -150,7 +150,7 @@ def _judged(scene: Scene, functions: RowFunctions, inertias: Callable[[Array], A
     stiffness = (vectors**2 / np.where(firm, values, np.inf)[:, None, :]).sum(axis=2)
     usual = np.minimum(diagonal, SPREAD / np.maximum(stiffness, 1e-300)).max(axis=0, initial=0.0)
     square = (jacobian**2).sum(axis=2).max(axis=0, initial=0.0)
-    return Binding(
+    return ConstraintRows(
         tuple(kept.tolist()), _power_of_ten(usual * unit[kept] ** 2), _power_of_ten(square * unit[kept] ** 2),
         unit[kept], float(length), singular.any().item(), _moves_without_mass(jacobian, mass), left_out,
         functions.parametric,

@@ -39,7 +39,7 @@ def cosines(scene: Scene, q: Array) -> dict[str, float]:
     return dict(zip(names, found.tolist(), strict=True))
 
 
-def cosines_along(scene: Scene, time: Array, state: Array, inputs: Array, parameters: Array) -> Array:
+def alignment_cosines_along(scene: Scene, time: Array, state: Array, inputs: Array, parameters: Array) -> Array:
     """The same (n, constraints) at states (n, size) of a run, with its signals (n, nu) and parameters."""
     if not turning(scene):
         return np.ones((len(time), 0))
@@ -52,7 +52,7 @@ def way(scene: Scene, q: Array) -> tuple[Array, Array]:
     return found, flat.reshape(scene.robot.nv, len(found)).T
 
 
-def true_gaps(scene: Scene, gap: Array, cosine: Array) -> Array:
+def full_angle_residuals(scene: Scene, gap: Array, cosine: Array) -> Array:
     """|φ| (n, h) with whole angles in place of their sines, of φ (n, h) and the cosines (n, constraints)."""
     gaps = np.abs(gap)
     for k, rows in enumerate(angle_rows(scene).values()):

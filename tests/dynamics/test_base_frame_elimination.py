@@ -6,7 +6,7 @@ import pytest
 
 from bellcrank import load_robot
 from bellcrank.dynamics.base_frame_elimination import Turning, mass_matrix
-from bellcrank.dynamics.constrained import close, flow
+from bellcrank.dynamics.constraint_derivatives import close, flow
 from bellcrank.elements.symbols import Symbols
 from bellcrank.robot.joints import random_posture
 from bellcrank.scene.scene import load_scene

@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.derived import cached_property
-from bellcrank.dynamics.binding_rows import binding_of
+from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.consistent_start import consistent_start, moved
-from bellcrank.dynamics.constraint_angles import cosines_along, turning
-from bellcrank.dynamics.inverse_dynamics import InverseEquations
+from bellcrank.dynamics.constraint_alignment import alignment_cosines_along, turning
+from bellcrank.dynamics.tree_inverse_dynamics import InverseEquations
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.joint_relations import Drive
 from bellcrank.errors import InputError, UnreachableError
@@ -100,17 +100,17 @@ class Chain:
     @cached_property
     def terms(self) -> Compiled:
         """(t, q, v, u, p) -> φ (h), (φ̇, ψ) (m), J column after column, γ (m)."""
-        key = f"linkage {self.scene.physics_key()} {binding_of(self.scene).signature}"
+        key = f"linkage {self.scene.physics_key()} {rows_of(self.scene).signature}"
         return self.robot.compiled(key, self._build)
 
     def _build(self) -> casadi.Function:
         import casadi
 
-        from bellcrank.dynamics.constrained import Rows, close
+        from bellcrank.dynamics.constraint_derivatives import Rows, close
         from bellcrank.elements.symbols import Symbols
 
         s = Symbols(self.robot, self.scene.parameters, self.scene.frames, self.scene.initial.clock)
-        closed = close(self.scene.constraints, Rows.plain(binding_of(self.scene).kept), s)
+        closed = close(self.scene.constraints, Rows.plain(rows_of(self.scene).kept), s)
         outputs = [closed.position, closed.speed, casadi.vec(closed.jacobian), closed.drift]
         return casadi.Function("linkage", [s.t, s.q, s.v, s.u, s.p], [casadi.densify(x) for x in outputs])
 
@@ -130,11 +130,11 @@ class Chain:
         """φ (h) and J (h, nv), in rad and lengths of the mechanism."""
         still, time = np.zeros(self.robot.nv), np.array([t])
         gap, _, flat, _ = self.terms(time, q, still, self.scene.signals_at(time)[0], self.scene.parameter_values)
-        return gap / binding_of(self.scene).unit, self._scaled(flat.reshape(self.robot.nv, -1).T)
+        return gap / rows_of(self.scene).unit, self._scaled(flat.reshape(self.robot.nv, -1).T)
 
     def _scaled(self, jacobian: Array) -> Array:
         """J (…, rows, nv) in rad and lengths of the mechanism."""
-        return jacobian / binding_of(self.scene).unit[:, None] * self.columns
+        return jacobian / rows_of(self.scene).unit[:, None] * self.columns
 
     @cached_property
     def columns(self) -> Array:
@@ -144,7 +144,7 @@ class Chain:
     @property
     def length(self) -> float:
         """The mechanism's own length, m."""
-        return binding_of(self.scene).length
+        return rows_of(self.scene).length
 
     # ---- kinematics
 
@@ -220,7 +220,7 @@ class Chain:
                 f"motion '{motion.name}' passes a dead point of the linkage at {time[worst]:.6g} s: there "
                 f"{_listed(joints, wanted[worst])} no longer says where the others are; end it before"
             )
-        inverse = self.columns[dep][:, None] * _inverse(scaled) / binding_of(self.scene).unit
+        inverse = self.columns[dep][:, None] * _inverse(scaled) / rows_of(self.scene).unit
         v[:, dep] = -_times(inverse, speed)
         drift = self.closed(time, q, v)[3]
         a[:, dep] = -_times(inverse, drift + _times(jacobian[:, :, ind], a[:, ind]))
@@ -235,7 +235,7 @@ class Chain:
         """UnreachableError where a weld or hinge is closed with its sides turned half around."""
         state = np.zeros((len(time), system_of(self.scene).size))
         state[:, : self.robot.nq] = q
-        found = cosines_along(self.scene, time, state, self.scene.signals_at(time), system_parameters(self.scene))
+        found = alignment_cosines_along(self.scene, time, state, self.scene.signals_at(time), system_parameters(self.scene))
         for constraint, cosine in zip(turning(self.scene), found.T, strict=False):
             if not cosine.min() > 0.0:
                 raise UnreachableError(
@@ -322,7 +322,7 @@ class Chain:
         left = need.copy()
         left[:, [joint.v for joint in self.actuated]] -= torque
         inverse = _inverse(self._scaled(jacobian).transpose(0, 2, 1))
-        return torque, _times(inverse, left * self.columns) / binding_of(self.scene).unit
+        return torque, _times(inverse, left * self.columns) / rows_of(self.scene).unit
 
 
 def _rank(jacobian: Array) -> int:

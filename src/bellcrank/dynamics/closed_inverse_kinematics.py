@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bellcrank.dynamics.binding_rows import binding_of
-from bellcrank.dynamics.closed_chain import CLOSED, DEAD, FINEST, LEAP, ROUNDED, SINGULAR
+from bellcrank.dynamics.constraint_rows import rows_of
+from bellcrank.dynamics.loop_kinematics import CLOSED, DEAD, FINEST, LEAP, ROUNDED, SINGULAR
 from bellcrank.dynamics.consistent_start import moved
 from bellcrank.errors import InputError, UnreachableError
 from bellcrank.motion.frame_task import vector_text
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import casadi
 
     from bellcrank.codegen.compile import Compiled
-    from bellcrank.dynamics.closed_chain import Array, Chain
+    from bellcrank.dynamics.loop_kinematics import Array, Chain
 
 TURNED = 1e-9  # rad: a larger angle from the orientation that is wanted is another one
 
@@ -118,7 +118,7 @@ class FrameFollower:
         _, _, speed, jacobian, _ = chain.at(time, q, still, still)
         position, _, flat, _ = self.code(q, still, chain.scene.parameter_values)
         frame = flat.reshape(n, robot.nv, 6).transpose(0, 2, 1)[:, self.rows]
-        units = np.concatenate([binding_of(chain.scene).unit, self._sizes])
+        units = np.concatenate([rows_of(chain.scene).unit, self._sizes])
         whole = np.concatenate([jacobian, frame], axis=1) / units[:, None] * chain.columns
         what = f"motion '{self.path.name}': the constraints and the frame along it are"
         sizes = singular_values(whole, what)
