@@ -41,7 +41,6 @@ _HOME = {
     "sweep": "studies.sweep",
     "Sweep": "studies.sweep_result",
     "scene_inverse_dynamics": "dynamics.inverse_dynamics",
-    "closed_inverse_dynamics": "dynamics.inverse_dynamics",
     "Linkage": "dynamics.linkage",
     "plot": "simulation.run_plot:plot_run",
     "replay": "replays.replay",
@@ -55,7 +54,6 @@ if TYPE_CHECKING:
     __version__: str
     from bellcrank.actuators.actuator import Actuator
     from bellcrank.dynamics.linkage import Linkage
-    from bellcrank.dynamics.inverse_dynamics import closed_inverse_dynamics, scene_inverse_dynamics
     from bellcrank.errors import BellcrankError, CompileError, InputError, NotSavedError, UnreachableError
     from bellcrank.motion.csv_file import read_motion, write_motion
     from bellcrank.motion.frame_motions import circle, line

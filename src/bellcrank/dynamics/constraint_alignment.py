@@ -1,4 +1,4 @@
-"""How far the sides of welds and hinges are turned against each other; half a turn has the same sine as none."""
+"""The angle between the sides of welds and hinges, whose sine alone cannot tell half a turn from none."""
 
 from __future__ import annotations
 
@@ -16,54 +16,55 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-def turning(scene: Scene) -> tuple[str, ...]:
-    """The constraints whose rows vanish at half a turn too, in the order of the scene."""
+def aligned_constraints(scene: Scene) -> tuple[str, ...]:
+    """The constraints, in the order of the scene, whose residuals vanish at half a turn too: welds and hinges."""
     return tuple(constraint.name for constraint in scene.constraints if isinstance(constraint, (Weld, Hinge)))
 
 
-def angle_rows(scene: Scene) -> dict[str, list[int]]:
-    """Which of the rows of φ that bind are sines of angles of these constraints."""
+def sine_rows(scene: Scene) -> dict[str, list[int]]:
+    """The kept rows of φ that are sines of angles, by constraint."""
     names = system_of(scene).multiplier_names
     return {
         constraint: [k for k, (name, label) in enumerate(names) if name == constraint and label.endswith("[N m]")]
-        for constraint in turning(scene)
+        for constraint in aligned_constraints(scene)
     }
 
 
-def cosines(scene: Scene, q: Array) -> dict[str, float]:
+def alignment_cosines(scene: Scene, q: Array) -> dict[str, float]:
     """The cosine of the angle between the sides of each of these constraints at a position (nq,)."""
-    names = turning(scene)
+    names = aligned_constraints(scene)
     if not names:
         return {}
-    found = np.atleast_1d(system_of(scene).facing(*_at_rest(scene, q)))
+    found = np.atleast_1d(system_of(scene).alignment_cosines(*_at_rest(scene, q)))
     return dict(zip(names, found.tolist(), strict=True))
 
 
 def alignment_cosines_along(scene: Scene, time: Array, state: Array, inputs: Array, parameters: Array) -> Array:
-    """The same (n, constraints) at states (n, size) of a run, with its signals (n, nu) and parameters."""
-    if not turning(scene):
+    """These cosines (n, constraints) at times (n,) s and states (n, size) of a run, with its signals (n, nu)."""
+    if not aligned_constraints(scene):
         return np.ones((len(time), 0))
-    return np.asarray(system_of(scene).facing(time[:, None], state, inputs, parameters)).reshape(len(time), -1)
+    found = system_of(scene).alignment_cosines(time[:, None], state, inputs, parameters)
+    return np.asarray(found).reshape(len(time), -1)
 
 
-def way(scene: Scene, q: Array) -> tuple[Array, Array]:
-    """What vanishes where all these cosines are 1 and nowhere else, and its derivative (m, nv) by v."""
-    found, flat = system_of(scene).way(*_at_rest(scene, q))
+def alignment_residual(scene: Scene, q: Array) -> tuple[Array, Array]:
+    """A residual (m,) that vanishes only where all these cosines are 1, and its derivative (m, nv) by v."""
+    found, flat = system_of(scene).alignment_residual(*_at_rest(scene, q))
     return found, flat.reshape(scene.robot.nv, len(found)).T
 
 
-def full_angle_residuals(scene: Scene, gap: Array, cosine: Array) -> Array:
-    """|φ| (n, h) with whole angles in place of their sines, of φ (n, h) and the cosines (n, constraints)."""
-    gaps = np.abs(gap)
-    for k, rows in enumerate(angle_rows(scene).values()):
+def full_angle_residuals(scene: Scene, residual: Array, cosine: Array) -> Array:
+    """|φ| (n, h) with angles in place of their sines, from φ (n, h) and the cosines (n, constraints)."""
+    absolute = np.abs(residual)
+    for k, rows in enumerate(sine_rows(scene).values()):
         if not rows:
             continue
-        sine = np.linalg.norm(gap[:, rows], axis=1)
+        sine = np.linalg.norm(residual[:, rows], axis=1)
         angle = np.arctan2(sine, cosine[:, k])
-        share = np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 1.0)
-        gaps[:, rows] *= share[:, None]
-        gaps[:, rows[0]] = np.where(sine > 0.0, gaps[:, rows[0]], angle)
-    return gaps
+        ratio = np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 1.0)
+        absolute[:, rows] *= ratio[:, None]
+        absolute[:, rows[0]] = np.where(sine > 0.0, absolute[:, rows[0]], angle)
+    return absolute
 
 
 def _at_rest(scene: Scene, q: Array) -> tuple[Array, Array, Array, Array]:

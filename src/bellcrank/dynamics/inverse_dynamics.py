@@ -1,4 +1,4 @@
-"""Inverse dynamics of a scene: a motion of its independent joints -> motor torques and joint reactions."""
+"""Inverse dynamics of a scene: motor torques, multipliers and joint reactions along a motion."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.derived import cached_property
-from bellcrank.dynamics.linkage import Linkage
-from bellcrank.dynamics.mechanism import Mechanism, force_times, mechanism_of
+from bellcrank.dynamics.force_breaks import force_times
+from bellcrank.dynamics.mechanism import Mechanism, mechanism_of
+from bellcrank.dynamics.motion_notes import mechanism_notes, motion_notes
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.motion import Motion
@@ -24,12 +25,27 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class SceneInverseDynamics:
-    """What a motion of a scene needs: torques (n, k) of the motors at `actuated` joints, N m or N, rotors in them, and
-    the multipliers (n, rows) of constraints, named by `multiplier_names` (none for an open chain).
+    """The torques that a motion of a scene requires. Made by `scene_inverse_dynamics`.
 
-    `motion` is the motion of all joints, `independent` the joints that it was given by, `notes` what did not count.
-    With more motors than freedoms (`redundancy` > 0) torques are those of least Σ τ²: any others differ by internal
-    forces.
+    With more motors than degrees of freedom (`redundancy` > 0) the torques have the least Σ τ²; all others differ from
+    them by internal forces.
+
+    Attributes:
+        mechanism: The open chain or closed linkage.
+        motion: The motion of all joints.
+        independent: The joints that the motion follows from.
+        torque: Torques (n, k) of the motors at the joints `actuated`, N m or N, rotors included.
+        multipliers: Multipliers (n, rows) of the constraints, N or N m, named by `multiplier_names`; none for an open
+            chain.
+        notes: What of the scene is not included, and where scene and motion differ.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> result = bc.scene_inverse_dynamics("five_bar", "pick")
+        >>> result.torque.shape == (len(result.time), len(result.actuated))
+        True
+        >>> result.constraint_residual() < 1e-12
+        True
     """
 
     mechanism: Mechanism
@@ -66,16 +82,26 @@ class SceneInverseDynamics:
 
     @property
     def redundancy(self) -> int:
-        """How many motors there are beyond the freedoms."""
+        """The number of motors in excess of the degrees of freedom."""
         return len(self.mechanism.motors) - len(self.independent)
 
     @property
     def multiplier_names(self) -> tuple[tuple[str, str], ...]:
-        """(constraint, what it is) of each multiplier."""
+        """(constraint, label) of each multiplier, such as ("apex", "x [N]")."""
         return self.mechanism.multiplier_names
 
     def motor(self, name: str) -> Array:
-        """One motor's torque (n,). Raises InputError with what there is."""
+        """The torque of one motor.
+
+        Args:
+            name: The name of a joint with a motor.
+
+        Returns:
+            The torque (n,), N m or N.
+
+        Raises:
+            InputError: No motor has this name.
+        """
         if arguments.text("name", name, "the name of a joint with a motor") not in self.actuated:
             raise InputError(f"{self.mechanism.robot.name}: {unknown_name('motor', name, self.actuated)}")
         return self.torque[:, self.actuated.index(name)]
@@ -87,25 +113,28 @@ class SceneInverseDynamics:
 
     @cached_property
     def applied(self) -> Array:
-        """The generalised force (n, nv) of all forces of the scene, N m or N: it is not in the motors' torques, which
-        are what the motion needs besides.
+        """The generalised force (n, nv) of all forces of the scene, N m or N.
+
+        It is not part of the motors' torques, which are what the motion requires in addition.
         """
         return self.mechanism.equations.applied(force_times(self.time, self.time[-1]), self.position, self.velocity)
 
     @cached_property
     def reactions(self) -> Array:
-        """The wrench through each joint of the tree, (n, len(all_joint_names), 6), as `Robot.joint_reactions`, what
-        constraints and the scene's forces at frames put on the links in it.
+        """The wrench through each joint of the tree, (n, len(all_joint_names), 6), as `Robot.joint_reactions`.
+
+        It includes what constraints and the scene's forces at frames exert on the links.
         """
         return self.mechanism.reactions(*self._states)
 
     def constraint_residual(self) -> float:
-        """The largest violation of a constraint, m or rad."""
+        """The largest position residual of a constraint along the motion, m or rad."""
         return self.mechanism.residuals(*self._states)[0]
 
     def equation_residual(self) -> float:
-        """The largest |S τ + Jᵀλ − Q|, as a share of the largest |Q|: 0 where nothing is needed. In an open chain it is
-        what acts on joints without a motor, such as a free base.
+        """The largest |S τ + Jᵀλ − Q| along the motion, relative to the largest |Q|; 0 where no force is required.
+
+        In an open chain it is the force at joints without a motor, such as a free base.
         """
         return self.mechanism.residuals(*self._states)[1]
 
@@ -121,19 +150,42 @@ def scene_inverse_dynamics(
     independent: Sequence[str] | None = None,
     overrides: Mapping[str, Any] | None = None,
 ) -> SceneInverseDynamics:
-    """Motor torques, multipliers and reactions along a motion of a scene, an open chain or a closed linkage.
+    """Motor torques, constraint multipliers and joint reactions along a motion of an open chain or a closed linkage.
 
-    `motion` is a Motion, a motion of the scene by name, or a CSV file, for a linkage with columns of the independent
-    joints. Of a linkage only `independent` joints of it count (default: what the motion moves, motors first), the
-    others follow the constraints on the branch of the scene's start; `actuated` are its joints with motors (default: those
-    of `drive` constraints, which are taken away, else the scene's `actuated`, else its drives). In an open chain every
-    joint of one degree of freedom has a motor. All forces of the scene act, at the times of the motion: springs,
-    dampers, wrenches, friction, and torques, which act beside the motors. Its control does not, which `notes` say.
+    All forces of the scene act, at the times of the motion: springs, dampers, wrenches, friction, and torques, which
+    act in addition to the motors. Its control is not included, which `notes` say. In an open chain every joint with one
+    degree of freedom has a motor. In a linkage the joints that are not independent follow from the constraints, on the
+    branch of the scene's start. Source: Nakamura & Ghodoussi, IEEE Trans. Robotics Autom. 5 (1989), for linkages;
+    recursive Newton-Euler, Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 5.
 
-    Raises InputError for what does not fit, UnreachableError where a linkage cannot follow.
+    Args:
+        scene: A Scene, the path of its file, or the name of a bundled one.
+        motion: A Motion, the name of a motion of the scene, or the path of a CSV file, for a linkage with columns of
+        the
+            independent joints.
+        actuated: The joints of a linkage with motors; by default those of its prescribed motions, which are removed,
+        else
+            the scene's `actuated`, else those with actuators.
+        independent: The joints of a linkage whose positions the motion prescribes; by default those that it moves,
+        motors
+            first.
+        overrides: Changes of the scene by dotted path, as for `load_scene`.
+
+    Returns:
+        Torques, multipliers and the motion of all joints.
+
+    Raises:
+        InputError: The scene, the motion or an argument does not fit.
+        UnreachableError: The linkage cannot follow the motion, or its motors cannot move it.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> result = bc.scene_inverse_dynamics("planar_2r", "elbow_up")
+        >>> result.actuated
+        ('shoulder', 'elbow')
+        >>> result.torque.shape == (len(result.time), 2)
+        True
     """
-    from bellcrank.dynamics.motion_notes import mechanism_notes, motion_notes
-
     if not isinstance(scene, Scene):
         scene = load_scene(arguments.subject("scene", scene, "a scene"))
     if actuated is not None:
@@ -148,8 +200,3 @@ def scene_inverse_dynamics(
     torque, multipliers = mechanism.torques(*states)
     notes = (*mechanism_notes(mechanism), *motion_notes(mechanism, whole))
     return SceneInverseDynamics(mechanism, whole, joints, torque, multipliers, notes)
-
-
-closed_inverse_dynamics = scene_inverse_dynamics  # what it was called while it took closed linkages only
-
-__all__ = ["Linkage", "SceneInverseDynamics", "closed_inverse_dynamics", "scene_inverse_dynamics"]

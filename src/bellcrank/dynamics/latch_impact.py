@@ -1,11 +1,13 @@
-"""A latch that closes: the plastic impact that takes a rate to zero while constraints stay closed."""
+"""The plastic impact of a latch that closes: it takes the rate of a condition to zero, constraints staying
+satisfied.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from bellcrank.dynamics.constraint_derivatives import REFINEMENTS, REGULARISATION, flow
-from bellcrank.dynamics.kkt import Factor, proximal
+from bellcrank.dynamics.constraint_derivatives import time_derivative
+from bellcrank.dynamics.kkt import REFINEMENTS, REGULARISATION, Factor, proximal
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
@@ -15,12 +17,14 @@ if TYPE_CHECKING:
     from bellcrank.scene.events import EventRule
 
 
-def latch(rule: EventRule, assembly: Assembly) -> list[casadi.SX]:
-    """Velocity after (nv), impulses of the closures' rows, impulse of the lock, and the kinetic energy lost, J.
+def latch_impact(rule: EventRule, assembly: Assembly) -> list[casadi.SX]:
+    """The velocity after the impact (nv), the impulses of the constraints' rows and of the latch, and the energy lost.
 
-    With g the event's function, the impact is M (v⁺ − v⁻) = J_Gᵀ Λ, J_G v⁺ = (−φ_t, −g_t), J_G = (J; ∂ġ/∂v): v⁻
-    projected in the metric of M; what the projection removes is lost. Source: Featherstone, Rigid Body Dynamics
-    Algorithms (2008), 11.7. Raises InputError where g depends on velocities.
+    Impulses are in N s or N m s, the kinetic energy that is lost in J. With g the event's function, the impact is
+    M (v⁺ − v⁻) = J_Gᵀ Λ and J_G v⁺ = (−φ_t, −g_t), J_G = (J; ∂ġ/∂v): v⁻ is projected in the metric of M, and the energy
+    of what the projection removes is lost. Source: Featherstone, Rigid Body Dynamics Algorithms (2008), 11.7.
+
+    Raises InputError where g depends on velocities.
     """
     import casadi
 
@@ -28,22 +32,20 @@ def latch(rule: EventRule, assembly: Assembly) -> list[casadi.SX]:
     g = casadi.SX(rule.apply(s))
     if casadi.depends_on(g, s.v):
         raise InputError(
-            f"{s.robot.name}: event '{rule.name}': a latch closes where a position is reached, and its condition "
-            "depends on velocities; write it in positions, or take latch: true away"
+            f"{s.robot.name}: event '{rule.name}': a latch closes at a position, but its condition depends on "
+            "velocities; write the condition in positions, or remove latch: true"
         )
-    rate = flow(g, s)
+    rate = time_derivative(g, s)
     lock = casadi.sparsify(casadi.jacobian(rate, s.v))
     if solution is None:
-        mass = casadi.sparsify(
-            casadi.reshape(s.algorithm("mass_matrix")(s.q, s.tracer_parameters), s.robot.nv, s.robot.nv)
-        )
-        jacobian, speed = lock, rate
+        whole = casadi.reshape(s.algorithm("mass_matrix")(s.q, s.tracer_parameters), s.robot.nv, s.robot.nv)
+        mass, jacobian, residual = casadi.sparsify(whole), lock, rate
     else:
         mass = solution.mass
-        jacobian = casadi.vertcat(solution.closed.jacobian, lock)
-        speed = casadi.vertcat(solution.closed.speed, rate)
+        jacobian = casadi.vertcat(solution.derivatives.jacobian, lock)
+        residual = casadi.vertcat(solution.derivatives.velocity_residual, rate)
     scale = casadi.sparsify((jacobian * jacobian) @ (1.0 / casadi.diag(mass)))
     factor = Factor(mass, jacobian, REGULARISATION * scale)
-    jump, impulse = proximal(factor, casadi.SX(s.robot.nv, 1), -speed, REFINEMENTS)
+    jump, impulse = proximal(factor, casadi.SX(s.robot.nv, 1), -residual, REFINEMENTS)
     lost = -casadi.dot(s.v + 0.5 * jump, mass @ jump)
     return [s.v + jump, impulse[:-1], impulse[-1], lost]

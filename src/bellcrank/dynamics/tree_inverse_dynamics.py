@@ -1,12 +1,12 @@
-"""Inverse dynamics of a robot under the forces and parameters of a scene, as machine code.
+"""Inverse dynamics of a robot's tree of joints under the forces and parameters of a scene, as machine code.
 
-What the motors of an open chain must give along a motion is
+The joint forces that a motion requires are
 
     Q = M(q) a + bias(q, v) + friction(v) − Σ forces(t, q, v),
 
-the sum being over all forces of the scene: springs, dampers, friction, wrenches, and torques, which act beside the
-motors. Rotors, reflected to the joints, are in M. Source: recursive Newton-Euler, Featherstone, Rigid Body Dynamics
-Algorithms (2008), ch. 5, by Pinocchio.
+the sum being over all forces of the scene: springs, dampers, friction, wrenches, and torques, which act in addition to
+the motors. M includes rotors, reflected to the joints. Source: recursive Newton-Euler, Featherstone, Rigid Body
+Dynamics Algorithms (2008), ch. 5, by Pinocchio.
 """
 
 from __future__ import annotations
@@ -33,13 +33,15 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
-LARGEST = 1e100  # N or N m: squares of more, which RMS needs, overflow
+LARGEST = 1e100  # N or N m: the squares of larger ones, needed for the RMS, overflow
 
 
-class InverseEquations:
-    """The functions of a batch of times (n,) s and states q (n, nq), v and a (n, nv) that inverse dynamics is made of,
-    for a robot under a scene's forces and parameters (its constraints and control aside), or for the robot alone. Tables
-    are read at these times, whatever the clock of the scene's start.
+class TreeInverseDynamics:
+    """Joint forces and mass matrices of a robot under a scene's forces and parameters, or of the robot alone.
+
+    The scene's constraints and control are not included. All methods take batches: times t (n,) s, positions q (n, nq),
+    velocities v and accelerations a (n, nv). Tables are evaluated at these times, whatever the clock of the scene's
+    start.
     """
 
     def __init__(self, robot: Robot, scene: Scene | None = None) -> None:
@@ -55,7 +57,7 @@ class InverseEquations:
     # ---- forces
 
     def needed(self, t: Array, q: Array, v: Array, a: Array) -> Array:
-        """Q (n, nv), N m or N. Raises InputError where it overflows."""
+        """The joint forces Q (n, nv), N m or N. Raises InputError where they overflow."""
         if not self.sets_tree:
             need = np.asarray(self.robot.inverse_dynamics(q, v, a))
         else:
@@ -68,9 +70,9 @@ class InverseEquations:
             column = int(np.argmin(held[row]))
             joint = next(j.name for j in reversed(self.robot.joints) if j.v <= column)
             raise InputError(
-                f"{self.robot.name}: the force that joint '{joint}' needs for the motion and the scene's forces is "
-                f"{need[row, column]:.4g} N or N m at {round(float(t[row]), 9) + 0.0:.6g} s, expected at most "
-                f"{LARGEST:g}; check units"
+                f"{self.robot.name}: the motion and the scene's forces require {need[row, column]:.4g} N or N m of "
+                f"joint "
+                f"'{joint}' at {round(float(t[row]), 9) + 0.0:.6g} s, expected at most {LARGEST:g}; check units"
             )
         return need
 
@@ -79,14 +81,14 @@ class InverseEquations:
         return self._forces(t, q, v)[0] if self.forces else np.zeros((len(t), self.robot.nv))
 
     def friction(self, t: Array, q: Array, v: Array) -> Array:
-        """The force (n, nv) that overcomes friction: the robot's, and that of the scene's `friction` elements."""
+        """The force (n, nv) that overcomes the friction of the robot and of the scene's `friction` elements."""
         own = np.asarray(self.robot.friction_torque(v))
         return own - self._forces(t, q, v)[1] if self.forces else own
 
     def _forces(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         assert self.scene is not None
-        total, rubbing = self._forces_code(t[:, None], q, v, self.scene.signals_at(t), self.parameters)
-        return np.asarray(total), np.asarray(rubbing)
+        total, friction = self._forces_code(t[:, None], q, v, self.scene.signals_at(t), self.parameters)
+        return np.asarray(total), np.asarray(friction)
 
     @cached_property
     def _forces_code(self) -> Compiled:
@@ -98,31 +100,33 @@ class InverseEquations:
             import casadi
 
             s = Symbols(self.robot, scene.parameters, scene.frames)
-            total, rubbing = casadi.SX.zeros(self.robot.nv, 1), casadi.SX.zeros(self.robot.nv, 1)
+            total, friction = casadi.SX.zeros(self.robot.nv, 1), casadi.SX.zeros(self.robot.nv, 1)
             for part in scene.forces:
                 force = part.apply(s).force
                 total += force
                 if isinstance(part, Friction):
-                    rubbing += force
-            return casadi.Function("forces", [s.t, s.q, s.v, s.u, s.p], [total, rubbing])
+                    friction += force
+            return casadi.Function("forces", [s.t, s.q, s.v, s.u, s.p], [total, friction])
 
         return self.robot.compiled("forces " + scene.physics_key(), build)
 
     def slopes(self, q: Array, v: Array, inputs: int) -> Array:
-        """The derivative (n, inputs, nv) of the forces by the values of tables, in which they are linear."""
+        """The derivative (n, inputs, nv) of the forces with respect to the values of tables, in which they are
+        linear.
+        """
         scene, n = self.scene, len(q)
         assert scene is not None
-        none = np.zeros((n, 1))
-        base = np.asarray(self._forces_code(none, q, v, np.zeros((n, inputs)), self.parameters)[0])
+        t = np.zeros((n, 1))
+        base = np.asarray(self._forces_code(t, q, v, np.zeros((n, inputs)), self.parameters)[0])
         ones = np.eye(inputs)
-        more = [self._forces_code(none, q, v, np.tile(one, (n, 1)), self.parameters)[0] for one in ones]
+        more = [self._forces_code(t, q, v, np.tile(one, (n, 1)), self.parameters)[0] for one in ones]
         return np.stack([np.asarray(each) - base for each in more], axis=1)
 
     # ---- mass
 
     @property
     def set_masses(self) -> dict[int, float]:
-        """The masses, kg, that parameters give to frames of the tree, by number."""
+        """The masses, kg, that parameters set, by the number of the frame in the tree."""
         if self.scene is None:
             return {}
         given = {place: p.value for p in self.scene.parameters.values() for place in p.places}
@@ -141,7 +145,7 @@ class InverseEquations:
         return flat.reshape(len(q), self.robot.nv, self.robot.nv)
 
     def link_torques(self, q: Array, v: Array, a: Array) -> Array:
-        """How much of Q each link's mass and inertia cause, (n, links, nv), as `Robot.link_torques`."""
+        """The part (n, links, nv) of Q that each link's mass and inertia cause, as `Robot.link_torques`."""
         if not self.sets_tree:
             return np.asarray(self.robot.link_torques(q, v, a))
         flat = self._with_parameters("link torques", _link_torques, q, v, a)
@@ -172,9 +176,10 @@ def _mass_matrix(scene: Scene) -> casadi.Function:
 
 
 def _link_torques(scene: Scene) -> casadi.Function:
-    """(q, v, a, p) -> d torque / d σ at σ = 1, σ being a factor on each link's mass and inertia, rotors left out.
+    """(q, v, a, p) -> d torque / d σ at σ = 1, σ being a factor on each link's mass and inertia, without rotors.
 
-    Every target of a parameter is an input of its own here, so that the factors of links that share one are apart.
+    Every target of a parameter is an input of its own here, so that links that share a parameter have factors of their
+    own.
     """
     import casadi
 

@@ -48,14 +48,14 @@ class Constraint(Part):
 
         return casadi.SX(0, 1)
 
-    def facing(self, symbols: Symbols) -> casadi.SX:
+    def alignment_cosine(self, symbols: Symbols) -> casadi.SX:
         """The cosine of the angle between its sides (1), where its rows vanish at half a turn too; else none (0)."""
         import casadi
 
         return casadi.SX(0, 1)
 
-    def way(self, symbols: Symbols) -> casadi.SX:
-        """What vanishes where `facing` is 1 and nowhere else, and leads there from any angle below half a turn."""
+    def alignment_residual(self, symbols: Symbols) -> casadi.SX:
+        """What vanishes where `alignment_cosine` is 1 and nowhere else, and leads there from any angle below half a turn."""
         import casadi
 
         return casadi.SX(0, 1)

@@ -116,14 +116,14 @@ class Hinge(Loop):
         across = [casadi.dot(b.rotation @ casadi.DM(n), k) for n in perpendicular(self.axis)]
         return Residual(casadi.vertcat(a.position - b.position, *across), _none())
 
-    def facing(self, symbols: Symbols) -> casadi.SX:
+    def alignment_cosine(self, symbols: Symbols) -> casadi.SX:
         """The cosine of the angle between the two sides' axes."""
         import casadi
 
         a, b = self.sides(symbols)
         return casadi.dot(a.rotation @ casadi.DM(self.axis), b.rotation @ casadi.DM(self.axis))
 
-    def way(self, symbols: Symbols) -> casadi.SX:
+    def alignment_residual(self, symbols: Symbols) -> casadi.SX:
         """The difference of the axes (3)."""
         import casadi
 
@@ -159,14 +159,14 @@ class Weld(Loop):
         angle = [0.5 * (turn[j, i] - turn[i, j]) for i, j in ((1, 2), (2, 0), (0, 1))]
         return Residual(casadi.vertcat(a.position - b.position, *angle), _none())
 
-    def facing(self, symbols: Symbols) -> casadi.SX:
+    def alignment_cosine(self, symbols: Symbols) -> casadi.SX:
         """The cosine of the angle θ that the frames are turned by: tr Rᵦᵀ Rₐ = 1 + 2 cos θ."""
         import casadi
 
         a, b = self.sides(symbols)
         return 0.5 * (casadi.trace(b.rotation.T @ a.rotation) - 1.0)
 
-    def way(self, symbols: Symbols) -> casadi.SX:
+    def alignment_residual(self, symbols: Symbols) -> casadi.SX:
         """Rᵦᵀ Rₐ − 1 (9), of the length 2 √(1 − cos θ)."""
         import casadi
 

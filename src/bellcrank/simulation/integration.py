@@ -14,12 +14,13 @@ from bellcrank._step import integrate
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import make_ready
 from bellcrank.derived import computed_once
-from bellcrank.dynamics.constraint_rows import rows_of, coordinate_weights
+from bellcrank.dynamics.compiled_equations import LARGEST_STAGED, System
 from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.constraint_alignment import alignment_cosines_along, aligned_constraints
+from bellcrank.dynamics.constraint_alignment import aligned_constraints, alignment_cosines_along
+from bellcrank.dynamics.constraint_rows import coordinate_weights
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end, signals_until
-from bellcrank.dynamics.singular_mass_matrix import massless_motion
-from bellcrank.dynamics.system import LARGEST_STAGED, System, system_of
+from bellcrank.dynamics.singular_mass_matrix import refuse_singular_mass_matrix
+from bellcrank.dynamics.system import system_of
 from bellcrank.elements.signals import values_at
 from bellcrank.errors import InputError
 from bellcrank.robot.joints import unit_vectors
@@ -68,8 +69,7 @@ def integrate_scene(scene: Scene, settings: Settings, parameters: Array, wanted:
     end = prescribed_motion_end(scene)
     if end is not None and end.time <= duration:
         duration, signals, times = end.time, signals_until(scene, end.time), times[times <= end.time]
-    if rows_of(scene).massless:
-        _refuse_massless_motion(scene)
+    refuse_singular_mass_matrix(scene)
     x0 = np.zeros(system.size)
     q0, v0 = consistent_start(scene)
     x0[: system.nq], x0[system.nq : system.nq + system.nv] = q0, v0
@@ -203,13 +203,6 @@ def _event_search(scene: Scene) -> EventSearch:
 
 
 # ---- starts that are refused
-
-
-def _refuse_massless_motion(scene: Scene) -> None:
-    """Name the joints that can move without moving mass, at the scene's own parameters (InputError)."""
-    motion = massless_motion(scene)
-    if motion is not None:
-        raise InputError(f"{scene.source}: {motion}")
 
 
 def _refuse_open_contact(scene: Scene, parameters: Array, x0: Array) -> None:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.consistent_start import consistent_start
+from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.controllers import PD

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.derived import cached_property
-from bellcrank.dynamics.constraint_alignment import alignment_cosines_along, aligned_constraints
+from bellcrank.dynamics.constraint_alignment import aligned_constraints, alignment_cosines_along
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
 from bellcrank.dynamics.system import system_of
 from bellcrank.errors import InputError
