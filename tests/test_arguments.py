@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics.scene_inverse_dynamics import SceneInverseDynamics
+from bellcrank.dynamics.inverse_dynamics import SceneInverseDynamics
 from bellcrank.errors import BellcrankError, InputError
 
 # Classes that functions of the interface make, and which have no checks of their own: their methods are called here.
@@ -220,7 +220,6 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
                              "overrides": {"simulate.duration": 0.01}, "checking": None, "keep": None,
                              "keep_every": 5.0}),
         "scene_inverse_dynamics": (bc.scene_inverse_dynamics, one_motor),
-        "closed_inverse_dynamics": (bc.closed_inverse_dynamics, one_motor),
         "Linkage": (bc.Linkage, {"scene": four_bar, "robot": four_bar.robot, "actuated": ["crank"]}),
         "plot": (bc.plot, {"run": run, "path": None, "frame": "P1"}),
         "replay": (bc.replay, {"source": motion, "path": "page.html", "robot": robot, "trace": ["tip"],

@@ -11,7 +11,7 @@ import bellcrank as bc
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen import schedule
 from bellcrank.codegen.compile import compiled, make_ready
-from bellcrank.dynamics.consistent_start import moved
+from bellcrank.dynamics.consistent_start import displaced
 from bellcrank.dynamics.kkt import elimination_order
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.symbols import Symbols
@@ -121,7 +121,9 @@ def test_the_sparse_jacobian_of_constraints_is_that_of_finite_differences(case):
         assert jacobian.shape == (len(speed), system.nv)
         steps = [at(q, v + h * e)[1] - at(q, v - h * e)[1] for e in np.eye(system.nv)]
         np.testing.assert_allclose(jacobian, np.array(steps).T / (2 * h), atol=1e-8)
-        slopes = [at(moved(scene, q, h * e), v)[0] - at(moved(scene, q, -h * e), v)[0] for e in np.eye(system.nv)]
+        slopes = [
+            at(displaced(scene, q, h * e), v)[0] - at(displaced(scene, q, -h * e), v)[0] for e in np.eye(system.nv)
+        ]
         np.testing.assert_allclose(jacobian[: len(gap)], np.array(slopes).T / (2 * h), atol=1e-8)
         x = np.concatenate([q, v, np.zeros(system.size - len(q) - len(v))])
         metric = system.constraint_metric(t, x, u, p)

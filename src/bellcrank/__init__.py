@@ -40,8 +40,7 @@ _HOME = {
     "load_run": "simulation.load_run",
     "sweep": "studies.sweep",
     "Sweep": "studies.sweep_result",
-    "scene_inverse_dynamics": "dynamics.scene_inverse_dynamics",
-    "closed_inverse_dynamics": "dynamics.scene_inverse_dynamics",
+    "scene_inverse_dynamics": "dynamics.inverse_dynamics",
     "Linkage": "dynamics.linkage",
     "plot": "simulation.run_plot:plot_run",
     "replay": "replays.replay",
@@ -55,7 +54,6 @@ if TYPE_CHECKING:
     __version__: str
     from bellcrank.actuators.actuator import Actuator
     from bellcrank.dynamics.linkage import Linkage
-    from bellcrank.dynamics.scene_inverse_dynamics import closed_inverse_dynamics, scene_inverse_dynamics
     from bellcrank.errors import BellcrankError, CompileError, InputError, NotSavedError, UnreachableError
     from bellcrank.motion.csv_file import read_motion, write_motion
     from bellcrank.motion.frame_motions import circle, line

@@ -16,7 +16,12 @@ from typing import Any, ClassVar, ParamSpec, TypeVar
 P = ParamSpec("P")
 R = TypeVar("R")
 REMOVAL = "0.6"
-NAMES = {"Card": "RobotConfig", "load_card": "load_robot_config", "Drive": "Actuator"}  # of the package itself
+NAMES = {  # of the package itself
+    "Card": "RobotConfig",
+    "Drive": "Actuator",
+    "closed_inverse_dynamics": "scene_inverse_dynamics",
+    "load_card": "load_robot_config",
+}
 MODULES = {
     "atomic": "files.atomic_write",
     "designs": "studies",

@@ -65,6 +65,11 @@ def eigenvectors(matrix: Array, what: str) -> tuple[Array, Array]:
     return values * size, vectors
 
 
+def products(matrices: Array, vectors: Array) -> Array:
+    """The products (n, a) of matrices (n, a, b) with vectors (n, b)."""
+    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
+
+
 def length(vector: Any) -> float:
     """The Euclidean norm of a vector, without the overflow of squares."""
     return math.hypot(*np.asarray(vector, dtype=np.float64).ravel().tolist())

@@ -38,9 +38,9 @@ def entries(folder):
 
 def swing(duration=0.05):
     """The state at the end of a closed linkage's run, by code made or read anew."""
-    from bellcrank.dynamics import binding_rows, system
+    from bellcrank.dynamics import constraint_rows, system
 
-    system._recent.clear(), system._systems.clear(), binding_rows._structures.clear(), binding_rows._known.clear()
+    system._recent.clear(), system._systems.clear(), constraint_rows._samplers.clear(), constraint_rows._known.clear()
     return bc.simulate("four_bar", duration=duration, samples=3).state
 
 

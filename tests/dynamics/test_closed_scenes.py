@@ -65,7 +65,7 @@ def test_a_number_of_loops_that_is_none_is_refused(loops):
 
 
 def test_a_step_costs_a_number_of_operations_proportional_to_the_loops():
-    operations = {n: system_of(n_four_bar(n))._facts["operations"] for n in (3, 6, 12)}
+    operations = {n: system_of(n_four_bar(n)).operations for n in (3, 6, 12)}
     assert operations[12] - operations[6] == pytest.approx(2 * (operations[6] - operations[3]), rel=0.05)
 
 

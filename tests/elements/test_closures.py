@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 from bellcrank import load_run, load_scene, simulate
 from bellcrank.dynamics.consistent_start import consistent_posture, consistent_velocity
-from bellcrank.dynamics.scene_inverse_dynamics import closed_inverse_dynamics
+from bellcrank.dynamics.inverse_dynamics import scene_inverse_dynamics
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.constraint_importers import read_gepetto
 from bellcrank.errors import InputError
@@ -467,7 +467,7 @@ def test_motors_of_gepettos_yaml_are_those_that_are_sized_unless_the_scene_names
     data = json.loads(scene.read_text()) | {"motions": {"unfold": unfold}}
     for given, motor in (({}, "crank"), ({"actuated": ["rocker"]}, "rocker")):
         scene.write_text(json.dumps(data | given))
-        assert closed_inverse_dynamics(scene, "unfold").actuated == (motor,)
+        assert scene_inverse_dynamics(scene, "unfold").actuated == (motor,)
     with pytest.raises(InputError, match="name_mot: unknown joint 'crnk'; did you mean 'crank'"):
         load_scene(beside("gepetto", GEPETTO.replace("[crank]", "[crnk]")))
 
@@ -568,8 +568,8 @@ def test_a_wrong_constraint_event_or_setting_is_named(changes, message):
     ("constraints", "message"),
     [
         ([{"kind": "expression", "expression": "crank.velocity ** 2 - 1"}], "must be linear in velocities"),
-        ([APEX, {"kind": "expression", "expression": "frame('coupler_tip').z - 1"}], "cannot close"),
-        ([APEX, {"kind": "expression", "expression": "crank.position - 2"}], "do not close with crank held"),
+        ([APEX, {"kind": "expression", "expression": "frame('coupler_tip').z - 1"}], "cannot hold"),
+        ([APEX, {"kind": "expression", "expression": "crank.position - 2"}], "cannot be satisfied with crank held"),
     ],
 )
 def test_constraints_that_cannot_hold_end_in_one_sentence(constraints, message):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics.binding_rows import binding_of
 from bellcrank.dynamics.consistent_start import consistent_start
+from bellcrank.dynamics.constraint_rows import characteristic_length
 from bellcrank.dynamics.system import system_of
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import load_scene
@@ -117,7 +117,7 @@ def test_a_mechanism_moves_alike_from_micrometres_to_kilometres(kind, tmp_path):
     for s in SIZES:
         other, labels, same, forces, lost = run_of(s)
         assert labels == names
-        assert binding_of(other).length == pytest.approx(s * binding_of(scene).length, rel=1e-12)
+        assert characteristic_length(other) == pytest.approx(s * characteristic_length(scene), rel=1e-12)
         np.testing.assert_allclose(same, states, rtol=0, atol=1e-11)
         np.testing.assert_allclose(forces, multipliers, rtol=0, atol=1e-10 * np.abs(multipliers).max())
         assert lost == pytest.approx(drift, rel=1e-3, abs=1e-13)
@@ -135,7 +135,7 @@ def test_a_rod_of_any_length_is_as_long_as_it_says(s, tmp_path):
     apart = np.linalg.norm(run.frame("rod_link").position - run.frame("rocker_tip").position, axis=1)
     np.testing.assert_allclose(apart, 1.1 * s, rtol=1e-12)
     data["initial"] |= {"rod": "-30 deg", "rocker": f"{np.degrees(consistent_start(scene)[0][2]) + 0.5:.3f} deg"}
-    with pytest.raises(InputError, match="'loop' stays"):  # some hundredths of the rod's length, whatever that is
+    with pytest.raises(InputError, match="'loop' keeps"):  # some hundredths of the rod's length, whatever that is
         bc.simulate(read(data, tmp_path))
 
 
@@ -146,7 +146,7 @@ def test_inverse_dynamics_of_a_small_slider_crank_are_those_of_a_large_one(s, tm
         data["motions"] = {
             "turn": {"kind": "waypoints", "times": [0, 1], "positions": [{"crank": 1.2}, {"crank": 2.9}]}
         }
-        found = bc.closed_inverse_dynamics(read(data, tmp_path), "turn")
+        found = bc.scene_inverse_dynamics(read(data, tmp_path), "turn")
         assert found.equation_residual() < 1e-12 and found.constraint_residual() < 1e-12 * size
         return found.torque / size**3, found.position[:, 2] / size
 

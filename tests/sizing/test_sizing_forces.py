@@ -393,8 +393,8 @@ def test_size_over_a_run_made_with_forces_gives_the_actuators_of_that_run(
         assert main(["size", str(path), "--motion", "run.csv", "--no-plots", "--out", shape]) == 0
         out = capsys.readouterr().out
         assert "forces joint_spring 'joint_spring', spring 'spring_to_world', damper 'damper'" in out
-        assert f"torque 'torque_cubic' of the scene acts on joint '{JOINT_OF[shape]}' besides the motor" in out
-        assert "its table ends at 1.6 s and motion 'run' at 2 s; in between the last value is held" in out
+        assert f"torque 'torque_cubic' of the scene acts on joint '{JOINT_OF[shape]}' in addition to the motor" in out
+        assert "its table ends at 1.6 s, motion 'run' at 2 s; after the table its last value is used" in out
         report = json.loads((tmp_path / shape / "sizing.json").read_text(encoding="utf-8"))
         assert [force["name"] for force in report["forces"]] == list(kinds)
         names = [name for name, _ in system_of(run.scene).multiplier_names]
@@ -502,7 +502,7 @@ def test_a_controller_does_not_count_and_is_named(folder: Path) -> None:
     assert np.array_equal(with_control.torque, without.torque)
     (note,) = with_control.notes
     assert (
-        note.startswith("control 'keep' of the scene does not count")
+        note.startswith("control 'keep' of the scene is not included")
         and note in bc.size(scene, scene.motion("go")).warnings
     )
 
@@ -549,7 +549,7 @@ def test_the_mechanism_of_an_unknown_motion_or_joint_is_refused(folder: Path) ->
     scene = loaded(folder, "open", "damper")
     with pytest.raises(bc.InputError, match="did you mean 'stay'"):
         bc.scene_inverse_dynamics(scene, "stya")
-    with pytest.raises(bc.InputError, match="all are independent: turn, slide; leave it out"):
+    with pytest.raises(bc.InputError, match="all joints of an open chain are independent \\(turn, slide\\); remove"):
         bc.scene_inverse_dynamics(scene, "stay", independent=["turn"])
     with pytest.raises(bc.InputError, match="actuated leaves out slide"):
         bc.scene_inverse_dynamics(scene, "stay", actuated=["turn"])

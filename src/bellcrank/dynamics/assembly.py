@@ -1,12 +1,12 @@
-"""A scene's equations of motion as casadi expressions, to look at before anything is compiled.
+"""A scene's equations of motion assembled as casadi expressions, which can be inspected before they are compiled.
 
-The state x is q (nq), v (nv) and, where some force's power comes from no potential, the work W of actuators, dampers
-and friction. With τ the sum of the joint forces of the scene,
+The state x is q (nq), v (nv) and, where a force has power that comes from no potential, the work W of actuators,
+dampers and friction. With τ the sum of the joint forces of the scene,
 
     q̇ = E(q) v,    v̇ = M(q)⁻¹ (τ − bias(q, v)) by the articulated-body algorithm,    Ẇ = power.
 
-Constraints add their multipliers (closed.py). Source: Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 7, by
-Pinocchio.
+Constraints add their multipliers (constraint_derivatives.py, kkt.py). Source: Featherstone, Rigid Body Dynamics
+Algorithms (2008), ch. 7, by Pinocchio.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from bellcrank.dynamics.base_frame_elimination import mass_matrix
-from bellcrank.dynamics.binding_rows import binding_of
-from bellcrank.dynamics.constrained import Rows, Solution, close, solve
-from bellcrank.dynamics.reactions import Reactions
+from bellcrank.dynamics.constraint_derivatives import SymbolicRows, differentiate_constraints
+from bellcrank.dynamics.constraint_rows import rows_of
+from bellcrank.dynamics.kkt import ConstrainedSolution, solve_constrained
+from bellcrank.dynamics.reactions import ConstraintReactions
 from bellcrank.elements.symbols import Symbols
 from bellcrank.robot.joints import lengths_in_velocity
 from bellcrank.scene.equation_symbols import EquationSymbols
@@ -28,13 +29,31 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Assembly:
-    """Expressions over time t, position q, velocity v, signals u and parameters p (SI units, N m and N for forces).
+    """Equations of motion as expressions, in SI units.
 
-    `actuator` and `passive` (nv) are the joint forces of motors (torques, control) and of everything else (springs,
-    dampers, friction, wrenches); `power` (W) is what enters `work`, and `plain_power` the same by the plain solve of
-    constraints; `outputs` are column vectors by name.
+    Attributes:
+        t: Time, s.
+        q: Position (nq).
+        v: Velocity (nv).
+        u: Signals (nu).
+        p: Parameters (np).
+        work: The symbol of the work W, J.
+        rate: q̇ (nq).
+        acceleration: v̇ (nv).
+        actuator: Joint forces of motors (nv): torques and control, N m or N.
+        passive: Joint forces (nv) of everything else: springs, dampers, friction, wrenches.
+        power: Ẇ, W.
+        plain_power: Ẇ by the plain solution of the constraints (kkt.py).
+        kinetic: Kinetic energy, J.
+        potential: Potential energy, J.
+        residual: Inverse dynamics of the acceleration less the joint forces (nv), which must vanish.
+        bias: Gravity, Coriolis and centrifugal forces (nv).
+        outputs: Named outputs, column vectors.
+        events: The event functions (events).
+        symbols: The symbols that elements write their expressions in.
+        solution: The solved constraints; None for a scene without constraints.
     """
 
     t: casadi.SX
@@ -42,6 +61,7 @@ class Assembly:
     v: casadi.SX
     u: casadi.SX
     p: casadi.SX
+    work: casadi.SX
     rate: casadi.SX
     acceleration: casadi.SX
     actuator: casadi.SX
@@ -54,14 +74,13 @@ class Assembly:
     bias: casadi.SX
     outputs: dict[str, casadi.SX]
     events: casadi.SX
-    work: casadi.SX
     symbols: Symbols
     event_equations: EquationSymbols  # what events are written in
-    solution: Solution | None = None  # of a scene with constraints
+    solution: ConstrainedSolution | None = None  # of a scene with constraints
 
     @property
     def has_work(self) -> bool:
-        """Whether any power comes from no potential, so that the state carries the work."""
+        """Whether some power comes from no potential, so that the state includes the work."""
         return not self.power.is_zero()
 
     @property
@@ -78,9 +97,9 @@ class Assembly:
 
     @property
     def plain_state_rate(self) -> casadi.SX:
-        """dx/dt by the plain solve, for a scene with constraints."""
+        """dx/dt by the plain solution, for a scene with constraints."""
         assert self.solution is not None
-        return self._rate(self.solution.plain_acceleration, self.plain_power)
+        return self._rate(self.solution.plain.acceleration, self.plain_power)
 
     def _rate(self, acceleration: casadi.SX, power: casadi.SX) -> casadi.SX:
         import casadi
@@ -122,20 +141,19 @@ def assemble(scene: Scene) -> Assembly:
     p = casadi.vertcat(s.p, gains)
     solution, reaction, plain_power = None, casadi.SX(robot.nv, 1), power
     if scene.constraints:
-        rows, sizes = _rows(scene)
-        closed = close(scene.constraints, rows, s)
+        rows, sizes = _symbolic_rows(scene)
+        constraints = differentiate_constraints(scene.constraints, rows, s)
         share = casadi.SX.sym("regularisation")
-        solution = solve(mass_matrix(s), closed, torque - bias, gains, share)
+        solution = solve_constrained(mass_matrix(s), constraints, torque - bias, gains, share)
         p = casadi.vertcat(p, sizes, share)
-        acceleration, reaction = solution.acceleration, closed.jacobian.T @ solution.multipliers
-        power, plain_power = (
-            power + closed.power(solution.multipliers),
-            power + closed.power(solution.plain_multipliers),
-        )
+        acceleration = solution.proximal.acceleration
+        reaction = constraints.jacobian.T @ solution.proximal.multipliers
+        plain_power = power + constraints.power(solution.plain.multipliers)
+        power = power + constraints.power(solution.proximal.multipliers)
     else:
         acceleration = s.algorithm("forward_dynamics")(s.q, s.v, torque, s.tracer_parameters)
     energy = s.algorithm("energy")(s.q, s.v, s.tracer_parameters)
-    # the other route to the same accelerations: recursive Newton-Euler gives back the torque
+    # an independent check of the accelerations: recursive Newton-Euler must give back the torque
     residual = newton_euler(s.q, s.v, acceleration, s.tracer_parameters) - torque - reaction
     equations = EquationSymbols(
         symbols=s,
@@ -143,26 +161,48 @@ def assemble(scene: Scene) -> Assembly:
         joint_torque=torque,
         kinetic=energy[0],
         potential=energy[1] + potential,
-        reactions=None if solution is None else Reactions(scene.constraints, solution, solution.multipliers, s),
+        reactions=None
+        if solution is None
+        else ConstraintReactions(scene.constraints, solution, solution.proximal.multipliers, s),
     )
     outputs = {name: output.value(equations) for name, output in scene.outputs.items()}
     event_equations = equations
     if solution is not None:
-        quick = Reactions(scene.constraints, solution, solution.quick_multipliers, s)
+        quick = ConstraintReactions(scene.constraints, solution, solution.event_multipliers, s)
         event_equations = replace(equations, reactions=quick)
     events = casadi.vertcat(*[event.function(event_equations) for event in scene.events])
     return Assembly(
-        s.t, s.q, s.v, s.u, p, s.algorithm("configuration_rate")(s.q, s.v), acceleration,
-        actuator, passive, power, plain_power, energy[0], energy[1] + potential, residual, bias, outputs,
-        casadi.SX(events), casadi.SX.sym("W"), s, event_equations, solution,
-    )  # fmt: skip
+        t=s.t,
+        q=s.q,
+        v=s.v,
+        u=s.u,
+        p=p,
+        work=casadi.SX.sym("W"),
+        rate=s.algorithm("configuration_rate")(s.q, s.v),
+        acceleration=acceleration,
+        actuator=actuator,
+        passive=passive,
+        power=power,
+        plain_power=plain_power,
+        kinetic=energy[0],
+        potential=energy[1] + potential,
+        residual=residual,
+        bias=bias,
+        outputs=outputs,
+        events=casadi.SX(events),
+        symbols=s,
+        event_equations=event_equations,
+        solution=solution,
+    )
 
 
-def _rows(scene: Scene) -> tuple[Rows, casadi.SX]:
-    """The rows that bind, and what of them are parameters: all numbers where any depends on the scene's parameters."""
+def _symbolic_rows(scene: Scene) -> tuple[SymbolicRows, casadi.SX]:
+    """The kept rows, and which of their sizes are parameters: none, or all where any depends on the scene's
+    parameters.
+    """
     import casadi
 
-    found, count = binding_of(scene), len(binding_of(scene).kept)
+    found, count = rows_of(scene), len(rows_of(scene).kept)
     sizes = casadi.SX.sym("rows", len(found.parameters))
     if found.parametric:
         scale, square, unit, length = casadi.vertsplit(sizes, [0, count, 2 * count, 3 * count, 3 * count + 1])
@@ -170,4 +210,4 @@ def _rows(scene: Scene) -> tuple[Rows, casadi.SX]:
         scale, square, unit = (casadi.SX(casadi.DM(x)) for x in (found.scale, found.square, found.unit))
         length = casadi.SX(found.length)
     columns = casadi.vertcat(*[length if far else casadi.SX(1.0) for far in lengths_in_velocity(scene.robot)])
-    return Rows(found.kept, scale, square, unit, columns, found.singular), sizes
+    return SymbolicRows(found.kept, scale, square, unit, columns, found.singular), sizes

@@ -1,199 +1,202 @@
-"""Inverse dynamics of a robot under the forces and parameters of a scene, as machine code.
-
-What the motors of an open chain must give along a motion is
-
-    Q = M(q) a + bias(q, v) + friction(v) − Σ forces(t, q, v),
-
-the sum being over all forces of the scene: springs, dampers, friction, wrenches, and torques, which act beside the
-motors. Rotors, reflected to the joints, are in M. Source: recursive Newton-Euler, Featherstone, Rigid Body Dynamics
-Algorithms (2008), ch. 5, by Pinocchio.
-"""
+"""Inverse dynamics of a scene: motor torques, multipliers and joint reactions along a motion."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank import arguments
 from bellcrank.derived import cached_property
-from bellcrank.elements.joint_forces import Friction
-from bellcrank.elements.symbols import Symbols
+from bellcrank.dynamics.force_breaks import force_times
+from bellcrank.dynamics.mechanism import Mechanism, mechanism_of
+from bellcrank.dynamics.motion_notes import mechanism_notes, motion_notes
 from bellcrank.errors import InputError
-from bellcrank.robot.trace import MASS, SCALE, trace_tree
-
-if TYPE_CHECKING:
-    import casadi
-
-    from bellcrank.codegen.compile import Compiled
-    from bellcrank.elements.element import Force
-    from bellcrank.robot.robot import Robot
-    from bellcrank.scene.scene import Scene
+from bellcrank.messages import unknown_name
+from bellcrank.motion.motion import Motion
+from bellcrank.scene.scene import Scene, load_scene
 
 Array = NDArray[np.float64]
-LARGEST = 1e100  # N or N m: squares of more, which RMS needs, overflow
 
 
-class InverseEquations:
-    """The functions of a batch of times (n,) s and states q (n, nq), v and a (n, nv) that inverse dynamics is made of,
-    for a robot under a scene's forces and parameters (its constraints and control aside), or for the robot alone. Tables
-    are read at these times, whatever the clock of the scene's start.
+@dataclass(frozen=True, eq=False)
+class SceneInverseDynamics:
+    """The torques that a motion of a scene requires. Made by `scene_inverse_dynamics`.
+
+    With more motors than degrees of freedom (`redundancy` > 0) the torques have the least Σ τ²; all others differ from
+    them by internal forces.
+
+    Attributes:
+        mechanism: The open chain or closed linkage.
+        motion: The motion of all joints.
+        independent: The joints that the motion follows from.
+        torque: Torques (n, k) of the motors at the joints `actuated`, N m or N, rotors included.
+        multipliers: Multipliers (n, rows) of the constraints, N or N m, named by `multiplier_names`; none for an open
+            chain.
+        notes: What of the scene is not included, and where scene and motion differ.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> result = bc.scene_inverse_dynamics("five_bar", "pick")
+        >>> result.torque.shape == (len(result.time), len(result.actuated))
+        True
+        >>> result.constraint_residual() < 1e-12
+        True
     """
 
-    def __init__(self, robot: Robot, scene: Scene | None = None) -> None:
-        self.robot = robot
-        self.scene = None
-        if scene is not None:
-            bare = replace(scene, robot=robot, constraints=(), control=(), events=(), outputs={})
-            self.scene = replace(bare, initial=replace(scene.initial, clock=0.0))
-        self.forces: tuple[Force, ...] = () if scene is None else scene.forces
-        self.parameters: Array = np.zeros(0) if scene is None else scene.parameter_values
-        self.sets_tree = scene is not None and any(p.places for p in scene.parameters.values())
-
-    # ---- forces
-
-    def needed(self, t: Array, q: Array, v: Array, a: Array) -> Array:
-        """Q (n, nv), N m or N. Raises InputError where it overflows."""
-        if not self.sets_tree:
-            need = np.asarray(self.robot.inverse_dynamics(q, v, a))
-        else:
-            need = self._with_parameters("needed", self._inverse_dynamics, q, v, a)
-        if self.forces:
-            need = need - self.applied(t, q, v)
-        held = np.abs(need) <= LARGEST
-        if not held.all():
-            row = int(np.argmin(held.all(axis=1)))
-            column = int(np.argmin(held[row]))
-            joint = next(j.name for j in reversed(self.robot.joints) if j.v <= column)
-            raise InputError(
-                f"{self.robot.name}: the force that joint '{joint}' needs for the motion and the scene's forces is "
-                f"{need[row, column]:.4g} N or N m at {round(float(t[row]), 9) + 0.0:.6g} s, expected at most "
-                f"{LARGEST:g}; check units"
-            )
-        return need
-
-    def applied(self, t: Array, q: Array, v: Array) -> Array:
-        """The generalised force (n, nv) of all forces of the scene, N m or N."""
-        return self._forces(t, q, v)[0] if self.forces else np.zeros((len(t), self.robot.nv))
-
-    def friction(self, t: Array, q: Array, v: Array) -> Array:
-        """The force (n, nv) that overcomes friction: the robot's, and that of the scene's `friction` elements."""
-        own = np.asarray(self.robot.friction_torque(v))
-        return own - self._forces(t, q, v)[1] if self.forces else own
-
-    def _forces(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
-        assert self.scene is not None
-        total, rubbing = self._forces_code(t[:, None], q, v, self.scene.signals_at(t), self.parameters)
-        return np.asarray(total), np.asarray(rubbing)
-
-    @cached_property
-    def _forces_code(self) -> Compiled:
-        """(t, q, v, u, p) -> the sum of all forces, and of friction elements, (nv) each."""
-        scene = self.scene
-        assert scene is not None
-
-        def build() -> casadi.Function:
-            import casadi
-
-            s = Symbols(self.robot, scene.parameters, scene.frames)
-            total, rubbing = casadi.SX.zeros(self.robot.nv, 1), casadi.SX.zeros(self.robot.nv, 1)
-            for part in scene.forces:
-                force = part.generalised_force(s).force
-                total += force
-                if isinstance(part, Friction):
-                    rubbing += force
-            return casadi.Function("forces", [s.t, s.q, s.v, s.u, s.p], [total, rubbing])
-
-        return self.robot.compiled("forces " + scene.physics_key(), build)
-
-    def slopes(self, q: Array, v: Array, inputs: int) -> Array:
-        """The derivative (n, inputs, nv) of the forces by the values of tables, in which they are linear."""
-        scene, n = self.scene, len(q)
-        assert scene is not None
-        none = np.zeros((n, 1))
-        base = np.asarray(self._forces_code(none, q, v, np.zeros((n, inputs)), self.parameters)[0])
-        ones = np.eye(inputs)
-        more = [self._forces_code(none, q, v, np.tile(one, (n, 1)), self.parameters)[0] for one in ones]
-        return np.stack([np.asarray(each) - base for each in more], axis=1)
-
-    # ---- mass
+    mechanism: Mechanism
+    motion: Motion
+    independent: tuple[str, ...]
+    torque: Array
+    multipliers: Array
+    notes: tuple[str, ...] = ()
 
     @property
-    def set_masses(self) -> dict[int, float]:
-        """The masses, kg, that parameters give to frames of the tree, by number."""
-        if self.scene is None:
-            return {}
-        given = {place: p.value for p in self.scene.parameters.values() for place in p.places}
-        frames = self.robot.equations.tree.frames
-        return {
-            frame: given.get((frame, MASS), frames[frame].mass) * given.get((frame, SCALE), 1.0)
-            for frame, what in given
-            if what in (MASS, SCALE)
-        }
+    def time(self) -> Array:
+        """Times (n,) s."""
+        return self.motion.time
 
-    def mass_matrix(self, q: Array) -> Array:
-        """M(q) (n, nv, nv), rotors included."""
-        if not self.sets_tree:
-            return np.asarray(self.robot.mass_matrix(q))
-        flat = self._with_parameters("mass matrix", _mass_matrix, q)
-        return flat.reshape(len(q), self.robot.nv, self.robot.nv)
+    @property
+    def position(self) -> Array:
+        """Position (n, nq), rad or m."""
+        return self.motion.position
 
-    def link_torques(self, q: Array, v: Array, a: Array) -> Array:
-        """How much of Q each link's mass and inertia cause, (n, links, nv), as `Robot.link_torques`."""
-        if not self.sets_tree:
-            return np.asarray(self.robot.link_torques(q, v, a))
-        flat = self._with_parameters("link torques", _link_torques, q, v, a)
-        return flat.reshape(len(q), -1, self.robot.nv)
+    @property
+    def velocity(self) -> Array:
+        """Velocity (n, nv)."""
+        return self.motion.velocity
 
-    def _with_parameters(self, name: str, build: Callable[[Scene], casadi.Function], *states: Array) -> Array:
-        scene = self.scene
-        assert scene is not None
-        targets = [parameter.sets for parameter in scene.parameters.values()]
-        code = self.robot.compiled(f"{name} {targets!r}", lambda: build(scene))
-        return np.asarray(code(*states, self.parameters))
+    @property
+    def acceleration(self) -> Array:
+        """Acceleration (n, nv)."""
+        return self.motion.acceleration
 
-    def _inverse_dynamics(self, scene: Scene) -> casadi.Function:
-        import casadi
+    @property
+    def actuated(self) -> tuple[str, ...]:
+        """The joints with motors, in the order of the columns of `torque`."""
+        return tuple(joint.name for joint in self.mechanism.motors)
 
-        s, a = Symbols(self.robot, scene.parameters), casadi.SX.sym("a", self.robot.nv)
-        need = s.inverse_dynamics(s.q, s.v, a) + self.robot.equations.friction(s.v)
-        return casadi.Function("needed", [s.q, s.v, a, s.p], [casadi.densify(need)])
+    @property
+    def redundancy(self) -> int:
+        """The number of motors in excess of the degrees of freedom."""
+        return len(self.mechanism.motors) - len(self.independent)
+
+    @property
+    def multiplier_names(self) -> tuple[tuple[str, str], ...]:
+        """(constraint, label) of each multiplier, such as ("apex", "x [N]")."""
+        return self.mechanism.multiplier_names
+
+    def motor(self, name: str) -> Array:
+        """The torque of one motor.
+
+        Args:
+            name: The name of a joint with a motor.
+
+        Returns:
+            The torque (n,), N m or N.
+
+        Raises:
+            InputError: No motor has this name.
+        """
+        if arguments.text("name", name, "the name of a joint with a motor") not in self.actuated:
+            raise InputError(f"{self.mechanism.robot.name}: {unknown_name('motor', name, self.actuated)}")
+        return self.torque[:, self.actuated.index(name)]
+
+    @property
+    def power(self) -> Array:
+        """Power (n,) W of all motors."""
+        return np.asarray((self.torque * self.velocity[:, [joint.v for joint in self.mechanism.motors]]).sum(axis=1))
+
+    @cached_property
+    def applied(self) -> Array:
+        """The generalised force (n, nv) of all forces of the scene, N m or N.
+
+        It is not part of the motors' torques, which are what the motion requires in addition.
+        """
+        return self.mechanism.equations.applied(force_times(self.time, self.time[-1]), self.position, self.velocity)
+
+    @cached_property
+    def reactions(self) -> Array:
+        """The wrench through each joint of the tree, (n, len(all_joint_names), 6), as `Robot.joint_reactions`.
+
+        It includes what constraints and the scene's forces at frames exert on the links.
+        """
+        return self.mechanism.reactions(*self._states)
+
+    def constraint_residual(self) -> float:
+        """The largest position residual of a constraint along the motion, m or rad."""
+        return self.mechanism.residuals(*self._states)[0]
+
+    def equation_residual(self) -> float:
+        """The largest |S τ + Jᵀλ − Q| along the motion, relative to the largest |Q|; 0 where no force is required.
+
+        In an open chain it is the force at joints without a motor, such as a free base.
+        """
+        return self.mechanism.residuals(*self._states)[1]
+
+    @property
+    def _states(self) -> tuple[Array, Array, Array, Array]:
+        return force_times(self.time, self.time[-1]), self.position, self.velocity, self.acceleration
 
 
-def _mass_matrix(scene: Scene) -> casadi.Function:
-    import casadi
+def scene_inverse_dynamics(
+    scene: Scene | str | Path,
+    motion: Motion | str | Path,
+    actuated: Sequence[str] | None = None,
+    independent: Sequence[str] | None = None,
+    overrides: Mapping[str, Any] | None = None,
+) -> SceneInverseDynamics:
+    """Motor torques, constraint multipliers and joint reactions along a motion of an open chain or a closed linkage.
 
-    s = Symbols(scene.robot, scene.parameters)
-    return casadi.Function(
-        "mass_matrix", [s.q, s.p], [casadi.densify(s.algorithm("mass_matrix")(s.q, s.tracer_parameters))]
-    )
+    All forces of the scene act, at the times of the motion: springs, dampers, wrenches, friction, and torques, which
+    act in addition to the motors. Its control is not included, which `notes` say. In an open chain every joint with one
+    degree of freedom has a motor. In a linkage the joints that are not independent follow from the constraints, on the
+    branch of the scene's start. Source: Nakamura & Ghodoussi, IEEE Trans. Robotics Autom. 5 (1989), for linkages;
+    recursive Newton-Euler, Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 5.
 
+    Args:
+        scene: A Scene, the path of its file, or the name of a bundled one.
+        motion: A Motion, the name of a motion of the scene, or the path of a CSV file, for a linkage with columns of
+        the
+            independent joints.
+        actuated: The joints of a linkage with motors; by default those of its prescribed motions, which are removed,
+        else
+            the scene's `actuated`, else those with actuators.
+        independent: The joints of a linkage whose positions the motion prescribes; by default those that it moves,
+        motors
+            first.
+        overrides: Changes of the scene by dotted path, as for `load_scene`.
 
-def _link_torques(scene: Scene) -> casadi.Function:
-    """(q, v, a, p) -> d torque / d σ at σ = 1, σ being a factor on each link's mass and inertia, rotors left out.
+    Returns:
+        Torques, multipliers and the motion of all joints.
 
-    Every target of a parameter is an input of its own here, so that the factors of links that share one are apart.
+    Raises:
+        InputError: The scene, the motion or an argument does not fit.
+        UnreachableError: The linkage cannot follow the motion, or its motors cannot move it.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> result = bc.scene_inverse_dynamics("planar_2r", "elbow_up")
+        >>> result.actuated
+        ('shoulder', 'elbow')
+        >>> result.torque.shape == (len(result.time), 2)
+        True
     """
-    import casadi
-
-    tree = scene.robot.equations.tree
-    p = casadi.SX.sym("p", len(scene.parameters))
-    places = [(*place, k) for k, parameter in enumerate(scene.parameters.values()) for place in parameter.places]
-    links = sorted({*tree.massive_frames(), *(frame for frame, what, _ in places if what >= 6)})
-    sigma = casadi.SX.sym("sigma", len(links))
-    values = [p[k] * sigma[links.index(frame)] if what == SCALE else p[k] for frame, what, k in places]
-    scaled = {frame for frame, what, _ in places if what == SCALE}
-    settings = [(frame, what, k) for k, (frame, what, _) in enumerate(places)]
-    for k, frame in enumerate(links):
-        if frame not in scaled:
-            settings.append((frame, SCALE, len(values)))
-            values.append(sigma[k])
-    gravity = tuple(float(x) for x in scene.robot.gravity)
-    traced = trace_tree(tree.without_rotors(), gravity, settings, len(values))
-    torque = casadi.Function.deserialize(traced.inverse_dynamics().decode("latin-1"))
-    q, v, a = (casadi.SX.sym(n, torque.size1_in(k)) for k, n in enumerate("qva"))
-    slope = casadi.jacobian(torque(q, v, a, casadi.vertcat(casadi.SX(0, 1), *values)), sigma)
-    at_one = casadi.substitute(slope, sigma, casadi.SX.ones(len(links), 1))
-    return casadi.Function("link_torques", [q, v, a, p], [casadi.vec(casadi.densify(at_one))])
+    if not isinstance(scene, Scene):
+        scene = load_scene(arguments.subject("scene", scene, "a scene"))
+    if actuated is not None:
+        actuated = arguments.several("actuated", actuated, str, "names of joints")
+    if independent is not None:
+        independent = arguments.several("independent", independent, str, "names of joints")
+    if overrides is not None:
+        scene = scene.with_overrides(overrides)
+    mechanism = mechanism_of(scene, actuated=actuated)
+    whole, joints = mechanism.along(motion, independent)
+    states = (force_times(whole.time, whole.time[-1]), whole.position, whole.velocity, whole.acceleration)
+    torque, multipliers = mechanism.torques(*states)
+    notes = (*mechanism_notes(mechanism), *motion_notes(mechanism, whole))
+    return SceneInverseDynamics(mechanism, whole, joints, torque, multipliers, notes)

@@ -1,4 +1,13 @@
-"""A linkage whose loops are closed, with the torques that its motors must give, as sizing sees it."""
+"""Inverse dynamics of a closed linkage: the torques that its motors must give, and the constraints' multipliers.
+
+Motors at the joints of S (nv, k), with the joint forces Q that the motion needs, satisfy
+
+    S τ + Jᵀ λ = Q,    hence  (Nᵀ S) τ = Nᵀ Q,
+
+as J N = 0 for the motions N that the constraints allow. More motors than degrees of freedom share the load with the
+least Σ τ². Source: Nakamura & Ghodoussi, Dynamics computation of closed-link robot mechanisms with nonredundant and
+redundant actuators, IEEE Trans. Robotics Autom. 5 (1989).
+"""
 
 from __future__ import annotations
 
@@ -12,112 +21,244 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.derived import cached_property
-from bellcrank.dynamics.binding_rows import binding_of
-from bellcrank.dynamics.closed_chain import Chain
-from bellcrank.dynamics.dependent_motion import guided_motion
-from bellcrank.dynamics.joint_wrenches import joint_wrenches
+from bellcrank.dynamics.constraint_rows import rows_of
+from bellcrank.dynamics.dependent_motion import DependentMotions
+from bellcrank.dynamics.loop_kinematics import SINGULAR, LoopKinematics, jacobian_inverse, rank
+from bellcrank.dynamics.reactions import joint_reactions
+from bellcrank.dynamics.tree_inverse_dynamics import TreeInverseDynamics
+from bellcrank.elements.joint_constraints import PrescribedMotion
+from bellcrank.errors import InputError, UnreachableError
 from bellcrank.motion.motion import Motion
+from bellcrank.numerics import products, pseudo_inverse, singular_values, svd
 from bellcrank.robot.robot import Robot, RobotJoint
+from bellcrank.scene.scene import Scene
 
 if TYPE_CHECKING:
     from bellcrank.codegen.compile import Compiled
-    from bellcrank.dynamics.inverse_dynamics import InverseEquations
-    from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
 
 
 class Linkage:
-    """A scene whose constraints tie joints, as a Mechanism: what its motors feel is P Q and P M Pᵀ (closed_chain.py).
+    """A scene whose constraints close loops, with motors at some joints, for sizing and inverse dynamics.
 
-    `robot` stands for the scene's, with payloads; `actuated` are the joints with motors (chain.py says which without).
-    Forces and parameters of the scene count, its control does not. Raises InputError for what has no such answer.
+    Forces and parameters of the scene count; its control does not, and its `prescribed_motion` constraints are removed:
+    their joints have motors. All methods take batches of n times and states.
+
+    Args:
+        scene: The scene, as `bellcrank.load_scene` reads it.
+        robot: A robot in place of the scene's, such as one with payloads.
+        actuated: The joints with motors; by default those of the scene's prescribed motions, else its `actuated`, else
+            those with actuators.
+
+    Attributes:
+        scene: The scene, with `robot`.
+        robot: The robot.
+        motors: The joints with motors.
+        equations: Inverse dynamics of the tree, without its constraints.
+        kinematics: The kinematics of the closed loops.
+
+    Raises:
+        InputError: No constraint closes a loop, no joint has a motor, or a constraint rolls.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> linkage = bc.Linkage(bc.load_scene("five_bar"))
+        >>> motion = linkage.motion("pick")
+        >>> torque, _ = linkage.torques(motion.time, motion.position, motion.velocity, motion.acceleration)
+        >>> torque.shape == (len(motion.time), len(linkage.motors))
+        True
     """
 
     closed = True
 
     def __init__(self, scene: Scene, robot: Robot | None = None, actuated: Sequence[str] | None = None) -> None:
-        if not hasattr(scene, "constraints"):
+        if not isinstance(scene, Scene):
             arguments.refuse("scene", "a Scene, as bc.load_scene gives", scene)
         if robot is not None:
             arguments.instance("robot", robot, Robot, "a Robot")
         self.scene: Scene = scene if robot is None else replace(scene, robot=robot)
         if actuated is not None:
             actuated = arguments.several("actuated", actuated, str, "names of joints")
-        self.chain = Chain(self.scene, actuated)
+        at_motion_times = replace(self.scene, initial=replace(self.scene.initial, clock=0.0))
+        loops = tuple(constraint for constraint in scene.constraints if not isinstance(constraint, PrescribedMotion))
+        if not loops:
+            raise InputError(
+                f"{scene.source}: no constraint closes a loop; use bc.scene_inverse_dynamics, which takes open chains"
+            )
+        self._loaded = replace(at_motion_times, constraints=loops, control=(), events=(), outputs={})
         self.robot: Robot = self.scene.robot
-        self.motors: tuple[RobotJoint, ...] = self.chain.actuated
+        self.equations = TreeInverseDynamics(self.robot, at_motion_times)
+        self.kinematics = LoopKinematics(self._loaded)
+        self.motors: tuple[RobotJoint, ...] = self._motors(actuated)
         self._columns = [joint.v for joint in self.motors]
+        self._motions = DependentMotions(at_motion_times, self.kinematics, self.motors)
 
-    @property
-    def equations(self) -> InverseEquations:
-        """The joint forces of the tree under the scene's forces."""
-        return self.chain.equations
+    def _motors(self, actuated: Sequence[str] | None) -> tuple[RobotJoint, ...]:
+        source, config = self.scene.source, self.scene.config
+        drives = [constraint for constraint in self.scene.constraints if isinstance(constraint, PrescribedMotion)]
+        names = list(actuated or [drive.joint.name for drive in drives] or config.actuated or config.actuators)
+        if not names:
+            raise InputError(
+                f"{source}: no joint of the linkage has a motor; write actuated: [JOINT, …]; expected joints of: "
+                f"{', '.join(self.robot.joint_names)}"
+            )
+        return tuple(self.robot.one_degree_joint(name, f"{source}: actuated") for name in names)
 
     @property
     def multiplier_names(self) -> tuple[tuple[str, str], ...]:
-        """(constraint, what it is) of each multiplier."""
-        return self.chain.multiplier_names
+        """(constraint, label) of each multiplier."""
+        return self.kinematics.multiplier_names
+
+    # ---- motions
 
     def motion(self, motion: Motion | str | Path) -> Motion:
-        """A motion with all joints following the independent ones of it. Raises BellcrankError."""
+        """The motion of all joints that follows from a motion of independent joints.
+
+        Args:
+            motion: A Motion, the name of a motion of the scene, or the path of a CSV file.
+
+        Returns:
+            The motion of all joints.
+
+        Raises:
+            InputError: The motion does not fit, or prescribes too few joints.
+            UnreachableError: The linkage cannot follow it.
+        """
         return self.along(motion)[0]
 
     def along(
         self, motion: Motion | str | Path, independent: Sequence[str] | None = None
     ) -> tuple[Motion, tuple[str, ...]]:
-        """The motion of all joints, and the independent joints it was given by. Raises BellcrankError."""
-        return guided_motion(self.chain, motion, independent)
+        """The motion of all joints, and the independent joints that it follows from.
+
+        Args:
+            motion: A Motion, the name of a motion of the scene, or the path of a CSV file.
+            independent: The joints whose positions the motion prescribes; by default those that it moves, motors first.
+
+        Returns:
+            The motion, and the names of the independent joints.
+
+        Raises:
+            InputError: The motion does not fit, or prescribes too few joints.
+            UnreachableError: The linkage cannot follow it.
+        """
+        return self._motions.along(motion, independent)
+
+    # ---- forces
 
     def torques(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-        """The motors' torques (n, k), rotors in them, and the closures' multipliers (n, rows)."""
+        """The motors' torques and the constraints' multipliers.
+
+        Args:
+            t: Times (n,), s.
+            q: Positions (n, nq), rad or m.
+            v: Velocities (n, nv).
+            a: Accelerations (n, nv).
+
+        Returns:
+            Torques (n, k), N m or N, rotors included, and multipliers (n, rows), N m or N; minimum-norm multipliers
+            where constraints are redundant.
+
+        Raises:
+            InputError: An array does not fit.
+            UnreachableError: The motors cannot move the linkage.
+        """
         t, q, v, a = self._rows(t=t, q=q, v=v, a=a)
-        return self.chain.torques(t, q, v, a)
+        return self._torques(t, self.equations.needed(t, q, v, a), self.kinematics.terms(t, q, v).jacobian)
+
+    def _torques(self, t: Array, need: Array, jacobian: Array) -> tuple[Array, Array]:
+        torque = products(self.torque_shares(jacobian, t), need)
+        left = need.copy()
+        left[:, self._columns] -= torque
+        inverse = jacobian_inverse(self.kinematics.scaled(jacobian).transpose(0, 2, 1))
+        units = self.kinematics.units
+        return torque, products(inverse, left * units) / rows_of(self.kinematics.scene).unit
+
+    def torque_shares(self, jacobian: Array, time: Array | None = None) -> Array:
+        """The matrices P (n, k, nv) that give the motors' least torques τ = P Q for joint forces Q.
+
+        Args:
+            jacobian: Jacobians of the constraints (n, m, nv), as `kinematics.jacobian` gives.
+            time: Times (n,) s for messages.
+
+        Returns:
+            The matrices P.
+
+        Raises:
+            InputError: The constraints leave no degree of freedom.
+            UnreachableError: The motors cannot move the linkage.
+        """
+        source, units = self.scene.source, self.kinematics.units
+        jacobian = self.kinematics.scaled(jacobian)
+        constrained = int(max(rank(jacobian[k]) for k in np.linspace(0, len(jacobian) - 1, 7).astype(int)))
+        _, _, vt = svd(jacobian, f"{source}: the constraints are")
+        null = vt[:, constrained:, :]  # rows: an orthonormal basis of the motions that the constraints allow
+        grip = null[:, :, self._columns]
+        if null.shape[1] == 0:
+            raise InputError(f"{source}: the constraints of {self.robot.name} leave no degree of freedom")
+        singular = singular_values(grip, f"{source}: the motions that the constraints allow are")
+        too_few = grip.shape[2] < grip.shape[1]
+        weak = int(np.argmin(singular[:, -1]))
+        if too_few or singular[weak, -1] < SINGULAR:
+            when = "" if time is None or too_few else f" at {time[weak]:.6g} s"
+            freedoms = f"{null.shape[1]} degree{'s' * (null.shape[1] != 1)} of freedom"
+            raise UnreachableError(
+                f"{source}: motors at {', '.join(joint.name for joint in self.motors)} cannot move the {freedoms} of "
+                f"{self.robot.name}{when}; actuate "
+                f"{'more joints' if too_few else 'another joint, or keep away from that posture'}"
+            )
+        null = null * units
+        return np.asarray(pseudo_inverse(null[:, :, self._columns], f"{source}: the constraints are") @ null)
+
+    def _shares_at(self, t: Array, q: Array) -> Array:
+        return self.torque_shares(self.kinematics.jacobian(t, q), t)
 
     def friction(self, t: Array, q: Array, v: Array) -> Array:
-        """How much of the motors' torques (n, k) overcomes friction, that of joints without a motor too."""
+        """The part (n, k) of the motors' torques that overcomes friction, also of joints without a motor."""
         t, q, v = self._rows(t=t, q=q, v=v)
-        return np.asarray(np.einsum("nkv,nv->nk", self._shares(t, q), self.equations.friction(t, q, v)))
+        return np.asarray(np.einsum("nkv,nv->nk", self._shares_at(t, q), self.equations.friction(t, q, v)))
 
     def link_torques(self, t: Array, q: Array, v: Array, a: Array) -> Array:
-        """How much of the motors' torques each link's mass and inertia cause, (n, links, k)."""
+        """The part (n, links, k) of the motors' torques that each link's mass and inertia cause."""
         t, q, v, a = self._rows(t=t, q=q, v=v, a=a)
-        return np.asarray(np.einsum("nkv,nlv->nlk", self._shares(t, q), self.equations.link_torques(q, v, a)))
+        return np.asarray(np.einsum("nkv,nlv->nlk", self._shares_at(t, q), self.equations.link_torques(q, v, a)))
 
     def inertia(self, t: Array, q: Array) -> Array:
-        """The diagonal of P M Pᵀ (n, k), rotors in it."""
+        """The diagonal of P M Pᵀ (n, k), kg m² or kg, rotors included."""
         t, q = self._rows(t=t, q=q)
-        shares = self._shares(t, q)
+        shares = self._shares_at(t, q)
         return np.asarray(np.einsum("nkv,nvw,nkw->nk", shares, self.equations.mass_matrix(q), shares))
+
+    def reactions(self, t: Array, q: Array, v: Array, a: Array) -> Array:
+        """The wrench (n, joints, 6) through each joint of the tree, those of constraints and forces included."""
+        t, q, v, a = self._rows(t=t, q=q, v=v, a=a)
+        _, multipliers = self.torques(t, q, v, a)
+        inputs, parameters = self._loaded.signals_at(t), self._loaded.parameter_values
+        flat = self._reactions(t[:, None], q, v, inputs, parameters, a, multipliers)
+        return np.asarray(flat).reshape(len(t), -1, 6)
+
+    @cached_property
+    def _reactions(self) -> Compiled:
+        scene = self._loaded
+        key = f"joint wrenches {scene.physics_key()} {rows_of(scene).signature}"
+        return self.robot.compiled(key, lambda: joint_reactions(scene))
+
+    def residuals(self, t: Array, q: Array, v: Array, a: Array) -> tuple[float, float]:
+        """The largest position residual of a constraint, m or rad, and the largest |S τ + Jᵀλ − Q| relative to |Q|."""
+        t, q, v, a = self._rows(t=t, q=q, v=v, a=a)
+        need = self.equations.needed(t, q, v, a)
+        position, _, jacobian, _ = self.kinematics.terms(t, q, v)
+        torque, multipliers = self._torques(t, need, jacobian)
+        left = need - (jacobian.transpose(0, 2, 1) @ multipliers[:, :, None])[:, :, 0]
+        left[:, self._columns] -= torque
+        worst, scale = float(np.abs(left).max()), float(np.abs(need).max())
+        return float(np.abs(position).max(initial=0.0)), worst / scale if scale else (
+            0.0 if worst == 0.0 else float("inf")
+        )
 
     def _rows(self, **states: Array) -> tuple[Array, ...]:
         """Times (n,) and states (n, …) of as many rows, finite. Raises InputError that names the argument."""
         n = len(arguments.array("t", states["t"], (None,), "s"))
         sizes = {"q": self.robot.nq, "v": self.robot.nv, "a": self.robot.nv}
         return tuple(arguments.array(name, x, (n,) if name == "t" else (n, sizes[name])) for name, x in states.items())
-
-    def _shares(self, t: Array, q: Array) -> Array:
-        return self.chain.shares(self.chain.closed(t, q, np.zeros((len(q), self.robot.nv)))[2], t)
-
-    def reactions(self, t: Array, q: Array, v: Array, a: Array) -> Array:
-        """The wrench (n, joints, 6) through each joint of the tree, what constraints and forces put on the links in it."""
-        t, q, v, a = self._rows(t=t, q=q, v=v, a=a)
-        scene, (_, multipliers) = self.chain.loaded, self.torques(t, q, v, a)
-        flat = self._wrenches(t[:, None], q, v, scene.signals_at(t), scene.parameter_values, a, multipliers)
-        return np.asarray(flat).reshape(len(t), -1, 6)
-
-    @cached_property
-    def _wrenches(self) -> Compiled:
-        scene = self.chain.loaded
-        key = f"joint wrenches {scene.physics_key()} {binding_of(scene).signature}"
-        return self.robot.compiled(key, lambda: joint_wrenches(scene))
-
-    def residuals(self, t: Array, q: Array, v: Array, a: Array) -> tuple[float, float]:
-        """The largest violation of a constraint, m or rad, and the largest |S τ + Jᵀλ − Q|, a share of the largest |Q|."""
-        t, q, v, a = self._rows(t=t, q=q, v=v, a=a)
-        need, gap, _, jacobian, _ = self.chain.at(t, q, v, a)
-        torque, multipliers = self.torques(t, q, v, a)
-        left = need - (jacobian.transpose(0, 2, 1) @ multipliers[:, :, None])[:, :, 0]
-        left[:, self._columns] -= torque
-        worst, scale = float(np.abs(left).max()), float(np.abs(need).max())
-        return float(np.abs(gap).max(initial=0.0)), worst / scale if scale else (0.0 if worst == 0.0 else float("inf"))

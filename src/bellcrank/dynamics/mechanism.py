@@ -1,24 +1,29 @@
-"""What sizing and inverse dynamics ask of a mechanism with motors, whether or not constraints tie its joints."""
+"""A mechanism with motors, as sizing and inverse dynamics see it: an open chain or a closed linkage under forces."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank.dynamics.element_forces import SAME_TIME
+from bellcrank.dynamics.linkage import Linkage
+from bellcrank.dynamics.open_chain import OpenChain
+from bellcrank.elements.frame_forces import Spring
 from bellcrank.elements.joint_constraints import PrescribedMotion
+from bellcrank.elements.joint_forces import Friction, JointForce
 from bellcrank.robot.robot import Robot
+from bellcrank.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from bellcrank.dynamics.inverse_dynamics import InverseEquations
+    from bellcrank.dynamics.tree_inverse_dynamics import TreeInverseDynamics
+    from bellcrank.elements.element import Force
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import RobotJoint
-    from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -26,13 +31,13 @@ Array = NDArray[np.float64]
 class Mechanism(Protocol):
     """A robot with motors at some joints, under the forces and parameters of a scene.
 
-    All functions take batches: times t (n,) s, q (n, nq), v and a (n, nv); k is the number of motors, in the order of
-    `motors`. Torques are N m or N. `closed` says whether constraints tie the joints together.
+    All methods take batches: times t (n,) s, positions q (n, nq), velocities v and accelerations a (n, nv). There are k
+    motors, in the order of `motors`. Torques are in N m or N. `OpenChain` and `Linkage` implement this protocol.
     """
 
     @property
     def robot(self) -> Robot:
-        """The robot, payloads in it."""
+        """The robot, with payloads."""
 
     @property
     def scene(self) -> Scene | None:
@@ -40,74 +45,108 @@ class Mechanism(Protocol):
 
     @property
     def closed(self) -> bool:
-        """Whether constraints tie the joints together."""
+        """Whether constraints close loops."""
 
     @property
     def motors(self) -> tuple[RobotJoint, ...]:
         """The joints with motors."""
 
     @property
-    def equations(self) -> InverseEquations:
-        """The joint forces of the tree under the scene's forces."""
+    def equations(self) -> TreeInverseDynamics:
+        """Inverse dynamics of the tree under the scene's forces, without its constraints."""
 
     @property
     def multiplier_names(self) -> tuple[tuple[str, str], ...]:
-        """(constraint, what it is) of each multiplier."""
+        """(constraint, label) of each multiplier."""
 
     def along(
         self, motion: Motion | str | Path, independent: Sequence[str] | None = None
     ) -> tuple[Motion, tuple[str, ...]]:
-        """The motion of all joints, and the independent joints that it was given by. Raises BellcrankError."""
+        """The motion of all joints, and the independent joints that it follows from. Raises BellcrankError."""
 
     def torques(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-        """The motors' torques (n, k), rotors in them, and the closures' multipliers (n, rows)."""
+        """The motors' torques (n, k), rotors included, and the constraints' multipliers (n, rows)."""
 
     def friction(self, t: Array, q: Array, v: Array) -> Array:
-        """How much of the motors' torques (n, k) overcomes friction, that of joints without a motor too."""
+        """The part (n, k) of the motors' torques that overcomes friction, also of joints without a motor."""
 
     def link_torques(self, t: Array, q: Array, v: Array, a: Array) -> Array:
-        """How much of the motors' torques each link's mass and inertia cause, (n, links, k)."""
+        """The part (n, links, k) of the motors' torques that each link's mass and inertia cause."""
 
     def inertia(self, t: Array, q: Array) -> Array:
-        """The inertia (n, k) that each motor feels when the others do not turn it: M_ii, rotors in it."""
+        """The inertia (n, k) that accelerates with each motor alone, rotors included: M_ii, or the diagonal of P M
+        Pᵀ.
+        """
 
     def reactions(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """The wrench (n, joints, 6) through each joint of the tree, as `Robot.joint_reactions`."""
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array) -> tuple[float, float]:
-        """The largest violation of a constraint, m or rad, and of the equations of motion, as a share of all."""
+        """The largest residual of a constraint, m or rad, and of the equations of motion, relative to their terms."""
 
 
 def mechanism_of(
-    given: Robot | Scene | Mechanism,
-    robot: Robot | None = None,
-    actuated: Sequence[str] | None = None,
+    given: Robot | Scene | Mechanism, robot: Robot | None = None, actuated: Sequence[str] | None = None
 ) -> Mechanism:
-    """The mechanism of a robot alone or of a scene: a closed linkage where constraints other than drives tie joints.
+    """The mechanism of a robot alone or of a scene: a linkage where constraints other than prescribed motions are
+    there.
 
-    `robot` stands for the scene's, with payloads; `actuated` names the joints with motors. Raises InputError.
+    `robot` replaces the scene's, for instance by one with payloads; `actuated` names the joints with motors. Raises
+    InputError.
     """
-    from bellcrank.dynamics.linkage import Linkage
-    from bellcrank.dynamics.open_chain import OpenChain
-    from bellcrank.scene.scene import Scene
-
     if isinstance(given, OpenChain | Linkage):
         return given
-    if not isinstance(given, Scene):
-        if not hasattr(given, "joints"):
-            arguments.refuse("robot", "a robot, a scene or a linkage", given, remedy="bc.load_scene reads a scene")
-        return OpenChain(cast(Robot, given))
-    if any(not isinstance(constraint, PrescribedMotion) for constraint in given.constraints):
-        return Linkage(given, robot, actuated)
-    return OpenChain(given.robot if robot is None else robot, given, actuated or given.config.actuated or None)
+    if isinstance(given, Scene):
+        if any(not isinstance(constraint, PrescribedMotion) for constraint in given.constraints):
+            return Linkage(given, robot, actuated)
+        return OpenChain(given.robot if robot is None else robot, given, actuated or given.config.actuated or None)
+    if not isinstance(given, Robot):
+        arguments.refuse("robot", "a robot, a scene or a linkage", given, remedy="bc.load_scene reads a scene")
+    return OpenChain(given)
 
 
-def force_times(time: Array, end: float | None = None) -> Array:
-    """Times (n,) at which the forces of a motion's rows are meant: where a time stands twice, the first row is the
-    limit from before, so that a table that jumps there is read before its jump, and the second after it. A table that
-    jumps where the motion ends, at `end` s, is read before its jump.
-    """
-    twins = np.diff(time) == 0.0
-    width = SAME_TIME * np.maximum(1.0, np.abs(time))
-    sided = time - width * np.append(twins, False) + width * np.insert(twins, 0, False)
-    return np.asarray(sided if end is None else np.minimum(sided, end - SAME_TIME * max(1.0, abs(end))))
+@dataclass(frozen=True)
+class AppliedForce:
+    """A force of a scene: its name, its kind, and what it acts on, such as "joint 'elbow'"."""
+
+    name: str
+    kind: str
+    on: str
+
+
+def applied_forces(mechanism: Mechanism) -> tuple[AppliedForce, ...]:
+    """The forces of the scene, which all act in inverse dynamics, in the scene's order."""
+    return tuple(AppliedForce(force.name, force.kind, acts_on(force)) for force in mechanism.equations.forces)
+
+
+def acts_on(force: Force) -> str:
+    """What a force acts on, such as "joint 'elbow'"."""
+    if isinstance(force, JointForce):
+        return f"joint '{force.joint.name}'"
+    if isinstance(force, Spring):
+        other = f"frame '{force.frame_b}'" if len(force.frames) == 2 else "the world"
+        return f"frame '{force.frame_a}' and {other}"
+    return ", ".join(f"frame '{name}'" for name in force.frames)
+
+
+def parameter_values(mechanism: Mechanism) -> tuple[tuple[str, float, str], ...]:
+    """(name, value, unit) of the scene's parameters, which all apply in inverse dynamics."""
+    scene = mechanism.equations.scene
+    return () if scene is None else tuple((name, p.value, p.unit) for name, p in scene.parameters.items())
+
+
+def coulomb_widths(mechanism: Mechanism) -> list[tuple[int, float]]:
+    """(index in v, width in rad/s or m/s) of every Coulomb friction, the robot's and the scene's."""
+    robot = mechanism.robot
+    found = [(int(column), robot.friction_width) for column in np.flatnonzero(robot.coulomb > 0.0)]
+    scene = mechanism.equations.scene
+    parameters = () if scene is None else scene.parameters.values()
+    set_by = {target: parameter.value for parameter in parameters for target in parameter.sets}
+    for force in mechanism.equations.forces:
+        if isinstance(force, Friction):
+            coulomb, width = (
+                set_by.get(f"force.{force.name}.{key}", getattr(force, key)) for key in ("coulomb", "width")
+            )
+            if coulomb > 0.0:
+                found.append((force.joint.v, float(width)))
+    return found

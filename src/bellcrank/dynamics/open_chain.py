@@ -1,4 +1,4 @@
-"""An open chain with a motor at every joint of one degree of freedom, under the forces of a scene."""
+"""Inverse dynamics of an open chain, with a motor at every joint with one degree of freedom."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.derived import cached_property
-from bellcrank.dynamics.inverse_dynamics import InverseEquations
-from bellcrank.dynamics.joint_wrenches import joint_wrenches
+from bellcrank.dynamics.reactions import joint_reactions
+from bellcrank.dynamics.tree_inverse_dynamics import TreeInverseDynamics
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.csv_file import read_motion
@@ -27,10 +27,10 @@ Array = NDArray[np.float64]
 
 
 class OpenChain:
-    """A robot alone, or a scene that no constraint but drives ties, as a Mechanism. Whatever holds joints of several
-    degrees of freedom (a free base) is not looked at.
+    """A robot alone, or a scene whose only constraints are prescribed motions, as a `Mechanism`.
 
-    Raises InputError where `actuated` leaves out a joint, which nothing would hold.
+    What holds a joint with several degrees of freedom (a free base) is not considered. Raises InputError where
+    `actuated` leaves out a joint, which nothing would hold.
     """
 
     closed = False
@@ -39,7 +39,7 @@ class OpenChain:
     def __init__(self, robot: Robot, scene: Scene | None = None, actuated: Sequence[str] | None = None) -> None:
         self.robot, self.scene = robot, scene
         self.motors: tuple[RobotJoint, ...] = tuple(joint for joint in robot.joints if joint.nv == 1)
-        self.equations = InverseEquations(robot, scene)
+        self.equations = TreeInverseDynamics(robot, scene)
         self._columns = [joint.v for joint in self.motors]
         if actuated is not None:
             for name in actuated:
@@ -47,8 +47,8 @@ class OpenChain:
             left = [joint.name for joint in self.motors if joint.name not in actuated]
             if left:
                 raise InputError(
-                    f"{robot.name}: actuated leaves out {', '.join(left)}: no constraint ties the joints of an open "
-                    "chain, so each needs a motor to follow a motion; leave actuated out"
+                    f"{robot.name}: actuated leaves out {', '.join(left)}: every joint of an open chain needs a motor "
+                    "to follow a motion; remove actuated"
                 )
 
     def along(
@@ -58,8 +58,8 @@ class OpenChain:
         every = tuple(joint.name for joint in self.motors)
         if independent is not None and set(independent) != set(every):
             raise InputError(
-                f"{self.robot.name}: independent: no constraint ties the joints of an open chain, so all are independent: "
-                f"{', '.join(every)}; leave it out"
+                f"{self.robot.name}: independent: all joints of an open chain are independent ({', '.join(every)}); "
+                "remove this argument"
             )
         motions = {} if self.scene is None else self.scene.config.motions
         if isinstance(motion, Motion):
@@ -81,15 +81,15 @@ class OpenChain:
         return self.equations.needed(t, q, v, a)[:, self._columns], np.zeros((len(t), 0))
 
     def friction(self, t: Array, q: Array, v: Array) -> Array:
-        """How much of the motors' torques (n, k) overcomes friction."""
+        """The part (n, k) of the motors' torques that overcomes friction."""
         return self.equations.friction(t, q, v)[:, self._columns]
 
     def link_torques(self, t: Array, q: Array, v: Array, a: Array) -> Array:
-        """How much of the motors' torques each link's mass and inertia cause, (n, links, k)."""
+        """The part (n, links, k) of the motors' torques that each link's mass and inertia cause."""
         return self.equations.link_torques(q, v, a)[:, :, self._columns]
 
     def inertia(self, t: Array, q: Array) -> Array:
-        """M_ii (n, k), rotors in it."""
+        """M_ii (n, k), kg m² or kg, rotors included."""
         if self.robot.nv > LARGEST_WHOLE and not self.equations.sets_tree:
             return self.robot.inertia_diagonal(q)
         rows = max(1, BLOCK_NUMBERS // self.robot.nv**2)
@@ -98,25 +98,23 @@ class OpenChain:
         return np.concatenate([np.zeros((0, len(self._columns))), *diagonal])
 
     def gravity_torque(self, q: Array) -> Array:
-        """The torques (n, nv) that hold the robot at rest, forces of the scene left out."""
-        still = np.zeros((len(q), self.robot.nv))
-        return self.equations.needed(np.zeros(len(q)), q, still, still) + self.equations.applied(
-            np.zeros(len(q)), q, still
-        )
+        """The torques (n, nv) that hold the robot at rest against gravity, without the forces of the scene."""
+        t, at_rest = np.zeros(len(q)), np.zeros((len(q), self.robot.nv))
+        return self.equations.needed(t, q, at_rest, at_rest) + self.equations.applied(t, q, at_rest)
 
     def link_gravity_torques(self, q: Array) -> Array:
-        """Each link's share of it, (n, links, nv)."""
-        still = np.zeros((len(q), self.robot.nv))
-        return self.equations.link_torques(q, still, still)
+        """The part (n, links, nv) of these torques that each link causes."""
+        at_rest = np.zeros((len(q), self.robot.nv))
+        return self.equations.link_torques(q, at_rest, at_rest)
 
     def reactions(self, t: Array, q: Array, v: Array, a: Array) -> Array:
-        """The wrench (n, joints, 6) through each joint, forces at frames in it."""
+        """The wrench (n, joints, 6) through each joint of the tree, forces at frames included."""
         plain = self.equations.scene is None or not (
             any(force.frames for force in self.equations.forces) or self.equations.sets_tree
         )
         if plain:
             return np.asarray(self.robot.joint_reactions(q, v, a))
-        flat = self._wrenches(t[:, None], q, v, self._signals(t), self.equations.parameters, a, np.zeros((len(t), 0)))
+        flat = self._reactions(t[:, None], q, v, self._signals(t), self.equations.parameters, a, np.zeros((len(t), 0)))
         return np.asarray(flat).reshape(len(t), -1, 6)
 
     def _signals(self, t: Array) -> Array:
@@ -124,14 +122,16 @@ class OpenChain:
         return self.equations.scene.signals_at(t)
 
     @cached_property
-    def _wrenches(self) -> Compiled:
+    def _reactions(self) -> Compiled:
         scene = self.equations.scene
         assert scene is not None
-        return self.robot.compiled("joint wrenches " + scene.physics_key(), lambda: joint_wrenches(scene))
+        return self.robot.compiled("joint wrenches " + scene.physics_key(), lambda: joint_reactions(scene))
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array) -> tuple[float, float]:
-        """0, as no constraint can be violated, and what acts at joints without a motor (a free base), a share of the
-        largest force.
+        """0, as there are no constraints, and the largest force at a joint without a motor, relative to the largest of
+        all.
+
+        Such a joint is a free base.
         """
         need = np.abs(self.equations.needed(t, q, v, a))
         left = np.delete(need, self._columns, axis=1)
@@ -139,7 +139,7 @@ class OpenChain:
 
 
 def check_layout(motion: Motion, robot: Robot) -> None:
-    """Refuse a motion of another robot (InputError)."""
+    """Raise InputError for a motion of another robot."""
     layout = [(joint.name, joint.q, joint.v) for joint in robot.joints]
     if [(joint.name, joint.q, joint.v) for joint in motion.joints] != layout:
         raise InputError(

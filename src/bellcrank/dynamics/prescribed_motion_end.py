@@ -1,8 +1,8 @@
-"""Until when the motions of `drive` constraints can be followed: a speed that jumps would take an infinite force.
+"""How long prescribed motions can be followed: up to the first jump of a velocity, which would need infinite force.
 
-A motion that ends at rest is held. One that ends moving, whose speed jumps on the way, or that begins moving after the
-run does, ends the run there: the joint cannot change its speed at once, and the energy of a jump would be lost without
-being counted.
+A motion that ends at rest is held. A motion that ends with a velocity, whose velocity jumps, or that starts with a
+velocity after the run has started, ends the run there: a joint cannot change its velocity at once, and the energy of
+the jump would be missing from the balance.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 AT_START = 1e-12  # s
-MOVING = 1e-4  # of a motion's largest speed: jumps up to this are what files round off, and are projected away
+MOVING = 1e-4  # of a motion's largest speed: smaller jumps are rounding of files, and are removed by projection
 
 
 @dataclass(frozen=True)
-class DriveEnd:
-    """Where the speed (rad/s or m/s) of a drive's motion jumps, s: from `before` to `after`."""
+class PrescribedMotionEnd:
+    """The time (s) at which the velocity of a prescribed motion jumps from `before` to `after`, rad/s or m/s."""
 
     drive: PrescribedMotion
     time: float
@@ -39,25 +39,26 @@ class DriveEnd:
 
     @property
     def sentence(self) -> str:
-        """What happens there, and what to do, as a clause."""
+        """What happens there, with a remedy, as a clause."""
         unit = joint_unit(self.drive.joint, "velocity")
-        motion = f"the motion '{self.drive.place.raw('motion')}' of drive '{self.drive.name}'"
+        motion = f"motion '{self.drive.place.raw('motion')}' of constraint '{self.drive.name}'"
         if self.last:
             return (
                 f"{motion} ends at {self.time:.6g} s while joint '{self.drive.joint.name}' still moves at "
-                f"{self.before:.4g} {unit}; let the motion end at rest or later, or shorten the run"
+                f"{self.before:.4g} {unit}; end the motion at rest or later, or shorten the run"
             )
         return (
             f"{motion} jumps at {self.time:.6g} s from {self.before:.4g} to {self.after:.4g} {unit} at joint "
-            f"'{self.drive.joint.name}', which no finite force does; let its parts meet at one speed, or shorten "
+            f"'{self.drive.joint.name}', which needs an infinite force; join its parts at equal velocities, or shorten "
             "the run"
         )
 
 
 @computed_once
-def drive_end(scene: Scene) -> DriveEnd | None:
-    """The first time after 0 s at which the speed of a drive's motion jumps; None where none does. Raises InputError
-    where the motion ends moving at 0 s.
+def prescribed_motion_end(scene: Scene) -> PrescribedMotionEnd | None:
+    """The first jump of a prescribed velocity after 0 s; None where there is none.
+
+    Raises InputError where a motion ends at 0 s with a velocity.
     """
     found = []
     signals = dict(zip(scene.signal_sources, scene.signals, strict=True))
@@ -70,18 +71,20 @@ def drive_end(scene: Scene) -> DriveEnd | None:
         jumps = np.abs(after - before) > MOVING * most
         if jumps[-1] and abs(signal.breaks[-1]) < AT_START:
             raise InputError(
-                f"{scene.source}: the motion '{drive.place.raw('motion')}' of drive '{drive.name}' ends where the run "
-                f"starts, while joint '{drive.joint.name}' still moves at {before[-1]:.4g} "
-                f"{joint_unit(drive.joint, 'velocity')}; let the motion go on"
+                f"{scene.source}: motion '{drive.place.raw('motion')}' of constraint '{drive.name}' ends when the "
+                f"run starts, while joint '{drive.joint.name}' still moves at {before[-1]:.4g} "
+                f"{joint_unit(drive.joint, 'velocity')}; prescribe a longer motion"
             )
         for k in np.flatnonzero(jumps & (signal.breaks > 0.0))[:1].tolist():
             last = k == len(signal.breaks) - 1
-            found.append(DriveEnd(drive, float(signal.breaks[k]), float(before[k]), float(after[k]), last))
+            found.append(PrescribedMotionEnd(drive, float(signal.breaks[k]), float(before[k]), float(after[k]), last))
     return min(found, key=lambda end: end.time, default=None)
 
 
 def signals_until(scene: Scene, time: float) -> tuple[Signal, ...]:
-    """The scene's signals, those of drives cut off at a time (s), at which they then have their limits from before."""
+    """The scene's signals, those of prescribed motions cut off at a time (s), where they keep their limits from
+    before.
+    """
     driven = {drive.source for drive in scene.constraints if isinstance(drive, PrescribedMotion)}
     return tuple(
         _cut(signal, time) if source in driven else signal
@@ -90,7 +93,7 @@ def signals_until(scene: Scene, time: float) -> tuple[Signal, ...]:
 
 
 def _speeds(signal: Signal) -> tuple[Array, Array]:
-    """Speeds (m + 1,) before and after each break; a motion stands still outside of its own time."""
+    """Velocities (m + 1,) before and after each break; a motion is at rest outside its own time."""
     c, h = signal.coefficients[:, :, 0], np.diff(signal.breaks)
     powers = np.arange(1, c.shape[1])
     ends = (c[:, 1:] * powers * h[:, None] ** (powers - 1)).sum(axis=1)
@@ -101,7 +104,7 @@ def _cut(signal: Signal, time: float) -> Signal:
     if time >= signal.breaks[-1]:
         return signal
     count = int(np.searchsorted(signal.breaks, time, side="left"))
-    if count == 0:  # it stands still until it begins
+    if count == 0:  # it is at rest until it begins
         held = np.zeros_like(signal.coefficients[:1])
         held[0, 0] = signal.coefficients[0, 0]
         return replace(signal, breaks=np.array([min(0.0, time) - 1.0, time]), coefficients=held)

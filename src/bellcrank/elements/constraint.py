@@ -73,14 +73,14 @@ class Constraint(Element):
 
         return casadi.SX(0, 1)
 
-    def alignment(self, symbols: Symbols) -> casadi.SX:
+    def alignment_cosine(self, symbols: Symbols) -> casadi.SX:
         """The cosine of the angle between its two sides (1) where the residual also vanishes at 180 deg; else none (0)."""
         import casadi
 
         return casadi.SX(0, 1)
 
-    def misalignment(self, symbols: Symbols) -> casadi.SX:
-        """A residual that vanishes only where `alignment` is 1, for the search of a start from any angle below 180 deg."""
+    def alignment_residual(self, symbols: Symbols) -> casadi.SX:
+        """A residual that vanishes only where `alignment_cosine` is 1, for the search of a start from any angle below 180 deg."""
         import casadi
 
         return casadi.SX(0, 1)

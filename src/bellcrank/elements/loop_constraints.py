@@ -96,7 +96,7 @@ class Hinge(Loop):
 
     φ = a − b (m, world axes), then n₁·k and n₂·k: k is the axis of a, n₁ and n₂ are perpendicular to that of b. Their
     multipliers are moments on the body of frame a, N m, about k × n₁ and k × n₂ (turned to face it). φ vanishes with
-    the axes opposed too, which no start is and no run keeps (`alignment`).
+    the axes opposed too, which no start is and no run keeps (`alignment_cosine`).
     """
 
     axis: tuple[float, ...]
@@ -116,14 +116,14 @@ class Hinge(Loop):
         across = [casadi.dot(b.rotation @ casadi.DM(n), k) for n in perpendicular(self.axis)]
         return Residual(casadi.vertcat(a.position - b.position, *across), _none())
 
-    def alignment(self, symbols: Symbols) -> casadi.SX:
+    def alignment_cosine(self, symbols: Symbols) -> casadi.SX:
         """The cosine of the angle between the two sides' axes."""
         import casadi
 
         a, b = self.sides(symbols)
         return casadi.dot(a.rotation @ casadi.DM(self.axis), b.rotation @ casadi.DM(self.axis))
 
-    def misalignment(self, symbols: Symbols) -> casadi.SX:
+    def alignment_residual(self, symbols: Symbols) -> casadi.SX:
         """The difference of the axes (3)."""
         import casadi
 
@@ -140,7 +140,7 @@ class Weld(Loop):
     """Two frames coincide: φ = a − b (m, world axes), then half the vector part of Rᵦᵀ Rₐ − Rₐᵀ Rᵦ (axes of b).
 
     The multipliers are the force on the body of frame a in world axes, N, and the moment on it in the axes of b, N m.
-    The angle's part of φ is its sine, which vanishes at half a turn too; no start is there and no run stays (`alignment`).
+    The angle's part of φ is its sine, which vanishes at half a turn too; no start is there and no run stays (`alignment_cosine`).
     """
 
     kind: ClassVar[str] = "weld"
@@ -159,14 +159,14 @@ class Weld(Loop):
         angle = [0.5 * (turn[j, i] - turn[i, j]) for i, j in ((1, 2), (2, 0), (0, 1))]
         return Residual(casadi.vertcat(a.position - b.position, *angle), _none())
 
-    def alignment(self, symbols: Symbols) -> casadi.SX:
+    def alignment_cosine(self, symbols: Symbols) -> casadi.SX:
         """The cosine of the angle θ that the frames are turned by: tr Rᵦᵀ Rₐ = 1 + 2 cos θ."""
         import casadi
 
         a, b = self.sides(symbols)
         return 0.5 * (casadi.trace(b.rotation.T @ a.rotation) - 1.0)
 
-    def misalignment(self, symbols: Symbols) -> casadi.SX:
+    def alignment_residual(self, symbols: Symbols) -> casadi.SX:
         """Rᵦᵀ Rₐ − 1 (9), of the length 2 √(1 − cos θ)."""
         import casadi
 

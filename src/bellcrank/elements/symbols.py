@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from bellcrank.derived import cached_property
 from bellcrank.robot.trace import trace_tree
@@ -35,6 +36,18 @@ class FrameSymbols(NamedTuple):
     angular: casadi.SX
 
 
+class FrameSource(Protocol):
+    """Frames written in other symbols than those of `Symbols`, such as the rotation of a free base."""
+
+    def frame(self, name: str) -> FrameSymbols:
+        """A frame's placement and velocity in the world."""
+        ...
+
+    def local_frame(self, name: str) -> tuple[FrameSymbols, casadi.SX]:
+        """A frame in some axes B, and B (3, 3), as `Symbols.local_frame`."""
+        ...
+
+
 class Symbols:
     """Time t, position q (nq), velocity v (nv), signals u and parameters p, and what follows from them by kinematics.
 
@@ -63,6 +76,7 @@ class Symbols:
         self._algorithms: dict[str, casadi.Function] = {}
         self._frames: dict[str, FrameSymbols] = {}
         self._gathered = list(dict.fromkeys(frames))
+        self._frame_source: FrameSource | None = None
 
     # ---- inputs
 
@@ -117,10 +131,23 @@ class Symbols:
 
     def frame(self, name: str) -> FrameSymbols:
         """A frame's placement and velocity in the world. Raises InputError with what there is."""
+        if self._frame_source is not None:
+            return self._frame_source.frame(name)
         if name not in self._frames:
             wanted = [n for n in dict.fromkeys([*self._gathered, name]) if n not in self._frames]
-            self._frames |= self._named_frames(wanted, self.q)
+            self._frames |= self.frames_at(wanted, self.q)
         return self._frames[name]
+
+    def with_frames(self, source: FrameSource) -> Symbols:
+        """The same symbols and signals, with frames from another source."""
+        other = copy.copy(self)
+        other._frame_source = source
+        return other
+
+    @property
+    def named_frames(self) -> tuple[str, ...]:
+        """The frames that are traced together with the first one asked for."""
+        return tuple(self._gathered)
 
     def joint_frames(self) -> list[FrameSymbols]:
         """The frames of all joints of the tree, mimicking ones too, in the order of `Robot.all_joint_names`."""
@@ -128,8 +155,8 @@ class Symbols:
         places = {frame.name: k for k, frame in enumerate(frames) if frame.is_joint}
         return self._traced_frames([places[name] for name in self.robot.all_joint_names], self.q)
 
-    def _named_frames(self, names: Sequence[str], q: casadi.SX) -> dict[str, FrameSymbols]:
-        """Frames at the position q, traced together."""
+    def frames_at(self, names: Sequence[str], q: casadi.SX) -> dict[str, FrameSymbols]:
+        """Frames in the world at the position q (nq), traced together."""
         return dict(zip(names, self._traced_frames([self.robot.frame_index(n) for n in names], q), strict=True))
 
     def _traced_frames(self, indices: Sequence[int], q: casadi.SX) -> list[FrameSymbols]:
@@ -146,6 +173,8 @@ class Symbols:
         """
         import casadi
 
+        if self._frame_source is not None:
+            return self._frame_source.local_frame(name)
         return self.frame(name), casadi.SX.eye(3)
 
     # ---- dynamics

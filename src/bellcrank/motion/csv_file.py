@@ -11,7 +11,6 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,11 +28,8 @@ from bellcrank.motion.magnitude_limits import LARGEST
 from bellcrank.motion.motion import Motion
 from bellcrank.motion.rounding import end_speed_noise, half_unit
 from bellcrank.motion.sampled_motion import sampled_motion
-from bellcrank.robot.joints import JointLike, unit_vector
+from bellcrank.robot.joints import JointLike, RobotLike, unit_vector
 from bellcrank.text import readable
-
-if TYPE_CHECKING:
-    from bellcrank.robot.robot import Robot
 
 ENERGIES = "kinetic energy [J]"
 _FREE = re.compile(r"\A.* position q[xyzw]\b")
@@ -115,7 +111,7 @@ def write_motion(
     return write_table(target, labels, blocks)
 
 
-def read_motion(robot: Robot, path: str | Path, name: str | None = None, text: str | None = None) -> Motion:
+def read_motion(robot: RobotLike, path: str | Path, name: str | None = None, text: str | None = None) -> Motion:
     """Read a motion from a CSV file with one column a coordinate, in any order, units in the header.
 
     Positions of every joint are required. Velocities and accelerations may be left out (all of one kind): missing
@@ -252,7 +248,7 @@ def _label(title: str) -> str:
     return match["name"] if match else title
 
 
-def _refuse_free_base(file: Path, robot: Robot, header: list[str]) -> None:
+def _refuse_free_base(file: Path, robot: RobotLike, header: list[str]) -> None:
     """Refuse a file with a free base for a robot with a fixed one (InputError)."""
     free = next((text for text in header if _FREE.match(text)), None)
     if free is not None and all(joint.kind != "floating" for joint in robot.joints):

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bellcrank.motion.coordinates import Array
-
-if TYPE_CHECKING:
-    from bellcrank.robot.robot import Robot
+from bellcrank.robot.joints import RobotLike
 
 MOST_TURNED = 4.0 * np.pi  # rad: a joint that turns further than this from 0 may be in degrees
 FAR_OUT = 6.0  # rad: and so may one that leaves its range by more than this
 
 
 def limit_notes(
-    robot: Robot,
+    robot: RobotLike,
     name: str,
     time: Array,
     position: Array,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from bellcrank.dynamics.element_forces import acts_on
+from bellcrank.dynamics.mechanism import acts_on
 from bellcrank.reports.document import Table
 
 if TYPE_CHECKING:

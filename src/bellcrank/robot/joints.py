@@ -53,6 +53,26 @@ class JointLike(Protocol):
         """Number of velocity coordinates."""
 
 
+class RobotLike(Protocol):
+    """A robot, or some of its joints: what reading and checking a motion needs."""
+
+    @property
+    def name(self) -> str:
+        """Name."""
+
+    @property
+    def joints(self) -> Sequence[JointLike]:
+        """The joints."""
+
+    @property
+    def lower(self) -> Array:
+        """Lower limits (nq,), rad or m."""
+
+    @property
+    def upper(self) -> Array:
+        """Upper limits (nq,), rad or m."""
+
+
 @dataclass(frozen=True)
 class RobotJoint:
     """An independent joint: its kind, and where its coordinates lie in position (q) and velocity (v)."""

@@ -12,7 +12,7 @@ from bellcrank.errors import InputError
 from bellcrank.numerics import checked, eigenvectors, svd
 
 if TYPE_CHECKING:
-    from bellcrank.dynamics.system import System
+    from bellcrank.dynamics.compiled_equations import System
 
 Array = NDArray[np.float64]
 MASSLESS = 1e-6  # of a coordinate's own inertia: the least that a motion counts with

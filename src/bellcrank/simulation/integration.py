@@ -14,12 +14,13 @@ from bellcrank._step import integrate
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import make_ready
 from bellcrank.derived import computed_once
-from bellcrank.dynamics.binding_rows import binding_of, coordinate_weights
+from bellcrank.dynamics.compiled_equations import LARGEST_STAGED, System
 from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.constraint_angles import cosines_along, turning
-from bellcrank.dynamics.prescribed_motion_end import drive_end, signals_until
-from bellcrank.dynamics.singular_mass import massless_motion
-from bellcrank.dynamics.system import LARGEST_STAGED, System, system_of
+from bellcrank.dynamics.constraint_alignment import aligned_constraints, alignment_cosines_along
+from bellcrank.dynamics.constraint_rows import coordinate_weights
+from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end, signals_until
+from bellcrank.dynamics.singular_mass_matrix import refuse_singular_mass_matrix
+from bellcrank.dynamics.system import system_of
 from bellcrank.elements.signals import values_at
 from bellcrank.errors import InputError
 from bellcrank.robot.joints import unit_vectors
@@ -65,11 +66,10 @@ def integrate_scene(scene: Scene, settings: Settings, parameters: Array, wanted:
     Raises InputError where the start is none: accelerations that are not finite, massless motion, an open contact.
     """
     system, signals, duration, times = system_of(scene), scene.signals, settings.duration, wanted.times
-    end = drive_end(scene)
+    end = prescribed_motion_end(scene)
     if end is not None and end.time <= duration:
         duration, signals, times = end.time, signals_until(scene, end.time), times[times <= end.time]
-    if binding_of(scene).massless:
-        _refuse_massless_motion(scene)
+    refuse_singular_mass_matrix(scene)
     x0 = np.zeros(system.size)
     q0, v0 = consistent_start(scene)
     x0[: system.nq], x0[system.nq : system.nq + system.nv] = q0, v0
@@ -148,9 +148,9 @@ def repeat_run(run: Trajectory, settings: Settings, times: Array, parameters: Ar
 def until_turned_over(run: Trajectory) -> Trajectory:
     """The run up to the row before one in which a weld or hinge is turned by more than a quarter turn."""
     scene, time = run.scene, run.time
-    if not turning(scene):
+    if not aligned_constraints(scene):
         return run
-    good = (cosines_along(scene, time, run.state, scene.signals_at(time), run.parameters) > 0.0).all(axis=1)
+    good = (alignment_cosines_along(scene, time, run.state, scene.signals_at(time), run.parameters) > 0.0).all(axis=1)
     if good.all():
         return run
     rows = max(int(np.argmin(good)), 1)
@@ -203,13 +203,6 @@ def _event_search(scene: Scene) -> EventSearch:
 
 
 # ---- starts that are refused
-
-
-def _refuse_massless_motion(scene: Scene) -> None:
-    """Name the joints that can move without moving mass, at the scene's own parameters (InputError)."""
-    motion = massless_motion(scene)
-    if motion is not None:
-        raise InputError(f"{scene.source}: {motion}")
 
 
 def _refuse_open_contact(scene: Scene, parameters: Array, x0: Array) -> None:

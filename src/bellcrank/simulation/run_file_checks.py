@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.constraint_angles import turning
-from bellcrank.dynamics.prescribed_motion_end import drive_end
+from bellcrank.dynamics.constraint_alignment import aligned_constraints
+from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
 from bellcrank.files.npz_archive import brief
 from bellcrank.robot.joints import unit_vectors
 from bellcrank.scene.settings import STABILISATIONS, Settings, Stabilisation
@@ -198,9 +198,9 @@ def _check_agreement(about: Mapping[str, Any], arrays: Mapping[str, Array], scen
     for name in (*(entry.event for entry in statistics.unresolved), *statistics.omitted_events):
         if name not in rules:
             raise ValueError(f"the scene has no event {brief(name)}")
-    if status is Status.TURNED_OVER and not turning(scene):
+    if status is Status.TURNED_OVER and not aligned_constraints(scene):
         raise ValueError(f"the status is '{status}', and the scene has no weld or hinge")
-    if status is Status.PRESCRIBED_MOTION_ENDED and drive_end(scene) is None:
+    if status is Status.PRESCRIBED_MOTION_ENDED and prescribed_motion_end(scene) is None:
         raise ValueError(f"the status is '{status}', and the scene has no prescribed motion that ends")
     steps, duration = arrays["steps"], about["settings"].duration
     if status is Status.FINISHED and not (len(steps) and steps[-1] >= duration * (1.0 - SAME)):

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.binding_rows import binding_of
 from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.prescribed_motion_end import drive_end
+from bellcrank.dynamics.constraint_rows import rows_of
+from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.controllers import PD
 from bellcrank.elements.element import Force, joint_unit, table_span
@@ -53,7 +53,7 @@ def scene_notes(scene: Scene, duration: float | None = None) -> tuple[str, ...]:
 
 def _rows(scene: Scene) -> Iterator[str]:
     """Constraints, or rows of them, that are left out because no joint affects them."""
-    left_out = binding_of(scene).left_out if scene.constraints else ()
+    left_out = rows_of(scene).left_out if scene.constraints else ()
     for constraint in scene.constraints:
         rows = [(label, gap) for name, label, gap in left_out if name == constraint.name]
         if not rows:
@@ -193,7 +193,7 @@ def _moving(signal: Signal, time: Array) -> str:
 
 def _drives(scene: Scene, duration: float) -> Iterator[str]:
     """Prescribed motions that do not cover the run and are held; where they cannot be held, the run ends."""
-    end = drive_end(scene)
+    end = prescribed_motion_end(scene)
     until = duration if end is None else min(duration, end.time)
     for constraint in scene.constraints:
         if not isinstance(constraint, PrescribedMotion) or constraint.source is None:

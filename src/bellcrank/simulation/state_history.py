@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.deprecated import Renamed
 from bellcrank.derived import Portable, cached_property
-from bellcrank.dynamics.binding_rows import binding_of
-from bellcrank.dynamics.constraint_angles import cosines_along, true_gaps
+from bellcrank.dynamics.constraint_alignment import alignment_cosines_along, full_angle_residuals
+from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.system import system_of
 from bellcrank.elements.signals import Signal, values_at
 from bellcrank.errors import InputError
@@ -233,7 +233,9 @@ class StateHistory(Portable, Renamed):
         """|φ| (n, h), m or rad; the rotation residuals of welds and hinges as whole angles."""
         if not self.scene.constraints:
             return np.zeros((len(self.time), 0))
-        return true_gaps(self.scene, self._constraint[1], cosines_along(self.scene, self.time, *self._arguments[1:]))
+        return full_angle_residuals(
+            self.scene, self._constraint[1], alignment_cosines_along(self.scene, self.time, *self._arguments[1:])
+        )
 
     @property
     def constraint_residuals(self) -> dict[str, Array]:
@@ -375,7 +377,7 @@ class StateHistory(Portable, Renamed):
             multipliers=multipliers[:, rows],
             residual=residuals.max(axis=1, initial=0.0),
             velocity_residual=np.abs(speed[:, rows]).max(axis=1, initial=0.0),
-            relative=(residuals / binding_of(self.scene).unit[holonomic]).max(axis=1, initial=0.0),
+            relative=(residuals / rows_of(self.scene).unit[holonomic]).max(axis=1, initial=0.0),
         )
 
     def _largest(self, measures: Callable[[Self], list[Any]]) -> list[float]:

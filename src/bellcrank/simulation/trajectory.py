@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.derived import cached_property
-from bellcrank.dynamics.constraint_angles import cosines_along, turning
-from bellcrank.dynamics.prescribed_motion_end import drive_end
+from bellcrank.dynamics.constraint_alignment import aligned_constraints, alignment_cosines_along
+from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
 from bellcrank.dynamics.system import system_of
 from bellcrank.errors import InputError
 from bellcrank.robot.joints import unit_vectors
@@ -100,12 +100,12 @@ class Trajectory(StateHistory):
         """Why the run ended and what to do about it, as a clause."""
         if self.status is Status.EVENT:
             return f"event '{next(e.name for e in self.events if e.stopped)}' ended the run"
-        if self.status is Status.PRESCRIBED_MOTION_ENDED and (end := drive_end(self.scene)) is not None:
+        if self.status is Status.PRESCRIBED_MOTION_ENDED and (end := prescribed_motion_end(self.scene)) is not None:
             return end.sentence
         if self.status is Status.TURNED_OVER:
             last = self.part(slice(-1, None))
-            cosine = cosines_along(self.scene, last.time, *last._arguments[1:])[-1]
-            return f"constraint '{turning(self.scene)[int(np.argmin(cosine))]}': {self.status.advice}"
+            cosine = alignment_cosines_along(self.scene, last.time, *last._arguments[1:])[-1]
+            return f"constraint '{aligned_constraints(self.scene)[int(np.argmin(cosine))]}': {self.status.advice}"
         if self.status is Status.NON_FINITE:
             from bellcrank.simulation.non_finite import cause
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.element_forces import force_breaks
+from bellcrank.dynamics.force_breaks import force_breaks
 from bellcrank.dynamics.open_chain import OpenChain
 from bellcrank.elements.joint_forces import Damper, Friction, JointSpring
 from bellcrank.sizing.holding_gravity import gravity_holding_torques

@@ -88,8 +88,8 @@ def _moving(mechanism: Mechanism, k: int, joint: RobotJoint, motions: Sequence[M
     robot, found = mechanism.robot, {joint.name}
     if isinstance(mechanism, Linkage):
         q = np.concatenate([motion.position[:: max(1, len(motion) // POSTURES)] for motion in motions])
-        rest = np.zeros((len(q), robot.nv))
-        share = np.abs(mechanism.chain.shares(mechanism.chain.closed(np.zeros(len(q)), q, rest)[2])[:, k]).max(axis=0)
+        jacobian = mechanism.kinematics.jacobian(np.zeros(len(q)), q)
+        share = np.abs(mechanism.torque_shares(jacobian)[:, k]).max(axis=0)
         found |= {j.name for j in robot.joints if share[j.v : j.v + j.nv].max() > MOVES * share.max()}
     leaders = {follower: leader for follower, leader, ratio, _ in robot.mimics() if ratio != 0.0}
     return [name for name in robot.all_joint_names if name in found or leaders.get(name) in found]

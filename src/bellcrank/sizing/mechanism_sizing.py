@@ -15,18 +15,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.dynamics.element_forces import (
-    elements,
-    mechanism_notes,
-    motion_notes,
-    parameter_values,
-    with_force_rows,
-)
+from bellcrank.dynamics.force_breaks import with_force_rows
+from bellcrank.dynamics.mechanism import Mechanism, applied_forces, parameter_values
+from bellcrank.dynamics.motion_notes import mechanism_notes, motion_notes
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.motion import Motion
@@ -38,9 +33,6 @@ from bellcrank.sizing.joint_sizing import Cycle, JointSizing, Peak, ShaftSizing
 from bellcrank.sizing.massless_motors import massless_motors, singular_joints
 from bellcrank.sizing.motion_peaks import JointPeaks, MotionPeaks, interpolation_warnings, peaks_along, worst_peaks
 from bellcrank.sizing.result import Sizing, SizingInputs
-
-if TYPE_CHECKING:
-    from bellcrank.dynamics.mechanism import Mechanism
 
 
 def size_mechanism(
@@ -90,7 +82,7 @@ def size_mechanism(
         gravity=tuple(map(float, robot.gravity)),
         payloads=tuple((float(payload.mass), payload.frame) for payload in robot.payloads),
         inputs=SizingInputs(mechanism, tuple(motions), actuators),
-        forces=elements(mechanism),
+        forces=applied_forces(mechanism),
         parameters=parameter_values(mechanism),
         unsizable=tuple(massless.refused.values()),
         urdf_errors=tuple(errors),

@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.element_forces import coulomb_widths, force_breaks
-from bellcrank.dynamics.mechanism import force_times
+from bellcrank.dynamics.force_breaks import force_breaks, force_times
+from bellcrank.dynamics.mechanism import coulomb_widths
 from bellcrank.motion.motion import Motion
 from bellcrank.sizing.finite_checks import refuse_non_finite, root_mean_square
 from bellcrank.sizing.joint_loads import JointLoads

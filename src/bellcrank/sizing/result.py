@@ -11,7 +11,7 @@ from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.deprecated import Renamed
 from bellcrank.derived import Portable, cached_property
-from bellcrank.dynamics.element_forces import Element
+from bellcrank.dynamics.mechanism import AppliedForce
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.messages import unknown_name
@@ -76,7 +76,7 @@ class Sizing(Portable, Renamed):
     gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
     payloads: tuple[tuple[float, str], ...] = ()
     inputs: SizingInputs | None = field(default=None, repr=False, compare=False)
-    forces: tuple[Element, ...] = ()
+    forces: tuple[AppliedForce, ...] = ()
     parameters: tuple[tuple[str, float, str], ...] = ()
     unsizable: tuple[str, ...] = ()
     urdf_errors: tuple[str, ...] = ()

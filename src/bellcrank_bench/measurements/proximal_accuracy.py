@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.constrained import REFINEMENTS
-from bellcrank.dynamics.kkt import Factor, proximal
+from bellcrank.dynamics.kkt import REFINEMENTS, Factor, proximal
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.simulation.simulate import simulate
@@ -76,11 +75,11 @@ def _solver(scene: Scene, refinements: int) -> Callable[[Array, Array, float], l
 
     assembly, share = system_of(scene).assembly, casadi.SX.sym("share")
     assert assembly.solution is not None
-    mass, closed = assembly.solution.mass, assembly.solution.closed
-    force, right = assembly.actuator + assembly.passive - assembly.bias, closed.required(0.0, 0.0)
-    factor = Factor(mass, closed.jacobian, share * closed.rows.scale)
+    mass, constraints = assembly.solution.mass, assembly.solution.derivatives
+    force, right = assembly.actuator + assembly.passive - assembly.bias, constraints.required_acceleration(0.0, 0.0)
+    factor = Factor(mass, constraints.jacobian, share * constraints.rows.scale)
     a, multipliers = proximal(factor, force, right, refinements)
-    parts = [mass, closed.jacobian, force, right, a, closed.jacobian.T @ multipliers]
+    parts = [mass, constraints.jacobian, force, right, a, constraints.jacobian.T @ multipliers]
     f = casadi.Function("study", [assembly.t, assembly.state, assembly.u, assembly.p, share], parts)
     u, p = scene.signals_at(np.zeros(1))[0], system_parameters(scene)
 

@@ -7,8 +7,8 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.cli import main
+from bellcrank.dynamics.inverse_dynamics import scene_inverse_dynamics
 from bellcrank.dynamics.linkage import Linkage
-from bellcrank.dynamics.scene_inverse_dynamics import closed_inverse_dynamics
 from bellcrank.dynamics.system import system_of
 from bellcrank.motion.motion import Motion
 
@@ -101,20 +101,20 @@ def test_the_motor_that_repeats_the_free_unfolding_is_the_spring(tmp_path):
     scene = four_bar(tmp_path, "[0, 0, 0]")
     sprung = scene.with_overrides({"forces": SPRING, "initial.crank": "1 deg"})
     run = bc.simulate(sprung, duration=12.0, rtol=1e-12, atol=1e-12, samples=201)
-    found = closed_inverse_dynamics(scene.with_overrides({"initial.crank": "1 deg"}), motion_of(run))
+    found = scene_inverse_dynamics(scene.with_overrides({"initial.crank": "1 deg"}), motion_of(run))
     assert found.independent == ("crank",) and found.redundancy == 0
     np.testing.assert_allclose(found.motor("crank"), 1.96 - 0.1 * run.position[:, 0], rtol=0, atol=1e-8)
     np.testing.assert_allclose(found.position, run.position, rtol=0, atol=1e-10)
     np.testing.assert_allclose(found.acceleration, run.acceleration, rtol=0, atol=1e-9)
     np.testing.assert_allclose(found.multipliers, run.multipliers, rtol=1e-8, atol=1e-9)
     # with the spring in place the motor has nothing to do
-    idle = closed_inverse_dynamics(sprung, motion_of(run))
+    idle = scene_inverse_dynamics(sprung, motion_of(run))
     assert np.abs(idle.torque).max() < 1e-8 and np.array_equal(idle.position, found.position)
 
 
 def test_a_drive_constraint_s_multiplier_is_the_motor_s_torque(tmp_path):
     scene = four_bar(tmp_path)
-    found = closed_inverse_dynamics(scene, "unfold")
+    found = scene_inverse_dynamics(scene, "unfold")
     constraints = [
         *scene.data["constraints"],
         {"name": "motor", "kind": "prescribed_motion", "joint": "crank", "motion": "unfold"},
@@ -127,13 +127,13 @@ def test_a_drive_constraint_s_multiplier_is_the_motor_s_torque(tmp_path):
     np.testing.assert_allclose(run.multipliers[:, place], found.torque[5:-5, 0], rtol=0, atol=1e-5)
     np.testing.assert_allclose(run.position, found.position[5:-5], rtol=0, atol=1e-8)
     # and such a scene says by itself where the motor is, its drive taken away
-    again = closed_inverse_dynamics(driven, "unfold")
+    again = scene_inverse_dynamics(driven, "unfold")
     assert again.actuated == ("crank",) and np.array_equal(again.torque, found.torque)
 
 
 def test_motor_power_is_the_rate_of_the_linkage_s_energy(tmp_path):
     scene = four_bar(tmp_path)
-    found = closed_inverse_dynamics(scene, "unfold")
+    found = scene_inverse_dynamics(scene, "unfold")
     kinetic, potential = scene.robot.energy(found.position, found.velocity)
     from scipy.interpolate import make_interp_spline
 
@@ -147,7 +147,7 @@ def test_motor_power_is_the_rate_of_the_linkage_s_energy(tmp_path):
 
 def test_passive_hinges_pass_no_moment_about_their_axes_and_bearings_carry_the_weight(tmp_path):
     scene = four_bar(tmp_path)
-    found = closed_inverse_dynamics(scene, "unfold")
+    found = scene_inverse_dynamics(scene, "unfold")
     names = list(scene.robot.all_joint_names)
     wrench = found.reactions
     np.testing.assert_allclose(wrench[:, names.index("crank"), 5], found.motor("crank"), rtol=0, atol=1e-9)
@@ -160,7 +160,7 @@ def test_passive_hinges_pass_no_moment_about_their_axes_and_bearings_carry_the_w
         total += np.einsum("nij,nj->ni", turn, wrench[:, names.index(bearing), :3])
     np.testing.assert_allclose(total[[0, -1], 1], 36.65 * 9.81, rtol=0.05)
     at_rest = bc.waypoints(scene.robot, [0.0, 1e4], [{"crank": 1.0}, {"crank": 1.0001}], samples=5)
-    slow = closed_inverse_dynamics(scene, at_rest)
+    slow = scene_inverse_dynamics(scene, at_rest)
     held = np.zeros(3)
     for bearing in ("crank", "rocker"):
         turn = scene.robot.frame_pose(bearing, slow.position[2])[1]
@@ -170,12 +170,12 @@ def test_passive_hinges_pass_no_moment_about_their_axes_and_bearings_carry_the_w
 
 def test_any_joint_may_lead_and_any_may_carry_the_motor_with_the_same_power(tmp_path):
     scene = four_bar(tmp_path)
-    by_rocker = closed_inverse_dynamics(scene, "rocking")
+    by_rocker = scene_inverse_dynamics(scene, "rocking")
     assert by_rocker.independent == ("rocker",) and by_rocker.actuated == ("crank",)
     motion = by_rocker.motion
-    other = closed_inverse_dynamics(scene, motion, actuated=["rocker"])
+    other = scene_inverse_dynamics(scene, motion, actuated=["rocker"])
     np.testing.assert_allclose(other.power, by_rocker.power, atol=1e-8)
-    both = closed_inverse_dynamics(scene, motion, actuated=["crank", "rocker"])
+    both = scene_inverse_dynamics(scene, motion, actuated=["crank", "rocker"])
     assert both.redundancy == 1
     np.testing.assert_allclose(both.power, by_rocker.power, atol=1e-8)
     effort = (both.torque**2).sum(axis=1)
@@ -184,7 +184,7 @@ def test_any_joint_may_lead_and_any_may_carry_the_motor_with_the_same_power(tmp_
 
 
 def test_a_five_bar_s_motors_carry_a_tool_on_a_circle_by_the_principle_of_virtual_work(tmp_path):
-    found = closed_inverse_dynamics(five_bar(tmp_path, 1e-9, 1e-9, 2.0), "circle")
+    found = scene_inverse_dynamics(five_bar(tmp_path, 1e-9, 1e-9, 2.0), "circle")
     assert found.independent == ("left_shoulder", "right_shoulder")  # the motors, by inverse kinematics
     robot = found.mechanism.robot
     tip = robot.frame_pose("tool", found.position)[0][:, :2]
@@ -217,15 +217,15 @@ def test_a_five_bar_s_motors_carry_a_tool_on_a_circle_by_the_principle_of_virtua
 
 def test_motors_at_all_joints_of_a_five_bar_share_by_least_squares(tmp_path):
     scene = five_bar(tmp_path)
-    two = closed_inverse_dynamics(scene, "swing")
+    two = scene_inverse_dynamics(scene, "swing")
     assert two.independent == ("left_shoulder", "right_shoulder")
     names = [joint.name for joint in scene.robot.joints]
-    four = closed_inverse_dynamics(scene, "swing", actuated=names)
+    four = scene_inverse_dynamics(scene, "swing", actuated=names)
     assert four.redundancy == 2
     np.testing.assert_allclose(four.power, two.power, atol=1e-9)
     assert np.all((four.torque**2).sum(axis=1) <= (two.torque**2).sum(axis=1))
     # least: orthogonal to every torque that moves nothing, Jᵀ μ
-    jacobian = four.mechanism.chain.closed(four.time, four.position, four.velocity)[2]
+    jacobian = four.mechanism.kinematics.jacobian(four.time, four.position)
     order = [joint.v for joint in four.mechanism.motors]
     np.testing.assert_allclose(np.einsum("nmv,nv->nm", jacobian[:, :, order], four.torque), 0.0, atol=1e-9)
 
@@ -233,29 +233,30 @@ def test_motors_at_all_joints_of_a_five_bar_share_by_least_squares(tmp_path):
 def test_what_a_linkage_cannot_follow_is_said_in_one_sentence(tmp_path):
     scene = four_bar(tmp_path)
     with pytest.raises(bc.UnreachableError, match=r"'too_far' cannot be followed at .* up to crank 2\.6260"):
-        closed_inverse_dynamics(scene, "too_far")
+        scene_inverse_dynamics(scene, "too_far")
     wild = bc.waypoints(scene.robot, [0.0, 1.0], [{}, {"crank": 1e9}], samples=3, name="wild")
     with pytest.raises(bc.UnreachableError, match=r"joint 'crank' moves by 5e\+08 rad, .* to the next; .* more rows"):
-        closed_inverse_dynamics(scene, wild)
-    with pytest.raises(bc.InputError, match=r"along 2 coordinates, and the mechanism has 1 degree\(s\) of freedom"):
-        closed_inverse_dynamics(scene, "circle")
-    with pytest.raises(bc.InputError, match="unknown joint 'crnk'"):
-        closed_inverse_dynamics(scene, "unfold", actuated=["crnk"])
-    with pytest.raises(bc.InputError, match="did you mean 'unfold'"):
-        closed_inverse_dynamics(scene, "unfolds")
-    with pytest.raises(bc.InputError, match="which joints of the linkage have motors"):
-        closed_inverse_dynamics(scene, "unfold", overrides={"actuated": []})
-    with pytest.raises(bc.InputError, match="actuated leaves out elbow"):
-        closed_inverse_dynamics("planar_2r", "elbow_up", actuated=["shoulder"])
-    with pytest.raises(bc.InputError, match="rolls"):
-        closed_inverse_dynamics("rolling_disk", "any", actuated=["root_joint"])
-    other = five_bar(tmp_path)
+        scene_inverse_dynamics(scene, wild)
     with pytest.raises(
-        bc.InputError, match=r"has 2 degree\(s\) of freedom and this motion prescribes 1 \(left_shoulder\)"
+        bc.InputError,
+        match=r"prescribes 2 coordinates of frame 'coupler_tip', but the mechanism has 1 degree of freedom",
     ):
-        closed_inverse_dynamics(other, "swing", independent=["left_shoulder"])
+        scene_inverse_dynamics(scene, "circle")
+    with pytest.raises(bc.InputError, match="unknown joint 'crnk'"):
+        scene_inverse_dynamics(scene, "unfold", actuated=["crnk"])
+    with pytest.raises(bc.InputError, match="did you mean 'unfold'"):
+        scene_inverse_dynamics(scene, "unfolds")
+    with pytest.raises(bc.InputError, match="no joint of the linkage has a motor"):
+        scene_inverse_dynamics(scene, "unfold", overrides={"actuated": []})
+    with pytest.raises(bc.InputError, match="actuated leaves out elbow"):
+        scene_inverse_dynamics("planar_2r", "elbow_up", actuated=["shoulder"])
+    with pytest.raises(bc.InputError, match="rolls"):
+        scene_inverse_dynamics("rolling_disk", "any", actuated=["root_joint"])
+    other = five_bar(tmp_path)
+    with pytest.raises(bc.InputError, match=r"has 2 degrees of freedom and this motion prescribes 1 \(left_shoulder\)"):
+        scene_inverse_dynamics(other, "swing", independent=["left_shoulder"])
     with pytest.raises(bc.UnreachableError, match="actuate more joints"):
-        closed_inverse_dynamics(other, "swing", actuated=["left_shoulder"])
+        scene_inverse_dynamics(other, "swing", actuated=["left_shoulder"])
 
 
 def test_at_full_stretch_the_crank_is_at_a_dead_point(tmp_path):
@@ -263,7 +264,7 @@ def test_at_full_stretch_the_crank_is_at_a_dead_point(tmp_path):
     lock = 2.0 * np.arcsin(2.4 / (2.0 * 1.241))
     to_lock = bc.waypoints(scene.robot, [0.0, 4.0], [{"crank": np.radians(20.0)}, {"crank": lock}])
     with pytest.raises(bc.UnreachableError, match="dead point"):
-        closed_inverse_dynamics(scene, to_lock)
+        scene_inverse_dynamics(scene, to_lock)
 
 
 # ---- sizing
@@ -272,7 +273,7 @@ def test_at_full_stretch_the_crank_is_at_a_dead_point(tmp_path):
 def test_size_of_a_linkage_is_its_motor_along_its_motions(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     scene = four_bar(tmp_path)
-    found = closed_inverse_dynamics(scene, "unfold")
+    found = scene_inverse_dynamics(scene, "unfold")
     assert main(["size", "linkage.yaml", "--motion", "unfold", "--out", "sized"]) == 0
     out = capsys.readouterr().out
     report = json.loads((tmp_path / "sized" / "sizing.json").read_text(encoding="utf-8"))
@@ -296,13 +297,13 @@ def test_a_history_or_a_table_of_the_crank_alone_is_a_motion_of_the_linkage(tmp_
     monkeypatch.chdir(tmp_path)
     scene = four_bar(tmp_path)
     assert main(["size", "linkage.yaml", "--motion", "unfold", "--out", "sized", "--no-plots"]) == 0
-    first = closed_inverse_dynamics(scene, "unfold")
-    again = closed_inverse_dynamics(scene, "sized/history_unfold.csv")
+    first = scene_inverse_dynamics(scene, "unfold")
+    again = scene_inverse_dynamics(scene, "sized/history_unfold.csv")
     np.testing.assert_allclose(again.torque, first.torque, rtol=0, atol=1e-9)
     rows = np.column_stack([first.time, first.position[:, 0], first.velocity[:, 0], first.acceleration[:, 0]])
     header = "time [s],crank position [rad],crank velocity [rad/s],crank acceleration [rad/s^2]"
     np.savetxt(tmp_path / "crank.csv", rows, delimiter=",", header=header, comments="", fmt="%.17g")
-    alone = closed_inverse_dynamics(scene, "crank.csv")
+    alone = scene_inverse_dynamics(scene, "crank.csv")
     np.testing.assert_allclose(alone.torque, first.torque, rtol=0, atol=1e-9)
     assert main(["size", "linkage.yaml", "--motion", "crank.csv", "--no-plots"]) == 0
 

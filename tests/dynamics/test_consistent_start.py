@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 
 import bellcrank as bc
 from bellcrank.cli import main
-from bellcrank.dynamics.binding_rows import binding_of
 from bellcrank.dynamics.consistent_start import consistent_start
+from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import load_scene
 from bellcrank.simulation.scene_notes import scene_notes
@@ -161,9 +161,7 @@ def test_one_component_of_a_disks_spin_is_held_and_the_rest_is_the_least_that_ro
     assert (turn.T @ angular)[component] == pytest.approx(-6, abs=1e-12)
     cross = np.cross(np.eye(3), arm)  # rows e_k x arm: the contact's velocity by spins about the axes
     rows = np.vstack([np.hstack([np.eye(3), cross.T]), np.concatenate([np.zeros(3), turn[:, component]])])
-    sizes = np.where(
-        np.arange(6) < 3, binding_of(scene).length, 1.0
-    )  # speeds count in lengths of the mechanism a second
+    sizes = np.where(np.arange(6) < 3, rows_of(scene).length, 1.0)  # speeds count in lengths of the mechanism a second
     least = sizes * np.linalg.lstsq(rows * sizes, np.array([0, 0, 0, -6.0]), rcond=None)[0]
     np.testing.assert_allclose(np.concatenate([linear, angular]), least, atol=1e-11)
     named = roller(tmp_path, f"{free_height}: {{{'xyz'[component]}: -6}}")

@@ -1,4 +1,4 @@
-"""Whether the equations of motion determine the accelerations, or the robot can move without moving any mass."""
+"""Refuse a scene whose mass matrix is singular along a motion that the constraints allow."""
 
 from __future__ import annotations
 
@@ -10,10 +10,17 @@ from numpy.typing import NDArray
 
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen.locks import making
-from bellcrank.dynamics.binding_rows import FIXED, ROUNDING, binding_of
+from bellcrank.dynamics.constraint_rows import (
+    ROUNDING,
+    characteristic_length,
+    massless_motions,
+    rows_of,
+    velocity_units,
+)
 from bellcrank.dynamics.system import system_of, system_parameters
-from bellcrank.numerics import checked, eigenvectors, svd
-from bellcrank.robot.joints import lengths_in_velocity, random_posture
+from bellcrank.errors import InputError
+from bellcrank.numerics import checked
+from bellcrank.robot.joints import random_posture
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.assembly import Assembly
@@ -21,43 +28,41 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 POSTURES = 3
-TAKES_PART = 1e-3  # of the largest share that a coordinate has in such a motion
-MISSED = 1e-6  # of the largest joint force: accelerations that miss the equations by less satisfy them
+TAKES_PART = 1e-3  # of the largest component of such a motion: a coordinate with less takes no part in it
+MISSED = 1e-6  # of the largest joint force: the residual up to which accelerations satisfy the equations
 
 
-def massless_motion(scene: Scene) -> str | None:
-    """What can move without moving mass, whatever the posture, as a clause with its remedy; None where nothing can.
+def refuse_singular_mass_matrix(scene: Scene) -> None:
+    """Raise InputError, naming the joints, where accelerations do not follow from forces.
 
-    With D² the diagonal of M = D R D and Z the null space of J D⁻¹, the least eigenvalue of Zᵀ R Z vanishes there. A
-    massless link at the end of a chain is let pass where nothing pulls at it: the rest moves as it should. What was
-    found at a scene's parameters is kept on disk.
+    That is so where, at every posture, the constraints allow a motion that moves no mass. A massless link at the end of
+    a chain is accepted where no force acts on it, because the rest then moves as it should. The result for a scene's
+    parameters is kept on disk.
     """
+    if not rows_of(scene).massless:
+        return
     key = "massless-" + disk.digest(scene.structure_key, scene.parameter_values.tobytes())
     stored: str | None = disk.load_data(key, str)
     if stored is None:
         with making:
-            stored = _massless_motion(scene, system_of(scene).assembly) or ""
+            stored = _massless_joints(scene, system_of(scene).assembly) or ""
         disk.store(key, json.dumps(stored).encode())
-    return stored or None
+    if stored:
+        raise InputError(f"{scene.source}: {stored}")
 
 
-def _massless_motion(scene: Scene, assembly: Assembly) -> str | None:
+def _massless_joints(scene: Scene, assembly: Assembly) -> str | None:
+    """The joints that move no mass, whatever the posture, as a clause with its remedy; None where there are none."""
     random = np.random.default_rng(0)
     for _ in range(POSTURES):
-        q = random_posture(scene.robot, random, binding_of(scene).length)
-        mass, jacobian = _inertia(scene, assembly, q)
+        q = random_posture(scene.robot, random, characteristic_length(scene))
+        mass, jacobian = _mass_and_jacobian(scene, assembly, q)
         checked(mass, f"{scene.source}: the mass matrix of '{scene.robot.name}' is")
-        own = mass.diagonal()
-        heavy = own > ROUNDING * own.max(initial=0.0)
-        size = np.sqrt(np.where(heavy, own, 1.0))
-        _, values, vectors = svd(jacobian / size, f"{scene.source}: the closures' derivative is")
-        free = vectors[np.count_nonzero(values > FIXED * values.max(initial=0.0)) :].T
-        values, vectors = eigenvectors(
-            free.T @ (mass / np.outer(size, size)) @ free, f"{scene.source}: the mass matrix is"
-        )
-        massless = free @ vectors[:, values < ROUNDING]
+        massless = massless_motions(mass, jacobian, scene)
         if not massless.size:
             return None
+    own = mass.diagonal()
+    heavy = own > ROUNDING * own.max(initial=0.0)
     motion = np.abs(massless).max(axis=1)
     if heavy.any() and motion[heavy].max() < TAKES_PART and _satisfied(scene, assembly, q, random):
         return None
@@ -68,29 +73,28 @@ def _massless_motion(scene: Scene, assembly: Assembly) -> str | None:
     links = [urdf.root] * base + [urdf.joints[j.name].child for j in part[base:]]
     bare = [name for name in links if urdf.links[name].inertial is None] or links
     return (
-        f"{' and '.join(who)} can move without moving any mass, so that accelerations do not follow from forces; give "
-        f"link {' and '.join(repr(name) for name in bare)} mass and inertia, or make a joint there fixed"
+        f"the motion of {' and '.join(who)} has no inertia: the mass matrix is singular; give link "
+        f"{' and '.join(repr(name) for name in bare)} mass and inertia, or make a joint there fixed"
     )
 
 
-def _inertia(scene: Scene, assembly: Assembly, q: Array) -> tuple[Array, Array]:
-    """M (nv, nv) and J (rows, nv) in a posture, lengths in units of the mechanism's own."""
+def _mass_and_jacobian(scene: Scene, assembly: Assembly, q: Array) -> tuple[Array, Array]:
+    """M (nv, nv) and J (rows, nv) in a posture, in units of the characteristic length."""
     import casadi
 
-    a, found = assembly, binding_of(scene)
-    columns = np.where(lengths_in_velocity(scene.robot), found.length, 1.0)
+    a, columns = assembly, velocity_units(scene)
     p = scene.parameter_values[: None if a.symbols.tracer_parameters.numel() else 0]
     mass = np.array(a.symbols.inertia()(q, np.eye(scene.robot.nv), p)) * np.outer(columns, columns)
     if a.solution is None:
         return mass, np.zeros((0, scene.robot.nv))
-    f = casadi.Function("rows", [a.t, a.state, a.u, a.p], [a.solution.closed.jacobian])
+    f = casadi.Function("rows", [a.t, a.state, a.u, a.p], [a.solution.derivatives.jacobian])
     state = np.concatenate([q, np.zeros(system_of(scene).size - len(q))])
     rows = np.array(f(0.0, state, scene.signals_at(np.zeros(1))[0], system_parameters(scene)).full())
-    return mass, rows / found.unit[:, None] * columns
+    return mass, rows / rows_of(scene).unit[:, None] * columns
 
 
 def _satisfied(scene: Scene, assembly: Assembly, q: Array, random: np.random.Generator) -> bool:
-    """Whether the accelerations that are computed at some velocity are finite and satisfy the equations of motion."""
+    """Whether the computed accelerations at some velocity are finite and satisfy the equations of motion."""
     import casadi
 
     a = assembly

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from bellcrank import load_robot
-from bellcrank.dynamics.base_frame_elimination import Turning, mass_matrix
-from bellcrank.dynamics.constrained import close, flow
+from bellcrank.dynamics.base_frame_elimination import BaseRotation, mass_matrix
+from bellcrank.dynamics.constraint_derivatives import differentiate_constraints, time_derivative
 from bellcrank.elements.symbols import Symbols
 from bellcrank.robot.joints import random_posture
 from bellcrank.scene.scene import load_scene
@@ -49,11 +49,11 @@ def test_mass_matrix_of_a_disk_keeps_its_digits_a_hundred_kilometres_away():
 def test_constraints_of_a_free_body_differentiate_to_what_the_quaternion_gives():
     scene = load_scene("rolling_disk")
     s = Symbols(scene.robot, scene.parameters, scene.frames)
-    c = close(scene.constraints, None, s)
+    c = differentiate_constraints(scene.constraints, None, s)
     residuals = [constraint.residual(s) for constraint in scene.constraints]
-    speed = casadi.vertcat(*[flow(r.position, s) for r in residuals], *[r.velocity for r in residuals])
-    by_quaternion = [speed, casadi.jacobian(speed, s.v), flow(speed, s)]
-    by_rotation = [c.speed, c.jacobian, c.drift]
+    speed = casadi.vertcat(*[time_derivative(r.position, s) for r in residuals], *[r.velocity for r in residuals])
+    by_quaternion = [speed, casadi.jacobian(speed, s.v), time_derivative(speed, s)]
+    by_rotation = [c.velocity_residual, c.jacobian, c.drift]
     both = casadi.Function("f", [s.q, s.v, s.t, s.u, s.p], [casadi.densify(x) for x in (*by_rotation, *by_quaternion)])
     random = np.random.default_rng(2)
     for _ in range(5):
@@ -65,9 +65,9 @@ def test_constraints_of_a_free_body_differentiate_to_what_the_quaternion_gives()
 def test_frames_in_the_base_s_rotation_are_the_frames():
     scene = load_scene("rolling_disk")
     s = Symbols(scene.robot)
-    turning = Turning(s)
-    ours, theirs = (each.frame("disk") for each in (turning, s))
-    flat = casadi.vertcat(*[turning.expand(casadi.vec(x)) for x in ours], *[casadi.vec(x) for x in theirs])
+    base = BaseRotation(s)
+    ours, theirs = (each.frame("disk") for each in (base, s))
+    flat = casadi.vertcat(*[base.expand(casadi.vec(x)) for x in ours], *[casadi.vec(x) for x in theirs])
     values = np.array(
         casadi.Function("f", [s.q, s.v], [flat])(random_posture(scene.robot, np.random.default_rng(3)), range(6))
     )

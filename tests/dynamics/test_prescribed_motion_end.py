@@ -53,12 +53,12 @@ def test_a_run_ends_where_the_motion_of_a_drive_ends_moving(arm, tmp_path):
     assert run.status is Status.PRESCRIBED_MOTION_ENDED and not run.success
     assert run.time[-1] == 2.0 and run.velocity[-1, 0] == pytest.approx(1.3, abs=1e-12)
     assert run.message == (
-        "driven: prescribed_motion_ended at 2 s: the motion 'spin' of drive 'motor' ends at 2 s while joint 'shoulder' still moves "
-        "at 1.3 rad/s; let the motion end at rest or later, or shorten the run"
+        "driven: prescribed_motion_ended at 2 s: motion 'spin' of constraint 'motor' ends at 2 s while joint "
+        "'shoulder' still moves at 1.3 rad/s; end the motion at rest or later, or shorten the run"
     )
     assert run.energy_drift() < 1e-8  # 0.4.0: the speed jumps to 0 at 2 s, and the energy of that is lost
     assert run.velocity_residual() < 1e-9
-    assert run.warnings == ("the run stopped before its 3 s: what follows is of its first part",)
+    assert run.warnings == ("the run ended before its duration of 3 s: results are for the time before",)
     assert run.acceleration[-1, 0] == pytest.approx(0.65, abs=1e-9)
 
 
@@ -157,5 +157,5 @@ def test_a_run_that_goes_on_from_a_saved_one_meets_the_end_of_the_motion_by_the_
     assert later.status is Status.PRESCRIBED_MOTION_ENDED and later.time[-1] == pytest.approx(1.25, abs=1e-12)
     assert later.velocity[-1, 0] == pytest.approx(1.3, abs=1e-9) and later.energy_drift() < 1e-8
     bellcrank.simulate(file).save(tmp_path / "first.npz")
-    with pytest.raises(InputError, match="ends where the run starts, while joint 'shoulder' still moves at 1"):
+    with pytest.raises(InputError, match="ends when the run starts, while joint 'shoulder' still moves at 1"):
         bellcrank.simulate(file, overrides={"initial": {"run": "first.npz", "clock": "continue"}})

@@ -1,0 +1,73 @@
+"""The angle between the sides of welds and hinges, whose sine alone cannot tell half a turn from none."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.dynamics.system import system_of, system_parameters
+from bellcrank.elements.loop_constraints import Hinge, Weld
+
+if TYPE_CHECKING:
+    from bellcrank.scene.scene import Scene
+
+Array = NDArray[np.float64]
+
+
+def aligned_constraints(scene: Scene) -> tuple[str, ...]:
+    """The constraints, in the order of the scene, whose residuals vanish at half a turn too: welds and hinges."""
+    return tuple(constraint.name for constraint in scene.constraints if isinstance(constraint, (Weld, Hinge)))
+
+
+def sine_rows(scene: Scene) -> dict[str, list[int]]:
+    """The kept rows of φ that are sines of angles, by constraint."""
+    names = system_of(scene).multiplier_names
+    return {
+        constraint: [k for k, (name, label) in enumerate(names) if name == constraint and label.endswith("[N m]")]
+        for constraint in aligned_constraints(scene)
+    }
+
+
+def alignment_cosines(scene: Scene, q: Array) -> dict[str, float]:
+    """The cosine of the angle between the sides of each of these constraints at a position (nq,)."""
+    names = aligned_constraints(scene)
+    if not names:
+        return {}
+    found = np.atleast_1d(system_of(scene).alignment_cosines(*_at_rest(scene, q)))
+    return dict(zip(names, found.tolist(), strict=True))
+
+
+def alignment_cosines_along(scene: Scene, time: Array, state: Array, inputs: Array, parameters: Array) -> Array:
+    """These cosines (n, constraints) at times (n,) s and states (n, size) of a run, with its signals (n, nu)."""
+    if not aligned_constraints(scene):
+        return np.ones((len(time), 0))
+    found = system_of(scene).alignment_cosines(time[:, None], state, inputs, parameters)
+    return np.asarray(found).reshape(len(time), -1)
+
+
+def alignment_residual(scene: Scene, q: Array) -> tuple[Array, Array]:
+    """A residual (m,) that vanishes only where all these cosines are 1, and its derivative (m, nv) by v."""
+    found, flat = system_of(scene).alignment_residual(*_at_rest(scene, q))
+    return found, flat.reshape(scene.robot.nv, len(found)).T
+
+
+def full_angle_residuals(scene: Scene, residual: Array, cosine: Array) -> Array:
+    """|φ| (n, h) with angles in place of their sines, from φ (n, h) and the cosines (n, constraints)."""
+    absolute = np.abs(residual)
+    for k, rows in enumerate(sine_rows(scene).values()):
+        if not rows:
+            continue
+        sine = np.linalg.norm(residual[:, rows], axis=1)
+        angle = np.arctan2(sine, cosine[:, k])
+        ratio = np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 1.0)
+        absolute[:, rows] *= ratio[:, None]
+        absolute[:, rows[0]] = np.where(sine > 0.0, absolute[:, rows[0]], angle)
+    return absolute
+
+
+def _at_rest(scene: Scene, q: Array) -> tuple[Array, Array, Array, Array]:
+    x = np.zeros(system_of(scene).size)
+    x[: len(q)] = q
+    return np.zeros(1), x, scene.signals_at(np.zeros(1))[0], system_parameters(scene)

@@ -1,0 +1,117 @@
+"""Notes for the reader of inverse dynamics: what of a scene does not count, and where tables and motions do not
+match.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bellcrank.dynamics.dependent_motion import changed_lengths, path_note
+from bellcrank.elements.element import table_span
+from bellcrank.elements.expression import has_time
+from bellcrank.elements.frame_joints import frames_drawn
+from bellcrank.elements.joint_constraints import PrescribedMotion
+from bellcrank.elements.joint_forces import Torque
+
+if TYPE_CHECKING:
+    from bellcrank.dynamics.mechanism import Mechanism
+    from bellcrank.motion.motion import Motion
+    from bellcrank.scene.scene import Scene
+
+ELSEWHERE = 1e-6  # m, or of a quaternion: the largest difference between a start and a motion that counts as the same
+
+
+def mechanism_notes(mechanism: Mechanism) -> tuple[str, ...]:
+    """A sentence for each torque that acts in addition to a motor, and for each element that is not included."""
+    found = [
+        f"torque '{force.name}' of the scene acts on joint '{force.joint.name}' in addition to the motor"
+        for force in mechanism.equations.forces
+        if isinstance(force, Torque)
+    ]
+    if mechanism.scene is not None:
+        found += [
+            f"control '{part.name}' of the scene is not included: the motors provide what the motion and the other "
+            f"forces "
+            "require"
+            for part in mechanism.scene.control
+        ]
+        found += _clock_notes(mechanism.scene)
+    return tuple(found)
+
+
+def _clock_notes(scene: Scene) -> Iterator[str]:
+    """A sentence about what depends on time, where a simulation of the scene starts with another clock than 0."""
+    clock = scene.initial.clock
+    moving = [f"{force.kind} '{force.name}'" for force in scene.forces if force.source is not None]
+    moving += [
+        f"constraint '{part.name}'"
+        for part in scene.constraints
+        if not isinstance(part, PrescribedMotion) and has_time(part)
+    ]
+    if clock and moving:
+        yield (
+            f"initial.clock, {clock:.6g} s, is not included: {', '.join(moving)} {'is' if len(moving) == 1 else 'are'} "
+            "evaluated at the times of the motions, whereas a simulation adds the clock; to size a simulated run, add "
+            "the clock to the times of its CSV"
+        )
+
+
+def motion_notes(mechanism: Mechanism, motion: Motion) -> Iterator[str]:
+    """A sentence for each table that does not cover a motion, and for each other way in which scene and motion
+    differ.
+    """
+    changed = [] if mechanism.closed or mechanism.scene is None else changed_lengths(mechanism.scene)
+    if changed and _follows_frame(mechanism, motion.name):
+        yield path_note(motion.name, changed)
+    begin, end = float(motion.time[0]), float(motion.time[-1])
+    if mechanism.scene is not None:
+        yield from _base_notes(mechanism.scene, motion)
+        yield from _drive_notes(mechanism.scene, motion)
+    for force in mechanism.equations.forces:
+        if force.source is None:
+            continue
+        first, last = table_span(force)
+        who = f"{force.kind} '{force.name}': its table"
+        if last < end:
+            yield (
+                f"{who} ends at {last:.6g} s, motion '{motion.name}' at {end:.6g} s; after the table its last value is "
+                "used"
+            )
+        if first > begin:
+            yield (
+                f"{who} begins at {first:.6g} s, motion '{motion.name}' at {begin:.6g} s; before the table its first "
+                "value is used"
+            )
+
+
+def _base_notes(scene: Scene, motion: Motion) -> Iterator[str]:
+    """A sentence for each free joint, also a free base, that a motion places elsewhere than the scene's start."""
+    posture = scene.initial.posture(scene.robot)
+    for name in scene.initial.free:
+        joint = scene.robot.joint(name)
+        first, wanted = (q[joint.q : joint.q + joint.nq] for q in (motion.position[0], posture))
+        turned = np.append(wanted[:3], -wanted[3:])  # the same rotation, where there is a quaternion
+        if min(np.abs(first - wanted).max(), np.abs(first - turned).max() if joint.nq == 7 else np.inf) > ELSEWHERE:
+            yield (
+                f"motion '{motion.name}' places joint '{name}' elsewhere than the scene's start (initial, base); the "
+                "motion is used, also for the direction of gravity"
+            )
+
+
+def _drive_notes(scene: Scene, motion: Motion) -> Iterator[str]:
+    """A sentence for each prescribed motion of the scene that is another motion."""
+    for constraint in scene.constraints:
+        if isinstance(constraint, PrescribedMotion) and (follows := str(constraint.place.raw("motion"))) != motion.name:
+            yield (
+                f"constraint '{constraint.name}' of the scene prescribes motion '{follows}'; here its joint follows "
+                f"motion '{motion.name}'"
+            )
+
+
+def _follows_frame(mechanism: Mechanism, name: str) -> bool:
+    """Whether a motion of the scene is made from the path of a frame, or has such a part."""
+    entries = {} if mechanism.scene is None else mechanism.scene.config.motions
+    return name in entries and any(frames_drawn(entries[name], entries))
