@@ -109,7 +109,7 @@ def _parser(given: list[str]) -> argparse.ArgumentParser:
 
 def _run(given: list[str]) -> int:
     """Run a command. Control characters in what it prints, which names in files may contain, are escaped."""
-    from bellcrank.terminal.printable import printable_streams
+    from bellcrank.terminal.streams import printable_streams
 
     with printable_streams():
         return _command(given)

@@ -337,7 +337,7 @@ def test_a_changed_source_anywhere_in_the_package_makes_recipes_stale(tmp_path, 
     shutil.copytree(original, copy, ignore=shutil.ignore_patterns("*.so", "__pycache__"))
     monkeypatch.setattr(module, "__file__", str(copy / "codegen" / "compile.py"))
     digests = [module.sources.__wrapped__()]
-    for changed in ("motion/frame_task.py", "robot/equations.py", "codegen/simd_operations.py"):
+    for changed in ("motion/frame_task.py", "robot/equations.py", "codegen/kernels.py"):
         with (copy / changed).open("a") as file:
             file.write("# changed\n")
         digests.append(module.sources.__wrapped__())

@@ -13,8 +13,7 @@ from bellcrank.cli import main
 from bellcrank.errors import InputError
 from bellcrank.plot_style import literal, new_figure, svg_of
 from bellcrank.replays.replay import NotebookPage, film_of
-from bellcrank.reports.html import document_html
-from bellcrank.reports.report import report
+from bellcrank.reports.report import document_html, report
 from bellcrank.reports.run_report import run_document
 from bellcrank.reports.sizing_report import sizing_document
 from bellcrank.simulation.run_plot import run_pages

@@ -10,7 +10,7 @@ import bellcrank as bc
 from bellcrank import InputError
 from bellcrank.cli import main
 from bellcrank.files.csv_files import guarded, unguarded
-from bellcrank.terminal.printable import printable_streams
+from bellcrank.terminal.streams import printable_streams
 from bellcrank.text import printable
 
 ARM = """<robot name="r{evil}"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -0.5"/><mass value="1"/>

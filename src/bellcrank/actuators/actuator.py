@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
 
 Array = NDArray[np.float64]
@@ -284,3 +285,29 @@ def _points(curve: object) -> tuple[tuple[float, float], ...]:
 def _require(condition: bool, name: str, expected: str, found: object) -> None:
     if not condition:
         raise InputError(f"an actuator's {name}: expected {expected}, found {found}")
+
+
+def actuator_from_fields(fields: Fields) -> Actuator:
+    """The Actuator that a mapping of a robot configuration describes. Raises InputError, naming file and key."""
+    curve = tuple((speed, torque) for speed, torque in fields.rows("curve", 2)) if "curve" in fields else None
+    fields.known("curve")
+    values = {
+        name: fields.number(name, unit, positive=True)
+        for name, unit in (
+            ("ratio", ""),
+            ("rated_torque", "N m"),
+            ("peak_torque", "N m"),
+            ("rated_speed", "rad/s"),
+            ("max_speed", "rad/s"),
+        )
+    }
+    values["efficiency"] = fields.number("efficiency", "", 1.0, positive=True, maximum=1.0)
+    values["rotor_inertia"] = fields.number("rotor_inertia", "kg m^2", 0.0, nonnegative=True)
+    values["gear_inertia"] = fields.number("gear_inertia", "kg m^2", 0.0, nonnegative=True)
+    values["safety_factor"] = fields.number("safety_factor", "", 1.0, positive=True)
+    motor_efficiency = fields.optional_number("motor_efficiency", "", positive=True, maximum=1.0)
+    fields.done()
+    try:
+        return Actuator(**values, motor_efficiency=motor_efficiency, curve=curve)
+    except InputError as error:
+        raise fields.error("", str(error)) from None

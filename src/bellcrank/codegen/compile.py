@@ -20,9 +20,8 @@ from bellcrank._step import evaluate
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.expression_graph import Graph, graph_of
+from bellcrank.codegen.kernels import batch_ir, scalar_ir
 from bellcrank.codegen.locks import making
-from bellcrank.codegen.scalar_operations import scalar_ir
-from bellcrank.codegen.simd_operations import batch_ir
 from bellcrank.errors import CompileError, InputError
 
 if TYPE_CHECKING:
@@ -74,7 +73,7 @@ class Compiled:
         return batch_ir(self.graph, chosen.lanes, chosen.fused)
 
     def address(self, kind: str) -> int:
-        """The address of the machine code; scalar_operations.py and simd_operations.py describe its signature."""
+        """The address of the machine code; kernels.py describes its signature."""
         key = (kind, machine.target_name())
         if key not in self._loaded:
             with making:

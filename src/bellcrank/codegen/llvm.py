@@ -15,9 +15,8 @@ from bellcrank.codegen import locks
 from bellcrank.errors import CompileError, InputError
 from bellcrank.messages import unknown_name
 
-ABI = (
-    1  # of the compiled functions (scalar_operations.py, simd_operations.py); a change makes every cached object stale
-)
+# Of the compiled functions (kernels.py); a change makes every cached object stale.
+ABI = 1
 _serial = itertools.count()
 
 

@@ -2,8 +2,8 @@
 
 Compiled functions are pure and return a status (0). Products and sums may be fused; nothing else is reordered, so
 infinities, NaN and signs are as in IEEE 754. Inputs and outputs must not overlap. Scratch memory is on the stack, up to
-some hundred kB for the largest graphs. scalar_operations.py makes the function for one sample, simd_operations.py the
-one for batches.
+some hundred kB for the largest graphs. kernels.py makes the functions for one sample and
+for batches.
 """
 
 from __future__ import annotations

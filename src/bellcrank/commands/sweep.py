@@ -50,9 +50,9 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
     from bellcrank.studies.axes import parse_axis
-    from bellcrank.studies.partial_tables import PartialTables
     from bellcrank.studies.sweep import MOST_THREADS, sweep
     from bellcrank.studies.sweep_result import UNKNOWN
+    from bellcrank.studies.sweep_tables import PartialTables
     from bellcrank.terminal import interruption
 
     vary = {}

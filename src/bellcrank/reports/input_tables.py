@@ -1,13 +1,20 @@
-"""Tables of the inputs of a result: the robot, its joints, actuators and motions, and the scene's forces."""
+"""Tables of the inputs of a result: the robot, its joints, actuators and motions, the scene's forces, and
+versions and machine."""
 
 from __future__ import annotations
 
+import datetime
 import math
+import os
+import platform
 from collections.abc import Mapping, Sequence
+from importlib import metadata
 from typing import TYPE_CHECKING
 
+from bellcrank.codegen.llvm import processor
 from bellcrank.dynamics.mechanism import acts_on
 from bellcrank.reports.document import Table
+from bellcrank.version import version
 
 if TYPE_CHECKING:
     from bellcrank.actuators.actuator import Actuator
@@ -128,3 +135,23 @@ def _number(value: float) -> str:
 
 def _limit(value: float, unit: str) -> str:
     return f"{value:.4g} {unit}" if math.isfinite(value) else "no limit given"
+
+
+PACKAGES = ("pin", "casadi", "llvmlite", "numpy")
+
+
+def made_with() -> tuple[tuple[str, str], ...]:
+    """(name, value) of the versions of bellcrank and its main dependencies, the machine and the date."""
+    return (
+        ("bellcrank", version()),
+        ("with", ", ".join(f"{name} {metadata.version(name)}" for name in PACKAGES)),
+        ("Python", f"{platform.python_version()} on {platform.system()} {platform.machine()}"),
+        ("processor", f"{processor()}, {os.cpu_count()} threads"),
+        ("written on", datetime.date.today().isoformat()),
+    )
+
+
+def about(made: tuple[tuple[str, str], ...]) -> tuple[str, str]:
+    """The version of bellcrank, and the date."""
+    named = dict(made)
+    return f"bellcrank {named['bellcrank']}", named["written on"]

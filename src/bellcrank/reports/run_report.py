@@ -8,8 +8,15 @@ import numpy as np
 
 from bellcrank.plot_style import svg_of
 from bellcrank.reports.document import Document, Facts, Picture, Still, Table
-from bellcrank.reports.input_tables import actuator_table, force_table, joint_table, robot_facts, scene_facts
-from bellcrank.reports.machine_facts import about, made_with
+from bellcrank.reports.input_tables import (
+    about,
+    actuator_table,
+    force_table,
+    joint_table,
+    made_with,
+    robot_facts,
+    scene_facts,
+)
 from bellcrank.simulation.run_plot import run_pages
 from bellcrank.simulation.run_warnings import run_notes
 from bellcrank.simulation.summary import END_HEADER, JOINTS, end_rows, run_facts

@@ -7,8 +7,15 @@ from dataclasses import replace
 from bellcrank.plot_style import svg_of
 from bellcrank.replays.film.film import Film
 from bellcrank.reports.document import Document, Facts, Picture, Still, Table
-from bellcrank.reports.input_tables import actuator_table, force_table, joint_table, motion_table, robot_facts
-from bellcrank.reports.machine_facts import about, made_with
+from bellcrank.reports.input_tables import (
+    about,
+    actuator_table,
+    force_table,
+    joint_table,
+    made_with,
+    motion_table,
+    robot_facts,
+)
 from bellcrank.sizing.plots import sizing_figures
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.tables import TableContent, joint_rows, shaft_rows, sized_with, structure_rows, verdict

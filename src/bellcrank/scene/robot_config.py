@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from bellcrank import arguments
-from bellcrank.actuators.actuator import Actuator
-from bellcrank.actuators.actuator_entry import actuator_from_fields
+from bellcrank.actuators.actuator import Actuator, actuator_from_fields
 from bellcrank.config.fields import Fields
 from bellcrank.deprecated import Renamed
 from bellcrank.errors import InputError

@@ -1,16 +1,19 @@
-"""Tables of a sweep as text, CSV and JSON, with units."""
+"""Tables of a sweep as text, CSV and JSON, with units; while a sweep runs, as sweep.partial.csv and .json."""
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import json
 import math
+import os
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import write_text
 from bellcrank.files.csv_files import guarded
 
@@ -101,3 +104,51 @@ def _place(sweep: Sweep, design: Design) -> list[str]:
 
 def _figure(value: float) -> str:
     return f"{value:.9g}" if math.isfinite(value) else "-"
+
+
+_SUFFIXES = (".csv", ".json")
+
+
+class PartialTables:
+    """Writes the tables of a sweep into a folder.
+
+    Tables that an earlier, unfinished sweep left there are renamed to sweep.partial.1.csv and so on; `earlier` are
+    their new paths. Raises InputError where they cannot be renamed.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.paths = [folder / f"sweep.partial{suffix}" for suffix in _SUFFIXES]
+        self.earlier = [_set_aside(path) for path in self.paths if os.path.lexists(path)]
+
+    def write(self, sweep: Sweep) -> None:
+        """Write the designs that are done; an error of the disk is ignored here and raised at the end."""
+        with contextlib.suppress(InputError):
+            sweep.to_csv(self.paths[0])
+            sweep.to_json(self.paths[1])
+
+    def finish(self, sweep: Sweep) -> list[Path]:
+        """Write the final tables; returns their paths. Raises InputError, which says what is kept."""
+        files: list[Path] = []
+        try:
+            files.append(sweep.to_csv(self.folder / "sweep.csv"))
+            files.append(sweep.to_json(self.folder / "sweep.json"))
+        except InputError as error:
+            kept = [path.name for path in self.paths if path.exists()]
+            left = f"the designs that were done before are kept in {' and '.join(kept)}" if kept else "nothing is kept"
+            if files:
+                left = f"all designs are in {files[0].name}"
+            raise InputError(f"{error}; {left}") from None
+        for path in self.paths:
+            path.unlink(missing_ok=True)
+        return files
+
+
+def _set_aside(path: Path) -> Path:
+    number = 1
+    while os.path.lexists(aside := path.with_suffix(f".{number}{path.suffix}")):
+        number += 1
+    try:
+        return path.rename(aside)
+    except OSError as error:
+        raise InputError(f"cannot rename {path}: {error.strerror}; choose another folder") from None

@@ -1,9 +1,11 @@
-"""The operations of a graph over a batch, one sample a SIMD lane.
+"""The compiled functions of an expression graph, as LLVM IR: `evaluate` for one sample, and for a batch.
 
+    i32 evaluate(const double *const *inputs, double *const *outputs)
     i32 evaluate(const double *const *inputs, double *const *outputs, const int64_t *strides, int64_t samples)
 
-Sample i of input k begins at inputs[k] + i strides[k] (0 repeats one sample); outputs are contiguous rows. There are
-at least as many samples as lanes: the last block of samples overlaps the one before it. Each block is transposed
+In a batch, sample i of input k begins at inputs[k] + i strides[k] (a stride of 0 repeats one sample); outputs are
+contiguous rows. There are at least as many samples as SIMD lanes, with one sample a lane; the last block of samples
+overlaps the one before it. Each block is transposed
 into a buffer with one vector an entry, so that the body reads and writes whole vectors.
 """
 
@@ -177,3 +179,29 @@ def batch_ir(graph: Graph, width: int, fused: bool) -> str:
         f"declare void @llvm.masked.store.{lanes.suffix}.p0({d}, ptr, {mask})",
     ]
     return "\n".join(code.before + declared + head + code.lines + tail) + METADATA
+
+
+def scalar_ir(graph: Graph, width: int, fused: bool) -> str:
+    """LLVM IR that evaluates the graph for one sample.
+
+    Angles share vectors of up to `width` lanes, at most 4: 512-bit operations would take a port from the scalar ones.
+    """
+    lanes = Lanes(1)
+    pointers, entry = [], []
+    for kind, count in (("in", len(graph.input_sizes)), ("out", len(graph.outputs))):
+        for k in range(count):
+            pointers.append(f"{kind}{k}")
+            entry += [
+                f"  %{kind}.at{k} = getelementptr ptr, ptr %{kind}, i64 {k}",
+                f"  %{kind}{k} = load ptr, ptr %{kind}.at{k}",
+            ]
+    code = operations(
+        graph, lanes, fused,
+        "{name}.p = getelementptr double, ptr %in{k}, i64 {i}\n  {name} = load double, ptr {name}.p, !noalias !1",
+        "%out{k}.{i}.p = getelementptr double, ptr %out{k}, i64 {i}\n"
+        "  store double {name}, ptr %out{k}.{i}.p, !alias.scope !1",
+        pointers, min(width, 4),
+    )  # fmt: skip
+    text = ["define i32 @evaluate(ptr noalias %in, ptr noalias %out) {", "entry:", *code.allocas, *entry]
+    text += ["  br label %body", "body:", *code.lines, "  ret i32 0", "}"]
+    return "\n".join(code.before + text) + METADATA
