@@ -88,7 +88,9 @@ class DwellEntry(MotionEntry):
 
 @dataclass(frozen=True)
 class CsvEntry(MotionEntry):
-    """A motion in a CSV file; `text` is what the file held when the configuration was loaded, None if it was unreadable."""
+    """A motion in a CSV file; `text` is what the file held when the configuration was loaded, None if it was
+    unreadable.
+    """
 
     path: Path
     text: str | None

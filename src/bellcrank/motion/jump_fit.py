@@ -12,7 +12,9 @@ AT_END = 1e-3  # of the step: a jump this close to a sample is at the sample
 
 @dataclass(frozen=True)
 class Parabola:
-    """The acceleration in a part of a step: c0 + c1 t + c2 t² from `begin` on, t and `begin` in s from the step's start."""
+    """The acceleration in a part of a step: c0 + c1 t + c2 t² from `begin` on, t and `begin` in s from the step's
+    start.
+    """
 
     begin: float
     c0: float

@@ -174,8 +174,8 @@ class Motion(Portable):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings: the notes, and torques that are not included, of a motion that does not start or end at rest or whose
-        velocity jumps.
+        """Warnings: the notes, and torques that are not included, of a motion that does not start or end at rest or
+        whose velocity jumps.
         """
         found = list(self.notes)
         peak = float(np.max(np.abs(self.velocity), initial=0.0))

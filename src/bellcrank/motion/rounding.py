@@ -68,8 +68,8 @@ def differences(time: Array, values: Array, width: int, order: int) -> Array:
 
 
 def typical_noise(residuals: Array, most: float) -> float:
-    """By how much rounding changes residuals, at most `most`: exact numbers of few decimals leave few residuals other than
-    0.
+    """By how much rounding changes residuals, at most `most`: exact numbers of few decimals leave few residuals other
+    than 0.
     """
     size = np.abs(residuals)
     size = size[size > 1e-3 * most]

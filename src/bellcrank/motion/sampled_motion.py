@@ -146,8 +146,8 @@ def _completed(
 
 
 def _undetermined(motion: Motion, time: Array, values: Array, order: int) -> tuple[str, ...]:
-    """A sentence for each joint whose acceleration exceeds the differences of its samples, which are means of it, and so
-    is not determined by them.
+    """A sentence for each joint whose acceleration exceeds the differences of its samples, which are means of it, and
+    so is not determined by them.
     """
     edges = [0, *(np.flatnonzero(np.diff(time) == 0.0) + 1).tolist(), len(time)]
     parts = np.linspace(0.0, 1.0, 9)[1:-1]

@@ -30,7 +30,8 @@ def waypoints(
     """Move through given postures, from rest to rest.
 
     The interpolation is the quintic spline with simple knots at the waypoints: four times continuously differentiable,
-    each polynomial of degree 5 (C. de Boor, A Practical Guide to Splines). Velocity and acceleration are 0 at both ends.
+    each polynomial of degree 5 (C. de Boor, A Practical Guide to Splines). Velocity and acceleration are 0 at both
+    ends.
 
     Args:
         robot: The robot.

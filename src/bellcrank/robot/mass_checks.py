@@ -40,7 +40,8 @@ def moving_without_mass(urdf: Urdf, loaded: Iterable[str] = ()) -> list[Finding]
     one = len(bare) == 1
     missing = "no <inertial>" if all(urdf.links[name].inertial is None for name in bare) else "an <inertial> of mass 0"
     text = (
-        f"{'moves' if one else 'move'} with a joint and {'has' if one else 'have'} no mass ({missing}): the torques do not include "
+        f"{'moves' if one else 'move'} with a joint and {'has' if one else 'have'} no mass ({missing}): the torques "
+        f"do not include "
         f"{'its' if one else 'their'} weight and inertia; add an <inertial> unless the real part has no mass"
     )
     return [Finding("warning", listed("link", bare), text)]
@@ -61,5 +62,6 @@ def articulated_findings(urdf: Urdf, already_wrong: bool) -> Iterator[Finding]:
             yield Finding(
                 "error",
                 f"joint '{name}'",
-                f"the {what} that it moves is negative ({least:.3g}): kinetic energy would be negative; check masses and inertias",
+                f"the {what} that it moves is negative ({least:.3g}): kinetic energy would be negative; check masses "
+                f"and inertias",
             )

@@ -12,8 +12,8 @@ PACKAGE = "package.xml"  # the file that makes a folder a ROS package
 
 
 def find_mesh(mesh: str, source: Path, access: FileAccess) -> Path | None:
-    """The mesh file that a URDF names: package://… and model://… below a folder above the URDF, others relative to it; None
-    where the file is missing or may not be read.
+    """The mesh file that a URDF names: package://… and model://… below a folder above the URDF, others relative to it;
+    None where the file is missing or may not be read.
 
     A file that `access` does not allow must be in a ROS package, that of the URDF or one named by package://, in a
     folder above the URDF. Absolute paths, as xacro writes them, are allowed where relative ones are. Where only the

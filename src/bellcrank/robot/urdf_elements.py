@@ -240,7 +240,8 @@ def _dynamics(element: Element, where: str, fail: Callable[[str], InputError]) -
         value = _number(dynamics, key, f"{where}, <dynamics>", fail) if key in dynamics.attributes else None
         if value is not None and value < 0.0:
             raise fail(
-                f"{where}, <dynamics> (line {dynamics.line}): {key} is {value:g}, which would add energy; expected 0 or "
+                f"{where}, <dynamics> (line {dynamics.line}): {key} is {value:g}, which would add energy; expected 0 "
+                f"or "
                 "more"
             )
         values.append(value)

@@ -102,7 +102,8 @@ def parse_xml(text: str, source: Path | str) -> Element:
 
     def entity(*declaration: object) -> None:
         raise InputError(
-            f"{source}: line {parser.CurrentLineNumber}: declares an XML entity, which is not supported; write its text instead"
+            f"{source}: line {parser.CurrentLineNumber}: declares an XML entity, which is not supported; write its "
+            f"text instead"
         )
 
     parser.StartElementHandler = start

@@ -30,11 +30,11 @@ the motion: the step size at which α h reaches 1, or the limit of stability (2.
 **Finding ω.** A controller that keeps C (ω h)^(e+1) = tol makes steps from which ω follows. A pilot run (DOP853 at
 1e-3, projected onto the constraints) has N steps in T seconds, and ω = tol^(1/8) N/T. On the rolling disk, pilot runs
 of RK45 and DOP853 from 1e-2 to 1e-8 agree within a factor of 1.6; on the four-bar, which takes 3 to 30 steps, within 3;
-on Bricard's linkage, whose motion RK45 at 1e-3 does not follow, those of DOP853 within 3 and those of RK45 within 5. C is
-part of the factor 2, which was measured (`bellcrank bench --gains`): on the four-bar, the disk and Bricard's linkage,
-with RK45 and DOP853 from 1e-6 to 1e-12, automatic gains took at most 1.35 times the evaluations of a run without
-stabilisation (with the pilot run 1.70), and φ at the ends of steps stayed below 3.3 tol. From 3 ω on, more than twice
-the evaluations were needed (Bricard's linkage).
+on Bricard's linkage, whose motion RK45 at 1e-3 does not follow, those of DOP853 within 3 and those of RK45 within 5. C
+is part of the factor 2, which was measured (`bellcrank bench --gains`): on the four-bar, the disk and Bricard's
+linkage, with RK45 and DOP853 from 1e-6 to 1e-12, automatic gains took at most 1.35 times the evaluations of a run
+without stabilisation (with the pilot run 1.70), and φ at the ends of steps stayed below 3.3 tol. From 3 ω on, more than
+twice the evaluations were needed (Bricard's linkage).
 
 **When to use gains.** Projection is better, and the default: φ and φ̇ are at rounding error, between steps too, with the
 evaluations of a run without stabilisation, and without a pilot run. With automatic gains φ is proportional to the
