@@ -125,7 +125,7 @@ def _shift_positions(found: _Column, drift: Array, most_back: Array, rounding: f
 
 @dataclass(frozen=True)
 class _Quintic:
-    """The acceleration of the quintic over each step (n − 1,): samples a (n,), and α and β of the module's docstring."""
+    """The acceleration of the quintic over each step (n − 1,); samples a (n,), α and β as in the module docstring."""
 
     a: Array
     alpha: Array

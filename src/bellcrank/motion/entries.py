@@ -158,7 +158,7 @@ KINDS: dict[str, type[MotionEntry]] = {entry.kind: entry for entry in _CLASSES}
 
 
 def read_motion_entry(name: str, fields: Fields) -> MotionEntry:
-    """The entry of a motion's mapping. Raises InputError, which names file, key, what was expected and what there is."""
+    """The entry of a motion. Raises InputError with file, key, what was expected and what was found."""
     entry = KINDS[fields.choice("kind", tuple(KINDS))].read(name, fields)
     fields.done()
     return entry

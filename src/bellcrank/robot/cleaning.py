@@ -85,7 +85,7 @@ def length_scale(model: Any) -> float:
 
 
 def body_inertia(mass: float, lever: Any, about_cg: Any) -> Any:
-    """A pinocchio.Inertia of any numbers: its own constructor refuses what real URDFs hold, which check_urdf reports."""
+    """A pinocchio.Inertia of any numbers; its own constructor refuses some of real URDFs, which check_urdf reports."""
     import pinocchio as pin
 
     inertia = pin.Inertia.Zero()

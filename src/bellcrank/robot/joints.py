@@ -152,7 +152,7 @@ def random_posture(robot: RobotDescription, random: np.random.Generator, length:
 
 
 def postures(robot: RobotDescription, moves: Array, length: float) -> Array:
-    """Positions (n, nq) moved from the neutral one by `moves` (n, nq), in rad or in `length` (m), with unit rotations."""
+    """Positions (n, nq) displaced from the neutral one by `moves` (n, nq), rad or `length` (m), with unit rotations."""
     q = robot.neutral + np.where(lengths_in_position(robot), length * moves, moves)
     for part in unit_vectors(robot.joints):
         q[:, part] /= np.linalg.norm(q[:, part], axis=1, keepdims=True)

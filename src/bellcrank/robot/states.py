@@ -1,4 +1,4 @@
-"""Checks of the positions, velocities, accelerations and torques that a robot's functions take, and of their answers."""
+"""Checks of the positions, velocities, accelerations and torques that a robot's functions take, and of results."""
 
 from __future__ import annotations
 
