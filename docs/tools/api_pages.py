@@ -30,9 +30,9 @@ OLD_ARGUMENTS = (  # function, old argument, new one: decorators tell no one out
 def groups() -> dict[str, list[str]]:
     """Room -> public names that live in it, in the order of TITLES. Raises KeyError for a room without a title."""
     found: dict[str, list[str]] = {room: [] for room in TITLES}
-    for name in bc.__all__:
-        if not name.startswith("__") and name not in deprecated.NAMES:
-            room = bc._HOME[name].partition(".")[0]
+    for name, home in bc._HOME.items():
+        if name not in deprecated.NAMES:
+            room = home.partition(".")[0]
             found[ROOMS.get(room, room)].append(name)
     return {room: names for room, names in found.items() if names}
 

@@ -86,3 +86,21 @@ def test_the_changelog_and_the_citation_tell_the_version():
     version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
     assert f"\n## {version}\n" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["version"] == version
+
+
+def test_the_files_that_pages_name_exist():
+    named = {name for page in PAGES for name in re.findall(r"`([\w/]+\.(?:py|hpp))`", text_of(page))}
+    there = {str(path) for folder in ("src", "examples", "docs/tools") for path in (ROOT / folder).rglob("*.*")}
+    assert named
+    for name in named:
+        assert any(path.endswith(f"/{name}") for path in there), name
+
+
+def test_contributing_draws_the_ladder_of_the_linter():
+    config = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    layers = config["tool"]["importlinter"]["contracts"][0]["layers"]
+    drawn = re.findall(r"^([a-z]+(?:, [a-z]+)*)  +\S", (ROOT / "CONTRIBUTING.md").read_text("utf-8"), re.MULTILINE)
+    rooms = [room for line in drawn for room in line.split(", ")]
+    assert rooms == [layer for layer in layers if layer in rooms]
+    folders = {path.name for path in (ROOT / "src" / "bellcrank").iterdir() if (path / "__init__.py").exists()}
+    assert folders <= {*rooms, "plot_style"}

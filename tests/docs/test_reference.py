@@ -50,3 +50,7 @@ def test_every_deprecated_name_is_on_its_page():
     page = api_pages.pages()["reference/api/deprecated.md"]
     assert all(f"| `bellcrank.{old}` |" in page for old in deprecated.NAMES)
     assert all(f"| `Scene.{old}` |" in page for old in bc.Scene.renamed)
+
+
+def test_type_checkers_are_told_all_public_names():
+    assert sorted(bc.__all__) == sorted(["__version__", *bc._HOME])
