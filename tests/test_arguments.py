@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics.inverse_dynamics import SceneInverseDynamics
+from bellcrank.dynamics.scene_inverse_dynamics import SceneInverseDynamics
 from bellcrank.errors import BellcrankError, InputError
 
 # Classes that functions of the interface make, and which have no checks of their own: their methods are called here.

@@ -40,8 +40,8 @@ _HOME = {
     "load_run": "simulation.load_run",
     "sweep": "studies.sweep",
     "Sweep": "studies.sweep_result",
-    "scene_inverse_dynamics": "dynamics.inverse_dynamics",
-    "Linkage": "dynamics.linkage",
+    "scene_inverse_dynamics": "dynamics.scene_inverse_dynamics",
+    "Linkage": "dynamics.closed_inverse_dynamics",
     "plot": "simulation.run_plot:plot_run",
     "replay": "replays.replay",
     "show": "replays.replay",
@@ -92,7 +92,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
 if TYPE_CHECKING:
     __version__: str
     from bellcrank.actuators.actuator import Actuator
-    from bellcrank.dynamics.linkage import Linkage
+    from bellcrank.dynamics.closed_inverse_dynamics import Linkage
     from bellcrank.errors import BellcrankError, CompileError, InputError, NotSavedError, UnreachableError
     from bellcrank.motion.csv_file import read_motion, write_motion
     from bellcrank.motion.frame_motions import circle, line

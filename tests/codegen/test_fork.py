@@ -117,7 +117,7 @@ def test_values_computed_once_do_not_wait_for_each_other():
     """functools.cached_property of Python 3.11 holds a lock of the class: one object's value stopped all others'."""
     import threading
 
-    from bellcrank.derived import cached_property
+    from bellcrank.cached_values import cached_property
 
     class Thing:
         entered, leave = threading.Event(), threading.Event()

@@ -13,7 +13,7 @@ import bellcrank as bc
 from bellcrank.config.fields import Fields
 from bellcrank.config.yaml_file import MOST_DEPTH, MOST_REPEATED, read_value, read_yaml
 from bellcrank.errors import InputError
-from bellcrank.motion.entries import MOST_PARTS
+from bellcrank.motion.entry_kinds import MOST_PARTS
 from bellcrank.scene.overrides import parse_assignment
 from bellcrank.studies.axes import parse_axis
 

@@ -7,8 +7,8 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.cli import main
-from bellcrank.dynamics.inverse_dynamics import scene_inverse_dynamics
-from bellcrank.dynamics.linkage import Linkage
+from bellcrank.dynamics.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.scene_inverse_dynamics import scene_inverse_dynamics
 from bellcrank.dynamics.system import system_of
 from bellcrank.motion.motion import Motion
 

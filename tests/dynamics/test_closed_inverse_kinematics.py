@@ -7,7 +7,7 @@ from scipy.optimize import minimize
 
 import bellcrank as bc
 from bellcrank.cli import main
-from bellcrank.dynamics.inverse_dynamics import scene_inverse_dynamics
+from bellcrank.dynamics.scene_inverse_dynamics import scene_inverse_dynamics
 from bellcrank.errors import InputError, UnreachableError
 from bellcrank.motion.frame_motions import line
 

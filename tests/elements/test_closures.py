@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 from bellcrank import load_run, load_scene, simulate
 from bellcrank.dynamics.consistent_start import consistent_posture, consistent_velocity
-from bellcrank.dynamics.inverse_dynamics import scene_inverse_dynamics
+from bellcrank.dynamics.scene_inverse_dynamics import scene_inverse_dynamics
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.constraint_importers import read_gepetto
 from bellcrank.errors import InputError

@@ -13,7 +13,7 @@ from page_series import decoded, value_at
 
 import bellcrank as bc
 from bellcrank.cli import main
-from bellcrank.dynamics.inverse_dynamics import scene_inverse_dynamics
+from bellcrank.dynamics.scene_inverse_dynamics import scene_inverse_dynamics
 
 LINK = (
     '<link name="{name}"><inertial><origin xyz="{at}"/><mass value="{mass}"/><inertia ixx="0.01" iyy="0.02" izz="0.03" '

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.cached_values import cached_property
 from bellcrank.codegen.compile import Compiled
 from bellcrank.codegen.locks import making
-from bellcrank.derived import cached_property
 from bellcrank.dynamics.assembly import Assembly, assemble
 from bellcrank.dynamics.constraint_derivatives import time_derivative
 from bellcrank.dynamics.kkt import ConstrainedSolution

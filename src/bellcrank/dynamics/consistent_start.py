@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.derived import computed_once
+from bellcrank.cached_values import computed_once
 from bellcrank.dynamics.constraint_alignment import alignment_cosines, alignment_residual, sine_rows
 from bellcrank.dynamics.constraint_rows import rows_of, velocity_units
 from bellcrank.dynamics.system import system_of, system_parameters

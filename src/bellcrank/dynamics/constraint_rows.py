@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.cached_values import computed_once
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen.locks import making
-from bellcrank.derived import computed_once
 from bellcrank.dynamics.constraint_sampling import ConstraintSampler, in_metres
 from bellcrank.elements.expression_constraint import ExpressionConstraint
 from bellcrank.elements.loop_constraints import WORLD, Loop

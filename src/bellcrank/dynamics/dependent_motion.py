@@ -23,9 +23,9 @@ from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.csv_files import unguarded
 from bellcrank.messages import unknown_name
 from bellcrank.motion.csv_file import motion_text, read_motion
-from bellcrank.motion.entries import CsvEntry, DwellEntry, JoinEntry, WaypointsEntry
-from bellcrank.motion.entry import MotionEntry, Posture
+from bellcrank.motion.entry_kinds import CsvEntry, DwellEntry, JoinEntry, WaypointsEntry
 from bellcrank.motion.motion import Motion, join
+from bellcrank.motion.motion_entry import MotionEntry, Posture
 from bellcrank.motion.path_entries import PathEntry
 from bellcrank.motion.waypoints import dwell
 from bellcrank.robot.robot import Robot, RobotJoint

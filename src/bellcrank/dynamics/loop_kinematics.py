@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.derived import cached_property
+from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.consistent_start import consistent_start, displaced
 from bellcrank.dynamics.constraint_alignment import aligned_constraints, alignment_cosines_along
 from bellcrank.dynamics.constraint_derivatives import SymbolicRows, differentiate_constraints

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank.dynamics.linkage import Linkage
-from bellcrank.dynamics.open_chain import OpenChain
+from bellcrank.dynamics.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.open_chain_inverse_dynamics import OpenChain
 from bellcrank.elements.frame_forces import Spring
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Friction, JointForce

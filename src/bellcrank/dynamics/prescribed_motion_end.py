@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.derived import computed_once
+from bellcrank.cached_values import computed_once
 from bellcrank.elements.element import joint_unit
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.signals import Signal

@@ -11,9 +11,9 @@ from weakref import WeakValueDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.cached_values import computed_once
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen.locks import making
-from bellcrank.derived import computed_once
 from bellcrank.dynamics.compiled_equations import System
 from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.kkt import REGULARISATION

@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.derived import cached_property
+from bellcrank.cached_values import cached_property
 from bellcrank.elements.joint_forces import Friction
 from bellcrank.elements.symbols import Symbols
 from bellcrank.errors import InputError
-from bellcrank.robot.trace import MASS, SCALE, trace_tree
+from bellcrank.robot.traced_tree import MASS, SCALE, trace_tree
 
 if TYPE_CHECKING:
     import casadi

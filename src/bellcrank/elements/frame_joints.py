@@ -8,8 +8,8 @@ from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.controllers import Controller
 from bellcrank.elements.element import Element
 from bellcrank.elements.joint_constraints import PrescribedMotion
-from bellcrank.motion.entries import JoinEntry
-from bellcrank.motion.entry import MotionEntry
+from bellcrank.motion.entry_kinds import JoinEntry
+from bellcrank.motion.motion_entry import MotionEntry
 from bellcrank.motion.path_entries import PathEntry
 from bellcrank.robot.robot import Robot
 

@@ -20,7 +20,7 @@ from bellcrank.elements.element import ANY, NONNEGATIVE, Element, Settable
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.robot.pinocchio_model import LEAST_MASS
-from bellcrank.robot.trace import INERTIA, ORIGIN, setting
+from bellcrank.robot.traced_tree import INERTIA, ORIGIN, setting
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.derived import Portable, cached_property
+from bellcrank.cached_values import Portable, cached_property
 
 if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion

@@ -6,8 +6,8 @@ import copy
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from bellcrank.derived import cached_property
-from bellcrank.robot.trace import trace_tree
+from bellcrank.cached_values import cached_property
+from bellcrank.robot.traced_tree import trace_tree
 
 if TYPE_CHECKING:
     import casadi

@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.motion.coordinates import Array
+from bellcrank.motion.file_precision import typical_noise
 from bellcrank.motion.jump_fit import AT_END, Parabola, Step, fitted_jump, integrals
 from bellcrank.motion.motion import Motion
-from bellcrank.motion.rounding import typical_noise
 
 DEVIATION = 1e-3  # of a joint's largest acceleration: a smaller deviation from what the neighbours predict is smooth
 EXCESS = 5e-3  # of a joint's largest acceleration: the quintic may exceed the samples by this

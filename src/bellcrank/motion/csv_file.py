@@ -21,12 +21,12 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import MOST_TABLE, read_text
 from bellcrank.files.csv_files import ROWS, unguarded, write_table
 from bellcrank.messages import unknown_name
-from bellcrank.motion.consistency import inconsistencies
+from bellcrank.motion.column_consistency import inconsistencies
 from bellcrank.motion.coordinates import Array, position_labels, velocity_labels
+from bellcrank.motion.file_precision import end_speed_noise, half_unit
 from bellcrank.motion.limit_notes import limit_notes
 from bellcrank.motion.magnitude_limits import LARGEST
 from bellcrank.motion.motion import Motion
-from bellcrank.motion.rounding import end_speed_noise, half_unit
 from bellcrank.motion.sampled_motion import sampled_motion
 from bellcrank.robot.joints import JointLike, RobotLike, unit_vector
 from bellcrank.text import readable

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from bellcrank.motion.coordinates import Array
-from bellcrank.motion.rounding import differences, typical_noise
+from bellcrank.motion.file_precision import differences, typical_noise
 from bellcrank.motion.waypoints import derivative, second_derivatives
 
 RISE = 6.0  # times the differences beside it: differences around a jump are larger than this

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from bellcrank import arguments
-from bellcrank.derived import Portable, cached_property
+from bellcrank.cached_values import Portable, cached_property
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import Array, continuous, from_rates, rates, sizes, velocity_labels
 from bellcrank.motion.hermite import quintic

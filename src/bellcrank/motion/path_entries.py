@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from bellcrank.config.fields import Fields
 from bellcrank.messages import format_value
-from bellcrank.motion.entry import MotionEntry, Posture, read_posture
+from bellcrank.motion.motion_entry import MotionEntry, Posture, read_posture
 
 if TYPE_CHECKING:
     from bellcrank.motion.coordinates import Array

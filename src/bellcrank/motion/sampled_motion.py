@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from bellcrank.motion.acceleration_jumps import with_jumps
 from bellcrank.motion.coordinates import Array
 from bellcrank.motion.differentiation import positions_differentiated, velocity_differentiated
+from bellcrank.motion.file_precision import differences, rounding_noise, rounding_of
 from bellcrank.motion.magnitude_limits import check_size, check_times
 from bellcrank.motion.motion import Motion
-from bellcrank.motion.rounding import differences, rounding_noise, rounding_of
 from bellcrank.motion.waypoints import interpolate
 from bellcrank.robot.joints import JointLike
 

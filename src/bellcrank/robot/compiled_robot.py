@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.cached_values import cached_property
 from bellcrank.codegen.compile import Compiled, compiled
-from bellcrank.derived import cached_property
-from bellcrank.robot.description import RobotDescription
 from bellcrank.robot.equations import Equations
-from bellcrank.robot.states import QVA, StateCheck
+from bellcrank.robot.joint_frame_lookup import RobotDescription
+from bellcrank.robot.state_checks import QVA, StateCheck
 
 if TYPE_CHECKING:
     import casadi
 
-    from bellcrank.robot.options import LoadOptions
-    from bellcrank.robot.robot_data import RobotData
+    from bellcrank.robot.load_options import LoadOptions
+    from bellcrank.robot.robot_cache import RobotData
 
 Array = NDArray[np.float64]
 NO_PARAMETERS: Array = np.zeros(0)

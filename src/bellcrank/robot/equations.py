@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.robot.mass_diagonal import inertia_diagonal
-from bellcrank.robot.trace import SCALE, setting, trace_tree
+from bellcrank.robot.traced_tree import SCALE, setting, trace_tree
 from bellcrank.robot.tree import Tree
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 
 if TYPE_CHECKING:
-    from bellcrank.robot.description import RobotDescription
+    from bellcrank.robot.joint_frame_lookup import RobotDescription
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

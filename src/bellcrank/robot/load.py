@@ -9,10 +9,10 @@ from bellcrank import arguments
 from bellcrank.files.access import FileAccess, Trust
 from bellcrank.robot.catalog import find_urdf
 from bellcrank.robot.friction import FRICTION_WIDTH, Friction, checked_friction
-from bellcrank.robot.options import FrameTable, LoadOptions, checked_frames
+from bellcrank.robot.load_options import FrameTable, LoadOptions, checked_frames
 from bellcrank.robot.payload import Payload
 from bellcrank.robot.robot import Robot
-from bellcrank.robot.robot_data import robot_data
+from bellcrank.robot.robot_cache import robot_data
 from bellcrank.robot.xml_tree import read_text
 
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.robot.cleaning import Cleaning, body_inertia, clean_model
+from bellcrank.robot.rounding_cleanup import Cleaning, body_inertia, clean_model
 
 if TYPE_CHECKING:
-    from bellcrank.robot.options import LoadOptions
+    from bellcrank.robot.load_options import LoadOptions
     from bellcrank.robot.urdf_file import Urdf
 
 LEAST_MASS = 2.3e-16  # kg: Pinocchio divides sums of inertias by their mass, or by the rounding of 1 where that is more

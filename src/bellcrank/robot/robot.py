@@ -14,8 +14,8 @@ from bellcrank.errors import InputError
 from bellcrank.robot.compiled_robot import NO_PARAMETERS, CompiledRobot
 from bellcrank.robot.joints import RobotJoint
 from bellcrank.robot.payload import Payload
-from bellcrank.robot.robot_data import robot_data
-from bellcrank.robot.states import QVA, QVTAU, all_finite
+from bellcrank.robot.robot_cache import robot_data
+from bellcrank.robot.state_checks import QVA, QVTAU, all_finite
 
 __all__ = ["BLOCK_NUMBERS", "LARGEST_WHOLE", "Robot", "RobotJoint"]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bellcrank.errors import InputError
-from bellcrank.robot.cleaning import Cleaning, length_scale
+from bellcrank.robot.rounding_cleanup import Cleaning, length_scale
 from bellcrank.robot.tree import Numbers, Placement, Tree, TreeFrame, TreeJoint, TreeMimic
 
 if TYPE_CHECKING:

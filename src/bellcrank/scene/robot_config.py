@@ -25,8 +25,8 @@ from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
 from bellcrank.files.access import FileAccess, Trust
 from bellcrank.messages import unknown_name
-from bellcrank.motion.entries import check_references, read_motion_entry
-from bellcrank.motion.entry import MotionEntry
+from bellcrank.motion.entry_kinds import check_references, read_motion_entry
+from bellcrank.motion.motion_entry import MotionEntry
 from bellcrank.robot import catalog
 from bellcrank.robot.payload import Payload
 from bellcrank.scene.renamed_keys import read_scene_data

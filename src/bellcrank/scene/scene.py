@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.cached_values import Portable, cached_property
 from bellcrank.config.fields import Fields
 from bellcrank.deprecated import Renamed
-from bellcrank.derived import Portable, cached_property
 from bellcrank.elements.constraint import Constraint, ReadContext
 from bellcrank.elements.constraint_importers import imported_motors
 from bellcrank.elements.constraints import read_constraints
@@ -34,7 +34,7 @@ from bellcrank.elements.parameters import Parameter, read_parameters
 from bellcrank.elements.signals import Signal, SignalSource, signal_after, stops_after, values_at
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess, Trust, read_text
-from bellcrank.motion.entries import csv_texts
+from bellcrank.motion.entry_kinds import csv_texts
 from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.events import EventRule, read_events
 from bellcrank.scene.initial import Initial, read_initial

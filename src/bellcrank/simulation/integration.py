@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank._step import integrate
+from bellcrank.cached_values import computed_once
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import make_ready
-from bellcrank.derived import computed_once
 from bellcrank.dynamics.compiled_equations import LARGEST_STAGED, System
 from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.dynamics.constraint_alignment import aligned_constraints, alignment_cosines_along

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.cached_values import Portable, cached_property
 from bellcrank.deprecated import Renamed
-from bellcrank.derived import Portable, cached_property
 from bellcrank.dynamics.constraint_alignment import alignment_cosines_along, full_angle_residuals
 from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.system import system_of

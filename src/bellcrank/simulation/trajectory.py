@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank.derived import cached_property
+from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.constraint_alignment import aligned_constraints, alignment_cosines_along
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
 from bellcrank.dynamics.system import system_of

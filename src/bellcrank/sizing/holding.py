@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.force_breaks import force_breaks
-from bellcrank.dynamics.open_chain import OpenChain
+from bellcrank.dynamics.force_table_breakpoints import force_breaks
+from bellcrank.dynamics.open_chain_inverse_dynamics import OpenChain
 from bellcrank.elements.joint_forces import Damper, Friction, JointSpring
 from bellcrank.sizing.holding_gravity import gravity_holding_torques
 from bellcrank.sizing.holding_scene_forces import scene_holding_torques

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.sizing.holding_search import AscentSettings, JointRanges, at_or_above
-from bellcrank.sizing.tree_links import TreeLink, cross, rotated, tree_links
+from bellcrank.sizing.static_tree import TreeLink, cross, rotated, tree_links
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from bellcrank.sizing.holding_search import Holding, joint_ranges
 
 if TYPE_CHECKING:
-    from bellcrank.dynamics.open_chain import OpenChain
+    from bellcrank.dynamics.open_chain_inverse_dynamics import OpenChain
     from bellcrank.robot.robot import RobotJoint
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.force_breaks import force_times
+from bellcrank.dynamics.force_table_breakpoints import force_times
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bellcrank.dynamics.linkage import Linkage
+from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 from bellcrank.errors import InputError
 from bellcrank.robot.articulated_inertia import vanishing_pivots
 from bellcrank.robot.joints import postures

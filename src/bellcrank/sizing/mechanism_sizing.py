@@ -1,7 +1,7 @@
 """Size the motors of a mechanism over one or several motions: at the joints, at the motor shafts and at the supply.
 
 The torque at a joint follows from inverse dynamics, τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction − the scene's forces
-(Ghosal, lecture 18; dynamics/inverse_dynamics.py), that of a closed linkage from its motors' share of it
+(Ghosal, lecture 18; dynamics/scene_inverse_dynamics.py), that of a closed linkage from its motors' share of it
 (dynamics/closed_chain.py). Where a joint has an actuator, the torque is that at the gear's output, and the rotor's
 inertia counts at the shaft.
 
@@ -19,7 +19,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.dynamics.force_breaks import with_force_rows
+from bellcrank.dynamics.force_table_breakpoints import with_force_rows
 from bellcrank.dynamics.mechanism import Mechanism, applied_forces, parameter_values
 from bellcrank.dynamics.motion_notes import mechanism_notes, motion_notes
 from bellcrank.errors import InputError

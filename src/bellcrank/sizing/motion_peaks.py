@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.force_breaks import force_breaks, force_times
+from bellcrank.dynamics.force_table_breakpoints import force_breaks, force_times
 from bellcrank.dynamics.mechanism import coulomb_widths
 from bellcrank.motion.motion import Motion
 from bellcrank.sizing.finite_checks import refuse_non_finite, root_mean_square

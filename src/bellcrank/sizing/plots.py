@@ -9,7 +9,7 @@ from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.messages import unknown_name
 from bellcrank.plot_style import DPI, colour, dash, legend_columns, literal, new_figure, plain, save_figure
-from bellcrank.sizing.drawn_motion import DrawnMotion, drawn_motions
+from bellcrank.sizing.plot_samples import DrawnMotion, drawn_motions
 from bellcrank.sizing.result import sizing_inputs
 from bellcrank.sizing.sizing_files import file_names
 from bellcrank.sizing.torque_speed_plots import joint_figure, shaft_figure

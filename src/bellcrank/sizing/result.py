@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
+from bellcrank.cached_values import Portable, cached_property
 from bellcrank.deprecated import Renamed
-from bellcrank.derived import Portable, cached_property
 from bellcrank.dynamics.mechanism import AppliedForce
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write

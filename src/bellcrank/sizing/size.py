@@ -11,7 +11,7 @@ from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.deprecated import renamed_arguments
 from bellcrank.dynamics.mechanism import Mechanism, mechanism_of
-from bellcrank.dynamics.open_chain import OpenChain
+from bellcrank.dynamics.open_chain_inverse_dynamics import OpenChain
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.messages import unknown_name

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.plot_style import colour, legend_columns, literal, new_figure, plain
-from bellcrank.sizing.drawn_motion import DrawnMotion
+from bellcrank.sizing.plot_samples import DrawnMotion
 from bellcrank.sizing.result import sizing_inputs
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.cached_values import Portable, cached_property
 from bellcrank.deprecated import Renamed
-from bellcrank.derived import Portable, cached_property
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.scene.scene import Scene

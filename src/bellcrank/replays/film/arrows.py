@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.derived import cached_property
+from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.system import system_of
 from bellcrank.elements import frame_forces
 from bellcrank.elements.constraint import Constraint
@@ -21,7 +21,7 @@ from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.elements.signals import values_at
 from bellcrank.motion.quaternions import from_matrices, multiply, rotate
 from bellcrank.replays.film.film import Arrow, Rod, Spring
-from bellcrank.replays.film.frames import FramePose
+from bellcrank.replays.film.film_samples import FramePose
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint

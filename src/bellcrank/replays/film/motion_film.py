@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.derived import cached_property
-from bellcrank.dynamics.force_breaks import with_force_rows
+from bellcrank.cached_values import cached_property
+from bellcrank.dynamics.force_table_breakpoints import with_force_rows
 from bellcrank.dynamics.mechanism import Mechanism, mechanism_of
 from bellcrank.dynamics.motion_notes import mechanism_notes, motion_notes
 from bellcrank.elements.joint_forces import JointSpring
@@ -21,7 +21,7 @@ from bellcrank.replays.film.arrows import SceneFrames, element_frames, motor_arr
 from bellcrank.replays.film.camera import CameraScene, choose_camera, choose_ground
 from bellcrank.replays.film.charts import join_times, join_with_gaps, panel_chart
 from bellcrank.replays.film.film import Arrow, Chart, Film, Rod, Spring, TimelineEvent, Trace
-from bellcrank.replays.film.frames import ArrowFunction, FramePose, SampledFrames, join_arrows, sample_frames
+from bellcrank.replays.film.film_samples import ArrowFunction, FramePose, SampledFrames, join_arrows, sample_frames
 from bellcrank.replays.film.motion_series import MotionSeries, motion_series
 from bellcrank.replays.film.robot_view import camera_scene, film_axes, film_bodies, frame_origins, traced_frames
 from bellcrank.replays.film.sampled_trajectory import SampledTrajectory, frame_pose_function

@@ -15,7 +15,7 @@ from bellcrank.motion.quaternions import rotate
 from bellcrank.replays.film.arrows import child_link
 from bellcrank.replays.film.camera import CameraScene
 from bellcrank.replays.film.film import Arrow, Axis
-from bellcrank.replays.film.frames import PointFunction, SampledFrames
+from bellcrank.replays.film.film_samples import PointFunction, SampledFrames
 from bellcrank.replays.film.sampled_trajectory import SampledTrajectory
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.geometry.shapes import Body

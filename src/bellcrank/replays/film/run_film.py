@@ -27,7 +27,7 @@ from bellcrank.replays.film.arrows import (
 from bellcrank.replays.film.camera import choose_camera, choose_ground
 from bellcrank.replays.film.charts import run_charts
 from bellcrank.replays.film.film import Arrow, Film, TimelineEvent
-from bellcrank.replays.film.frames import FramePose, PointFunction, sample_frames
+from bellcrank.replays.film.film_samples import FramePose, PointFunction, sample_frames
 from bellcrank.replays.film.robot_view import (
     camera_scene,
     film_axes,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.derived import cached_property
+from bellcrank.cached_values import cached_property
 from bellcrank.motion.coordinates import continuous, rates
 from bellcrank.motion.quaternions import from_matrices, make_continuous
 from bellcrank.replays.film.decimation import MOST_HALF_TURN, interpolation_error

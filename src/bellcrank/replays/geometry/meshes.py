@@ -23,8 +23,8 @@ from bellcrank.files.access import FileAccess, read_bytes
 from bellcrank.replays.geometry.colours import Colour
 from bellcrank.replays.geometry.mesh_files import named_files, read_parts
 from bellcrank.replays.geometry.mesh_limits import MeshError
+from bellcrank.replays.geometry.mesh_simplification import Simplifier, weld
 from bellcrank.replays.geometry.shapes import Mesh
-from bellcrank.replays.geometry.simplify import Simplifier, weld
 from bellcrank.robot.mesh_path import find_beside
 
 Detail = Literal["reduced", "full"]

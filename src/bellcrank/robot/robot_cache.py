@@ -14,7 +14,7 @@ from bellcrank.codegen import cache as disk
 from bellcrank.robot.tree import Tree, TreeJoint
 
 if TYPE_CHECKING:
-    from bellcrank.robot.options import LoadOptions
+    from bellcrank.robot.load_options import LoadOptions
     from bellcrank.robot.payload import Payload
     from bellcrank.robot.urdf_file import Joint, Urdf
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from bellcrank.motion.coordinates import Array, continuous, rates
+from bellcrank.motion.file_precision import rounding_of
 from bellcrank.motion.motion import POSITION_GAP, Motion
-from bellcrank.motion.rounding import rounding_of
 
 SLIGHT = 0.01  # of the largest value: columns may disagree by this
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank.derived import cached_property
-from bellcrank.dynamics.force_breaks import force_times
+from bellcrank.cached_values import cached_property
+from bellcrank.dynamics.force_table_breakpoints import force_times
 from bellcrank.dynamics.mechanism import Mechanism, mechanism_of
 from bellcrank.dynamics.motion_notes import mechanism_notes, motion_notes
 from bellcrank.errors import InputError

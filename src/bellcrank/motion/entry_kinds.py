@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Self
 from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
-from bellcrank.motion.entry import MotionEntry, Posture, posture_of, read_posture
+from bellcrank.motion.motion_entry import MotionEntry, Posture, posture_of, read_posture
 from bellcrank.motion.path_entries import CircleEntry, LineEntry
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank.derived import cached_property
+from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.dependent_motion import DependentMotions
 from bellcrank.dynamics.loop_kinematics import SINGULAR, LoopKinematics, jacobian_inverse, rank

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.cached_values import Portable, cached_property
 from bellcrank.codegen import cache as disk
-from bellcrank.derived import Portable, cached_property
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
 from bellcrank.messages import unknown_name
@@ -20,8 +20,8 @@ from bellcrank.robot.joints import JointMimic, RobotJoint, joint_named, require_
 from bellcrank.robot.tree import Tree
 
 if TYPE_CHECKING:
-    from bellcrank.robot.options import LoadOptions
-    from bellcrank.robot.robot_data import RobotData
+    from bellcrank.robot.load_options import LoadOptions
+    from bellcrank.robot.robot_cache import RobotData
     from bellcrank.robot.urdf_file import Urdf
 
 Array = NDArray[np.float64]

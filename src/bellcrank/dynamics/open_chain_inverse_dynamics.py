@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank.derived import cached_property
+from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.reactions import joint_reactions
 from bellcrank.dynamics.tree_inverse_dynamics import TreeInverseDynamics
 from bellcrank.errors import InputError
