@@ -1,6 +1,6 @@
 """Runs fuzz cases in a child process with a limit of memory and of time a case; a case that fails is named.
 
-python tests/fuzz_run.py KIND SEED NUMBER    runs one case again, and shows its files, traceback and verdict
+python tests/fuzz/fuzz_run.py KIND SEED NUMBER    runs one case again, and shows its files, traceback and verdict
 """
 
 from __future__ import annotations

@@ -170,7 +170,7 @@ class Compiled:
         outputs = [np.empty((rows, size)) for size in self.output_sizes]
         status = self.prepared(values, outputs)()
         if status:
-            raise CompileError(f"{self.name} ended with status {status}")
+            raise CompileError(f"{self.name}: compiled code returned status {status} (a bug in bellcrank)")
         return outputs
 
 

@@ -119,7 +119,7 @@ def object_code(ir: str, chosen: Target, level: int = 2) -> bytes:
         try:
             module = llvm.parse_assembly(ir)
         except RuntimeError as error:
-            raise CompileError(f"LLVM refused generated code, a fault of bellcrank: {error}") from error
+            raise CompileError(f"LLVM refused generated code (a bug in bellcrank): {error}") from error
         module.triple = llvm.get_process_triple()
         return bytes(_target_machine(chosen, level).emit_object(module))
 

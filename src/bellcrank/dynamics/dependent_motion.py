@@ -24,7 +24,7 @@ from bellcrank.files.csv_files import unguarded
 from bellcrank.messages import unknown_name
 from bellcrank.motion.csv_file import motion_text, read_motion
 from bellcrank.motion.entry_kinds import CsvEntry, DwellEntry, JoinEntry, WaypointsEntry
-from bellcrank.motion.motion import Motion, join
+from bellcrank.motion.motion import Motion, join, other_joints
 from bellcrank.motion.motion_entry import MotionEntry, Posture
 from bellcrank.motion.path_entries import PathEntry
 from bellcrank.motion.waypoints import dwell
@@ -59,10 +59,7 @@ class DependentMotions:
                 return followed, tuple(joint.name for joint in self._independent(followed, None, independent))
         whole, given = self._prescribed(motion)
         if len(whole.joints) != len(self.robot.joints) or whole.nq != self.robot.nq:
-            raise InputError(
-                f"motion '{whole.name}' is for the joints {', '.join(whole.joint_names)}, the robot {self.robot.name} "
-                f"has {', '.join(joint.name for joint in self.robot.joints)}"
-            )
+            raise other_joints(whole, self.robot)
         if independent is not None:
             independent = arguments.several("independent", independent, str, "names of joints")
         joints = self._independent(whole, given, independent)

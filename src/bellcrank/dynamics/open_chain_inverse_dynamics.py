@@ -16,7 +16,7 @@ from bellcrank.dynamics.tree_inverse_dynamics import TreeInverseDynamics
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.csv_file import read_motion
-from bellcrank.motion.motion import Motion
+from bellcrank.motion.motion import Motion, require_joints
 from bellcrank.robot.robot import BLOCK_NUMBERS, LARGEST_WHOLE, Robot, RobotJoint
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ class OpenChain:
         else:
             source = self.robot.source if self.scene is None else self.scene.source
             raise InputError(f"{source}: {unknown_name('motion', str(motion), motions)}, nor a file of that name")
-        check_layout(whole, self.robot)
+        require_joints(whole, self.robot)
         return whole, every
 
     def torques(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
@@ -136,13 +136,3 @@ class OpenChain:
         need = np.abs(self.equations.needed(t, q, v, a))
         left = np.delete(need, self._columns, axis=1)
         return 0.0, float(left.max(initial=0.0) / (need.max(initial=0.0) or 1.0))
-
-
-def check_layout(motion: Motion, robot: Robot) -> None:
-    """Raise InputError for a motion of another robot."""
-    layout = [(joint.name, joint.q, joint.v) for joint in robot.joints]
-    if [(joint.name, joint.q, joint.v) for joint in motion.joints] != layout:
-        raise InputError(
-            f"motion '{motion.name}' is for the joints {', '.join(motion.joint_names)}, the robot {robot.name} has "
-            f"{', '.join(joint.name for joint in robot.joints)}"
-        )

@@ -80,12 +80,12 @@ def _check_list(stream: IO[bytes]) -> None:
     stream.seek(size - _TAIL.size)
     signature, *_, listed, _, comment = _TAIL.unpack(stream.read(_TAIL.size))
     if signature != b"PK\5\6" or comment:
-        raise ValueError("it is no zip archive, or truncated")
+        raise ValueError("it is not a zip archive, or is truncated")
     if listed == 0xFFFFFFFF or size > 0xFFFFFFFF:
         stream.seek(max(size - _TAIL.size - _LOCATOR64.size - _TAIL64.size, 0))
         first, *_, listed, _ = _TAIL64.unpack(stream.read(_TAIL64.size))
         if first != b"PK\6\6":
-            raise ValueError("it is no zip archive, or truncated")
+            raise ValueError("it is not a zip archive, or is truncated")
     if listed > MOST_LISTED:
         raise ValueError(f"its list of members takes {listed} bytes, at most {MOST_LISTED} were expected")
 
@@ -111,7 +111,7 @@ def _check_members(
         raise ValueError("its members overlap")
     unpacked, most = sum(member.file_size for member in members), spare + RATIO * size
     if unpacked > most:
-        raise ValueError(f"its members claim {unpacked} bytes, of a file of {size} bytes at most {most} are read")
+        raise ValueError(f"its members unpack to {unpacked} bytes; the limit for a file of {size} bytes is {most}")
 
 
 def _read(stream: IO[bytes], member: zipfile.ZipInfo, dtype: np.dtype[Any]) -> NDArray[Any]:

@@ -28,8 +28,8 @@ def check_times(title: str, time: Array) -> None:
     if len(close):
         k = int(close[0])
         raise InputError(
-            f"{title}: rows {k + 1} and {k + 2} lie {step[k]:.3g} s apart: expected one time twice, or {SHORTEST:g} s "
-            "or more"
+            f"{title}: rows {k + 1} and {k + 2} are {step[k]:.3g} s apart; use equal times for a jump, or at least "
+            f"{SHORTEST:g} s"
         )
 
 

@@ -17,7 +17,7 @@ from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import Array, continuous, from_rates, rates, sizes, velocity_labels
 from bellcrank.motion.hermite import quintic
 from bellcrank.motion.magnitude_limits import check_size, check_times
-from bellcrank.robot.joints import JointLike, unit_vector
+from bellcrank.robot.joints import JointLike, RobotLike, unit_vector
 
 POSITION_GAP = 1e-6  # rad or m: two rows of one time, or two joined motions, may differ by this much
 AT_REST = 1e-6  # of the motion's largest speed: slower than this counts as rest
@@ -343,3 +343,19 @@ def _layout(motion: Motion) -> list[tuple[str, str, int, int]]:
 def _facing(before: Motion, after: Motion) -> Array:
     pair = np.stack([before.position[-1], after.position[0]])
     return np.asarray(continuous(before.joints, pair)[1])
+
+
+def require_joints(motion: Motion, robot: RobotLike) -> None:
+    """Raise InputError where a motion is for other joints than a robot's."""
+    layout = [(joint.name, joint.q, joint.v) for joint in robot.joints]
+    if [(joint.name, joint.q, joint.v) for joint in motion.joints] != layout:
+        raise other_joints(motion, robot)
+
+
+def other_joints(motion: Motion, robot: RobotLike) -> InputError:
+    """The error of a motion for other joints than a robot's."""
+    theirs, own = (", ".join(joint.name for joint in x.joints) for x in (motion, robot))
+    return InputError(
+        f"motion '{motion.name}' has the joints {theirs}, but the robot '{robot.name}' has {own}; give a motion of "
+        f"this robot"
+    )

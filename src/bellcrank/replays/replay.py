@@ -192,8 +192,8 @@ def find_run(path: str | Path) -> Path:
     if holds_checkpoints(blocks):
         if (file / "run.npz").exists():
             raise InputError(
-                f"{file}: beside run.npz there are blocks of a later run that did not finish, run.blocks; name one of "
-                f"them, such as {blocks}"
+                f"{file}: the folder contains run.npz and run.blocks, checkpoints of a later unfinished run; give one "
+                f"path, such as {blocks}"
             )
         return blocks
     if (file / "sizing.json").is_file():

@@ -65,6 +65,7 @@ def _whitening(mass: Array) -> Array:
     values, vectors = eigenvectors(mass / np.outer(size, size), "the mass matrix at this row of the run is")
     if values.min(initial=0.0) < -MASSLESS:
         raise InputError(
-            "the constraints have no rank: the mass matrix has a negative inertia: check masses and inertias"
+            "the rank of the constraints cannot be computed, because the mass matrix is not positive: check masses "
+            "and inertias"
         )
     return np.asarray(vectors / np.sqrt(np.maximum(values, MASSLESS)) / size[:, None])

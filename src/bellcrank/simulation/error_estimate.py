@@ -7,7 +7,7 @@ A run has three sources of error:
 - *Constraints without projection*. They drift, and where a linkage passes a configuration in which they lose rank, it
   may continue along another branch. Repeated runs are projected.
 - *Regularisation*. Near such configurations a fraction of the usual J M⁻¹ Jᵀ of each row is added to it
-  (dynamics/constrained.py). The error of this grows with the fraction and the effect of rounding falls with it; smaller
+  (dynamics/kkt.py). The error of this grows with the fraction and the effect of rounding falls with it; smaller
   tolerances reduce neither. Runs with ten times and a tenth of the fraction have about ten times the one and the other;
   a part of their differences, with a margin for scatter, is the smallest error that is reported.
 

@@ -122,7 +122,7 @@ def check_arrays(about: Mapping[str, Any], arrays: Mapping[str, Array], scene: S
         if arrays[name].shape != shape or rows == 0:
             raise ValueError(f"'{name}' has the shape {arrays[name].shape}, expected {shape if rows else 'rows'}")
     if arrays["steps"].ndim != 1:
-        raise ValueError("'steps' is no list of times")
+        raise ValueError("'steps' is not a list of times")
     if "multipliers" in arrays and (arrays["multipliers"].ndim != 2 or len(arrays["multipliers"]) != rows):
         raise ValueError(f"'multipliers' has the shape {arrays['multipliers'].shape}, expected {rows} rows")
     if "latch_velocity" in arrays:
@@ -130,7 +130,7 @@ def check_arrays(about: Mapping[str, Any], arrays: Mapping[str, Array], scene: S
         if not (events and about["events"][-1]["name"] in latches):
             raise ValueError("'latch_velocity' belongs to no latch of the run")
         if arrays["latch_velocity"].shape != (robot.nv,) or not np.isfinite(arrays["latch_velocity"]).all():
-            raise ValueError("'latch_velocity' is no velocity of the robot")
+            raise ValueError("'latch_velocity' is not a velocity of the robot")
     if signals != len(sources):
         raise ValueError(f"it has {signals} signals, the scene has {len(sources)}")
     for k, (source, facts) in enumerate(zip(sources, about["signals"], strict=True)):
@@ -160,7 +160,9 @@ def _check_numbers(about: Mapping[str, Any], arrays: Mapping[str, Array]) -> Non
         if not np.isfinite(values).all() or np.any(np.diff(values) < 0.0):
             raise ValueError(f"'{name}' is not finite, or decreases")
         if len(values) and not 0.0 <= values[0] <= values[-1] <= latest:
-            raise ValueError(f"'{name}' reaches from {values[0]:.6g} to {values[-1]:.6g} s, the run to {latest:.6g} s")
+            raise ValueError(
+                f"'{name}' covers {values[0]:.6g} to {values[-1]:.6g} s, but the run ends at {latest:.6g} s"
+            )
     whole = arrays["state"] if about["status"].success else arrays["state"][:-1]
     bad = np.flatnonzero(~np.isfinite(whole).all(axis=1))
     if len(bad):

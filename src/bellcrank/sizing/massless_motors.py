@@ -44,8 +44,8 @@ def massless_motors(mechanism: Mechanism, motions: Sequence[Motion], allowed: It
         carrier = robot.carrier(link)
         links, mass = robot.moved_by([carrier] if carrier else [], given)
         if carrier is None or mass > 0.0:
-            why = f"moves with {mass:.6g} kg" if carrier else "does not move"
-            raise InputError(f"allow massless: link '{link}' of {robot.name} {why}; leave it out")
+            why = f"moves {mass:.6g} kg, so it is not massless" if carrier else "does not move"
+            raise InputError(f"allow_massless: link '{link}' of {robot.name} {why}; remove it from the list")
         permitted.update(links)
     refused, let_pass = {}, {}
     for k, joint in enumerate(mechanism.motors):

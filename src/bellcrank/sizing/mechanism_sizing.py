@@ -2,8 +2,8 @@
 
 The torque at a joint follows from inverse dynamics, τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction − the scene's forces
 (Ghosal, lecture 18; dynamics/scene_inverse_dynamics.py), that of a closed linkage from its motors' share of it
-(dynamics/closed_chain.py). Where a joint has an actuator, the torque is that at the gear's output, and the rotor's
-inertia counts at the shaft.
+(dynamics/closed_inverse_dynamics.py). Where a joint has an actuator, the torque is that at the gear's output, and the
+rotor's inertia counts at the shaft.
 
 A mass tolerance scales each massive link and payload as a whole, mass and inertia together, by one factor within
 1 ± tolerance. Torque is linear in these factors, so it changes by at most tolerance · Σ|share of each link|, and that
@@ -24,12 +24,13 @@ from bellcrank.dynamics.mechanism import Mechanism, applied_forces, parameter_va
 from bellcrank.dynamics.motion_notes import mechanism_notes, motion_notes
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.motion.motion import Motion
+from bellcrank.motion.motion import Motion, require_joints
 from bellcrank.sizing.finite_checks import refuse_non_finite_joint
 from bellcrank.sizing.holding import holding_torques
 from bellcrank.sizing.holding_search import Holding
 from bellcrank.sizing.joint_loads import JointLoads
 from bellcrank.sizing.joint_sizing import Cycle, JointSizing, Peak, ShaftSizing
+from bellcrank.sizing.margins import margins
 from bellcrank.sizing.massless_motors import massless_motors, singular_joints
 from bellcrank.sizing.motion_peaks import JointPeaks, MotionPeaks, interpolation_warnings, peaks_along, worst_peaks
 from bellcrank.sizing.result import Sizing, SizingInputs
@@ -104,13 +105,8 @@ def _check(mechanism: Mechanism, motions: Sequence[Motion], actuators: Mapping[s
         raise InputError(f"sizing of {robot.name}: there is no motion; give at least one")
     if not joints:
         raise InputError(f"sizing of {robot.name}: the robot has no joint that a motor could drive")
-    layout = [(joint.name, joint.q, joint.v) for joint in robot.joints]
     for motion in motions:
-        if [(joint.name, joint.q, joint.v) for joint in motion.joints] != layout:
-            raise InputError(
-                f"motion '{motion.name}' is for the joints {', '.join(motion.joint_names)}, "
-                f"the robot {robot.name} has {', '.join(joint.name for joint in robot.joints)}"
-            )
+        require_joints(motion, robot)
     known = [joint.name for joint in joints]
     for name in actuators:
         if name not in known:
@@ -186,12 +182,13 @@ def _shaft_sizing(actuator: Actuator, peaks: JointPeaks, cycles: Sequence[Cycle]
         peak_speed=turns,
         curve_use=peaks.curve_use,
         inertia_ratio=peaks.largest_inertia.value / reflected if reflected > 0.0 else None,
-        margins={
-            "peak torque": 1.0 - actuator.safety_factor * torque.value / actuator.peak_torque,
-            "rated torque": 1.0 - actuator.safety_factor * rms / actuator.rated_torque,
-            "speed": 1.0 - turns.value / actuator.max_speed,
-            "torque-speed curve": 1.0 - peaks.curve_use.value,
-        },
+        margins=margins(
+            actuator,
+            peak_torque=torque.value,
+            rms_torque=rms,
+            speed=turns.value,
+            curve_use=peaks.curve_use.value,
+        ),
     )
 
 

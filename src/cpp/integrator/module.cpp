@@ -13,7 +13,7 @@ namespace nb = nanobind;
 
 namespace {
 
-using Evaluate = int32_t (*)(const double* const* inputs, double* const* outputs);  // scalar.py
+using Evaluate = int32_t (*)(const double* const* inputs, double* const* outputs);  // codegen/kernels.py
 using Vector = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Answer = nb::ndarray<nb::numpy, double, nb::ndim<1>>;
 

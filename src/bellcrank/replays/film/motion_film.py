@@ -15,8 +15,8 @@ from bellcrank.dynamics.force_table_breakpoints import with_force_rows
 from bellcrank.dynamics.mechanism import Mechanism, mechanism_of
 from bellcrank.dynamics.motion_notes import mechanism_notes, motion_notes
 from bellcrank.elements.joint_forces import JointSpring
-from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import position_labels, velocity_labels
+from bellcrank.motion.motion import require_joints
 from bellcrank.replays.film.arrows import SceneFrames, element_frames, motor_arrow, scene_rods, scene_springs
 from bellcrank.replays.film.camera import CameraScene, choose_camera, choose_ground
 from bellcrank.replays.film.charts import join_times, join_with_gaps, panel_chart
@@ -176,14 +176,9 @@ def _trajectories(sequence: MotionSequence, frames: Iterable[str]) -> list[Sampl
     names = tuple(dict.fromkeys([*frames, *(() if scene is None else element_frames(scene))]))
     pose_function = frame_pose_function(robot, names, None if scene is None else scene.parameters)
     parameters = np.zeros(0) if scene is None else scene.parameter_values
-    layout = [(joint.name, joint.q, joint.v) for joint in robot.joints]
     found = []
     for motion in sequence.motions:
-        if [(joint.name, joint.q, joint.v) for joint in motion.joints] != layout:
-            raise InputError(
-                f"motion '{motion.name}' is for the joints {', '.join(motion.joint_names)}, the robot {robot.name} has "
-                f"{', '.join(joint.name for joint in robot.joints)}"
-            )
+        require_joints(motion, robot)
         rows = np.append(np.diff(motion.time) > 0.0, True)  # the later of two rows of one time: positions are equal
         found.append(
             SampledTrajectory(

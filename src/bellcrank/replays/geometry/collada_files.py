@@ -150,7 +150,7 @@ def check_collada(data: bytes) -> tuple[str, ...]:
     except (expat.ExpatError, InputError, UnicodeError) as error:
         raise MeshError(f"is broken (XML Parsing Error: {str(error)[:80]})") from None
     if counter.corners > len(data):  # each corner takes a number, and so two characters
-        raise MeshError("claims more corners of polygons than it holds")
+        raise MeshError("declares more polygon vertices than it contains")
     if len(counter.names) > MOST_TEXTURES:
         raise MeshError(f"names more than the {MOST_TEXTURES} textures that are read")
     _check_uses(counter)

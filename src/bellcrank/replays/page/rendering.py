@@ -92,7 +92,7 @@ def render_video(
     """
     kind = Path(out).suffix.lower()
     if kind not in DEFAULT_FPS:
-        raise InputError(f"{out}: a film is written as {' or '.join(DEFAULT_FPS)}, not as '{kind or 'nothing'}'")
+        raise InputError(f"{out}: expected a file name that ends in {' or '.join(DEFAULT_FPS)}")
     if not (math.isfinite(speed) and speed > 0.0):
         raise InputError(f"speed of a film: expected a number above 0, found {speed!r}")
     fps = DEFAULT_FPS[kind] if fps is None else fps
