@@ -68,7 +68,6 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "__version__",
     "check_urdf",
     "circle",
-    "closed_inverse_dynamics",
     "dwell",
     "join",
     "line",
@@ -92,6 +91,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
 if TYPE_CHECKING:
     __version__: str
     from bellcrank.actuators.actuator import Actuator
+    from bellcrank.dynamics.inverse_dynamics import scene_inverse_dynamics
     from bellcrank.dynamics.linkage import Linkage
     from bellcrank.errors import BellcrankError, CompileError, InputError, NotSavedError, UnreachableError
     from bellcrank.motion.csv_file import read_motion, write_motion
