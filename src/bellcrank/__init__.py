@@ -68,7 +68,6 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "__version__",
     "check_urdf",
     "circle",
-    "closed_inverse_dynamics",
     "dwell",
     "join",
     "line",
@@ -93,6 +92,7 @@ if TYPE_CHECKING:
     __version__: str
     from bellcrank.actuators.actuator import Actuator
     from bellcrank.dynamics.closed_inverse_dynamics import Linkage
+    from bellcrank.dynamics.scene_inverse_dynamics import scene_inverse_dynamics
     from bellcrank.errors import BellcrankError, CompileError, InputError, NotSavedError, UnreachableError
     from bellcrank.motion.csv_file import read_motion, write_motion
     from bellcrank.motion.frame_motions import circle, line

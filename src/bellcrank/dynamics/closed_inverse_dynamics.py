@@ -215,23 +215,76 @@ class Linkage:
         return self.torque_shares(self.kinematics.jacobian(t, q), t)
 
     def friction(self, t: Array, q: Array, v: Array) -> Array:
-        """The part (n, k) of the motors' torques that overcomes friction, also of joints without a motor."""
+        """The part of the motors' torques that overcomes friction, also of joints without a motor.
+
+        Args:
+            t: Times (n,), s.
+            q: Positions (n, nq), rad or m.
+            v: Velocities (n, nv).
+
+        Returns:
+            Torques (n, k), N m or N.
+
+        Raises:
+            InputError: An array does not fit.
+            UnreachableError: The motors cannot move the linkage.
+        """
         t, q, v = self._rows(t=t, q=q, v=v)
         return np.asarray(np.einsum("nkv,nv->nk", self._shares_at(t, q), self.equations.friction(t, q, v)))
 
     def link_torques(self, t: Array, q: Array, v: Array, a: Array) -> Array:
-        """The part (n, links, k) of the motors' torques that each link's mass and inertia cause."""
+        """The part of the motors' torques that each link's mass and inertia cause.
+
+        Args:
+            t: Times (n,), s.
+            q: Positions (n, nq), rad or m.
+            v: Velocities (n, nv).
+            a: Accelerations (n, nv).
+
+        Returns:
+            Torques (n, links, k), N m or N.
+
+        Raises:
+            InputError: An array does not fit.
+            UnreachableError: The motors cannot move the linkage.
+        """
         t, q, v, a = self._rows(t=t, q=q, v=v, a=a)
         return np.asarray(np.einsum("nkv,nlv->nlk", self._shares_at(t, q), self.equations.link_torques(q, v, a)))
 
     def inertia(self, t: Array, q: Array) -> Array:
-        """The diagonal of P M Pᵀ (n, k), kg m² or kg, rotors included."""
+        """The inertia that each motor feels: the diagonal of P M Pᵀ, rotors included.
+
+        Args:
+            t: Times (n,), s.
+            q: Positions (n, nq), rad or m.
+
+        Returns:
+            Inertias (n, k), kg m² or kg.
+
+        Raises:
+            InputError: An array does not fit.
+            UnreachableError: The motors cannot move the linkage.
+        """
         t, q = self._rows(t=t, q=q)
         shares = self._shares_at(t, q)
         return np.asarray(np.einsum("nkv,nvw,nkw->nk", shares, self.equations.mass_matrix(q), shares))
 
     def reactions(self, t: Array, q: Array, v: Array, a: Array) -> Array:
-        """The wrench (n, joints, 6) through each joint of the tree, those of constraints and forces included."""
+        """The wrench through each joint of the tree, those of constraints and forces included.
+
+        Args:
+            t: Times (n,), s.
+            q: Positions (n, nq), rad or m.
+            v: Velocities (n, nv).
+            a: Accelerations (n, nv).
+
+        Returns:
+            Wrenches (n, joints, 6): force, N, then moment, N m, as `Robot.joint_reactions` gives.
+
+        Raises:
+            InputError: An array does not fit.
+            UnreachableError: The motors cannot move the linkage.
+        """
         t, q, v, a = self._rows(t=t, q=q, v=v, a=a)
         _, multipliers = self.torques(t, q, v, a)
         inputs, parameters = self._loaded.signals_at(t), self._loaded.parameter_values
@@ -245,7 +298,21 @@ class Linkage:
         return self.robot.compiled(key, lambda: joint_reactions(scene))
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array) -> tuple[float, float]:
-        """The largest position residual of a constraint, m or rad, and the largest |S τ + Jᵀλ − Q| relative to |Q|."""
+        """How well a motion satisfies the constraints and the equations.
+
+        Args:
+            t: Times (n,), s.
+            q: Positions (n, nq), rad or m.
+            v: Velocities (n, nv).
+            a: Accelerations (n, nv).
+
+        Returns:
+            The largest position residual of a constraint, m or rad, and the largest |S τ + Jᵀλ − Q| relative to |Q|.
+
+        Raises:
+            InputError: An array does not fit.
+            UnreachableError: The motors cannot move the linkage.
+        """
         t, q, v, a = self._rows(t=t, q=q, v=v, a=a)
         need = self.equations.needed(t, q, v, a)
         position, _, jacobian, _ = self.kinematics.terms(t, q, v)

@@ -161,14 +161,11 @@ def scene_inverse_dynamics(
     Args:
         scene: A Scene, the path of its file, or the name of a bundled one.
         motion: A Motion, the name of a motion of the scene, or the path of a CSV file, for a linkage with columns of
-        the
-            independent joints.
+            the independent joints.
         actuated: The joints of a linkage with motors; by default those of its prescribed motions, which are removed,
-        else
-            the scene's `actuated`, else those with actuators.
+            else the scene's `actuated`, else those with actuators.
         independent: The joints of a linkage whose positions the motion prescribes; by default those that it moves,
-        motors
-            first.
+            motors first.
         overrides: Changes of the scene by dotted path, as for `load_scene`.
 
     Returns:

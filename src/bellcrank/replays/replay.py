@@ -129,7 +129,9 @@ def show(
         BellcrankError: No browser could be started; the message names the file.
 
     Example:
-        `bc.show(bc.simulate("pendulum"))` opens the replay of a pendulum.
+        >>> import bellcrank as bc
+        >>> run = bc.simulate("pendulum")
+        >>> bc.show(run)  # opens a browser  # doctest: +SKIP
     """
     loaded = load_source(source, "show")
     target = new_folder("show") / f"{file_name(source_name(loaded))}.html"

@@ -121,6 +121,9 @@ class StateHistory(Portable, Renamed):
 
         Args:
             file: The file that the run was loaded from.
+
+        Raises:
+            InputError: The argument is not a path.
         """
         vars(self)["_origin"] = arguments.path("file", file, "the path of a file")
 
