@@ -196,3 +196,15 @@ def test_the_command_writes_table_and_picture(four_bar, tmp_path, monkeypatch, c
     assert main([*arguments[:4], "--measure", "lock.tim"]) == 2
     assert "did you mean 'lock.time'" in capsys.readouterr().err
     assert main([*arguments[:4], "--vary", "crank_length=1,2"]) == 2
+
+
+def test_the_work_of_writing_tables_grows_with_the_number_of_designs_and_not_with_its_square(tmp_path, monkeypatch):
+    """Whether an axis is numeric was found anew for each design: an interrupted sweep of 100,000 took hours to end."""
+    from bellcrank.studies import axes
+
+    result = bc.sweep("pendulum", {"simulate.duration": [0.01 * k for k in range(1, 21)]})
+    calls = []
+    split = axes._split
+    monkeypatch.setattr(axes, "_split", lambda value: calls.append(value) or split(value))
+    result.to_json(tmp_path / "s.json"), result.to_csv(tmp_path / "s.csv")
+    assert len(calls) <= len(result.designs)

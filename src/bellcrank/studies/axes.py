@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from bellcrank import arguments
+from bellcrank.cached_values import cached_property
 from bellcrank.config.fields import parse_number
 from bellcrank.config.numbers import split_number, whole_number
 from bellcrank.config.yaml_file import read_value
@@ -43,7 +44,7 @@ class Axis:
         """The path with its unit, for the title of a column."""
         return f"{self.path} [{self.unit or '1'}]"
 
-    @property
+    @cached_property
     def numeric(self) -> bool:
         """Whether the values are numbers."""
         return all(_split(value) is not None for value in self.values)
