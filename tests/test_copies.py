@@ -128,7 +128,7 @@ def test_a_scene_with_a_table_needs_no_file_when_it_is_unpickled(tmp_path):
     again = pickle.loads(data)
     np.testing.assert_array_equal(state(again), expected)
     assert again.files == files and again.settings.rtol == 1e-7
-    assert again.marked_data["simulate"].overrides == {"rtol": "simulate.rtol"}
+    assert again.source_data["simulate"].overrides == {"rtol": "simulate.rtol"}
 
 
 def test_a_constraint_of_ones_own_is_pickled_by_its_function_where_that_has_a_name(copied):

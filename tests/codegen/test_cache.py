@@ -285,7 +285,10 @@ def test_a_fact_that_is_wrong_in_one_place_is_made_anew(fresh_cache):
             cache.store(name, json.dumps(facts | {"has_work": not facts["has_work"]}).encode())
         if name.startswith("robot-"):
             facts = json.loads(cache.load(name))
-            cache.store(name, json.dumps(facts | {"lower": facts["lower"][:-1]}).encode())
+            cache.store(
+                name,
+                json.dumps(facts | {"limits": facts["limits"] | {"lower": facts["limits"]["lower"][:-1]}}).encode(),
+            )
     np.testing.assert_array_equal(swing(), expected)
 
 

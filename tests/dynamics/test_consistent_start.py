@@ -334,9 +334,9 @@ def test_a_clock_that_starts_anew_and_a_moved_start_are_said(tmp_path):
     scene = pushed(tmp_path)
     simulate(scene, duration=0.4).save(tmp_path / "half.npz")
     anew = scene.with_overrides({"initial.run": "half.npz"})
-    notes = " ".join(anew.notes)
-    assert "half.npz ends where its clock reads 0.4 s" in notes and "push" in notes and "constraint 'way'" in notes
-    assert "the constraints do not fit the state of half.npz" in notes
+    notes = " ".join(scene_notes(anew))
+    assert "half.npz ends at clock time 0.4 s" in notes and "push" in notes and "constraint 'way'" in notes
+    assert "the state of half.npz does not satisfy the constraints" in notes
 
 
 def test_another_time_of_a_run_is_one_of_its_rows(tmp_path):

@@ -77,7 +77,7 @@ def test_a_motion_that_ends_at_rest_is_held(arm, tmp_path):
     assert run.status is Status.FINISHED and run.time[-1] == 3.0
     assert run.position[-1, 0] == pytest.approx(1.3, abs=1e-9) and abs(run.velocity[-1, 0]) < 1e-9
     assert run.energy_drift() < 1e-8
-    assert "drive 'motor': its motion ends at 2 s; then its last position is held" in scene_notes(run.scene)
+    assert "prescribed motion 'motor' ends at 2 s; then its last position is held" in scene_notes(run.scene)
 
 
 @pytest.mark.parametrize(
@@ -146,7 +146,7 @@ def test_a_controller_holds_the_end_of_a_moving_motion_and_says_so(arm, tmp_path
     assert run.status is Status.FINISHED
     assert (
         "control 'servo': its motion ends at 2 s while it still moves at up to 1.3 rad/s or m/s, and the run at 3 s; "
-        "in between the last posture is the target, at rest"
+        "from then on the last posture is the target, at rest"
     ) in scene_notes(run.scene)
 
 

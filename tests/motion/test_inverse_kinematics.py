@@ -236,7 +236,7 @@ def test_an_orientation_out_of_reach(ur5):
     [
         (dict(frame="tipp"), "unknown frame 'tipp'; did you mean 'tip'"),
         (dict(frame="base"), "no joint of 'planar_2r' moves frame 'base'"),
-        (dict(orientation="hold"), "has 3 free numbers, but 'planar_2r' moves it by 2 joints only"),
+        (dict(orientation="hold"), "has 3 coordinates, but 'planar_2r' moves it by 2 joints only"),
         (dict(orientation="level"), "argument 'orientation': expected 'hold', rpy or a rotation matrix"),
         (dict(orientation=np.diag([1.0, 1.0, -1.0])), "is not a rotation"),
         (dict(orientation=(0, 0)), r"got shape \(2,\)"),

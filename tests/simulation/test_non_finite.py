@@ -182,7 +182,9 @@ def test_a_formula_that_has_values_in_part_of_the_postures_binds(tmp_path, expre
 
 @pytest.mark.parametrize("expression", [f"sqrt({SHOULDER}-0.3)", f"1/({SHOULDER}-0.3)"])
 def test_a_formula_without_a_derivative_at_the_start_is_refused_by_name(tmp_path, expression):
-    with pytest.raises(bc.InputError, match=r"constraint 'own' or its derivative is no number .* at the start"):
+    with pytest.raises(
+        bc.InputError, match=r"constraint 'own' or its derivative is undefined or larger than .* at the start"
+    ):
         bc.simulate(closed(tmp_path, expression))
 
 
@@ -213,7 +215,7 @@ def test_a_disk_on_a_base_that_is_fixed_is_refused_in_one_sentence(tmp_path):
     assert isinstance(loaded.constraints[0], RollingDisk)
     with pytest.raises(bc.InputError, match="no movable joint"):
         bc.simulate(loaded)
-    with pytest.raises(bc.InputError, match="'floor' cannot close"):
+    with pytest.raises(bc.InputError, match="'floor' cannot hold"):
         scene_notes(loaded)
 
 
@@ -270,7 +272,8 @@ def test_a_joint_whose_load_is_no_number_or_overflows_is_refused_with_motion_tim
     tmp_path, swing, force, value
 ):
     with pytest.raises(
-        bc.InputError, match=r"motion 'swing': planar_2r: the force that joint 'shoulder' needs"
+        bc.InputError,
+        match=r"motion 'swing': planar_2r: the motion and the scene's forces require .* of joint 'shoulder'",
     ) as error:
         bc.size(bc.load_scene(scene(tmp_path, f"forces: [{force}]\n")), swing)
     assert value in str(error.value)

@@ -168,51 +168,15 @@ class Linkage:
         return self._torques(t, self.equations.needed(t, q, v, a), self.kinematics.terms(t, q, v).jacobian)
 
     def _torques(self, t: Array, need: Array, jacobian: Array) -> tuple[Array, Array]:
-        torque = products(self.torque_shares(jacobian, t), need)
+        torque = products(torque_shares(self, jacobian, t), need)
         left = need.copy()
         left[:, self._columns] -= torque
         inverse = jacobian_inverse(self.kinematics.scaled(jacobian).transpose(0, 2, 1))
         units = self.kinematics.units
         return torque, products(inverse, left * units) / rows_of(self.kinematics.scene).unit
 
-    def torque_shares(self, jacobian: Array, time: Array | None = None) -> Array:
-        """The matrices P (n, k, nv) that give the motors' least torques τ = P Q for joint forces Q.
-
-        Args:
-            jacobian: Jacobians of the constraints (n, m, nv), as `kinematics.jacobian` gives.
-            time: Times (n,) s for messages.
-
-        Returns:
-            The matrices P.
-
-        Raises:
-            InputError: The constraints leave no degree of freedom.
-            UnreachableError: The motors cannot move the linkage.
-        """
-        source, units = self.scene.source, self.kinematics.units
-        jacobian = self.kinematics.scaled(jacobian)
-        constrained = int(max(rank(jacobian[k]) for k in np.linspace(0, len(jacobian) - 1, 7).astype(int)))
-        _, _, vt = svd(jacobian, f"{source}: the constraints are")
-        null = vt[:, constrained:, :]  # rows: an orthonormal basis of the motions that the constraints allow
-        grip = null[:, :, self._columns]
-        if null.shape[1] == 0:
-            raise InputError(f"{source}: the constraints of {self.robot.name} leave no degree of freedom")
-        singular = singular_values(grip, f"{source}: the motions that the constraints allow are")
-        too_few = grip.shape[2] < grip.shape[1]
-        weak = int(np.argmin(singular[:, -1]))
-        if too_few or singular[weak, -1] < SINGULAR:
-            when = "" if time is None or too_few else f" at {time[weak]:.6g} s"
-            freedoms = f"{null.shape[1]} degree{'s' * (null.shape[1] != 1)} of freedom"
-            raise UnreachableError(
-                f"{source}: motors at {', '.join(joint.name for joint in self.motors)} cannot move the {freedoms} of "
-                f"{self.robot.name}{when}; actuate "
-                f"{'more joints' if too_few else 'another joint, or keep away from that posture'}"
-            )
-        null = null * units
-        return np.asarray(pseudo_inverse(null[:, :, self._columns], f"{source}: the constraints are") @ null)
-
     def _shares_at(self, t: Array, q: Array) -> Array:
-        return self.torque_shares(self.kinematics.jacobian(t, q), t)
+        return torque_shares(self, self.kinematics.jacobian(t, q), t)
 
     def friction(self, t: Array, q: Array, v: Array) -> Array:
         """The part of the motors' torques that overcomes friction, also of joints without a motor.
@@ -329,3 +293,40 @@ class Linkage:
         n = len(arguments.array("t", states["t"], (None,), "s"))
         sizes = {"q": self.robot.nq, "v": self.robot.nv, "a": self.robot.nv}
         return tuple(arguments.array(name, x, (n,) if name == "t" else (n, sizes[name])) for name, x in states.items())
+
+
+def torque_shares(linkage: Linkage, jacobian: Array, time: Array | None = None) -> Array:
+    """The matrices P (n, k, nv) that give the motors' least torques τ = P Q for joint forces Q.
+
+    Args:
+        jacobian: Jacobians of the constraints (n, m, nv), as `kinematics.jacobian` gives.
+        time: Times (n,) s for messages.
+
+    Returns:
+        The matrices P.
+
+    Raises:
+        InputError: The constraints leave no degree of freedom.
+        UnreachableError: The motors cannot move the linkage.
+    """
+    source, units = linkage.scene.source, linkage.kinematics.units
+    jacobian = linkage.kinematics.scaled(jacobian)
+    constrained = int(max(rank(jacobian[k]) for k in np.linspace(0, len(jacobian) - 1, 7).astype(int)))
+    _, _, vt = svd(jacobian, f"{source}: the constraints are")
+    null = vt[:, constrained:, :]  # rows: an orthonormal basis of the motions that the constraints allow
+    grip = null[:, :, linkage._columns]
+    if null.shape[1] == 0:
+        raise InputError(f"{source}: the constraints of {linkage.robot.name} leave no degree of freedom")
+    singular = singular_values(grip, f"{source}: the motions that the constraints allow are")
+    too_few = grip.shape[2] < grip.shape[1]
+    weak = int(np.argmin(singular[:, -1]))
+    if too_few or singular[weak, -1] < SINGULAR:
+        when = "" if time is None or too_few else f" at {time[weak]:.6g} s"
+        freedoms = f"{null.shape[1]} degree{'s' * (null.shape[1] != 1)} of freedom"
+        raise UnreachableError(
+            f"{source}: motors at {', '.join(joint.name for joint in linkage.motors)} cannot move the {freedoms} of "
+            f"{linkage.robot.name}{when}; actuate "
+            f"{'more joints' if too_few else 'another joint, or keep away from that posture'}"
+        )
+    null = null * units
+    return np.asarray(pseudo_inverse(null[:, :, linkage._columns], f"{source}: the constraints are") @ null)

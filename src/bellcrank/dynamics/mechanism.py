@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,9 +100,9 @@ def mechanism_of(
         if any(not isinstance(constraint, PrescribedMotion) for constraint in given.constraints):
             return Linkage(given, robot, actuated)
         return OpenChain(given.robot if robot is None else robot, given, actuated or given.config.actuated or None)
-    if not isinstance(given, Robot):
+    if not isinstance(given, Robot) and not hasattr(given, "inverse_dynamics"):  # other classes may have its methods
         arguments.refuse("robot", "a robot, a scene or a linkage", given, remedy="bc.load_scene reads a scene")
-    return OpenChain(given)
+    return OpenChain(cast(Robot, given))
 
 
 @dataclass(frozen=True)
