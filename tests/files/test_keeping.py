@@ -84,7 +84,7 @@ def test_blocks_are_the_rows_of_the_whole_run_to_the_bit_up_to_their_end(tmp_pat
     folder = stopped_by_its_caller(scene, tmp_path, **settings)
     part = bc.load_run(folder)
     assert part.status == "interrupted" and 0.0 < part.time[-1] < LASTS["duration"]
-    assert any("stopped before" in warning for warning in part.warnings)
+    assert any("ended before" in warning for warning in part.warnings)
 
     def stop(time):
         if time > part.time[-1]:
@@ -123,7 +123,7 @@ def test_blocks_of_an_unfinished_run_are_renamed_by_the_next_and_stay_readable(t
         bc.simulate("pendulum", keep=tmp_path / "run.npz", duration=0.1)  # this process runs
     monkeypatch.setattr(checkpoints, "is_running", lambda mark: False)
     assert main(["simulate", "pendulum", "--no-plots", "--out", str(tmp_path)]) == 0
-    assert f"is now {tmp_path / 'run.blocks.1'}" in capsys.readouterr().out
+    assert f"its partial results are now in {tmp_path / 'run.blocks.1'}" in capsys.readouterr().out
     again = bc.load_run(tmp_path / "run.blocks.1")
     assert np.array_equal(again.state, first.state) and np.array_equal(again.time, first.time)
     stopped_by_its_caller("pendulum", tmp_path, blocks=1, **LASTS)
@@ -175,7 +175,7 @@ def test_what_compressed_blocks_unpack_to_is_limited_together(tmp_path, monkeypa
     size = (folder / "0001.npz").stat().st_size
     assert 20 * size < claimed / 2
     monkeypatch.setattr("bellcrank.scene.run_contents.UNPACKED", claimed * count // 2)
-    with pytest.raises(InputError, match=r"0001.npz.*its members claim \d+ bytes"):
+    with pytest.raises(InputError, match=r"0001.npz.*its members unpack to \d+ bytes"):
         bc.load_run(folder)
 
 
@@ -279,7 +279,7 @@ def test_whoever_stops_a_run_waits_for_no_picture_and_no_long_table(tmp_path, mo
 
         yield stop
 
-    monkeypatch.setattr(simulate_command, "simulated_bar", stopping)
+    monkeypatch.setattr(simulate_command, "simulation_progress", stopping)
     for most, names in ((0, {"run.npz"}), (10**6, {"run.npz", "run.csv"})):
         monkeypatch.setattr(simulate_command, "INTERRUPTED_ROWS", most)
         folder = tmp_path / str(most)

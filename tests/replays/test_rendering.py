@@ -113,7 +113,7 @@ def test_an_mp4_holds_every_frame(page, tmp_path):
 @pytest.mark.parametrize(
     ("name", "options", "sentence"),
     [
-        ("a.avi", {}, "a film is written as .gif or .mp4, not as '.avi'"),
+        ("a.avi", {}, "expected a file name that ends in .gif or .mp4"),
         ("a.gif", {"speed": 0.0}, "expected a number above 0, found 0.0"),
         ("a.gif", {"fps": 60.0}, "expected 1 to 50 for .gif, found 60.0"),
         ("a.mp4", {"speed": 1e-3}, "the most is 5000; use a higher speed"),
@@ -127,7 +127,7 @@ def test_a_film_that_cannot_be_is_refused_and_leaves_nothing(page, tmp_path, nam
 
 def test_without_a_browser_the_command_says_so_before_it_simulates(no_browser, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(command, "shown", lambda arguments: pytest.fail("it was simulated"))
+    monkeypatch.setattr(command, "compute_or_load", lambda arguments: pytest.fail("it was simulated"))
     parser = command.argparse.ArgumentParser()
     command.add_arguments(parser)
     with pytest.raises(InputError, match=r"none of chromium.* is on the PATH; install one") as caught:

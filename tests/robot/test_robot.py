@@ -256,7 +256,7 @@ def test_cleaning_makes_quarter_turns_exact_and_changes_nothing_else():
 @settings(max_examples=200)
 @given(st.floats(-7, 7), st.floats(-7, 7), st.floats(-7, 7), st.floats(-3e-11, 3e-11))
 def test_cleaning_keeps_every_rotation_a_rotation(roll, pitch, yaw, residue):
-    from bellcrank.robot.tree import Cleaning
+    from bellcrank.robot.rounding_cleanup import Cleaning
 
     rotation = pin.rpy.rpyToMatrix(roll + residue, np.round(pitch) * np.pi / 2 + residue, yaw)
     clean = Cleaning().rotation(rotation)
@@ -270,12 +270,12 @@ def test_cleaning_keeps_every_rotation_a_rotation(roll, pitch, yaw, residue):
         ({"gravity": (0, 1)}, "argument 'gravity': expected 3 numbers"),
         ({"gravity": (0, 0, float("nan"))}, "'gravity': expected 3 finite numbers"),
         ({"friction": "dry"}, "friction.*urdf, none"),
-        ({"friction": {"elbow": (1, 1)}}, "no joint 'elbow'.*did you mean 'elbow_joint'"),
+        ({"friction": {"elbow": (1, 1)}}, "unknown joint 'elbow'.*did you mean 'elbow_joint'"),
         ({"friction": {"elbow_joint": (-1, 1)}}, "two numbers of at least 0"),
         ({"friction": {"elbow_joint": 3}}, r"expected 2 numbers \(viscous, coulomb\)"),
         ({"rotor_inertia": {"elbow_joint": -0.1}}, "rotor_inertia.*at least 0"),
         ({"friction_width": 0.0}, "'friction_width': .* more than 0"),
-        ({"payloads": [bc.Payload(1.0, "tool")]}, "no frame 'tool'.*did you mean 'tool0'"),
+        ({"payloads": [bc.Payload(1.0, "tool")]}, "unknown frame 'tool'.*did you mean 'tool0'"),
         ({"frames": {"tool0": ("wrist_3_link", (0, 0, 0), (0, 0, 0))}}, "choose another name"),
     ],
 )
@@ -388,7 +388,7 @@ def test_a_joint_named_as_the_free_base_is_refused(tmp_path):
     path = tmp_path / "one.urdf"
     path.write_text(JOINT % ("root_joint", "0 0 0"))
     assert bc.load_robot(path).nv == 1
-    with pytest.raises(InputError, match=r"a joint is named 'root_joint'.*rename it"):
+    with pytest.raises(InputError, match=r"a joint has the name 'root_joint'.*rename it"):
         bc.load_robot(path, floating_base=True)
 
 

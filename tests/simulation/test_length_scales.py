@@ -156,5 +156,5 @@ def test_inverse_dynamics_of_a_small_slider_crank_are_those_of_a_large_one(s, tm
 
 def test_a_mass_too_small_to_compute_with_is_refused(tmp_path):
     data = mechanism("point", 1e-17, tmp_path)
-    with pytest.raises(InputError, match=r"'crank_link' has a mass of 2e-17 kg; bodies below 2\.3e-16 kg"):
+    with pytest.raises(InputError, match=r"'crank_link' has a mass of 2e-17 kg; masses below 2\.3e-16 kg"):
         read(data, tmp_path)

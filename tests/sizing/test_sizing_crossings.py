@@ -388,5 +388,5 @@ def test_a_drive_that_follows_another_motion_than_the_one_that_is_sized_is_said(
     path = written(
         tmp_path, SCARA, motions={"press": PRESS, "slow": {**PRESS, "times": [0, 2, 4]}}, constraints=[drive]
     )
-    assert [text for text in bc.size(path, "slow").warnings if "prescribed motion 'lift'" in text and "'press'" in text]
-    assert not [text for text in bc.size(path, "press").warnings if "prescribed motion" in text]
+    assert [text for text in bc.size(path, "slow").warnings if "constraint 'lift'" in text and "'press'" in text]
+    assert not [text for text in bc.size(path, "press").warnings if "prescribes" in text]
