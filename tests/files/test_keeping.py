@@ -128,7 +128,7 @@ def test_blocks_of_an_unfinished_run_are_renamed_by_the_next_and_stay_readable(t
     assert np.array_equal(again.state, first.state) and np.array_equal(again.time, first.time)
     stopped_by_its_caller("pendulum", tmp_path, blocks=1, **LASTS)
     assert main(["report", str(tmp_path)]) == 2  # run.npz is the earlier run
-    assert "name one of them" in capsys.readouterr().err
+    assert "give one path" in capsys.readouterr().err
     assert main(["report", str(tmp_path / "run.blocks"), "--out", str(tmp_path / "r.html")]) == 1
     assert "interrupted" in capsys.readouterr().out
     bc.simulate("pendulum", keep=tmp_path / "run.npz", duration=0.1)
