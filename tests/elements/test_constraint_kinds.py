@@ -537,7 +537,7 @@ APEX = {"name": "apex", "kind": "point", "frame_a": "coupler_tip", "frame_b": "r
         ({"constraints": [{"kind": "expression", "expression": "crack.position"}]}, "unknown joint 'crack'"),
         ({"constraints": [{"kind": "gepetto", "file": "none.yaml"}]}, "none.yaml"),
         ({"constraints": APEX}, "expected a list of mappings"),
-        ({"simulate.stabilisation": "baumgarte"}, "baumgarte needs gains"),
+        ({"simulate.stabilisation": "baumgarte"}, "baumgarte requires gains"),
         ({"simulate.stabilisation": {"kind": "baumgarte"}}, "the key 'alpha' is missing"),
         ({"simulate.stabilisation": {"kind": "baumgarte", "gains": "auto", "alpha": 1}}, "found both"),
         ({"simulate.stabilisation": {"kind": "baumgarte", "alpha": -1, "beta": 1}}, "expected 0 1/s or more"),
