@@ -218,7 +218,7 @@ class Scene(Portable, Renamed):
             >>> [constraint.name for constraint in scene.constraints]
             ['opposite']
         """
-        arguments.function("function", function, "a function of Symbols that gives casadi expressions")
+        arguments.function("function", function, "a function of Symbols that returns casadi expressions")
         arguments.text("name", name)
         arguments.text("unit", unit, "a unit such as 'm' or 'rad/s', or '1'")
         if name in [constraint.name for constraint in self.constraints]:
