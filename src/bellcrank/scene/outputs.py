@@ -1,12 +1,16 @@
-"""The named outputs of a scene: what else is wanted of a run than positions and their rates.
+"""The outputs of a scene: named quantities that a simulation records besides positions and velocities.
 
-outputs: {NAME: …} with one of {frame, what: position | velocity | rotation | angular_velocity} (world axes), {joint,
-what: position | velocity | acceleration | torque}, {energy: kinetic | potential | total}, {momentum: linear | angular}
-(of a robot with a free base; angular about the world's origin), {force: NAME}, {constraint: NAME, what: multipliers |
-contact_point | friction_demand} (its multipliers, forces on the body of its first frame; of a rolling disk the place
-of contact in the world, and friction over normal force) and {expression, unit} (expression.py). The force of a name is
-a force's or controller's generalised force at its joints, positive along their coordinates, so that a stretched
-joint_spring's is negative; a spring's tension, positive where it pulls; a wrench in world axes.
+outputs: {NAME: ENTRY}, where an entry is one of
+
+- {frame, what: position | velocity | rotation | angular_velocity}, in world axes;
+- {joint, what: position | velocity | acceleration | torque};
+- {energy: kinetic | potential | total};
+- {momentum: linear | angular} of a robot with a free base, the angular momentum about the world's origin;
+- {force: NAME} of a force or controller: the generalised force at its joints, positive along their coordinates
+  (negative for a stretched joint_spring), the tension of a spring, or a wrench in world axes;
+- {constraint: NAME, what: multipliers | contact_point | friction_demand}: multipliers are forces on the body of the
+  first frame; the others, of a rolling disk, are the point of contact in the world and friction over normal force;
+- {expression, unit} (elements/expression.py).
 """
 
 from __future__ import annotations
@@ -45,25 +49,25 @@ MOMENTA: Final = {
 
 
 class Quantity:
-    """What an output shows: its columns' titles after the output's name, the frames it uses, its expression."""
+    """The quantity of an output: its expression, the frames that it uses, and the titles of its columns."""
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The frames it uses."""
+        """The frames that it uses."""
         return ()
 
     def suffixes(self) -> tuple[str, ...]:
-        """What follows the output's name in the titles of its columns."""
+        """The parts of the columns' titles that follow the output's name."""
         raise NotImplementedError
 
     def value(self, equations: EquationSymbols) -> casadi.SX:
-        """Its column."""
+        """The values of the columns."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class FrameOutput(Quantity):
-    """A frame's position, velocity, rotation (row by row) or angular velocity, world axes."""
+    """A frame's position, velocity, rotation (by rows) or angular velocity, in world axes."""
 
     frame: str
     what: str
@@ -74,11 +78,11 @@ class FrameOutput(Quantity):
         return (self.frame,)
 
     def suffixes(self) -> tuple[str, ...]:
-        """What follows the output's name in a column's title."""
+        """The parts of the columns' titles that follow the output's name."""
         return FRAME_LABELS[self.what]
 
     def value(self, equations: EquationSymbols) -> casadi.SX:
-        """The column."""
+        """The values of the columns."""
         import casadi
 
         f = equations.symbols.frame(self.frame)
@@ -90,7 +94,7 @@ class FrameOutput(Quantity):
 
 @dataclass(frozen=True)
 class JointOutput(Quantity):
-    """A joint's position, velocity, acceleration, or torque: the sum of the scene's forces at it, not gravity."""
+    """A joint's position, velocity, acceleration, or torque (the sum of the scene's forces at it, without gravity)."""
 
     joint: RobotJoint
     what: str
@@ -109,7 +113,7 @@ class JointOutput(Quantity):
 
 @dataclass(frozen=True)
 class EnergyOutput(Quantity):
-    """Kinetic energy, potential energy of gravity and springs, or both, J."""
+    """Kinetic energy, potential energy of gravity and springs, or their sum, J."""
 
     energy: str
 
@@ -127,17 +131,17 @@ class EnergyOutput(Quantity):
 class MomentumOutput(Quantity):
     """The momentum of the whole robot in the world: linear, kg m/s, or angular about the world's origin, kg m²/s.
 
-    ∂T/∂(base velocity) is the momentum in the base's axes, about the base's origin; it is turned and moved from there.
+    ∂T/∂(base velocity) is the momentum in the base's axes about the base's origin; it is transformed to the world.
     """
 
     momentum: str
 
     def suffixes(self) -> tuple[str, ...]:
-        """One a component."""
+        """One for each component."""
         return MOMENTA[self.momentum]
 
     def value(self, equations: EquationSymbols) -> casadi.SX:
-        """The column."""
+        """The values of the columns."""
         import casadi
 
         conjugate = casadi.gradient(equations.kinetic, equations.symbols.v)[:6]
@@ -151,74 +155,74 @@ class MomentumOutput(Quantity):
 
 @dataclass(frozen=True)
 class ForceOutput(Quantity):
-    """A force or controller as an instrument would show it."""
+    """The force of a force or controller, as its `measure` returns it."""
 
     force: Force
     labels: tuple[str, ...]
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """Those of the force."""
+        """The frames of the force."""
         return self.force.frames
 
     def suffixes(self) -> tuple[str, ...]:
-        """As the force says."""
+        """The labels of the force."""
         return self.labels
 
     def value(self, equations: EquationSymbols) -> casadi.SX:
-        """As the force says."""
+        """The values of the columns."""
         return self.force.measure(equations.symbols)
 
 
 @dataclass(frozen=True)
 class ConstraintOutput(Quantity):
-    """A constraint's multipliers, N or N m as its labels say, and 0 for a row that a planar loop does not have."""
+    """A constraint's multipliers in the units of its labels; 0 for rows that a planar loop does not have."""
 
     constraint: Constraint
     labels: tuple[str, ...]
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """Those of the constraint."""
+        """The frames of the constraint."""
         return self.constraint.frames
 
     def suffixes(self) -> tuple[str, ...]:
-        """As the constraint says."""
+        """The labels of the constraint."""
         return self.labels
 
     def value(self, equations: EquationSymbols) -> casadi.SX:
-        """One a row."""
+        """One number for each row."""
         return equations.multipliers(self.constraint.name)
 
 
 @dataclass(frozen=True)
 class ContactOutput(Quantity):
-    """Where a rolling disk touches its plane: the point (3) m in the world."""
+    """The point of contact of a rolling disk with its plane (3), m, in the world."""
 
     disk: RollingDisk
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The disk's."""
+        """The frame of the disk."""
         return self.disk.frames
 
     def suffixes(self) -> tuple[str, ...]:
-        """One a component."""
+        """One for each component."""
         return FRAME_LABELS["position"]
 
     def value(self, equations: EquationSymbols) -> casadi.SX:
-        """The column."""
+        """The values of the columns."""
         return self.disk.contact_point(equations.symbols)
 
 
 @dataclass(frozen=True)
 class DemandOutput(Quantity):
-    """The coefficient of friction that keeps a disk rolling: |friction| / normal force, infinite where that is 0."""
+    """The coefficient of friction required for rolling: |friction| / normal force, infinite for a normal force of 0."""
 
     disk: RollingDisk
 
     def suffixes(self) -> tuple[str, ...]:
-        """A plain number."""
+        """The unit 1."""
         return ("[1]",)
 
     def value(self, equations: EquationSymbols) -> casadi.SX:
@@ -231,14 +235,14 @@ class DemandOutput(Quantity):
 
 @dataclass(frozen=True)
 class ExpressionOutput(Quantity):
-    """A formula with its unit."""
+    """An expression with its unit."""
 
     expression: Expression
     unit: str
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """Those in the formula."""
+        """The frames in the expression."""
         return self.expression.frames
 
     def suffixes(self) -> tuple[str, ...]:
@@ -252,7 +256,7 @@ class ExpressionOutput(Quantity):
 
 @dataclass(frozen=True)
 class Output:
-    """A named quantity of a run, one column or several."""
+    """A named quantity of a simulation, with one or several columns."""
 
     name: str
     quantity: Quantity
@@ -264,18 +268,18 @@ class Output:
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The frames it uses."""
+        """The frames that it uses."""
         return self.quantity.frames
 
     def value(self, equations: EquationSymbols) -> casadi.SX:
-        """Its column (len(labels)) over the symbols of a scene whose acceleration and energies are known."""
+        """The values of the columns (len(labels)) over the symbols of a scene and the solution of its equations."""
         return self.quantity.value(equations)
 
 
 def read_outputs(
     read: Fields, robot: Robot, parameters: Mapping[str, Any], parts: Sequence[Element]
 ) -> dict[str, Output]:
-    """The mapping `outputs` of a scene; InputError naming file and key."""
+    """Read the mapping `outputs` of a scene with these elements. Raises InputError naming file and key."""
 
     def frame(entry: Fields) -> Quantity:
         return FrameOutput(read_frame(entry, robot), entry.choice("what", tuple(FRAME_LABELS), "position"))
@@ -288,7 +292,7 @@ def read_outputs(
 
     def momentum(entry: Fields) -> Quantity:
         if not robot.floating_base:
-            raise entry.error("momentum", "the momentum of a robot with a fixed base is not its own; set floating_base")
+            raise entry.error("momentum", "'momentum' requires a free base; write floating_base: true")
         return MomentumOutput(entry.choice("momentum", tuple(MOMENTA)))
 
     def force(entry: Fields) -> Quantity:
@@ -298,7 +302,7 @@ def read_outputs(
         if not found:
             raise entry.error("force", unknown_name("force or controller", name, [part.name for part in forces]))
         if len(found) > 1:
-            raise entry.error("force", f"a force and a controller are both named '{name}'; give one another name")
+            raise entry.error("force", f"a force and a controller are both named '{name}'; rename one of them")
         return ForceOutput(found[0], found[0].labels(robot))
 
     def constraint(entry: Fields) -> Quantity:
@@ -310,7 +314,9 @@ def read_outputs(
         if what == "multipliers":
             return ConstraintOutput(chosen, chosen.labels(robot))
         if not isinstance(chosen, RollingDisk):
-            raise entry.error("what", f"only a rolling disk has a {what}, and constraint '{name}' is a {chosen.kind}")
+            raise entry.error(
+                "what", f"'{what}' requires a rolling disk, but constraint '{name}' is of kind '{chosen.kind}'"
+            )
         return ContactOutput(chosen) if what == "contact_point" else DemandOutput(chosen)
 
     def expression(entry: Fields) -> Quantity:

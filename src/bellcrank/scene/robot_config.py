@@ -199,8 +199,8 @@ def find_config(path_or_name: str | Path) -> tuple[Path, bool]:
         return path, False
     if path.suffix.lower() in (".npz", ".csv"):
         raise InputError(
-            f"{text}: expected a scene, a configuration or a URDF; bc.load_run opens a saved run (.npz), and read_motion, "
-            "or size with --motion, a CSV"
+            f"{text}: expected a scene, a configuration or a URDF; to open a saved run (.npz) use bc.load_run, to open a "
+            "CSV use bc.read_motion or `bellcrank size --motion`"
         )
     configs = names()
     if not _is_file(path):
