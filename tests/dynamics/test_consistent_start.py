@@ -202,7 +202,7 @@ def test_components_that_are_not_given_are_0_where_nothing_closes(tmp_path):
     ("text", "words"),
     [
         ("loose: 0.3", "joint 'loose' is floating; expected a mapping"),
-        ("loose: {position: [1, 2]}", "position (line 4): expected a list of 3 numbers in m, ~ for those that follow"),
+        ("loose: {position: [1, 2]}", "position (line 4): expected a list of 3 numbers in m, with ~ for open ones"),
         ("loose: {position: {w: 1}}", "unknown key 'w'"),
         ("loose: {expressed_in: world}", "(expected: parent, body)"),
         ("loose: {rpy: [0, 0, 0], quaternion_xyzw: [0, 0, 0, 1]}", "expected 'rpy' or 'quaternion_xyzw', found both"),
@@ -384,11 +384,11 @@ def test_after_a_latch_a_run_goes_on_behind_the_impact(tmp_path):
     np.testing.assert_array_equal(q, run.position[-1])
     np.testing.assert_allclose(v, latch.velocity, atol=1e-13)
     assert abs(v[1]) < 1e-12
-    # a file of version 0.4 does not hold the velocity behind the impact: saved once more, it does
+    # a file of version 0.4 lacks the velocity after the impact; saved again, it has it
     with np.load(tmp_path / "shut.npz") as archive:
         members = {name: archive[name] for name in archive.files if name != "latch_velocity"}
     np.savez(tmp_path / "old.npz", **members)
-    with pytest.raises(InputError, match=r"old\.npz: the run ended with a latch .*bc\.load_run\(FILE\)\.save\(FILE\)"):
+    with pytest.raises(InputError, match=r"old\.npz: the run ended with a latch, .*bc\.load_run\(FILE\)\.save\(FILE\)"):
         scene.with_overrides({"initial": {"run": "old.npz"}})
     bc.load_run(tmp_path / "old.npz").save(tmp_path / "old.npz")
     again = consistent_start(scene.with_overrides({"initial": {"run": "old.npz"}}))
@@ -408,8 +408,8 @@ def test_after_a_latch_a_run_goes_on_behind_the_impact(tmp_path):
         ({"run": "none.npz"}, "there is no such file"),
         ({"run": "pushed.urdf"}, "not a run"),
         ({"run": "half.npz", "motion": "m"}, "expected 'run' or 'motion', found both"),
-        ({"time": 0.2}, "name it as run: FILE.npz"),
-        ({"clock": "continue"}, "name it as run: FILE.npz"),
+        ({"time": 0.2}, "name the run as run: FILE.npz"),
+        ({"clock": "continue"}, "name the run as run: FILE.npz"),
         ({"run": "other.npz"}, "only the run has loose (floating); only the robot has loose_x (prismatic)"),
     ],
 )
@@ -435,7 +435,7 @@ def test_the_command_line_finds_a_run_where_one_stands(tmp_path, monkeypatch, ca
     assert main([*arguments, "--out", "out"]) == 0
     run.save(tmp_path / "mine.npz")
     assert main([*arguments, "--out", "out"]) == 2
-    assert "two files of that name" in capsys.readouterr().err
+    assert "two files match" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("axes", ["parent", "body"])

@@ -161,7 +161,7 @@ def test_a_block_that_is_a_link_is_not_opened_wherever_it_leads(tmp_path, name):
     bc.load_run(folder)
     (folder / name).rename(tmp_path / "elsewhere.npz")
     (folder / name).symlink_to(tmp_path / "elsewhere.npz")
-    with pytest.raises(InputError, match=f"{name}: is a symbolic link"):
+    with pytest.raises(InputError, match=f"{name}: expected a regular file, found a symbolic link"):
         bc.load_run(folder)
 
 

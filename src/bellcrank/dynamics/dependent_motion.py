@@ -18,7 +18,7 @@ from bellcrank import arguments
 from bellcrank.dynamics.closed_inverse_kinematics import ClosedInverseKinematics
 from bellcrank.dynamics.consistent_start import consistent_posture
 from bellcrank.dynamics.loop_kinematics import LoopKinematics
-from bellcrank.elements.frame_joints import frames_drawn
+from bellcrank.elements.frame_joints import path_frames
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.csv_files import unguarded
 from bellcrank.messages import unknown_name
@@ -80,7 +80,7 @@ class DependentMotions:
             if isinstance(entry, CsvEntry):
                 return read_partial_motion(self.robot, entry.path, entry.name, entry.text), given
             whole, changed = self.scene.motion(str(motion)), changed_lengths(self.scene)
-            if changed and any(frames_drawn(entry, self.entries)):
+            if changed and any(path_frames(entry, self.entries)):
                 whole = replace(whole, notes=(*whole.notes, path_note(whole.name, changed)))
             return whole, given
         file = arguments.path("motion", motion, "a motion's name or the path of a CSV file")
@@ -155,7 +155,7 @@ class DependentMotions:
 
     def _joined(self, entry: JoinEntry, previous: Array | None) -> Motion | None:
         """The motion of a join with a path in it; None for any other join."""
-        if not any(frames_drawn(entry, self.entries)):
+        if not any(path_frames(entry, self.entries)):
             return None
         motions: list[Motion] = []
         for part in entry.part_entries(self.entries):

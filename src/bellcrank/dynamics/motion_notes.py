@@ -12,7 +12,7 @@ import numpy as np
 from bellcrank.dynamics.dependent_motion import changed_lengths, path_note
 from bellcrank.elements.element import table_span
 from bellcrank.elements.expression import has_time
-from bellcrank.elements.frame_joints import frames_drawn
+from bellcrank.elements.frame_joints import path_frames
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Torque
 
@@ -114,4 +114,4 @@ def _drive_notes(scene: Scene, motion: Motion) -> Iterator[str]:
 def _follows_frame(mechanism: Mechanism, name: str) -> bool:
     """Whether a motion of the scene is made from the path of a frame, or has such a part."""
     entries = {} if mechanism.scene is None else mechanism.scene.config.motions
-    return name in entries and any(frames_drawn(entries[name], entries))
+    return name in entries and any(path_frames(entries[name], entries))

@@ -1,1 +1,1 @@
-"""What acts on a robot: forces, controllers and constraints, each as expressions; none knows a scene."""
+"""Elements that act on a robot: forces, controllers and constraints, written as expressions, independent of scenes."""

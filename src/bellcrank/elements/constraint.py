@@ -1,4 +1,4 @@
-"""The base class of constraints: residuals as expressions, and multipliers with names, units and a meaning."""
+"""The base class of constraints: residuals as expressions, and multipliers with names and units."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ReadContext:
-    """What the entries of a scene file may refer to: the robot, motions and parameters by name."""
+    """The robot, and the motions and parameters by name, to which the entries of a scene file may refer."""
 
     robot: Robot
     motions: Mapping[str, Any]
@@ -28,11 +28,11 @@ class ReadContext:
 
 
 class Residual(NamedTuple):
-    """What a constraint keeps at zero.
+    """The residuals of a constraint, which the solver keeps at zero.
 
     Attributes:
-        position: The position residual φ(q, t, u, p), holonomic.
-        velocity: The velocity residual ψ(q, v, t, u, p), linear in v and not the derivative of a φ: non-holonomic.
+        position: The position residual φ(q, t, u, p) (holonomic).
+        velocity: The velocity residual ψ(q, v, t, u, p), linear in v and not the derivative of a φ (non-holonomic).
     """
 
     position: casadi.SX
@@ -43,44 +43,45 @@ class Residual(NamedTuple):
 class Constraint(Element):
     """A constraint of a scene.
 
-    Its multipliers λ enter M v̇ = f + Jᵀ λ with the rows J = ∂φ̇/∂v and ∂ψ/∂v. `labels` name them: forces and moments on
-    the body of the first frame, with their axes and units.
+    Its multipliers λ enter M v̇ = f + Jᵀ λ with the rows J = ∂φ̇/∂v and ∂ψ/∂v. They are forces and moments on the body of
+    the first frame; `labels` gives their names, axes and units.
     """
 
     owner: ClassVar[str] = "constraint"
 
     @classmethod
     def read(cls, name: str, read: Fields, context: ReadContext) -> Self:
-        """The constraint of an entry of the list `constraints`. Raises InputError naming file and key."""
+        """Read the constraint from an entry of the list `constraints`. Raises InputError naming file and key."""
         raise NotImplementedError
 
     def residual(self, symbols: Symbols) -> Residual:
-        """Its residuals. The multipliers have the same order, those of `position` first."""
+        """The residuals. The multipliers are in the same order, those of `position` first."""
         raise NotImplementedError
 
     def lever_velocities(self, symbols: Symbols) -> casadi.SX:
-        """Velocities, m/s, whose derivatives by joint velocities are lever arms, besides those of its rows.
+        """Additional velocities, m/s, whose derivatives with respect to joint velocities are lever arms.
 
-        They give the length scale of the mechanism; most constraints have none.
+        The length scale of the mechanism is computed from them and from the rows of the Jacobian. Most constraints have
+        none.
         """
         import casadi
 
         return casadi.SX(0, 1)
 
     def lengths(self, symbols: Symbols) -> casadi.SX:
-        """Its own lengths, m, which give the length scale of the mechanism too; most constraints have none."""
+        """Lengths, m, that also enter the length scale of the mechanism. Most constraints have none."""
         import casadi
 
         return casadi.SX(0, 1)
 
     def alignment_cosine(self, symbols: Symbols) -> casadi.SX:
-        """The cosine of the angle between its two sides (1) where the residual also vanishes at 180 deg; else none (0)."""
+        """The cosine of the angle between the two sides (1), for a residual that also vanishes at 180 deg; else (0)."""
         import casadi
 
         return casadi.SX(0, 1)
 
     def alignment_residual(self, symbols: Symbols) -> casadi.SX:
-        """A residual that vanishes only where `alignment_cosine` is 1, for the search of a start from any angle below 180 deg."""
+        """A residual that vanishes only where `alignment_cosine` is 1; the search for a consistent start uses it."""
         import casadi
 
         return casadi.SX(0, 1)

@@ -1,11 +1,14 @@
-"""Loops that files of other tools tell of, beside a URDF that is their tree.
+"""Imports closed loops from the files of other tools. The tree of the mechanism comes from a URDF.
 
-gepetto: the YAML of Gepetto's parallel robots (example-parallel-robots): `closed_loop` lists pairs of frames, `type`
-says 3d (they share a point) or 6d (they coincide), and `name_mot` which joints have motors.
-mjcf: <equality> of MuJoCo's XML. Pinocchio reads <connect> and <weld>; <joint> is a coupling where its polynomial is
-linear. Joints have the names that they have in the URDF, and lie where it puts them.
-sdf: joints of SDFormat whose child is another joint's child already: revolute, ball or fixed. Pinocchio's wheels read
-no SDFormat, so a reader of its own takes poses of links in the model and of joints in their child, no `relative_to`.
+gepetto: YAML files of Gepetto's parallel robots (example-parallel-robots). `closed_loop` lists pairs of frames, `type`
+is 3d (the origins coincide) or 6d (the frames coincide), and `name_mot` lists the joints with motors.
+
+mjcf: the elements under <equality> in MuJoCo's XML. Pinocchio reads <connect> and <weld>; a <joint> with a linear
+polynomial becomes a coupling. The joints must have the same names and placements as in the URDF.
+
+sdf: joints of SDFormat whose child link already is the child of another joint: revolute, ball or fixed. Released wheels
+of Pinocchio do not read SDFormat, so these files are read here: poses of links in the model and of joints in their
+child link, without `relative_to`.
 """
 
 from __future__ import annotations
@@ -33,20 +36,20 @@ from bellcrank.robot.robot import Robot
 from bellcrank.robot.xml_tree import decoded
 
 Array = NDArray[np.float64]
-APART = 1e-6  # m, and of rotations: how far a joint may lie from where the URDF has it
+APART = 1e-6  # m, and for entries of rotation matrices: largest difference from the placement of a joint in the URDF
 ORIGIN = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class GepettoLoops:
-    """What such a YAML says: (frame a, frame b, "3d" or "6d") of each loop, and the joints with motors."""
+    """The contents of a Gepetto YAML: (frame a, frame b, "3d" or "6d") of each loop, and the joints with motors."""
 
     loops: tuple[tuple[str, str, str], ...]
     motors: tuple[str, ...]
 
 
 def read_gepetto(path: str | Path) -> GepettoLoops:
-    """The loops and motors of a Gepetto YAML; InputError, one sentence, where it is not one."""
+    """Read the loops and motors of a Gepetto YAML. Raises InputError, one sentence, for other contents."""
     data = read_yaml(path)
     pairs, kinds = data.get("closed_loop", []), data.get("type", [])
     if not isinstance(pairs, list) or not all(isinstance(p, list) and len(p) == 2 for p in pairs):
@@ -60,8 +63,8 @@ def read_gepetto(path: str | Path) -> GepettoLoops:
             raise InputError(f"{path}: type: {unknown_name('type', str(kind), ['3d', '6d'])}")
     if data.get("joint_name"):
         raise InputError(
-            f"{path}: joint_name: joints that change their type ({', '.join(map(str, data['joint_name']))}) are not "
-            "read; write them in the URDF, a spherical one as three revolute joints, and take the key away"
+            f"{path}: joint_name: changing the type of joints ({', '.join(map(str, data['joint_name']))}) is not "
+            "supported; change them in the URDF, a spherical joint to three revolute ones, and remove the key"
         )
     motors = data.get("name_mot", [])
     loops = tuple((str(a), str(b), str(kind).lower()) for (a, b), kind in zip(pairs, kinds, strict=True))
@@ -69,21 +72,21 @@ def read_gepetto(path: str | Path) -> GepettoLoops:
 
 
 def import_constraints(kind: str, name: str, read: Fields, context: ReadContext) -> list[Constraint]:
-    """The constraints of the file under the key `file`, named NAME_1, NAME_2, … Raises InputError naming file and key."""
+    """Read the file under the key `file`; constraints are named NAME_1, NAME_2, … Raises InputError naming the key."""
     path = read.file("file")
     try:
         found = IMPORTERS[kind](path, name, read, context.robot)
     except InputError as error:
         raise read.error("file", str(error)) from None
     except ValueError as error:
-        raise read.error("file", f"{path}: not a number where one is needed: {error}") from None
+        raise read.error("file", f"{path}: expected a number: {error}") from None
     if not found:
-        raise read.error("file", f"{path} closes no loops")
+        raise read.error("file", f"{path}: no closed loops found")
     return found
 
 
 def imported_motors(constraints: Sequence[Constraint], robot: Robot) -> tuple[str, ...]:
-    """The joints with motors (`name_mot`) of the Gepetto files that constraints were read from; InputError naming file."""
+    """The joints with motors (`name_mot`) in the Gepetto files of constraints. Raises InputError naming the file."""
     files = {c.place.raw("file"): c.place for c in constraints if c.place.raw("kind", None) == "gepetto"}
     found: list[str] = []
     for place in files.values():
@@ -116,13 +119,13 @@ def _mjcf(path: Path, name: str, read: Fields, robot: Robot) -> list[Constraint]
 
     root = _xml(path)
     if root.tag != "mujoco":
-        raise InputError(f"{path}: expected an MJCF file with a <mujoco>")
+        raise InputError(f"{path}: expected an MJCF file with the root element <mujoco>")
     if root.find(".//include") is not None:
-        raise InputError(f"{path}: its <include> is not read; write what it includes in its place")
+        raise InputError(f"{path}: <include> is not supported; replace it by the contents of the included file")
     try:
         model, loops = pin.buildModelAndLegacyConstraintsFromMJCF(str(path))[:2]
-    except Exception as error:  # Pinocchio raises whatever its parsers do
-        raise InputError(f"{path}: Pinocchio refuses it: {' '.join(str(error).split())[:150]}") from None
+    except Exception as error:  # Pinocchio passes on the exceptions of its parsers
+        raise InputError(f"{path}: Pinocchio cannot read it: {' '.join(str(error).split())[:150]}") from None
     constraints: list[Constraint] = []
     for loop in loops:
         title = f"{name}_{len(constraints) + 1}"
@@ -133,11 +136,11 @@ def _mjcf(path: Path, name: str, read: Fields, robot: Robot) -> list[Constraint]
         constraints.append(kind(title, read, a, b, ORIGIN, at_a=at_a, at_b=at_b))
     for element in root.iterfind("equality/*"):
         if element.get("active") == "false":
-            raise InputError(f"{path}: <{element.tag}> under <equality> is not active; take it out of the file")
+            raise InputError(f"{path}: <{element.tag}> under <equality> is inactive; remove it from the file")
         if element.tag == "joint":
             constraints.append(_mjcf_coupling(path, f"{name}_{len(constraints) + 1}", element, read, robot))
         elif element.tag not in ("connect", "weld"):
-            raise InputError(f"{path}: <{element.tag}> under <equality> is not read (connect, weld and joint are)")
+            raise InputError(f"{path}: unknown <{element.tag}> under <equality>; expected: connect, weld, joint")
     return constraints
 
 
@@ -157,7 +160,7 @@ def _one_joint(path: Path, robot: Robot, name: str) -> Any:
 
 
 def _at_joint(path: Path, robot: Robot, model: Any, joint: int, placement: Any) -> tuple[str, tuple[float, ...]]:
-    """The frame of a joint of another model in this robot, and a place in it."""
+    """The frame of this robot at a joint of another model, and a placement in it (origin, rotation by rows)."""
     import pinocchio as pin
 
     at = (*placement.translation.tolist(), *placement.rotation.ravel().tolist())
@@ -173,8 +176,8 @@ def _at_joint(path: Path, robot: Robot, model: Any, joint: int, placement: Any) 
         placed.append(data.oMi[each.getJointId(name)].homogeneous)
     if np.abs(placed[0] - placed[1]).max() > APART:
         raise InputError(
-            f"{path}: joint '{name}' is not where {robot.source.name} has it (they differ by "
-            f"{np.abs(placed[0] - placed[1]).max():.3g}); both files must put it in one place, with the same axes"
+            f"{path}: the placement of joint '{name}' differs from {robot.source.name} by "
+            f"{np.abs(placed[0] - placed[1]).max():.3g}; both files must have the same origin and axes for it"
         )
     return robot.urdf.joints[name].child, at
 
@@ -211,18 +214,21 @@ def _sdf(path: Path, name: str, read: Fields, robot: Robot) -> list[Constraint]:
             constraints.append((Point if kind == "ball" else Weld)(title, read, child, parent, ORIGIN, **at))
         else:
             raise InputError(
-                f"{path}: joint '{joint.get('name')}' closes a loop and is {kind}; revolute, ball and fixed are read"
+                f"{path}: joint '{joint.get('name')}' closes a loop: unknown type '{kind}'; expected: revolute, ball, "
+                "fixed"
             )
     return constraints
 
 
 def _pose(path: Path, element: ET.Element) -> Array:
-    """The pose (4, 4) of a link or joint: x y z roll pitch yaw."""
+    """The pose (4, 4) of a link or joint, written as x y z roll pitch yaw (m, rad)."""
     pose = element.find("pose")
     if pose is None:
         return np.eye(4)
     if pose.get("relative_to"):
-        raise InputError(f"{path}: the pose of '{element.get('name')}' is relative_to another; write plain poses")
+        raise InputError(
+            f"{path}: the pose of '{element.get('name')}' has a relative_to, which is not supported; remove it"
+        )
     x, y, z, roll, pitch, yaw = (decimal_number(value) for value in (pose.text or "0 0 0 0 0 0").split())
     import pinocchio as pin
 
@@ -236,14 +242,14 @@ def _twelve(pose: Array) -> tuple[float, ...]:
 def _xml(path: Path) -> ET.Element:
     text = decoded(read_bytes(path), path)
     if "<!ENTITY" in text:
-        raise InputError(f"{path}: declares an XML entity, which is not read; write its text out")
+        raise InputError(f"{path}: declares an XML entity, which is not supported; write its text instead")
     try:
         return ET.fromstring(text)
     except ET.ParseError as error:
         line, _ = error.position
-        raise InputError(f"{path}: line {line}: not XML ({expat.ErrorString(error.code)})") from None
+        raise InputError(f"{path}: line {line}: not valid XML ({expat.ErrorString(error.code)})") from None
     except UnicodeError:
-        raise InputError(f"{path}: holds characters that are not valid in XML; save it as UTF-8") from None
+        raise InputError(f"{path}: contains characters that are not valid in XML; save it as UTF-8") from None
 
 
 IMPORTERS: Final[Mapping[str, Callable[[Path, str, Fields, Robot], list[Constraint]]]] = {

@@ -1,8 +1,8 @@
-"""Reads the constraints of a scene: what the tree of a URDF cannot express.
+"""Reads the constraints of a scene.
 
-Each entry of the list `constraints` has a `kind`, maybe a `name`, and the keys of its kind. To add a kind, derive a class
-from `Constraint` (constraint.py) and add it to `KINDS`. Files of other tools (constraint_importers.py) are kinds too; one
-entry stands for all loops in such a file.
+Each entry of the list `constraints` has a `kind`, an optional `name`, and the keys of its kind. To add a kind, derive a
+class from `Constraint` (constraint.py) and add it to `KINDS`. A file of another tool (constraint_importers.py) is an
+entry too, for all loops in that file.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from bellcrank.elements.joint_constraints import Coupling, PrescribedMotion
 from bellcrank.elements.loop_constraints import Distance, Hinge, Point, Weld
 from bellcrank.elements.rolling_constraint import RollingDisk
 
-Reader = Callable[[str, Fields, ReadContext], Sequence[Constraint]]  # of a name, an entry and its context
+Reader = Callable[[str, Fields, ReadContext], Sequence[Constraint]]  # called with a name, an entry and its context
 
 
 def _reader(kind: type[Constraint]) -> Reader:
@@ -37,7 +37,7 @@ KINDS: Final[dict[str, Reader]] = {
 
 
 def read_constraints(read: Fields, context: ReadContext) -> tuple[Constraint, ...]:
-    """The list `constraints` of a scene. Raises InputError naming file and key."""
+    """Read the list `constraints` of a scene. Raises InputError naming file and key."""
     constraints: list[Constraint] = []
     for name, entry in named_entries(read, "constraints"):
         constraints += KINDS[entry.choice("kind", tuple(KINDS))](name, entry, context)
@@ -45,5 +45,5 @@ def read_constraints(read: Fields, context: ReadContext) -> tuple[Constraint, ..
     taken = [constraint.name for constraint in constraints]
     for name in taken:
         if taken.count(name) > 1:
-            raise read.error("constraints", f"two constraints are named '{name}'; name the entries")
+            raise read.error("constraints", f"two constraints are named '{name}'; give each entry a unique name")
     return tuple(constraints)

@@ -1,4 +1,4 @@
-"""What controllers are given in a scene file: their joints, gains, limits, motion and mass error."""
+"""Reads the fields of controllers: joints, gains, limits, motions and mass errors."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ Gain = float | Mapping[str, float]
 
 
 def unit_of(joints: tuple[RobotJoint, ...], quantity: str) -> str:
-    """The unit of a quantity at joints; what is no quantity is a unit already."""
+    """The unit of a quantity ("stiffness", "torque", …) at joints; a text that is a unit already is returned."""
     return common_unit(joints, quantity) if quantity in ("stiffness", "damping", "torque", "position") else quantity
 
 
 def all_joints(robot: Robot) -> tuple[RobotJoint, ...]:
-    """The joints with one degree of freedom: those that can have a motor."""
+    """The joints with one degree of freedom, which can have motors."""
     return tuple(joint for joint in robot.joints if joint.nv == 1)
 
 
 def read_joints(read: Fields, robot: Robot, otherwise: tuple[RobotJoint, ...]) -> tuple[RobotJoint, ...]:
-    """The keys `joint` or `joints` (a list, or "all"), or `otherwise`; InputError naming file and key."""
+    """Read `joint` or `joints` (a list, or "all"); `otherwise` without these keys. Raises InputError naming the key."""
     read.known("joint", "joints")
     if "joint" in read and "joints" in read:
         raise read.error("joints", "expected 'joint' or 'joints', found both")
@@ -39,7 +39,7 @@ def read_joints(read: Fields, robot: Robot, otherwise: tuple[RobotJoint, ...]) -
         if not isinstance(given, list) or not all(isinstance(name, str) for name in given):
             raise read.error("joints", 'expected a list of joint names, or "all"')
         if len(set(given)) < len(given):
-            raise read.error("joints", "expected each joint once, found one twice")
+            raise read.error("joints", "expected each joint once, found one of them twice")
         joints = tuple(joint_named(read, "joints", name, robot) for name in given)
     if not joints:
         raise read.error("joints", "expected at least one joint with one degree of freedom, found none")
@@ -47,7 +47,7 @@ def read_joints(read: Fields, robot: Robot, otherwise: tuple[RobotJoint, ...]) -
 
 
 def read_motion_name(read: Fields, motions: Mapping[str, Any]) -> str:
-    """The name of a motion of the configuration; InputError naming file and key."""
+    """Read the name of a motion of the configuration. Raises InputError naming file and key."""
     name = read.text("motion")
     if name not in motions:
         raise read.error("motion", unknown_name("motion", name, motions))
@@ -57,7 +57,7 @@ def read_motion_name(read: Fields, motions: Mapping[str, Any]) -> str:
 def read_gain(
     read: Fields, key: str, joints: tuple[RobotJoint, ...], quantity: str, default: float | None = None
 ) -> Gain:
-    """One gain, or {joint: gain} of each of the joints; InputError naming file and key."""
+    """Read one gain for all joints, or {joint: gain}. Raises InputError naming file and key."""
     if isinstance(read.raw(key, default), Mapping):
         each = read.mapping(key)
         gains = {j.name: number(each, j.name, unit_of((j,), quantity), None, NONNEGATIVE) for j in joints}
@@ -67,7 +67,7 @@ def read_gain(
 
 
 def read_limit(read: Fields, joints: tuple[RobotJoint, ...], robot: Robot) -> Gain | None:
-    """None, one limit, or each joint's effort limit where "effort" is written; InputError naming file and key."""
+    """Read one limit, "effort" (the URDF's limit of each joint) or nothing. Raises InputError naming file and key."""
     given = read.raw("limit", None)
     if given is None:
         return None
@@ -77,5 +77,5 @@ def read_limit(read: Fields, joints: tuple[RobotJoint, ...], robot: Robot) -> Ga
 
 
 def read_mass_error(read: Fields) -> float:
-    """A share by which the controller's links are too heavy, more than -1; InputError naming file and key."""
+    """Read the relative mass error of the controller's model, above -1. Raises InputError naming file and key."""
     return number(read, "mass_error", "", 0.0, MASS_ERROR)

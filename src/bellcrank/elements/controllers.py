@@ -1,8 +1,9 @@
-"""The controllers of a scene: they add actuator torques, whose power counts as work.
+"""The controllers of a scene. They add actuator torques, whose power is part of the work W.
 
-Each entry of the list `control` has a `kind`, maybe a `name`, and the keys of its kind. Gains are one number or
-{joint: number}; `limit` clamps what this controller gives each joint to ±limit: a number (N m or N), or "effort" for
-the URDF's limits. It is the limit of one controller: two of them at a joint may give it the sum of both.
+Each entry of the list `control` has a `kind`, an optional `name`, and the keys of its kind. A gain is one number, or
+{joint: number}. `limit` clamps the torque of the controller at each joint to ±limit: a number (N m or N), or "effort"
+for the URDF's limits. The limit applies to one controller; two controllers at a joint may add up to the sum of their
+limits.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ BOUNDS: Final = {"limit": POSITIVE, "kp": NONNEGATIVE, "kd": NONNEGATIVE, "targe
 
 @dataclass(frozen=True)
 class Controller(Force):
-    """Torques at some joints. `limit`: None, a number (N m or N), or {joint: effort limit}."""
+    """Torques at some joints. `limit` is None, a number (N m or N), or {joint: effort limit}."""
 
     joints: tuple[RobotJoint, ...]
     limit: Gain | None
@@ -71,7 +72,7 @@ class Controller(Force):
         return found
 
     def quantities(self) -> dict[str, str]:
-        """Field -> quantity (of JOINT_UNITS) or unit."""
+        """The quantity (a key of JOINT_UNITS) or the unit of each field."""
         return {"limit": "torque"} if isinstance(self.limit, float) else {}
 
     def of_joint(self, symbols: Symbols, name: str, joint: RobotJoint) -> casadi.SX | float:
@@ -80,7 +81,7 @@ class Controller(Force):
         return self.value(symbols, f"{name}.{joint.name}" if each else name)
 
     def clamped(self, symbols: Symbols, torques: list[casadi.SX]) -> GeneralisedForce:
-        """Clamped torques, one a joint, as a force of actuators."""
+        """Clamp the torques, one for each joint, and return them as a force of actuators."""
         import casadi
 
         force, power = casadi.SX.zeros(symbols.robot.nv, 1), symbols.zero
@@ -95,13 +96,13 @@ class Controller(Force):
         return GeneralisedForce(force, symbols.zero, power, True)
 
     def labels(self, robot: Robot) -> tuple[str, ...]:
-        """Its torque at each of its joints."""
+        """The torque at each of its joints."""
         if len(self.joints) == 1:
             return (f"[{joint_unit(self.joints[0], 'torque')}]",)
         return tuple(f"{joint.name} [{joint_unit(joint, 'torque')}]" for joint in self.joints)
 
     def measure(self, symbols: Symbols) -> casadi.SX:
-        """Its torque at each of its joints, N m or N."""
+        """The torque at each of its joints, N m or N."""
         return self.generalised_force(symbols).force[[joint.v for joint in self.joints]]
 
 
@@ -109,8 +110,9 @@ class Controller(Force):
 class PD(Controller):
     """τ = kp (target − θ) + kd (target rate − θ̇) at each joint.
 
-    `joint`, or `joints` (a list, or "all"); without either those of `target`, else all. `target` {joint: rad or m} is
-    a posture, `motion` a motion of the configuration with its velocity. kp N m/rad or N/m, kd N m s/rad or N s/m.
+    It acts at `joint`, or at `joints` (a list, or "all"); by default at the joints of `target`, or at all joints.
+    `target` is a constant posture {joint: rad or m}; `motion` is a motion of the configuration, whose velocity is
+    used too. kp is in N m/rad or N/m, kd in N m s/rad or N s/m.
     """
 
     kp: Gain
@@ -121,7 +123,7 @@ class PD(Controller):
 
     @classmethod
     def read(cls, name: str, read: Fields, robot: Robot, motions: Mapping[str, Any], motion_of: MotionOf) -> Self:
-        """From its mapping; InputError naming file and key."""
+        """Read it from its entry. Raises InputError naming file and key."""
         read.known("joint", "joints", "target", "motion", "kp", "kd", "limit")
         if ("target" in read) == ("motion" in read):
             found = "both" if "target" in read else "neither"
@@ -152,7 +154,7 @@ class PD(Controller):
         return self.motion
 
     def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
-        """What it adds to the equations of motion."""
+        """The generalised force, potential energy and power that it adds to the equations of motion."""
         wanted = None if self.motion is None else symbols.signal(self.motion)
         torques = []
         for k, joint in enumerate(self.joints):
@@ -169,9 +171,9 @@ class ComputedTorque(Controller):
     """τ = inverse dynamics of (θ, θ̇, a) with a = θ̈_d + kd (θ̇_d − θ̇) + kp (θ_d − θ) along a motion.
 
     With an exact model the error e obeys ë + kd ė + kp e = 0: kd = 2 √kp is critically damped. kp 1/s², kd 1/s.
-    `mass_error` makes the links of the controller's model (1 + mass_error) times as heavy, mass and inertia. The model
-    has the robot's friction and rotor inertia, and none of the scene's forces. Source: J. Craig, Introduction to
-    Robotics (2005), ch. 10.
+    `mass_error` scales mass and inertia of the links in the controller's model by 1 + mass_error. The model includes
+    the robot's friction and rotor inertia, but not the scene's forces. Source: J. Craig, Introduction to Robotics
+    (2005), ch. 10.
     """
 
     motion: SignalSource
@@ -182,13 +184,14 @@ class ComputedTorque(Controller):
 
     @classmethod
     def read(cls, name: str, read: Fields, robot: Robot, motions: Mapping[str, Any], motion_of: MotionOf) -> Self:
-        """From its mapping; InputError naming file and key."""
+        """Read it from its entry. Raises InputError naming file and key."""
         read.known("motion", "kp", "kd", "limit", "mass_error")
         joints = all_joints(robot)
         other = next((joint for joint in robot.joints if joint.nv != 1), None)
         if other is not None:
             raise read.error(
-                "kind", f"computed_torque needs a motor at every joint, and '{other.name}' is {other.kind}; use pd"
+                "kind",
+                f"computed_torque requires joints with one degree of freedom, '{other.name}' is {other.kind}; use pd",
             )
         motion = read_motion_name(read, motions)
         kp, kd = read_gain(read, "kp", joints, "1/s^2"), read_gain(read, "kd", joints, "1/s")
@@ -206,7 +209,7 @@ class ComputedTorque(Controller):
         return self.motion
 
     def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
-        """What it adds to the equations of motion."""
+        """The generalised force, potential energy and power that it adds to the equations of motion."""
         import casadi
 
         wanted = symbols.signal(self.motion)
@@ -223,9 +226,9 @@ class ComputedTorque(Controller):
 
 @dataclass(frozen=True)
 class GravityCompensation(Controller):
-    """τ = the gravity torque at θ of a robot whose links are (1 + mass_error) times as heavy.
+    """τ = the gravity torque at θ, with the masses of the links scaled by 1 + mass_error.
 
-    At `joints` (a list, or "all", the default); a free base has no motor and gets nothing.
+    It acts at `joints` (a list, or "all", the default), and not on a free base, which has no motor.
     """
 
     mass_error: float
@@ -233,7 +236,7 @@ class GravityCompensation(Controller):
 
     @classmethod
     def read(cls, name: str, read: Fields, robot: Robot, motions: Mapping[str, Any], motion_of: MotionOf) -> Self:
-        """From its mapping; InputError naming file and key."""
+        """Read it from its entry. Raises InputError naming file and key."""
         joints = read_joints(read, robot, all_joints(robot))
         return cls(name, read, joints, read_limit(read, joints, robot), read_mass_error(read))
 
@@ -242,7 +245,7 @@ class GravityCompensation(Controller):
         return super().quantities() | {"mass_error": ""}
 
     def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
-        """What it adds to the equations of motion."""
+        """The generalised force, potential energy and power that it adds to the equations of motion."""
         import casadi
 
         rest = casadi.SX(symbols.robot.nv, 1)
@@ -256,7 +259,7 @@ KINDS: Final[dict[str, type[PD | ComputedTorque | GravityCompensation]]] = {
 
 
 def read_control(read: Fields, robot: Robot, motions: Mapping[str, Any], motion_of: MotionOf) -> tuple[Controller, ...]:
-    """The list `control` of a scene; `motions` are the configuration's, made by `motion_of`. InputError naming file and key."""
+    """Read the list `control`; `motion_of` computes one of the `motions` by name. Raises InputError naming the key."""
     controllers: list[Controller] = []
     for name, entry in named_entries(read, "control"):
         kind = KINDS[entry.choice("kind", tuple(KINDS))]

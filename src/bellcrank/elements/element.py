@@ -1,7 +1,7 @@
-"""Base classes of what acts on a robot: `Element`, and `Force` of forces and controllers (`Constraint`: constraint.py).
+"""The base classes of elements: `Element`, and `Force` for forces and controllers (`Constraint` is in constraint.py).
 
 An element has a name, its entry in the scene file, and numbers that parameters can set. It adds expressions to the
-equations; it knows the robot, but no scene.
+equations of motion of a robot and does not depend on the scene.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from bellcrank.elements.symbols import Symbols
     from bellcrank.robot.robot import Robot, RobotJoint
 
-# Units at a revolute and at a prismatic joint.
+# Units at a revolute joint and at a prismatic joint.
 JOINT_UNITS: Final = {
     "position": ("rad", "m"),
     "velocity": ("rad/s", "m/s"),
@@ -34,7 +34,7 @@ JOINT_UNITS: Final = {
 
 
 class Bound(NamedTuple):
-    """A lower bound of a number; `included`: the number may equal it."""
+    """A lower bound of a number; `included` says whether the number may equal the bound."""
 
     least: float
     included: bool
@@ -56,7 +56,7 @@ MASS_ERROR: Final = Bound(-1.0, False)  # relative to the mass, which must stay 
 
 
 class Settable(NamedTuple):
-    """The unit and the bound of a number that parameters can set; both hold in the file too."""
+    """The unit and the bound of a number that parameters can set; they also apply to the number in the file."""
 
     unit: str
     bound: Bound = ANY
@@ -85,12 +85,12 @@ class Element:
 
     name: str
     place: Fields = field(repr=False, compare=False)
-    owner: ClassVar[str] = ""  # the first word of parameters' targets: force.NAME.FIELD, control.…, constraint.…
-    kind: ClassVar[str] = ""  # under the key `kind` in the file
+    owner: ClassVar[str] = ""  # the first word of a parameter's target: force.NAME.FIELD, control.…, constraint.…
+    kind: ClassVar[str] = ""  # the value of the key `kind` in the file
 
     @property
     def settable(self) -> dict[str, Settable]:
-        """The numbers that parameters can set, by the names of their fields."""
+        """The numbers that parameters can set, by field."""
         return {}
 
     @property
@@ -104,11 +104,11 @@ class Element:
         return None
 
     def labels(self, robot: Robot) -> tuple[str, ...]:
-        """The names and units of its outputs' columns, such as "x [N]"; they follow the output's name."""
+        """The names and units of an output's columns, such as "x [N]"; the output's name precedes them."""
         raise NotImplementedError
 
     def value(self, symbols: Symbols, name: str) -> casadi.SX | float:
-        """The value of a field, or the symbol of the parameter that sets it."""
+        """The number of a field, or the symbol of the parameter that sets it."""
         return symbols.value(self.owner, self.name, name, self.number(name))
 
     def number(self, name: str) -> float:
@@ -120,7 +120,7 @@ class Element:
         return float(value)
 
     def vector(self, symbols: Symbols, name: str) -> casadi.SX:
-        """The value of a vector field (3), each component a number or a symbol."""
+        """A vector field (3); each component is a number, or the symbol of the parameter that sets it."""
         import casadi
 
         return casadi.vertcat(*[casadi.SX(self.value(symbols, f"{name}.{c}")) for c in "xyz"])
@@ -133,19 +133,19 @@ class Force(Element):
     owner: ClassVar[str] = "force"
 
     def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
-        """What it adds to the equations of motion."""
+        """The generalised force, potential energy and power that it adds to the equations of motion."""
         raise NotImplementedError
 
     def wrenches(self, symbols: Symbols) -> tuple[tuple[str, casadi.SX], ...]:
-        """Its wrenches (frame, wrench) on the bodies of frames, in world axes.
+        """The wrenches (frame, wrench) that it exerts on the bodies of frames, in world axes.
 
-        A wrench (6) is the force, N, and the moment about the frame's origin, N m. Forces between joint coordinates have
+        A wrench (6) is the force, N, and the moment about the frame's origin, N m. A force along joint coordinates has
         none.
         """
         return ()
 
     def measure(self, symbols: Symbols) -> casadi.SX:
-        """The force as outputs show it, with the columns of `labels`."""
+        """The values of an output of this force, in the order of `labels`."""
         raise NotImplementedError
 
 
@@ -155,13 +155,13 @@ def joint_unit(joint: RobotJoint, quantity: str) -> str:
 
 
 def common_unit(joints: Sequence[RobotJoint], quantity: str) -> str:
-    """The unit of a quantity at several joints: "N m or N" where some turn and some slide."""
+    """The unit of a quantity at several joints: "N m or N" for revolute and prismatic ones."""
     units = dict.fromkeys(joint_unit(joint, quantity) for joint in joints)
     return next(iter(units)) if len(units) == 1 else " or ".join(JOINT_UNITS[quantity])
 
 
 def joint_named(read: Fields, key: str, name: str, robot: Robot) -> RobotJoint:
-    """A one-degree-of-freedom joint of the robot; InputError naming file and key."""
+    """Find a joint with one degree of freedom by name. Raises InputError naming file and key."""
     try:
         return robot.one_degree_joint(name, "a scene's forces, control, start and events")
     except InputError as error:
@@ -169,12 +169,12 @@ def joint_named(read: Fields, key: str, name: str, robot: Robot) -> RobotJoint:
 
 
 def read_joint(read: Fields, robot: Robot, key: str = "joint") -> RobotJoint:
-    """The one-degree-of-freedom joint under a key; InputError naming file and key."""
+    """Read the name of a joint with one degree of freedom. Raises InputError naming file and key."""
     return joint_named(read, key, read.text(key), robot)
 
 
 def read_frame(read: Fields, robot: Robot, key: str = "frame") -> str:
-    """The name of a frame under a key; InputError naming file and key."""
+    """Read the name of a frame. Raises InputError naming file and key."""
     name = read.text(key)
     if name not in robot.frame_names:
         raise read.error(key, unknown_name("frame", name, robot.frame_names))
@@ -182,7 +182,7 @@ def read_frame(read: Fields, robot: Robot, key: str = "frame") -> str:
 
 
 def number(read: Fields, key: str, unit: str, default: float | None = None, bound: Bound = ANY) -> float:
-    """A number within a bound, required where the default is None; InputError naming file and key."""
+    """Read a number within a bound; it is required if the default is None. Raises InputError naming file and key."""
     value = read.number(key, unit) if default is None else read.number(key, unit, default)
     if not bound.admits(value):
         raise read.error(key, f"expected {bound.wanted(unit)}, found {format_value(read.raw(key, default))}")
@@ -192,8 +192,8 @@ def number(read: Fields, key: str, unit: str, default: float | None = None, boun
 def entry_names(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     """The names of a list's entries.
 
-    An entry without `name` is named after its kind, or after kind and joint ("damper_elbow") where there are several of
-    the kind; a number makes the name unique ("damper_elbow_2").
+    An entry without `name` is named after its kind, or after its kind and joint ("damper_elbow") where several entries
+    have that kind. A number is appended where the name is taken ("damper_elbow_2").
     """
     kinds = [str(entry.get("kind", "entry")) for entry in entries if "name" not in entry]
     taken = {str(entry["name"]) for entry in entries if "name" in entry}
@@ -214,7 +214,7 @@ def entry_names(entries: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def named_entries(read: Fields, key: str) -> list[tuple[str, Fields]]:
-    """The mappings of a list with their names; InputError for a name that is not a text, has a dot or is not unique."""
+    """Read the mappings of a list, with their names. Raises InputError for a name with a dot or one that is taken."""
     entries = read.mappings(key)
     raw = [entry for entry in read.raw(key, ())]
     names = entry_names(raw)
@@ -230,10 +230,9 @@ def named_entries(read: Fields, key: str) -> list[tuple[str, Fields]]:
 
 
 def table_span(force: Force) -> tuple[float, float]:
-    """The first and last time of the table of a torque or wrench, s."""
+    """The first and the last time of the table of a torque or wrench, s."""
     assert force.source is not None
     signal = force.source.signal
     held = signal.kinked and signal.coefficients.shape[1] == 1
-    return float(signal.breaks[0]), float(
-        signal.breaks[-2 if held else -1]
-    )  # held values have one more piece after the last time
+    last = signal.breaks[-2 if held else -1]  # held values have one more piece after the last time
+    return float(signal.breaks[0]), float(last)

@@ -1,8 +1,8 @@
-"""Formulas in scene files, such as "2 * slide.velocity * swing.velocity", read without ever being evaluated.
+"""Expressions in scene files, such as "2 * slide.velocity * swing.velocity". Their text is parsed, never executed.
 
-There are numbers, pi, t (s), the scene's parameters, JOINT.position, .velocity and .acceleration, frame('NAME').x, y,
-z, vx, vy, vz (world, m and m/s), + - * /, ** with a constant power, and the functions of FUNCTIONS. A joint whose
-name is no word is written joint('odd-name').position.
+An expression may contain numbers, pi, t (s), the scene's parameters, JOINT.position, .velocity and .acceleration,
+frame('NAME').x, y, z, vx, vy, vz (world axes, m and m/s), + - * /, ** with a constant exponent, and the functions in
+FUNCTIONS. A joint whose name is not an identifier is written joint('odd-name').position.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ _SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"
 
 @dataclass(frozen=True)
 class Term:
-    """One piece of a formula: an operation on pieces, or a leaf with its `value` (a number, or names)."""
+    """A node of an expression: an operation on other terms, or a leaf with a `value` (a number, or names)."""
 
     operation: str
     pieces: tuple[Term, ...] = ()
     value: Any = None
 
     def leaves(self) -> Iterator[Term]:
-        """The numbers and names in it."""
+        """The numbers and names in the term."""
         if not self.pieces:
             yield self
         for piece in self.pieces:
@@ -55,52 +55,54 @@ class Term:
 
 @dataclass(frozen=True)
 class Expression:
-    """A formula that was read and whose names are known. Made by `parse_expression`."""
+    """An expression that was parsed and whose names exist. Made by `parse_expression`."""
 
     text: str
     term: Term = field(compare=False)
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The frames in it."""
+        """The frames that the expression contains."""
         return tuple(dict.fromkeys(leaf.value[0] for leaf in self.term.leaves() if leaf.operation == "frame"))
 
     @property
     def operations(self) -> set[str]:
-        """The kinds of numbers and names in it: "number", "time", "parameter", "joint", "frame"."""
+        """The kinds of its numbers and names: "number", "time", "parameter", "joint", "frame"."""
         return {leaf.operation for leaf in self.term.leaves()}
 
     def value(self, symbols: Symbols, acceleration: casadi.SX | None = None) -> casadi.SX:
-        """The expression over symbols; `acceleration` (nv) is needed where it contains accelerations."""
+        """The expression over symbols; `acceleration` (nv) is required if it contains accelerations."""
         import casadi
 
         return casadi.SX(_build(self.term, symbols, acceleration))
 
 
 def parse_expression(text: str, robot: Robot, parameters: Mapping[str, Any]) -> Expression:
-    """Read a formula; InputError points at the piece that cannot be read, or whose name there is not."""
+    """Parse an expression. Raises InputError that quotes the part that is not valid, or the unknown name."""
     if len(text) > LONGEST:
-        raise InputError(f"expected a formula of at most {LONGEST} characters, found {len(text)}")
+        raise InputError(f"expected an expression of at most {LONGEST} characters, found {len(text)}")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Python's advice on odd literals is not for formulas
+            warnings.simplefilter("ignore")  # Python's warnings on literals do not apply here
             tree = ast.parse(text.strip(), mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         place = getattr(error, "offset", None)
         where = f" at character {place}" if place else ""
-        raise InputError(f"'{_short(text)}' is not a formula: {getattr(error, 'msg', None) or error}{where}") from None
+        raise InputError(
+            f"'{_short(text)}' is not an expression: {getattr(error, 'msg', None) or error}{where}"
+        ) from None
     return Expression(text, _Reader(text.strip(), robot, parameters).term(tree.body, 0))
 
 
 class _Reader:
-    """Turns Python's syntax tree into terms, refusing whatever is not on the list."""
+    """Converts Python's syntax tree to terms, and refuses everything that expressions do not allow."""
 
     def __init__(self, text: str, robot: Robot, parameters: Mapping[str, Any]) -> None:
         self.text, self.robot, self.parameters = text, robot, parameters
 
     def term(self, node: ast.expr, depth: int) -> Term:
         if depth > DEEPEST:
-            raise InputError(f"the formula '{_short(self.text)}' is nested too deeply")
+            raise InputError(f"the expression '{_short(self.text)}' is nested too deeply")
         if isinstance(node, ast.Constant):
             return self._number(node)
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd)):
@@ -133,13 +135,13 @@ class _Reader:
         return Term("number", value=number)
 
     def _constant(self, term: Term, node: ast.expr) -> float:
-        """The number that a power is."""
+        """The number of a constant exponent. Raises InputError for any other term."""
         try:
             value = float(_CONSTANT[term.operation](term.value, *[self._constant(x, node) for x in term.pieces]))
         except (KeyError, ArithmeticError, TypeError, ValueError):
             value = math.nan
         if not math.isfinite(value):
-            raise self._error(node, "a power must be a constant number")
+            raise self._error(node, "an exponent must be a constant number")
         return value
 
     def _name(self, node: ast.Name) -> Term:
@@ -181,14 +183,14 @@ class _Reader:
     def _call(self, node: ast.Call, name: str, depth: int) -> Term:
         if name in ("joint", "frame"):
             raise self._error(
-                node, f"expected a number of it, such as {name}('NAME').{'x' if name == 'frame' else JOINT[0]}"
+                node, f"expected a component, such as {name}('NAME').{'x' if name == 'frame' else JOINT[0]}"
             )
         if name not in FUNCTIONS:
             raise self._error(node, unknown_name("function", name, FUNCTIONS))
         count = FUNCTIONS[name]
         if len(node.args) < 2 if count is None else len(node.args) != count:
-            wanted = "two arguments or more" if count is None else f"{count} argument{'s' if count > 1 else ''}"
-            raise self._error(node, f"{name} takes {wanted}, found {len(node.args)}")
+            wanted = "at least two arguments" if count is None else f"{count} argument{'s' if count > 1 else ''}"
+            raise self._error(node, f"{name} requires {wanted}, found {len(node.args)}")
         return Term(name, tuple(self.term(argument, depth + 1) for argument in node.args))
 
     def _error(self, node: ast.expr, message: str) -> InputError:
@@ -235,12 +237,12 @@ def _short(text: str) -> str:
 
 
 def has_time(part: Any) -> bool:
-    """Whether a formula in an entry of a scene depends on t."""
+    """Whether an expression in an element, event or output depends on t."""
     return any("time" in expression.operations for expression in expressions_in(part))
 
 
 def expressions_in(value: Any) -> Iterator[Expression]:
-    """The formulas in an entry of a scene."""
+    """The expressions in an element, event or output."""
     if isinstance(value, Expression):
         yield value
     elif isinstance(value, (list, tuple)):

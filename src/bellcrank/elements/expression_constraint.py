@@ -1,4 +1,4 @@
-"""Constraints of the user's own: a formula in the scene file, or a function in Python."""
+"""Constraints that the user defines: by an expression in the scene file, or by a Python function."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ExpressionConstraint(Constraint):
-    """A formula (expression.py) stays zero: φ(q, t) where no velocity stands in it (holonomic), else ψ(q, v, t),
-    which must be linear in velocities (non-holonomic).
+    """An expression (expression.py) that is kept at zero.
 
-    λ is the generalised force per unit of the formula; with a formula in m it is a force in N, in rad a torque in N m,
-    as `unit` ("m", "rad", "1", …) says.
+    Without velocities it is a position residual φ(q, t) (holonomic); with velocities, in which it must be linear, a
+    velocity residual ψ(q, v, t) (non-holonomic). λ is the generalised force per unit of the expression: a force in N
+    for an expression in m, a torque in N m for one in rad. `unit` ("m", "rad", "1", …) is the unit of the expression.
     """
 
     expression: Expression
@@ -37,24 +37,26 @@ class ExpressionConstraint(Constraint):
 
     @classmethod
     def read(cls, name: str, read: Fields, context: ReadContext) -> Self:
-        """The constraint of an entry. Raises InputError naming file and key."""
+        """Read the constraint from its entry. Raises InputError naming file and key."""
         text = read.text("expression")
         try:
             expression = parse_expression(text, context.robot, context.parameters)
         except InputError as error:
             raise read.error("expression", str(error)) from None
         if any(leaf.operation == "joint" and leaf.value[1] == "acceleration" for leaf in expression.term.leaves()):
-            raise read.error("expression", "a constraint is written in positions or velocities, not accelerations")
+            raise read.error(
+                "expression", "a constraint must be an expression of positions or velocities, not of accelerations"
+            )
         return cls(name, read, expression, read.unit())
 
     @property
     def moves(self) -> bool:
-        """Whether a joint or a frame stands in the formula."""
+        """Whether the expression contains a joint or a frame."""
         return any(leaf.operation in ("joint", "frame") for leaf in self.expression.term.leaves())
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """Those in the formula."""
+        """The frames in the expression."""
         return self.expression.frames
 
     def residual(self, symbols: Symbols) -> Residual:
@@ -73,8 +75,8 @@ class ExpressionConstraint(Constraint):
 class FunctionConstraint(Constraint):
     """A constraint that a Python function builds; made by `Scene.with_constraint`.
 
-    `function` takes Symbols and gives a casadi.SX column, each row as in ExpressionConstraint; all rows are of one unit. `digest`
-    stands for the expressions in what tells equations apart.
+    `function` takes Symbols and returns a casadi.SX column; each row is a residual as in ExpressionConstraint, in
+    `unit`. `digest` identifies the expressions, since functions cannot be compared.
     """
 
     function: Callable[[Symbols], Any] = field(compare=False)
@@ -85,11 +87,11 @@ class FunctionConstraint(Constraint):
     kind: ClassVar[str] = "own"
 
     def residual(self, symbols: Symbols) -> Residual:
-        """As the function says. Raises InputError where the scene's clock does not start at 0, as its t does."""
+        """The rows that the function returns. Raises InputError if the scene's clock does not start at 0."""
         if symbols.clock:
             raise InputError(
                 f"constraint '{self.name}' is a Python function whose t starts at 0, and the scene's clock starts at "
-                f"{symbols.clock:.6g} s; take initial.clock away"
+                f"{symbols.clock:.6g} s; remove initial.clock"
             )
         return one_row(self.name, _column(self.function(symbols)), symbols)
 
@@ -102,13 +104,15 @@ class FunctionConstraint(Constraint):
 def function_constraint(
     function: Callable[[Symbols], Any], name: str, unit: str, symbols: Symbols, source: Path
 ) -> FunctionConstraint:
-    """The constraint that keeps function(symbols) at zero; InputError, which names the scene's file `source`, where it
-    is no column of expressions in the symbols.
+    """The constraint that keeps function(symbols) at zero.
+
+    Raises InputError, which names the scene's file `source`, if the function does not return a column of expressions of
+    the symbols.
     """
     import casadi
 
     if inspect.isclass(function):
-        arguments.refuse("function", "a function of Symbols that gives casadi expressions", function)
+        arguments.refuse("function", "a function of Symbols that returns casadi expressions", function)
     s, column = symbols, _column(function(symbols))
     if s.u.numel():
         raise InputError(f"{source}: with_constraint: '{name}' uses signals; write t and parameters instead")
@@ -116,8 +120,8 @@ def function_constraint(
     unknown = [str(x) for x in casadi.symvar(column) if not casadi.depends_on(known, x)]
     if unknown:
         raise InputError(
-            f"{source}: with_constraint: '{name}' depends on {', '.join(unknown)}, which is no symbol of the "
-            "scene; take positions, velocities, t and parameters from the Symbols that the function is given"
+            f"{source}: with_constraint: '{name}' depends on {', '.join(unknown)}, which is not a symbol of the "
+            "scene; use the positions, velocities, t and parameters of the Symbols that the function is called with"
         )
     text = casadi.Function("own", [s.t, s.q, s.v, s.p], [casadi.densify(column)]).serialize()
     digest = hashlib.sha256(text.encode("latin-1")).hexdigest()
@@ -128,7 +132,7 @@ def function_constraint(
 
 
 def one_row(name: str, value: casadi.SX, symbols: Symbols) -> Residual:
-    """A residual of rows of one kind: of positions, or linear in velocities. InputError for any other."""
+    """A position residual, or a velocity residual if the value depends on v. Raises InputError if not linear in v."""
     import casadi
 
     if not casadi.depends_on(value, symbols.v):
@@ -139,7 +143,7 @@ def one_row(name: str, value: casadi.SX, symbols: Symbols) -> Residual:
 
 
 def label_of(unit: str, moving: bool) -> str:
-    """What a multiplier is called: λ times a constraint of positions is an energy (J), of velocities a power (W)."""
+    """The label of a multiplier λ: λ times a position residual is in J, λ times a velocity residual in W."""
     known = {"m": "force [N]", "rad": "torque [N m]", "m/s": "force [N]", "rad/s": "torque [N m]"}
     energy = "W" if moving else "J"
     return known.get(unit, f"multiplier [{energy}]" if unit == "1" else f"multiplier [{energy}/({unit})]")
@@ -152,4 +156,4 @@ def _column(value: Any) -> casadi.SX:
         column = casadi.SX(value) if not isinstance(value, (list, tuple)) else casadi.vertcat(*value)
         return casadi.SX(casadi.vec(column))
     except (TypeError, NotImplementedError, RuntimeError) as error:
-        raise InputError(f"a constraint's function must give a column of casadi.SX, it gave {value!r}") from error
+        raise InputError(f"a constraint's function must return a column of casadi.SX, found {value!r}") from error

@@ -1,5 +1,7 @@
-"""Forces over time in CSV files: a column "time [s]", and one "JOINT torque [N m]" (or [N]) for each joint, or the
-components of a wrench, "force x [N]" to "torque z [N m]".
+"""Tables of forces over time in CSV files.
+
+A table has a column "time [s]" and either a column "JOINT torque [N m]" (or [N]) for each joint, or components of a
+wrench, "force x [N]" to "torque z [N m]".
 """
 
 from __future__ import annotations
@@ -26,14 +28,15 @@ from bellcrank.motion.magnitude_limits import LARGEST, check_size, check_times
 
 Array = NDArray[np.float64]
 INTERPOLATIONS = ("linear", "cubic", "hold")
-CLOSEST = 1e-9  # s between the rows of a cubic table: a spline through nearer ones overshoots without bounds
+CLOSEST = 1e-9  # s between the rows of a cubic table: splines overshoot strongly for closer rows
 COMPONENTS = {f"{what} {c}": unit for what, unit in (("force", "N"), ("torque", "N m")) for c in "xyz"}  # of a wrench
 _HEADER = re.compile(r"^(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]$")
 
 
 def read_torque_table(read: Fields, column: str, unit: str, interpolation: str) -> tuple[SignalSource, str]:
-    """The table of a torque force, read and checked at once, and its text; InputError naming the scene's key and the
-    CSV's line.
+    """Read and check the table of a torque. Returns its signal and its text.
+
+    Raises InputError naming the scene's key and the CSV's line.
     """
     path = read.file("file")
     try:
@@ -47,8 +50,9 @@ def read_torque_table(read: Fields, column: str, unit: str, interpolation: str) 
 
 
 def read_wrench_table(read: Fields, interpolation: str) -> tuple[SignalSource, str]:
-    """The table of a wrench, six values wide (force, torque), as `read_torque_table`. Columns that are no component of
-    a wrench are refused.
+    """Read and check the table of a wrench, six values wide (force, torque). Returns its signal and its text.
+
+    Raises InputError as `read_torque_table`, also for columns that are not components of a wrench.
     """
     path = read.file("file")
     try:
@@ -56,7 +60,7 @@ def read_wrench_table(read: Fields, interpolation: str) -> tuple[SignalSource, s
         header, _ = _rows(path, text)
         there = [_label(title) for title in header if _label(title) != "time"]
         if not there:
-            raise InputError(f"{path}: there is no column of a wrench; expected one of {', '.join(COMPONENTS)}")
+            raise InputError(f"{path}: no column of a wrench found; expected: {', '.join(COMPONENTS)}")
         for label in there:
             if label not in COMPONENTS:
                 raise InputError(f"{path}: {unknown_name('column of a wrench', label, COMPONENTS)}")
@@ -76,20 +80,20 @@ def _check_spacing(read: Fields, path: Path, time: Array, interpolation: str) ->
         k = int(np.diff(time).argmin())
         raise read.error(
             "interpolation",
-            f"a cubic spline needs times at least {CLOSEST:g} s apart, {path} has {time[k]!r} s and {time[k + 1]!r} s; "
-            "use linear, which takes jumps",
+            f"a cubic spline requires times at least {CLOSEST:g} s apart, {path} has {time[k]!r} s and "
+            f"{time[k + 1]!r} s; use linear interpolation for jumps",
         )
 
 
 def table_text(path: Path) -> str:
-    """The text of a table's file. Raises InputError, one sentence with the file."""
+    """Read the text of a table's file. Raises InputError naming the file."""
     return read_text(path, MOST_TABLE)
 
 
 def read_table(path: Path, text: str, column: str, unit: str) -> tuple[Array, Array]:
-    """Times (n,) s, increasing, and the values (n,) of a column in `unit`, n >= 2, from the text of a table's file.
+    """Read the times (n,), s, and a column (n,), converted to `unit`, from the text of a table; n >= 2.
 
-    Other columns are passed over. Raises InputError, one sentence with file and line.
+    Times must increase. Other columns are ignored. Raises InputError, one sentence with file and line.
     """
     header, rows = _rows(path, text)
     labels = [_label(title) for title in header]
@@ -97,11 +101,11 @@ def read_table(path: Path, text: str, column: str, unit: str) -> tuple[Array, Ar
         if label not in labels:
             if label == column and "torque" in labels:
                 raise InputError(
-                    f"{path}: the column 'torque' names no joint; rename the column to '{column} [{unit}]'"
+                    f"{path}: the title of the column 'torque' lacks the joint; rename it to '{column} [{unit}]'"
                 )
             raise InputError(f"{path}: {unknown_name('column', label, labels)}")
         if labels.count(label) > 1:
-            raise InputError(f"{path}: column '{label}' stands twice")
+            raise InputError(f"{path}: there are two columns '{label}'")
     columns = []
     for label, wanted in (("time", "s"), (column, unit)):
         place = labels.index(label)
@@ -129,15 +133,16 @@ def _label(title: str) -> str:
 
 
 def table_signal(time: Array, values: Array, interpolation: str) -> tuple[Signal, Array]:
-    """Values (n, width) at times (n,) as piecewise polynomials (straight lines, a cubic spline, or steps), and the
-    times at which they are not smooth besides the breaks of a kinked one.
+    """Interpolate values (n, width) at times (n,) by straight lines, a cubic spline, or steps.
+
+    Returns the signal, and the times at which it is not smooth apart from the breaks of a kinked signal.
     """
     if interpolation == "cubic":
         from scipy.interpolate import CubicSpline
 
         spline = CubicSpline(time, values)  # c: (4, m, width), descending powers
         return Signal(time, np.ascontiguousarray(spline.c[::-1].transpose(1, 0, 2)), 0, False), time[[0, -1]]
-    if interpolation == "hold":  # the last value needs a piece of its own, beyond which it is held
+    if interpolation == "hold":  # one more piece holds the last value
         return Signal(np.append(time, time[-1] + 1.0), values[:, None], 0, True), np.zeros(0)
     slope = np.diff(values, axis=0) / np.diff(time)[:, None]
     return Signal(time, np.stack([values[:-1], slope], axis=1), 0, True), np.zeros(0)
@@ -154,8 +159,8 @@ def _rows(path: Path, text: str) -> tuple[list[str], list[tuple[int, list[str]]]
             f"found {max(len(lines) - 1, 0)} rows"
         )
     header = [" ".join(unguarded(cell).split()) for cell in lines[0][1]]
-    if all(_label(title) != "time" for title in header):  # no table, and nothing of it is told
-        raise InputError(f"{path}: there is no column 'time [s]'; expected a header 'time [s],JOINT torque [N m]'")
+    if all(_label(title) != "time" for title in header):
+        raise InputError(f"{path}: no column 'time [s]'; expected a header such as 'time [s],JOINT torque [N m]'")
     for number, row in lines[1:]:
         if len(row) != len(header):
             raise InputError(f"{path}: line {number} has {len(row)} columns, the header has {len(header)}")

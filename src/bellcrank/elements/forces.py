@@ -1,8 +1,8 @@
 """The forces of a scene: springs, dampers, friction, torques and wrenches.
 
-Each entry of the list `forces` has a `kind`, maybe a `name`, and the keys of its kind (joint_forces.py and
-frame_forces.py), SI units unless others are written. Power, and so the work W of a run, is what no potential accounts
-for.
+Each entry of the list `forces` has a `kind`, an optional `name`, and the keys of its kind (joint_forces.py and
+frame_forces.py), in SI units unless other units are written. The work W of a simulation is that of the forces without a
+potential.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ KINDS: Final[dict[str, type[JointForce | Spring | Wrench]]] = {
 
 
 def read_forces(read: Fields, robot: Robot) -> tuple[Force, ...]:
-    """The list `forces` of a scene; InputError naming file and key."""
+    """Read the list `forces` of a scene. Raises InputError naming file and key."""
     forces: list[Force] = []
     for name, entry in named_entries(read, "forces"):
         kind = KINDS[entry.choice("kind", tuple(KINDS))]

@@ -1,4 +1,4 @@
-"""Forces between and on frames: a spring with a damper, and a wrench. The generalised force is Jᵀ F."""
+"""Forces at frames: a spring with a damper, and a wrench. The generalised force is Jᵀ F."""
 
 from __future__ import annotations
 
@@ -17,20 +17,21 @@ if TYPE_CHECKING:
     from bellcrank.elements.symbols import Symbols
 
 WORLD = "world"
-# A spring's length is sqrt(d² + (SHORTEST free_length)² + NOTHING²), which has a slope where its ends meet.
+# A spring's length is sqrt(d² + (SHORTEST free_length)² + NOTHING²), which is differentiable where its ends meet.
 SHORTEST = 1e-9  # of its free length
 NOTHING = 1e-30  # m
 
 
 @dataclass(frozen=True)
 class Spring(Force):
-    """A spring with a damper between two frames' origins, or a frame and a point of the world.
+    """A spring with a damper between the origins of two frames, or between a frame and a point of the world.
 
-    With d the way from a to b, its length l = sqrt(d·d) (kept from 0 by 1e-9 of its free length, so that it has a
-    slope where its ends meet) and l̇: tension = stiffness (l − free_length) + damping l̇, V = ½ stiffness (l −
-    free_length)². stiffness N/m, damping N s/m and free_length m (0 where left out). `frame_b: world` is the fixed
-    world and takes the `point` [x, y, z], m, which must be written where the robot has a frame `world` that moves. The
-    generalised force is Jᵀ F, J being the derivative of the velocities of the ends by v.
+    With the vector d from a to b and the length l = sqrt(d·d): tension = stiffness (l − free_length) + damping l̇ and
+    V = ½ stiffness (l − free_length)². A length of 1e-9 times the free length is added in quadrature, so that l is
+    differentiable where the ends meet. stiffness is in N/m; damping (N s/m) and free_length (m) are 0 by default.
+    `frame_b: world` is the fixed world at `point` [x, y, z], m; the point is required where the robot has a frame
+    `world` that is not fixed at the world's origin. The generalised force is Jᵀ F with J the Jacobian of the velocities
+    of the ends.
     """
 
     frame_a: str
@@ -43,22 +44,24 @@ class Spring(Force):
 
     @classmethod
     def read(cls, name: str, read: Fields, robot: Robot) -> Self:
-        """From its mapping; InputError naming file and key."""
+        """Read it from its entry. Raises InputError naming file and key."""
         read.known("frame_a", "frame_b", "point", "stiffness", "damping", "free_length")
         a = read_frame(read, robot, "frame_a")
         fixed = read.text("frame_b") == WORLD
         b = WORLD if fixed else read_frame(read, robot, "frame_b")
         if not fixed and "point" in read:
-            raise read.error("point", "a point is for 'frame_b: world'; a frame's own origin is used otherwise")
+            raise read.error(
+                "point", "'point' is only used with 'frame_b: world'; the origin of a frame is used otherwise"
+            )
         if fixed and "point" not in read and _is_elsewhere(WORLD, robot):
             raise read.error(
                 "frame_b",
-                "'world' is the fixed world, and a frame of this robot that is not fixed at its origin has that name "
-                "too: write point: [0, 0, 0] for the fixed one, or for the frame give it another name by "
+                "'world' means the fixed world, but this robot also has a frame 'world' that is not fixed at the "
+                "world's origin: for the fixed world write point: [0, 0, 0]; for the frame add another one by "
                 "frames: {NAME: {link: world}} and write frame_b: NAME",
             )
         if a == b:
-            raise read.error("frame_b", f"a spring needs two ends, both are at the frame '{a}'")
+            raise read.error("frame_b", f"expected two different frames, found '{a}' twice")
         return cls(
             name, read, a, b,
             read.number("stiffness", "N/m"),
@@ -78,11 +81,11 @@ class Spring(Force):
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """Its ends."""
+        """The frames at its ends."""
         return (self.frame_a,) if self.frame_b == WORLD else (self.frame_a, self.frame_b)
 
     def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
-        """What it adds to the equations of motion."""
+        """The generalised force, potential energy and power that it adds to the equations of motion."""
         import casadi
 
         way, rate, length, slope, pull = self._geometry(symbols)
@@ -92,7 +95,7 @@ class Spring(Force):
         return GeneralisedForce(force, potential, -self.value(symbols, "damping") * slope * slope, False)
 
     def wrenches(self, symbols: Symbols) -> tuple[tuple[str, casadi.SX], ...]:
-        """What it does to the bodies of its ends: forces along the way between them, and no moments about them."""
+        """The forces on the bodies at its ends, along the line between them, without moments about the origins."""
         import casadi
 
         way, _, _, _, pull = self._geometry(symbols)
@@ -110,7 +113,7 @@ class Spring(Force):
         return pull * length
 
     def _geometry(self, symbols: Symbols) -> tuple[casadi.SX, ...]:
-        """d, ḋ, l, l̇ and tension / l."""
+        """The vector d, ḋ, l, l̇ and tension / l."""
         import casadi
 
         a = symbols.frame(self.frame_a)
@@ -129,13 +132,12 @@ class Spring(Force):
 
 @dataclass(frozen=True)
 class Wrench(Force):
-    """A force (N) at a frame's origin and a torque (N m), in the axes of the world or of the frame: constant, or a
-    table over time in a CSV `file` beside the scene.
+    """A force (N) at a frame's origin and a torque (N m), constant or from a table over time in a CSV `file`.
 
-    The table has the column "time [s]" and one or more of "force x [N]", "force y [N]", "force z [N]",
-    "torque x [N m]", "torque y [N m]" and "torque z [N m]"; components without a column are 0. It is read `linear` (the
-    default), `cubic` (a not-a-knot spline) or `hold` (each value until the next), and its first and last values are
-    held before and after it. Its power counts as work.
+    `expressed_in` is "world" (the default) or "frame". The table has the column "time [s]" and one or more of "force x
+    [N]", "force y [N]", "force z [N]", "torque x [N m]", "torque y [N m]" and "torque z [N m]"; components without a
+    column are 0. `interpolation` is "linear" (the default), "cubic" (a not-a-knot spline) or "hold" (each value until
+    the next). The first and last values are held before and after the table. Its power is part of the work W.
     """
 
     frame: str
@@ -143,26 +145,28 @@ class Wrench(Force):
     torque: tuple[float, ...]
     expressed_in: str
     table: SignalSource | None = None
-    text: str = field(default="", repr=False, compare=False)  # of the table's file, as it was read
+    text: str = field(default="", repr=False, compare=False)  # of the table's file
     kind: ClassVar[str] = "wrench"
 
     @classmethod
     def read(cls, name: str, read: Fields, robot: Robot) -> Self:
-        """From its mapping; InputError naming file and key."""
+        """Read it from its entry. Raises InputError naming file and key."""
         read.known("frame", "force", "torque", "expressed_in", "file", "interpolation")
         nothing = (0.0, 0.0, 0.0)
         frame, axes = read_frame(read, robot), read.choice("expressed_in", (WORLD, "frame"), WORLD)
         if "file" in read:
             for key in ("force", "torque"):
                 if key in read:
-                    raise read.error(key, f"a wrench takes its {key} from the 'file'; leave out one of them")
+                    raise read.error(key, f"'{key}' and 'file' exclude each other; remove one of them")
             interpolation = read.choice("interpolation", INTERPOLATIONS, "linear")
             table, text = read_wrench_table(read, interpolation)
             return cls(name, read, frame, nothing, nothing, axes, table, text)
         if "interpolation" in read:
-            raise read.error("interpolation", "a constant wrench has no interpolation; it belongs to a 'file'")
+            raise read.error(
+                "interpolation", "'interpolation' requires a 'file'; a constant wrench is not interpolated"
+            )
         if "force" not in read and "torque" not in read:
-            raise read.error("", "the key 'force' or 'torque' is missing: a wrench needs one of them, or a 'file'")
+            raise read.error("", "the key 'force' or 'torque' is missing: a wrench requires one of them, or a 'file'")
         return cls(
             name, read, frame, read.vector("force", 3, "N", nothing), read.vector("torque", 3, "N m", nothing), axes
         )
@@ -185,7 +189,7 @@ class Wrench(Force):
         return (self.frame,)
 
     def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
-        """What it adds to the equations of motion."""
+        """The generalised force, potential energy and power that it adds to the equations of motion."""
         import casadi
 
         at = symbols.frame(self.frame)
@@ -195,15 +199,15 @@ class Wrench(Force):
         return GeneralisedForce(force, symbols.zero, casadi.dot(wrench, velocity), False)
 
     def wrenches(self, symbols: Symbols) -> tuple[tuple[str, casadi.SX], ...]:
-        """What it does to the frame's body: itself."""
+        """The wrench on the frame's body."""
         return ((self.frame, self.measure(symbols)),)
 
     def labels(self, robot: Robot) -> tuple[str, ...]:
-        """Force and torque, world axes."""
+        """Components of force and torque in world axes."""
         return (*(f"{c} [N]" for c in "xyz"), *(f"r{c} [N m]" for c in "xyz"))
 
     def measure(self, symbols: Symbols) -> casadi.SX:
-        """Force (3) N and torque (3) N m in the world's axes."""
+        """Force (3), N, and torque (3), N m, in world axes."""
         import casadi
 
         if self.table is None:
@@ -218,6 +222,6 @@ class Wrench(Force):
 
 
 def _is_elsewhere(name: str, robot: Robot) -> bool:
-    """Whether a frame of that name moves, or lies elsewhere than the world's origin."""
+    """Whether a frame of that name moves, or is not at the world's origin."""
     frames = [frame for frame in robot.equations.tree.frames[1:] if frame.name == name]
     return any(frame.parent_joint > 0 or any(frame.placement.translation) for frame in frames)

@@ -1,4 +1,4 @@
-"""Which joints a motion of a configuration moves that draws a frame along a path: on a tree, those that carry the frame."""
+"""Checks which joints follow motions along a frame's path: such motions move only joints that carry the frame."""
 
 from __future__ import annotations
 
@@ -14,20 +14,22 @@ from bellcrank.motion.path_entries import PathEntry
 from bellcrank.robot.robot import Robot
 
 
-def frames_drawn(entry: MotionEntry, entries: Mapping[str, MotionEntry]) -> Iterator[str]:
-    """The frames that a motion draws along paths, in the parts of a join too."""
+def path_frames(entry: MotionEntry, entries: Mapping[str, MotionEntry]) -> Iterator[str]:
+    """The frames that a motion moves along paths, also in the parts of a join."""
     if isinstance(entry, PathEntry):
         yield entry.options.frame
     if isinstance(entry, JoinEntry):
         for part in entry.part_entries(entries):
-            yield from frames_drawn(part, entries)
+            yield from path_frames(part, entries)
 
 
 def refuse_joints_off_paths(
     constraints: Iterable[Constraint], control: Iterable[Controller], robot: Robot, entries: Mapping[str, MotionEntry]
 ) -> None:
-    """InputError where constraints tie joints together and a drive or controller follows, at a joint that does not carry
-    the frame, a motion that draws a frame: in a scene such a motion moves the joints that carry it alone.
+    """Refuse joints that follow a frame's path but do not carry the frame, in a scene with constraints.
+
+    A motion along a frame's path is computed for the tree of joints, where it moves only the joints that carry the
+    frame. Raises InputError if a prescribed motion or controller uses it at another joint.
     """
     constraints = tuple(constraints)
     if all(isinstance(constraint, PrescribedMotion) for constraint in constraints):
@@ -40,12 +42,12 @@ def refuse_joints_off_paths(
         entry = entries.get(str(part.place.raw("motion", None)))
         if entry is None:
             continue
-        for frame in frames_drawn(entry, entries):
+        for frame in path_frames(entry, entries):
             off = [name for name in joints if name not in robot.supporting_joints(frame)]
             if off:
                 raise part.place.error(
                     "motion",
-                    f"'{entry.name}' draws frame '{frame}' along a path, and {', '.join(off)} does not carry that "
-                    "frame in the tree of joints, so that it would stand still; `bellcrank size` solves the path on "
-                    "the closed mechanism and writes all joints: follow that history as {kind: csv, file: …}",
+                    f"'{entry.name}' moves frame '{frame}' along a path, but {', '.join(off)} does not carry that "
+                    "frame in the tree of joints and would not move; `bellcrank size` solves the path on the closed "
+                    "mechanism and writes the motion of all joints: use that file as {kind: csv, file: …}",
                 )

@@ -1,4 +1,4 @@
-"""Constraints on joint coordinates: a linear relation between two, and a joint that follows a motion."""
+"""Constraints on joint coordinates: a linear coupling of two joints, and a prescribed motion of a joint."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Coupling(Constraint):
-    """θ_b = ratio θ_a + offset, as gears and belts keep it, and what `<mimic>` means: φ = θ_b − ratio θ_a − offset.
+    """θ_b = ratio θ_a + offset, as for gears, belts and `<mimic>`: φ = θ_b − ratio θ_a − offset.
 
-    λ is the torque (N m, or N) on joint b; joint a feels −ratio times it. offset rad or m.
+    λ is the torque (N m, or force N) on joint b; the torque on joint a is −ratio λ. The offset is in rad or m.
     """
 
     joint_a: RobotJoint
@@ -32,10 +32,10 @@ class Coupling(Constraint):
 
     @classmethod
     def read(cls, name: str, read: Fields, context: ReadContext) -> Self:
-        """The constraint of an entry. Raises InputError naming file and key."""
+        """Read the constraint from its entry. Raises InputError naming file and key."""
         a, b = (read_joint(read, context.robot, key) for key in ("joint_a", "joint_b"))
         if a == b:
-            raise read.error("joint_b", f"a coupling needs two joints, both are '{a.name}'")
+            raise read.error("joint_b", f"expected two different joints, found '{a.name}' twice")
         return cls(name, read, a, b, read.number("ratio", ""), read.number("offset", joint_unit(b, "position"), 0.0))
 
     @property
@@ -48,8 +48,8 @@ class Coupling(Constraint):
         import casadi
 
         a, b = symbols.joint(self.joint_a), symbols.joint(self.joint_b)
-        gap = b.position - self.value(symbols, "ratio") * a.position - self.value(symbols, "offset")
-        return Residual(gap, casadi.SX(0, 1))
+        residual = b.position - self.value(symbols, "ratio") * a.position - self.value(symbols, "offset")
+        return Residual(residual, casadi.SX(0, 1))
 
     def labels(self, robot: Robot) -> tuple[str, ...]:
         """The torque on joint b."""
@@ -58,8 +58,9 @@ class Coupling(Constraint):
 
 @dataclass(frozen=True)
 class PrescribedMotion(Constraint):
-    """A joint follows a motion of the configuration: φ = θ − θ_motion(t). λ is the actuator's torque, N m or N, and its power
-    is work.
+    """A joint follows a motion of the configuration: φ = θ − θ_motion(t).
+
+    λ is the actuator's torque, N m or N. Its power is part of the work W.
     """
 
     joint: RobotJoint
@@ -68,13 +69,13 @@ class PrescribedMotion(Constraint):
 
     @classmethod
     def read(cls, name: str, read: Fields, context: ReadContext) -> Self:
-        """The constraint of an entry. Raises InputError naming file and key."""
+        """Read the constraint from its entry. Raises InputError naming file and key."""
         joint, motion = read_joint(read, context.robot), read_motion_name(read, context.motions)
         return cls(name, read, joint, motion_source(motion, partial(context.motion_of, motion), (joint,), 2))
 
     @property
     def source(self) -> SignalSource:
-        """The motion, with two derivatives."""
+        """The motion with two time derivatives."""
         return self.motion
 
     def residual(self, symbols: Symbols) -> Residual:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from bellcrank.elements.symbols import Symbols
 
-REQUIRED: Final = None  # in NUMBERS: there is no default
+REQUIRED: Final = None  # as a default in NUMBERS
 Numbers = Mapping[str, tuple[str, float | None, Bound]]
 
 
@@ -37,7 +37,7 @@ Numbers = Mapping[str, tuple[str, float | None, Bound]]
 class JointForce(Force):
     """A force along one joint's coordinate θ (rad or m).
 
-    NUMBERS: field -> quantity, default, what it may be.
+    NUMBERS gives the quantity, the default and the bound of each field.
     """
 
     joint: RobotJoint
@@ -45,7 +45,7 @@ class JointForce(Force):
 
     @classmethod
     def read(cls, name: str, read: Fields, robot: Robot) -> Self:
-        """From its mapping; InputError naming file and key."""
+        """Read it from its entry. Raises InputError naming file and key."""
         read.known("joint", *cls.NUMBERS)
         joint = read_joint(read, robot)
         values = {
@@ -72,7 +72,8 @@ class JointForce(Force):
 class JointSpring(JointForce):
     """τ = preload − stiffness (θ − rest) − damping θ̇, with V = ½ stiffness (θ − rest)² − preload θ.
 
-    stiffness N m/rad or N/m; rest rad or m, preload N m or N and damping N m s/rad or N s/m are 0 where left out.
+    stiffness is in N m/rad or N/m; rest (rad or m), preload (N m or N) and damping (N m s/rad or N s/m) are 0 by
+    default.
     """
 
     stiffness: float
@@ -88,7 +89,7 @@ class JointSpring(JointForce):
     }
 
     def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
-        """What it adds to the equations of motion."""
+        """The generalised force, potential energy and power that it adds to the equations of motion."""
         angle, rate, index = symbols.joint(self.joint)
         stiffness, rest, preload, damping = (self.value(symbols, name) for name in self.NUMBERS)
         stretch = angle - rest
@@ -99,14 +100,14 @@ class JointSpring(JointForce):
 
 @dataclass(frozen=True)
 class Damper(JointForce):
-    """τ = −coefficient θ̇; coefficient N m s/rad or N s/m."""
+    """τ = −coefficient θ̇ with the coefficient in N m s/rad or N s/m."""
 
     coefficient: float
     kind: ClassVar[str] = "damper"
     NUMBERS: ClassVar[Numbers] = {"coefficient": ("damping", REQUIRED, NONNEGATIVE)}
 
     def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
-        """What it adds to the equations of motion."""
+        """The generalised force, potential energy and power that it adds to the equations of motion."""
         _, rate, index = symbols.joint(self.joint)
         torque = -self.value(symbols, "coefficient") * rate
         return GeneralisedForce(symbols.joint_force(index, torque), symbols.zero, torque * rate, False)
@@ -116,7 +117,7 @@ class Damper(JointForce):
 class Friction(JointForce):
     """τ = −viscous θ̇ − coulomb θ̇ / sqrt(θ̇² + width²): Coulomb friction smoothed over `width` (rad/s or m/s).
 
-    It comes on top of the friction that the configuration's key `friction` gives the robot.
+    It is added to the friction that the configuration's key `friction` gives the robot.
     """
 
     viscous: float
@@ -130,7 +131,7 @@ class Friction(JointForce):
     }
 
     def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
-        """What it adds to the equations of motion."""
+        """The generalised force, potential energy and power that it adds to the equations of motion."""
         import casadi
 
         _, rate, index = symbols.joint(self.joint)
@@ -143,22 +144,22 @@ class Friction(JointForce):
 
 @dataclass(frozen=True)
 class Torque(JointForce):
-    """A motor's torque: a constant `value` (N m or N), or a table over time in a CSV `file` beside the scene.
+    """A motor's torque: a constant `value` (N m or N), or a table over time in a CSV `file`.
 
-    The table has the columns "time [s]" and "JOINT torque [N m]" (or the one that `column` names) and is read
-    `linear` (the default), `cubic` (a not-a-knot spline) or `hold` (each value until the next). Before its first and
-    after its last time the first and last value are held. In inverse dynamics and sizing it is a load that acts beside
-    the joint's motor.
+    The table has the columns "time [s]" and "JOINT torque [N m]" (or the column named by `column`). `interpolation` is
+    "linear" (the default), "cubic" (a not-a-knot spline) or "hold" (each value until the next). The first and last
+    values are held before and after the table. In inverse dynamics and sizing the torque is a load in addition to that
+    of the joint's motor.
     """
 
     constant: float
     table: SignalSource | None
-    text: str = field(default="", repr=False, compare=False)  # of the table's file, as it was read
+    text: str = field(default="", repr=False, compare=False)  # of the table's file
     kind: ClassVar[str] = "torque"
 
     @classmethod
     def read(cls, name: str, read: Fields, robot: Robot) -> Self:
-        """From its mapping; InputError naming file and key."""
+        """Read it from its entry. Raises InputError naming file and key."""
         read.known("joint", "value", "file", "interpolation", "column")
         joint = read_joint(read, robot)
         unit = joint_unit(joint, "torque")
@@ -168,7 +169,7 @@ class Torque(JointForce):
         if "value" in read:
             for key in ("interpolation", "column"):
                 if key in read:
-                    raise read.error(key, f"a constant value has no {key}; it belongs to a 'file'")
+                    raise read.error(key, f"'{key}' requires a 'file'; it is not used with a constant value")
             return cls(name, read, joint, read.number("value", unit), None)
         interpolation = read.choice("interpolation", INTERPOLATIONS, "linear")
         column = read.text("column", f"{joint.name} torque")
@@ -190,7 +191,7 @@ class Torque(JointForce):
         return self.table
 
     def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
-        """What it adds to the equations of motion."""
+        """The generalised force, potential energy and power that it adds to the equations of motion."""
         _, rate, index = symbols.joint(self.joint)
         torque = self.value(symbols, "value") if self.table is None else symbols.signal(self.table)[0]
         return GeneralisedForce(symbols.joint_force(index, torque), symbols.zero, torque * rate, True)

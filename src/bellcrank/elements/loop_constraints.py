@@ -1,4 +1,4 @@
-"""Closed loops: two frames that share a point, a hinge or everything, or that stay a distance apart."""
+"""Constraints that close loops between two frames: point, hinge, weld and distance."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ WORLD = "world"
 class Loop(Constraint):
     """A constraint between two frames; `frame_b: world` is a frame fixed at `point` (m), with the world's axes.
 
-    `at_a` and `at_b` place the sides in their frames: origin (3) m, then rotation (9) row by row; None: as they are.
+    `at_a` and `at_b` are the placements of the two sides in their frames: origin (3), m, then rotation (9) by rows.
+    None means the frame itself.
     """
 
     frame_a: str
@@ -36,7 +37,7 @@ class Loop(Constraint):
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """Its two sides."""
+        """The frames of its two sides."""
         return (self.frame_a,) if self.frame_b == WORLD else (self.frame_a, self.frame_b)
 
     @property
@@ -45,7 +46,7 @@ class Loop(Constraint):
         return {f"point.{c}": Settable("m") for c in "xyz"} if self.frame_b == WORLD else {}
 
     def sides(self, symbols: Symbols) -> tuple[FrameSymbols, FrameSymbols]:
-        """Both frames in the world."""
+        """The placements and velocities of both sides in the world."""
         import casadi
 
         from bellcrank.elements.symbols import FrameSymbols
@@ -58,14 +59,16 @@ class Loop(Constraint):
 
 
 def read_sides(read: Fields, robot: Robot) -> tuple[str, str, tuple[float, ...]]:
-    """The keys frame_a, frame_b and, for `frame_b: world`, point (m); InputError naming file and key."""
+    """Read frame_a, frame_b and, for `frame_b: world`, the point (m). Raises InputError naming file and key."""
     a = read_frame(read, robot, "frame_a")
     fixed = read.text("frame_b") == WORLD
     b = WORLD if fixed else read_frame(read, robot, "frame_b")
     if not fixed and "point" in read:
-        raise read.error("point", "a point is for 'frame_b: world'; a frame's own origin is used otherwise")
+        raise read.error("point", "'point' is only used with 'frame_b: world'; the origin of a frame is used otherwise")
     if a == b:
-        raise read.error("frame_b", f"a loop closes two frames, both are '{a}'; add a frame under `frames`")
+        raise read.error(
+            "frame_b", f"expected two different frames, found '{a}' twice; further frames can be added under `frames`"
+        )
     return a, b, read.vector("point", 3, "m", (0.0, 0.0, 0.0))
 
 
@@ -77,7 +80,7 @@ class Point(Loop):
 
     @classmethod
     def read(cls, name: str, read: Fields, context: ReadContext) -> Self:
-        """The constraint of an entry. Raises InputError naming file and key."""
+        """Read the constraint from its entry. Raises InputError naming file and key."""
         return cls(name, read, *read_sides(read, context.robot))
 
     def residual(self, symbols: Symbols) -> Residual:
@@ -92,11 +95,11 @@ class Point(Loop):
 
 @dataclass(frozen=True)
 class Hinge(Loop):
-    """The origins coincide, and an axis that both frames have, `axis` in each one's own axes, does too: five equations.
+    """The origins of two frames coincide, and so do their axes `axis` (each in the frame's own axes): five equations.
 
-    φ = a − b (m, world axes), then n₁·k and n₂·k: k is the axis of a, n₁ and n₂ are perpendicular to that of b. Their
-    multipliers are moments on the body of frame a, N m, about k × n₁ and k × n₂ (turned to face it). φ vanishes with
-    the axes opposed too, which no start is and no run keeps (`alignment_cosine`).
+    φ = a − b (m, world axes), then n₁·k and n₂·k, where k is the axis of a, and n₁ and n₂ are perpendicular to the axis
+    of b. The multipliers of the last two are moments on the body of frame a, N m, about k × n₁ and k × n₂. φ also
+    vanishes where the axes are opposed; `alignment_cosine` excludes this solution.
     """
 
     axis: tuple[float, ...]
@@ -104,7 +107,7 @@ class Hinge(Loop):
 
     @classmethod
     def read(cls, name: str, read: Fields, context: ReadContext) -> Self:
-        """The constraint of an entry. Raises InputError naming file and key."""
+        """Read the constraint from its entry. Raises InputError naming file and key."""
         return cls(name, read, *read_sides(read, context.robot), read_direction(read, "axis", (0.0, 0.0, 1.0)))
 
     def residual(self, symbols: Symbols) -> Residual:
@@ -117,7 +120,7 @@ class Hinge(Loop):
         return Residual(casadi.vertcat(a.position - b.position, *across), _none())
 
     def alignment_cosine(self, symbols: Symbols) -> casadi.SX:
-        """The cosine of the angle between the two sides' axes."""
+        """The cosine of the angle between the axes of the two sides."""
         import casadi
 
         a, b = self.sides(symbols)
@@ -140,14 +143,15 @@ class Weld(Loop):
     """Two frames coincide: φ = a − b (m, world axes), then half the vector part of Rᵦᵀ Rₐ − Rₐᵀ Rᵦ (axes of b).
 
     The multipliers are the force on the body of frame a in world axes, N, and the moment on it in the axes of b, N m.
-    The angle's part of φ is its sine, which vanishes at half a turn too; no start is there and no run stays (`alignment_cosine`).
+    The norm of the last three rows is the sine of the angle between the frames, which also vanishes at 180 deg;
+    `alignment_cosine` excludes this solution.
     """
 
     kind: ClassVar[str] = "weld"
 
     @classmethod
     def read(cls, name: str, read: Fields, context: ReadContext) -> Self:
-        """The constraint of an entry. Raises InputError naming file and key."""
+        """Read the constraint from its entry. Raises InputError naming file and key."""
         return cls(name, read, *read_sides(read, context.robot))
 
     def residual(self, symbols: Symbols) -> Residual:
@@ -160,14 +164,14 @@ class Weld(Loop):
         return Residual(casadi.vertcat(a.position - b.position, *angle), _none())
 
     def alignment_cosine(self, symbols: Symbols) -> casadi.SX:
-        """The cosine of the angle θ that the frames are turned by: tr Rᵦᵀ Rₐ = 1 + 2 cos θ."""
+        """The cosine of the angle θ between the frames, from tr Rᵦᵀ Rₐ = 1 + 2 cos θ."""
         import casadi
 
         a, b = self.sides(symbols)
         return 0.5 * (casadi.trace(b.rotation.T @ a.rotation) - 1.0)
 
     def alignment_residual(self, symbols: Symbols) -> casadi.SX:
-        """Rᵦᵀ Rₐ − 1 (9), of the length 2 √(1 − cos θ)."""
+        """Rᵦᵀ Rₐ − 1 (9), whose length is 2 √(1 − cos θ)."""
         import casadi
 
         a, b = self.sides(symbols)
@@ -180,9 +184,9 @@ class Weld(Loop):
 
 @dataclass(frozen=True)
 class Distance(Loop):
-    """The origins of two frames stay `length` (m) apart, as a light rod keeps them: φ = (d·d − length²) / (2 length).
+    """A massless rod between the origins of two frames: φ = (d·d − length²) / (2 length) with the length in m.
 
-    λ is the rod's force, N, pushing its ends apart where positive.
+    λ is the force in the rod, N; a positive force pushes the ends apart.
     """
 
     length: float
@@ -190,7 +194,7 @@ class Distance(Loop):
 
     @classmethod
     def read(cls, name: str, read: Fields, context: ReadContext) -> Self:
-        """The constraint of an entry. Raises InputError naming file and key."""
+        """Read the constraint from its entry. Raises InputError naming file and key."""
         return cls(name, read, *read_sides(read, context.robot), read.number("length", "m", positive=True))
 
     @property
@@ -207,12 +211,12 @@ class Distance(Loop):
         return Residual((casadi.dot(way, way) - length * length) / (2.0 * length), _none())
 
     def lever_velocities(self, symbols: Symbols) -> casadi.SX:
-        """How fast its ends move against each other."""
+        """The relative velocity of its ends (3), m/s."""
         a, b = self.sides(symbols)
         return a.linear - b.linear
 
     def lengths(self, symbols: Symbols) -> casadi.SX:
-        """The rod's."""
+        """The length of the rod."""
         import casadi
 
         return casadi.SX(self.value(symbols, "length"))
@@ -223,7 +227,7 @@ class Distance(Loop):
 
 
 def read_direction(read: Fields, key: str, usual: tuple[float, ...]) -> tuple[float, ...]:
-    """A unit vector along the one under a key; InputError where that has no length."""
+    """Read a direction and return it as a unit vector. Raises InputError naming file and key for a length of 0."""
     given = np.array(read.vector(key, 3, "", usual))
     size = length(given)
     if not 1e-6 <= size <= LARGEST:
@@ -232,7 +236,7 @@ def read_direction(read: Fields, key: str, usual: tuple[float, ...]) -> tuple[fl
 
 
 def perpendicular(axis: tuple[float, ...]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Two unit vectors perpendicular to a unit axis and to each other, coordinate axes where it is one."""
+    """Two unit vectors perpendicular to a unit axis and to each other; for a coordinate axis, coordinate axes."""
     k = np.array(axis)
     first = np.cross(np.eye(3)[int(np.argmin(np.abs(k)))], k)
     first /= np.linalg.norm(first)

@@ -1,9 +1,9 @@
-"""The parameters of a scene: numbers that stay symbols in the compiled equations, so that changing one costs nothing.
+"""The parameters of a scene: numbers that are arguments of the compiled equations, so that they can change at no cost.
 
-parameters: {crank_length: {value: 1.241, sets: [joint.coupler.origin.x]}}. A target is one of trace.setting's
-(joint.NAME.origin.x, link.NAME.mass, …), frame.NAME.origin.x (y, z, roll, pitch, yaw) of a frame that the configuration adds,
-or force.NAME.FIELD, control.NAME.FIELD, constraint.NAME.FIELD (forces and constraints, as in overrides, too). The value has
-the unit of its targets, and keeps the bounds that hold for them in the file.
+parameters: {crank_length: {value: 1.241, sets: [joint.coupler.origin.x]}}. A target is one of those of `trace.setting`
+(joint.NAME.origin.x, link.NAME.mass, …), frame.NAME.origin.x (y, z, roll, pitch, yaw) of a frame that the configuration
+adds, or force.NAME.FIELD, control.NAME.FIELD or constraint.NAME.FIELD (forces.… and constraints.… are accepted too, as
+in overrides). The value has the unit of its targets and must satisfy the same bounds as the number in the file.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
 _NAME = re.compile(r"\A[A-Za-z_]\w*\Z")
-PLURAL = {"forces": "force", "constraints": "constraint"}  # as overrides write them
-_MEANT = ("pi", "t")  # what expressions mean by these is something else
+PLURAL = {"forces": "force", "constraints": "constraint"}  # as in the paths of overrides
+_RESERVED = ("pi", "t")  # names with a meaning in expressions
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number by name. `sets`: what it sets; `places`: those of the targets that are the tracer's, (frame, what)."""
+    """A named number. `sets` are its targets; `places` the (frame, quantity) of those that the tracer sets."""
 
     name: str
     value: float
@@ -42,12 +42,12 @@ class Parameter:
 
 
 def read_parameters(read: Fields, robot: Robot, parts: Sequence[Element]) -> dict[str, Parameter]:
-    """The mapping `parameters` of a scene, for its robot, forces and controllers; InputError naming file and key."""
+    """Read the mapping `parameters` of a scene with these elements. Raises InputError naming file and key."""
     table = read.mapping("parameters", {})
     parameters: dict[str, Parameter] = {}
     owner: dict[object, str] = {}
     for name in table:
-        if not _NAME.match(name) or name in _MEANT:
+        if not _NAME.match(name) or name in _RESERVED:
             raise table.error(name, "expected a name of letters, digits and _ other than pi and t")
         entry = table.mapping(name)
         sets = _targets(entry)
@@ -63,7 +63,7 @@ def read_parameters(read: Fields, robot: Robot, parts: Sequence[Element]) -> dic
                 places.append(place)
             claim: object = target if place is None else place
             if claim in owner:
-                raise entry.error("sets", f"'{target}' is set by the parameter '{owner[claim]}' already")
+                raise entry.error("sets", f"'{target}' is already set by the parameter '{owner[claim]}'")
             owner[claim] = name
         if len(set(units)) > 1:
             raise entry.error("sets", f"expected targets of one unit, found {', '.join(u or '1' for u in units)}")
@@ -82,7 +82,7 @@ def read_parameters(read: Fields, robot: Robot, parts: Sequence[Element]) -> dic
 
 
 def _check_inertias(table: Fields, parameters: Mapping[str, Parameter], robot: Robot) -> None:
-    """Refuse parameters that leave a link a principal moment of inertia below 0, which no body has."""
+    """Raise InputError if parameters give a link a negative principal moment of inertia."""
     given = {place: (p.value, name) for name, p in parameters.items() for place in p.places if 10 <= place[1] < 16}
     for frame, name in {frame: name for (frame, _), (_, name) in given.items()}.items():
         data = robot.equations.tree.frames[frame]
@@ -92,7 +92,7 @@ def _check_inertias(table: Fields, parameters: Mapping[str, Parameter], robot: R
             raise table.mapping(name).error(
                 "value",
                 f"with {parameters[name].value:g} kg m^2 the link '{data.name}' has a principal moment of inertia "
-                f"of {moments[0]:.4g} kg m^2, expected none below 0",
+                f"of {moments[0]:.4g} kg m^2, expected 0 or more",
             )
 
 
@@ -104,7 +104,7 @@ def _targets(entry: Fields) -> tuple[str, ...]:
 
 
 def _resolve(target: str, robot: Robot, parts: Sequence[Element]) -> tuple[Settable, tuple[int, int] | None]:
-    """The unit of a target with what it may be, and where it is the tracer's."""
+    """The unit and bound of a target, and its (frame, quantity) if the tracer sets it. Raises InputError."""
     kind, _, rest = target.partition(".")
     if kind in ("force", "control", "constraint"):
         mine: Mapping[str, Element] = {part.name: part for part in parts if part.owner == kind}
@@ -120,8 +120,9 @@ def _resolve(target: str, robot: Robot, parts: Sequence[Element]) -> tuple[Setta
         name, dot, component = rest.rpartition(".origin.")
         added = {f.name: k for k, f in enumerate(tree.frames) if k and not f.is_body and not f.is_joint}
         if not dot or component not in ORIGIN:
-            raise InputError(f"a parameter cannot set '{target}'; of a frame it can set frame.NAME.origin.x (y, z, "
-                             "roll, pitch, yaw)")  # fmt: skip
+            raise InputError(
+                f"a parameter cannot set '{target}'; expected: frame.NAME.origin.x (y, z, roll, pitch, yaw)"
+            )
         if name not in added:
             raise InputError(unknown_name("frame of the configuration", name, added))
         what = ORIGIN.index(component)
@@ -136,7 +137,7 @@ def _resolve(target: str, robot: Robot, parts: Sequence[Element]) -> tuple[Setta
 
 
 def _of_tracer(what: int) -> Settable:
-    """Unit and bound by the tracer's number (trace.setting): masses, moments of inertia and factors are 0 or more."""
+    """The unit and bound of a quantity by its number in `trace.setting`; masses, moments and factors are 0 or more."""
     if what < 6:
         return Settable("m" if what < 3 else "rad")
     if 7 <= what < 10:

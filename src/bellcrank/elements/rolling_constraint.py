@@ -1,4 +1,4 @@
-"""Rolling contact: a thin disk or wheel on a plane, whose lowest point does not move."""
+"""Rolling contact: a thin disk or wheel that rolls without slip on a plane."""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ if TYPE_CHECKING:
 class RollingDisk(Constraint):
     """A thin disk rolls without slip on a plane.
 
-    The disk has its centre c at the frame's origin, the `axis` a (frame's axes) and a `radius` r (m); the plane has the
-    unit `normal` n and lies `height` (m) along it. With s = |a × n|, the disk heads along f = (a × n)/s, and the rim's
-    lowest point is p = c − r (n − (n·a) a)/s. φ = c·n − height − r s keeps it on the plane (holonomic). ψ is the
-    velocity of p forwards and sideways, along f and n × f in the plane: v·f − r ω·a, and v·(n × f) + r s ω·f
-    (non-holonomic). The multipliers are the normal force and the components of friction that the plane exerts on the
-    disk, N. A plane cannot pull, so the run ends where the normal force passes zero, unless `two_sided` says that it
-    may, as a rail does; and it ends where the disk comes to lie flat. Source: A. Ghosal, NPTEL 2022, lecture 18, for
-    the velocity condition.
+    The disk has its centre c at the frame's origin, the unit `axis` a (in the frame's axes) and the `radius` r (m); the
+    plane has the unit `normal` n and the distance `height` (m) from the world's origin. With s = |a × n|, the disk
+    rolls along f = (a × n)/s, and the lowest point of its rim is p = c − r (n − (n·a) a)/s. φ = c·n − height − r s
+    keeps p on the plane (holonomic). ψ is the velocity of p in the plane along f and n × f: v·f − r ω·a, and
+    v·(n × f) + r s ω·f (non-holonomic). The multipliers are the normal force and the two components of friction on the
+    disk, N.
+
+    The simulation ends where the normal force becomes negative, unless `two_sided` allows it (as on a rail), and where
+    the disk lies flat. Source of the velocity condition: A. Ghosal, NPTEL 2022, lecture 18.
     """
 
     frame: str
@@ -41,7 +42,7 @@ class RollingDisk(Constraint):
 
     @classmethod
     def read(cls, name: str, read: Fields, context: ReadContext) -> Self:
-        """The constraint of an entry. Raises InputError naming file and key."""
+        """Read the constraint from its entry. Raises InputError naming file and key."""
         axis = read_direction(read, "axis", (0.0, 1.0, 0.0))
         normal = read_direction(read, "normal", (0.0, 0.0, 1.0))
         radius, height = read.number("radius", "m", positive=True), read.number("height", "m", 0.0)
@@ -60,20 +61,20 @@ class RollingDisk(Constraint):
         return (self.frame,)
 
     def residual(self, symbols: Symbols) -> Residual:
-        """The normal row, and two tangential ones."""
+        """The normal residual, and two tangential velocities."""
         import casadi
 
         disk, _ = symbols.local_frame(self.frame)
         radius, height = self.value(symbols, "radius"), self.value(symbols, "height")
         n, a, forward, steepness = self._directions(symbols)
-        gap = casadi.dot(casadi.DM(self.normal), symbols.frame(self.frame).position) - height - radius * steepness
+        residual = casadi.dot(casadi.DM(self.normal), symbols.frame(self.frame).position) - height - radius * steepness
         # n × f = (a − (n·a) n)/s
         sideways = (casadi.dot(a, disk.linear) - casadi.dot(n, a) * casadi.dot(n, disk.linear)) / steepness
         slip = casadi.vertcat(
             casadi.dot(forward, disk.linear) / steepness - radius * casadi.dot(a, disk.angular),
             sideways + radius * casadi.dot(forward, disk.angular),
         )
-        return Residual(gap, slip)
+        return Residual(residual, slip)
 
     def lengths(self, symbols: Symbols) -> casadi.SX:
         """The radius."""
@@ -82,7 +83,7 @@ class RollingDisk(Constraint):
         return casadi.SX(self.value(symbols, "radius"))
 
     def contact_point(self, symbols: Symbols) -> casadi.SX:
-        """The rim's lowest point (3) m in the world."""
+        """The lowest point of the rim (3), m, in the world."""
         import casadi
 
         n, a, _, steepness = self._directions(symbols)
@@ -90,11 +91,11 @@ class RollingDisk(Constraint):
         return symbols.frame(self.frame).position - self.value(symbols, "radius") / steepness * up
 
     def steepness(self, symbols: Symbols) -> casadi.SX:
-        """s, the sine of the angle between axis and normal: 1 upright, 0 lying flat, where no point is the lowest."""
+        """s, the sine of the angle between axis and normal: 1 if the disk is upright, 0 if it lies flat."""
         return self._directions(symbols)[3]
 
     def labels(self, robot: Robot) -> tuple[str, ...]:
-        """Normal force and friction, from the plane on the disk."""
+        """The normal force and the friction that the plane exerts on the disk."""
         return ("normal [N]", "friction forwards [N]", "friction sideways [N]")
 
     def _directions(self, symbols: Symbols) -> tuple[casadi.SX, casadi.SX, casadi.SX, casadi.SX]:
@@ -103,5 +104,5 @@ class RollingDisk(Constraint):
 
         disk, axes = symbols.local_frame(self.frame)
         n, a = axes.T @ casadi.DM(self.normal), disk.rotation @ casadi.DM(self.axis)
-        across = casadi.cross(a, n)  # also where the disk lies nearly flat, s has all its digits this way
+        across = casadi.cross(a, n)  # this keeps s accurate where the disk nearly lies flat
         return n, a, across, casadi.sqrt(casadi.dot(across, across))

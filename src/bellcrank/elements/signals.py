@@ -1,6 +1,6 @@
-"""Signals u(t), which the integrator evaluates beside the compiled equations: tabulated forces, and motions to follow.
+"""Signals u(t): tabulated forces and motions, which the integrator passes to the compiled equations.
 
-A `Signal` is a piecewise polynomial. A `SignalSource` says how many entries of u it supplies before its numbers are
+A `Signal` is a piecewise polynomial. A `SignalSource` declares the number of its entries in u before its numbers are
 computed, so that equations can be built, and found in the cache, without computing any motion.
 """
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import RobotJoint
 
 Array = NDArray[np.float64]
-SMALL_JUMP = 1e-9  # relative to a signal's largest value: rounding between two rows of one time
+SMALL_JUMP = 1e-9  # relative to a signal's largest value; smaller jumps are rounding errors
 
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """Columns that are polynomials between breaks; before and after its ends a signal keeps its end values.
+    """A piecewise polynomial with several columns. Before its first and after its last break the end values are held.
 
     Attributes:
         breaks: Increasing times (m + 1,), s.
@@ -46,7 +46,7 @@ class Signal:
         return int(self.coefficients.shape[2]) * (self.derivatives + 1)
 
     def at(self, t: Array) -> Array:
-        """Values, first and second derivatives, (n, size), at times (n,) s; at a kink the limit from the right."""
+        """Values, first and second derivatives, (n, size), at times (n,), s; at a break the limit from the right."""
         inside = np.clip(t, self.breaks[0], self.breaks[-1])
         k = np.clip(np.searchsorted(self.breaks, inside, side="right") - 1, 0, len(self.breaks) - 2)
         s = (inside - self.breaks[k])[:, None]
@@ -69,10 +69,10 @@ def values_at(signals: Sequence[Signal], t: Array) -> Array:
 
 @dataclass(frozen=True)
 class SignalSource(Portable):
-    """A signal whose numbers are computed when first asked for.
+    """A signal whose numbers are computed when they are first used.
 
-    It supplies `width` values and that many of each of `derivatives` (0, 1 or 2) time derivatives. Two sources are equal
-    if name, width and derivatives are. `make` returns the signal and its `stops`, and can be pickled.
+    It supplies `width` values, and their first `derivatives` (0, 1 or 2) time derivatives. Two sources with equal name,
+    width and derivatives are equal. `make` returns the signal and its `stops`; it can be pickled.
     """
 
     name: str
@@ -92,7 +92,7 @@ class SignalSource(Portable):
 
     @property
     def stops(self) -> Array:
-        """Times (k,) s, besides the breaks of a kinked signal, at which it is not smooth; no step should cross them."""
+        """Times (k,), s, at which the signal is not smooth, apart from the breaks of a kinked signal."""
         return self._made[1]
 
     @cached_property

@@ -1,4 +1,4 @@
-"""The symbols that forces, controllers and constraints write their expressions in, and kinematics over them."""
+"""The symbols of the expressions of forces, controllers and constraints, and kinematics and dynamics over them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from bellcrank.elements.signals import SignalSource
     from bellcrank.robot.robot import Robot, RobotJoint
 
-_FRAME = 18  # numbers a frame: position 3, rotation 9, linear and angular velocity 3 each
+_FRAME = 18  # numbers for each frame: position 3, rotation 9, linear and angular velocity 3 each
 
 
 class JointSymbols(NamedTuple):
@@ -37,22 +37,22 @@ class FrameSymbols(NamedTuple):
 
 
 class FrameSource(Protocol):
-    """Frames written in other symbols than those of `Symbols`, such as the rotation of a free base."""
+    """Frames as functions of other symbols than those of `Symbols`, such as the rotation of a free base."""
 
     def frame(self, name: str) -> FrameSymbols:
         """A frame's placement and velocity in the world."""
         ...
 
     def local_frame(self, name: str) -> tuple[FrameSymbols, casadi.SX]:
-        """A frame in some axes B, and B (3, 3), as `Symbols.local_frame`."""
+        """A frame in some axes B, and B (3, 3), as in `Symbols.local_frame`."""
         ...
 
 
 class Symbols:
-    """Time t, position q (nq), velocity v (nv), signals u and parameters p, and what follows from them by kinematics.
+    """Time t, position q (nq), velocity v (nv), signals u and parameters p, and the kinematics and dynamics over them.
 
-    Whatever the parameters set is a symbol in every traced algorithm. `frames` may name the frames that will be asked
-    for, so that they are traced together. In expressions of a scene file, t is t + `clock` (s).
+    The targets of parameters are symbols in every traced algorithm. `frames` may list the frames that will be used, so
+    that they are traced together. In expressions of a scene file, t stands for t + `clock` (s).
     """
 
     def __init__(
@@ -82,24 +82,24 @@ class Symbols:
 
     @property
     def u(self) -> casadi.SX:
-        """All signals asked for so far (nu), in the order in which they were first asked for."""
+        """All signals used so far (nu), in the order of their first use."""
         import casadi
 
         return casadi.vertcat(casadi.SX(0, 1), *self._groups.values())
 
     @property
     def signal_rates(self) -> casadi.SX:
-        """du/dt (nu): a value's is its first derivative, and so on; that of the last derivative is left out, as 0."""
+        """du/dt (nu), taken from the derivatives in u; the rates of the highest derivatives are set to 0."""
         import casadi
 
         rates = [casadi.SX(0, 1)]
         for source, u in self._groups.items():
-            rates += [u[source.width :]] if source.derivatives else []  # an empty slice of one number is a row
+            rates += [u[source.width :]] if source.derivatives else []  # an empty slice of a scalar has the wrong shape
             rates += [casadi.SX.zeros(source.width, 1)]
         return casadi.vertcat(*rates)
 
     def signal(self, source: SignalSource) -> casadi.SX:
-        """A signal's entries of u, (width, derivatives + 1): values, then derivatives, column by column."""
+        """The entries of a signal in u, (width, derivatives + 1): a column of values, then columns of derivatives."""
         import casadi
 
         if source not in self._groups:
@@ -111,13 +111,13 @@ class Symbols:
         return self.p[self._places[name]]
 
     def value(self, owner_kind: str, owner_name: str, field: str, number: float) -> casadi.SX | float:
-        """The symbol of the parameter that sets "force.NAME.FIELD" (or "control.…"), else the number."""
+        """The symbol of the parameter that sets "force.NAME.FIELD" (or "control.…"); otherwise the number."""
         k = self._setters.get(f"{owner_kind}.{owner_name}.{field}")
         return number if k is None else self.p[k]
 
     @property
     def zero(self) -> casadi.SX:
-        """The scalar 0: no potential, or no power."""
+        """The scalar 0, for forces without potential or power."""
         import casadi
 
         return casadi.SX(0)
@@ -125,12 +125,12 @@ class Symbols:
     # ---- kinematics
 
     def joint(self, joint: str | RobotJoint) -> JointSymbols:
-        """A joint with one degree of freedom. Raises InputError for any other."""
+        """The symbols of a joint with one degree of freedom. Raises InputError for other joints."""
         j = self.robot.one_degree_joint(joint, "scene") if isinstance(joint, str) else joint
         return JointSymbols(self.q[j.q], self.v[j.v], j.v)
 
     def frame(self, name: str) -> FrameSymbols:
-        """A frame's placement and velocity in the world. Raises InputError with what there is."""
+        """A frame's placement and velocity in the world. Raises InputError for an unknown frame."""
         if self._frame_source is not None:
             return self._frame_source.frame(name)
         if name not in self._frames:
@@ -139,18 +139,18 @@ class Symbols:
         return self._frames[name]
 
     def with_frames(self, source: FrameSource) -> Symbols:
-        """The same symbols and signals, with frames from another source."""
+        """A copy with the same symbols and signals, and frames from another source."""
         other = copy.copy(self)
         other._frame_source = source
         return other
 
     @property
     def named_frames(self) -> tuple[str, ...]:
-        """The frames that are traced together with the first one asked for."""
+        """The frames that are traced together at the first use of one of them."""
         return tuple(self._gathered)
 
     def joint_frames(self) -> list[FrameSymbols]:
-        """The frames of all joints of the tree, mimicking ones too, in the order of `Robot.all_joint_names`."""
+        """The frames of all joints, mimicking ones included, in the order of `Robot.all_joint_names`."""
         frames = self.robot.equations.tree.frames
         places = {frame.name: k for k, frame in enumerate(frames) if frame.is_joint}
         return self._traced_frames([places[name] for name in self.robot.all_joint_names], self.q)
@@ -167,9 +167,9 @@ class Symbols:
         return [FrameSymbols(x[:3], casadi.reshape(x[3:12], 3, 3).T, x[12:15], x[15:18]) for x in parts]
 
     def local_frame(self, name: str) -> tuple[FrameSymbols, casadi.SX]:
-        """A frame's placement from the axes' origin, and velocity, in axes B in which they are short; and B (3, 3).
+        """A frame's placement and velocity in axes B in which their expressions are short, and B (3, 3).
 
-        The world's own axes here; those of a free base while constraints are differentiated.
+        B is the identity, except while constraints are differentiated: then it is the rotation of a free base.
         """
         import casadi
 
@@ -181,7 +181,7 @@ class Symbols:
 
     @property
     def tracer_parameters(self) -> casadi.SX:
-        """What the traced algorithms take as p: all parameters where one of them sets the tree, else nothing."""
+        """The argument p of the traced algorithms: all parameters if one has a target in the tree, else none."""
         import casadi
 
         return self.p if self._settings else casadi.SX(0, 1)

@@ -183,8 +183,9 @@ class Robot(CompiledRobot):
             >>> import bellcrank as bc
             >>> robot = bc.load_robot("planar_2r", friction="none")
             >>> shares = robot.link_torques([0.1, 0.2], [0.3, 0.4], [0.5, 0.6])
-            >>> bool((abs(shares.sum(axis=0) - robot.inverse_dynamics([0.1, 0.2], [0.3, 0.4], [0.5, 0.6])) <
-            1e-9).all()) True
+            >>> torque = robot.inverse_dynamics([0.1, 0.2], [0.3, 0.4], [0.5, 0.6])
+            >>> bool((abs(shares.sum(axis=0) - torque) < 1e-9).all())
+            True
         """
         q, v, a = self._check.states(QVA, q, v, a)
         if not self.massive_links:

@@ -1,1 +1,1 @@
-"""Scenes: a robot configuration with forces, control, a start, parameters, events, outputs and solver settings."""
+"""Scenes: a robot with constraints, forces, controllers, a start, parameters, events, outputs and solver settings."""

@@ -1,9 +1,9 @@
-"""Conditions on constraints, for events: links that line up, constraints near singular, contact lost, friction demanded.
+"""Conditions of events on constraints.
 
-`aligned: {joint_a, joint_b, constraint}`: the origins of two joints and the point of the constraint between them lie on one
-line. `singular_constraints: THRESHOLD`: σ_min/σ_max of the constraints' Jacobian in the metric of the mass matrix reaches it.
-`contact_lost: CONSTRAINT`: the normal force of a rolling disk is down to zero. `friction_demand: {constraint, limit}`: its
-friction over its normal force reaches a limit, as a coefficient of friction sets one.
+`aligned: {joint_a, joint_b, constraint}`: the origins of two joints and the point of the constraint between them are
+collinear. `singular_constraints: THRESHOLD`: σ_min/σ_max of J M⁻¹ᐟ² reaches the threshold. `contact_lost: CONSTRAINT`:
+the normal force of a rolling disk reaches zero. `friction_demand: {constraint, limit}`: the ratio of friction to normal
+force of a rolling disk reaches a limit, such as the coefficient of friction.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ if TYPE_CHECKING:
 
     from bellcrank.scene.equation_symbols import EquationSymbols
 
-FLAT = 1e-4  # rad: a disk that is nearer to lying flat has no lowest point that can be told
+FLAT = 1e-4  # rad: below this angle to the plane the lowest point of a disk is not well defined
 
 
 class Condition(Protocol):
-    """What an event waits for: a function g(t, x, u, p) whose zero it is, the frames and the unit of it."""
+    """A condition of an event: a function g(t, x, u, p) whose zeros are the events, and the frames that it uses."""
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The frames it uses."""
+        """The frames that it uses."""
 
     def function(self, equations: EquationSymbols) -> casadi.SX:
-        """The function whose zero it is."""
+        """The function whose zeros are the events."""
 
 
 @dataclass(frozen=True)
 class Aligned:
-    """The sine of the angle between two arms, seen along joint a's axis: zero where they form one line.
+    """The sine of the angle between two links about joint a's axis, which is zero where they are collinear.
 
-    The arms go from the constraint's point P to the origins A and B of joints a and b, so that A, P, B lie on one line,
-    stretched out or folded back. `link_a` and `link_b` are the joints' child links, at whose origins the joints are.
-    Near the line it changes as the angle at P does, rad.
+    The links are the lines from the constraint's point P to the origins A and B of joints a and b; they may be
+    stretched out or folded back. `link_a` and `link_b` are the child links of the joints, whose origins are A and B.
+    For small angles the function is the deviation of the angle at P, rad.
     """
 
     link_a: str
@@ -55,11 +55,11 @@ class Aligned:
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """Both joints' and the constraint's."""
+        """The frames of both joints and of the constraint."""
         return (self.link_a, self.link_b, *self.loop.frames)
 
     def function(self, equations: EquationSymbols) -> casadi.SX:
-        """The function whose zero it is."""
+        """The function whose zeros are the events."""
         import casadi
 
         symbols = equations.symbols
@@ -71,17 +71,17 @@ class Aligned:
 
 @dataclass(frozen=True)
 class SingularConstraint:
-    """σ_min/σ_max of J M⁻¹ᐟ² (Reactions.closeness) less a threshold: below it constraints hardly hold, or rows repeat."""
+    """σ_min/σ_max of J M⁻¹ᐟ² (Reactions.closeness) minus a threshold: small where constraints become dependent."""
 
     threshold: float
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The frames it uses."""
+        """The frames that it uses."""
         return ()
 
     def function(self, equations: EquationSymbols) -> casadi.SX:
-        """The function whose zero it is."""
+        """The function whose zeros are the events."""
         return equations.closeness - self.threshold
 
 
@@ -93,44 +93,44 @@ class ContactLost:
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The frames it uses."""
+        """The frames that it uses."""
         return ()
 
     def function(self, equations: EquationSymbols) -> casadi.SX:
-        """The function whose zero it is."""
+        """The function whose zeros are the events."""
         return equations.multipliers(self.constraint)[0]
 
 
 @dataclass(frozen=True)
 class LiesFlat:
-    """The sine of the angle between a rolling disk and its plane, less the least that still has a lowest point."""
+    """The sine of the angle between a rolling disk and its plane, minus FLAT."""
 
     disk: RollingDisk
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The disk's."""
+        """The frame of the disk."""
         return self.disk.frames
 
     def function(self, equations: EquationSymbols) -> casadi.SX:
-        """The function whose zero it is."""
+        """The function whose zeros are the events."""
         return self.disk.steepness(equations.symbols) - FLAT
 
 
 @dataclass(frozen=True)
 class FrictionDemand:
-    """Friction less `limit` times the normal force of a rolling disk, N."""
+    """The friction of a rolling disk minus `limit` times its normal force, N."""
 
     constraint: str
     limit: float
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The frames it uses."""
+        """The frames that it uses."""
         return ()
 
     def function(self, equations: EquationSymbols) -> casadi.SX:
-        """The function whose zero it is."""
+        """The function whose zeros are the events."""
         import casadi
 
         normal, *friction = casadi.vertsplit(equations.multipliers(self.constraint))
@@ -138,10 +138,10 @@ class FrictionDemand:
 
 
 def read_aligned(read: Fields, robot: Robot, constraints: Sequence[Constraint]) -> Aligned:
-    """The condition `aligned`; InputError where no constraint, or more than one, lies between the joints."""
+    """Read the condition `aligned`. Raises InputError unless exactly one constraint is between the joints."""
     a, b = read_joint(read, robot, "joint_a"), read_joint(read, robot, "joint_b")
     if a == b:
-        raise read.error("joint_b", f"two joints line up, both are '{a.name}'")
+        raise read.error("joint_b", f"expected two different joints, found '{a.name}' twice")
 
     def beyond(joint: str, frame: str) -> bool:
         return frame != WORLD and joint in set(robot.supporting_joints(frame))
@@ -163,7 +163,8 @@ def read_aligned(read: Fields, robot: Robot, constraints: Sequence[Constraint]) 
             there = ", ".join(loop.name for loop in found) or "none"
             raise read.error(
                 "",
-                f"expected one constraint between what '{a.name}' and '{b.name}' carry, found {there}; name it: constraint",
+                f"expected one constraint between the links that '{a.name}' and '{b.name}' carry, found {there}; "
+                "write its name under the key 'constraint'",
             )
     links = robot.urdf.joints
     read.done()
@@ -171,14 +172,14 @@ def read_aligned(read: Fields, robot: Robot, constraints: Sequence[Constraint]) 
 
 
 def read_singular(read: Fields, constraints: Sequence[Constraint]) -> SingularConstraint:
-    """The condition `singular_constraints`; InputError where nothing is closed."""
+    """Read the condition `singular_constraints`. Raises InputError for a scene without constraints."""
     if not constraints:
         raise read.error("singular_constraints", "the scene has no constraints")
     return SingularConstraint(read.number("singular_constraints", "", positive=True, maximum=1.0))
 
 
 def read_contact(read: Fields, key: str, constraints: Sequence[Constraint]) -> str:
-    """The name of the rolling disk under a key; InputError with those there are."""
+    """Read the name of a rolling disk. Raises InputError for any other."""
     name = read.text(key)
     disks = [constraint.name for constraint in constraints if isinstance(constraint, RollingDisk)]
     if name not in disks:

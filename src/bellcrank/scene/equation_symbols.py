@@ -1,4 +1,4 @@
-"""What outputs and events write their expressions in: a scene's symbols, and what its equations of motion give."""
+"""The symbols of outputs and events: those of a scene, and the solution of its equations of motion over them."""
 
 from __future__ import annotations
 

@@ -1,12 +1,14 @@
-"""The events of a scene: moments at which a condition's function passes zero.
+"""The events of a scene: times at which the function of a condition crosses zero.
 
 Each entry of the list `events` is {name, when, direction: up | down | any, stop, latch}. `when` is one of {joint,
 position | velocity}, {expression}, {aligned: {joint_a, joint_b}}, {singular_constraints: THRESHOLD}, {contact_lost:
-CONSTRAINT} and {friction_demand: {constraint, limit}} (closure_conditions.py). `direction` is the sign of the function's
-change (default any; what is lost or demanded has its own); `stop: true` ends the run there. `latch: true` ends it too,
-with a plastic impact: the position reached is locked from then on, and the event tells velocities after, impulse and
-energy lost. Every rolling disk ends the run where contact is lost, unless it is `two_sided` or an event says otherwise,
-and where it comes to lie flat.
+CONSTRAINT} and {friction_demand: {constraint, limit}} (constraint_conditions.py). `direction` is the sign of the
+function's change; the default is any, but down for singular_constraints and contact_lost, and up for friction_demand.
+`stop: true` ends the simulation at the event. `latch: true` ends it with a plastic impact that locks the position; the
+event then reports the velocity after the impact, the impulse and the energy lost.
+
+A rolling disk ends the simulation where it loses contact, unless it is `two_sided` or an event has the condition
+contact_lost for it, and where it lies flat.
 """
 
 from __future__ import annotations
@@ -45,7 +47,7 @@ CONDITIONS: Final = ("joint", "expression", "aligned", "singular_constraints", "
 
 @dataclass(frozen=True)
 class JointReaches:
-    """θ − value, or θ̇ − value, of a joint: rad or m, rad/s or m/s."""
+    """θ − value (rad or m), or θ̇ − value (rad/s or m/s), of a joint."""
 
     joint: RobotJoint
     what: str
@@ -53,11 +55,11 @@ class JointReaches:
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The frames it uses."""
+        """The frames that it uses."""
         return ()
 
     def function(self, equations: EquationSymbols) -> casadi.SX:
-        """The function whose zero it is."""
+        """The function whose zeros are the events."""
         position, velocity, _ = equations.symbols.joint(self.joint)
         return (position if self.what == "position" else velocity) - self.value
 
@@ -74,14 +76,20 @@ class ExpressionVanishes:
         return self.expression.frames
 
     def function(self, equations: EquationSymbols) -> casadi.SX:
-        """The function whose zero it is."""
+        """The function whose zeros are the events."""
         return self.expression.value(equations.symbols, equations.acceleration)
 
 
 @dataclass(frozen=True)
 class EventRule:
-    """A named condition; direction +1 (rising), −1 (falling) or 0; `stop`: it ends the run; `latch`: with an impact
-    that locks it.
+    """A named condition with the direction of its zero crossing.
+
+    Attributes:
+        name: The name of the event.
+        when: The condition.
+        direction: +1 (rising), −1 (falling) or 0 (both).
+        stop: Whether the event ends the simulation.
+        latch: Whether it ends the simulation with an impact that locks the position.
     """
 
     name: str
@@ -92,25 +100,25 @@ class EventRule:
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The frames it uses."""
+        """The frames that it uses."""
         return self.when.frames
 
     @property
     def impulse_unit(self) -> str:
-        """The unit of the impulse by which a latch locks it."""
+        """The unit of the impulse of a latch."""
         if isinstance(self.when, JointReaches):
             return f"{joint_unit(self.when.joint, 'torque')} s"
         return "N m s" if isinstance(self.when, Aligned) else "J s per unit of the expression"
 
     def function(self, equations: EquationSymbols) -> casadi.SX:
-        """The function g(t, x, u, p) whose zero is the event."""
+        """The function g(t, x, u, p) whose zeros are the events."""
         return self.when.function(equations)
 
 
 def read_events(
     read: Fields, robot: Robot, parameters: Mapping[str, Any], constraints: Sequence[Constraint] = ()
 ) -> tuple[EventRule, ...]:
-    """The list `events` of a scene, and the loss of contacts; InputError naming file and key."""
+    """Read the list `events`, and add the events of rolling disks. Raises InputError naming file and key."""
     events: list[EventRule] = []
     for entry in read.mappings("events"):
         name = entry.text("name")
@@ -122,19 +130,19 @@ def read_events(
         latch = entry.flag("latch", False)
         if latch and isinstance(when, (ContactLost, FrictionDemand, SingularConstraint)):
             raise entry.error(
-                "latch", "a latch locks a position that is reached: a joint's, an expression's or aligned"
+                "latch", "a latch requires the position of a joint, an expression, or aligned as its condition"
             )
         if latch and isinstance(when, JointReaches) and when.what == "velocity":
-            raise entry.error("latch", "a latch locks a position that is reached, not a velocity")
+            raise entry.error("latch", "a latch requires the position of a joint, found a velocity")
         if latch and not entry.flag("stop", True):
-            raise entry.error("stop", "a latch ends the run; take stop: false away")
+            raise entry.error("stop", "a latch always ends the simulation; remove stop: false")
         events.append(EventRule(name, when, direction, entry.flag("stop", latch), latch))
         entry.done()
     return (*events, *_contacts(constraints, events))
 
 
 def _contacts(constraints: Sequence[Constraint], events: Sequence[EventRule]) -> list[EventRule]:
-    """The events that end a run where a plane would have to pull, or where a disk comes to lie on it."""
+    """The events that end a simulation where a disk loses contact with its plane, or lies flat on it."""
     disks = [constraint for constraint in constraints if isinstance(constraint, RollingDisk)]
     told = {event.when.constraint for event in events if isinstance(event.when, ContactLost)}
     lost = [disk.name for disk in disks if not disk.two_sided and disk.name not in told]
@@ -145,7 +153,7 @@ def _contacts(constraints: Sequence[Constraint], events: Sequence[EventRule]) ->
 
 
 def read_expression(read: Fields, robot: Robot, parameters: Mapping[str, Any]) -> Expression:
-    """The formula under the key `expression`; InputError naming file, key and piece."""
+    """Read the expression under the key `expression`. Raises InputError naming file and key."""
     given = read.raw("expression")
     text = str(given) if isinstance(given, (int, float)) and not isinstance(given, bool) else read.text("expression")
     try:
@@ -186,6 +194,6 @@ def _read_joint_condition(read: Fields, robot: Robot) -> JointReaches:
     joint = read_joint(read, robot)
     if ("position" in read) == ("velocity" in read):
         found = "both" if "position" in read else "neither"
-        raise read.error("", f"expected the 'position' or the 'velocity' that the joint reaches, found {found}")
+        raise read.error("", f"expected the 'position' or the 'velocity' of the joint, found {found}")
     what = "position" if "position" in read else "velocity"
     return JointReaches(joint, what, read.number(what, joint_unit(joint, what)))

@@ -1,12 +1,14 @@
-"""The start of a joint with several degrees of freedom: a free base, and floating and planar joints of the URDF.
+"""The start of a joint with several degrees of freedom: a free base, or a floating or planar joint of the URDF.
 
 Floating: {position: [x, y, z], rpy | quaternion_xyzw, linear_velocity, angular_velocity, expressed_in}; planar:
 {position: [x, y], angle, linear_velocity: [x, y], angular_velocity: RATE, expressed_in}. The pose is that of the child
-link's frame in the joint's frame on the parent link, which is the world for a base. Velocities are of the child
-relative to the parent, linear at the child's origin, in the axes of `expressed_in`: "parent" ("world" for a base) or
-"body". A vector may name some components only, as [0, ~, 0.1] or {z: 0.1}: these keep their values on the way to
-constraints, all others follow; without constraints these others are 0. {guess: VALUE} in place of a position, rpy,
-quaternion or angle is where the search begins.
+link's frame in the joint's frame on the parent link, or in the world for a base. Velocities are those of the child
+relative to the parent, the linear one at the child's origin, in the axes `expressed_in`: "parent" ("world" for a base)
+or "body".
+
+The search for a start that satisfies the constraints keeps the given values and adapts the others. Some components of a
+vector may be left open, as in [0, ~, 0.1] or {z: 0.1}; without constraints they are 0. {guess: VALUE} instead of a
+position, rpy, quaternion or angle is only the initial value of the search.
 """
 
 from __future__ import annotations
@@ -32,23 +34,28 @@ START_KEYS = ("position", "rpy", "quaternion_xyzw", "angle", "linear_velocity", 
 
 @dataclass(frozen=True)
 class Components:
-    """A vector of which some components are given, and of these some keep their values on the way to constraints."""
+    """A vector with the components that are given, and those that the search for a consistent start keeps (`held`)."""
 
     values: tuple[float, ...]
     given: tuple[bool, ...]
     held: tuple[bool, ...]
 
     def over(self, before: Array) -> Array:
-        """The vector with the components that are not given from another."""
+        """The vector with its missing components taken from another vector."""
         return np.where(self.given, self.values, before)
 
 
 @dataclass(frozen=True)
 class FreeJointStart:
-    """Where a floating or planar joint starts, in SI units; what is not given stays as it was before.
+    """The start of a floating or planar joint; values that are not given are not changed.
 
-    position (3 or 2) m in the parent's axes; rotation: quaternion x y z w (unit), or cosine and sine, or None; linear
-    (3 or 2) m/s and angular (3 or 1) rad/s in the body's axes where `in_body`, else in the parent's.
+    Attributes:
+        position: Position (3 or 2), m, in the parent's axes.
+        rotation: Unit quaternion x y z w, or cosine and sine of the angle, or None.
+        rotation_held: Whether the search for a consistent start keeps the rotation.
+        linear: Linear velocity (3 or 2), m/s.
+        angular: Angular velocity (3 or 1), rad/s.
+        in_body: Whether the velocities are in the body's axes; otherwise in the parent's.
     """
 
     position: Components
@@ -59,14 +66,14 @@ class FreeJointStart:
     in_body: bool
 
     def place(self, joint: RobotJoint, q: Array) -> None:
-        """Write the pose into a position (nq,)."""
+        """Write the pose into the position q (nq,)."""
         middle = joint.q + len(self.position.values)
         q[joint.q : middle] = self.position.over(q[joint.q : middle])
         if self.rotation is not None:
             q[middle : joint.q + joint.nq] = self.rotation
 
     def move(self, joint: RobotJoint, q: Array, v: Array) -> None:
-        """Write the velocity into v (nv,), in the axes that the body has at the position q (nq,)."""
+        """Write the velocity into v (nv,), with the body's axes at the position q (nq,)."""
         middle = joint.v + len(self.linear.values)
         for part, entry in ((slice(joint.v, middle), self.linear), (slice(middle, joint.v + joint.nv), self.angular)):
             if not any(entry.given):
@@ -75,20 +82,21 @@ class FreeJointStart:
             v[part] = turn.T @ entry.over(turn @ v[part])
 
     def hold(self, joint: RobotJoint, held_q: Mask, held_v: Mask) -> None:
-        """Mark the degrees of freedom (nv) that keep their positions and velocities: those of the position along the
-        parent's axes, those of the velocity along the axes that it is given in.
+        """Mark the degrees of freedom (nv) whose positions and velocities are kept.
+
+        Positions are along the parent's axes, velocities along the axes in which they are given.
         """
         turning = (self.rotation_held,) * len(self.angular.held)
         held_q[joint.v : joint.v + joint.nv] = (*self.position.held, *turning)
         held_v[joint.v : joint.v + joint.nv] = (*self.linear.held, *self.angular.held)
 
     def position_axes(self, joint: RobotJoint, q: Array) -> list[tuple[slice, Array]]:
-        """(degrees of freedom, rotation body to parent) of the linear part."""
+        """(degrees of freedom, rotation body to parent) of the position."""
         size = len(self.position.values)
         return [(slice(joint.v, joint.v + size), body_axes(joint, q))]
 
     def velocity_axes(self, joint: RobotJoint, q: Array) -> list[tuple[slice, Array]]:
-        """The same of each vector of the velocity that is given in the parent's axes."""
+        """(degrees of freedom, rotation body to parent) of each velocity vector that is given in the parent's axes."""
         if self.in_body:
             return []
         turn = body_axes(joint, q)
@@ -97,7 +105,7 @@ class FreeJointStart:
 
 
 def read_free_joint_start(read: Fields, joint: RobotJoint, axes: str = "parent") -> FreeJointStart:
-    """The start of a floating or planar joint; `axes` is what its parent's axes are called. InputError."""
+    """Read the start of a floating or planar joint; `axes` is the name of the parent's axes. Raises InputError."""
     planar = joint.kind == "planar"
     names = "xy" if planar else "xyz"
     rotation, rotation_held = _angle(read) if planar else _attitude(read)
@@ -122,7 +130,7 @@ def body_axes(joint: RobotJoint, q: Array) -> Array:
 
 
 def _components(read: Fields, key: str, names: str, unit: str, guess: bool = False) -> Components:
-    """The vector under a key: a list, entries of which may be ~, a mapping by component, or {guess: list}."""
+    """Read a vector: a list with numbers or ~, a mapping by component, or {guess: list}."""
     written = read.raw(key, None)
     none = (False,) * len(names)
     if written is None:
@@ -141,7 +149,7 @@ def _components(read: Fields, key: str, names: str, unit: str, guess: bool = Fal
     else:
         raise read.error(
             key,
-            f"expected a list of {len(names)} numbers in {unit}, ~ for those that follow, or a mapping such as "
+            f"expected a list of {len(names)} numbers in {unit}, with ~ for open ones, or a mapping such as "
             f"{{{names[0]}: 0.1}}, found {format_value(written)}",
         )
     given = tuple(x is not None for x in values)
@@ -149,7 +157,7 @@ def _components(read: Fields, key: str, names: str, unit: str, guess: bool = Fal
 
 
 def _attitude(read: Fields) -> tuple[tuple[float, ...] | None, bool]:
-    """The quaternion x y z w under `rpy` or `quaternion_xyzw`, if any, and whether it keeps its value."""
+    """Read `rpy` or `quaternion_xyzw`. Returns the quaternion x y z w or None, and whether it is held."""
     if "rpy" in read and "quaternion_xyzw" in read:
         raise read.error("rpy", "expected 'rpy' or 'quaternion_xyzw', found both")
     read.known("rpy", "quaternion_xyzw")
@@ -171,7 +179,7 @@ def _attitude(read: Fields) -> tuple[tuple[float, ...] | None, bool]:
 
 
 def _angle(read: Fields) -> tuple[tuple[float, ...] | None, bool]:
-    """Cosine and sine of the angle of a planar joint, if given, and whether it keeps its value."""
+    """Read `angle` of a planar joint. Returns its cosine and sine or None, and whether it is held."""
     if "angle" not in read:
         read.known("angle")
         return None, False
@@ -183,13 +191,13 @@ def _angle(read: Fields) -> tuple[tuple[float, ...] | None, bool]:
 
 
 def _guessed(read: Fields, key: str) -> tuple[Fields, str, bool]:
-    """Where the value under a key stands: there, or under `guess` in a mapping there; and whether it is held."""
+    """The mapping and key of a value that may be written as {guess: VALUE}, and whether the value is held."""
     written: Any = read.raw(key)
     return (read.mapping(key), "guess", False) if isinstance(written, Mapping) else (read, key, True)
 
 
 def _rate(read: Fields) -> Components:
-    """The angular velocity of a planar joint."""
+    """Read the angular velocity of a planar joint."""
     if read.raw("angular_velocity", None) is None:
         return Components((0.0,), (False,), (False,))
     return Components((read.number("angular_velocity", "rad/s"),), (True,), (True,))

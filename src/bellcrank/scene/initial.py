@@ -1,11 +1,13 @@
-"""How a scene starts: `initial` for the joints, `base` for a free base.
+"""The start of a scene: `initial` for the joints, and `base` for a free base.
 
-initial: {shoulder: -90 deg, elbow: {guess: 45 deg}, velocity: {shoulder: 0.2}}; joints that are not named start at 0
-and at rest. `motion: NAME` starts on a motion of the configuration, at time 0, joints that are named besides keep what they are
-given. `run: FILE.npz` starts where a saved run was (saved_state.py), likewise. The keys `velocity`, `motion` and `run`
-stand for a joint of that name where their value is a position, `time` and `clock` wherever there is such a joint. A
-`guess` is a plain value as long as nothing closes a loop. A floating or planar joint has a mapping, in the words of
-`base` (free_joint_start.py).
+initial: {shoulder: -90 deg, elbow: {guess: 45 deg}, velocity: {shoulder: 0.2}}. Joints without an entry start at 0 and
+at rest. `motion: NAME` starts on a motion of the configuration, at time 0, and `run: FILE.npz` in the state of a saved
+run (saved_state.py); entries of joints take precedence over both. A `guess` is the initial value of the search for a
+start that satisfies the constraints; without constraints it is the start. A floating or planar joint has a mapping with
+the same keys as `base` (free_joint_start.py).
+
+If the robot has a joint named `velocity`, `motion` or `run`, a position under this key belongs to the joint; if it has
+a joint named `time` or `clock`, this key always belongs to the joint.
 """
 
 from __future__ import annotations
@@ -34,8 +36,16 @@ Axes = list[tuple[slice, Array]]
 
 @dataclass(frozen=True, kw_only=True)
 class Initial:
-    """Positions (rad or m) and velocities of joints by name, those of them that are `guesses`, and the starts of joints
-    with several degrees of freedom, a free base among them. `clock` is what t, tables and motions read at time 0, s.
+    """The start that a scene prescribes.
+
+    Attributes:
+        position: Positions of joints by name, rad or m.
+        velocity: Velocities of joints by name, rad/s or m/s.
+        guesses: The joints whose position is only the initial value of the search for a consistent start.
+        motion: The name of a motion on which the other joints start, or None.
+        free: The starts of joints with several degrees of freedom, including a free base, by name.
+        saved: The state of a saved run in which the other joints start, or None.
+        clock: The value of t for expressions, tables and motions at the start, s.
     """
 
     position: Mapping[str, float] = field(default_factory=dict)
@@ -47,7 +57,7 @@ class Initial:
     clock: float = 0.0
 
     def posture(self, robot: Robot, motion: Motion | None = None) -> Array:
-        """The position (nq,) that is given; `motion` is the one that the field `motion` names."""
+        """The given position (nq,); `motion` is the motion named by the field `motion`."""
         q = robot.neutral.copy()
         if self.saved is not None:
             self.saved.write_position(robot, q)
@@ -63,7 +73,7 @@ class Initial:
         return q
 
     def rates(self, robot: Robot, q: Array, motion: Motion | None = None) -> Array:
-        """The velocity (nv,) that is given, a free joint's in the axes that its body has at the position q (nq,)."""
+        """The given velocity (nv,), with the axes of free joints' bodies at the position q (nq,)."""
         v = np.zeros(robot.nv)
         if self.saved is not None:
             self.saved.write_velocity(robot, v)
@@ -79,8 +89,9 @@ class Initial:
         return v
 
     def held(self, robot: Robot) -> tuple[Mask, Mask]:
-        """Which degrees of freedom (nv) keep their position, and which their velocity, on the way to closures: those
-        that were written as plain values, of free joints along the axes of `axes`.
+        """The degrees of freedom (nv) whose position, and whose velocity, the search for a consistent start keeps.
+
+        They are those given as values, not as guesses; for free joints they refer to the axes returned by `axes`.
         """
         q, v = np.zeros(robot.nv, dtype=bool), np.zeros(robot.nv, dtype=bool)
         for name in self.position:
@@ -92,8 +103,9 @@ class Initial:
         return q, v
 
     def axes(self, robot: Robot, q: Array) -> tuple[Axes, Axes]:
-        """(degrees of freedom, rotation body to parent) of what free joints hold in their parents' axes: positions, and
-        velocities.
+        """(degrees of freedom, rotation body to parent) of free joints' vectors that are given in their parents' axes.
+
+        Returns those of positions, and those of velocities.
         """
         pairs = [(start, robot.joint(name)) for name, start in self.free.items()]
         return (
@@ -103,7 +115,7 @@ class Initial:
 
 
 def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any], read_scene: SceneReader) -> Initial:
-    """The keys `initial` and `base` of a scene; InputError naming file and key.
+    """Read the keys `initial` and `base` of a scene. Raises InputError naming file and key.
 
     `read_scene` reads the scene inside a saved run.
     """
@@ -138,9 +150,9 @@ def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any], read_sc
             else:
                 position[key] = start.number(key, unit)
     if saved is not None and motion is not None:
-        raise start.error("run", "expected 'run' or 'motion', found both: each says where all joints start")
+        raise start.error("run", "expected 'run' or 'motion', found both; each defines the start of all joints")
     if saved is None and "time" in start and "time" in times:
-        raise start.error("time", "'time' says at which time of a saved run to start; name it as run: FILE.npz")
+        raise start.error("time", "'time' is a time of a saved run; name the run as run: FILE.npz")
     clock = read_clock(start, saved) if "clock" in times else 0.0
     return Initial(
         position=position,
@@ -154,7 +166,7 @@ def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any], read_sc
 
 
 def _read_rates(rates: Fields, robot: Robot) -> dict[str, float]:
-    """The mapping `initial.velocity`."""
+    """Read the mapping `initial.velocity`. Raises InputError naming file and key."""
     for name in rates:
         if any(joint.name == name and joint.nv > 1 for joint in robot.joints):
             raise rates.error(
@@ -166,12 +178,12 @@ def _read_rates(rates: Fields, robot: Robot) -> dict[str, float]:
 
 
 def _read_free(start: Fields, key: str, robot: Robot) -> FreeJointStart | None:
-    """The start of a floating or planar joint under a key of `initial`; None where no such joint has that name."""
+    """Read the start of a floating or planar joint under a key of `initial`; None if there is no such joint."""
     joint = next((j for j in robot.joints if j.name == key and j.nv > 1), None)
     if joint is None:
         return None
     if robot.floating_base and joint is robot.joints[0]:
-        raise start.error(key, "this is the robot's free base; its start stands under the scene's key 'base'")
+        raise start.error(key, "this is the robot's free base; write its start under the scene's key 'base'")
     if not isinstance(start.raw(key), Mapping):
         pose = "position: [x, y], angle: …" if joint.kind == "planar" else "position: [x, y, z], rpy: […]"
         raise start.error(
@@ -186,7 +198,7 @@ def _read_base(read: Fields, robot: Robot) -> dict[str, FreeJointStart]:
         return {}
     base = read.mapping("base")
     if not robot.floating_base:
-        raise read.error("base", "the robot's base is fixed; write floating_base: true to set it free")
+        raise read.error("base", "the robot's base is fixed; write floating_base: true for a free base")
     return {robot.joints[0].name: read_free_joint_start(base, robot.joints[0], "world")}
 
 

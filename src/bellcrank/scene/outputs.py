@@ -1,258 +1,58 @@
-"""The named outputs of a scene: what else is wanted of a run than positions and their rates.
+"""The outputs of a scene: named quantities that a simulation records besides positions and velocities.
 
-outputs: {NAME: …} with one of {frame, what: position | velocity | rotation | angular_velocity} (world axes), {joint,
-what: position | velocity | acceleration | torque}, {energy: kinetic | potential | total}, {momentum: linear | angular}
-(of a robot with a free base; angular about the world's origin), {force: NAME}, {constraint: NAME, what: multipliers |
-contact_point | friction_demand} (its multipliers, forces on the body of its first frame; of a rolling disk the place
-of contact in the world, and friction over normal force) and {expression, unit} (expression.py). The force of a name is
-a force's or controller's generalised force at its joints, positive along their coordinates, so that a stretched
-joint_spring's is negative; a spring's tension, positive where it pulls; a wrench in world axes.
+outputs: {NAME: ENTRY}, where an entry is one of
+
+- {frame, what: position | velocity | rotation | angular_velocity}, in world axes;
+- {joint, what: position | velocity | acceleration | torque};
+- {energy: kinetic | potential | total};
+- {momentum: linear | angular} of a robot with a free base, the angular momentum about the world's origin;
+- {force: NAME} of a force or controller: the generalised force at its joints, positive along their coordinates
+  (negative for a stretched joint_spring), the tension of a spring, or a wrench in world axes;
+- {constraint: NAME, what: multipliers | contact_point | friction_demand}: multipliers are forces on the body of the
+  first frame; the others, of a rolling disk, are the point of contact in the world and friction over normal force;
+- {expression, unit} (elements/expression.py).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from bellcrank.config.fields import Fields
 from bellcrank.elements.constraint import Constraint
-from bellcrank.elements.element import Element, Force, joint_unit, read_frame, read_joint
-from bellcrank.elements.expression import Expression
+from bellcrank.elements.element import Element, Force, read_frame, read_joint
 from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.messages import unknown_name
-from bellcrank.robot.robot import Robot, RobotJoint
+from bellcrank.robot.robot import Robot
 from bellcrank.scene.events import read_expression
+from bellcrank.scene.output_quantities import (
+    CONSTRAINT_WHAT,
+    ENERGIES,
+    FRAME_LABELS,
+    JOINT_WHAT,
+    MOMENTA,
+    ConstraintOutput,
+    ContactOutput,
+    DemandOutput,
+    EnergyOutput,
+    ExpressionOutput,
+    ForceOutput,
+    FrameOutput,
+    JointOutput,
+    MomentumOutput,
+    Quantity,
+)
 
 if TYPE_CHECKING:
     import casadi
 
     from bellcrank.scene.equation_symbols import EquationSymbols
 
-FRAME_LABELS: Final = {
-    "position": tuple(f"{c} [m]" for c in "xyz"),
-    "velocity": tuple(f"{c} [m/s]" for c in "xyz"),
-    "rotation": tuple(f"r{i}{j} [1]" for i in (1, 2, 3) for j in (1, 2, 3)),
-    "angular_velocity": tuple(f"{c} [rad/s]" for c in "xyz"),
-}
-JOINT_WHAT: Final = ("position", "velocity", "acceleration", "torque")
-ENERGIES: Final = ("kinetic", "potential", "total")
-CONSTRAINT_WHAT: Final = ("multipliers", "contact_point", "friction_demand")
-MOMENTA: Final = {
-    "linear": tuple(f"{c} [kg m/s]" for c in "xyz"),
-    "angular": tuple(f"{c} [kg m^2/s]" for c in "xyz"),
-}
-
-
-class Quantity:
-    """What an output shows: its columns' titles after the output's name, the frames it uses, its expression."""
-
-    @property
-    def frames(self) -> tuple[str, ...]:
-        """The frames it uses."""
-        return ()
-
-    def suffixes(self) -> tuple[str, ...]:
-        """What follows the output's name in the titles of its columns."""
-        raise NotImplementedError
-
-    def value(self, equations: EquationSymbols) -> casadi.SX:
-        """Its column."""
-        raise NotImplementedError
-
-
-@dataclass(frozen=True)
-class FrameOutput(Quantity):
-    """A frame's position, velocity, rotation (row by row) or angular velocity, world axes."""
-
-    frame: str
-    what: str
-
-    @property
-    def frames(self) -> tuple[str, ...]:
-        """The frame."""
-        return (self.frame,)
-
-    def suffixes(self) -> tuple[str, ...]:
-        """What follows the output's name in a column's title."""
-        return FRAME_LABELS[self.what]
-
-    def value(self, equations: EquationSymbols) -> casadi.SX:
-        """The column."""
-        import casadi
-
-        f = equations.symbols.frame(self.frame)
-        return {
-            "position": f.position, "velocity": f.linear, "rotation": casadi.vec(f.rotation.T),
-            "angular_velocity": f.angular,
-        }[self.what]  # fmt: skip
-
-
-@dataclass(frozen=True)
-class JointOutput(Quantity):
-    """A joint's position, velocity, acceleration, or torque: the sum of the scene's forces at it, not gravity."""
-
-    joint: RobotJoint
-    what: str
-
-    def suffixes(self) -> tuple[str, ...]:
-        """The unit."""
-        return (f"[{joint_unit(self.joint, self.what)}]",)
-
-    def value(self, equations: EquationSymbols) -> casadi.SX:
-        """One number."""
-        position, velocity, index = equations.symbols.joint(self.joint)
-        if self.what in ("position", "velocity"):
-            return position if self.what == "position" else velocity
-        return (equations.acceleration if self.what == "acceleration" else equations.joint_torque)[index]
-
-
-@dataclass(frozen=True)
-class EnergyOutput(Quantity):
-    """Kinetic energy, potential energy of gravity and springs, or both, J."""
-
-    energy: str
-
-    def suffixes(self) -> tuple[str, ...]:
-        """The unit."""
-        return ("[J]",)
-
-    def value(self, equations: EquationSymbols) -> casadi.SX:
-        """One number."""
-        total = equations.kinetic + equations.potential
-        return {"kinetic": equations.kinetic, "potential": equations.potential, "total": total}[self.energy]
-
-
-@dataclass(frozen=True)
-class MomentumOutput(Quantity):
-    """The momentum of the whole robot in the world: linear, kg m/s, or angular about the world's origin, kg m²/s.
-
-    ∂T/∂(base velocity) is the momentum in the base's axes, about the base's origin; it is turned and moved from there.
-    """
-
-    momentum: str
-
-    def suffixes(self) -> tuple[str, ...]:
-        """One a component."""
-        return MOMENTA[self.momentum]
-
-    def value(self, equations: EquationSymbols) -> casadi.SX:
-        """The column."""
-        import casadi
-
-        conjugate = casadi.gradient(equations.kinetic, equations.symbols.v)[:6]
-        q = equations.symbols.q
-        position, turn = q[:3], _rotation(q[3:7])
-        linear = turn @ conjugate[:3]
-        if self.momentum == "linear":
-            return linear
-        return turn @ conjugate[3:] + casadi.cross(position, linear)
-
-
-@dataclass(frozen=True)
-class ForceOutput(Quantity):
-    """A force or controller as an instrument would show it."""
-
-    force: Force
-    labels: tuple[str, ...]
-
-    @property
-    def frames(self) -> tuple[str, ...]:
-        """Those of the force."""
-        return self.force.frames
-
-    def suffixes(self) -> tuple[str, ...]:
-        """As the force says."""
-        return self.labels
-
-    def value(self, equations: EquationSymbols) -> casadi.SX:
-        """As the force says."""
-        return self.force.measure(equations.symbols)
-
-
-@dataclass(frozen=True)
-class ConstraintOutput(Quantity):
-    """A constraint's multipliers, N or N m as its labels say, and 0 for a row that a planar loop does not have."""
-
-    constraint: Constraint
-    labels: tuple[str, ...]
-
-    @property
-    def frames(self) -> tuple[str, ...]:
-        """Those of the constraint."""
-        return self.constraint.frames
-
-    def suffixes(self) -> tuple[str, ...]:
-        """As the constraint says."""
-        return self.labels
-
-    def value(self, equations: EquationSymbols) -> casadi.SX:
-        """One a row."""
-        return equations.multipliers(self.constraint.name)
-
-
-@dataclass(frozen=True)
-class ContactOutput(Quantity):
-    """Where a rolling disk touches its plane: the point (3) m in the world."""
-
-    disk: RollingDisk
-
-    @property
-    def frames(self) -> tuple[str, ...]:
-        """The disk's."""
-        return self.disk.frames
-
-    def suffixes(self) -> tuple[str, ...]:
-        """One a component."""
-        return FRAME_LABELS["position"]
-
-    def value(self, equations: EquationSymbols) -> casadi.SX:
-        """The column."""
-        return self.disk.contact_point(equations.symbols)
-
-
-@dataclass(frozen=True)
-class DemandOutput(Quantity):
-    """The coefficient of friction that keeps a disk rolling: |friction| / normal force, infinite where that is 0."""
-
-    disk: RollingDisk
-
-    def suffixes(self) -> tuple[str, ...]:
-        """A plain number."""
-        return ("[1]",)
-
-    def value(self, equations: EquationSymbols) -> casadi.SX:
-        """One number."""
-        import casadi
-
-        normal, *friction = casadi.vertsplit(equations.multipliers(self.disk.name))
-        return casadi.norm_2(casadi.vertcat(*friction)) / normal
-
-
-@dataclass(frozen=True)
-class ExpressionOutput(Quantity):
-    """A formula with its unit."""
-
-    expression: Expression
-    unit: str
-
-    @property
-    def frames(self) -> tuple[str, ...]:
-        """Those in the formula."""
-        return self.expression.frames
-
-    def suffixes(self) -> tuple[str, ...]:
-        """The unit."""
-        return (f"[{self.unit}]",)
-
-    def value(self, equations: EquationSymbols) -> casadi.SX:
-        """One number."""
-        return self.expression.value(equations.symbols, equations.acceleration)
-
 
 @dataclass(frozen=True)
 class Output:
-    """A named quantity of a run, one column or several."""
+    """A named quantity of a simulation, with one or several columns."""
 
     name: str
     quantity: Quantity
@@ -264,18 +64,18 @@ class Output:
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The frames it uses."""
+        """The frames that it uses."""
         return self.quantity.frames
 
     def value(self, equations: EquationSymbols) -> casadi.SX:
-        """Its column (len(labels)) over the symbols of a scene whose acceleration and energies are known."""
+        """The values of the columns (len(labels)) over the symbols of a scene and the solution of its equations."""
         return self.quantity.value(equations)
 
 
 def read_outputs(
     read: Fields, robot: Robot, parameters: Mapping[str, Any], parts: Sequence[Element]
 ) -> dict[str, Output]:
-    """The mapping `outputs` of a scene; InputError naming file and key."""
+    """Read the mapping `outputs` of a scene with these elements. Raises InputError naming file and key."""
 
     def frame(entry: Fields) -> Quantity:
         return FrameOutput(read_frame(entry, robot), entry.choice("what", tuple(FRAME_LABELS), "position"))
@@ -288,7 +88,7 @@ def read_outputs(
 
     def momentum(entry: Fields) -> Quantity:
         if not robot.floating_base:
-            raise entry.error("momentum", "the momentum of a robot with a fixed base is not its own; set floating_base")
+            raise entry.error("momentum", "'momentum' requires a free base; write floating_base: true")
         return MomentumOutput(entry.choice("momentum", tuple(MOMENTA)))
 
     def force(entry: Fields) -> Quantity:
@@ -298,7 +98,7 @@ def read_outputs(
         if not found:
             raise entry.error("force", unknown_name("force or controller", name, [part.name for part in forces]))
         if len(found) > 1:
-            raise entry.error("force", f"a force and a controller are both named '{name}'; give one another name")
+            raise entry.error("force", f"a force and a controller are both named '{name}'; rename one of them")
         return ForceOutput(found[0], found[0].labels(robot))
 
     def constraint(entry: Fields) -> Quantity:
@@ -310,7 +110,9 @@ def read_outputs(
         if what == "multipliers":
             return ConstraintOutput(chosen, chosen.labels(robot))
         if not isinstance(chosen, RollingDisk):
-            raise entry.error("what", f"only a rolling disk has a {what}, and constraint '{name}' is a {chosen.kind}")
+            raise entry.error(
+                "what", f"'{what}' requires a rolling disk, but constraint '{name}' is of kind '{chosen.kind}'"
+            )
         return ContactOutput(chosen) if what == "contact_point" else DemandOutput(chosen)
 
     def expression(entry: Fields) -> Quantity:
@@ -331,15 +133,3 @@ def read_outputs(
         outputs[name] = Output(name, kinds[there[0]](entry))
         entry.done()
     return outputs
-
-
-def _rotation(quaternion: casadi.SX) -> casadi.SX:
-    """The rotation matrix of a unit quaternion x y z w."""
-    import casadi
-
-    x, y, z, w = (quaternion[k] for k in range(4))
-    return casadi.vertcat(
-        casadi.horzcat(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        casadi.horzcat(2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        casadi.horzcat(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-    )

@@ -1,8 +1,8 @@
-"""Changes to a scene by dotted path, such as {"initial.crank": "1.5 deg"}, made before the scene is read and checked.
+"""Overrides of a scene by dotted path, such as {"initial.crank": "1.5 deg"}, applied before the scene is checked.
 
-A path follows the scene's keys; entries of a list are addressed by their name, else by their number from 1; a key may
-itself hold dots (joint names do), and the longest that fits is taken. "parameters.NAME", and NAME alone, mean that
-parameter's value.
+A path consists of the scene's keys. Entries of a list are addressed by their name, or by their number from 1. A key may
+contain dots, as names of joints may; the longest matching key is used. "parameters.NAME" and NAME alone stand for the
+value of that parameter.
 """
 
 from __future__ import annotations
@@ -25,11 +25,18 @@ from bellcrank.scene.source_mapping import SourceMapping, source_mapping
 
 EXPECTED_OVERRIDES = "a mapping such as {'simulate.rtol': 1e-6}"
 SETTINGS = tuple(field.name for field in fields(Settings))
-_TABLES = ("frames", "motions", "actuators", "friction", "parameters", "outputs")  # of mappings by name
+_TABLES = (
+    "frames",
+    "motions",
+    "actuators",
+    "friction",
+    "parameters",
+    "outputs",
+)  # keys whose values are mappings by name
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
-    """The path and value of "path=value", the value read as YAML: a number, a text, [1, 2, 3]. Raises InputError."""
+    """Split "path=value"; the value is read as YAML: a number, a text, [1, 2, 3]. Raises InputError."""
     path, equals, value = text.partition("=")
     if not equals or not path.strip():
         raise InputError(
@@ -41,10 +48,10 @@ def parse_assignment(text: str) -> tuple[str, Any]:
 def apply_overrides(
     data: Mapping[str, Any], overrides: Mapping[str, Any], where: str
 ) -> tuple[SourceMapping, tuple[str, ...]]:
-    """A copy of a scene's mapping with the overrides in it, and a note on each old key that they use.
+    """Copy a scene's mapping with overrides applied. Returns the copy, and a note on each old key that they use.
 
     Each key that an override sets is marked with the path of the override. Raises InputError, with the file `where`,
-    for a path that leads nowhere.
+    for a path that does not exist.
     """
     overrides = arguments.mapping("overrides", overrides, EXPECTED_OVERRIDES)
     changed: SourceMapping = source_mapping(data)
@@ -67,7 +74,7 @@ def apply_overrides(
 
 def _set(data: SourceMapping, path: str, value: Any, override: str) -> None:
     at: Any = data
-    holder, at_key = data, ""  # a change inside a list is a change of the mapping's key that holds the list
+    holder, at_key = data, ""  # a change within a list is recorded at the key of the list
     keys = _with_parameter(data, path, value)
     while True:
         if isinstance(at, SourceMapping):
@@ -89,13 +96,13 @@ def _set(data: SourceMapping, path: str, value: Any, override: str) -> None:
             at = at[k]
         else:
             raise InputError(
-                f"'{at_key}' is {format_value(at)}, so there is nothing in it to set at '{'.'.join(keys)}'"
+                f"'{at_key}' is {format_value(at)}, not a mapping or a list; cannot set '{'.'.join(keys)}' in it"
             )
     holder.overrides[at_key] = override
 
 
 def _with_parameter(data: Mapping[str, Any], path: str, value: Any) -> list[str]:
-    """The keys of a path; those of a parameter's value where the path names a parameter."""
+    """Split a path into keys; the name of a parameter becomes the path of its value. Raises InputError."""
     known = (*CONFIG_KEYS, *SCENE_KEYS)
     parameters = data.get("parameters")
     names = list(parameters) if isinstance(parameters, Mapping) else []
@@ -109,34 +116,34 @@ def _with_parameter(data: Mapping[str, Any], path: str, value: Any) -> list[str]
 
 
 def _unknown(path: str, key: str, known: list[str]) -> str:
-    """What to say of a path that begins with an unknown key."""
+    """The message for a path that begins with an unknown key."""
     if path in SETTINGS:
         return f"there is no key or parameter '{path}'; did you mean 'simulate.{path}'?"
     if key in ("link", "joint"):
         return (
-            f"an override changes the scene's file, and '{path}' is in the URDF; name it in the scene as a parameter, "
-            f"parameters: {{NAME: {{value: …, sets: [{path}]}}}}, and set NAME"
+            f"an override changes keys of the scene, and '{path}' is in the URDF; declare a parameter in the scene, "
+            f"parameters: {{NAME: {{value: …, sets: [{path}]}}}}, and override NAME"
         )
     return unknown_name("key or parameter", key, known)
 
 
 def _longest(at: Mapping[str, Any], keys: list[str]) -> int:
-    """How many of the keys, joined by dots, make the longest key that is there; 0 where none does."""
+    """The number of leading keys that, joined by dots, form the longest existing key; 0 if there is none."""
     return next((n for n in range(len(keys), 0, -1) if ".".join(keys[:n]) in at), 0)
 
 
 def _new(inside: str, keys: list[str]) -> int:
-    """How many of the keys, joined by dots, make the key to add to the mapping that stands under the key `inside`."""
+    """The number of leading keys that, joined by dots, form the key to add to the mapping under the key `inside`."""
     if inside == "" or (inside == "initial" and keys[0] == "velocity") or keys[0] in START_KEYS:
         return 1
     if inside == "initial" and (inner := next((k for k, key in enumerate(keys) if key in START_KEYS), 0)):
-        return inner  # the joint's name; what follows is of its start
+        return inner  # the keys before it are the name of the joint
     table = inside in _TABLES or (inside == "initial" and keys[-1] == "guess")
     return max(len(keys) - 1, 1) if table else len(keys)
 
 
 def _entry(at: list[Any], keys: list[str]) -> tuple[int, int]:
-    """The index of the entry that the keys begin with, and how many of them name it."""
+    """The index of the list entry that the leading keys address, and the number of these keys. Raises InputError."""
     mappings = [entry for entry in at if isinstance(entry, Mapping)]
     names = entry_names(mappings) if len(mappings) == len(at) else []
     for used in range(len(keys), 0, -1):

@@ -1,7 +1,7 @@
 """Keys of scene files that were renamed in 0.5. The old keys work until 0.6, each with a deprecation note.
 
-Data as read and paths of overrides are rewritten to the new keys before anything else reads them, so no other module
-knows the old keys. Lines, and the overrides that set a key, are kept.
+The data of a file and the paths of overrides are rewritten to the new keys before they are read, so that no other
+module handles old keys. The line of each key, or the override that set it, is kept.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ OUTPUT_KEYS: Final = {"closure": "constraint"}
 CONDITIONS: Final = {"singular_closure": "singular_constraints"}
 CONDITION_KEYS: Final = {"aligned": OUTPUT_KEYS, "friction_demand": OUTPUT_KEYS}  # keys within a condition
 TARGETS: Final = {"closure": "constraint", "closures": "constraint"}  # the first word of a parameter's target
-MOST_LINES = 5  # that a note lists
-# Paths of overrides: what stands before the renamed key, the key, and the new keys.
+MOST_LINES = 5  # lines listed in a note
+# Paths of overrides: (pattern of the text before the renamed key and of the key, new names).
 _PATHS: Final = (
     (re.compile(r"^()(closures|drives)(?=\.|$)"), TOP_KEYS),
     (re.compile(r"^(outputs\..+\.)(closure)$"), OUTPUT_KEYS),
@@ -35,16 +35,16 @@ _PATHS: Final = (
 
 
 def read_scene_data(path: str | Path) -> tuple[SourceMapping, tuple[str, ...]]:
-    """The mapping of a scene or configuration file with the new keys, and a note on each old key that was found.
+    """Read a scene or configuration file. Returns its mapping with the new keys, and a note on each old key.
 
-    Raises InputError as `read_yaml`, and for a mapping that has both an old key and its new name.
+    Raises InputError as `read_yaml` does, and for a mapping that has both an old key and its new name.
     """
     data: SourceMapping = source_mapping(read_yaml(path))
     return data, rename_keys(data, str(path))
 
 
 def rename_keys(data: SourceMapping, where: str) -> tuple[str, ...]:
-    """Rewrite a scene's mapping to the new keys, in place, and return a note on each old key that was found.
+    """Rewrite a scene's mapping to the new keys in place, and return a note on each old key.
 
     Raises InputError, with the file `where`, for a mapping that has both an old key and its new name.
     """
@@ -54,7 +54,7 @@ def rename_keys(data: SourceMapping, where: str) -> tuple[str, ...]:
 
 
 def rename_path(path: str) -> tuple[str, str | None]:
-    """The path of an override with the new keys, and a note where it has an old one."""
+    """The path of an override with the new keys, and a note if it has an old one."""
     for pattern, names in _PATHS:
         if match := pattern.match(path):
             old, new = match[2], names[match[2]]
@@ -68,13 +68,13 @@ def _note(what: str, old: str, new: str) -> str:
 
 @dataclass
 class _Renaming:
-    """Rewrites one scene's mapping, and remembers the lines or overrides of the old keys found."""
+    """Rewrites the mapping of a scene, and records the lines or overrides of the old keys."""
 
     where: str
     found: dict[tuple[str, str, str], list[str]] = field(default_factory=dict)
 
     def rewrite(self, data: SourceMapping) -> None:
-        """Rewrite a scene's mapping in place. Values of an unexpected type are left for their readers to refuse."""
+        """Rewrite a scene's mapping in place. Values of an unexpected type are skipped; their readers refuse them."""
         self.keys(data, TOP_KEYS)
         self.constraint_kinds(data.get("constraints"))
         for output in _mappings(data.get("outputs")):
@@ -101,7 +101,7 @@ class _Renaming:
             data.rename(old, new)
 
     def constraint_kinds(self, entries: Any) -> None:
-        """Entries without a name keep the one that their old kind gave them."""
+        """Rename the kinds of constraints. Entries without a name keep the name derived from their old kind."""
         if not isinstance(entries, list) or not all(isinstance(entry, SourceMapping) for entry in entries):
             return
         names = entry_names(entries)
@@ -142,7 +142,7 @@ def _mappings(data: Any) -> Iterator[SourceMapping]:
 
 
 def _source(data: SourceMapping, key: str) -> str:
-    """Where a key was written: "line 12", "override 'closures'", or nothing where that is unknown."""
+    """The place where a key was written: "line 12", "override 'closures'", or "" if it is unknown."""
     if key in data.overrides:
         return f"override '{data.overrides[key]}'"
     return f"line {data.lines[key]}" if key in data.lines else ""

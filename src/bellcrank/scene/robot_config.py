@@ -1,12 +1,12 @@
-"""A robot configuration: one YAML file that says which URDF, how it is mounted and loaded, how it moves and what
-motors it has.
+"""A robot configuration: the robot's URDF, its mounting, payloads, motions and actuators, in one YAML file.
 
-Keys: name, urdf (a path beside the configuration, or the name of a robot), gravity (m/s²), floating_base, friction
-("urdf", "none" or {joint: {viscous, coulomb}}), payloads [{mass, frame, cg, inertia}], frames {name: {link,
-xyz, rpy}}, motions (see motions.py), actuators {joint: {…}} (see actuators/actuator.py) and, for a robot whose loops are closed,
-actuated, the list of joints with motors (left out: those with actuators). A scene's keys (see scene/scene.py) may stand in
-the same file; sizing takes constraints, the start, forces and parameters from them, says that control and the clock of the
-start do not count, and passes over the others.
+Keys: name; urdf (a path relative to the file, or the name of a robot); gravity (m/s²); floating_base; friction ("urdf",
+"none" or {joint: {viscous, coulomb}}); payloads [{mass, frame, cg, inertia}]; frames {name: {link, xyz, rpy}}; motions
+(motion/entries.py); actuators {joint: {…}} (actuators/actuator_entry.py); and, for a mechanism with closed loops,
+actuated, the list of joints with motors (by default those with actuators).
+
+The file may also contain the keys of a scene (scene.py). Sizing uses constraints, the start, forces and parameters of
+them, reports that controllers and the clock of the start are not used, and ignores the others.
 """
 
 from __future__ import annotations
@@ -46,7 +46,32 @@ Frame = tuple[str, tuple[float, ...], tuple[float, ...]]
 
 @dataclass(frozen=True, kw_only=True)
 class RobotConfig(Renamed):
-    """What a configuration says, checked as far as that is possible without the URDF. Made by `load_robot_config`."""
+    """The contents of a robot configuration, checked as far as that is possible without reading the URDF.
+
+    Configurations are made by `load_robot_config`.
+
+    Attributes:
+        name: The robot's name in reports.
+        source: The path of the configuration, or of the URDF where it was made from one.
+        urdf: The path of the URDF.
+        gravity: Acceleration of gravity (3,) in the world, m/s².
+        floating_base: Whether the base is free to move.
+        friction: "urdf" (as the URDF gives it), "none", or {joint: (viscous in N m s/rad or N s/m, Coulomb in N m or
+            N)}.
+        payloads: Rigid bodies fixed to frames.
+        frames: Additional frames by name: (link, xyz in m, rpy in rad).
+        motions: The entries of the motions by name; `motion` computes one.
+        actuators: The motor and gear of joints, by joint.
+        actuated: The joints with motors, for a mechanism with closed loops; empty: those with actuators.
+        access: The rule which files the configuration may name.
+        deprecations: A note on each key of the file that was renamed in 0.5.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> config = bc.load_robot_config("planar_2r")
+        >>> config.name, list(config.motions), list(config.actuators)
+        ('Planar 2R arm', ['elbow_up', 'elbow_down'], ['shoulder', 'elbow'])
+    """
 
     name: str
     source: Path
@@ -59,14 +84,29 @@ class RobotConfig(Renamed):
     motions: Mapping[str, MotionEntry] = field(default_factory=dict)
     actuators: Mapping[str, Actuator] = field(default_factory=dict)
     actuated: tuple[str, ...] = ()
-    access: FileAccess | None = field(default=None, repr=False, compare=False)  # which files the URDF may name
-    # a note on each key of its file that has another name since 0.5
+    access: FileAccess | None = field(default=None, repr=False, compare=False)
     deprecations: tuple[str, ...] = field(default=(), repr=False, compare=False)
 
     renamed: ClassVar[Mapping[str, str]] = {"drives": "actuators"}
 
     def robot(self, extra_payloads: Iterable[Payload] = ()) -> Robot:
-        """The robot with its mounting, payloads, frames and the actuators' reflected inertias; InputError."""
+        """Load the robot with its gravity, friction, payloads, frames and the actuators' reflected inertias.
+
+        Args:
+            extra_payloads: Payloads to add to those of the configuration.
+
+        Returns:
+            The robot.
+
+        Raises:
+            InputError: The URDF cannot be read, or a frame, joint or payload does not fit it; the message names the
+                file.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.load_robot_config("planar_2r").robot()
+            Robot('planar_2r', 2 joints, nq=2, nv=2, planar_2r.urdf)
+        """
         from bellcrank.robot.load import load_robot
 
         extra = arguments.several("extra_payloads", extra_payloads, Payload, "Payloads")
@@ -82,7 +122,7 @@ class RobotConfig(Renamed):
                 frames=dict(self.frames),
             )
         except InputError as error:
-            # Without a configuration of its own the URDF's name is in the message already.
+            # The message already names the URDF where the configuration was made from it.
             if self.source == self.urdf or str(error).startswith(str(self.urdf)):
                 raise
             raise InputError(f"{self.source}: {error}") from None
@@ -91,7 +131,26 @@ class RobotConfig(Renamed):
         return robot
 
     def motion(self, robot: Robot, name: str) -> Motion:
-        """One of the configuration's motions for the robot; InputError or UnreachableError naming the place."""
+        """Compute one of the configuration's motions for a robot.
+
+        Args:
+            robot: The robot, as `robot` returns it.
+            name: The name of a motion under the key `motions`.
+
+        Returns:
+            The motion of the robot's joints.
+
+        Raises:
+            InputError: There is no such motion, or its entry is wrong; the message names file, line and key.
+            UnreachableError: The robot cannot reach a point of the motion.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> config = bc.load_robot_config("planar_2r")
+            >>> motion = config.motion(config.robot(), "elbow_up")
+            >>> motion.position.shape
+            (1001, 2)
+        """
         arguments.robot(robot)
         if arguments.text("name", name, "the name of a motion") not in self.motions:
             raise InputError(f"{self.source}: {unknown_name('motion', name, self.motions)}")
@@ -99,15 +158,28 @@ class RobotConfig(Renamed):
 
 
 def names() -> dict[str, Path]:
-    """The bundled configurations by name."""
+    """The paths of the bundled configurations, by name."""
     return {path.stem: path for path in sorted(bundled_data.folder("robots").glob("*.yaml"))}
 
 
 def load_robot_config(path_or_name: str | Path, *, trust: Trust = ()) -> RobotConfig:
-    """Read a configuration from a file or by the name of a bundled one; a URDF (path or name) gives a configuration without
-    motions. Files that it names may also lie in the folders `trust` (files/access.py).
+    """Read a robot configuration from a file, or by the name of a bundled one.
 
-    Raises InputError, one sentence naming file and key.
+    Args:
+        path_or_name: Path of a YAML file or a URDF, or name of a bundled configuration or robot (`bellcrank robots`
+            lists them). A URDF gives a configuration without motions and actuators.
+        trust: Folders from which files that the configuration names may be read, besides its own surroundings.
+
+    Returns:
+        The configuration.
+
+    Raises:
+        InputError: The file is missing or wrong; the message is one sentence with file, line and key.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> bc.load_robot_config("planar_2r").gravity
+        (0.0, -9.81, 0.0)
     """
     source, urdf = find_config(path_or_name)
     if urdf:
@@ -116,7 +188,7 @@ def load_robot_config(path_or_name: str | Path, *, trust: Trust = ()) -> RobotCo
 
 
 def find_config(path_or_name: str | Path) -> tuple[Path, bool]:
-    """The file that a path or a name stands for, and whether it is a URDF rather than a configuration. Raises InputError."""
+    """Find the file of a path or name. Returns its path, and whether it is a URDF. Raises InputError."""
     path = arguments.path(
         "path_or_name",
         path_or_name,
@@ -127,8 +199,8 @@ def find_config(path_or_name: str | Path) -> tuple[Path, bool]:
         return path, False
     if path.suffix.lower() in (".npz", ".csv"):
         raise InputError(
-            f"{text}: expected a scene, a configuration or a URDF; bc.load_run opens a saved run (.npz), and read_motion, or "
-            "size with --motion, a CSV"
+            f"{text}: expected a scene, a configuration or a URDF; to open a saved run (.npz) use bc.load_run, to open a "
+            "CSV use bc.read_motion or `bellcrank size --motion`"
         )
     configs = names()
     if not _is_file(path):
@@ -144,7 +216,7 @@ def find_config(path_or_name: str | Path) -> tuple[Path, bool]:
 
 
 def read_config(path: str | Path, access: FileAccess | None = None) -> RobotConfig:
-    """Read a configuration's YAML file; InputError, one sentence naming file, key and line."""
+    """Read a configuration's YAML file. Raises InputError, one sentence with file, line and key."""
     path = Path(path)
     data, notes = read_scene_data(path)
     fields = Fields(data, str(path), access=access)
@@ -155,7 +227,7 @@ def read_config(path: str | Path, access: FileAccess | None = None) -> RobotConf
 
 
 def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
-    """The configuration among the keys of a file; keys that are not a configuration's are left for the caller to ask for or refuse."""
+    """Read the configuration from the keys of a file. The caller reads or refuses all other keys. Raises InputError."""
     name = fields.text("name", readable(path.stem))
     urdf = _urdf(fields)
     named = fields.access.by(urdf)
@@ -197,7 +269,7 @@ def _is_file(path: Path) -> bool:
 
 
 def _is_there(path: Path) -> bool:
-    """Whether there is something that is no folder; whether it can be read is for others to say."""
+    """Whether the path exists and is not a folder; the file may still be unreadable."""
     try:
         return path.exists() and not path.is_dir()
     except (OSError, ValueError):
@@ -214,7 +286,7 @@ def _urdf(fields: Fields) -> Path:
     if _is_there(path):
         return path.resolve()
     if path_like:
-        raise fields.error("urdf", f"there is no file {path}; give a path that starts at the configuration's folder")
+        raise fields.error("urdf", f"there is no file {path}; write a path relative to the configuration's folder")
     raise fields.error("urdf", unknown_name("robot", text, catalog.names()))
 
 

@@ -1,7 +1,7 @@
 """The contents of a saved run: the JSON text and the arrays of its .npz file, or of a folder of checkpoints.
 
-The text holds the scene, the URDF and the files that the scene names, so that a run can be loaded where the originals
-are gone. Only sizes and names are checked here; simulation/load_run.py checks the rest.
+The text contains the scene, the URDF and the files that the scene names, so that a run can be loaded without the
+original files. Only sizes and names are checked here; simulation/load_run.py checks everything else.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ _ROWS = ("time", "state", "event_time", "event_position", "event_velocity")
 
 
 def run_contents(file: Path) -> tuple[dict[str, Any], dict[str, Array]]:
-    """The JSON text and the float64 arrays of a run's file, or of a folder of checkpoints. Raises InputError."""
+    """Read the JSON text and the float64 arrays of a run's file or folder of checkpoints. Raises InputError."""
     return joined_checkpoints(file) if file.is_dir() else archive_of(file, RUN)
 
 
 def archive_of(file: Path, form: str, unpacked: int | None = None) -> tuple[dict[str, Any], dict[str, Array]]:
     """Read the JSON text and the float64 arrays of an .npz file of the format `form`.
 
-    `unpacked` as in `read_archive`. Raises InputError for any other file.
+    `unpacked` is passed to `read_archive`. Raises InputError for any other file.
     """
     try:
         with open_regular(file, MOST_RUN) as stream:
@@ -59,17 +59,17 @@ def archive_of(file: Path, form: str, unpacked: int | None = None) -> tuple[dict
     except DAMAGE as error:
         raise damaged(file, error) from None
     if about.get("format") != form:
-        raise InputError(f"{file}: not a run: expected an .npz file that Trajectory.save wrote")
+        raise InputError(f"{file}: not a run; expected an .npz file written by Trajectory.save")
     if about.get("version") != VERSION:
         raise InputError(
-            f"{file}: the run has format version {brief(about.get('version'), '')}, this bellcrank {version()} reads "
-            f"{VERSION}; load it with the bellcrank that wrote it, or a later one"
+            f"{file}: the run has format version {brief(about.get('version'), '')}, but bellcrank {version()} reads "
+            f"version {VERSION}; load it with the bellcrank that wrote it, or a later one"
         )
     return about, arrays
 
 
 def damaged(file: Path, error: BaseException) -> InputError:
-    """The error of a file that is not what it says, with the reason."""
+    """The error for a damaged file, with the reason."""
     why = reason(error)
     return InputError(f"{file}: not a run, or damaged{f' ({why})' if why else ''}; save or copy it again")
 
@@ -82,7 +82,7 @@ def reason(error: BaseException) -> str:
 
 @contextlib.contextmanager
 def refusing(file: Path) -> Iterator[None]:
-    """Turn the errors that a file's contents cause into an InputError of one sentence that names the file."""
+    """Convert the errors that a file's contents cause to an InputError that names the file."""
     try:
         yield
     except BellcrankError as error:
@@ -102,28 +102,29 @@ def holds_checkpoints(folder: Path) -> bool:
 def checkpoint_file(folder: Path, name: str) -> Path:
     """The path of a file in a folder of checkpoints.
 
-    Raises InputError for a link: it may lead out of the folder, or let one small file count as many.
+    Raises InputError for a symbolic link, which could lead out of the folder or repeat one file many times.
     """
     path = folder / name
     if path.is_symlink():
-        raise InputError(f"{path}: is a symbolic link, expected a file of the run itself; copy the folder again")
+        raise InputError(f"{path}: expected a regular file, found a symbolic link; copy the folder again")
     return path
 
 
 def joined_checkpoints(folder: Path) -> tuple[dict[str, Any], dict[str, Array]]:
-    """The contents of a folder of checkpoints, in the form of a run's file. Raises InputError."""
+    """Read a folder of checkpoints. Returns the same contents as those of a run's file. Raises InputError."""
     if not holds_checkpoints(folder):
-        raise InputError(f"{folder}: expected a run (.npz) or a folder of its checkpoints, found another folder")
+        raise InputError(f"{folder}: expected a saved run (.npz) or a folder of checkpoints, found another folder")
     about, arrays = archive_of(checkpoint_file(folder, "about.npz"), CHECKPOINTS)
     names = sorted((path.name for path in folder.iterdir() if _NUMBERED.fullmatch(path.name)), key=_number)
     for k, name in enumerate(names, 1):
         if _number(name) != k:
             raise InputError(
-                f"{folder}: the checkpoint {k:04d}.npz is missing; move those after it elsewhere to load the run up to it"
+                f"{folder}: the checkpoint {k:04d}.npz is missing; to load the run up to there, move the later ones to "
+                "another folder"
             )
     if not names:
-        raise InputError(f"{folder}: there is no checkpoint in it")
-    spare = UNPACKED // len(names)  # all together are limited as one file is
+        raise InputError(f"{folder}: no checkpoints found")
+    spare = UNPACKED // len(names)  # the limit of one file applies to their sum
     parts = [archive_of(checkpoint_file(folder, name), CHECKPOINT, spare) for name in names]
     try:
         for name in _ROWS:
@@ -150,16 +151,16 @@ def _number(name: str) -> int:
 
 
 def unpacked_scene(about: Mapping[str, Any]) -> Path:
-    """The path of a run's scene, unpacked into a temporary folder with the files that it names.
+    """Unpack a run's scene and the files that it names into a temporary folder. Returns the scene's path.
 
-    Raises InputError where they cannot be written, and ValueError for names that lead out of the folder.
+    Raises InputError if they cannot be written, and ValueError for names that lead out of the folder.
     """
     return _unpacked(json.dumps(about["files"], sort_keys=True)) / _file_name(about["scene"])
 
 
 @cache
 def _unpacked(files: str) -> Path:
-    """A folder with these files (JSON {name: text}) in it, kept until the process ends. Raises InputError."""
+    """Write files (JSON {name: text}) to a folder that is kept until the process ends. Raises InputError."""
     texts: dict[str, str] = {_file_name(name): text for name, text in json.loads(files).items()}
     try:
         folder = new_folder("run")
@@ -172,7 +173,7 @@ def _unpacked(files: str) -> Path:
 
 
 def _file_name(name: str) -> str:
-    """A file's name as this system takes it; ValueError for one that leads out of its folder."""
+    """Convert a file's name for this system. Raises ValueError for one that leads out of its folder."""
     if Path(name).name != name or name in ("", ".."):
         raise ValueError(f"it names the file {brief(name)}")
     return file_name_here(name)

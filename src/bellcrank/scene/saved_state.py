@@ -1,10 +1,11 @@
-"""A start from a saved run: initial: {run: FILE.npz, time: …, clock: …}.
+"""A start in the state of a saved run: initial: {run: FILE.npz, time: …, clock: …}.
 
-The file is looked for in the scene's folder and, where an override names it, in the working directory too. The state is
-that of the last row, or of the row at `time`; after a latch that ended the run, the velocity behind the impact. The run
-must have the joints of the scene's robot. Other keys of `initial` and `base` take precedence over it. Where constraints
-do not fit the state, all values of the run may move. The new run counts its time from 0; `clock` is what t, tables and
-motions read at that moment: a number (s), by default 0, or `continue` for what they read in the saved run.
+The path is relative to the scene's folder or, in an override, also to the working directory. The state is that of the
+last row, or of the row at `time`; for a run that ended with a latch, the velocity is that after the impact. The run
+must have the joints of the scene's robot. Other keys of `initial` and `base` take precedence over it. If the state does
+not satisfy the constraints, the search for a consistent start may change all of its values. The time of the new run
+starts at 0; `clock` is the value of t for expressions, tables and motions at that time: a number (s), by default 0, or
+`continue` for its value in the saved run.
 """
 
 from __future__ import annotations
@@ -27,14 +28,14 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint
 
 Array = NDArray[np.float64]
-SAME_TIME = 1e-12  # relative difference of a row's time and a time that is asked for
+SAME_TIME = 1e-12  # relative difference of the time of a row and the time in the scene
 SAME = 1e-9  # relative difference of the last time and the duration
-UNIT = 1e-6  # difference of a rotation's length and 1; the solver keeps it to rounding
+UNIT = 1e-6  # difference of a quaternion's length from 1; in saved runs it is a rounding error
 
 
 @dataclass(frozen=True)
 class RunScene:
-    """What a start takes from the scene inside a run: robot, clock at time 0 (s), names of events that latch."""
+    """The facts that a start uses from the scene inside a run: robot, clock at time 0 (s), names of latching events."""
 
     robot: Robot
     clock: float
@@ -46,7 +47,7 @@ SceneReader = Callable[[Path], RunScene]
 
 @dataclass(frozen=True, eq=False)
 class SavedState:
-    """A row of a saved run: joints, position (nq,), velocity (nv,), and what the clock read there, s."""
+    """A row of a saved run: joints, position (nq,), velocity (nv,) and clock, s."""
 
     name: str
     joints: tuple[RobotJoint, ...]
@@ -68,7 +69,7 @@ class SavedState:
 
 
 def read_run_start(start: Fields, robot: Robot, read_scene: SceneReader, timed: bool = True) -> SavedState:
-    """The state under the keys `run`, and `time` if `timed`, of `initial`; InputError naming file and key."""
+    """Read the keys `run`, and `time` if `timed`, of `initial`. Raises InputError naming file and key."""
     file = _file(start).resolve()
     time = start.optional_number("time", "s") if timed else None
     try:
@@ -87,26 +88,26 @@ def read_run_start(start: Fields, robot: Robot, read_scene: SceneReader, timed: 
         ]
         raise start.error(
             "run",
-            f"the joints of the run in {file} are not those of {robot.name}: {'; '.join(parts)}; a run can start from "
-            "runs of the same joints only",
+            f"the joints of the run in {file} differ from those of {robot.name}: {'; '.join(parts)}; a start requires "
+            "a run with the same joints",
         )
     return saved
 
 
 def read_clock(start: Fields, saved: SavedState | None) -> float:
-    """The clock at the start, s, under the key `clock`; InputError naming file and key."""
+    """Read the clock at the start, s. Raises InputError naming file and key."""
     if start.raw("clock", 0.0) != "continue":
         return start.number("clock", "s", 0.0)
     if saved is None:
-        raise start.error("clock", "'continue' goes on with the clock of a saved run; name it as run: FILE.npz")
+        raise start.error("clock", "'continue' requires a saved run; name the run as run: FILE.npz")
     return saved.clock
 
 
 def saved_state(path: str | Path, time: float | None, read_scene: SceneReader) -> SavedState:
     """The last row of a saved run, or the row at a time (s).
 
-    Only what it uses is read and checked: times, states, events and the scene inside. Raises InputError for a file that
-    is not a run, for a time without a row, and for a state that is not finite.
+    Only times, states, events and the scene are read and checked. Raises InputError for a file that is not a run, for
+    a time without a row, and for a state that is not finite.
     """
     file = Path(path)
     about, arrays = run_contents(file)
@@ -129,12 +130,12 @@ def saved_state(path: str | Path, time: float | None, read_scene: SceneReader) -
 
 
 def _latch_velocity(file: Path, arrays: Mapping[str, Array], robot: Robot) -> Array:
-    """The velocity (nv,) behind the impact of the latch that ended a run."""
+    """The velocity (nv,) after the impact of the latch that ended a run. Raises InputError."""
     velocity = arrays.get("latch_velocity")
     if velocity is None:
         raise InputError(
-            f"{file}: the run ended with a latch and does not hold the velocity behind its impact, as files of bellcrank "
-            "0.4 and checkpoints do not; load it and save it once more: bc.load_run(FILE).save(FILE)"
+            f"{file}: the run ended with a latch, but the velocity after its impact is missing, as in files of "
+            "bellcrank 0.4 and in checkpoints; load it and save it again: bc.load_run(FILE).save(FILE)"
         )
     if velocity.shape != (robot.nv,):
         raise InputError(f"{file}: 'latch_velocity' has the shape {velocity.shape}, expected ({robot.nv},)")
@@ -142,7 +143,7 @@ def _latch_velocity(file: Path, arrays: Mapping[str, Array], robot: Robot) -> Ar
 
 
 def _check_texts(about: Mapping[str, Any]) -> None:
-    """Refuse (ValueError) a JSON text whose entries are not of the expected types."""
+    """Check the types of the entries of a run's JSON text. Raises ValueError."""
     files, events, settings = about.get("files"), about.get("events"), about.get("settings")
     if not isinstance(files, dict) or not all(isinstance(text, str) for text in files.values()):
         raise ValueError("'files': expected a mapping of names to texts")
@@ -156,17 +157,17 @@ def _check_texts(about: Mapping[str, Any]) -> None:
 
 
 def _checked_rows(about: Mapping[str, Any], arrays: Mapping[str, Array], robot: Robot) -> tuple[Array, Array]:
-    """Times (n,) and states (n, nq + nv, or one more) of a run; ValueError for arrays that no run has."""
+    """Check and return the times (n,), s, and states (n, nq + nv, or one more) of a run. Raises ValueError."""
     for name in ("time", "state"):
         if name not in arrays:
             raise ValueError(f"there is no '{name}'")
     times, states = arrays["time"], arrays["state"]
-    widths = (robot.nq + robot.nv, robot.nq + robot.nv + 1)  # without and with the work
+    widths = (robot.nq + robot.nv, robot.nq + robot.nv + 1)  # without and with the work W
     if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or np.any(np.diff(times) < 0.0):
-        raise ValueError("'time' is not a list of finite times that do not decrease")
+        raise ValueError("'time' is not a list of finite times in non-decreasing order")
     latest = float(about["settings"]["duration"]) * (1.0 + SAME)
     if not 0.0 <= times[0] <= times[-1] <= latest:
-        raise ValueError(f"'time' reaches from {times[0]:.6g} to {times[-1]:.6g} s, the run to {latest:.6g} s")
+        raise ValueError(f"'time' is {times[0]:.6g} to {times[-1]:.6g} s, expected 0 to {latest:.6g} s")
     if states.shape not in [(len(times), width) for width in widths]:
         raise ValueError(f"'state' has the shape {states.shape}, expected {(len(times), widths[0])}")
     if not np.isfinite(states[:-1]).all():
@@ -183,12 +184,12 @@ def _checked_rows(about: Mapping[str, Any], arrays: Mapping[str, Array], robot: 
 
 @lru_cache(maxsize=16)
 def _cached_state(file: Path, time: float | None, read_scene: SceneReader, changed: int, size: int) -> SavedState:
-    """The state; `changed` and `size` of the file tell a new one under the old name."""
+    """The result of `saved_state`; `changed` and `size` distinguish versions of the file."""
     return saved_state(file, time, read_scene)
 
 
 def _file(start: Fields) -> Path:
-    """The run's file; InputError where it may not be named, and where an override names two different ones."""
+    """The path of the run. Raises InputError if it may not be read, or if an override's path matches two files."""
     if not start.overridden("run"):
         return start.file("run")
     name = Path(start.text("run")).expanduser()
@@ -196,5 +197,5 @@ def _file(start: Fields) -> Path:
     if not there.exists():
         return here
     if here.exists() and not here.samefile(there):
-        raise start.error("run", f"there are two files of that name, {here} and {there}; write the whole path")
+        raise start.error("run", f"two files match, {here} and {there}; write an absolute path")
     return there

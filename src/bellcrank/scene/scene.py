@@ -1,8 +1,9 @@
-"""A scene: a robot configuration with forces, control, a start, parameters, events, outputs and solver settings.
+"""A scene: a robot configuration with constraints, forces, controllers, a start, parameters, events and outputs.
 
-One YAML file serves sizing and simulation: to the keys of a configuration (robot_config.py) it adds forces (forces.py), control
-(control.py), initial and base (initial.py), parameters (parameters.py), events (events.py), outputs (outputs.py) and
-simulate (settings.py), all optional.
+One YAML file serves sizing and simulation. A scene adds these keys to those of a robot configuration
+(robot_config.py), all of them optional: constraints, forces and control (bellcrank.elements: constraints.py, forces.py,
+controllers.py), parameters (elements/parameters.py), initial and base (initial.py), events (events.py), outputs
+(outputs.py) and simulate (settings.py).
 """
 
 from __future__ import annotations
@@ -55,7 +56,35 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scene(Portable, Renamed):
-    """What a scene file says, checked against the robot. Made by `load_scene`."""
+    """The contents of a scene file, checked against the robot. Scenes are made by `load_scene`.
+
+    A scene is a description only: `simulate`, `size`, `sweep` and `replay` take it and solve its equations. It does not
+    change; `with_overrides` and `with_constraint` return new scenes.
+
+    Attributes:
+        config: The robot configuration in the same file: URDF, gravity, motions, actuators.
+        robot: The robot that the configuration describes.
+        constraints: Closed loops, couplings, prescribed motions, rolling contacts.
+        forces: Springs, dampers, friction, torques, wrenches.
+        control: The controllers.
+        initial: Positions, velocities and clock at the start.
+        parameters: Numbers that can be changed without compiling the equations again, by name.
+        events: The conditions that are watched for during a simulation.
+        outputs: The quantities that are recorded besides positions and velocities, by name.
+        settings: The solver settings.
+        motion_of: Function that returns a motion of the configuration by its name.
+        source_data: The YAML mapping, with the line of each key and the override that set it.
+        access: The rule which files the scene may name.
+        loop_files: Texts of the files that constraints were read from, by the name written under `file`.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> scene = bc.load_scene("pendulum")
+        >>> scene
+        Scene('Simple pendulum', Robot('pendulum', 1 joints, nq=1, nv=1, pendulum.urdf), from pendulum.yaml)
+        >>> list(scene.outputs)
+        ['P1', 'energy']
+    """
 
     config: RobotConfig
     robot: Robot
@@ -68,9 +97,8 @@ class Scene(Portable, Renamed):
     outputs: Mapping[str, Output]
     settings: Settings
     motion_of: Callable[[str], Motion] = field(repr=False)
-    source_data: Mapping[str, Any] = field(repr=False)  # with the lines and overrides of its keys
-    access: FileAccess = field(repr=False)  # which files it may name
-    # texts of files that constraints were read from
+    source_data: Mapping[str, Any] = field(repr=False)
+    access: FileAccess = field(repr=False)
     loop_files: dict[str, str] = field(repr=False, default_factory=dict)
 
     renamed: ClassVar[Mapping[str, str]] = {
@@ -87,27 +115,70 @@ class Scene(Portable, Renamed):
 
     @property
     def name(self) -> str:
-        """What the scene calls itself."""
+        """The scene's name: its key `name`, or the name of the file."""
         return self.config.name
 
     @property
     def source(self) -> Path:
-        """The scene's file, or the URDF."""
+        """The path of the scene's file, or of the URDF where the scene was made from one."""
         return self.config.source
 
     @cached_property
     def data(self) -> dict[str, Any]:
-        """The scene's YAML mapping, overrides in it."""
+        """The scene's YAML mapping as plain dictionaries and lists, with the overrides applied.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.load_scene("pendulum", {"initial.swing": "10 deg"}).data["initial"]
+            {'swing': '10 deg'}
+        """
         data: dict[str, Any] = plain(self.source_data)
         return data
 
     def motion(self, name: str) -> Motion:
-        """One of the configuration's motions, made once; InputError or UnreachableError naming the place."""
+        """Compute one of the configuration's motions. It is computed once and then kept.
+
+        Args:
+            name: The name of a motion under the key `motions`.
+
+        Returns:
+            The motion of the robot's joints.
+
+        Raises:
+            InputError: There is no such motion, or its entry is wrong; the message names file, line and key.
+            UnreachableError: The robot cannot reach a point of the motion.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> motion = bc.load_scene("planar_2r_tracking").motion("circle")
+            >>> motion.position.shape
+            (1001, 2)
+        """
         arguments.text("name", name, "the name of a motion")
         return self.motion_of(name)
 
     def with_overrides(self, overrides: Mapping[str, Any]) -> Scene:
-        """The scene with changes by dotted path (overrides.py), checked anew; InputError names the override."""
+        """Return a scene with some keys changed. The changed scene is checked as a file is.
+
+        Constraints that were added by `with_constraint` are kept. The robot is loaded again only if a key of its
+        configuration changes.
+
+        Args:
+            overrides: New values by dotted path, such as {"initial.crank": "1.5 deg", "simulate.rtol": 1e-6}. Entries
+                of lists are addressed by their name, or by their number from 1; a parameter by its name.
+
+        Returns:
+            The changed scene.
+
+        Raises:
+            InputError: A path does not exist or a value is wrong; the message names the override.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> scene = bc.load_scene("four_bar").with_overrides({"crank_length": "1.25 m", "simulate.rtol": 1e-8})
+            >>> scene.parameter_values.tolist()
+            [1.25, 1.2, 1.2, 1.241]
+        """
         data, notes = apply_overrides(self.source_data, overrides, str(self.source))
 
         def own(mapping: Mapping[str, Any]) -> dict[str, Any]:
@@ -120,13 +191,34 @@ class Scene(Portable, Renamed):
         return replace(changed, constraints=(*changed.constraints, *mine)) if mine else changed
 
     def with_constraint(self, function: Callable[[Symbols], Any], name: str = "own", unit: str = "1") -> Scene:
-        """The scene with a constraint of your own: `function` takes Symbols (joints, frames, t, q, v, parameters) and
-        gives casadi expressions that stay zero, each in `unit`: of positions, or linear in velocities.
+        """Return a scene with an additional constraint that a Python function defines.
 
-        The run of such a scene cannot be saved, since no file holds the function. Raises InputError where it gives
-        something else.
+        The trajectory of such a scene cannot be saved, since no file holds the function.
+
+        Args:
+            function: A function of `Symbols` (joint(name), frame(name), t, q, v, parameter(name)). It returns a
+                casadi.SX column, or a list, of residuals that the solver keeps at zero: functions of positions
+                (holonomic), or functions linear in velocities (non-holonomic).
+            name: The name of the constraint; outputs and events refer to it.
+            unit: The unit of each residual: "m", "rad", "m/s", …, or "1".
+
+        Returns:
+            The scene with the constraint as its last one.
+
+        Raises:
+            InputError: The name is taken, or the function returns something else.
+
+        Example:
+            The second joint turns by the angle of the first one, in the opposite direction:
+
+            >>> import bellcrank as bc
+            >>> def opposite(s):
+            ...     return s.joint("shoulder").position + s.joint("elbow").position
+            >>> scene = bc.load_scene("planar_2r").with_constraint(opposite, name="opposite", unit="rad")
+            >>> [constraint.name for constraint in scene.constraints]
+            ['opposite']
         """
-        arguments.function("function", function, "a function of Symbols that gives casadi expressions")
+        arguments.function("function", function, "a function of Symbols that returns casadi expressions")
         arguments.text("name", name)
         arguments.text("unit", unit, "a unit such as 'm' or 'rad/s', or '1'")
         if name in [constraint.name for constraint in self.constraints]:
@@ -139,7 +231,7 @@ class Scene(Portable, Renamed):
 
     @property
     def files(self) -> dict[str, str]:
-        """What the tables and motions held when they were read, by what is written under `file`."""
+        """The texts of the files that forces, motions and constraints were read from, by the name under `file`."""
         found = dict(csv_texts(self.config.motions.values())) | self.loop_files
         return found | {
             str(p.place.raw("file")): p.text for p in self.forces if isinstance(p, Torque | Wrench) and p.text
@@ -147,19 +239,26 @@ class Scene(Portable, Renamed):
 
     @property
     def parameter_values(self) -> Array:
-        """The values of the parameters (np,), in SI units."""
+        """The values of the parameters (np,), in SI units and in the order of `parameters`.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> scene = bc.load_scene("four_bar")
+            >>> dict(zip(scene.parameters, scene.parameter_values.tolist()))
+            {'crank_length': 1.241, 'coupler_length': 1.2, 'rocker_length': 1.2, 'ground_length': 1.241}
+        """
         return np.array([parameter.value for parameter in self.parameters.values()], dtype=np.float64)
 
     @property
     def own_parameters(self) -> Array:
-        """The scene's parameters, and Baumgarte's gains where they are used."""
+        """The values of the parameters (np,), followed by alpha and beta (1/s) where Baumgarte's method is used."""
         s = self.settings.stabilisation
         gains = [s.alpha, s.beta] if self.constraints and s.kind == "baumgarte" else []
         return np.append(self.parameter_values, gains)
 
     @cached_property
     def structure_key(self) -> str:
-        """A digest of all that the equations depend on besides the values of parameters."""
+        """A digest of everything that the equations depend on, except for the values of parameters."""
         from bellcrank.codegen.cache import digest
         from bellcrank.codegen.compile import sources
 
@@ -169,37 +268,67 @@ class Scene(Portable, Renamed):
 
     @property
     def signal_sources(self) -> tuple[SignalSource, ...]:
-        """Where the entries of u come from, in their order."""
+        """The sources of the signals u(t), in the order of their entries in u."""
         found = [part.source for part in (*self.forces, *self.control, *self.constraints)]
         return tuple(dict.fromkeys(source for source in found if source is not None))
 
     @cached_property
     def signals(self) -> tuple[Signal, ...]:
-        """The signals u(t); InputError or UnreachableError where a motion cannot be made."""
+        """The signals u(t) that forces, controllers and constraints follow: tables and motions.
+
+        They are functions of the simulation's time, which is the clock minus the clock at the start. Reading the
+        property computes the motions, and raises InputError or UnreachableError where one cannot be computed.
+        """
         return tuple(signal_after(source, self.initial.clock) for source in self.signal_sources)
 
     @cached_property
     def stops(self) -> Array:
-        """Times (k,) s at which signals jump, besides the breaks of kinked ones: no step should cross them."""
+        """Times (k,), s, at which signals or their derivatives jump, apart from the breaks of kinked signals.
+
+        No integration step should cross them.
+        """
         stops = [stops_after(source, self.initial.clock) for source in self.signal_sources]
         return np.unique(np.concatenate([np.zeros(0), *stops]))
 
     def signals_at(self, times: Array) -> Array:
-        """All signals (n, nu) at times (n,) s."""
+        """Evaluate all signals at given times.
+
+        Args:
+            times: Times (n,), s.
+
+        Returns:
+            The signals (n, nu): for each source its values, then their first and second derivatives where they are
+            used.
+
+        Raises:
+            InputError: `times` is not a one-dimensional array of finite numbers, or a motion cannot be computed.
+
+        Example:
+            The motion of two joints, with first and second derivatives:
+
+            >>> import bellcrank as bc
+            >>> bc.load_scene("planar_2r_tracking").signals_at([0.0, 1.0]).shape
+            (2, 6)
+        """
         return values_at(self.signals, arguments.array("times", times, (None,), "s"))
 
     # ---- equations
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The frames that forces, events and outputs use."""
+        """The names of the frames that forces, controllers, constraints, events and outputs use, each once."""
         groups = [p.frames for p in (*self.forces, *self.control, *self.constraints)]
         groups += [e.frames for e in self.events] + [o.frames for o in self.outputs.values()]
         return tuple(dict.fromkeys(name for group in groups for name in group))
 
     def physics_key(self) -> str:
-        """All that the equations depend on besides the robot, as a text: not the start, nor the values of parameters,
-        nor solver settings, nor what motions and tables hold.
+        """Everything that the equations depend on except for the robot.
+
+        The start, the values of parameters, the solver settings and the numbers in motions and tables are not part of
+        it: changing them does not require new equations.
+
+        Returns:
+            A JSON text; two scenes of one robot with equal texts have the same equations.
         """
         places = {source: k for k, source in enumerate(self.signal_sources)}
         targets = [[name, parameter.sets] for name, parameter in self.parameters.items()]
@@ -219,11 +348,27 @@ class Scene(Portable, Renamed):
 
 
 def load_scene(path_or_name: str | Path, overrides: Mapping[str, Any] | None = None, *, trust: Trust = ()) -> Scene:
-    """Read a scene from a file, or by the name of a bundled one; a URDF (path or name) is a scene without forces.
+    """Read a scene from a file, or by the name of a bundled one.
 
-    `overrides` changes it by dotted path: {"initial.crank": "1.5 deg", "simulate.rtol": 1e-6} (overrides.py). Files
-    that it names lie near it, or in the folders `trust` (files/access.py). Raises InputError, one sentence naming file
-    and key, for whatever is not as it should be.
+    Args:
+        path_or_name: Path of a YAML file or a URDF, or name of a bundled scene or robot (`bellcrank robots` lists
+            them). A URDF gives a scene without forces, constraints and controllers.
+        overrides: Values to change, by dotted path, such as {"initial.crank": "1.5 deg", "simulate.rtol": 1e-6}; see
+            `Scene.with_overrides`.
+        trust: Folders from which files that the scene names may be read, besides the scene's own surroundings.
+
+    Returns:
+        The scene, checked against its robot.
+
+    Raises:
+        InputError: The file, one of the files that it names, or an override is wrong; the message is one sentence with
+            file, line and key.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> scene = bc.load_scene("pendulum", {"simulate.duration": "2 s"})
+        >>> scene.settings.duration
+        2.0
     """
     if overrides is not None:
         arguments.mapping("overrides", overrides, "a mapping such as {'simulate.rtol': 1e-6}")
@@ -242,15 +387,15 @@ def load_scene(path_or_name: str | Path, overrides: Mapping[str, Any] | None = N
 
 
 def load_held_scene(source: Path) -> Scene:
-    """The scene of a file that may name files in its own folder only. Raises InputError as `load_scene`.
+    """Read the scene of a file that may name files in its own folder only. Raises InputError as `load_scene` does.
 
-    Such a file was written by a program: old keys in it give no deprecation notes.
+    Such files are written by programs. Old keys in them cause no deprecation notes.
     """
     return _read(read_scene_data(source)[0], source, FileAccess(source.parent, source.parent, held=True))
 
 
 def scene_of_run(source: Path) -> RunScene:
-    """What a start takes from the scene inside a saved run."""
+    """The facts that a start takes from the scene inside a saved run. Raises InputError as `load_scene` does."""
     scene = load_held_scene(source)
     return RunScene(scene.robot, scene.initial.clock, frozenset(rule.name for rule in scene.events if rule.latch))
 
@@ -262,7 +407,10 @@ def _read(
     deprecations: tuple[str, ...] = (),
     like: Scene | None = None,
 ) -> Scene:
-    """The scene of a mapping; configuration and robot are those of `like`, whose mapping has the same configuration."""
+    """Read a scene from a mapping.
+
+    `like` is a scene whose mapping has the same robot configuration; its configuration and robot are used again.
+    """
     read = Fields(data, str(source), access=access)
     config = config_from_fields(read, source)
     robot, motion_of = (config.robot(), None) if like is None else (like.robot, like.motion_of)
@@ -308,7 +456,7 @@ def _read(
 
 
 class _Motions(Portable):
-    """The motions of a configuration for a robot by name, each made once, when first asked for."""
+    """The motions of a configuration for a robot, by name; each is computed once, when it is first used."""
 
     def __init__(self, config: RobotConfig, robot: Robot) -> None:
         self.config, self.robot = config, robot
@@ -328,7 +476,7 @@ def _named_files(constraints: Iterable[Constraint]) -> dict[str, Path]:
 
 
 def _content(value: Any, places: Mapping[SignalSource, int]) -> Any:
-    """Data that JSON can hold of what forces, events and outputs say."""
+    """Convert the fields of forces, events and outputs to data that JSON can hold."""
     if isinstance(value, SignalSource):
         return ["signal", places[value], value.width, value.derivatives]
     if isinstance(value, RobotJoint):

@@ -1,4 +1,4 @@
-"""How a scene is integrated: the key `simulate`. Names and meanings are those of scipy.integrate.solve_ivp."""
+"""The solver settings of a scene, under the key `simulate`. Their names are those of scipy.integrate.solve_ivp."""
 
 from __future__ import annotations
 
@@ -15,15 +15,20 @@ from bellcrank.messages import unknown_name
 
 STABILISATIONS = ("projection", "none", "baumgarte")
 SOLVERS = ("RK45", "RK4", "DOP853", "Radau")
-FINEST_RTOL = 1e-13  # below this the error estimate is rounding noise
+FINEST_RTOL = 1e-13  # for smaller values the error estimate consists of rounding errors
 MOST_NUMBERS = 4 * 10**9 // 8  # doubles in the states of a run: 4 GB
 
 
 @dataclass(frozen=True)
 class Stabilisation:
-    """How constraints are kept from drifting: kind "projection" (back onto them after each step), "baumgarte" with gains
-    alpha and beta (1/s), or "none". `auto`: the gains follow from solver, tolerances and step
-    (simulation/baumgarte_gains.py).
+    """The method that limits the drift of constraints.
+
+    Attributes:
+        kind: "projection" (positions and velocities are projected onto the constraints after each step), "baumgarte"
+            (φ̈ + 2 alpha φ̇ + beta² φ = 0 instead of φ̈ = 0) or "none".
+        alpha: Baumgarte's gain on the velocity residual, 1/s.
+        beta: Baumgarte's gain on the position residual, 1/s.
+        auto: Whether the gains are chosen from solver, tolerances and step (simulation/baumgarte_gains.py).
     """
 
     kind: str = "projection"
@@ -34,11 +39,30 @@ class Stabilisation:
 
 @dataclass(frozen=True)
 class Settings:
-    """Solver settings, checked.
+    """Solver settings.
 
-    duration s; solver RK45, DOP853, Radau (stiff) or RK4; rtol (relative) and atol (rad, m, rad/s, m/s) bound the error
-    of a step; `step` s fixes the step and is what RK4 needs; `first_step` and `max_step` s, None for automatic and
-    none; `samples` equally spaced output times; `max_evaluations` of the right-hand side end a run. Raises InputError.
+    Args:
+        duration: Simulated time, s.
+        solver: "RK45" or "DOP853" (explicit, variable step), "Radau" (implicit, for stiff equations) or "RK4" (fixed
+            step).
+        rtol: Relative tolerance of the error of one step, at least 1e-13.
+        atol: Absolute tolerance of the error of one step: rad, m, rad/s, m/s.
+        step: Fixed step, s; None for a variable one. RK4 requires it.
+        first_step: First step, s; None for an automatic one.
+        max_step: Largest step, s; None for no limit.
+        samples: Number of equally spaced output times, at least 2.
+        max_evaluations: Number of evaluations of the equations of motion after which a simulation is stopped.
+        stabilisation: How constraints are kept from drifting: "projection", "none", {"kind": "baumgarte", "alpha": …,
+            "beta": …} (1/s) or {"kind": "baumgarte", "gains": "auto"}.
+
+    Raises:
+        InputError: A value is out of range, or the solver is unknown.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> settings = bc.Settings(duration=2.0, solver="RK4", step=1e-3)
+        >>> settings.stabilisation.kind
+        'projection'
     """
 
     duration: float = 10.0
@@ -60,21 +84,21 @@ class Settings:
             value = getattr(self, name)
             if value is None and name in ("step", "first_step", "max_step"):
                 continue
-            if type(value) is not float or not 0.0 < value < math.inf:  # simulate comes here every time
+            if type(value) is not float or not 0.0 < value < math.inf:  # fast path: every simulation comes here
                 object.__setattr__(self, name, arguments.number(name, value, above=0.0))
         if self.rtol < FINEST_RTOL:
             raise InputError(
-                f"rtol: expected {FINEST_RTOL:g} or more, found {self.rtol:g}; doubles carry no smaller relative error"
+                f"rtol: expected {FINEST_RTOL:g} or more, found {self.rtol:g}; double precision allows no smaller error"
             )
         for name, least, most in (("samples", 2, MOST_NUMBERS), ("max_evaluations", 1, 2**62)):
             object.__setattr__(self, name, arguments.whole(name, getattr(self, name), least=least, most=most))
         object.__setattr__(self, "stabilisation", stabilisation(self.stabilisation))
         if self.solver == "RK4" and self.step is None:
-            raise InputError("step: the solver RK4 has a fixed step and needs it, such as step: 1 ms")
+            raise InputError("step: the solver RK4 requires a fixed step, such as step: 1 ms")
 
 
 def read_settings(read: Fields) -> Settings:
-    """The settings of the mapping `simulate`; InputError naming file and key."""
+    """Read the mapping `simulate`. Raises InputError naming file and key."""
     units = {"duration": "s", "rtol": "", "atol": "", "step": "s", "first_step": "s", "max_step": "s"}
     values: dict[str, Any] = {}
     for field in fields(Settings):
@@ -98,21 +122,20 @@ def read_settings(read: Fields) -> Settings:
 
 
 def check_rows(samples: int, width: int, copies: float = 1.25) -> None:
-    """Refuse more rows of positions and velocities (`width` numbers each) than 4 GB of memory hold, or than the memory
-    that is free does (InputError). `copies` is how many times the states are held in all, other results among them.
+    """Raise InputError if rows of `width` numbers do not fit into 4 GB, or into the free memory.
+
+    `copies` is the total size of all results, in multiples of the size of the states.
     """
     if samples * width > MOST_NUMBERS:
         raise InputError(
-            f"expected at most {MOST_NUMBERS // width} rows, so that positions and velocities take no more than 4 GB, "
+            f"expected at most {MOST_NUMBERS // width} rows, so that positions and velocities use at most 4 GB, "
             f"found {samples}"
         )
     check_memory(samples, 8.0 * copies * (width + 2), "samples")
 
 
 def stabilisation(value: Stabilisation | Mapping[str, Any] | str) -> Stabilisation:
-    """What a text or mapping says: "projection", "none", {"kind": "baumgarte", "alpha": …, "beta": …} or {"kind":
-    "baumgarte", "gains": "auto"}. Raises InputError.
-    """
+    """Convert a text or mapping to a Stabilisation; `Settings` lists what it may be. Raises InputError."""
     if not isinstance(value, (Stabilisation, Mapping, str)):
         arguments.refuse("stabilisation", f"one of {', '.join(map(repr, STABILISATIONS))}, or a mapping", value)
     return value if isinstance(value, Stabilisation) else _read_stabilisation(Fields({"stabilisation": value}))
@@ -124,7 +147,7 @@ def _read_stabilisation(read: Fields) -> Stabilisation:
     if not isinstance(given, Mapping):
         kind = read.choice(key, STABILISATIONS)
         if kind == "baumgarte":
-            raise read.error(key, "baumgarte needs gains: {kind: baumgarte, gains: auto} or with alpha and beta (1/s)")
+            raise read.error(key, "baumgarte requires gains: {kind: baumgarte, gains: auto}, or alpha and beta (1/s)")
         return Stabilisation(kind)
     entry = read.mapping(key)
     kind = entry.choice("kind", STABILISATIONS)

@@ -1,4 +1,4 @@
-"""YAML data that remembers where each key comes from: its line in the file, or the override that set it."""
+"""YAML data with the source of each key: its line in the file, or the override that set it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DEEPEST = 100
 
 
 class SourceMapping(Lines):
-    """A mapping that remembers the line of each key, and the path of the override that set it."""
+    """A mapping with the line of each key, and the path of the override that set it."""
 
     overrides: dict[str, str]
 
@@ -31,7 +31,7 @@ class SourceMapping(Lines):
         return copy
 
     def rename(self, old: str, new: str) -> None:
-        """Rename a key; its place among the other keys, its line and its override stay."""
+        """Rename a key; its position among the other keys, its line and its override are kept."""
         items = [(new if key == old else key, value) for key, value in self.items()]
         self.clear()
         self.update(items)
@@ -43,8 +43,8 @@ class SourceMapping(Lines):
 def source_mapping(value: Any, override: str | None = None, depth: int = 0) -> Any:
     """Copy YAML data with the lines of its keys, numpy values converted to plain numbers.
 
-    With `override`, all keys of the copy are marked as set by that override. Raises InputError for values that YAML
-    cannot hold.
+    If `override` is given, all keys of the copy are marked as set by that override. Raises InputError for values that
+    YAML cannot represent.
     """
     if depth > DEEPEST:
         raise InputError("the value is nested too deeply")
@@ -67,7 +67,7 @@ def source_mapping(value: Any, override: str | None = None, depth: int = 0) -> A
         return value
     if isinstance(value, (date, Path)):
         return str(value)
-    raise InputError(f"the value holds {arguments.found(value)}, which a scene file cannot hold")
+    raise InputError(f"the value contains {arguments.found(value)}, which a scene file cannot contain")
 
 
 def plain(value: Any) -> Any:

@@ -38,7 +38,7 @@ from bellcrank.replays.film.robot_view import (
 )
 from bellcrank.replays.film.sampled_trajectory import SampledTrajectory, frame_pose_function
 from bellcrank.replays.geometry.meshes import Detail
-from bellcrank.scene.outputs import FrameOutput
+from bellcrank.scene.output_quantities import FrameOutput
 from bellcrank.simulation.interpolation import with_jumps
 from bellcrank.simulation.run_csv import titled
 from bellcrank.simulation.summary import event_consequence, run_facts

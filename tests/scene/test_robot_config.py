@@ -167,7 +167,7 @@ def test_every_kind_of_motion(tmp_path: Path) -> None:
         ),
         (
             {"motions": {"m": {"kind": "waypoints", "times": [1, 0], "positions": [{}, {}]}}},
-            "times that increase",
+            "increasing times",
         ),
         ({"motions": {"m": {"kind": "join", "parts": ["n"]}}}, "unknown motion 'n'"),
         ({"motions": {"m": {"kind": "join", "parts": ["m"]}}}, "joined to itself"),
