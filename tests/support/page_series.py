@@ -9,7 +9,7 @@ import numpy as np
 
 
 def decoded(text):
-    """The film of a page's HTML text (or of encode_film's two texts), with an array for every reference to its block."""
+    """The film of a page's HTML text (or of encode_film's two texts), with arrays for references to its block."""
     if isinstance(text, str):
         film, block = (re.search(rf'id="{name}"[^>]*>([^<]*)<', text)[1] for name in ("film", "arrays"))
     else:

@@ -2,7 +2,7 @@
 
 Keys: name; urdf (a path relative to the file, or the name of a robot); gravity (m/s²); floating_base; friction ("urdf",
 "none" or {joint: {viscous, coulomb}}); payloads [{mass, frame, cg, inertia}]; frames {name: {link, xyz, rpy}}; motions
-(motion/entries.py); actuators {joint: {…}} (actuators/actuator_entry.py); and, for a mechanism with closed loops,
+(motion/entry_kinds.py); actuators {joint: {…}} (actuators/actuator.py); and, for a mechanism with closed loops,
 actuated, the list of joints with motors (by default those with actuators).
 
 The file may also contain the keys of a scene (scene.py). Sizing uses constraints, the start, forces and parameters of
@@ -199,7 +199,8 @@ def find_config(path_or_name: str | Path) -> tuple[Path, bool]:
         return path, False
     if path.suffix.lower() in (".npz", ".csv"):
         raise InputError(
-            f"{text}: expected a scene, a configuration or a URDF; to open a saved run (.npz) use bc.load_run, to open a "
+            f"{text}: expected a scene, a configuration or a URDF; to open a saved run (.npz) use bc.load_run, to "
+            f"open a "
             "CSV use bc.read_motion or `bellcrank size --motion`"
         )
     configs = names()

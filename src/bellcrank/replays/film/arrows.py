@@ -168,7 +168,9 @@ def scene_rods(frames: SceneFrames) -> Iterator[Rod]:
 
 
 def contact_points(frames: SceneFrames, disk: RollingDisk) -> Array:
-    """Contact points (n, 3) m of a disk with its plane: p = c − r (n − (n·a) a)/s, as in elements/rolling_constraint.py."""
+    """Contact points (n, 3) m of a disk with its plane: p = c − r (n − (n·a) a)/s, as in
+    elements/rolling_constraint.py.
+    """
     centre, quaternions = frames.frame_pose(disk.frame)
     n, a, steepness = _disk_directions(disk, quaternions)
     up = (n - (a @ n)[:, None] * a) / steepness
