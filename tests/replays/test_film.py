@@ -386,7 +386,7 @@ def test_a_motion_needs_its_own_robot(sizing):
     check_film(film)
     (trace,) = film.traces
     assert np.linalg.norm(trace.points - [1.2, 1.2, 0.0], axis=1) == pytest.approx(np.full(len(trace.time), 0.2))
-    with pytest.raises(InputError, match="motion 'elbow_up' is for the joints shoulder, elbow, the robot"):
+    with pytest.raises(InputError, match="motion 'elbow_up' has the joints shoulder, elbow, but the robot"):
         film_of_motion(motion, bc.load_robot("four_bar"))
 
 
