@@ -1,5 +1,6 @@
 """What the README shows is what happens."""
 
+import math
 import re
 from pathlib import Path
 
@@ -26,7 +27,10 @@ def test_the_simulation_example_runs(tmp_path, monkeypatch, capsys):
     status, slide = first.split()
     assert status == "finished"
     assert float(slide) == pytest.approx(6.70749476, abs=1e-7)  # A. Ghosal's lecture 18, integrated independently
-    assert second
+    coriolis, place = second.split(maxsplit=1)
+    assert 0 < float(coriolis) < 10
+    mass = [float(x) for x in place.strip("[]").split()]
+    assert math.hypot(*mass) == pytest.approx(float(slide), abs=1e-7)  # the mass hangs on the slide, from the origin
     drift, error = map(float, third.split())
     assert drift < 1e-8
     assert 0 < error < 1e-6
