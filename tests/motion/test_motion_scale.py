@@ -64,7 +64,7 @@ def test_a_motion_of_any_numbers_is_refused_or_finite_without_a_warning(arm, tmp
     [
         ("0 1e308", "expected at most"),
         ("-1e308 1e308", "expected at most"),
-        ("0 1e-320 1", "rows 1 and 2 lie 1e-320 s apart"),
+        ("0 1e-320 1", "rows 1 and 2 are 1e-320 s apart"),
         ("0 1 1e50", r"time 1e\+50 s in row 3: expected at most 1e\+30 s"),
     ],
 )

@@ -97,7 +97,7 @@ def test_what_is_allowed_is_sized_and_the_result_says_so(
     [
         ("forearm", "unknown link 'forearm'"),
         ("base", "link 'base' of arm does not move"),
-        ("upper", "link 'upper' of arm moves with 2 kg"),
+        ("upper", "link 'upper' of arm moves 2 kg"),
     ],
 )
 def test_what_need_not_be_allowed_is_refused(
