@@ -45,7 +45,7 @@ REFUSED = {
     ),
     "a billion corners of polygons": (
         dae().replace(b"triangles", b"polylist").replace(b"<p>", b"<vcount>999999999</vcount><p>"), ".dae",
-        "corners of polygons",
+        "polygon vertices",
     ),
     "elements in elements": (b"<a>" * 5000 + b"</a>" * 5000, ".dae", "250 within"),
     "half a million elements": (b"<COLLADA>" + b"<a/>" * 500_000 + b"</COLLADA>", ".dae", "400000 elements"),
