@@ -46,11 +46,11 @@ def computed_once(function: Callable[[Any], T]) -> Callable[[Any], T]:
 
     @wraps(function)
     def once(owner: Any) -> T:
-        kept = vars(owner)
-        if place not in kept:
-            kept.setdefault(place, function(owner))
-        value: T = kept[place]
-        return value
+        kept: dict[str, T] = owner.__dict__
+        try:
+            return kept[place]
+        except KeyError:
+            return kept.setdefault(place, function(owner))
 
     return once
 
