@@ -253,7 +253,7 @@ def test_a_disk_that_is_full_for_a_while_is_told_and_costs_no_rows(tmp_path, mon
     with pytest.warns(UserWarning, match="No space left on device; the run goes on"):
         part = bc.load_run(stopped_by_its_caller("pendulum", tmp_path, blocks=2, times="steps", **LASTS))
     run = bc.simulate("pendulum", duration=part.time[-1] + 1.0, max_step=1e-4, times="steps")
-    assert len(calls) > 4 and np.array_equal(part.state, run.state[: len(part)])
+    assert len(calls) >= 4 and np.array_equal(part.state, run.state[: len(part)])
 
 
 def test_a_sweep_whose_last_table_cannot_be_written_names_the_one_that_is(tmp_path, monkeypatch, capsys):
