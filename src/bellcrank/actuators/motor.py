@@ -25,8 +25,9 @@ class Motor:
         part_number: The maker's order number.
         nominal_voltage: V.
         torque_constant: k_t, N m/A, on the basis named next.
-        torque_constant_basis: Per ampere "dc" (brushed or block commutation: at the terminals), "phase_rms" (sinusoidal,
-            RMS phase current) or "phase_peak" (sinusoidal, amplitude of the phase current).
+        torque_constant_basis: Per ampere "dc" (brushed or block commutation: at the terminals), "phase_rms"
+            (sinusoidal, RMS phase current) or "phase_peak" (sinusoidal, amplitude of the phase current).
+        speed_constant: Speed per back-EMF voltage, rad/s/V, at the terminals.
         resistance: Terminal (line-to-line) resistance at 25 °C, Ω.
         inductance: Terminal (line-to-line) inductance, H.
         pole_pairs: Number of pole pairs.
@@ -41,7 +42,7 @@ class Motor:
         peak_torque: Largest torque, N m.
         peak_time: How long the peak torque may last, s.
         peak_current: A.
-        stall_torque: At the nominal voltage, N m (a straight line through 0 at the no-load speed; not a permitted load).
+        stall_torque: At the nominal voltage, N m (the straight line to 0 at the no-load speed; not a permitted load).
         stall_current: A.
         max_speed: Largest permitted speed, rad/s.
         continuous_curve: Points (speed rad/s, torque N m) of the S1 curve that the maker prints.
@@ -81,6 +82,7 @@ class Motor:
     nominal_voltage: float | None = None
     torque_constant: float | None = None
     torque_constant_basis: TorqueConstantBasis | None = None
+    speed_constant: float | None = None
     resistance: float | None = None
     inductance: float | None = None
     pole_pairs: float | None = None
