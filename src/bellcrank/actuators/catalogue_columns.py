@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass, fields
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, fields, replace
 from typing import Literal, get_args
 
-from bellcrank.actuators.gear import Gear, GearKind
+from bellcrank.actuators import gear, motor
+from bellcrank.actuators.gear import LINEAR_KINDS, Gear, GearKind
 from bellcrank.actuators.motor import Motor, MotorKind, TorqueConstantBasis
-from bellcrank.arguments import LARGEST
+from bellcrank.actuators.row_checks import NOT_NEGATIVE, POSITIVE, SHARE, Range
 
-Rule = Literal["positive", "nonnegative", "share", "whole", "temperature"]
-ABSOLUTE_ZERO = -273.15  # °C
-LINEAR_KINDS = ("screw", "rack")  # gears whose output moves along a line
 MOTOR_KINDS: tuple[str, ...] = get_args(MotorKind)
 GEAR_KINDS: tuple[str, ...] = tuple(kind for kind in get_args(GearKind) if kind != "direct")
 QUALITIES = (  # how near a row is to the maker, nearest first
@@ -36,7 +35,8 @@ class Column:
         name: As the header names it.
         field: The field that it fills.
         unit: Unit of the field, as in config/units.py; None: a text.
-        rule: Which numbers are allowed.
+        range: Which numbers are allowed.
+        whole: Whether only whole numbers are.
         choices: The texts allowed; empty: any.
         kinds: The kinds of product that have it; empty: all.
         convert: "" where the field holds the number itself, or how it follows: "2 pi / x", "1 / x" or "x ratio^2".
@@ -45,8 +45,9 @@ class Column:
     name: str
     field: str
     unit: str | None = None
-    rule: Rule = "positive"
+    range: Range = POSITIVE
     _: KW_ONLY
+    whole: bool = False
     choices: tuple[str, ...] = ()
     kinds: tuple[str, ...] = ()
     convert: Literal["", "2 pi / x", "1 / x", "x ratio^2"] = ""
@@ -58,17 +59,14 @@ class Column:
 
     def expected(self, value: float) -> str:
         """What is expected instead of a number; empty where it is allowed."""
-        if self.rule == "whole" and (value < 1.0 or value != int(value)):
-            return "a whole number of 1 or more"
-        if self.rule == "share" and not 0.0 < value <= 1.0:
-            return "more than 0 and at most 1 (100 %)"
-        if self.rule == "positive" and value <= 0.0:
-            return "more than 0; leave the cell empty where the value is unknown"
-        if self.rule == "nonnegative" and value < 0.0:
-            return "0 or more"
-        if self.rule == "temperature" and value <= ABSOLUTE_ZERO:
-            return f"a temperature above {ABSOLUTE_ZERO} °C"
-        return f"at most {LARGEST:g}" if value > LARGEST else ""
+        allowed = self.range
+        if value > allowed.most:
+            return f"at most {allowed.most:g}" + (" (100 %)" if allowed.most == 1.0 else "")
+        if allowed.above is not None and value <= allowed.above:
+            return f"more than {allowed.above:g}; leave the cell empty where the value is unknown"
+        if allowed.least is not None and value < allowed.least:
+            return f"{allowed.least:g} or more"
+        return "a whole number" if self.whole and value != round(value) else ""
 
 
 _UNITS: dict[str, str] = {  # field -> unit, of motors and gears
@@ -113,17 +111,7 @@ _UNITS: dict[str, str] = {  # field -> unit, of motors and gears
     "input_shaft_diameter": "m",
     "price": "",
 }
-_RULES: dict[str, Rule] = {
-    "pole_pairs": "whole",
-    "stages": "whole",
-    "max_efficiency": "share",
-    "efficiency": "share",
-    "back_efficiency": "share",
-    "max_winding_temperature": "temperature",
-    "max_housing_temperature": "temperature",
-    "reference_temperature": "temperature",
-}
-_ZERO_ALLOWED = ("no_load_current", "friction", "inertia", "backlash", "lost_motion", "starting_torque", "inductance")
+_WHOLE = ("pole_pairs", "stages")
 _CHOICES: dict[str, tuple[str, ...]] = {
     "torque_constant_basis": get_args(TorqueConstantBasis),
     "inertia_side": SIDES,
@@ -140,30 +128,29 @@ def _unit(name: str) -> str | None:
     return "rad/s" if name.endswith("speed") else None
 
 
-def _rule(name: str) -> Rule:
-    if name in _RULES:
-        return _RULES[name]
-    return "nonnegative" if name.endswith(_ZERO_ALLOWED) or name == "nominal_speed" else "positive"
-
-
-def _columns(product: type[Motor] | type[Gear], kinds: tuple[str, ...]) -> dict[str, Column]:
+def _columns(
+    product: type[Motor] | type[Gear], kinds: tuple[str, ...], ranges: Mapping[str, Range]
+) -> dict[str, Column]:
     choices = _CHOICES | {"kind": kinds}
-    names = [one.name for one in fields(product) if one.name not in CURVE_FIELDS]
-    return {name: Column(name, name, _unit(name), _rule(name), choices=choices.get(name, ())) for name in names}
+    columns = {}
+    for name in (one.name for one in fields(product) if one.name not in CURVE_FIELDS):
+        range_ = ranges.get(name, POSITIVE)
+        columns[name] = Column(name, name, _unit(name), range_, whole=name in _WHOLE, choices=choices.get(name, ()))
+    return columns
 
 
 def _motor_columns() -> dict[str, Column]:
-    columns = _columns(Motor, MOTOR_KINDS)
+    columns = _columns(Motor, MOTOR_KINDS, motor.RANGES)
     for name in ("ratio", "backlash"):
-        columns[name] = Column(name, name, _unit(name), _rule(name), kinds=("actuator",))
+        columns[name] = replace(columns[name], kinds=("actuator",))
     name = "rotor_inertia_before_gear"  # as makers of actuators print it
-    columns[name] = Column(name, "rotor_inertia", "kg m^2", "nonnegative", kinds=("actuator",), convert="x ratio^2")
+    columns[name] = Column(name, "rotor_inertia", "kg m^2", kinds=("actuator",), convert="x ratio^2")
     return columns
 
 
 def _gear_columns() -> dict[str, Column]:
     """Those of rotary gears; and those of screws and racks, whose output is a force and a length."""
-    columns = _columns(Gear, GEAR_KINDS)
+    columns = _columns(Gear, GEAR_KINDS, gear.RANGES)
     rotary = tuple(kind for kind in GEAR_KINDS if kind not in LINEAR_KINDS)
     linear = {
         "rated_torque": ("rated_force", "N"),
@@ -175,9 +162,9 @@ def _gear_columns() -> dict[str, Column]:
         "lost_motion": ("axial_lost_motion", "m"),
     }
     for name, (other, unit) in linear.items():
-        columns[name] = Column(name, name, _unit(name), _rule(name), kinds=rotary)
-        columns[other] = Column(other, name, unit, _rule(name), kinds=LINEAR_KINDS)
-    columns["ratio"] = Column("ratio", "ratio", "", kinds=rotary)
+        columns[other] = replace(columns[name], name=other, unit=unit, kinds=LINEAR_KINDS)
+        columns[name] = replace(columns[name], kinds=rotary)
+    columns["ratio"] = replace(columns["ratio"], kinds=rotary)
     columns["lead"] = Column("lead", "ratio", "m", kinds=("screw",), convert="2 pi / x")
     columns["pinion_radius"] = Column("pinion_radius", "ratio", "m", kinds=("rack",), convert="1 / x")
     return columns
@@ -188,8 +175,8 @@ GEAR_COLUMNS = _gear_columns()
 CURVE_COLUMNS = {  # of a file of curves, one row a point
     "id": Column("id", "id"),
     "curve": Column("curve", "curve", choices=CURVE_FIELDS),
-    "speed": Column("speed", "speed", "rad/s", "nonnegative"),
-    "torque": Column("torque", "torque", "N m", "nonnegative"),
-    "load": Column("load", "load", "", "nonnegative"),
-    "efficiency": Column("efficiency", "efficiency", "", "share"),
+    "speed": Column("speed", "speed", "rad/s", NOT_NEGATIVE),
+    "torque": Column("torque", "torque", "N m", NOT_NEGATIVE),
+    "load": Column("load", "load", ""),
+    "efficiency": Column("efficiency", "efficiency", "", SHARE),
 }

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from itertools import pairwise
 from typing import NamedTuple
 
 from bellcrank.actuators.catalogue_columns import CURVE_COLUMNS
 from bellcrank.actuators.catalogue_tables import Row, Table, number, text
 from bellcrank.actuators.gear import Gear
-from bellcrank.actuators.motor import Motor, Points
+from bellcrank.actuators.motor import Motor
+from bellcrank.actuators.row_checks import Points
+from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 
 Product = Motor | Gear
@@ -72,12 +73,10 @@ def with_curves(products: Mapping[str, Placed], points: Iterable[Point]) -> list
         curves.setdefault((point.product, point.curve), []).append(point)
     found = dict(products)
     for (name, curve), given in curves.items():
-        for before, after in pairwise(given):
-            if after.x <= before.x:
-                raise after.row.error("curve", f"the points of '{curve}' of '{name}' must rise in speed or load")
-        if len(given) < 2:
-            raise given[0].row.error("curve", f"'{curve}' of '{name}' has one point; a curve needs two or more")
         values: Points = tuple((point.x, point.y) for point in given)
         product, place = found[name]
-        found[name] = Placed(replace(product, **{curve: values}), place)  # type: ignore[arg-type]
+        try:
+            found[name] = Placed(replace(product, **{curve: values}), place)  # type: ignore[arg-type]
+        except InputError as error:
+            raise InputError(f"{given[0].row.file}: line {given[0].row.line}: {error}") from None
     return list(found.values())
