@@ -18,7 +18,7 @@ from bellcrank.actuators.row_checks import (
 
 GearKind = Literal["direct", "strain_wave", "planetary", "cycloidal", "spur", "belt", "screw", "rack"]
 LINEAR_KINDS = ("screw", "rack")
-_RANGES = {
+RANGES = {  # of numbers that are not more than 0
     "efficiency": SHARE,
     "back_efficiency": Range(above=None, least=0.0, most=1.0),  # 0: the load cannot drive the gear
     "inertia": NOT_NEGATIVE,
@@ -130,7 +130,7 @@ class Gear:
         arguments.text("id", self.id, "a name of the row", where="a gear")
         where = f"gear '{self.id}'"
         check_texts(self, where, {"kind": get_args(GearKind), "inertia_side": ("input", "output")})
-        check_numbers(self, where, _RANGES)
+        check_numbers(self, where, RANGES)
         if self.stages is not None and self.stages != round(self.stages):
             arguments.refuse("stages", "a whole number", self.stages, where)
         curve = curve_points("efficiency_curve", self.efficiency_curve, where)

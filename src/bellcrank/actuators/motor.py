@@ -19,7 +19,8 @@ from bellcrank.actuators.row_checks import (
 
 MotorKind = Literal["motor", "frameless", "servo", "actuator"]
 TorqueConstantBasis = Literal["dc", "phase_rms", "phase_peak"]
-_RANGES = {
+RANGES = {  # of numbers that are not more than 0
+    "nominal_speed": NOT_NEGATIVE,  # 0: the nominal torque is stated at standstill
     "no_load_current": NOT_NEGATIVE,
     "coulomb_friction": NOT_NEGATIVE,
     "viscous_friction": NOT_NEGATIVE,
@@ -50,6 +51,7 @@ class Motor:
         torque_constant: k_t, N m/A, on the basis named next.
         torque_constant_basis: Per ampere "dc" (brushed or block commutation: at the terminals), "phase_rms"
             (sinusoidal, RMS phase current) or "phase_peak" (sinusoidal, amplitude of the phase current).
+        speed_constant: Speed per back-EMF voltage, rad/s/V, at the terminals.
         resistance: Terminal (line-to-line) resistance at 25 °C, Ω.
         inductance: Terminal (line-to-line) inductance, H.
         pole_pairs: Number of pole pairs.
@@ -59,7 +61,7 @@ class Motor:
         viscous_friction: Friction and eddy-current torque per speed, N m s/rad.
         rotor_inertia: kg m², on the shaft's side.
         nominal_torque: Continuous torque at the nominal speed, N m.
-        nominal_speed: rad/s.
+        nominal_speed: rad/s; 0 where the nominal torque is stated at standstill.
         nominal_current: A.
         peak_torque: Largest torque, N m.
         peak_time: How long the peak torque may last, s.
@@ -115,6 +117,7 @@ class Motor:
     nominal_voltage: float | None = None
     torque_constant: float | None = None
     torque_constant_basis: TorqueConstantBasis | None = None
+    speed_constant: float | None = None
     resistance: float | None = None
     inductance: float | None = None
     pole_pairs: float | None = None
@@ -164,7 +167,7 @@ class Motor:
         arguments.text("id", self.id, "a name of the row", where="a motor")
         where = f"motor '{self.id}'"
         check_texts(self, where, {"kind": get_args(MotorKind), "torque_constant_basis": get_args(TorqueConstantBasis)})
-        check_numbers(self, where, _RANGES)
+        check_numbers(self, where, RANGES)
         for name in ("continuous_curve", "peak_curve"):
             object.__setattr__(self, name, torque_speed_curve(name, getattr(self, name), where))
         if self.pole_pairs is not None and self.pole_pairs != round(self.pole_pairs):
