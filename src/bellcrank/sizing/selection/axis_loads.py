@@ -3,13 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
+from bellcrank.sizing.selection.body_loads import AxisLoadSamples, UnitBodyLoads
+
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class AddedMass:
+    """What an actuator adds at the mount of its axis: point mass, and the inertia of its body as a cylinder.
+
+    Attributes:
+        mass: kg.
+        axial_inertia: About the joint's axis, kg m².
+        transverse_inertia: About an axis across it, kg m².
+    """
+
+    mass: float = 0.0
+    axial_inertia: float = 0.0
+    transverse_inertia: float = 0.0
+
+    @property
+    def numbers(self) -> Array:
+        """Mass, axial and transverse inertia (3,)."""
+        return np.array([self.mass, self.axial_inertia, self.transverse_inertia])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +52,7 @@ class Axis:
     kind: Literal["rotary", "linear"]
     joints: tuple[str, ...]
     mount: str
-    included: AddedMass = field(default_factory=lambda: AddedMass())
+    included: AddedMass = field(default_factory=AddedMass)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,32 +99,24 @@ class LoadCycle:
     @property
     def interval_duration(self) -> Array:
         """The time (p,), s, that one pass of each of the p intervals takes."""
-        passes = np.zeros(int(self.interval.max()) + 1)
+        passes = np.zeros(int(self.interval[-1]) + 1)
         for first, end, count in self.sequence:
             passes[first:end] += count
         return np.bincount(self.interval, self.weight, len(passes)) / passes
 
     def interval_mean(self, values: Array) -> Array:
         """The mean (p, …) over each interval of values (n, …) at the samples."""
-        total = np.zeros((int(self.interval.max()) + 1, *values.shape[1:]))
-        shape = (-1, *(1,) * (values.ndim - 1))
-        np.add.at(total, self.interval, values * self.weight.reshape(shape))
-        return total / np.bincount(self.interval, self.weight, len(total)).reshape(shape)
+        first = np.searchsorted(self.interval, np.arange(int(self.interval[-1]) + 1))
+        weight = self.weight.reshape(-1, *(1,) * (values.ndim - 1))
+        return np.asarray(np.add.reduceat(values * weight, first) / np.add.reduceat(weight, first))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class AddedMass:
-    """What an actuator adds at the mount of its axis: point mass, and the inertia of its body as a cylinder.
+@dataclass(frozen=True, eq=False)
+class CycleTerms:
+    """The loads of a cycle's samples, and what a unit of each body adds to them, from which its LoadCycle is made."""
 
-    Attributes:
-        mass: kg.
-        axial_inertia: About the joint's axis, kg m².
-        transverse_inertia: About an axis across it, kg m².
-    """
-
-    mass: float = 0.0
-    axial_inertia: float = 0.0
-    transverse_inertia: float = 0.0
+    samples: AxisLoadSamples
+    bodies: tuple[UnitBodyLoads, ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -113,16 +129,80 @@ class AxisLoads:
         axes: The k axes.
         cycles: The cycles with the masses that the robot's URDF contains.
         influence: (k, k) whether the mass at the mount of axis j (column) changes the load of axis i (row).
+        terms: Of each cycle, from which `with_masses` makes it.
+        warnings: Sentences about transitions that are not included.
     """
 
     axes: tuple[Axis, ...]
     cycles: tuple[LoadCycle, ...]
     influence: NDArray[np.bool_]
+    terms: tuple[CycleTerms, ...]
+    warnings: tuple[str, ...] = ()
 
     def with_masses(self, added: Mapping[str, AddedMass]) -> tuple[LoadCycle, ...]:
-        """The cycles with actuators of these masses at the mounts of their axes, by the name of the axis.
+        """The cycles with actuators of these masses at the mounts of their axes.
 
         They replace what the URDF contains (`Axis.included`); an axis that is not named keeps that, so an actuator of
         unknown mass is left out of `added`.
+
+        Args:
+            added: What each actuator adds, by the name of the axis.
+
+        Returns:
+            The cycles, in the order of `cycles`.
+
+        Raises:
+            InputError: An axis is unknown.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> from bellcrank.sizing.selection.axis_loads import AddedMass
+            >>> from bellcrank.sizing.selection.axis_loads_of import axis_loads
+            >>> arm = bc.load_robot("planar_2r")
+            >>> motion = bc.waypoints(arm, [0.0, 1.0], [{}, {"elbow": 1.0}])
+            >>> loads = axis_loads(bc.OpenChain(arm), [motion])
+            >>> [cycle] = loads.with_masses({"elbow": AddedMass(mass=2.0)})
+            >>> heavier = cycle.static_torque[0] - loads.cycles[0].static_torque[0]
+            >>> heavier.round(6)
+            array([19.62,  0.  ])
         """
-        raise NotImplementedError
+        places = {axis.name: number for number, axis in enumerate(self.axes)}
+        changes: dict[int, Array] = {}
+        for name, one in added.items():
+            if name not in places:
+                raise InputError(f"with_masses: {unknown_name('axis', name, places)}")
+            change = one.numbers - self.axes[places[name]].included.numbers
+            if change.any():
+                changes[places[name]] = change
+        if not changes:
+            return self.cycles
+        return tuple(
+            _with_loads(cycle, _changed(terms, changes)) for cycle, terms in zip(self.cycles, self.terms, strict=True)
+        )
+
+
+def _changed(terms: CycleTerms, changes: Mapping[int, Array]) -> AxisLoadSamples:
+    """The loads of the samples with bodies at the mounts of some axes changed by mass, axial, transverse inertia."""
+    changed = AxisLoadSamples(*(np.array(each) for each in terms.samples))
+    for number, change in changes.items():
+        unit = terms.bodies[number]
+        for total, part in (
+            (changed.torque, unit.torque),
+            (changed.axial_force, unit.axial_force),
+            (changed.moment, unit.moment),
+            (changed.inertia, unit.inertia),
+        ):
+            total[:, unit.axes] += np.tensordot(change, part, 1)
+        changed.static_torque[:, unit.axes] += change[0] * unit.static_torque
+    return changed
+
+
+def _with_loads(cycle: LoadCycle, samples: AxisLoadSamples) -> LoadCycle:
+    return replace(
+        cycle,
+        torque=samples.torque,
+        static_torque=samples.static_torque,
+        axial_force=np.abs(samples.axial_force),
+        tilting_moment=np.linalg.norm(samples.moment, axis=-1),
+        inertia=samples.inertia,
+    )
