@@ -12,12 +12,15 @@ Vandenberghe, Convex Optimization, 2004, exercise 2.5 and section 4.3.)
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from bellcrank.actuators.gear import Gear
+from bellcrank.actuators.motor import Motor
+from bellcrank.actuators.powertrain import PowerTrains
 from bellcrank.cached_values import cached_property
 from bellcrank.sizing.selection.axis_loads import Axis, LoadCycle
 
@@ -31,6 +34,7 @@ class ReducedCycle:
     """One load cycle of one axis: its samples, and what criteria need of them. Units of the axis: rad, N m or m, N.
 
     Attributes:
+        axis: The axis.
         name: Name of the cycle.
         duration: s.
         time: Times (n,), s.
@@ -44,8 +48,10 @@ class ReducedCycle:
         inertia: Inertia (n,) of the load.
         axial_force: Largest force along the joint's axis, N; NaN where there is none.
         tilting_moment: Largest moment across the joint's axis, N m; NaN where there is none.
+        includes_gear: Whether the features' torques are divided by a gear's efficiency over load already.
     """
 
+    axis: Axis
     name: str
     duration: float
     time: Array
@@ -58,6 +64,7 @@ class ReducedCycle:
     inertia: Array
     axial_force: float
     tilting_moment: float
+    includes_gear: bool = False
 
     @property
     def speed(self) -> Array:
@@ -136,15 +143,25 @@ class ReducedCycle:
         share = (np.abs(self.torque) / self.max_torque) ** exponent  # so that no power overflows
         return self.max_torque * float(travel @ share / total) ** (1.0 / exponent)
 
-    def through_efficiency(self, driving: Array, driven: Array) -> ReducedCycle:
-        """The same cycle with torques divided by an efficiency over load (n,) where the motor drives.
+    def scaled(self, factor: float) -> ReducedCycle:
+        """The same cycle with all loads (torques, forces and moments, but no inertia) times a factor."""
+        return replace(
+            self,
+            features=self.features * [factor, factor, 1.0, 1.0, 1.0],
+            torque=self.torque * factor,
+            static_torque=self.static_torque * factor,
+            axial_force=self.axial_force * factor,
+            tilting_moment=self.tilting_moment * factor,
+        )
 
-        Where the load drives, they are multiplied by the second one. The gear's constant efficiency is then 1.
-        """
+    def through(self, train: PowerTrains) -> ReducedCycle:
+        """The same cycle with the torques at the input of one gear (its efficiency over load), times its ratio."""
+        torque = train.gear_torque(self.torque, self.speed) * train.gears.ratio
+        driven = self.torque * self.speed < 0.0
         features = self.features.copy()
-        features[:, DRIVING] /= driving
-        features[:, DRIVEN] *= driven
-        return replace(self, features=features)
+        features[:, DRIVING] = np.where(driven, 0.0, torque)
+        features[:, DRIVEN] = np.where(driven, torque, 0.0)
+        return replace(self, features=features, includes_gear=True)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -158,30 +175,50 @@ class ReducedLoads:
 
     axis: Axis
     cycles: tuple[ReducedCycle, ...]
+    _scaled: dict[float, ReducedLoads] = field(default_factory=dict, init=False, repr=False)
+    _through: dict[Gear, tuple[ReducedCycle, ...]] = field(default_factory=dict, init=False, repr=False)
+
+    def with_safety_factor(self, factor: float) -> ReducedLoads:
+        """The loads times a safety factor; computed once for each factor."""
+        if factor == 1.0:
+            return self
+        if factor not in self._scaled:
+            scaled = tuple(cycle.scaled(factor) for cycle in self.cycles)
+            self._scaled[factor] = ReducedLoads(axis=self.axis, cycles=scaled)
+        return self._scaled[factor]
+
+    def through(self, gear: Gear) -> tuple[ReducedCycle, ...]:
+        """The cycles at the input of a gear whose efficiency depends on the load; computed once for each gear."""
+        if gear not in self._through:
+            train = PowerTrains.of(Motor(id="any", maker="", model=""), gear)
+            self._through[gear] = tuple(cycle.through(train) for cycle in self.cycles)
+        return self._through[gear]
 
 
-def reduce_cycle(cycle: LoadCycle, axis: int) -> ReducedCycle:
+def reduce_cycle(cycle: LoadCycle, axes: tuple[Axis, ...], number: int) -> ReducedCycle:
     """One axis (its number) of a load cycle, ready for criteria.
 
     Args:
         cycle: The cycle of all axes.
-        axis: Column of the axis.
+        axes: The axes.
+        number: Which of them.
 
     Returns:
         The samples of the axis; what criteria need is computed when first asked for.
     """
-    torque = np.ascontiguousarray(cycle.torque[:, axis])
-    speed = cycle.speed[:, axis]
+    torque = np.ascontiguousarray(cycle.torque[:, number])
+    speed = cycle.speed[:, number]
     speed = np.where(np.abs(speed) <= STANDSTILL, 0.0, speed)
     drives = torque * speed >= 0.0
     columns = (
         np.where(drives, torque, 0.0),
         np.where(drives, 0.0, torque),
-        cycle.acceleration[:, axis],
+        cycle.acceleration[:, number],
         np.sign(speed),
         speed,
     )
     return ReducedCycle(
+        axis=axes[number],
         name=cycle.name,
         duration=cycle.duration,
         time=cycle.time,
@@ -190,17 +227,17 @@ def reduce_cycle(cycle: LoadCycle, axis: int) -> ReducedCycle:
         sequence=cycle.sequence,
         features=np.column_stack(columns),
         torque=torque,
-        static_torque=float(np.max(np.abs(cycle.static_torque[:, axis]))),
-        inertia=np.ascontiguousarray(cycle.inertia[:, axis]),
-        axial_force=float(np.max(cycle.axial_force[:, axis])),
-        tilting_moment=float(np.max(cycle.tilting_moment[:, axis])),
+        static_torque=float(np.max(np.abs(cycle.static_torque[:, number]))),
+        inertia=np.ascontiguousarray(cycle.inertia[:, number]),
+        axial_force=float(np.max(cycle.axial_force[:, number])),
+        tilting_moment=float(np.max(cycle.tilting_moment[:, number])),
     )
 
 
 def reduce_loads(axes: tuple[Axis, ...], cycles: tuple[LoadCycle, ...]) -> tuple[ReducedLoads, ...]:
     """The loads of every axis, reduced."""
     return tuple(
-        ReducedLoads(axis=axis, cycles=tuple(reduce_cycle(cycle, number) for cycle in cycles))
+        ReducedLoads(axis=axis, cycles=tuple(reduce_cycle(cycle, axes, number) for cycle in cycles))
         for number, axis in enumerate(axes)
     )
 
