@@ -121,9 +121,7 @@ def random_cycles(
 ) -> tuple[tuple[Axis, ...], tuple[LoadCycle, ...]]:
     """Axes and one cycle of several parts: smooth random torques in all four quadrants, pauses, and passes."""
     rng = np.random.default_rng(seed + 2_000_003)
-    names = tuple(
-        Axis(name=f"joint{k}", kind="rotary", joints=(f"joint{k}",), mount="base") for k in range(axes)
-    )
+    names = tuple(Axis(name=f"joint{k}", kind="rotary", joints=(f"joint{k}",), mount="base") for k in range(axes))
     return names, (random_cycle(rng, axes, samples, parts, scale),)
 
 

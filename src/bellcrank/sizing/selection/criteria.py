@@ -87,7 +87,9 @@ class Criterion(ABC):
         number = int(np.argmax(np.where(np.isnan(uses[:, 0]), np.inf if np.isnan(use) else -np.inf, uses[:, 0])))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             text = self.cycle_text(pair, cycles[number], conditions)
-        verdict: Verdict = "note" if not judged else "unknown" if np.isnan(use) else "exceeded" if use > 1.0 else "inside"
+        verdict: Verdict = (
+            "note" if not judged else "unknown" if np.isnan(use) else "exceeded" if use > 1.0 else "inside"
+        )
         known = judged and not np.isnan(use)
         return CriterionResult(name=self.name, use=use if known else None, verdict=verdict, text=text)
 

@@ -26,11 +26,11 @@ from bellcrank.sizing.selection.motor_criteria import (
     HoldingBrake,
     MotorSpeed,
     PeakCurrent,
-    PeakCurve,
     PeakTorque,
     VoltageLimit,
 )
 from bellcrank.sizing.selection.pairs import Pairs
+from bellcrank.sizing.selection.peak_curve import PeakCurve
 from bellcrank.sizing.selection.selection import CriterionResult, Tier
 from bellcrank.sizing.selection.shaft_loads import electrical_coefficients, mean_square, mean_times_speed
 
@@ -54,7 +54,7 @@ PAIR_CRITERIA: Final[tuple[tuple[Criterion, ...], ...]] = (
 )
 CRITERIA: Final = (*GEAR_CRITERIA, *(criterion for group in PAIR_CRITERIA for criterion in group))
 CHUNK = 8192  # pairs judged at once
-THREADS = 2
+THREADS = 1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,10 +126,19 @@ def judge(pairs: Pairs, loads: ReducedLoads, conditions: Conditions) -> Judgemen
     for row, criterion in enumerate(GEAR_CRITERIA):
         _judge_gears(judgement, row, criterion)
     alive = np.nonzero(~(verdict == EXCEEDED).any(axis=0))[0]
-    chunks = [alive[start : start + CHUNK] for start in range(0, len(alive), CHUNK)]
+    chunks = [
+        rows[start : start + CHUNK] for rows in _by_efficiency(pairs, alive) for start in range(0, len(rows), CHUNK)
+    ]
     with ThreadPoolExecutor(THREADS) as threads:
         list(threads.map(lambda rows: _judge_chunk(judgement, rows), chunks))
     return judgement
+
+
+def _by_efficiency(pairs: Pairs, rows: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    """Rows of pairs, apart for each gear whose efficiency depends on the load, because its cycles are its own."""
+    curved = pairs.products.gear_arrays.efficiency_curve.known
+    gear = pairs.gear[rows]
+    return [rows[~curved[gear]], *(rows[gear == number] for number in np.nonzero(curved)[0])]
 
 
 def _judge_gears(judgement: Judgement, row: int, criterion: Criterion) -> None:

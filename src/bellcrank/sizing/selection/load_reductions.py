@@ -25,7 +25,9 @@ from bellcrank.cached_values import cached_property
 from bellcrank.sizing.selection.axis_loads import Axis, LoadCycle
 
 Array = NDArray[np.float64]
-STANDSTILL = 1e-9  # rad/s (m/s) of the axis: slower counts as at rest, so that rounding does not decide the flow of power
+STANDSTILL = (
+    1e-9  # rad/s (m/s) of the axis: slower counts as at rest, so that rounding does not decide the flow of power
+)
 DRIVING, DRIVEN, ACCELERATION, DIRECTION, SPEED = range(5)  # the features
 
 

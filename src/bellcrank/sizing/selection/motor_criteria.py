@@ -8,7 +8,7 @@ import numpy as np
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.continuous_torque import continuous_torque, continuous_torque_text
-from bellcrank.actuators.short_time_limits import peak_curve_use, voltage_limit_source
+from bellcrank.actuators.short_time_limits import voltage_limit_source
 from bellcrank.sizing.selection.axis_loads import Axis
 from bellcrank.sizing.selection.criteria import Array, Bools, Criterion, LimitCriterion
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
@@ -22,7 +22,7 @@ from bellcrank.sizing.selection.shaft_loads import (
 )
 
 RPM = 30.0 / math.pi
-_TRAIN = ("gear.ratio", "gear.efficiency", "gear.inertia", "motor.rotor_inertia")
+TRAIN = ("gear.ratio", "gear.efficiency", "gear.inertia", "motor.rotor_inertia")
 _MAXON = "maxon, motor data and operating ranges"
 _YASKAWA = "Yaskawa, Sigma-II user's manual, servomotor selection examples"
 
@@ -58,7 +58,7 @@ class ContinuousTorqueCriterion(LimitCriterion):
     formula = "√(1/t ∫ T² dt) ≤ T_S1(mean |ω|), T = τ/(N η) or τ η_b/N, + (J_rotor + J_gear) N q̈"
     source = f"{_YASKAWA} (T_rms ≤ rated torque); {_MAXON} (at mean speed)"
     needs = tuple(
-        (*_TRAIN, *more)
+        (*TRAIN, *more)
         for more in (
             ("motor.nominal_torque", "motor.nominal_speed"),
             ("motor.continuous_curve",),
@@ -94,7 +94,7 @@ class PeakTorque(LimitCriterion):
     name = "peak torque"
     formula = "max |T| ≤ T_peak"
     source = f"{_YASKAWA} (instantaneous peak torque)"
-    needs = ((*_TRAIN, "motor.peak_torque"), (*_TRAIN, "motor.peak_current", "motor.torque_constant"))
+    needs = ((*TRAIN, "motor.peak_torque"), (*TRAIN, "motor.peak_current", "motor.torque_constant"))
     quantity = "largest shaft torque"
     limit_name = "peak torque"
     unit = "N m"
@@ -123,7 +123,7 @@ class PeakCurrent(LimitCriterion):
     name = "peak current"
     formula = "max |T_e| ≤ k_t I_peak, T_e = T + T_c sign ω + c_v ω"
     source = f"{_MAXON} (M = k_M I)"
-    needs = ((*_TRAIN, "motor.peak_current", "motor.torque_constant", "motor.no_load_current"),)
+    needs = ((*TRAIN, "motor.peak_current", "motor.torque_constant", "motor.no_load_current"),)
     quantity = "largest electrical torque"
     limit_name = "that of the peak current"
     unit = "N m"
@@ -151,8 +151,8 @@ class VoltageLimit(Criterion):
     formula = "max |R/k T_e + k ω| ≤ U (1 - reserve), k the torque constant of the DC equivalent"
     source = f"{_MAXON} (U = R I + k ω)"
     needs = (
-        (*_TRAIN, "motor.torque_constant", "motor.torque_constant_basis", "motor.resistance", "motor.no_load_current"),
-        (*_TRAIN, "motor.stall_torque", "motor.no_load_speed", "motor.nominal_voltage"),
+        (*TRAIN, "motor.torque_constant", "motor.torque_constant_basis", "motor.resistance", "motor.no_load_current"),
+        (*TRAIN, "motor.stall_torque", "motor.no_load_speed", "motor.nominal_voltage"),
     )
 
     def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
@@ -179,39 +179,6 @@ class VoltageLimit(Criterion):
             f"{use:.1%} of {bus:.4g} V less {conditions.voltage_reserve:.0%} reserve in '{cycle.name}', "
             f"from {voltage_limit_source(motor)}"
         )
-
-
-class PeakCurve(Criterion):
-    """Every sample under the curve of short-time operation that the maker prints; a note where there is none."""
-
-    name = "peak curve"
-    formula = "every (ω, T) inside the printed curve, measured along the ray from the origin"
-    source = "the motor's data sheet"
-    needs = ((*_TRAIN, "motor.peak_curve"),)
-
-    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
-        """Pairs whose motor has such a curve."""
-        return np.asarray(pairs.products.motor_arrays.peak_curve.known[pairs.motor])
-
-    def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
-        """Largest use of the curve over all samples, because the region may be not convex."""
-        use = np.full(len(pairs), np.nan)
-        curves = np.nonzero(self.judged(pairs, cycle.axis, conditions))[0]
-        step = max(1, 2**16 // len(cycle.torque))
-        for start in range(0, len(curves), step):
-            rows = curves[start : start + step]
-            part = pairs.take(rows)
-            torque = shaft_coefficients(part, cycle) @ cycle.features.T
-            speed = part.of_gear("ratio")[:, None] * cycle.speed
-            use[rows] = np.max(peak_curve_use(part.motors[:, None], conditions, torque, speed), axis=1)
-        return use
-
-    def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
-        """Largest use of the curve."""
-        if not self.judged(pair, cycle.axis, conditions)[0]:
-            return "no curve of short-time operation is printed"
-        use = float(self.cycle_use(pair, cycle, conditions)[0])
-        return self.missing(pair) if math.isnan(use) else f"{use:.1%} of the printed curve in '{cycle.name}'"
 
 
 class HoldingBrake(LimitCriterion):

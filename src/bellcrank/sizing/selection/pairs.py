@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,8 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.powertrain import PowerTrains
-from bellcrank.actuators.product_arrays import GearArrays, MotorArrays
-from bellcrank.actuators.short_time_limits import SpeedTorqueLimit, short_time_limits
+from bellcrank.actuators.product_arrays import Curves, GearArrays, MotorArrays
+from bellcrank.actuators.short_time_limits import SpeedTorqueLimit, peak_curves, short_time_limits
 from bellcrank.cached_values import cached_property
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ class Products:
     gears: tuple[Gear, ...]
     motor_arrays: MotorArrays
     gear_arrays: GearArrays
-    _limits: tuple[Conditions, tuple[SpeedTorqueLimit, ...]] | None = field(default=None, init=False, repr=False)
+    _kept: dict[str, tuple[Conditions, Any]] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, motors: Sequence[Motor], gears: Sequence[Gear]) -> Products:
@@ -50,9 +50,36 @@ class Products:
 
     def short_time_limits(self, conditions: Conditions) -> tuple[SpeedTorqueLimit, ...]:
         """The straight limits of short-time operation of all motors; computed once for the same conditions."""
-        if self._limits is None or self._limits[0] != conditions:
-            object.__setattr__(self, "_limits", (conditions, short_time_limits(self.motor_arrays, conditions)))
-        return self._limits[1]  # type: ignore[index]
+        limits: tuple[SpeedTorqueLimit, ...] = self._once(short_time_limits, conditions)
+        return limits
+
+    def peak_curves(self, conditions: Conditions) -> Curves:
+        """The printed curves of short-time operation of all motors; computed once for the same conditions."""
+        curves: Curves = self._once(peak_curves, conditions)
+        return curves
+
+    def _once(self, function: Callable[[MotorArrays, Conditions], Any], conditions: Conditions) -> Any:
+        kept = self._kept.get(function.__name__)
+        if kept is None or kept[0] != conditions:
+            kept = self._kept[function.__name__] = (conditions, function(self.motor_arrays, conditions))
+        return kept[1]
+
+
+class _Selected:
+    """Some products of `MotorArrays` or `GearArrays`; a figure is taken when it is first asked for."""
+
+    def __init__(self, arrays: MotorArrays | GearArrays, index: Index) -> None:
+        self._arrays, self._index = arrays, index
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        value = getattr(self._arrays, name)[self._index]
+        setattr(self, name, value)
+        return value
+
+    def __getitem__(self, index: Any) -> MotorArrays | GearArrays:
+        return self._arrays[self._index][index]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,11 +107,11 @@ class Pairs:
 
     def of_motor(self, name: str) -> Array:
         """A figure (m,) of each pair's motor; NaN where unknown."""
-        return np.asarray(getattr(self.products.motor_arrays, name)[self.motor])
+        return np.asarray(getattr(self.motors, name))
 
     def of_gear(self, name: str) -> Array:
         """A figure (m,) of each pair's gear; NaN where unknown."""
-        return np.asarray(getattr(self.products.gear_arrays, name)[self.gear])
+        return np.asarray(getattr(self.gears, name))
 
     def rows(self, pair: int) -> tuple[Motor, Gear]:
         """The motor and gear of one pair."""
@@ -92,13 +119,13 @@ class Pairs:
 
     @cached_property
     def motors(self) -> MotorArrays:
-        """Figures of each pair's motor."""
-        return self.products.motor_arrays[self.motor]
+        """Figures of each pair's motor, each taken when it is first asked for."""
+        return cast(MotorArrays, _Selected(self.products.motor_arrays, self.motor))
 
     @cached_property
     def gears(self) -> GearArrays:
-        """Figures of each pair's gear."""
-        return self.products.gear_arrays[self.gear]
+        """Figures of each pair's gear, each taken when it is first asked for."""
+        return cast(GearArrays, _Selected(self.products.gear_arrays, self.gear))
 
     @cached_property
     def coefficients(self) -> Array:

@@ -41,14 +41,19 @@ def speed_coefficients(pairs: Pairs, per_speed: Array | float = 1.0) -> Array:
     return factors
 
 
-def largest(factors: Array, cycle: ReducedCycle) -> Array:
-    """The largest |c · x| (m,) over all samples x of the cycle, of factors c (m, 5); NaN where a factor is NaN."""
+def largest(factors: Array, cycle: ReducedCycle, *, signed: bool = False) -> Array:
+    """The largest |c · x| (m,) over all samples x of the cycle, of factors c (m, 5); NaN where a factor is NaN.
+
+    With `signed` it is the largest c · x over the samples turned to speeds of 0 or more.
+    """
     points = np.ascontiguousarray(cycle.extremes.T)
     found = np.empty(len(factors))
     step = max(1, BLOCK // points.shape[1])
     for start in range(0, len(factors), step):
         values = factors[start : start + step] @ points
-        np.abs(values, out=values).max(axis=1, out=found[start : start + step])
+        if not signed:
+            np.abs(values, out=values)
+        values.max(axis=1, out=found[start : start + step])
     return found
 
 
