@@ -175,6 +175,29 @@ class Linkage:
         units = self.kinematics.units
         return torque, products(inverse, left * units) / rows_of(self.kinematics.scene).unit
 
+    def force_maps(self, t: Array, q: Array) -> tuple[Array, Array]:
+        """The matrices that give the motors' torques and the constraints' multipliers for joint forces Q (nv).
+
+        Args:
+            t: Times (n,), s.
+            q: Positions (n, nq), rad or m.
+
+        Returns:
+            Matrices (n, k, nv) and (n, rows, nv): `torques` is their products with the joint forces of a motion.
+
+        Raises:
+            InputError: An array does not fit.
+            UnreachableError: The motors cannot move the linkage.
+        """
+        t, q = self._rows(t=t, q=q)
+        jacobian = self.kinematics.jacobian(t, q)
+        shares = torque_shares(self, jacobian, t)
+        left = np.tile(np.eye(self.robot.nv), (len(t), 1, 1))
+        left[:, self._columns] -= shares
+        inverse = jacobian_inverse(self.kinematics.scaled(jacobian).transpose(0, 2, 1))
+        scaled = inverse @ (self.kinematics.units[:, None] * left)
+        return shares, np.asarray(scaled / rows_of(self.kinematics.scene).unit[:, None])
+
     def _shares_at(self, t: Array, q: Array) -> Array:
         return torque_shares(self, self.kinematics.jacobian(t, q), t)
 
@@ -250,7 +273,28 @@ class Linkage:
             UnreachableError: The motors cannot move the linkage.
         """
         t, q, v, a = self._rows(t=t, q=q, v=v, a=a)
-        _, multipliers = self.torques(t, q, v, a)
+        return self._wrenches(t, q, v, a, self.torques(t, q, v, a)[1])
+
+    def constraint_wrenches(self, t: Array, q: Array, v: Array, multipliers: Array) -> Array:
+        """The wrench through each joint of the tree that multipliers of the constraints cause, in which it is linear.
+
+        Args:
+            t: Times (n,), s.
+            q: Positions (n, nq), rad or m.
+            v: Velocities (n, nv).
+            multipliers: Multipliers (n, rows), N m or N, as `torques` gives.
+
+        Returns:
+            Wrenches (n, joints, 6): force, N, then moment, N m, as `Robot.joint_reactions` gives.
+
+        Raises:
+            InputError: An array does not fit.
+        """
+        t, q, v = self._rows(t=t, q=q, v=v)
+        rest = np.zeros_like(v)
+        return self._wrenches(t, q, v, rest, multipliers) - self._wrenches(t, q, v, rest, np.zeros_like(multipliers))
+
+    def _wrenches(self, t: Array, q: Array, v: Array, a: Array, multipliers: Array) -> Array:
         inputs, parameters = self._loaded.signals_at(t), self._loaded.parameter_values
         flat = self._reactions(t[:, None], q, v, inputs, parameters, a, multipliers)
         return np.asarray(flat).reshape(len(t), -1, 6)

@@ -37,7 +37,7 @@ class Grid:
     """Points along a motion: times (n,), s, states q (n, nq), v and a (n, nv), and integration weights (n,), s.
 
     `force_time` (n,) is the time at which forces are evaluated: just before `time` where a part ends, so that a force
-    that jumps there has its limit from before.
+    that jumps there has its limit from before. `part` (n,) numbers the part of each point, from 0.
     """
 
     time: Array
@@ -46,6 +46,7 @@ class Grid:
     velocity: Array
     acceleration: Array
     weight: Array
+    part: NDArray[np.intp]
 
 
 def grid_along(
@@ -62,6 +63,7 @@ def grid_along(
     length, last = high - low, len(_NODES) - 1
     time = (low[:, None] + length[:, None] * _NODES).ravel()
     weight = (length[:, None] * _WEIGHTS).ravel()
+    part = np.repeat(np.arange(len(low)), len(_NODES))
     force_time = time.copy()
     time[last :: last + 1] = high
     force_time[last :: last + 1] = np.nextafter(high, -np.inf)
@@ -81,10 +83,11 @@ def grid_along(
         extra = motion.at(probes)
         time, weight = np.insert(time, at, probes), np.insert(weight, at, 0.0)
         force_time = np.insert(force_time, at, probes)
+        part = np.insert(part, at, np.searchsorted(low, probes, side="right") - 1)
         position, velocity, acceleration = (
             np.insert(old, at, new, axis=0) for old, new in zip((position, velocity, acceleration), extra, strict=True)
         )
-    return Grid(time, force_time, position, velocity, acceleration, weight)
+    return Grid(time, force_time, position, velocity, acceleration, weight, part)
 
 
 def _parts(motion: Motion, breaks: Array) -> tuple[Array, Array]:

@@ -1,0 +1,177 @@
+"""`axis_loads`: the cycles of all axes of a mechanism, without its actuators."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.actuators.coupled_transmission import CoupledTransmission, checked_transmissions
+from bellcrank.actuators.mount import Mount, checked_mounts
+from bellcrank.dynamics.force_table_breakpoints import with_force_rows
+from bellcrank.dynamics.mechanism import Mechanism
+from bellcrank.errors import InputError
+from bellcrank.motion.duty_program import DutyStep
+from bellcrank.motion.motion import Motion, require_joints
+from bellcrank.sizing.finite_checks import refuse_non_finite
+from bellcrank.sizing.selection.axis_loads import AddedMass, Axis, AxisLoads, CycleTerms, LoadCycle
+from bellcrank.sizing.selection.body_loads import AxisLoadSamples, LoadModel, UnitBodyLoads
+from bellcrank.sizing.selection.coupled_axes import axis_coordinates
+from bellcrank.sizing.selection.cycle_transitions import transition_notes
+from bellcrank.sizing.selection.load_cycles import PlannedCycle, planned_cycles
+from bellcrank.sizing.selection.mounted_bodies import MountKinematics
+
+Array = NDArray[np.float64]
+
+
+def axis_loads(
+    mechanism: Mechanism,
+    motions: Sequence[Motion],
+    duty: Sequence[DutyStep] | None = None,
+    transmissions: Sequence[CoupledTransmission] = (),
+    mounts: Mapping[str, Mount] | None = None,
+) -> AxisLoads:
+    """What the motor of each axis must deliver along the cycles of a mechanism.
+
+    The reflected inertia of rotors at the motors' joints, which the robot of a configuration with actuators has, is not
+    part of the loads; nor are masses of actuators, except those that the links of the URDF contain. Friction of joints,
+    and forces of a scene, are.
+
+    Args:
+        mechanism: An open chain or a linkage.
+        motions: Motions of all of its joints, each with another name.
+        duty: The order of motions and pauses in the cycle; None: each motion is a cycle that repeats.
+        transmissions: Coupled transmissions, whose motors are axes in place of their joints.
+        mounts: Where actuators are mounted, by the name of the axis, where that is not the joint's parent link.
+
+    Returns:
+        The loads of each cycle.
+
+    Raises:
+        InputError: A motion is of another robot; a name is unknown; or a load is not a finite number.
+        UnreachableError: The motors of a linkage cannot move it.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> from bellcrank.sizing.selection.axis_loads_of import axis_loads
+        >>> arm = bc.load_robot("planar_2r")
+        >>> motion = bc.waypoints(arm, [0.0, 1.0], [{}, {"elbow": 1.0}])
+        >>> loads = axis_loads(bc.OpenChain(arm), [motion])
+        >>> [axis.name for axis in loads.axes], loads.cycles[0].duration
+        (['shoulder', 'elbow'], 1.0)
+    """
+    if not mechanism.motors:
+        raise InputError(f"loads of {mechanism.robot.name}: the robot has no joint that a motor could drive")
+    for motion in motions:
+        require_joints(motion, mechanism.robot)
+    names = [motion.name for motion in motions]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"loads of {mechanism.robot.name}: two motions are named '{name}'; give one another name")
+    chosen = checked_mounts(mounts)
+    coupled = axis_coordinates(mechanism, checked_transmissions(transmissions))
+    kinematics = MountKinematics(mechanism, coupled.mounted_at, chosen)
+    model = LoadModel(kinematics, coupled.matrix)
+    motions = [with_force_rows(mechanism, motion) for motion in motions]
+    plans = planned_cycles(mechanism, motions, duty, lambda *state: mechanism.torques(*state)[0])
+    axes = tuple(
+        Axis(name=body.name, kind=kind, joints=joints, mount=body.frame, included=_included(chosen.get(body.name)))
+        for body, kind, joints in zip(kinematics.bodies, coupled.kinds, coupled.joints, strict=True)
+    )
+    terms = tuple(_terms(model, plan, [axis.name for axis in axes]) for plan in plans)
+    cycles = tuple(_cycle(model, plan, each.samples) for plan, each in zip(plans, terms, strict=True))
+    return AxisLoads(
+        axes=axes,
+        cycles=cycles,
+        influence=_influence(len(axes), terms),
+        terms=terms,
+        warnings=transition_notes(mechanism, motions, duty),
+    )
+
+
+def _included(mount: Mount | None) -> AddedMass:
+    """What the URDF contains of an actuator."""
+    if mount is None:
+        return AddedMass()
+    return AddedMass(
+        mass=mount.included_mass,
+        axial_inertia=mount.included_axial_inertia,
+        transverse_inertia=mount.included_transverse_inertia,
+    )
+
+
+def _terms(model: LoadModel, plan: PlannedCycle, names: Sequence[str]) -> CycleTerms:
+    """The loads of all parts of a cycle, one after the other."""
+    samples, bodies = [], []
+    with np.errstate(all="ignore"):  # what overflows or is not a number is refused, with its place
+        for part in plan.parts:
+            samples.append(model.loads(part.states))
+            bodies.append(model.unit_bodies(part.states))
+    whole = AxisLoadSamples(*(np.concatenate(each) for each in zip(*samples, strict=True)))
+    time = np.concatenate([part.time for part in plan.parts])
+    quantities = {"torque": whole.torque, "static torque": whole.static_torque, "inertia": whole.inertia}
+    refuse_non_finite(f"cycle '{plan.name}' of {model.mechanism.robot.name}", list(names), time, quantities)
+    return CycleTerms(whole, tuple(_joined(parts) for parts in zip(*bodies, strict=True)))
+
+
+def _joined(parts: Sequence[UnitBodyLoads]) -> UnitBodyLoads:
+    """The loads of one body along all parts of a cycle."""
+    return UnitBodyLoads(
+        axes=parts[0].axes,
+        torque=np.concatenate([part.torque for part in parts], axis=1),
+        static_torque=np.concatenate([part.static_torque for part in parts]),
+        axial_force=np.concatenate([part.axial_force for part in parts], axis=1),
+        moment=np.concatenate([part.moment for part in parts], axis=1),
+        inertia=np.concatenate([part.inertia for part in parts], axis=1),
+    )
+
+
+def _cycle(model: LoadModel, plan: PlannedCycle, samples: AxisLoadSamples) -> LoadCycle:
+    """A cycle with the loads of its samples."""
+    passes = [sum(count for number, count in plan.order if number == k) for k in range(len(plan.parts))]
+    edges = np.cumsum([0, *(part.intervals for part in plan.parts)])
+    coordinates, motors = model.coordinates, model.mechanism.motors
+    positions, columns = [joint.q for joint in motors], [joint.v for joint in motors]
+
+    def along(values: Sequence[Array]) -> Array:
+        return np.concatenate(values) @ coordinates.T
+
+    states = [part.states for part in plan.parts]
+    return LoadCycle(
+        name=plan.name,
+        duration=sum(plan.parts[number].duration * count for number, count in plan.order),
+        time=np.concatenate([part.time + start for part, start in zip(plan.parts, _starts(plan), strict=True)]),
+        weight=np.concatenate([part.weight * count for part, count in zip(plan.parts, passes, strict=True)]),
+        interval=np.concatenate([part.interval + edge for part, edge in zip(plan.parts, edges[:-1], strict=True)]),
+        sequence=tuple((int(edges[number]), int(edges[number + 1]), count) for number, count in plan.order),
+        torque=samples.torque,
+        static_torque=samples.static_torque,
+        speed=along([each.velocity[:, columns] for each in states]),
+        acceleration=along([each.acceleration[:, columns] for each in states]),
+        position=along([each.position[:, positions] for each in states]),
+        axial_force=np.abs(samples.axial_force),
+        tilting_moment=np.linalg.norm(samples.moment, axis=-1),
+        inertia=samples.inertia,
+    )
+
+
+def _starts(plan: PlannedCycle) -> list[float]:
+    """The time at which each part of a cycle occurs first."""
+    starts: dict[int, float] = {}
+    time = 0.0
+    for number, count in plan.order:
+        starts.setdefault(number, time)
+        time += plan.parts[number].duration * count
+    return [starts[number] for number in range(len(plan.parts))]
+
+
+def _influence(k: int, terms: Sequence[CycleTerms]) -> NDArray[np.bool_]:
+    """Whether a body at the mount of axis j (column) changes a load of axis i (row) anywhere."""
+    found = np.zeros((k, k), dtype=bool)
+    for cycle in terms:
+        for number, unit in enumerate(cycle.bodies):
+            for part in (unit.torque, unit.static_torque[None], unit.inertia, unit.axial_force):
+                found[unit.axes, number] |= (np.nan_to_num(part) != 0.0).any(axis=(0, 1))
+            found[unit.axes, number] |= (np.nan_to_num(unit.moment) != 0.0).any(axis=(0, 1, 3))
+    return found
