@@ -192,7 +192,7 @@ def _changed(terms: CycleTerms, changes: Mapping[int, Array]) -> AxisLoadSamples
             (changed.moment, unit.moment),
             (changed.inertia, unit.inertia),
         ):
-            total[:, unit.axes] += np.tensordot(change, part, 1)
+            total[:, unit.axes] += part @ change
         changed.static_torque[:, unit.axes] += change[0] * unit.static_torque
     return changed
 
