@@ -30,6 +30,11 @@ _HOME = {
     "RobotConfig": "scene.robot_config",
     "load_robot_config": "scene.robot_config",
     "Actuator": "actuators.actuator",
+    "Motor": "actuators.motor",
+    "Gear": "actuators.gear",
+    "Catalogue": "actuators.catalogue",
+    "load_catalogue": "actuators.catalogue",
+    "write_catalogue": "actuators.catalogue_writer",
     "Sizing": "sizing.result",
     "size": "sizing.size",
     "Scene": "scene.scene",
@@ -51,10 +56,13 @@ _HOME = {
 __all__ = [  # written out, because type checkers do not evaluate it
     "Actuator",
     "BellcrankError",
+    "Catalogue",
     "CompileError",
+    "Gear",
     "InputError",
     "Linkage",
     "Motion",
+    "Motor",
     "NotSavedError",
     "Payload",
     "Robot",
@@ -71,6 +79,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "dwell",
     "join",
     "line",
+    "load_catalogue",
     "load_robot",
     "load_robot_config",
     "load_run",
@@ -85,12 +94,17 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "size",
     "sweep",
     "waypoints",
+    "write_catalogue",
     "write_motion",
 ]
 
 if TYPE_CHECKING:
     __version__: str
     from bellcrank.actuators.actuator import Actuator
+    from bellcrank.actuators.catalogue import Catalogue, load_catalogue
+    from bellcrank.actuators.catalogue_writer import write_catalogue
+    from bellcrank.actuators.gear import Gear
+    from bellcrank.actuators.motor import Motor
     from bellcrank.dynamics.closed_inverse_dynamics import Linkage
     from bellcrank.dynamics.scene_inverse_dynamics import scene_inverse_dynamics
     from bellcrank.errors import BellcrankError, CompileError, InputError, NotSavedError, UnreachableError

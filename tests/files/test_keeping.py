@@ -32,11 +32,31 @@ LASTS = {"duration": 1e4, "max_step": 1e-4}  # minutes of computing, of which a 
 PASSES = {"events": [{"name": "low", "when": {"joint": "swing", "position": 0.0}}]}
 
 
+BEGUN = []
+
+
+@pytest.fixture(autouse=True)
+def none_left_running():
+    """A test that fails leaves no process behind."""
+    yield
+    while BEGUN:
+        process = BEGUN.pop()
+        process.kill()
+        process.communicate()
+
+
 def begun(*arguments, **options):
-    return subprocess.Popen(
-        [sys.executable, "-m", "bellcrank", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        **options,
-    )  # fmt: skip
+    """A process of bellcrank that heeds SIGHUP, also where the tests were started by nohup, which has it ignored."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    try:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "bellcrank", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            **options,
+        )  # fmt: skip
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    BEGUN.append(process)
+    return process
 
 
 def wait_for(process, path):

@@ -3,10 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
-Points = tuple[tuple[float, float], ...]
+from bellcrank import arguments
+from bellcrank.actuators.row_checks import (
+    NOT_NEGATIVE,
+    SHARE,
+    Points,
+    Range,
+    check_numbers,
+    check_texts,
+    curve_points,
+)
+
 GearKind = Literal["direct", "strain_wave", "planetary", "cycloidal", "spur", "belt", "screw", "rack"]
+LINEAR_KINDS = ("screw", "rack")
+RANGES = {  # of numbers that are not more than 0
+    "efficiency": SHARE,
+    "back_efficiency": Range(above=None, least=0.0, most=1.0),  # 0: the load cannot drive the gear
+    "inertia": NOT_NEGATIVE,
+    "backlash": NOT_NEGATIVE,
+    "lost_motion": NOT_NEGATIVE,
+    "starting_torque": NOT_NEGATIVE,
+    "mass": NOT_NEGATIVE,
+    "price": NOT_NEGATIVE,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +76,15 @@ class Gear:
         source: Where the figures are from.
         checked: The date on which they were compared with the source, ISO 8601.
         notes: What else the source says.
+
+    Raises:
+        InputError: For a number that is not finite or outside its range, a text that is none of those expected, or a
+            curve whose points do not rise; the message names the row and the field.
+
+    Example:
+        >>> from bellcrank.actuators.gear import Gear
+        >>> Gear(id="csf", maker="Harmonic Drive", model="CSF-17-50", kind="strain_wave", ratio=50.0).linear
+        False
     """
 
     id: str
@@ -95,6 +125,34 @@ class Gear:
     source: str = ""
     checked: str = ""
     notes: str = ""
+
+    def __post_init__(self) -> None:
+        arguments.text("id", self.id, "a name of the row", where="a gear")
+        where = f"gear '{self.id}'"
+        check_texts(self, where, {"kind": get_args(GearKind), "inertia_side": ("input", "output")})
+        check_numbers(self, where, RANGES)
+        if self.stages is not None and self.stages != round(self.stages):
+            arguments.refuse("stages", "a whole number", self.stages, where)
+        curve = curve_points("efficiency_curve", self.efficiency_curve, where)
+        object.__setattr__(self, "efficiency_curve", curve)
+        for load, efficiency in curve or ():
+            if load <= 0.0 or not 0.0 < efficiency <= 1.0:
+                arguments.refuse(
+                    "efficiency_curve",
+                    "points of a load of more than 0 and an efficiency of more than 0 and at most 1",
+                    [load, efficiency],
+                    where,
+                )
+
+    @property
+    def linear(self) -> bool:
+        """Whether the output moves along a line: a screw or a rack."""
+        return self.kind in LINEAR_KINDS
+
+    @property
+    def driven_efficiency(self) -> float | None:
+        """Efficiency while the load gives power back: `back_efficiency`, else the same as driving."""
+        return self.efficiency if self.back_efficiency is None else self.back_efficiency
 
 
 DIRECT = Gear(

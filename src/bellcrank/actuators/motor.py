@@ -2,12 +2,36 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
-Points = tuple[tuple[float, float], ...]
+from bellcrank import arguments
+from bellcrank.actuators.row_checks import (
+    NOT_NEGATIVE,
+    SHARE,
+    TEMPERATURE,
+    Points,
+    check_numbers,
+    check_texts,
+    torque_speed_curve,
+)
+
 MotorKind = Literal["motor", "frameless", "servo", "actuator"]
 TorqueConstantBasis = Literal["dc", "phase_rms", "phase_peak"]
+RANGES = {  # of numbers that are not more than 0
+    "nominal_speed": NOT_NEGATIVE,  # 0: the nominal torque is stated at standstill
+    "no_load_current": NOT_NEGATIVE,
+    "coulomb_friction": NOT_NEGATIVE,
+    "viscous_friction": NOT_NEGATIVE,
+    "backlash": NOT_NEGATIVE,
+    "price": NOT_NEGATIVE,
+    "max_efficiency": SHARE,
+    "max_winding_temperature": TEMPERATURE,
+    "max_housing_temperature": TEMPERATURE,
+    "reference_temperature": TEMPERATURE,
+}
+_TO_DC = {"dc": 1.0, "phase_rms": math.sqrt(2.0 / 3.0), "phase_peak": 2.0 / math.sqrt(3.0)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,10 +47,11 @@ class Motor:
         model: The maker's name of the product.
         kind: "motor", "frameless" (rotor and stator), "servo" (with encoder, for a drive), or "actuator" (with gear).
         part_number: The maker's order number.
-        nominal_voltage: V.
+        nominal_voltage: Of the DC bus that the figures hold for, V (an AC supply: its rectified amplitude).
         torque_constant: k_t, N m/A, on the basis named next.
-        torque_constant_basis: Per ampere "dc" (brushed or block commutation: at the terminals), "phase_rms" (sinusoidal,
-            RMS phase current) or "phase_peak" (sinusoidal, amplitude of the phase current).
+        torque_constant_basis: Per ampere "dc" (brushed or block commutation: at the terminals), "phase_rms"
+            (sinusoidal, RMS phase current) or "phase_peak" (sinusoidal, amplitude of the phase current).
+        speed_constant: Speed per back-EMF voltage, rad/s/V, at the terminals.
         resistance: Terminal (line-to-line) resistance at 25 °C, Ω.
         inductance: Terminal (line-to-line) inductance, H.
         pole_pairs: Number of pole pairs.
@@ -36,12 +61,12 @@ class Motor:
         viscous_friction: Friction and eddy-current torque per speed, N m s/rad.
         rotor_inertia: kg m², on the shaft's side.
         nominal_torque: Continuous torque at the nominal speed, N m.
-        nominal_speed: rad/s.
+        nominal_speed: rad/s; 0 where the nominal torque is stated at standstill.
         nominal_current: A.
         peak_torque: Largest torque, N m.
         peak_time: How long the peak torque may last, s.
         peak_current: A.
-        stall_torque: At the nominal voltage, N m (a straight line through 0 at the no-load speed; not a permitted load).
+        stall_torque: At the nominal voltage, N m (a straight line to 0 at the no-load speed; not a permitted load).
         stall_current: A.
         max_speed: Largest permitted speed, rad/s.
         continuous_curve: Points (speed rad/s, torque N m) of the S1 curve that the maker prints.
@@ -71,6 +96,17 @@ class Motor:
         source: Where the figures are from.
         checked: The date on which they were compared with the source, ISO 8601.
         notes: What else the source says.
+
+    Raises:
+        InputError: For a number that is not finite or outside its range, a text that is none of those expected, or a
+            curve that does not start at standstill; the message names the row and the field.
+
+    Example:
+        >>> from bellcrank.actuators.motor import Motor
+        >>> motor = Motor(id="re25", maker="maxon", model="RE 25", torque_constant=0.0234, torque_constant_basis="dc",
+        ...               resistance=2.18, no_load_current=0.0263)
+        >>> round(motor.motor_constant, 5), round(motor.coulomb_torque, 6)
+        (0.01585, 0.000615)
     """
 
     id: str
@@ -81,6 +117,7 @@ class Motor:
     nominal_voltage: float | None = None
     torque_constant: float | None = None
     torque_constant_basis: TorqueConstantBasis | None = None
+    speed_constant: float | None = None
     resistance: float | None = None
     inductance: float | None = None
     pole_pairs: float | None = None
@@ -125,3 +162,80 @@ class Motor:
     source: str = ""
     checked: str = ""
     notes: str = ""
+
+    def __post_init__(self) -> None:
+        arguments.text("id", self.id, "a name of the row", where="a motor")
+        where = f"motor '{self.id}'"
+        check_texts(self, where, {"kind": get_args(MotorKind), "torque_constant_basis": get_args(TorqueConstantBasis)})
+        check_numbers(self, where, RANGES)
+        for name in ("continuous_curve", "peak_curve"):
+            object.__setattr__(self, name, torque_speed_curve(name, getattr(self, name), where))
+        if self.pole_pairs is not None and self.pole_pairs != round(self.pole_pairs):
+            arguments.refuse("pole_pairs", "a whole number", self.pole_pairs, where)
+        reference, hottest = self.reference_temperature, self.max_winding_temperature
+        if reference is not None and hottest is not None and hottest <= reference:
+            arguments.refuse(
+                "max_winding_temperature", f"more than the reference temperature, {reference:g} °C", hottest, where
+            )
+
+    @property
+    def dc_torque_constant(self) -> float | None:
+        """The torque constant k of the DC-equivalent motor, N m/A; None where k_t or its basis is unknown.
+
+        The DC-equivalent motor has the current I = T_e / k, the copper loss R I² and the voltage R I + k ω, with R the
+        line-to-line resistance. For a sinusoidal motor with the phase current's amplitude î (in phase with the induced
+        voltage) and k_t = T_e / î: the power 3/2 ê î = T_e ω gives the amplitude of the induced phase voltage
+        ê = 2/3 k_t ω, and between two lines √3 ê = 2/√3 k_t ω, so k = 2/√3 k_t. Then I = √3/2 î. The copper loss
+        3/2 R_phase î² is R I² with R = 2 R_phase (star), and the line-to-line amplitude √3 (R_phase î + ê) is
+        R I + k ω, which the bus voltage bounds. With the RMS phase current, k_t = T_e √2 / î and k = √(2/3) k_t.
+        The inductance is neglected.
+        """
+        if self.torque_constant is None or self.torque_constant_basis is None:
+            return None
+        return _TO_DC[self.torque_constant_basis] * self.torque_constant
+
+    @property
+    def motor_constant(self) -> float | None:
+        """Torque per root of copper loss at 25 °C, k / √R, N m/√W; None where unknown."""
+        if self.dc_torque_constant is None or self.resistance is None:
+            return None
+        return self.dc_torque_constant / math.sqrt(self.resistance)
+
+    @property
+    def coulomb_torque(self) -> float | None:
+        """Part T_c of the friction and iron torque T_c + c_v ω that does not depend on speed, N m.
+
+        It is `coulomb_friction` where both friction figures are stated, else k_t I_0 of the no-load current, the whole
+        of which then counts as constant; None where neither is known.
+        """
+        if self.coulomb_friction is not None and self.viscous_friction is not None:
+            return self.coulomb_friction
+        if self.torque_constant is not None and self.no_load_current is not None:
+            return self.torque_constant * self.no_load_current
+        return None
+
+    @property
+    def viscous_coefficient(self) -> float | None:
+        """Part c_v of the friction and iron torque T_c + c_v ω, N m s/rad; see `coulomb_torque`."""
+        if self.coulomb_friction is not None and self.viscous_friction is not None:
+            return self.viscous_friction
+        return None if self.coulomb_torque is None else 0.0
+
+    @property
+    def continuous_torque(self) -> float | None:
+        """The stated nominal torque, else that of the nominal current less friction at nominal speed, N m."""
+        if self.nominal_torque is not None:
+            return self.nominal_torque
+        torque, coulomb, viscous = self.torque_constant, self.coulomb_torque, self.viscous_coefficient
+        if torque is None or self.nominal_current is None or coulomb is None or viscous is None:
+            return None
+        if viscous and self.nominal_speed is None:
+            return None
+        return max(torque * self.nominal_current - coulomb - viscous * (self.nominal_speed or 0.0), 0.0)
+
+    @property
+    def peak_electrical_torque(self) -> float | None:
+        """Electrical torque k_t I_peak at the peak current, N m; None where unknown."""
+        if self.torque_constant is None or self.peak_current is None:
+            return None
+        return self.torque_constant * self.peak_current

@@ -6,14 +6,15 @@ import math
 from typing import Final
 
 _DEGREE: Final = math.pi / 180.0
+_OUNCE_INCH: Final = 0.45359237 / 16.0 * 9.80665 * 0.0254  # N m: avoirdupois ounce, standard gravity, inch
 # Unit that a reader asks for -> units that a file may use -> factor to the unit asked for.
 UNITS: Final[dict[str, dict[str, float]]] = {
     "": {"": 1.0, "%": 0.01},
     "m": {"m": 1.0, "cm": 0.01, "mm": 0.001},
-    "rad": {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE},
+    "rad": {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE, "arcmin": _DEGREE / 60.0},
     "s": {"s": 1.0, "ms": 0.001, "min": 60.0},
     "kg": {"kg": 1.0, "g": 0.001},
-    "N m": {"N m": 1.0, "Nm": 1.0, "N*m": 1.0, "mN m": 0.001, "mNm": 0.001},
+    "N m": {"N m": 1.0, "Nm": 1.0, "N*m": 1.0, "mN m": 0.001, "mNm": 0.001, "kN m": 1000.0, "oz in": _OUNCE_INCH},
     "N": {"N": 1.0, "kN": 1000.0},
     "kg m^2": {
         "kg m^2": 1.0,
@@ -36,10 +37,25 @@ UNITS: Final[dict[str, dict[str, float]]] = {
         "°/s^2": _DEGREE,
         "°/s²": _DEGREE,
     },
-    "N/m": {"N/m": 1.0, "N/mm": 1000.0, "kN/m": 1000.0},
-    "N m/rad": {"N m/rad": 1.0, "Nm/rad": 1.0, "N m/deg": 180.0 / math.pi},
+    "N/m": {"N/m": 1.0, "N/mm": 1000.0, "kN/m": 1000.0, "N/µm": 1e6, "N/μm": 1e6, "N/um": 1e6},
+    "N m/rad": {
+        "N m/rad": 1.0,
+        "Nm/rad": 1.0,
+        "N m/deg": 180.0 / math.pi,
+        "N m/arcmin": 60.0 * 180.0 / math.pi,
+    },
     "N s/m": {"N s/m": 1.0, "Ns/m": 1.0},
     "N m s/rad": {"N m s/rad": 1.0, "Nms/rad": 1.0},
+    "V": {"V": 1.0, "mV": 0.001},
+    "A": {"A": 1.0, "mA": 0.001},
+    "Ω": {"Ω": 1.0, "ohm": 1.0, "mΩ": 0.001, "mohm": 0.001},
+    "H": {"H": 1.0, "mH": 1e-3, "µH": 1e-6, "μH": 1e-6, "uH": 1e-6},
+    "N m/A": {"N m/A": 1.0, "Nm/A": 1.0, "mN m/A": 0.001, "mNm/A": 0.001},
+    "rad/s/V": {"rad/s/V": 1.0, "rpm/V": math.pi / 30.0},
+    "W": {"W": 1.0, "kW": 1000.0},
+    "K/W": {"K/W": 1.0, "°C/W": 1.0},
+    "°C": {"°C": 1.0, "degC": 1.0},
+    "h": {"h": 1.0},
     "1/s": {"1/s": 1.0},
     "1/s^2": {"1/s^2": 1.0, "1/s²": 1.0},
     "rad or m": {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE, "m": 1.0, "cm": 0.01, "mm": 0.001},

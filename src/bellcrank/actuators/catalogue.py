@@ -1,0 +1,167 @@
+"""`Catalogue`: the motors and gears to choose from, read from folders of CSV files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from bellcrank import arguments
+from bellcrank.actuators.catalogue_columns import GEAR_KINDS, MOTOR_KINDS
+from bellcrank.actuators.catalogue_curves import Product
+from bellcrank.actuators.catalogue_files import read_products
+from bellcrank.actuators.gear import Gear
+from bellcrank.actuators.motor import Motor
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
+
+SHIPPED = Path(__file__).resolve().parent / "catalogue"
+P = TypeVar("P", Motor, Gear)
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """Motors and gears to choose from.
+
+    Attributes:
+        motors: Motors, servo motors, frameless motors, and actuators (motor and gear sold as one).
+        gears: Gears, screws and racks; `DIRECT`, no gear at all, is not among them.
+
+    Raises:
+        InputError: An id occurs twice.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> catalogue = bc.load_catalogue()
+        >>> catalogue.motor("maxon_ec45flat_70w_24v").nominal_voltage
+        24.0
+    """
+
+    motors: tuple[Motor, ...] = ()
+    gears: tuple[Gear, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "motors", arguments.several("motors", self.motors, Motor, "motors"))
+        object.__setattr__(self, "gears", arguments.several("gears", self.gears, Gear, "gears"))
+        seen: set[str] = set()
+        for product in self.products:
+            if product.id in seen:
+                raise InputError(f"a catalogue: id '{product.id}' occurs twice; give each product an id of its own")
+            seen.add(product.id)
+
+    @property
+    def products(self) -> tuple[Product, ...]:
+        """Motors, then gears."""
+        return (*self.motors, *self.gears)
+
+    def motor(self, name: str) -> Motor:
+        """The motor of an id. Raises InputError where there is none."""
+        return _named("motor", name, self.motors)
+
+    def gear(self, name: str) -> Gear:
+        """The gear of an id. Raises InputError where there is none."""
+        return _named("gear", name, self.gears)
+
+    def product(self, name: str) -> Product:
+        """The motor or gear of an id. Raises InputError where there is none."""
+        arguments.text("name", name, "the id of a product")
+        for product in self.products:
+            if product.id == name:
+                return product
+        raise InputError(unknown_name("product", name, [product.id for product in self.products]))
+
+    def filtered(
+        self,
+        *,
+        makers: Iterable[str] = (),
+        kinds: Iterable[str] = (),
+        voltage: float | None = None,
+        ids: Iterable[str] = (),
+        exclude: Iterable[str] = (),
+    ) -> Catalogue:
+        """The products that satisfy all of some conditions.
+
+        Args:
+            makers: Names of makers, in any case; empty: all.
+            kinds: Kinds of motors and gears, such as "servo" and "planetary"; where only kinds of motors are named, all
+                gears stay, and the other way round.
+            voltage: Nominal voltage of motors, V; motors of unknown voltage are left out.
+            ids: Products to keep; empty: all.
+            exclude: Products to leave out.
+
+        Returns:
+            The catalogue of these.
+
+        Raises:
+            InputError: A maker, a kind or an id is not in this catalogue.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> len(bc.load_catalogue().filtered(makers=["maxon"], voltage=36.0).motors)
+            4
+        """
+        wanted_makers = {name.casefold() for name in arguments.several("makers", makers, str, "makers", alone=True)}
+        wanted_kinds = set(arguments.several("kinds", kinds, str, "kinds", alone=True))
+        wanted = set(arguments.several("ids", ids, str, "ids", alone=True))
+        unwanted = set(arguments.several("exclude", exclude, str, "ids", alone=True))
+        if voltage is not None:
+            voltage = arguments.number("voltage", voltage, "V", above=0.0)
+        _refuse_unknown("maker", wanted_makers, {one.maker.casefold(): one.maker for one in self.products})
+        _refuse_unknown("kind", wanted_kinds, {kind: kind for kind in MOTOR_KINDS + GEAR_KINDS})
+        _refuse_unknown("product", wanted | unwanted, {one.id: one.id for one in self.products})
+
+        def kept(products: Sequence[P], known: Sequence[str]) -> tuple[P, ...]:
+            own = wanted_kinds & set(known)
+            return tuple(
+                one
+                for one in products
+                if (not wanted_makers or one.maker.casefold() in wanted_makers)
+                and (not own or one.kind in own)
+                and (not wanted or one.id in wanted)
+                and one.id not in unwanted
+            )
+
+        motors = kept(self.motors, MOTOR_KINDS)
+        if voltage is not None:
+            motors = tuple(one for one in motors if one.nominal_voltage == voltage)
+        return Catalogue(motors, kept(self.gears, GEAR_KINDS))
+
+
+def load_catalogue(*folders: str | Path, shipped: bool = True) -> Catalogue:
+    """Read the catalogue that comes with bellcrank, and files or folders of your own.
+
+    Args:
+        folders: Folders, of which all files *.csv are read, and single files.
+        shipped: Whether the products that come with bellcrank are in it.
+
+    Returns:
+        The catalogue.
+
+    Raises:
+        InputError: A file is not as expected; the message names file, line and column. An id occurs twice.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> len(bc.load_catalogue().gears)
+        42
+    """
+    paths = [arguments.path("folders", one, "a folder or file of a catalogue") for one in folders]
+    shipped = arguments.flag("shipped", shipped)
+    products = [one.product for one in read_products([*([SHIPPED] if shipped else []), *paths])]
+    motors = tuple(one for one in products if isinstance(one, Motor))
+    return Catalogue(motors, tuple(one for one in products if isinstance(one, Gear)))
+
+
+def _named(what: str, name: str, products: Sequence[P]) -> P:
+    arguments.text("name", name, f"the id of a {what}")
+    for product in products:
+        if product.id == name:
+            return product
+    raise InputError(unknown_name(what, name, [product.id for product in products]))
+
+
+def _refuse_unknown(what: str, wanted: Iterable[str], known: dict[str, str]) -> None:
+    for name in wanted:
+        if name not in known:
+            raise InputError(unknown_name(what, name, sorted(known.values())))

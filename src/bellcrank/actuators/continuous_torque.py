@@ -1,0 +1,170 @@
+"""The continuous (S1) torque over speed, derated for ambient temperature and altitude.
+
+In this order: the curve that the maker prints; the thermal limit from both thermal resistances, not above the nominal
+torque that the maker prints; the nominal torque up to the nominal speed, unknown above it.
+
+Thermal limit: with the copper loss P_cu at the largest winding temperature and the friction and iron loss P_f(ω) in the
+housing, T_w = T_a + R_ha (P_cu + P_f) + R_wh P_cu and T_h = T_a + R_ha (P_cu + P_f). The largest permitted P_cu gives
+T_e = k √(P_cu / R(T_w)), and the shaft torque is T_e less friction. (Two thermal resistances: maxon's motor data; the
+resistance rise in the limit: derived here.)
+
+Altitude: in thin air both thermal resistances are taken larger by 1/f, f the permitted temperature rise of IEC 60034-1
+over that up to 1000 m. Printed torques are reduced by f (T_max - T_a) / (T_max - T_ref), in proportion to the
+temperature rise. Copper loss alone would give the root of it; the proportional reduction r is on the safe side as long
+as friction and iron losses are less than r / (1 + r) of the heat, nearly a half. An ambient temperature below the
+reference, or a site below 1000 m, raises no printed torque.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.actuators.electrical import friction_loss, friction_torque, loss_per_squared_torque, resistance_factor
+from bellcrank.actuators.motor import Motor
+from bellcrank.actuators.product_arrays import Array, MotorArrays
+
+SOURCES = ("unknown", "printed curve", "thermal limit", "nominal torque")
+UNSTATED_REFERENCE = 25.0  # °C: the lower, and so the safer, of the two usual ones (25 and 40)
+
+
+class ContinuousTorque(NamedTuple):
+    """Continuous torque of many motors.
+
+    Attributes:
+        torque: Shaft torque, N m; NaN where unknown.
+        source: Index into `SOURCES` of what it comes from.
+    """
+
+    torque: Array
+    source: NDArray[np.int8]
+
+
+def continuous_torque(motors: MotorArrays, speed: Array | float, conditions: Conditions) -> ContinuousTorque:
+    """The continuous torque at the shaft at a speed.
+
+    Args:
+        motors: The motors.
+        speed: Speed of the shaft, rad/s, of either sign; it broadcasts with the motors.
+        conditions: Ambient temperature and altitude.
+
+    Returns:
+        The torque and where it comes from.
+
+    Example:
+        >>> from bellcrank.actuators.conditions import Conditions
+        >>> from bellcrank.actuators.continuous_torque import SOURCES, continuous_torque
+        >>> from bellcrank.actuators.motor import Motor
+        >>> from bellcrank.actuators.product_arrays import MotorArrays
+        >>> motor = Motor(id="m", maker="", model="", nominal_torque=1.27, nominal_speed=314.0)
+        >>> found = continuous_torque(MotorArrays.of([motor]), 100.0, Conditions())
+        >>> float(found.torque[0]), SOURCES[found.source[0]]
+        (1.27, 'nominal torque')
+    """
+    speed = np.abs(np.asarray(speed, dtype=np.float64))
+    derating = printed_torque_factor(motors, conditions)
+    curve = motors.continuous_curve.at(speed, beyond=0.0) * derating
+    printed = motors.nominal_torque * derating
+    thermal = thermal_limit_torque(motors, speed, conditions)
+    with np.errstate(invalid="ignore"):
+        up_to_nominal = (speed <= motors.nominal_speed) | (speed == 0.0)
+    from_thermal = np.fmin(thermal, np.where(np.isnan(motors.nominal_torque), np.inf, printed))
+    from_thermal = np.where(np.isnan(printed) & ~np.isnan(motors.nominal_torque), np.nan, from_thermal)
+    from_nominal = np.where(up_to_nominal, printed, np.nan)
+    has_curve, has_thermal = motors.continuous_curve.known, ~np.isnan(thermal)
+    torque = np.where(has_curve, curve, np.where(has_thermal, from_thermal, from_nominal))
+    with np.errstate(invalid="ignore"):
+        bound = has_thermal & (from_thermal >= thermal)
+    source = np.where(has_curve, 1, np.where(bound, 2, 3)) * ~np.isnan(torque)
+    return ContinuousTorque(torque, source.astype(np.int8))
+
+
+def thermal_limit_torque(motors: MotorArrays, speed: Array | float, conditions: Conditions) -> Array:
+    """The shaft torque that heats the winding to its largest temperature in the end, N m; 0 where friction alone does.
+
+    The housing's largest temperature limits it too where it is stated.
+
+    Args:
+        motors: The motors.
+        speed: Speed of the shaft, rad/s; it broadcasts with the motors.
+        conditions: Ambient temperature and altitude.
+
+    Returns:
+        Torque, N m; NaN where a figure is unknown.
+    """
+    speed = np.abs(np.asarray(speed, dtype=np.float64))
+    winding = motors.resistance_winding_housing / conditions.altitude_factor
+    housing = motors.resistance_housing_ambient / conditions.altitude_factor
+    loss = friction_loss(motors, speed)
+    copper = (motors.max_winding_temperature - conditions.ambient - housing * loss) / (winding + housing)
+    copper = np.fmin(copper, (motors.max_housing_temperature - conditions.ambient) / housing - loss + 0.0 * copper)
+    heat_per_squared_torque = loss_per_squared_torque(motors) * resistance_factor(motors.max_winding_temperature)
+    electrical = np.sqrt(np.maximum(copper, 0.0) / heat_per_squared_torque)
+    return np.maximum(electrical - friction_torque(motors, speed), 0.0)
+
+
+def printed_torque_factor(motors: MotorArrays, conditions: Conditions) -> Array:
+    """What remains of a printed continuous torque at the conditions' ambient temperature and altitude.
+
+    Args:
+        motors: The motors.
+        conditions: Ambient temperature and altitude.
+
+    Returns:
+        A factor of at most 1; NaN where the ambient temperature is above the reference and the largest winding
+        temperature is unknown. A reference temperature that is not stated counts as 25 °C.
+    """
+    stated = motors.reference_temperature
+    reference = np.where(np.isnan(stated), UNSTATED_REFERENCE, stated)
+    rise = np.maximum(motors.max_winding_temperature - conditions.ambient, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        factor = np.clip(rise / (motors.max_winding_temperature - reference), 0.0, 1.0)
+    return conditions.altitude_factor * np.where(conditions.ambient <= reference, 1.0, factor)
+
+
+def continuous_torque_text(motor: Motor, speed: float, conditions: Conditions) -> str:
+    """The continuous torque of one motor in words, with where it comes from and what was assumed.
+
+    Args:
+        motor: The motor.
+        speed: Speed of the shaft, rad/s.
+        conditions: Ambient temperature and altitude.
+
+    Returns:
+        A clause such as "0.0286 N m (nominal torque, derated by 0.9)".
+    """
+    motors = MotorArrays.of([motor])
+    found = continuous_torque(motors, speed, conditions)
+    torque, source = float(found.torque[0]), SOURCES[int(found.source[0])]
+    if source == "unknown":
+        return f"unknown ({_lacking(motor, speed, conditions)})"
+    if source == "nominal torque" and motor.nominal_torque is None:
+        source = "nominal current"
+    factor = float(printed_torque_factor(motors, conditions)[0])
+    if source == "thermal limit":
+        derated = f" at {conditions.ambient:g} °C" + (
+            f", {conditions.altitude:g} m" if conditions.altitude_factor < 1 else ""
+        )
+    else:
+        derated = f", derated by {factor:.3g}" if factor < 1.0 else ""
+        if motor.reference_temperature is None:
+            derated += f"; its reference temperature is not stated, {UNSTATED_REFERENCE:g} °C is assumed"
+    return f"{torque:.4g} N m ({source}{derated})"
+
+
+def _lacking(motor: Motor, speed: float, conditions: Conditions) -> str:
+    """What a motor does not state, so that its continuous torque at a speed is unknown."""
+    reference = UNSTATED_REFERENCE if motor.reference_temperature is None else motor.reference_temperature
+    if motor.continuous_torque is None and motor.continuous_curve is None:
+        return "neither a nominal torque nor the figures of the thermal limit are stated"
+    if motor.max_winding_temperature is None and conditions.ambient > reference:
+        return f"the ambient temperature is above {reference:g} °C and the largest winding temperature is not stated"
+    if motor.nominal_speed is None:
+        return "the speed of the nominal torque is not stated"
+    return (
+        f"{speed:.4g} rad/s is above the nominal speed, {motor.nominal_speed:.4g} rad/s, and figures of the thermal "
+        "limit are not stated"
+    )

@@ -1,0 +1,245 @@
+"""Power trains: motors with gears that drive an axis; loads at the shaft, losses, power, mass and body.
+
+An axis has torque τ (N m or N), speed q̇ and acceleration q̈. The shaft turns at N q̇ and bears
+
+    T = τ/(N η) while the load takes power (τ q̇ >= 0, standstill included), τ η_b/N while it gives power back,
+        plus (J_rotor + J_gear) N q̈
+
+with the gear's ratio N and efficiencies η, η_b (power balance over a gear, e.g. Siciliano et al., Robotics, 2009,
+section 5.1). With a curve of efficiency over load the gear's loss torque is |τ| (1/η - 1) driving and |τ| (1 - η)
+driven; below the first point of the curve the loss torque is that of the first point, because friction does not vanish
+with the load. The curve stands in for η_b too where that is not stated.
+
+`PowerTrains` holds pairs: `PowerTrains(motors[:, None], gears[None, :])` is every motor with every gear,
+`PowerTrains.of(motor, gear)` one pair. Loads broadcast against the pairs; `trains[..., None]` puts samples last.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.actuators import electrical
+from bellcrank.actuators.actuator import STANDSTILL
+from bellcrank.actuators.gear import DIRECT, Gear
+from bellcrank.actuators.motor import Motor
+from bellcrank.actuators.product_arrays import Array, GearArrays, MotorArrays
+
+
+@dataclass(frozen=True, eq=False)
+class PowerTrains:
+    """Motors with gears; figures of both broadcast to the shape of the pairs.
+
+    Attributes:
+        motors: The motors.
+        gears: The gears; `DIRECT` without one.
+    """
+
+    motors: MotorArrays
+    gears: GearArrays
+
+    @classmethod
+    def of(cls, motor: Motor, gear: Gear = DIRECT) -> Self:
+        """One pair, of shape (1,): samples (n,) of a load broadcast with it."""
+        return cls(MotorArrays.of([motor]), GearArrays.of([gear]))
+
+    def __getitem__(self, index: Any) -> Self:
+        return type(self)(self.motors[index], self.gears[index])
+
+    @property
+    def shaft_inertia(self) -> Array:
+        """J_rotor + J_gear, kg m² at the shaft."""
+        return self.motors.rotor_inertia + self.gears.inertia
+
+    @property
+    def reflected_inertia(self) -> Array:
+        """N² (J_rotor + J_gear), kg m² at the axis (linear: kg)."""
+        return self.gears.ratio**2 * self.shaft_inertia
+
+    @property
+    def mass(self) -> Array:
+        """kg."""
+        return self.motors.mass + self.gears.mass
+
+    @property
+    def electrical_coefficients(self) -> Array:
+        """Factors (…, 5) of the electrical torque, T_e = c · [τ motoring, τ generating, q̈, sign q̇, q̇].
+
+        They are [1/(N η), η_b/N, (J_rotor + J_gear) N, T_c, c_v N], NaN where a gear has only a curve of efficiency.
+        """
+        gears, motors = self.gears, self.motors
+        columns = (
+            1.0 / (gears.ratio * gears.efficiency),
+            gears.driven_efficiency / gears.ratio,
+            self.shaft_inertia * gears.ratio,
+            motors.coulomb_torque,
+            motors.viscous_coefficient * gears.ratio,
+        )
+        return np.stack(np.broadcast_arrays(*columns), axis=-1)
+
+    def motoring(self, torque: Array, speed: Array) -> NDArray[np.bool_]:
+        """Whether the load takes power (τ q̇ >= 0), or the shaft stands still (below 1e-6 rad/s)."""
+        still = np.abs(speed) * self.gears.ratio <= STANDSTILL
+        return np.asarray((torque * speed >= 0.0) | still)
+
+    def gear_torque(self, torque: Array, speed: Array) -> Array:
+        """Shaft torque of the load through the gear, without inertia, N m.
+
+        Args:
+            torque: Axis torque, N m (N).
+            speed: Axis speed, rad/s (m/s).
+
+        Returns:
+            Torque, N m.
+        """
+        gears, motoring = self.gears, self.motoring(torque, speed)
+        size = np.abs(torque)
+        lost = np.where(motoring, size * (1.0 / gears.efficiency - 1.0), size * (1.0 - gears.driven_efficiency))
+        curve = gears.efficiency_curve
+        if curve.known.any():
+            lost = np.where(curve.known, self._curve_loss(size, motoring), lost)
+        moving = np.abs(speed) * gears.ratio > STANDSTILL
+        opposed = np.where(moving, np.sign(speed), np.sign(torque))
+        return np.asarray((torque + opposed * lost) / gears.ratio)
+
+    def _curve_loss(self, size: Array, motoring: NDArray[np.bool_]) -> Array:
+        """Loss torque at the output, N m, of the curves of efficiency over load at torques of a size."""
+        gears = self.gears
+        first = gears.efficiency_curve.x[..., 0] * gears.rated_torque
+        size = np.maximum(size, first)
+        efficiency = gears.efficiency_curve.at(size / gears.rated_torque)
+        driven = np.where(np.isnan(gears.back_efficiency), efficiency, gears.back_efficiency)
+        return np.asarray(size * np.where(motoring, 1.0 / efficiency - 1.0, 1.0 - driven))
+
+    def shaft_torque(self, torque: Array, speed: Array, acceleration: Array) -> Array:
+        """Torque at the motor shaft.
+
+        Args:
+            torque: Axis torque without the actuator's own inertia, N m (N).
+            speed: Axis speed, rad/s (m/s).
+            acceleration: Axis acceleration, rad/s² (m/s²).
+
+        Returns:
+            Torque, N m.
+
+        Example:
+            >>> import numpy as np
+            >>> from bellcrank.actuators.gear import Gear
+            >>> from bellcrank.actuators.motor import Motor
+            >>> from bellcrank.actuators.powertrain import PowerTrains
+            >>> gear = Gear(id="g", maker="", model="", kind="spur", ratio=50.0, efficiency=0.8, inertia=1e-6)
+            >>> train = PowerTrains.of(Motor(id="m", maker="", model="", rotor_inertia=5e-6), gear)
+            >>> float(train.shaft_torque(np.array([11.31]), np.array([2.0]), np.array([3.0]))[0])
+            0.28365
+        """
+        return np.asarray(
+            self.gear_torque(torque, speed) + self.shaft_inertia * self.gears.ratio * np.asarray(acceleration)
+        )
+
+    def load(self, torque: Array, speed: Array, acceleration: Array) -> ShaftLoad:
+        """Everything at the shaft along a load.
+
+        Args:
+            torque: Axis torque without the actuator's own inertia, N m (N).
+            speed: Axis speed, rad/s (m/s).
+            acceleration: Axis acceleration, rad/s² (m/s²).
+
+        Returns:
+            Torques, speed, losses and power; copper loss and power at 25 °C.
+        """
+        motors = self.motors
+        shaft_speed = self.gears.ratio * np.asarray(speed)
+        through_gear = self.gear_torque(torque, speed)
+        shaft = through_gear + self.shaft_inertia * self.gears.ratio * np.asarray(acceleration)
+        current_torque = electrical.electrical_torque(motors, shaft, shaft_speed)
+        return ShaftLoad(
+            speed=shaft_speed,
+            torque=shaft,
+            electrical_torque=current_torque,
+            copper_loss=electrical.copper_loss(motors, current_torque),
+            friction_loss=electrical.friction_loss(motors, shaft_speed),
+            gear_loss=through_gear * shaft_speed - torque * speed,
+            electrical_power=electrical.electrical_power(motors, current_torque, shaft_speed),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ShaftLoad:
+    """What power trains bear along a load, arrays of one shape.
+
+    Attributes:
+        speed: Of the shaft, rad/s.
+        torque: Of the shaft, N m.
+        electrical_torque: T_e = T + T_c sign(ω) + c_v ω, N m.
+        copper_loss: At 25 °C, W.
+        friction_loss: Friction and iron loss of the motor, W.
+        gear_loss: W.
+        electrical_power: From the supply, W; negative where power is given back.
+    """
+
+    speed: Array
+    torque: Array
+    electrical_torque: Array
+    copper_loss: Array
+    friction_loss: Array
+    gear_loss: Array
+    electrical_power: Array
+
+
+@dataclass(frozen=True)
+class Body:
+    """The body of a motor and its gear, as solid cylinders one behind the other along the joint's axis.
+
+    Attributes:
+        mass: kg; None where that of the motor or the gear is unknown.
+        axial_inertia: About the axis of the cylinders, kg m².
+        transverse_inertia: About an axis across it through the common centre of mass, kg m².
+        note: What is not known of it, and what was taken instead; empty where all is known.
+    """
+
+    mass: float | None
+    axial_inertia: float
+    transverse_inertia: float
+    note: str = ""
+
+
+def body(motor: Motor, gear: Gear = DIRECT) -> Body:
+    """Mass and inertia of a motor and gear as solid cylinders of their diameters and lengths.
+
+    Where a mass is known and a size is not, it is a point mass at the common centre; the note says so.
+
+    Args:
+        motor: The motor.
+        gear: The gear.
+
+    Returns:
+        Mass and inertia.
+
+    Example:
+        >>> from bellcrank.actuators.motor import Motor
+        >>> from bellcrank.actuators.powertrain import body
+        >>> one = body(Motor(id="m", maker="", model="", mass=0.3, diameter=0.03, length=0.064))
+        >>> round(one.axial_inertia * 1e6, 3), round(one.transverse_inertia * 1e6, 3), one.note
+        (33.75, 119.275, '')
+    """
+    parts = [("motor", motor)] + ([] if gear.kind == "direct" else [("gear", gear)])
+    unweighed = [name for name, part in parts if part.mass is None]
+    if unweighed:
+        return Body(None, 0.0, 0.0, f"the mass of the {' and '.join(unweighed)} is unknown")
+    sized = [(part.mass or 0.0, part.diameter / 2.0, part.length) for _, part in parts if part.diameter and part.length]
+    points = [name for name, part in parts if not (part.diameter and part.length)]
+    note = f"the size of the {' and '.join(points)} is unknown: a point mass" if points else ""
+    mass = sum(part.mass or 0.0 for _, part in parts)
+    weight = sum(m for m, _, _ in sized)
+    starts = np.cumsum([0.0] + [length for _, _, length in sized])
+    centres = [start + length / 2.0 for start, (_, _, length) in zip(starts, sized, strict=False)]
+    middle = sum(m * x for (m, _, _), x in zip(sized, centres, strict=True)) / weight if weight else 0.0
+    axial = sum(m * r * r / 2.0 for m, r, _ in sized)
+    transverse = sum(
+        m * (3.0 * r * r + length * length) / 12.0 + m * (x - middle) ** 2
+        for (m, r, length), x in zip(sized, centres, strict=True)
+    )
+    return Body(mass, axial, float(transverse), note)

@@ -1,0 +1,152 @@
+"""The region of short-time operation: peak torque, peak current, voltage, largest speed, and the printed peak curve.
+
+Each straight limit is |a T + b ω| ≤ 1 on the shaft torque T or the electrical torque T_e (`SpeedTorqueLimit`), both
+signs at once: a pair of half-planes that holds in all four quadrants, so that a load needs only its extreme points. The
+use of a limit, |a T + b ω|, is the factor along the ray from the origin. A printed curve is not convex in general
+(`peak_curve_use`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.actuators.electrical import resistance_factor, usable_voltage
+from bellcrank.actuators.motor import Motor
+from bellcrank.actuators.product_arrays import Array, Curves, MotorArrays
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SpeedTorqueLimit:
+    """A limit |a T + b ω| ≤ 1 of many motors.
+
+    Attributes:
+        name: "peak torque", "peak current", "voltage limit" or "maximum speed".
+        basis: Whether T is the "shaft" torque or the "electrical" torque T_e = T + T_c sign(ω) + c_v ω.
+        torque: a, 1/(N m), NaN where unknown.
+        speed: b, s/rad, NaN where unknown.
+    """
+
+    name: str
+    basis: Literal["shaft", "electrical"]
+    torque: Array
+    speed: Array
+
+    def use(self, torque: Array, speed: Array) -> Array:
+        """|a T + b ω| at a torque (N m, of the limit's basis) and a speed (rad/s): 1 at the limit, NaN unknown."""
+        return np.asarray(np.abs(self.torque * torque + self.speed * speed))
+
+
+def short_time_limits(motors: MotorArrays, conditions: Conditions) -> tuple[SpeedTorqueLimit, ...]:
+    """The straight limits of short-time operation.
+
+    Peak torque is of the shaft; peak current is T_e ≤ k_t I_peak; a motor that states one of the two only is bounded by
+    it. The voltage limit is |R/k T_e + k ω| ≤ U with the usable voltage U and R at the conditions' winding temperature.
+    Where k or R is unknown it is the straight line through the stall torque and the no-load speed, on the shaft torque:
+    both are proportional to the voltage (`voltage_limit_source` says which).
+
+    Args:
+        motors: The motors.
+        conditions: The supply and the winding temperature.
+
+    Returns:
+        Peak torque, peak current, voltage limit (electrical), voltage limit (shaft; known only where the electrical one
+        is not), maximum speed.
+    """
+    zero = np.zeros_like(motors.peak_torque)
+    usable = usable_voltage(motors, conditions)
+    resistance = motors.resistance * resistance_factor(conditions.winding_temperature)
+    share = motors.nominal_voltage / usable
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        line = (resistance / motors.dc_torque_constant / usable, motors.dc_torque_constant / usable)
+        printed = np.isnan(line[0]) | np.isnan(line[1])
+        limits = (
+            ("peak torque", "shaft", 1.0 / motors.peak_torque, zero),
+            ("peak current", "electrical", 1.0 / motors.peak_electrical_torque, zero),
+            ("voltage limit", "electrical", *line),
+            (
+                "voltage limit",
+                "shaft",
+                np.where(printed, share / motors.stall_torque, np.nan),
+                np.where(printed, share / motors.no_load_speed, np.nan),
+            ),
+            ("maximum speed", "shaft", zero, 1.0 / motors.max_speed),
+        )
+    return tuple(
+        SpeedTorqueLimit(name=name, basis=basis, torque=torque, speed=speed)  # type: ignore[arg-type]
+        for name, basis, torque, speed in limits
+    )
+
+
+def peak_curves(motors: MotorArrays, conditions: Conditions) -> Curves:
+    """The printed curves of short-time operation at the bus voltage.
+
+    They hold at the nominal voltage U_n. At a lower voltage U the voltage-limited part of a curve moves by the speed
+    (U_n - U)/k to lower speeds (from U = R I + k ω at the same current); the whole curve is moved so, which is on the
+    safe side where it is not limited by the voltage. Without k the curve is unknown then. At a higher voltage the
+    printed curve stays. A maker's curve includes the drive's reserve.
+    """
+    curves = motors.peak_curve
+    if conditions.voltage is None:
+        return curves
+    lack = np.maximum(motors.nominal_voltage - conditions.voltage, 0.0) / motors.dc_torque_constant
+    shift = np.where(motors.nominal_voltage <= conditions.voltage, 0.0, lack)[..., None]
+    return Curves(curves.x - shift, np.where(np.isnan(shift), np.nan, curves.y))
+
+
+def curve_use(curves: Curves, torque: Array, speed: Array) -> Array:
+    """The use of the region below curves of torque over speed, along the ray from the origin; NaN without a curve.
+
+    The region is star-shaped about the origin (`row_checks.torque_speed_curve`), so a point is inside exactly where
+    its use is at most 1.
+
+    Args:
+        curves: Torque N m over speed rad/s; beyond the last speed no torque is available.
+        torque: Shaft torque, N m; it broadcasts with the products.
+        speed: Shaft speed, rad/s.
+
+    Returns:
+        Use: 1 on the curve, NaN where there is no curve.
+    """
+    torque, speed = np.abs(np.asarray(torque, dtype=np.float64)), np.abs(np.asarray(speed, dtype=np.float64))
+    last = curves.last_x
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        use = np.where(last > 0.0, speed / last, np.where((torque > 0.0) | (speed > 0.0), np.inf, 0.0))
+        for k in range(curves.x.shape[-1] - 1):
+            x0, x1, y0, y1 = curves.x[..., k], curves.x[..., k + 1], curves.y[..., k], curves.y[..., k + 1]
+            # The segment's line in the quadrant is n · (ω, T) = c with c >= 0; a point's use of it is n · (ω, T) / c.
+            # It counts where the ray crosses the segment: between the directions of its ends.
+            x0c = np.maximum(x0, 0.0)
+            y0c = np.where(x0 < 0.0, y0 + (y1 - y0) * (-x0 / (x1 - x0)), y0)
+            crosses = (x1 > 0.0) & (torque * x0c <= speed * y0c) & (torque * x1 >= speed * y1)
+            constant = y0c * x1 - y1 * x0c
+            along = (torque * (x1 - x0c) + speed * (y0c - y1)) / constant
+            use = np.where(crosses & (constant > 0.0), np.fmax(use, along), use)
+    return np.where(curves.known & ~np.isnan(torque + speed), use, np.nan)
+
+
+def peak_curve_use(motors: MotorArrays, conditions: Conditions, torque: Array, speed: Array) -> Array:
+    """The use of the printed curve of short-time operation at the bus voltage; see `peak_curves` and `curve_use`."""
+    return curve_use(peak_curves(motors, conditions), torque, speed)
+
+
+def voltage_limit_source(motor: Motor) -> str:
+    """Where the voltage limit of a motor comes from, in words; "unknown" where it cannot be drawn."""
+    if motor.dc_torque_constant is not None and motor.resistance is not None:
+        return "torque constant and resistance"
+    if motor.nominal_voltage is None:
+        return "unknown"
+    return "unknown" if motor.stall_torque is None or motor.no_load_speed is None else "stall torque and no-load speed"
+
+
+def voltage_note(motor: Motor, conditions: Conditions) -> str:
+    """A sentence where the bus voltage is above the motor's nominal voltage; empty otherwise."""
+    if conditions.voltage is None or motor.nominal_voltage is None or conditions.voltage <= motor.nominal_voltage:
+        return ""
+    return (
+        f"the bus voltage {conditions.voltage:g} V is above the nominal voltage {motor.nominal_voltage:g} V of "
+        f"{motor.id}: the drive must limit the current, and whether the insulation bears the voltage is not known"
+    )
