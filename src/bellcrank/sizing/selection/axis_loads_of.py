@@ -54,10 +54,11 @@ def axis_loads(
 
     Example:
         >>> import bellcrank as bc
+        >>> from bellcrank.dynamics.mechanism import mechanism_of
         >>> from bellcrank.sizing.selection.axis_loads_of import axis_loads
         >>> arm = bc.load_robot("planar_2r")
         >>> motion = bc.waypoints(arm, [0.0, 1.0], [{}, {"elbow": 1.0}])
-        >>> loads = axis_loads(bc.OpenChain(arm), [motion])
+        >>> loads = axis_loads(mechanism_of(arm), [motion])
         >>> [axis.name for axis in loads.axes], loads.cycles[0].duration
         (['shoulder', 'elbow'], 1.0)
     """
