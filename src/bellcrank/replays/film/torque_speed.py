@@ -64,14 +64,18 @@ def _shaft_plot(joint: RobotJoint, actuator: Actuator) -> XYPlot:
     """The plot of a motor shaft, without data."""
     factor = f" × {actuator.safety_factor:g}" if actuator.safety_factor != 1.0 else ""
     scale = np.array([RPM, 1.0])
+    limits: list[tuple[str, Array]] = []
+    if (outline := actuator.outline) is not None:
+        name = "torque-speed curve, as far as known" if actuator.unknown_limits else "torque-speed curve"
+        limits.append((name, outline * scale))
+    if (continuous := actuator.continuous_outline) is not None:
+        name = "rated torque (for the RMS)" + (", largest speed" if actuator.max_speed is not None else "")
+        limits.append((name, _continuous_box(continuous) * scale))
     return _empty_plot(
-        f"{joint.name}: motor, ratio {actuator.ratio:g}",
+        f"{joint.name}: motor, ratio {actuator.ratio:g}{', torque unknown' if actuator.unknown_of_torque else ''}",
         "motor speed [rpm]",
         f"motor torque{factor} [N m]",
-        (
-            ("torque-speed curve", actuator.outline * scale),
-            ("rated torque (for the RMS), largest speed", _box(actuator.max_speed, actuator.rated_torque) * scale),
-        ),
+        tuple(limits),
     )
 
 
@@ -96,6 +100,14 @@ def _box(x: float, y: float) -> Array:
     return np.array([[x, y], [x, -y], [-x, -y], [-x, y], [x, y]])
 
 
+def _continuous_box(curve: Array) -> Array:
+    """The outline (k, 2) of the region below a curve (k, 2) of continuous torque, in all four quadrants."""
+    if np.ptp(curve[:, 1]) == 0.0:
+        return _box(curve[-1, 0], curve[0, 1])
+    upper = np.concatenate([curve[::-1] * [-1.0, 1.0], curve])
+    return np.concatenate([upper, upper[::-1] * [1.0, -1.0], upper[:1]])
+
+
 def with_rms_points(plots: Sequence[XYPlot], joints: Sequence[JointSizing]) -> tuple[XYPlot, ...]:
     """The plots of joints, in their order, with the RMS torque at the mean speed of each motion as points (1, 2).
 
@@ -113,7 +125,9 @@ def _with_rms_points(plot: XYPlot, joint: JointSizing) -> XYPlot:
     for cycle in cycles:
         speed, torque = cycle.mean_speed, cycle.rms_torque
         if actuator is not None:
-            speed, torque = actuator.ratio * RPM * speed, actuator.safety_factor * (cycle.rms_shaft_torque or 0.0)
+            if cycle.rms_shaft_torque is None:
+                continue
+            speed, torque = actuator.ratio * RPM * speed, actuator.safety_factor * cycle.rms_shaft_torque
         name = "RMS at mean speed" + (f", {cycle.motion}" if len(joint.cycles) > 1 else "")
         points.append((name, np.array([[speed, torque]])))
     return replace(plot, limits=(*plot.limits, *points))
