@@ -288,7 +288,7 @@ class JointSizing:
         """A sentence for each limit of the actuator that could not be compared."""
         missing = {} if self.shaft is None else self.shaft.unknown
         return tuple(
-            f"joint '{self.name}': the actuator's {name} margin is unknown, because {what} is not stated"
+            f"joint '{self.name}': the actuator's {name} margin is unknown; not stated: {what}"
             for name, what in missing.items()
         )
 

@@ -73,7 +73,7 @@ def size_mechanism(
         for name, one in actuators.items()
         if one.not_compared
     ]
-    warnings += [f"the power of all joints together is unknown: {text}" for text in _unknown_supply(loads)]
+    warnings += [f"the power of all joints together is unknown; {text}" for text in _unknown_supply(loads)]
     warnings += interpolation_warnings(joints)
     warnings += holding.notes
     if others := ", ".join(f"'{joint.name}' ({joint.kind})" for joint in robot.joints if joint.nv != 1):
@@ -212,7 +212,7 @@ def _largest(peaks: Iterable[Peak | None]) -> Peak | None:
 def _unknown_supply(loads: JointLoads) -> list[str]:
     """A clause for each joint whose power from the supply is unknown."""
     return [
-        f"of the actuator of joint '{joint}', {', '.join(PHRASES.get(one, one) for one in missing)} is not stated"
+        f"not stated of the actuator of joint '{joint}': {', '.join(PHRASES.get(one, one) for one in missing)}"
         for joint, missing in loads.unknown_supply.items()
     ]
 

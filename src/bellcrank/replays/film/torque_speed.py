@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,14 +31,19 @@ def motor_speed_torque(
 ) -> tuple[Array, Array]:
     """Speeds and torques (n,) of a motor for the torque (n,) at its joint.
 
-    With an actuator they are at the motor shaft, in rpm and N m, the torque times the safety factor. Without one they
-    are at the joint, in rad/s and N m, or m/s and N.
+    With an actuator they are at the motor shaft, in rpm and N m, the torque times the safety factor. Without one, and
+    where the torque at the shaft is unknown, they are at the joint, in rad/s and N m, or m/s and N.
     """
     speed = v[:, joint.v]
-    if actuator is not None:
+    if at_shaft(actuator):
         torque = actuator.safety_factor * actuator.shaft_torque(torque, speed, a[:, joint.v])
         speed = actuator.ratio * RPM * speed
     return speed, torque
+
+
+def at_shaft(actuator: Actuator | None) -> TypeGuard[Actuator]:
+    """Whether there is an actuator whose torque at the shaft is known."""
+    return actuator is not None and not actuator.unknown_of_torque
 
 
 def torque_speed_plots(
@@ -55,7 +60,7 @@ def torque_speed_plots(
         columns, tolerance = kept_rows(time, table, error, reach[k])
         rows = np.unique(np.concatenate(columns))
         actuator = actuators.get(joint.name)
-        plot = _joint_plot(mechanism.robot, joint) if actuator is None else _shaft_plot(joint, actuator)
+        plot = _shaft_plot(joint, actuator) if at_shaft(actuator) else _joint_plot(mechanism.robot, joint)
         plots.append(replace(plot, time=time[rows], x=table[rows, 0], y=table[rows, 1], tolerance=tolerance))
     return tuple(plots)
 
@@ -72,7 +77,7 @@ def _shaft_plot(joint: RobotJoint, actuator: Actuator) -> XYPlot:
         name = "rated torque (for the RMS)" + (", largest speed" if actuator.max_speed is not None else "")
         limits.append((name, _continuous_box(continuous) * scale))
     return _empty_plot(
-        f"{joint.name}: motor, ratio {actuator.ratio:g}{', torque unknown' if actuator.unknown_of_torque else ''}",
+        f"{joint.name}: motor, ratio {actuator.ratio:g}",
         "motor speed [rpm]",
         f"motor torque{factor} [N m]",
         tuple(limits),
@@ -124,10 +129,8 @@ def _with_rms_points(plot: XYPlot, joint: JointSizing) -> XYPlot:
     points = []
     for cycle in cycles:
         speed, torque = cycle.mean_speed, cycle.rms_torque
-        if actuator is not None:
-            if cycle.rms_shaft_torque is None:
-                continue
-            speed, torque = actuator.ratio * RPM * speed, actuator.safety_factor * cycle.rms_shaft_torque
+        if at_shaft(actuator):
+            speed, torque = actuator.ratio * RPM * speed, actuator.safety_factor * (cycle.rms_shaft_torque or 0.0)
         name = "RMS at mean speed" + (f", {cycle.motion}" if len(joint.cycles) > 1 else "")
         points.append((name, np.array([[speed, torque]])))
     return replace(plot, limits=(*plot.limits, *points))
