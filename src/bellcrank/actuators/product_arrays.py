@@ -57,6 +57,8 @@ class Curves:
         return cls(*points)
 
     def __getitem__(self, index: Any) -> Self:
+        if isinstance(index, tuple) and any(part is Ellipsis for part in index):
+            index = (*index, slice(None))  # the points stay last
         return type(self)(self.x[index], self.y[index])
 
     @property
