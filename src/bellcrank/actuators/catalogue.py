@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from bellcrank import arguments
+from bellcrank.actuators.catalogue_checks import Contradiction, contradictions
 from bellcrank.actuators.catalogue_columns import GEAR_KINDS, MOTOR_KINDS
 from bellcrank.actuators.catalogue_curves import Product
 from bellcrank.actuators.catalogue_files import read_products
@@ -27,6 +28,7 @@ class Catalogue:
     Attributes:
         motors: Motors, servo motors, frameless motors, and actuators (motor and gear sold as one).
         gears: Gears, screws and racks; `DIRECT`, no gear at all, is not among them.
+        left_out: What was wrong with products that contradict themselves and are therefore not among the above.
 
     Raises:
         InputError: An id occurs twice.
@@ -40,6 +42,7 @@ class Catalogue:
 
     motors: tuple[Motor, ...] = ()
     gears: tuple[Gear, ...] = ()
+    left_out: tuple[Contradiction, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "motors", arguments.several("motors", self.motors, Motor, "motors"))
@@ -125,15 +128,16 @@ class Catalogue:
         motors = kept(self.motors, MOTOR_KINDS)
         if voltage is not None:
             motors = tuple(one for one in motors if one.nominal_voltage == voltage)
-        return Catalogue(motors, kept(self.gears, GEAR_KINDS))
+        return Catalogue(motors, kept(self.gears, GEAR_KINDS), self.left_out)
 
 
-def load_catalogue(*folders: str | Path, shipped: bool = True) -> Catalogue:
+def load_catalogue(*folders: str | Path, shipped: bool = True, contradicting: bool = False) -> Catalogue:
     """Read the catalogue that comes with bellcrank, and files or folders of your own.
 
     Args:
         folders: Folders, of which all files *.csv are read, and single files.
         shipped: Whether the products that come with bellcrank are in it.
+        contradicting: Whether products that contradict themselves are in it; otherwise they are in `left_out`.
 
     Returns:
         The catalogue.
@@ -143,14 +147,19 @@ def load_catalogue(*folders: str | Path, shipped: bool = True) -> Catalogue:
 
     Example:
         >>> import bellcrank as bc
-        >>> len(bc.load_catalogue().gears)
-        42
+        >>> catalogue = bc.load_catalogue()
+        >>> len(catalogue.gears), catalogue.left_out[0].product.id
+        (42, 'cubemars_ak80_64')
     """
     paths = [arguments.path("folders", one, "a folder or file of a catalogue") for one in folders]
     shipped = arguments.flag("shipped", shipped)
+    contradicting = arguments.flag("contradicting", contradicting)
     products = [one.product for one in read_products([*([SHIPPED] if shipped else []), *paths])]
-    motors = tuple(one for one in products if isinstance(one, Motor))
-    return Catalogue(motors, tuple(one for one in products if isinstance(one, Gear)))
+    wrong = () if contradicting else contradictions(products)
+    excluded = {one.product.id for one in wrong}
+    kept = [one for one in products if one.id not in excluded]
+    motors = tuple(one for one in kept if isinstance(one, Motor))
+    return Catalogue(motors, tuple(one for one in kept if isinstance(one, Gear)), wrong)
 
 
 def _named(what: str, name: str, products: Sequence[P]) -> P:

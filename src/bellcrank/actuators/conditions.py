@@ -37,6 +37,8 @@ class Conditions:
         ambient: Ambient temperature, °C.
         altitude: Altitude of the site above sea level, m, at most 4000.
         safety_factor: On loads' torques before they are compared with limits.
+        momentary_loads: Torques (axis name, N m or N) that happen rarely, such as in an emergency stop, for the gears'
+            momentary limit; a mapping is taken too and kept as pairs.
         life: Hours that gears must live (L10); None: life is reported and not judged.
         brake: Whether each motor must have a brake that holds the worst static torque.
         bus_capacitance: F; None: unknown.
@@ -60,6 +62,7 @@ class Conditions:
     ambient: float = 25.0
     altitude: float = 0.0
     safety_factor: float = 1.0
+    momentary_loads: tuple[tuple[str, float], ...] | Mapping[str, float] = ()
     life: float | None = None
     brake: bool = False
     bus_capacitance: float | None = None
@@ -73,6 +76,7 @@ class Conditions:
         check_numbers(self, where, _RANGES)
         object.__setattr__(self, "brake", arguments.flag("brake", self.brake, where=where))
         object.__setattr__(self, "assumed", _assumed(self.assumed))
+        object.__setattr__(self, "momentary_loads", _momentary_loads(self.momentary_loads))
 
     @property
     def altitude_factor(self) -> float:
@@ -118,6 +122,24 @@ class Conditions:
             return ()
         values = {name.removeprefix(f"{room}."): x for name, x in dict(self.assumed).items() if name.startswith(room)}
         return tuple((name, value) for name, value in values.items() if getattr(row, name) is None)
+
+
+def _momentary_loads(given: Any) -> tuple[tuple[str, float], ...]:
+    """Momentary loads as sorted pairs of axis and torque. Raises InputError."""
+    where, expected = "conditions", "a mapping of names of axes to torques, such as {'elbow': 80.0}"
+    if isinstance(given, tuple):
+        try:
+            given = dict(given)
+        except (TypeError, ValueError):
+            arguments.refuse("momentary_loads", expected, given, where)
+    values = arguments.mapping("momentary_loads", given, expected, where=where)
+    loads = {
+        arguments.text("momentary_loads", name, "a name of an axis", where=where): arguments.number(
+            f"momentary_loads['{name}']", value, least=0.0, where=where
+        )
+        for name, value in values.items()
+    }
+    return tuple(sorted(loads.items()))
 
 
 def _assumed(given: Any) -> tuple[tuple[str, float], ...]:

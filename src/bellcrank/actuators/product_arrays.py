@@ -8,7 +8,9 @@ through every formula, so a result that needs an unknown figure is NaN. An index
     motors[motor_index], gears[gear_index]    # a list of pairs, (pairs,)
     motors[motor_index][:, None]        # pairs against samples of a load, (pairs, samples)
 
-Functions over them: `electrical`, `continuous_torque`, `short_time_limits`, `powertrain`, `thermal_model`.
+Functions over them: `electrical` (torque of the current, losses, voltage), `continuous_torque`, `short_time_limits`
+(half-planes and printed curves), `powertrain.PowerTrains` (motor and gear on an axis), `thermal.ThermalModel`,
+`thermal_cycle.periodic_temperatures` and `time_to_limit`.
 """
 
 from __future__ import annotations

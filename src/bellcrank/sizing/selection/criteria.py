@@ -1,0 +1,197 @@
+"""What a criterion is: a load compared with a limit, over many pairs of motors and gears at once.
+
+Unknown values are NaN, which pass through every formula: a utilisation that is NaN is unknown, never a pass. Where a bound
+of the missing limit is stated (the rated torque lies below the peak torque), it may show a verdict all the same.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.actuators.gear import Gear
+from bellcrank.actuators.motor import Motor
+from bellcrank.sizing.selection.axis_loads import Axis
+from bellcrank.sizing.selection.load_reductions import ReducedCycle, ReducedLoads
+from bellcrank.sizing.selection.pairs import Pairs
+from bellcrank.sizing.selection.selection import CriterionResult, Verdict
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+CycleUse = Callable[[Pairs, ReducedCycle, Conditions], Array]
+
+
+class Criterion(ABC):
+    """One criterion of a motor and gear for one axis.
+
+    Attributes:
+        name: Such as "voltage limit".
+        formula: The condition, as text.
+        source: Where the formula is from.
+        needs: Fields that decide it ("motor.peak_torque"): alternatives, each of them sufficient.
+        of_gear: Whether it depends on the gear alone.
+    """
+
+    name: ClassVar[str]
+    formula: ClassVar[str]
+    source: ClassVar[str]
+    needs: ClassVar[tuple[tuple[str, ...], ...]] = ((),)
+    of_gear: ClassVar[bool] = False
+
+    @abstractmethod
+    def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """Utilisation (m,) in one cycle, whose torques contain the safety factor."""
+
+    @abstractmethod
+    def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
+        """A sentence about one pair in one cycle."""
+
+    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+        """Whether (m,) the criterion has a limit for each pair; otherwise it is a note."""
+        return np.ones(len(pairs), dtype=bool)
+
+    def use(self, pairs: Pairs, loads: ReducedLoads, conditions: Conditions) -> Array:
+        """Utilisation of the worst cycle.
+
+        Args:
+            pairs: m motors and gears.
+            loads: The cycles of the axis.
+            conditions: What is assumed beside the loads.
+
+        Returns:
+            Utilisation (m,), 1 at the limit, NaN where it is unknown.
+        """
+        return np.asarray(worst(self._uses(pairs, loads, conditions)))
+
+    def _uses(self, pairs: Pairs, loads: ReducedLoads, conditions: Conditions) -> Array:
+        """Utilisation (c, m) in each cycle."""
+        uses = np.empty((len(loads.cycles), len(pairs)))
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            for rows, cycles in cycles_of(pairs, loads, conditions, of_gear=self.of_gear):
+                part = pairs if rows is None else pairs.take(rows)
+                for number, cycle in enumerate(cycles):
+                    uses[number, slice(None) if rows is None else rows] = self.cycle_use(part, cycle, conditions)
+        return uses
+
+    def result(self, pair: Pairs, loads: ReducedLoads, conditions: Conditions) -> CriterionResult:
+        """The verdict on one pair, with a sentence about its worst cycle."""
+        uses = self._uses(pair, loads, conditions)
+        use = float(worst(uses)[0])
+        judged = bool(self.judged(pair, loads.axis, conditions)[0])
+        ((_, cycles),) = cycles_of(pair, loads, conditions, of_gear=self.of_gear)
+        number = int(np.argmax(np.where(np.isnan(uses[:, 0]), np.inf if np.isnan(use) else -np.inf, uses[:, 0])))
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            text = self.cycle_text(pair, cycles[number], conditions)
+        verdict: Verdict = (
+            "note" if not judged else "unknown" if np.isnan(use) else "exceeded" if use > 1.0 else "inside"
+        )
+        known = judged and not np.isnan(use)
+        return CriterionResult(name=self.name, use=use if known else None, verdict=verdict, text=text)
+
+    def missing(self, pair: Pairs) -> str:
+        """What the rows of one pair lack for this criterion, in words."""
+        motor, gear = pair.rows(0)
+        lacking = min((lacks(needed, motor, gear) for needed in self.needs), key=len)
+        return "not stated: " + ", ".join(lacking) if lacking else "not known from what is stated"
+
+
+class LimitCriterion(Criterion):
+    """A load that is at most a limit.
+
+    Attributes:
+        quantity: Name of the load, as a sentence begins.
+        limit_name: Name of the limit.
+        unit: Unit of both; "axis torque" stands for N m or N.
+    """
+
+    quantity: ClassVar[str]
+    limit_name: ClassVar[str]
+    unit: ClassVar[str]
+
+    @abstractmethod
+    def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """The load (m,)."""
+
+    @abstractmethod
+    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """The limit (m,); NaN where unknown."""
+
+    def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str] | None:
+        """A figure (m,) that the limit is not below, with its name: it shows a pass where the limit is unknown."""
+        return None
+
+    def at_most(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str] | None:
+        """A figure (m,) that the limit is not above, with its name: it shows a failure where the limit is unknown."""
+        return None
+
+    def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """Load over limit; over a bound of an unknown limit where that decides."""
+        demand = self.demand(pairs, cycle, conditions)
+        use = share(demand, self.limit(pairs, cycle, conditions))
+        for bound, decides in ((self.at_least(pairs, cycle), np.less_equal), (self.at_most(pairs, cycle), np.greater)):
+            if bound is not None:
+                instead = share(demand, bound[0])
+                use = np.where(np.isnan(use) & decides(instead, 1.0), instead, use)
+        return use
+
+    def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
+        """The load and its limit, with units, and the cycle."""
+        unit = ("N m" if cycle.axis.kind == "rotary" else "N") if self.unit == "axis torque" else self.unit
+        demand = float(self.demand(pair, cycle, conditions)[0])
+        load = f"{self.quantity} {demand:.4g} {unit}" if not np.isnan(demand) else f"{self.quantity} unknown"
+        limit, name = float(self.limit(pair, cycle, conditions)[0]), self.limit_name
+        if np.isnan(limit):
+            use = float(self.cycle_use(pair, cycle, conditions)[0])
+            bound = self.at_least(pair, cycle) if use <= 1.0 else self.at_most(pair, cycle)
+            if np.isnan(use) or bound is None:
+                return f"{load} in '{cycle.name}'; {self.missing(pair)}"
+            limit, name = float(bound[0][0]), f"{bound[1]} (the {name} is not stated, and not {_side(use)})"
+        return f"{load} of {limit:.4g} {unit}, {name}, in '{cycle.name}'"
+
+
+def _side(use: float) -> str:
+    return "lower" if use <= 1.0 else "higher"
+
+
+def share(demand: Array, limit: Array) -> Array:
+    """Demand over limit; 0 where nothing is demanded of a known or unknown limit, infinite of a limit of 0."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(demand == 0.0, 0.0, np.divide(demand, limit))
+
+
+def worst(uses: Array) -> Array:
+    """The largest utilisation (m,) of several (c, m): above 1 where one is, else NaN where one is unknown."""
+    known = np.fmax.reduce(uses, axis=0)
+    return np.where(np.isnan(uses).any(axis=0) & ~(known > 1.0), np.nan, known)
+
+
+def lacks(needed: tuple[str, ...], motor: Motor, gear: Gear) -> tuple[str, ...]:
+    """Those of the needed fields that the rows of a pair do not state."""
+    rows = {"motor": motor, "gear": gear}
+    return tuple(
+        f"the {side}'s {field.replace('_', ' ')}"
+        for side, field in (name.split(".") for name in needed)
+        if getattr(rows[side], field) is None
+    )
+
+
+def cycles_of(
+    pairs: Pairs, loads: ReducedLoads, conditions: Conditions, *, of_gear: bool = False
+) -> list[tuple[NDArray[np.intp] | None, tuple[ReducedCycle, ...]]]:
+    """The cycles by rows of pairs (None: all rows): those of a gear whose efficiency depends on the load are its own."""
+    common = loads.with_safety_factor(conditions.safety_factor)
+    curved = pairs.products.gear_arrays.efficiency_curve.known[pairs.gear]
+    if of_gear or not curved.any():
+        return [(None, common.cycles)]
+    own = []
+    for number in np.unique(pairs.gear[curved]):
+        rows = np.nonzero(pairs.gear == number)[0]
+        own.append((rows, common.through(pairs.products.gears[number])))
+    if len(own) == 1 and curved.all():
+        return [(None, own[0][1])]
+    return [*own, (np.nonzero(~curved)[0], common.cycles)]

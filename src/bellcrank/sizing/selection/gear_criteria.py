@@ -1,0 +1,275 @@
+"""Criteria of gears: torques at the output, speeds at the input, life, and loads of the output bearing.
+
+They depend on the gear and the load alone, so each gear is judged once. A pair without a gear has none of these limits.
+The torque at the output is that of the load, without the actuator's own inertia: rotor and gear accelerate on its input.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.sizing.selection.axis_loads import Axis
+from bellcrank.sizing.selection.criteria import Array, Bools, LimitCriterion, share
+from bellcrank.sizing.selection.load_reductions import ReducedCycle
+from bellcrank.sizing.selection.pairs import Pairs
+
+_HARMONIC_DRIVE = "Harmonic Drive, HFUS-2A manual, p. 19"
+RPM = 30.0 / math.pi
+
+
+class GearCriterion(LimitCriterion):
+    """A limit that a gear states; motors without a gear are not judged."""
+
+    of_gear = True
+
+    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+        """Pairs with a gear."""
+        return np.asarray(~pairs.of_gear("direct"))
+
+    def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
+        """The load and the gear's limit."""
+        return "no gear" if pair.of_gear("direct")[0] else super().cycle_text(pair, cycle, conditions)
+
+
+class GearAverageTorque(GearCriterion):
+    """The average torque of the gear's life law under its limit.
+
+    The average grows with the exponent up to the largest torque, from the mean of |τ| over the travel (p = 1). Where the
+    exponent is unknown, these two bounds may decide; the limit is not below the rated torque and not above that of
+    repeated peaks.
+    """
+
+    name = "gear average torque"
+    formula = "T_av = (∫ |q̇| |τ|^p dt / ∫ |q̇| dt)^(1/p) ≤ T_A"
+    source = f"{_HARMONIC_DRIVE}, with p = 3; p is the maker's"
+    needs = (("gear.average_torque", "gear.life_exponent"), ("gear.rated_torque", "gear.life_exponent"))
+    quantity = "average torque"
+    limit_name = "limit of the gear's average torque"
+    unit = "axis torque"
+
+    def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """Average torque with the gear's exponent."""
+        return average_torque(pairs, cycle)
+
+    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """The gear's `average_torque`."""
+        return pairs.of_gear("average_torque")
+
+    def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
+        """The rated torque, which may act all the time."""
+        return pairs.of_gear("rated_torque"), "rated torque"
+
+    def at_most(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
+        """The repeated peak torque, which may act at times only."""
+        return pairs.of_gear("repeated_peak_torque"), "limit of repeated peaks"
+
+    def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """With an unknown exponent, the use with the largest torque where it passes, with the mean where it does not."""
+        use = super().cycle_use(pairs, cycle, conditions)
+        limit = self.limit(pairs, cycle, conditions)
+        pass_limit = np.where(np.isnan(limit), self.at_least(pairs, cycle)[0], limit)
+        fail_limit = np.where(np.isnan(limit), self.at_most(pairs, cycle)[0], limit)
+        for torque, bound, decides in (
+            (cycle.max_torque, pass_limit, np.less_equal),
+            (cycle.average_torque(1.0), fail_limit, np.greater),
+        ):
+            instead = share(torque, bound)
+            use = np.where(np.isnan(use) & decides(instead, 1.0), instead, use)
+        return use
+
+    def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
+        """The load and its limit; bounds of the load where the exponent is unknown."""
+        exponent = pair.rows(0)[1].life_exponent
+        text = super().cycle_text(pair, cycle, conditions)
+        if pair.of_gear("direct")[0] or cycle.mean_speed == 0.0:
+            return text
+        if exponent is not None:
+            return f"{text} (exponent {exponent:g})"
+        use = float(self.cycle_use(pair, cycle, conditions)[0])
+        between = f"average torque between {cycle.average_torque(1.0):.4g} and {cycle.max_torque:.4g}, as the exponent"
+        if np.isnan(use):
+            return f"{between} is not stated; {self.missing(pair)}"
+        limit = cycle.max_torque / use if use <= 1.0 else cycle.average_torque(1.0) / use
+        return f"{between} is not stated, of {limit:.4g}, in '{cycle.name}'"
+
+
+class GearRepeatedPeak(GearCriterion):
+    """The largest torque of the cycle under the limit of repeated peaks."""
+
+    name = "gear repeated peak torque"
+    formula = "max |τ| ≤ T_R"
+    source = _HARMONIC_DRIVE
+    needs = (("gear.repeated_peak_torque",),)
+    quantity = "largest torque at the output"
+    limit_name = "limit of repeated peaks"
+    unit = "axis torque"
+
+    def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """Largest load torque."""
+        return np.full(len(pairs), cycle.max_torque)
+
+    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """The gear's `repeated_peak_torque`."""
+        return pairs.of_gear("repeated_peak_torque")
+
+    def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
+        """The limit of the average, or the rated torque: what may act all the time may act as a peak."""
+        return np.fmax(pairs.of_gear("average_torque"), pairs.of_gear("rated_torque")), "limit of the average torque"
+
+    def at_most(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
+        """The limit of momentary torque, which is not for repetition."""
+        return pairs.of_gear("momentary_torque"), "limit of momentary torque"
+
+
+class GearMomentaryTorque(GearCriterion):
+    """A torque that happens rarely, such as an emergency stop, under the momentary limit; judged where one is given."""
+
+    name = "gear momentary torque"
+    formula = "T_k ≤ T_M"
+    source = _HARMONIC_DRIVE
+    needs = (("gear.momentary_torque",),)
+    quantity = "momentary torque"
+    limit_name = "limit of momentary torque"
+    unit = "axis torque"
+
+    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+        """Pairs with a gear, where the conditions name a momentary load of the axis."""
+        given = axis.name in dict(conditions.momentary_loads)
+        return np.asarray(~pairs.of_gear("direct") & given)
+
+    def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """The momentary load that the conditions name."""
+        load = dict(conditions.momentary_loads).get(cycle.axis.name, np.nan)
+        return np.full(len(pairs), load * conditions.safety_factor)
+
+    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """The gear's `momentary_torque`."""
+        return pairs.of_gear("momentary_torque")
+
+    def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
+        """The limit of repeated peaks."""
+        return pairs.of_gear("repeated_peak_torque"), "limit of repeated peaks"
+
+    def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
+        """The load and its limit, or that no load is given."""
+        if cycle.axis.name in dict(conditions.momentary_loads):
+            return super().cycle_text(pair, cycle, conditions)
+        return "not judged: no momentary load (such as an emergency stop) of this axis is given"
+
+
+class GearAverageSpeed(GearCriterion):
+    """The mean input speed under its limit."""
+
+    name = "gear average input speed"
+    formula = "N mean |q̇| ≤ n_av"
+    source = _HARMONIC_DRIVE
+    needs = (("gear.average_speed", "gear.ratio"),)
+    quantity = "mean input speed"
+    limit_name = "limit of the gear's average input speed"
+    unit = "rpm"
+
+    def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """Mean input speed."""
+        return pairs.of_gear("ratio") * cycle.mean_speed * RPM
+
+    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """The gear's `average_speed`."""
+        return pairs.of_gear("average_speed") * RPM
+
+    def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
+        """The rated speed, at which the rated life is given."""
+        return pairs.of_gear("rated_speed") * RPM, "rated speed"
+
+    def at_most(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
+        """The largest input speed."""
+        return pairs.of_gear("max_speed") * RPM, "largest input speed"
+
+
+class GearMaxSpeed(GearCriterion):
+    """The largest input speed under its limit."""
+
+    name = "gear largest input speed"
+    formula = "N max |q̇| ≤ n_max"
+    source = _HARMONIC_DRIVE
+    needs = (("gear.max_speed", "gear.ratio"),)
+    quantity = "largest input speed"
+    limit_name = "limit of the gear's input speed"
+    unit = "rpm"
+
+    def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """Largest input speed."""
+        return pairs.of_gear("ratio") * cycle.max_speed * RPM
+
+    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """The gear's `max_speed`."""
+        return pairs.of_gear("max_speed") * RPM
+
+    def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
+        """The limit of the average speed, or the rated speed."""
+        return np.fmax(pairs.of_gear("average_speed"), pairs.of_gear("rated_speed")) * RPM, "limit of the average speed"
+
+
+class GearLife(GearCriterion):
+    """The life that 90 % of the gears reach, against the hours required; a note where none are required.
+
+    With an unknown exponent p: (T_r/T_av)^p is at least 1 where even the largest torque is below the rated one, and at
+    most T_r/T_1 where the mean over the travel T_1 (p = 1) is above it.
+    """
+
+    name = "gear life"
+    formula = "L10 = L_r (n_r / N mean |q̇|) (T_r / T_av)^p ≥ required hours"
+    source = f"{_HARMONIC_DRIVE}; L10 about L50 / 5 there"
+    needs = (("gear.life", "gear.rated_speed", "gear.rated_torque", "gear.life_exponent", "gear.ratio"),)
+    quantity = "required life"
+    limit_name = "L10 life"
+    unit = "h"
+
+    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+        """Pairs with a gear, where hours are required."""
+        return np.asarray(~pairs.of_gear("direct") & (conditions.life is not None))
+
+    def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """The hours required."""
+        return np.full(len(pairs), np.nan if conditions.life is None else conditions.life)
+
+    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """L10 in hours; infinite where the axis does not move or carries nothing."""
+        ratio = pairs.of_gear("rated_torque") / average_torque(pairs, cycle)
+        return np.asarray(_life_at_rated_torque(pairs, cycle) * ratio ** pairs.of_gear("life_exponent"))
+
+    def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
+        """The life at rated torque, where no torque is above it."""
+        below = cycle.max_torque <= pairs.of_gear("rated_torque")
+        return np.where(below, _life_at_rated_torque(pairs, cycle), np.nan), "L10 life at rated torque"
+
+    def at_most(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
+        """The life with an exponent of 1, where the mean torque is above the rated one."""
+        ratio = pairs.of_gear("rated_torque") / cycle.average_torque(1.0)
+        life = np.where(ratio <= 1.0, _life_at_rated_torque(pairs, cycle) * ratio, np.nan)
+        return life, "L10 life with exponent 1"
+
+    def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
+        """The hours required and those expected."""
+        life = float(self.limit(pair, cycle, conditions)[0])
+        if pair.of_gear("direct")[0] or conditions.life is not None:
+            return super().cycle_text(pair, cycle, conditions)
+        expected = self.missing(pair) if np.isnan(life) else f"L10 life {life:.4g} h in '{cycle.name}'"
+        return f"{expected}; not judged: no hours are required"
+
+
+def average_torque(pairs: Pairs, cycle: ReducedCycle) -> Array:
+    """The average torque (m,) with each gear's exponent; NaN where that is unknown and decides."""
+    exponents = pairs.of_gear("life_exponent")
+    torque = np.full(len(pairs), 0.0 if cycle.max_torque == 0.0 or cycle.mean_speed == 0.0 else np.nan)
+    for exponent in np.unique(exponents[~np.isnan(exponents)]):
+        torque[exponents == exponent] = cycle.average_torque(float(exponent))
+    return torque
+
+
+def _life_at_rated_torque(pairs: Pairs, cycle: ReducedCycle) -> Array:
+    """Hours (m,) at the mean speed and the rated torque."""
+    speed = pairs.of_gear("ratio") * cycle.mean_speed
+    return np.asarray(pairs.of_gear("life") * pairs.of_gear("rated_speed") / speed)

@@ -1,0 +1,203 @@
+"""Judging many pairs of motors and gears for one axis: cheap criteria first, and costly ones for what is left."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.actuators.electrical import loss_per_squared_torque
+from bellcrank.sizing.selection.criteria import Array, Bools, Criterion, cycles_of
+from bellcrank.sizing.selection.gear_criteria import (
+    GearAverageSpeed,
+    GearAverageTorque,
+    GearLife,
+    GearMaxSpeed,
+    GearMomentaryTorque,
+    GearRepeatedPeak,
+)
+from bellcrank.sizing.selection.load_reductions import ACCELERATION, ReducedLoads
+from bellcrank.sizing.selection.motor_criteria import (
+    ContinuousTorqueCriterion,
+    HoldingBrake,
+    MotorSpeed,
+    PeakCurrent,
+    PeakTorque,
+    VoltageLimit,
+)
+from bellcrank.sizing.selection.pairs import Pairs
+from bellcrank.sizing.selection.peak_curve import PeakCurve
+from bellcrank.sizing.selection.peak_duration import PeakDuration
+from bellcrank.sizing.selection.selection import CriterionResult, Tier
+from bellcrank.sizing.selection.shaft_loads import electrical_coefficients, mean_square, mean_times_speed
+from bellcrank.sizing.selection.thermal_criteria import HousingTemperature, WindingTemperature
+
+INSIDE, EXCEEDED, UNKNOWN, NOTE, NOT_EVALUATED = range(5)
+VERDICTS: Final = ("inside", "exceeded", "unknown", "note", "not evaluated")
+TIERS: Final[tuple[Tier, ...]] = ("all criteria shown", "passes what is known", "fails")
+GEAR_CRITERIA: Final[tuple[Criterion, ...]] = (
+    GearMaxSpeed(),
+    GearAverageSpeed(),
+    GearRepeatedPeak(),
+    GearAverageTorque(),
+    GearMomentaryTorque(),
+    GearLife(),
+)
+# Criteria in the order of their cost: pairs that fail one group are left out of the groups that follow.
+PAIR_CRITERIA: Final[tuple[tuple[Criterion, ...], ...]] = (
+    (MotorSpeed(), HoldingBrake()),
+    (ContinuousTorqueCriterion(),),
+    (PeakTorque(), PeakCurrent(), VoltageLimit()),
+    (PeakCurve(), PeakDuration()),
+    (WindingTemperature(), HousingTemperature()),
+)
+CRITERIA: Final = (*GEAR_CRITERIA, *(criterion for group in PAIR_CRITERIA for criterion in group))
+CHUNK = 8192  # pairs judged at once
+THREADS = 1
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Judgement:
+    """What every criterion says of m pairs for one axis.
+
+    Attributes:
+        pairs: The pairs.
+        loads: The loads.
+        conditions: The conditions.
+        criteria: The c criteria, in the order of rows.
+        use: Utilisation (c, m), 1 at the limit; NaN where unknown, a note, or not evaluated.
+        verdict: (c, m) indices into `VERDICTS`.
+        loss: Mean electrical loss of motor and gear in the worst cycle (m,), W, with the winding at 25 °C; NaN where
+            unknown.
+    """
+
+    pairs: Pairs
+    loads: ReducedLoads
+    conditions: Conditions
+    criteria: tuple[Criterion, ...]
+    use: Array
+    verdict: NDArray[np.int8]
+    loss: Array
+
+    @property
+    def tier(self) -> NDArray[np.int8]:
+        """Class of each pair (m,), an index into `TIERS`."""
+        fails = (self.verdict == EXCEEDED).any(axis=0)
+        unknown = (self.verdict == UNKNOWN).any(axis=0)
+        return np.where(fails, 2, np.where(unknown, 1, 0)).astype(np.int8)
+
+    @property
+    def largest_use(self) -> Array:
+        """Largest known utilisation of each pair (m,); 0 where none is known."""
+        return np.asarray(np.fmax.reduce(self.use, axis=0, initial=0.0))
+
+    @property
+    def mass(self) -> Array:
+        """Mass of motor and gear (m,), kg; NaN where unknown."""
+        return self.pairs.of_motor("mass") + self.pairs.of_gear("mass")
+
+    def results(self, pair: int) -> tuple[CriterionResult, ...]:
+        """Every criterion of one pair, in words, those included that were not evaluated here."""
+        one = self.pairs.take(slice(pair, pair + 1))
+        return tuple(criterion.result(one, self.loads, self.conditions) for criterion in self.criteria)
+
+
+def judge(pairs: Pairs, loads: ReducedLoads, conditions: Conditions) -> Judgement:
+    """Judge many pairs for one axis by every criterion.
+
+    Gear criteria are evaluated once for each gear. A pair that fails one group of criteria is left out of the costlier
+    groups that follow; their verdict is then "not evaluated", which is never a pass, because the pair fails anyway.
+
+    Args:
+        pairs: The motors and gears.
+        loads: The cycles of the axis.
+        conditions: What is assumed beside the loads.
+
+    Returns:
+        Utilisations and verdicts.
+    """
+    use = np.full((len(CRITERIA), len(pairs)), np.nan)
+    verdict = np.full(use.shape, NOT_EVALUATED, dtype=np.int8)
+    loss = np.full(len(pairs), np.nan)
+    judgement = Judgement(
+        pairs=pairs, loads=loads, conditions=conditions, criteria=CRITERIA, use=use, verdict=verdict, loss=loss
+    )
+    for row, criterion in enumerate(GEAR_CRITERIA):
+        _judge_gears(judgement, row, criterion)
+    alive = np.nonzero(~(verdict == EXCEEDED).any(axis=0))[0]
+    chunks = [
+        rows[start : start + CHUNK] for rows in _by_efficiency(pairs, alive) for start in range(0, len(rows), CHUNK)
+    ]
+    with ThreadPoolExecutor(THREADS) as threads:
+        list(threads.map(lambda rows: _judge_chunk(judgement, rows), chunks))
+    return judgement
+
+
+def _by_efficiency(pairs: Pairs, rows: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    """Rows of pairs, apart for each gear whose efficiency depends on the load, because its cycles are its own."""
+    curved = pairs.products.gear_arrays.efficiency_curve.known
+    gear = pairs.gear[rows]
+    return [rows[~curved[gear]], *(rows[gear == number] for number in np.nonzero(curved)[0])]
+
+
+def _judge_gears(judgement: Judgement, row: int, criterion: Criterion) -> None:
+    """Judge every gear once, whichever motors it goes with."""
+    pairs, loads, conditions = judgement.pairs, judgement.loads, judgement.conditions
+    if not len(pairs):
+        return
+    gears = np.arange(len(pairs.products.gears))
+    each = Pairs(products=pairs.products, motor=np.zeros_like(gears), gear=gears, fits=np.ones(len(gears), dtype=bool))
+    use, verdict = _verdicts(criterion, each, loads, conditions)
+    judgement.use[row] = use[pairs.gear]
+    judgement.verdict[row] = verdict[pairs.gear]
+
+
+def _judge_chunk(judgement: Judgement, rows: NDArray[np.intp]) -> None:
+    """Judge some pairs by the criteria of pairs, group by group."""
+    row = len(GEAR_CRITERIA)
+    for group in PAIR_CRITERIA:
+        part = judgement.pairs.take(rows)
+        failed = np.zeros(len(rows), dtype=bool)
+        for criterion in group:
+            use, verdict = _verdicts(criterion, part, judgement.loads, judgement.conditions)
+            judgement.use[row, rows] = use
+            judgement.verdict[row, rows] = verdict
+            failed |= verdict == EXCEEDED
+            row += 1
+        rows = rows[~failed]
+        if not len(rows):
+            return
+    judgement.loss[rows] = mean_loss(judgement.pairs.take(rows), judgement.loads, judgement.conditions)
+
+
+def _verdicts(
+    criterion: Criterion, pairs: Pairs, loads: ReducedLoads, conditions: Conditions
+) -> tuple[Array, NDArray[np.int8]]:
+    """Utilisation (NaN of a note) and verdict of each pair."""
+    use = criterion.use(pairs, loads, conditions)
+    judged: Bools = criterion.judged(pairs, loads.axis, conditions)
+    verdict = np.where(np.isnan(use), UNKNOWN, np.where(use > 1.0, EXCEEDED, INSIDE))
+    return np.where(judged, use, np.nan), np.where(judged, verdict, NOTE).astype(np.int8)
+
+
+def mean_loss(pairs: Pairs, loads: ReducedLoads, conditions: Conditions) -> Array:
+    """Mean loss of motor and gear in the worst cycle (m,), W, with the winding at 25 °C and without safety factor.
+
+    It is the mean of the electrical power less that of the output power τ q̇; the power of the actuator's own inertia,
+    whose mean is zero in a cycle, is left out.
+    """
+    losses = np.empty((len(loads.cycles), len(pairs)))
+    for rows, cycles in cycles_of(pairs, loads, replace(conditions, safety_factor=1.0)):
+        part = pairs if rows is None else pairs.take(rows)
+        for number, cycle in enumerate(cycles):
+            factors = electrical_coefficients(part, cycle)
+            copper = loss_per_squared_torque(part.motors) * mean_square(factors, cycle)
+            factors = factors.copy()
+            factors[:, ACCELERATION] = 0.0
+            power = part.of_gear("ratio") * mean_times_speed(factors, cycle)
+            losses[number, slice(None) if rows is None else rows] = copper + power - cycle.mean_output_power
+    return np.asarray(np.max(losses, axis=0))

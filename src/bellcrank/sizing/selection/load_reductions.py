@@ -1,0 +1,268 @@
+"""A load cycle reduced once per axis, so that each criterion costs little for each of many motors and gears.
+
+The torque at a motor's shaft is linear in five features of a sample,
+x = [τ while the motor drives, τ while the load drives, q̈, sign q̇, q̇], with coefficients that depend on the pair alone:
+[1/(N η), η_back/N, J N, T_c, c_v N] (see `shaft_coefficients`). Therefore
+- mean squares and mean powers of every pair follow from one matrix of second moments, (1/t) ∫ x xᵀ dt, and
+- the largest value of any linear form a T + b ω is taken at an extreme point of the samples: a vertex of the convex hull
+  of (τ, q̈, q̇), formed apart where the motor drives, where the load drives and at rest, because the coefficients differ.
+Both are exact to rounding. (A linear function takes its maximum over a set at a vertex of the set's convex hull: Boyd and
+Vandenberghe, Convex Optimization, 2004, exercise 2.5 and section 4.3.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from bellcrank.actuators.gear import Gear
+from bellcrank.actuators.motor import Motor
+from bellcrank.actuators.powertrain import PowerTrains
+from bellcrank.cached_values import cached_property
+from bellcrank.sizing.selection.axis_loads import Axis, LoadCycle
+
+Array = NDArray[np.float64]
+STANDSTILL = (
+    1e-9  # rad/s (m/s) of the axis: slower counts as at rest, so that rounding does not decide the flow of power
+)
+DRIVING, DRIVEN, ACCELERATION, DIRECTION, SPEED = range(5)  # the features
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReducedCycle:
+    """One load cycle of one axis: its samples, and what criteria need of them. Units of the axis: rad, N m or m, N.
+
+    Attributes:
+        axis: The axis.
+        name: Name of the cycle.
+        duration: s.
+        time: Times (n,), s.
+        weight: Weights (n,), s, of integrals over the cycle.
+        interval: Number (n,) of the interval of each sample, from 0.
+        sequence: (first interval, interval after the last, passes) of each part in the order of the cycle.
+        features: (n, 5): torque while the motor drives (τ q̇ >= 0, standstill included), torque while the load drives,
+            acceleration, direction of motion (-1, 0, 1), speed.
+        torque: Torque (n,) at the axis.
+        static_torque: Largest torque that holds the axis at rest in the cycle's postures.
+        inertia: Inertia (n,) of the load.
+        axial_force: Largest force along the joint's axis, N; NaN where there is none.
+        tilting_moment: Largest moment across the joint's axis, N m; NaN where there is none.
+        includes_gear: Whether the features' torques are divided by a gear's efficiency over load already.
+    """
+
+    axis: Axis
+    name: str
+    duration: float
+    time: Array
+    weight: Array
+    interval: NDArray[np.intp]
+    sequence: tuple[tuple[int, int, int], ...]
+    features: Array
+    torque: Array
+    static_torque: float
+    inertia: Array
+    axial_force: float
+    tilting_moment: float
+    includes_gear: bool = False
+
+    @property
+    def speed(self) -> Array:
+        """Speed (n,) of the axis; 0 at standstill."""
+        return self.features[:, SPEED]
+
+    @cached_property
+    def second_moments(self) -> Array:
+        """(5, 5) means over time of products of features."""
+        return np.asarray((self.features.T * (self.weight / self.duration)) @ self.features)
+
+    @cached_property
+    def passes(self) -> NDArray[np.intp]:
+        """How often each of the K intervals occurs in the cycle (K,)."""
+        passes = np.zeros(int(self.interval.max()) + 1, dtype=np.intp)
+        for first, end, count in self.sequence:
+            passes[first:end] += count
+        return passes
+
+    @cached_property
+    def interval_duration(self) -> Array:
+        """The time that one pass of each interval takes (K,), s."""
+        return np.bincount(self.interval, self.weight, len(self.passes)) / self.passes
+
+    @cached_property
+    def interval_order(self) -> NDArray[np.intp]:
+        """Numbers of the intervals in the order of the cycle, with all passes."""
+        return np.concatenate([np.tile(np.arange(first, end), passes) for first, end, passes in self.sequence])
+
+    @cached_property
+    def interval_moments(self) -> Array:
+        """(K, 5, 5) means over each interval of products of features."""
+        weighted = self.features * self.weight[:, None]
+        total = np.bincount(self.interval, self.weight, len(self.passes))
+        sums = np.zeros((len(total), 5, 5))
+        np.add.at(sums, self.interval, weighted[:, :, None] * self.features[:, None, :])
+        return np.divide(sums, total[:, None, None], out=np.zeros_like(sums), where=total[:, None, None] > 0.0)
+
+    @cached_property
+    def extremes(self) -> Array:
+        """(h, 5) features with speed >= 0 that bound every limit which is the same in both directions of motion.
+
+        Samples that move backwards are reversed as a whole, because a limit on (T, ω) holds for (-T, -ω) too.
+        """
+        features = np.where(self.speed[:, None] < 0.0, -self.features, self.features)
+        driven = features[:, DRIVEN] != 0.0
+        moving = features[:, DIRECTION] != 0.0
+        at_rest = features[~moving]
+        groups = (features[moving & ~driven], features[moving & driven], np.concatenate([at_rest, -at_rest]))
+        return np.concatenate([group[_extreme_points(group)] for group in groups if len(group)])
+
+    @cached_property
+    def mean_speed(self) -> float:
+        """Mean of |q̇| over time."""
+        return float(self.weight @ np.abs(self.speed)) / self.duration
+
+    @cached_property
+    def max_speed(self) -> float:
+        """Largest |q̇|."""
+        return float(np.max(np.abs(self.speed)))
+
+    @cached_property
+    def max_torque(self) -> float:
+        """Largest |τ|."""
+        return float(np.max(np.abs(self.torque)))
+
+    @cached_property
+    def mean_output_power(self) -> float:
+        """Mean of τ q̇, W."""
+        return float(self.weight @ (self.torque * self.speed)) / self.duration
+
+    def average_torque(self, exponent: float) -> float:
+        """Average torque of a gear's life, (∫ |q̇| |τ|^p dt / ∫ |q̇| dt)^(1/p); 0 for an axis that never moves.
+
+        Source: Harmonic Drive, HFUS-2A manual, p. 19 (p = 3).
+        """
+        travel = self.weight * np.abs(self.speed)
+        total = float(np.sum(travel))
+        if total == 0.0 or self.max_torque == 0.0:
+            return 0.0
+        share = (np.abs(self.torque) / self.max_torque) ** exponent  # so that no power overflows
+        return self.max_torque * float(travel @ share / total) ** (1.0 / exponent)
+
+    def scaled(self, factor: float) -> ReducedCycle:
+        """The same cycle with all loads (torques, forces and moments, but no inertia) times a factor."""
+        return replace(
+            self,
+            features=self.features * [factor, factor, 1.0, 1.0, 1.0],
+            torque=self.torque * factor,
+            static_torque=self.static_torque * factor,
+            axial_force=self.axial_force * factor,
+            tilting_moment=self.tilting_moment * factor,
+        )
+
+    def through(self, train: PowerTrains) -> ReducedCycle:
+        """The same cycle with the torques at the input of one gear (its efficiency over load), times its ratio."""
+        torque = train.gear_torque(self.torque, self.speed) * train.gears.ratio
+        driven = self.torque * self.speed < 0.0
+        features = self.features.copy()
+        features[:, DRIVING] = np.where(driven, 0.0, torque)
+        features[:, DRIVEN] = np.where(driven, torque, 0.0)
+        return replace(self, features=features, includes_gear=True)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReducedLoads:
+    """What one axis must deliver: all its cycles, reduced.
+
+    Attributes:
+        axis: The axis.
+        cycles: Its cycles; the worst one counts.
+    """
+
+    axis: Axis
+    cycles: tuple[ReducedCycle, ...]
+    _scaled: dict[float, ReducedLoads] = field(default_factory=dict, init=False, repr=False)
+    _through: dict[Gear, tuple[ReducedCycle, ...]] = field(default_factory=dict, init=False, repr=False)
+
+    def with_safety_factor(self, factor: float) -> ReducedLoads:
+        """The loads times a safety factor; computed once for each factor."""
+        if factor == 1.0:
+            return self
+        if factor not in self._scaled:
+            scaled = tuple(cycle.scaled(factor) for cycle in self.cycles)
+            self._scaled[factor] = ReducedLoads(axis=self.axis, cycles=scaled)
+        return self._scaled[factor]
+
+    def through(self, gear: Gear) -> tuple[ReducedCycle, ...]:
+        """The cycles at the input of a gear whose efficiency depends on the load; computed once for each gear."""
+        if gear not in self._through:
+            train = PowerTrains.of(Motor(id="any", maker="", model=""), gear)
+            self._through[gear] = tuple(cycle.through(train) for cycle in self.cycles)
+        return self._through[gear]
+
+
+def reduce_cycle(cycle: LoadCycle, axes: tuple[Axis, ...], number: int) -> ReducedCycle:
+    """One axis (its number) of a load cycle, ready for criteria.
+
+    Args:
+        cycle: The cycle of all axes.
+        axes: The axes.
+        number: Which of them.
+
+    Returns:
+        The samples of the axis; what criteria need is computed when first asked for.
+    """
+    torque = np.ascontiguousarray(cycle.torque[:, number])
+    speed = cycle.speed[:, number]
+    speed = np.where(np.abs(speed) <= STANDSTILL, 0.0, speed)
+    drives = torque * speed >= 0.0
+    columns = (
+        np.where(drives, torque, 0.0),
+        np.where(drives, 0.0, torque),
+        cycle.acceleration[:, number],
+        np.sign(speed),
+        speed,
+    )
+    return ReducedCycle(
+        axis=axes[number],
+        name=cycle.name,
+        duration=cycle.duration,
+        time=cycle.time,
+        weight=cycle.weight,
+        interval=cycle.interval,
+        sequence=cycle.sequence,
+        features=np.column_stack(columns),
+        torque=torque,
+        static_torque=float(np.max(np.abs(cycle.static_torque[:, number]))),
+        inertia=np.ascontiguousarray(cycle.inertia[:, number]),
+        axial_force=float(np.max(cycle.axial_force[:, number])),
+        tilting_moment=float(np.max(cycle.tilting_moment[:, number])),
+    )
+
+
+def reduce_loads(axes: tuple[Axis, ...], cycles: tuple[LoadCycle, ...]) -> tuple[ReducedLoads, ...]:
+    """The loads of every axis, reduced."""
+    return tuple(
+        ReducedLoads(axis=axis, cycles=tuple(reduce_cycle(cycle, axes, number) for cycle in cycles))
+        for number, axis in enumerate(axes)
+    )
+
+
+def _extreme_points(features: Array) -> NDArray[np.intp]:
+    """Rows of features that are vertices of the convex hull of (τ, q̈, q̇), in however many dimensions they spread."""
+    points = features[:, [DRIVING, ACCELERATION, SPEED]] + features[:, [DRIVEN, ACCELERATION, SPEED]] * [1.0, 0.0, 0.0]
+    points, first = np.unique(points, axis=0, return_index=True)
+    centred = points - points.mean(axis=0)
+    centred /= np.maximum(np.max(np.abs(centred), axis=0), np.finfo(float).tiny)
+    _, sizes, directions = np.linalg.svd(centred, full_matrices=False)
+    rank = int(np.sum(sizes > 1e-13 * len(points) * sizes[0])) if sizes.size and sizes[0] > 0.0 else 0
+    if rank == 0:
+        return np.asarray(first[:1])
+    spread = centred @ directions[:rank].T
+    if rank == 1:
+        return np.asarray(first[[int(np.argmin(spread)), int(np.argmax(spread))]])
+    try:
+        return np.asarray(first[ConvexHull(spread).vertices])
+    except QhullError:  # thinner than Qhull's precision: every sample is kept, which is exact too
+        return np.asarray(first)

@@ -1,0 +1,208 @@
+"""Criteria of motors: torque and speed of short-time operation, continuous torque, and the holding brake."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.actuators.continuous_torque import continuous_torque, continuous_torque_text
+from bellcrank.actuators.short_time_limits import voltage_limit_source
+from bellcrank.sizing.selection.axis_loads import Axis
+from bellcrank.sizing.selection.criteria import Array, Bools, Criterion, LimitCriterion
+from bellcrank.sizing.selection.load_reductions import ReducedCycle
+from bellcrank.sizing.selection.pairs import Pairs
+from bellcrank.sizing.selection.shaft_loads import (
+    electrical_coefficients,
+    largest,
+    root_mean_square,
+    shaft_coefficients,
+    speed_coefficients,
+)
+
+RPM = 30.0 / math.pi
+TRAIN = ("gear.ratio", "gear.efficiency", "gear.inertia", "motor.rotor_inertia")
+_MAXON = "maxon, motor data and operating ranges"
+_YASKAWA = "Yaskawa, Sigma-II user's manual, servomotor selection examples"
+
+
+class MotorSpeed(LimitCriterion):
+    """The largest speed of the shaft under the permitted one."""
+
+    name = "motor speed"
+    formula = "N max |q̇| ≤ n_max"
+    source = _MAXON
+    needs = (("motor.max_speed", "gear.ratio"),)
+    quantity = "largest motor speed"
+    limit_name = "largest permitted speed"
+    unit = "rpm"
+
+    def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """Largest speed of the shaft."""
+        return pairs.of_gear("ratio") * cycle.max_speed * RPM
+
+    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """The motor's `max_speed`."""
+        return pairs.of_motor("max_speed") * RPM
+
+    def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
+        """The nominal speed, at which the motor may run all the time."""
+        return pairs.of_motor("nominal_speed") * RPM, "nominal speed"
+
+
+class ContinuousTorqueCriterion(LimitCriterion):
+    """The root mean square of the shaft torque under the continuous (S1) torque at the mean speed."""
+
+    name = "continuous torque"
+    formula = "√(1/t ∫ T² dt) ≤ T_S1(mean |ω|), T = τ/(N η) or τ η_b/N, + (J_rotor + J_gear) N q̈"
+    source = f"{_YASKAWA} (T_rms ≤ rated torque); {_MAXON} (at mean speed)"
+    needs = tuple(
+        (*TRAIN, *more)
+        for more in (
+            ("motor.nominal_torque", "motor.nominal_speed"),
+            ("motor.continuous_curve",),
+            ("motor.resistance_winding_housing", "motor.resistance_housing_ambient", "motor.max_winding_temperature"),
+        )
+    )
+    quantity = "RMS torque"
+    limit_name = "continuous torque at the mean speed"
+    unit = "N m"
+
+    def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """RMS of the shaft torque."""
+        return root_mean_square(shaft_coefficients(pairs, cycle), cycle)
+
+    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """Continuous torque at the mean speed."""
+        speed = pairs.of_gear("ratio") * cycle.mean_speed
+        return continuous_torque(pairs.motors, speed, conditions).torque
+
+    def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
+        """RMS torque, mean speed, and where the continuous torque is from."""
+        motor, gear = pair.rows(0)
+        demand = float(self.demand(pair, cycle, conditions)[0])
+        speed = math.nan if gear.ratio is None else gear.ratio * cycle.mean_speed
+        load = "RMS torque unknown: " + self.missing(pair) if math.isnan(demand) else f"RMS torque {demand:.4g} N m"
+        limit = "unknown" if math.isnan(speed) else continuous_torque_text(motor, speed, conditions)
+        return f"{load} at mean speed {speed * RPM:.4g} rpm in '{cycle.name}'; continuous torque {limit}"
+
+
+class PeakTorque(LimitCriterion):
+    """The largest shaft torque under the peak torque; not judged where only a peak current is stated."""
+
+    name = "peak torque"
+    formula = "max |T| ≤ T_peak"
+    source = f"{_YASKAWA} (instantaneous peak torque)"
+    needs = ((*TRAIN, "motor.peak_torque"), (*TRAIN, "motor.peak_current", "motor.torque_constant"))
+    quantity = "largest shaft torque"
+    limit_name = "peak torque"
+    unit = "N m"
+
+    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+        """Pairs but those whose motor states a peak current instead."""
+        stated, current = pairs.of_motor("peak_torque"), pairs.of_motor("peak_electrical_torque")
+        return np.asarray(~np.isnan(stated) | np.isnan(current))
+
+    def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """Largest shaft torque."""
+        return largest(shaft_coefficients(pairs, cycle), cycle)
+
+    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """The motor's `peak_torque`."""
+        return pairs.of_motor("peak_torque")
+
+    def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
+        """The nominal torque, which may act all the time."""
+        return pairs.of_motor("nominal_torque"), "nominal torque"
+
+
+class PeakCurrent(LimitCriterion):
+    """The largest electrical torque under that of the peak current; a note where no peak current is stated."""
+
+    name = "peak current"
+    formula = "max |T_e| ≤ k_t I_peak, T_e = T + T_c sign ω + c_v ω"
+    source = f"{_MAXON} (M = k_M I)"
+    needs = ((*TRAIN, "motor.peak_current", "motor.torque_constant", "motor.no_load_current"),)
+    quantity = "largest electrical torque"
+    limit_name = "that of the peak current"
+    unit = "N m"
+
+    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+        """Pairs whose motor states a peak current."""
+        return np.asarray(~np.isnan(pairs.of_motor("peak_electrical_torque")))
+
+    def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """Largest electrical torque."""
+        return largest(electrical_coefficients(pairs, cycle), cycle)
+
+    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """Torque of the peak current."""
+        return pairs.of_motor("peak_electrical_torque")
+
+
+class VoltageLimit(Criterion):
+    """Every point of the cycle under the voltage line, in four quadrants.
+
+    Where the torque constant or the resistance is unknown, the line through stall torque and no-load speed stands in.
+    """
+
+    name = "voltage limit"
+    formula = "max |R/k T_e + k ω| ≤ U (1 - reserve), k the torque constant of the DC equivalent"
+    source = f"{_MAXON} (U = R I + k ω)"
+    needs = (
+        (*TRAIN, "motor.torque_constant", "motor.torque_constant_basis", "motor.resistance", "motor.no_load_current"),
+        (*TRAIN, "motor.stall_torque", "motor.no_load_speed", "motor.nominal_voltage"),
+    )
+
+    def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """Largest voltage over the usable one."""
+        uses = []
+        for limit in pairs.products.short_time_limits(conditions):
+            if limit.name == "voltage limit":
+                torque, speed = limit.torque[pairs.motor], limit.speed[pairs.motor]
+                if np.isnan(torque).all():
+                    continue
+                of = shaft_coefficients if limit.basis == "shaft" else electrical_coefficients
+                factors = torque[:, None] * of(pairs, cycle) + speed_coefficients(pairs, speed)
+                uses.append(np.where(np.isnan(torque), np.nan, largest(factors, cycle)))
+        return np.fmax.reduce(uses) if uses else np.full(len(pairs), np.nan)
+
+    def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
+        """Share of the voltage, its line's origin and the voltage."""
+        motor, _ = pair.rows(0)
+        use = float(self.cycle_use(pair, cycle, conditions)[0])
+        if math.isnan(use):
+            return self.missing(pair)
+        bus = motor.nominal_voltage if conditions.voltage is None else conditions.voltage
+        return (
+            f"{use:.1%} of {bus:.4g} V less {conditions.voltage_reserve:.0%} reserve in '{cycle.name}', "
+            f"from {voltage_limit_source(motor)}"
+        )
+
+
+class HoldingBrake(LimitCriterion):
+    """The brake of the motor against the worst static torque; a note where no brake is asked for.
+
+    What friction and the gear's efficiency help is left out: the brake alone holds τ/N.
+    """
+
+    name = "holding brake"
+    formula = "max |τ_static| / N ≤ T_brake"
+    source = "static equilibrium of the axis; losses of the gear, which help to hold, are left out"
+    needs = (("motor.brake_torque", "gear.ratio"),)
+    quantity = "largest static torque at the shaft"
+    limit_name = "holding torque of the brake"
+    unit = "N m"
+
+    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+        """All pairs, where a brake is asked for."""
+        return np.full(len(pairs), conditions.brake)
+
+    def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """Largest static torque over the ratio."""
+        return cycle.static_torque / pairs.of_gear("ratio")
+
+    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """The motor's `brake_torque`."""
+        return pairs.of_motor("brake_torque")

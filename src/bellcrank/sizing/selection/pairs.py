@@ -1,0 +1,199 @@
+"""Which motors go with which gears: combinations as index arrays, so that criteria judge many of them at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.actuators.gear import DIRECT, Gear
+from bellcrank.actuators.motor import Motor
+from bellcrank.actuators.powertrain import PowerTrains
+from bellcrank.actuators.product_arrays import Curves, GearArrays, MotorArrays
+from bellcrank.actuators.short_time_limits import SpeedTorqueLimit, peak_curves, short_time_limits
+from bellcrank.cached_values import cached_property
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Products:
+    """The motors and gears of a catalogue, as rows and as arrays of their figures.
+
+    Attributes:
+        motors: The motors.
+        gears: The gears; one of kind "direct" stands for a motor without a gear.
+        motor_arrays: Figures of the motors.
+        gear_arrays: Figures of the gears.
+    """
+
+    motors: tuple[Motor, ...]
+    gears: tuple[Gear, ...]
+    motor_arrays: MotorArrays
+    gear_arrays: GearArrays
+    _kept: dict[str, tuple[Conditions, Any]] = field(default_factory=dict, init=False, repr=False)
+
+    @classmethod
+    def of(cls, motors: Sequence[Motor], gears: Sequence[Gear]) -> Products:
+        """Products from rows."""
+        return cls(
+            motors=tuple(motors),
+            gears=tuple(gears),
+            motor_arrays=MotorArrays.of(motors),
+            gear_arrays=GearArrays.of(gears),
+        )
+
+    def short_time_limits(self, conditions: Conditions) -> tuple[SpeedTorqueLimit, ...]:
+        """The straight limits of short-time operation of all motors; computed once for the same conditions."""
+        limits: tuple[SpeedTorqueLimit, ...] = self._once(short_time_limits, conditions)
+        return limits
+
+    def peak_curves(self, conditions: Conditions) -> Curves:
+        """The printed curves of short-time operation of all motors; computed once for the same conditions."""
+        curves: Curves = self._once(peak_curves, conditions)
+        return curves
+
+    def _once(self, function: Callable[[MotorArrays, Conditions], Any], conditions: Conditions) -> Any:
+        kept = self._kept.get(function.__name__)
+        if kept is None or kept[0] != conditions:
+            kept = self._kept[function.__name__] = (conditions, function(self.motor_arrays, conditions))
+        return kept[1]
+
+
+class _Selected:
+    """Some products of `MotorArrays` or `GearArrays`; a figure is taken when it is first asked for."""
+
+    def __init__(self, arrays: MotorArrays | GearArrays, index: Index) -> None:
+        self._arrays, self._index = arrays, index
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        value = getattr(self._arrays, name)[self._index]
+        setattr(self, name, value)
+        return value
+
+    def __getitem__(self, index: Any) -> MotorArrays | GearArrays:
+        return self._arrays[self._index][index]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pairs:
+    """m combinations of motors and gears.
+
+    Attributes:
+        products: The motors and gears.
+        motor: Number (m,) of the motor of each pair.
+        gear: Number (m,) of the gear of each pair.
+        fits: Whether (m,) flange and shaft are known to fit; False where the catalogue does not say.
+    """
+
+    products: Products
+    motor: Index
+    gear: Index
+    fits: NDArray[np.bool_]
+    _kept: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
+
+    def __len__(self) -> int:
+        return len(self.motor)
+
+    def take(self, rows: Index | slice | NDArray[np.bool_]) -> Pairs:
+        """The pairs of these rows."""
+        return Pairs(products=self.products, motor=self.motor[rows], gear=self.gear[rows], fits=self.fits[rows])
+
+    def of_motor(self, name: str) -> Array:
+        """A figure (m,) of each pair's motor; NaN where unknown."""
+        return np.asarray(getattr(self.motors, name))
+
+    def of_gear(self, name: str) -> Array:
+        """A figure (m,) of each pair's gear; NaN where unknown."""
+        return np.asarray(getattr(self.gears, name))
+
+    def rows(self, pair: int) -> tuple[Motor, Gear]:
+        """The motor and gear of one pair."""
+        return self.products.motors[self.motor[pair]], self.products.gears[self.gear[pair]]
+
+    def once(self, key: Any, function: Callable[[], Any]) -> Any:
+        """What a function gives; computed once for a key, for criteria that share it."""
+        if key not in self._kept:
+            self._kept[key] = function()
+        return self._kept[key]
+
+    @cached_property
+    def motors(self) -> MotorArrays:
+        """Figures of each pair's motor, each taken when it is first asked for."""
+        return cast(MotorArrays, _Selected(self.products.motor_arrays, self.motor))
+
+    @cached_property
+    def gears(self) -> GearArrays:
+        """Figures of each pair's gear, each taken when it is first asked for."""
+        return cast(GearArrays, _Selected(self.products.gear_arrays, self.gear))
+
+    @cached_property
+    def coefficients(self) -> Array:
+        """Factors (m, 5) of a cycle's features whose sum is the electrical torque of each pair."""
+        return PowerTrains(self.motors, self.gears).electrical_coefficients
+
+    @classmethod
+    def possible(
+        cls, motors: Sequence[Motor], gears: Sequence[Gear], kind: Literal["rotary", "linear"] = "rotary"
+    ) -> Pairs:
+        """All combinations that can drive an axis.
+
+        A linear axis takes screws and racks, and nothing else does. A rotary axis also takes each motor without a gear,
+        and takes a motor and gear sold as one only so. Flange and shaft must fit where both sides state them.
+
+        Args:
+            motors: The motors to choose from.
+            gears: The gears to choose from; direct drive is added for a rotary axis.
+            kind: The kind of axis.
+
+        Returns:
+            The combinations; there may be none.
+        """
+        if kind == "linear":
+            gears = [gear for gear in gears if gear.linear]
+            motors = [motor for motor in motors if motor.kind != "actuator"]
+        else:
+            gears = [DIRECT, *(gear for gear in gears if not gear.linear and gear.kind != "direct")]
+        flange, flange_known = _flanges_fit(motors, gears)
+        shaft, shaft_known = _shafts_fit(motors, gears)
+        direct = np.array([gear.kind == "direct" for gear in gears], dtype=bool)
+        whole = np.array([motor.kind == "actuator" for motor in motors], dtype=bool)
+        motor, gear = np.nonzero((flange & shaft & ~whole[:, None]) | direct)
+        return cls(
+            products=Products.of(motors, gears),
+            motor=motor,
+            gear=gear,
+            fits=direct[gear] | (flange_known & shaft_known)[motor, gear],
+        )
+
+
+def _flanges_fit(motors: Sequence[Motor], gears: Sequence[Gear]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Whether flanges do not contradict each other (motors, gears), and whether both sides state them."""
+    names = {name: number for number, name in enumerate(dict.fromkeys(_name(m.flange) for m in motors))}
+    offered = np.array([names[_name(motor.flange)] for motor in motors], dtype=np.intp)
+    taken = np.zeros((len(names), len(gears)), dtype=bool)
+    for column, gear in enumerate(gears):
+        for name in (gear.input_flange or "").split(";"):
+            if _name(name) in names:
+                taken[names[_name(name)], column] = True
+    known = np.array([bool(_name(m.flange)) for m in motors])[:, None] & [bool(_name(g.input_flange)) for g in gears]
+    return np.asarray(~known | taken[offered]), np.asarray(known)
+
+
+def _shafts_fit(motors: Sequence[Motor], gears: Sequence[Gear]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Whether the motor's shaft is not too thick (motors, gears), and whether both diameters are stated."""
+    shaft = np.array([m.shaft_diameter for m in motors], dtype=float)[:, None]
+    bore = np.array([g.input_shaft_diameter for g in gears], dtype=float)
+    known = ~np.isnan(shaft) & ~np.isnan(bore)
+    return np.asarray(~known | (shaft <= bore * (1.0 + 1e-9))), np.asarray(known)
+
+
+def _name(flange: str | None) -> str:
+    return (flange or "").strip().casefold()

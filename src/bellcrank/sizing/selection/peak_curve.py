@@ -1,0 +1,105 @@
+"""Criterion of the curve of short-time operation that a maker prints."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.actuators.product_arrays import Curves
+from bellcrank.actuators.short_time_limits import peak_curve_use
+from bellcrank.sizing.selection.axis_loads import Axis
+from bellcrank.sizing.selection.criteria import Array, Bools, Criterion
+from bellcrank.sizing.selection.load_reductions import ReducedCycle
+from bellcrank.sizing.selection.motor_criteria import TRAIN
+from bellcrank.sizing.selection.pairs import Pairs
+from bellcrank.sizing.selection.shaft_loads import BLOCK, largest, shaft_coefficients, speed_coefficients
+
+
+class PeakCurve(Criterion):
+    """Every sample under the curve of short-time operation that the maker prints; a note where there is none."""
+
+    name = "peak curve"
+    formula = "every (ω, T) inside the printed curve, measured along the ray from the origin"
+    source = "the motor's data sheet"
+    needs = ((*TRAIN, "motor.peak_curve"),)
+
+    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+        """Pairs whose motor has such a curve."""
+        return np.asarray(pairs.products.motor_arrays.peak_curve.known[pairs.motor])
+
+    def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """Largest use of the curve: over the extreme points where the region is convex, else over all samples."""
+        use = np.full(len(pairs), np.nan)
+        printed = self.judged(pairs, cycle.axis, conditions)
+        if not printed.any():
+            return use
+        sides = convex_sides(pairs.products.peak_curves(conditions))
+        convex = np.nonzero(printed & sides.convex[pairs.motor])[0]
+        if len(convex):
+            use[convex] = _convex_use(pairs.take(convex), cycle, sides)
+        others = np.nonzero(printed & ~sides.convex[pairs.motor])[0]
+        step = max(1, BLOCK // len(cycle.torque))
+        for start in range(0, len(others), step):
+            rows = others[start : start + step]
+            part = pairs.take(rows)
+            torque = shaft_coefficients(part, cycle) @ cycle.features.T
+            speed = part.of_gear("ratio")[:, None] * cycle.speed
+            use[rows] = np.max(peak_curve_use(part.motors[:, None], conditions, torque, speed), axis=1)
+        return use
+
+    def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
+        """Largest use of the curve."""
+        if not self.judged(pair, cycle.axis, conditions)[0]:
+            return "no curve of short-time operation is printed"
+        use = float(self.cycle_use(pair, cycle, conditions)[0])
+        return self.missing(pair) if math.isnan(use) else f"{use:.1%} of the printed curve in '{cycle.name}'"
+
+
+class Sides(NamedTuple):
+    """The sides a |T| + b |ω| ≤ 1 of the regions under curves of torque over speed.
+
+    Attributes:
+        torque: a (n, p), 1/(N m); 0 where a curve has fewer sides.
+        speed: b (n, p), s/rad.
+        convex: Whether (n,) the sides are the region, for |ω| as the speed.
+    """
+
+    torque: Array
+    speed: Array
+    convex: Bools
+
+
+def convex_sides(curves: Curves) -> Sides:
+    """The sides of n curves: the line through each two points, and the last speed.
+
+    The line through (ω0, T0) and (ω1, T1) is T (ω1 - ω0) + ω (T0 - T1) = T0 ω1 - T1 ω0. A region is convex where the
+    slopes fall from segment to segment.
+    """
+    x, y = curves.x, curves.y
+    rise, run = np.diff(y, axis=1), np.diff(x, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        constant = y[:, :-1] * x[:, 1:] - y[:, 1:] * x[:, :-1]
+        used = x[:, 1:] > 0.0
+        slopes = rise / run
+        falling = ~(np.diff(slopes, axis=1) > 0.0)
+        convex = curves.known & (curves.last_x > 0.0) & falling.all(axis=1) & (~used | (constant > 0.0)).all(axis=1)
+        torque = np.where(used, run / constant, 0.0)
+        speed = np.where(used, -rise / constant, 0.0)
+        last = 1.0 / curves.last_x
+    zero = np.zeros((len(x), 1))
+    return Sides(np.hstack([torque, zero]), np.hstack([speed, last[:, None]]), convex)
+
+
+def _convex_use(pairs: Pairs, cycle: ReducedCycle, sides: Sides) -> Array:
+    """Largest use (m,) of convex regions over the extreme points, which have speeds of 0 or more."""
+    shaft = shaft_coefficients(pairs, cycle)
+    per_torque, per_speed = sides.torque[pairs.motor], sides.speed[pairs.motor]
+    use = np.zeros(len(pairs))
+    for side in range(per_torque.shape[1]):
+        speed = speed_coefficients(pairs, per_speed[:, side])
+        for sign in (1.0, -1.0):
+            np.maximum(use, largest(sign * per_torque[:, side : side + 1] * shaft + speed, cycle, signed=True), out=use)
+    return use
