@@ -96,8 +96,38 @@ def size(
     if actuators is not None:
         config = replace(config, actuators=_actuators(actuators))
     mechanism, listed = mechanism_and_motions(config, config.robot(loads), motions, scene)
-    sizing = size_mechanism(mechanism, _distinct_names(listed), config.actuators, mass_tolerance, links)
-    return replace(sizing, robot=config.name, warnings=(*config.deprecations, *sizing.warnings))
+    coupled = {name: one for name, one in config.actuators.items() if name in config.coupled_motors}
+    single = {name: one for name, one in config.actuators.items() if name not in coupled}
+    sizing = size_mechanism(mechanism, _distinct_names(listed), single, mass_tolerance, links)
+    return replace(
+        sizing,
+        robot=config.name,
+        warnings=(*config.deprecations, *_selection_notes(config), *sizing.warnings),
+        unsizable=(*sizing.unsizable, *(_coupled_actuator(name) for name in coupled)),
+    )
+
+
+def _coupled_actuator(name: str) -> str:
+    return (
+        f"motor '{name}' belongs to a coupled transmission: the torques here are those of the joints, and its actuator "
+        "is not compared with its load; `bellcrank select` does"
+    )
+
+
+def _selection_notes(config: RobotConfig) -> list[str]:
+    """What of a configuration only the selection of motors uses."""
+    found = []
+    if config.duty:
+        found.append(
+            "the duty program of the configuration is not used: each motion is a cycle that repeats; `bellcrank select` "
+            "uses it"
+        )
+    for one in config.transmissions:
+        found.append(
+            f"torques and speeds of {', '.join(one.joints)} are those of the joints; their coupled transmission gives "
+            f"{', '.join(one.motors)} others"
+        )
+    return found
 
 
 def mechanism_and_motions(
