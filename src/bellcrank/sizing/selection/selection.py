@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.sizing.selection.axis_loads import Axis, LoadCycle
+
+if TYPE_CHECKING:
+    from bellcrank.dynamics.mechanism import Mechanism
+    from bellcrank.motion.motion import Motion
 
 Verdict = Literal["inside", "exceeded", "unknown", "note"]
 Tier = Literal["all criteria shown", "passes what is known", "fails"]
@@ -80,6 +84,13 @@ class AxisSelection:
     advice: str = ""
 
 
+class SelectionInputs(NamedTuple):
+    """What was selected for: the mechanism and its motions, which a report shows."""
+
+    mechanism: Mechanism
+    motions: tuple[Motion, ...]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Selection:
     """The result of `bellcrank.select`.
@@ -96,6 +107,7 @@ class Selection:
         pareto: Total (mass kg, largest utilisation, loss W) of the combinations that no other one dominates, each with
             the ids of its pairs.
         warnings: Sentences about what to look at.
+        inputs: The mechanism and its motions; None where the selection does not hold them.
     """
 
     robot: str
@@ -108,6 +120,7 @@ class Selection:
     proof: str
     pareto: tuple[tuple[float | None, float, float | None, tuple[str, ...]], ...]
     warnings: tuple[str, ...] = ()
+    inputs: SelectionInputs | None = field(default=None, repr=False, compare=False)
 
     @property
     def inside(self) -> bool:
