@@ -68,6 +68,4 @@ def _satisfied(problem: JointProblem, choice: Choice) -> bool:
     """Whether no pair fails under the choice's own masses; an axis that nothing can drive, or whose pair is given, does
     not count."""
     keys = judge_choice(problem, choice)
-    return all(
-        key[0] == 0 or pair is None or kept for pair, key, kept in zip(choice, keys, problem.kept, strict=True)
-    )
+    return all(key[0] == 0 or pair is None or kept for pair, key, kept in zip(choice, keys, problem.kept, strict=True))

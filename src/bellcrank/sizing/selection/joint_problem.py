@@ -71,9 +71,7 @@ def best_pair(problem: JointProblem, axis: int, masses: Masses) -> int | None:
 def judge_choice(problem: JointProblem, choice: Choice) -> list[RankKey]:
     """The key of each axis where all actuators have the masses of the choice."""
     masses = masses_of(problem, choice)
-    return [
-        NOTHING if pair is None else as_key(problem.keys(axis, masses)[pair]) for axis, pair in enumerate(choice)
-    ]
+    return [NOTHING if pair is None else as_key(problem.keys(axis, masses)[pair]) for axis, pair in enumerate(choice)]
 
 
 def search_order(influence: NDArray[np.bool_]) -> list[list[int]]:
