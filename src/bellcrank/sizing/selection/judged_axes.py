@@ -1,0 +1,183 @@
+"""The pairs of all axes, judged under the loads that the masses of the actuators cause.
+
+Where the mass of an actuator is not stated, the loads of the axes that it influences are unknown. There, every criterion
+that depends on loads is unknown, except where it is exceeded without that mass already. So a pass is never shown without
+the mass; a pair that only an unknown counterweight would relieve is left out.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.sizing.selection.axis_loads import AddedMass, AxisLoads, LoadCycle
+from bellcrank.sizing.selection.axis_pairs import AxisPairs
+from bellcrank.sizing.selection.joint_problem import NO_MASS, UNKNOWN_MASS, Choice, Masses, masses_of
+from bellcrank.sizing.selection.judge import EXCEEDED, INSIDE, UNKNOWN, Judgement, judge
+from bellcrank.sizing.selection.load_reductions import ReducedLoads, reduce_cycle
+from bellcrank.sizing.selection.ranking import Indices, RankKeys, Verdicts, rank_keys
+from bellcrank.sizing.selection.selection import Objective
+
+Array = NDArray[np.float64]
+OF_MOTION = frozenset({"motor speed", "gear average input speed", "gear largest input speed"})  # whatever the torques
+MAIN = frozenset(  # a pair of which one of these is unknown may be far too weak
+    {"motor speed", "continuous torque", "peak torque", "peak current", "voltage limit", "gear repeated peak torque"}
+)
+MOST_ROWS_KEPT = 3_000_000  # keys of pairs that are kept for another time: 48 bytes each
+TINY = 1e-9  # share of the loads at which a criterion that is unknown is unknown under any masses
+
+
+@dataclass(eq=False)
+class JudgedAxes:
+    """The pairs of all axes and their ranks; implements `JointProblem`.
+
+    Attributes:
+        loads: The loads of the axes.
+        axes: The pairs of each axis.
+        conditions: What is assumed.
+        objective: What is minimised.
+        feedback: Whether the actuators' masses load other axes.
+        progress: Called after each judgement of an axis's pairs.
+    """
+
+    loads: AxisLoads
+    axes: Sequence[AxisPairs]
+    conditions: Conditions
+    objective: Objective
+    feedback: bool = True
+    progress: Callable[[], None] | None = None
+    judgements: int = field(default=0, init=False)
+    _keys: OrderedDict[tuple[int, Masses], RankKeys] = field(default_factory=OrderedDict, init=False)
+
+    def __post_init__(self) -> None:
+        influence = np.asarray(self.loads.influence, dtype=bool)
+        self.influence = influence if self.feedback else np.zeros_like(influence)
+        self.largest = self.objective == "margin"
+        self.kept = [one.kept for one in self.axes]
+        self.classes: list[Indices] = [
+            one.bodies.classes if self.influence[:, number].any() else np.zeros(len(one.pairs), dtype=np.intp)
+            for number, one in enumerate(self.axes)
+        ]
+        self.bounds = [self._bound(number) for number in range(len(self.axes))]
+
+    # ---- ranks
+
+    def keys(self, axis: int, masses: Masses) -> RankKeys:
+        """The keys (m, 6) of an axis where the actuators are of these classes; only those that load it matter."""
+        loading = tuple(one if self.influence[axis, j] else NO_MASS for j, one in enumerate(masses))
+        found = self._keys.get((axis, loading))
+        if found is not None:
+            self._keys.move_to_end((axis, loading))
+            return found
+        found = self._rank(axis, self.judgement(axis, masses))
+        self._keys[axis, loading] = found
+        while len(self._keys) > 1 and sum(map(len, self._keys.values())) > MOST_ROWS_KEPT:
+            self._keys.popitem(last=False)
+        return found
+
+    def judgement(self, axis: int, masses: Masses, rows: Indices | None = None) -> Judgement:
+        """The judgement of an axis's pairs, or of some rows of them, where the actuators are of these classes."""
+        pairs = self.axes[axis].pairs if rows is None else self.axes[axis].pairs.take(rows)
+        found = judge(pairs, self.axis_loads(axis, masses), self.conditions)
+        self.judgements += 1
+        if self.progress is not None:
+            self.progress()
+        return without_unknown_masses(found) if self.unknown_masses(axis, masses) else found
+
+    def objective_values(self, axis: int, judgement: Judgement, rows: Indices | slice = slice(None)) -> Array:
+        """What is minimised, of an axis's pairs; NaN where unknown."""
+        one = self.axes[axis]
+        if self.objective == "mass":
+            return one.bodies.mass[rows]
+        if self.objective == "cost":
+            return one.cost[rows]
+        if self.objective == "loss":
+            return judgement.loss
+        return np.where(judgement.tier == 1, np.nan, judgement.largest_use)  # a margin that is not shown is unknown
+
+    def _rank(self, axis: int, judgement: Judgement) -> RankKeys:
+        main = np.array([criterion.name in MAIN for criterion in judgement.criteria])
+        return rank_keys(
+            Verdicts(
+                tier=judgement.tier,
+                main_unknown=(judgement.verdict[main] == UNKNOWN).sum(axis=0).astype(np.int8),
+                objective=self.objective_values(axis, judgement),
+                use=judgement.largest_use,
+            )
+        )
+
+    def _bound(self, axis: int) -> RankKeys:
+        """Keys that the pairs' keys do not fall below under any masses.
+
+        A criterion that is unknown at tiny loads is unknown at all: a missing limit is only bounded from below by other
+        figures, which a smaller load does not exceed. Mass and cost do not depend on loads; loss and use count as 0.
+        """
+        tiny = scaled_loads(self.axis_loads(axis, (NO_MASS,) * len(self.axes)), TINY)
+        judgement = judge(self.axes[axis].pairs, tiny, self.conditions)
+        of_motion = np.array([criterion.name in OF_MOTION for criterion in judgement.criteria])
+        found = self._rank(axis, judgement)
+        found[:, 0] = (judgement.verdict[of_motion] == EXCEEDED).any(axis=0)
+        found[:, 5] = 0
+        if self.objective in ("loss", "margin"):
+            found[:, 3:5] = 0
+        return found
+
+    # ---- loads
+
+    def cycles(self, masses: Masses) -> tuple[LoadCycle, ...]:
+        """The cycles of all axes where the actuators are of these classes; unknown masses are left out."""
+        added: dict[str, AddedMass] = {}
+        for one, body, column in zip(self.axes, masses, self.influence.T, strict=True):
+            if body not in (NO_MASS, UNKNOWN_MASS) and column.any():
+                added[one.axis.name] = one.bodies.bodies[body]
+        return self.loads.with_masses(added)
+
+    def axis_loads(self, axis: int, masses: Masses) -> ReducedLoads:
+        """The reduced loads of one axis."""
+        relevant = tuple(one if self.influence[axis, j] else NO_MASS for j, one in enumerate(masses))
+        cycles = tuple(reduce_cycle(cycle, self.loads.axes, axis) for cycle in self.cycles(relevant))
+        return ReducedLoads(axis=self.axes[axis].axis, cycles=cycles)
+
+    def unknown_masses(self, axis: int, masses: Masses) -> list[str]:
+        """Names of the axes whose actuators load this one and have no known mass."""
+        return [
+            self.axes[j].axis.name
+            for j, one in enumerate(masses)
+            if one == UNKNOWN_MASS and self.influence[axis, j]
+        ]
+
+    def choice_masses(self, choice: Choice) -> Masses:
+        """The classes of a choice's actuators."""
+        return masses_of(self, choice)
+
+
+def without_unknown_masses(judgement: Judgement) -> Judgement:
+    """A judgement made without masses that are not stated: what is inside is unknown, if it depends on loads."""
+    of_loads = np.array([criterion.name not in OF_MOTION for criterion in judgement.criteria])
+    verdict = judgement.verdict.copy()
+    verdict[(verdict == INSIDE) & of_loads[:, None]] = UNKNOWN
+    return replace(judgement, verdict=verdict, loss=np.full_like(judgement.loss, np.nan))
+
+
+def scaled_loads(loads: ReducedLoads, factor: float) -> ReducedLoads:
+    """Loads with all forces and accelerations multiplied by a factor, at the same speeds."""
+    forces = np.array([factor, factor, factor, 1.0, 1.0])
+    return replace(
+        loads,
+        cycles=tuple(
+            replace(
+                cycle,
+                features=cycle.features * forces,
+                torque=cycle.torque * factor,
+                static_torque=cycle.static_torque * factor,
+                axial_force=cycle.axial_force * factor,
+                tilting_moment=cycle.tilting_moment * factor,
+            )
+            for cycle in loads.cycles
+        ),
+    )
