@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from bellcrank.sizing.selection.axis_pairs import AxisPairs
 from bellcrank.sizing.selection.joint_problem import Masses
-from bellcrank.sizing.selection.judge import Judgement
+from bellcrank.sizing.selection.judge import TIERS, Judgement
 from bellcrank.sizing.selection.judged_axes import OF_MOTION, JudgedAxes
-from bellcrank.sizing.selection.ranking import TIERS, RankKeys, failing_order, order_of
+from bellcrank.sizing.selection.ranking import RankKeys, failing_order, order_of
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate, CriterionResult, Tier
 
 Indices = NDArray[np.intp]

@@ -26,7 +26,6 @@ RESOLUTION = 1e-9  # of a mass in kg, a cost, a loss in W, and a utilisation
 LARGEST = 10**15  # of rounded values: sums over all axes stay integers of 64 bits
 NOTHING: RankKey = (1, 0, 0, 0, 0, 0)  # an axis that nothing can drive
 ALL_SHOWN, PASSES_KNOWN, FAILS = range(3)
-TIERS: Final[tuple[Tier, ...]] = ("all criteria shown", "passes what is known", "fails")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
