@@ -118,3 +118,19 @@ def _cost(pairs: Pairs) -> Array:
     direct = np.array([row.kind == "direct" for row in gears], dtype=bool)
     alike = (motor_currency[pairs.motor] == gear_currency[pairs.gear]) | direct[pairs.gear]
     return np.where(alike, prices[pairs.motor] + gear_prices[pairs.gear], np.nan)
+
+
+def check_prices(axes: Sequence[AxisPairs], objective: str) -> None:
+    """Refuse the least cost where no pair has a price, or prices have several currencies (InputError)."""
+    if objective != "cost":
+        return
+    rows = {row.id: row for one in axes for row in (*one.pairs.products.motors, *one.pairs.products.gears)}
+    priced = [row for row in rows.values() if row.price is not None and row.kind != "direct"]
+    currencies = sorted({row.currency or "no currency stated" for row in priced})
+    if len(currencies) > 1:
+        raise InputError(
+            f"objective 'cost': the catalogue has prices in several currencies ({', '.join(currencies)}); convert them "
+            "to one, or exclude products"
+        )
+    if not any(np.isfinite(one.cost).any() for one in axes):
+        raise InputError("objective 'cost': no motor and gear that go together both state a price; add prices")

@@ -59,9 +59,7 @@ def listed_rows(keys: RankKeys, chosen: int | None, most: int) -> Indices:
     return np.concatenate([best, failing[: max(most - len(best), 0)]]).astype(np.intp)
 
 
-def candidate(
-    one: AxisPairs, judgement: Judgement, place: int, row: int, unknown_masses: Sequence[str]
-) -> Candidate:
+def candidate(one: AxisPairs, judgement: Judgement, place: int, row: int, unknown_masses: Sequence[str]) -> Candidate:
     """One pair in words.
 
     Args:

@@ -1,7 +1,7 @@
 """The feedback of the actuators' masses: a chosen actuator loads other axes, whose choice may then change.
 
 Each pass chooses the axes from the tip to the base, with the masses that were chosen last. Without axes that load each
-other, the second pass is final. Otherwise the passes may repeat without end: the best of the repeating combinations
+other, the first pass is final. Otherwise the passes may repeat without end: the best of the repeating combinations
 that satisfies its own loads is then taken.
 """
 
@@ -29,7 +29,7 @@ class Feedback:
 
     Attributes:
         choice: The fixed point, or the best of the repeating combinations.
-        passes: What each pass chose; the first is without the actuators' masses.
+        passes: What each pass chose.
         cycle: The combinations that repeat; empty where a fixed point was reached.
         satisfied: Whether every axis of the choice passes, or has nothing to drive it, under the choice's own masses.
     """
@@ -43,18 +43,17 @@ class Feedback:
 def fixed_point(problem: JointProblem) -> Feedback:
     """Choose repeatedly, from the tip to the base, until a choice repeats."""
     order = [axis for group in search_order(problem.influence) for axis in group]
-    none = (NO_MASS,) * len(order)
-    choice = tuple(best_pair(problem, axis, none) for axis in range(len(order)))
-    passes = [choice]
+    chosen: list[int | None] = [None] * len(order)
+    masses = [NO_MASS] * len(order)
+    passes: list[Choice] = []
     while len(passes) < MOST_PASSES:
-        chosen = list(choice)
         for axis in order:
-            chosen[axis] = best_pair(problem, axis, masses_of(problem, tuple(chosen)))
-        choice = tuple(chosen)
-        if choice in passes[1:]:
+            chosen[axis] = best_pair(problem, axis, tuple(masses))
+            masses[axis] = masses_of(problem, tuple(chosen))[axis]
+        if tuple(chosen) in passes:
             break
-        passes.append(choice)
-    repeating = tuple(passes[passes.index(choice, 1) :])
+        passes.append(tuple(chosen))
+    repeating = tuple(passes[passes.index(tuple(chosen)) :])
     best = min(repeating, key=lambda one: total(judge_choice(problem, one), problem.largest))
     return Feedback(
         choice=best,

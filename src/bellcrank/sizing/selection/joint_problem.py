@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.sizing.selection.ranking import NOTHING, Indices, RankKey, RankKeys, as_key
+from bellcrank.sizing.selection.ranking import NOTHING, Indices, RankKey, RankKeys, as_key, order_of
 
 UNKNOWN_MASS = -1  # class of an actuator whose mass is not stated, and of an axis without an actuator
 NO_MASS = -2  # class of an actuator that is not there
@@ -44,11 +44,14 @@ class JointProblem(Protocol):
         """Whether the objective of a combination is the largest of its pairs', not their sum."""
 
     @property
-    def judgements(self) -> int:
-        """How often the pairs of an axis have been judged."""
+    def effort(self) -> int:
+        """The effort spent so far, in pairs judged."""
 
-    def keys(self, axis: int, masses: Masses) -> RankKeys:
-        """The keys (m, 6) of an axis where the actuators are of these classes; only those that load it matter."""
+    def keys(self, axis: int, masses: Masses, rows: NDArray[np.bool_] | None = None) -> RankKeys:
+        """The keys (m, 6) of an axis where the actuators are of these classes; only those that load it matter.
+
+        Only the pairs `rows` (m,) need to be judged; the keys of others may be `NOT_JUDGED`.
+        """
 
 
 def masses_of(problem: JointProblem, choice: Choice) -> Masses:
@@ -62,7 +65,7 @@ def masses_of(problem: JointProblem, choice: Choice) -> Masses:
 def best_pair(problem: JointProblem, axis: int, masses: Masses) -> int | None:
     """The best pair of an axis under given masses; None where none passes and none is given."""
     keys = problem.keys(axis, masses)
-    order = np.lexsort(keys.T[::-1])
+    order = order_of(keys)
     if len(order) and (keys[order[0], 0] == 0 or problem.kept[axis]):
         return int(order[0])
     return None

@@ -6,7 +6,7 @@ branch is left out where the best that its remaining axes could reach is no bett
 axis with the same mass and inertia load the others alike, so only the best of them is followed.
 
 Axes that load each other, or themselves, cannot be ordered: their masses are assumed, one combination after the other,
-and their pairs of these masses judged together. The number of judgements is limited; `SearchResult.open` is the number
+and their pairs of these masses judged together. The effort is limited; `SearchResult.open` is the number
 of combinations that were then neither tried nor excluded.
 """
 
@@ -17,6 +17,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bellcrank.sizing.selection.joint_problem import (
     UNKNOWN_MASS,
@@ -26,7 +27,17 @@ from bellcrank.sizing.selection.joint_problem import (
     is_ordered,
     search_order,
 )
-from bellcrank.sizing.selection.ranking import NOTHING, Indices, RankKey, RankKeys, as_key, order_of, smallest, total
+from bellcrank.sizing.selection.ranking import (
+    NOTHING,
+    Indices,
+    RankKey,
+    RankKeys,
+    as_key,
+    less_than,
+    order_of,
+    smallest,
+    total,
+)
 
 Pair = int | None
 
@@ -41,7 +52,7 @@ class SearchResult:
 
 def best_combination(
     problem: JointProblem,
-    most_judgements: int,
+    effort: int,
     start: Choice | None = None,
     accept: Callable[[Choice], bool] | None = None,
 ) -> SearchResult | None:
@@ -49,7 +60,7 @@ def best_combination(
 
     Args:
         problem: The pairs and their keys.
-        most_judgements: How often the pairs of an axis may be judged, after a first combination has been found.
+        effort: How much effort the search may spend, after a first combination has been found.
         start: A combination known beforehand, found again where none is better.
         accept: Whether a combination is permitted; all pairs are then followed, not the best of each mass.
 
@@ -59,7 +70,7 @@ def best_combination(
     parts = [list(range(len(problem.classes)))] if accept else components(problem.influence)
     groups = search_order(problem.influence)
     choice: list[Pair] = [None] * len(problem.classes)
-    count, limit = 1, problem.judgements + most_judgements
+    count, limit = 1, problem.effort + effort
     exact = True
     for axes in parts:
         search = _Search(problem, [g for g in groups if g[0] in axes], limit, accept, start)
@@ -113,7 +124,7 @@ class _Search:
     def _choose(self, group: int, keys: list[RankKey]) -> None:
         """Choose an axis whose loads are known."""
         (axis,) = self.groups[group]
-        axis_keys = self._keys(axis)
+        axis_keys = self._keys(axis, self._promising(axis, keys))
         pairs = self._options(axis, axis_keys, order_of(axis_keys))
         for place in range(max(len(pairs), 1)):
             pair = int(pairs[place]) if len(pairs) else None
@@ -149,7 +160,7 @@ class _Search:
             extended = [*keys, as_key(bounds[pair])]
             if self._excluded(extended):
                 return
-            same = ranked[classes[ranked] == classes[pair]]
+            same = np.flatnonzero(classes == classes[pair])
             if self._exhausted():
                 self._leave(keys, bounds[ranked[int(np.flatnonzero(ranked == pair)[0]) :]])
                 return
@@ -183,11 +194,18 @@ class _Search:
         self.pairs[axis] = pair
         self.masses[axis] = UNKNOWN_MASS if pair is None else int(self.problem.classes[axis][pair])
 
-    def _keys(self, axis: int) -> RankKeys:
-        return self.problem.keys(axis, tuple(self.masses))
+    def _keys(self, axis: int, rows: NDArray[np.bool_] | None = None) -> RankKeys:
+        return self.problem.keys(axis, tuple(self.masses), rows)
+
+    def _promising(self, axis: int, keys: list[RankKey]) -> NDArray[np.bool_] | None:
+        """Pairs of an axis that may lead to something better than what was found; None: all."""
+        if self.best is None or self.problem.kept[axis]:
+            return None
+        others = [*keys, *self.rest[len(keys) + 1]]
+        return less_than(self.problem.bounds[axis], others, self.best, self.problem.largest)
 
     def _exhausted(self) -> bool:
-        return self.best is not None and self.problem.judgements >= self.limit
+        return self.best is not None and self.problem.effort >= self.limit
 
     def _excluded(self, keys: list[RankKey]) -> bool:
         """Whether what the remaining axes could reach at best is no better than what was found."""

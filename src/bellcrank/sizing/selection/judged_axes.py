@@ -8,7 +8,7 @@ the mass; a pair that only an unknown counterweight would relieve is left out.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -19,8 +19,8 @@ from bellcrank.sizing.selection.axis_loads import AddedMass, AxisLoads, LoadCycl
 from bellcrank.sizing.selection.axis_pairs import AxisPairs
 from bellcrank.sizing.selection.joint_problem import NO_MASS, UNKNOWN_MASS, Choice, Masses, masses_of
 from bellcrank.sizing.selection.judge import EXCEEDED, INSIDE, UNKNOWN, Judgement, judge
-from bellcrank.sizing.selection.load_reductions import ReducedLoads, reduce_cycle
-from bellcrank.sizing.selection.ranking import Indices, RankKeys, Verdicts, rank_keys
+from bellcrank.sizing.selection.load_reductions import ReducedCycle, ReducedLoads, reduce_cycle
+from bellcrank.sizing.selection.ranking import NOT_JUDGED, Indices, RankKeys, Verdicts, rank_keys
 from bellcrank.sizing.selection.selection import Objective
 
 Array = NDArray[np.float64]
@@ -29,6 +29,7 @@ MAIN = frozenset(  # a pair of which one of these is unknown may be far too weak
     {"motor speed", "continuous torque", "peak torque", "peak current", "voltage limit", "gear repeated peak torque"}
 )
 MOST_ROWS_KEPT = 3_000_000  # keys of pairs that are kept for another time: 48 bytes each
+PAIRS_OF_A_JUDGEMENT = 2000  # the effort of loads and their reduction, in pairs
 TINY = 1e-9  # share of the loads at which a criterion that is unknown is unknown under any masses
 
 
@@ -42,7 +43,7 @@ class JudgedAxes:
         conditions: What is assumed.
         objective: What is minimised.
         feedback: Whether the actuators' masses load other axes.
-        progress: Called after each judgement of an axis's pairs.
+        progress: Called after each judgement with the effort spent.
     """
 
     loads: AxisLoads
@@ -50,8 +51,8 @@ class JudgedAxes:
     conditions: Conditions
     objective: Objective
     feedback: bool = True
-    progress: Callable[[], None] | None = None
-    judgements: int = field(default=0, init=False)
+    progress: Callable[[int], None] | None = None
+    effort: int = field(default=0, init=False)
     _keys: OrderedDict[tuple[int, Masses], RankKeys] = field(default_factory=OrderedDict, init=False)
 
     def __post_init__(self) -> None:
@@ -67,15 +68,19 @@ class JudgedAxes:
 
     # ---- ranks
 
-    def keys(self, axis: int, masses: Masses) -> RankKeys:
-        """The keys (m, 6) of an axis where the actuators are of these classes; only those that load it matter."""
+    def keys(self, axis: int, masses: Masses, rows: NDArray[np.bool_] | None = None) -> RankKeys:
+        """The keys (m, 6) of an axis where the actuators are of these classes; only those that load it matter.
+
+        Only the pairs `rows` (m,) need to be judged; the keys of others may be `NOT_JUDGED`.
+        """
         loading = tuple(one if self.influence[axis, j] else NO_MASS for j, one in enumerate(masses))
-        found = self._keys.get((axis, loading))
-        if found is not None:
-            self._keys.move_to_end((axis, loading))
-            return found
-        found = self._rank(axis, self.judgement(axis, masses))
-        self._keys[axis, loading] = found
+        wanted = np.ones(len(self.axes[axis].pairs), dtype=bool) if rows is None else rows
+        found = self._keys.pop((axis, loading), None)
+        if found is None or (wanted & (found[:, 0] == NOT_JUDGED[0])).any():
+            found = np.tile(np.array(NOT_JUDGED, dtype=np.int64), (len(wanted), 1))
+            judged = np.flatnonzero(wanted)
+            found[judged] = self._rank(axis, self.judgement(axis, masses, judged), judged)
+        self._keys[axis, loading] = found  # as the latest
         while len(self._keys) > 1 and sum(map(len, self._keys.values())) > MOST_ROWS_KEPT:
             self._keys.popitem(last=False)
         return found
@@ -84,9 +89,9 @@ class JudgedAxes:
         """The judgement of an axis's pairs, or of some rows of them, where the actuators are of these classes."""
         pairs = self.axes[axis].pairs if rows is None else self.axes[axis].pairs.take(rows)
         found = judge(pairs, self.axis_loads(axis, masses), self.conditions)
-        self.judgements += 1
+        self.effort += len(pairs) + PAIRS_OF_A_JUDGEMENT
         if self.progress is not None:
-            self.progress()
+            self.progress(self.effort)
         return without_unknown_masses(found) if self.unknown_masses(axis, masses) else found
 
     def objective_values(self, axis: int, judgement: Judgement, rows: Indices | slice = slice(None)) -> Array:
@@ -100,13 +105,13 @@ class JudgedAxes:
             return judgement.loss
         return np.where(judgement.tier == 1, np.nan, judgement.largest_use)  # a margin that is not shown is unknown
 
-    def _rank(self, axis: int, judgement: Judgement) -> RankKeys:
+    def _rank(self, axis: int, judgement: Judgement, rows: Indices | slice = slice(None)) -> RankKeys:
         main = np.array([criterion.name in MAIN for criterion in judgement.criteria])
         return rank_keys(
             Verdicts(
                 tier=judgement.tier,
                 main_unknown=(judgement.verdict[main] == UNKNOWN).sum(axis=0).astype(np.int8),
-                objective=self.objective_values(axis, judgement),
+                objective=self.objective_values(axis, judgement, rows),
                 use=judgement.largest_use,
             )
         )
@@ -117,7 +122,7 @@ class JudgedAxes:
         A criterion that is unknown at tiny loads is unknown at all: a missing limit is only bounded from below by other
         figures, which a smaller load does not exceed. Mass and cost do not depend on loads; loss and use count as 0.
         """
-        tiny = scaled_loads(self.axis_loads(axis, (NO_MASS,) * len(self.axes)), TINY)
+        tiny = tiny_loads(self.axis_loads(axis, (NO_MASS,) * len(self.axes)))
         judgement = judge(self.axes[axis].pairs, tiny, self.conditions)
         of_motion = np.array([criterion.name in OF_MOTION for criterion in judgement.criteria])
         found = self._rank(axis, judgement)
@@ -146,9 +151,7 @@ class JudgedAxes:
     def unknown_masses(self, axis: int, masses: Masses) -> list[str]:
         """Names of the axes whose actuators load this one and have no known mass."""
         return [
-            self.axes[j].axis.name
-            for j, one in enumerate(masses)
-            if one == UNKNOWN_MASS and self.influence[axis, j]
+            self.axes[j].axis.name for j, one in enumerate(masses) if one == UNKNOWN_MASS and self.influence[axis, j]
         ]
 
     def choice_masses(self, choice: Choice) -> Masses:
@@ -164,20 +167,24 @@ def without_unknown_masses(judgement: Judgement) -> Judgement:
     return replace(judgement, verdict=verdict, loss=np.full_like(judgement.loss, np.nan))
 
 
-def scaled_loads(loads: ReducedLoads, factor: float) -> ReducedLoads:
-    """Loads with all forces and accelerations multiplied by a factor, at the same speeds."""
-    forces = np.array([factor, factor, factor, 1.0, 1.0])
+def tiny_loads(loads: ReducedLoads) -> ReducedLoads:
+    """Loads at the same largest and mean speeds, and with 1e-9 of the largest torque: two samples a cycle."""
+    return replace(loads, cycles=tuple(_tiny(cycle) for cycle in loads.cycles))
+
+
+def _tiny(cycle: ReducedCycle) -> ReducedCycle:
+    torque, speed = TINY * cycle.max_torque, cycle.max_speed
+    moving = cycle.mean_speed / speed if speed > 0.0 else 0.0
     return replace(
-        loads,
-        cycles=tuple(
-            replace(
-                cycle,
-                features=cycle.features * forces,
-                torque=cycle.torque * factor,
-                static_torque=cycle.static_torque * factor,
-                axial_force=cycle.axial_force * factor,
-                tilting_moment=cycle.tilting_moment * factor,
-            )
-            for cycle in loads.cycles
-        ),
+        cycle,
+        time=np.array([0.0, cycle.duration * moving]),
+        weight=np.array([moving, 1.0 - moving]) * cycle.duration,
+        interval=np.arange(2),
+        sequence=((0, 2, 1),),
+        features=np.array([[torque, 0.0, 0.0, np.sign(speed), speed], [torque, 0.0, 0.0, 0.0, 0.0]]),
+        torque=np.full(2, torque),
+        static_torque=TINY * cycle.static_torque,
+        inertia=cycle.inertia[:2],
+        axial_force=TINY * cycle.axial_force,
+        tilting_moment=TINY * cycle.tilting_moment,
     )

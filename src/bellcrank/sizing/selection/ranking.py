@@ -23,8 +23,9 @@ RankKeys = NDArray[np.int64]  # (m, 6), see COLUMNS
 RankKey = tuple[int, int, int, int, int, int]
 COLUMNS = ("fails", "not all shown", "main criteria unknown", "objective unknown", "objective", "largest utilisation")
 RESOLUTION = 1e-9  # of a mass in kg, a cost, a loss in W, and a utilisation
-LARGEST = 10**15  # of rounded values: sums over all axes stay integers of 64 bits
+LARGEST = 10**8  # values above are equal, so that sums over all axes stay integers of 64 bits
 NOTHING: RankKey = (1, 0, 0, 0, 0, 0)  # an axis that nothing can drive
+NOT_JUDGED: RankKey = (2, 0, 0, 0, 0, 0)  # a pair that is left out beforehand
 ALL_SHOWN, PASSES_KNOWN, FAILS = range(3)
 
 
@@ -62,7 +63,7 @@ def rank_keys(verdicts: Verdicts) -> RankKeys:
 
 def rounded(values: Array) -> NDArray[np.int64]:
     """Values as multiples of `RESOLUTION`."""
-    return np.rint(np.clip(values / RESOLUTION, -LARGEST, LARGEST)).astype(np.int64)
+    return np.rint(np.clip(values, -LARGEST, LARGEST) / RESOLUTION).astype(np.int64)
 
 
 def order_of(keys: RankKeys) -> Indices:
@@ -88,6 +89,20 @@ def total(keys: Sequence[RankKey], largest: bool) -> RankKey:
     fails, partial, unknown, unvalued, values, uses = zip(*keys, strict=True)
     value = max(values) if largest else sum(values)
     return (sum(fails), sum(partial), sum(unknown), sum(unvalued), value, max(uses))
+
+
+def less_than(keys: RankKeys, others: Sequence[RankKey], best: RankKey, largest: bool) -> NDArray[np.bool_]:
+    """Whether (m,) the total of each key with some others is less than the best one."""
+    rest = np.array(total(others, largest), dtype=np.int64)
+    totals = keys + rest
+    totals[:, 5] = np.maximum(keys[:, 5], rest[5])
+    if largest:
+        totals[:, 4] = np.maximum(keys[:, 4], rest[4])
+    found, equal = np.zeros(len(keys), dtype=bool), np.ones(len(keys), dtype=bool)
+    for column, limit in zip(totals.T, best, strict=True):
+        found |= equal & (column < limit)
+        equal &= column == limit
+    return found
 
 
 def smallest(keys: RankKeys) -> RankKey:
