@@ -143,7 +143,7 @@ def _products(
             "catalogue", [given] if isinstance(given, (str, Path)) else given, (str, Path), "folders"
         )
         catalogue = load_catalogue(*folders)
-    catalogue = catalogue.select(makers=makers, exclude=exclude)
+    catalogue = catalogue.filtered(makers=makers, exclude=exclude)
     if not catalogue.motors:
         raise InputError("argument 'catalogue': no motor is left to choose from; name other makers, or exclude less")
     return catalogue
@@ -165,9 +165,9 @@ def _given(
 ) -> tuple[Any, Any, Any]:
     """Duty program, transmissions and mounts, those of the configuration where none are given."""
     if config is not None:
-        duty = config.duty if duty is None else duty
-        transmissions = config.transmissions if transmissions is None else transmissions
-        mounts = config.mounts if mounts is None else mounts
+        duty = getattr(config, "duty", None) if duty is None else duty
+        transmissions = getattr(config, "transmissions", None) if transmissions is None else transmissions
+        mounts = getattr(config, "mounts", None) if mounts is None else mounts
     return checked_duty(duty) or None, tuple(transmissions or ()), mounts
 
 
