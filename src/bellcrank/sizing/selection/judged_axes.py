@@ -28,9 +28,24 @@ OF_MOTION = frozenset({"motor speed", "gear average input speed", "gear largest 
 MAIN = frozenset(  # a pair of which one of these is unknown may be far too weak
     {"motor speed", "continuous torque", "peak torque", "peak current", "voltage limit", "gear repeated peak torque"}
 )
-MOST_ROWS_KEPT = 3_000_000  # keys of pairs that are kept for another time: 48 bytes each
+MOST_ROWS_KEPT = 2_000_000  # pairs whose ranks are kept for another time: 64 bytes each
 PAIRS_OF_A_JUDGEMENT = 2000  # the effort of loads and their reduction, in pairs
 TINY = 1e-9  # share of the loads at which a criterion that is unknown is unknown under any masses
+
+
+@dataclass(frozen=True, eq=False)
+class AxisRanks:
+    """The keys (m, 6) of an axis's pairs, and their largest known utilisations and losses (m,), NaN where unknown."""
+
+    keys: RankKeys
+    use: Array
+    loss: Array
+
+    @classmethod
+    def nothing(cls, count: int) -> AxisRanks:
+        """Of pairs that have not been judged."""
+        keys = np.tile(np.array(NOT_JUDGED, dtype=np.int64), (count, 1))
+        return cls(keys, np.full(count, np.nan), np.full(count, np.nan))
 
 
 @dataclass(eq=False)
@@ -53,7 +68,7 @@ class JudgedAxes:
     feedback: bool = True
     progress: Callable[[int], None] | None = None
     effort: int = field(default=0, init=False)
-    _keys: OrderedDict[tuple[int, Masses], RankKeys] = field(default_factory=OrderedDict, init=False)
+    _ranks: OrderedDict[tuple[int, Masses], AxisRanks] = field(default_factory=OrderedDict, init=False)
 
     def __post_init__(self) -> None:
         influence = np.asarray(self.loads.influence, dtype=bool)
@@ -73,16 +88,22 @@ class JudgedAxes:
 
         Only the pairs `rows` (m,) need to be judged; the keys of others may be `NOT_JUDGED`.
         """
+        return self.ranks(axis, masses, rows).keys
+
+    def ranks(self, axis: int, masses: Masses, rows: NDArray[np.bool_] | None = None) -> AxisRanks:
+        """As `keys`, with the utilisations and losses."""
         loading = tuple(one if self.influence[axis, j] else NO_MASS for j, one in enumerate(masses))
         wanted = np.ones(len(self.axes[axis].pairs), dtype=bool) if rows is None else rows
-        found = self._keys.pop((axis, loading), None)
-        if found is None or (wanted & (found[:, 0] == NOT_JUDGED[0])).any():
-            found = np.tile(np.array(NOT_JUDGED, dtype=np.int64), (len(wanted), 1))
+        found = self._ranks.pop((axis, loading), None)
+        if found is None or (wanted & (found.keys[:, 0] == NOT_JUDGED[0])).any():
+            found = AxisRanks.nothing(len(wanted))
             judged = np.flatnonzero(wanted)
-            found[judged] = self._rank(axis, self.judgement(axis, masses, judged), judged)
-        self._keys[axis, loading] = found  # as the latest
-        while len(self._keys) > 1 and sum(map(len, self._keys.values())) > MOST_ROWS_KEPT:
-            self._keys.popitem(last=False)
+            judgement = self.judgement(axis, masses, judged)
+            found.keys[judged] = self._rank(axis, judgement, judged)
+            found.use[judged], found.loss[judged] = judgement.largest_use, judgement.loss
+        self._ranks[axis, loading] = found  # as the latest
+        while len(self._ranks) > 1 and sum(len(one.keys) for one in self._ranks.values()) > MOST_ROWS_KEPT:
+            self._ranks.popitem(last=False)
         return found
 
     def judgement(self, axis: int, masses: Masses, rows: Indices | None = None) -> Judgement:

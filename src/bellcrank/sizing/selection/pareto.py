@@ -51,12 +51,12 @@ class Front:
         rows = non_dominated(self.points)
         return Front(self.points[rows], self.pairs[rows])
 
-    def with_axis(self, points: Array, pairs: Indices) -> Front:
-        """Each combination with each of some pairs (points (m, 4)) of another axis."""
-        n, m = len(self.points), len(points)
+    def with_front(self, other: Front) -> Front:
+        """Each combination with each of another front, which is over other axes."""
+        n, m = len(self.points), len(other.points)
         return Front(
-            joined(np.repeat(self.points, m, axis=0), np.tile(points, (n, 1))),
-            np.column_stack([np.repeat(self.pairs, m, axis=0), np.tile(pairs, n)]).astype(np.intp),
+            joined(np.repeat(self.points, m, axis=0), np.tile(other.points, (n, 1))),
+            np.column_stack([np.repeat(self.pairs, m, axis=0), np.tile(other.pairs, (n, 1))]).astype(np.intp),
         )
 
     def thinned(self, most: int) -> Front:
@@ -68,9 +68,11 @@ class Front:
         return Front(self.points[rows], self.pairs[rows])
 
     @classmethod
-    def of(cls, fronts: Sequence[Front]) -> Front:
-        """All combinations of several fronts over the same axes."""
-        return cls(np.concatenate([one.points for one in fronts]), np.concatenate([one.pairs for one in fronts]))
+    def of(cls, fronts: Sequence[Front], axes: int) -> Front:
+        """All combinations of several fronts over the same axes; there may be none."""
+        none = Front(np.zeros((0, 4)), np.zeros((0, axes), dtype=np.intp))
+        every = [none, *fronts]
+        return cls(np.concatenate([one.points for one in every]), np.concatenate([one.pairs for one in every]))
 
 
 def joined(first: Array, second: Array) -> Array:

@@ -119,7 +119,7 @@ def select(
     check_prices(pairs, objective)
     with counting("select", " pairs") as bar:
         problem = JudgedAxes(loads, pairs, conditions, objective, feedback, lambda done: bar(done, done))
-        selection = selection_of(problem, choose(problem, effort), candidates)
+        selection = selection_of(problem, choose(problem, effort), candidates, effort)
     robot_name = subject.mechanism.robot.name if subject.config is None else subject.config.name
     warnings = [*_subject_warnings(subject), *loads.warnings, *_assumed_notes(products, conditions)]
     return replace(

@@ -11,20 +11,21 @@ from bellcrank.sizing.selection.pareto_search import pareto_front
 from bellcrank.sizing.selection.selection import AxisSelection, Selection, pair_id
 
 
-def selection_of(problem: JudgedAxes, chosen: Chosen, candidates: int) -> Selection:
+def selection_of(problem: JudgedAxes, chosen: Chosen, candidates: int, effort: int) -> Selection:
     """The result, without the names of the robot and its inputs.
 
     Args:
         problem: The pairs.
         chosen: What was chosen.
         candidates: How many pairs to list of each axis.
+        effort: How many pairs may be judged for an exact Pareto front.
     """
     masses = masses_of(problem, chosen.choice)
     axes = tuple(
         advice_for(problem, axis, masses, axis_selection(problem, axis, pair, masses, candidates))
         for axis, pair in enumerate(chosen.choice)
     )
-    points, proof = pareto_front(problem, chosen.choice)
+    points, proof = pareto_front(problem, chosen.choice, effort)
     return Selection(
         robot="",
         objective=problem.objective,
