@@ -165,9 +165,9 @@ def _given(
 ) -> tuple[Any, Any, Any]:
     """Duty program, transmissions and mounts, those of the configuration where none are given."""
     if config is not None:
-        duty = getattr(config, "duty", None) if duty is None else duty
-        transmissions = getattr(config, "transmissions", None) if transmissions is None else transmissions
-        mounts = getattr(config, "mounts", None) if mounts is None else mounts
+        duty = config.duty if duty is None else duty
+        transmissions = config.transmissions if transmissions is None else transmissions
+        mounts = config.mounts if mounts is None else mounts
     return checked_duty(duty) or None, tuple(transmissions or ()), mounts
 
 
