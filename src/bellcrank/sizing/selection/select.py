@@ -165,10 +165,10 @@ def _given(
 ) -> tuple[Any, Any, Any]:
     """Duty program, transmissions and mounts, those of the configuration where none are given."""
     if config is not None:
-        duty = config.duty if duty is None else duty
+        duty = config.duty or None if duty is None else duty
         transmissions = config.transmissions if transmissions is None else transmissions
         mounts = config.mounts if mounts is None else mounts
-    return checked_duty(duty) or None, tuple(transmissions or ()), mounts
+    return checked_duty(duty), tuple(transmissions or ()), mounts
 
 
 def _refuse_massless(subject: SizingSubject, allowed: Iterable[str]) -> None:
