@@ -27,6 +27,7 @@ from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
 from bellcrank.files.access import FileAccess, Trust
 from bellcrank.messages import unknown_name
+from bellcrank.motion.duty_program import DutyStep, duty_from_fields
 from bellcrank.motion.entry_kinds import check_references, read_motion_entry
 from bellcrank.motion.motion_entry import MotionEntry
 from bellcrank.robot import catalog
@@ -64,8 +65,11 @@ class RobotConfig(Renamed):
         payloads: Rigid bodies fixed to frames.
         frames: Additional frames by name: (link, xyz in m, rpy in rad).
         motions: The entries of the motions by name; `motion` computes one.
-        actuators: The motor and gear of joints, by joint.
+        actuators: The motor and gear of joints, by joint; of a coupled transmission by motor.
         actuated: The joints with motors, for a mechanism with closed loops; empty: those with actuators.
+        transmissions: The coupled transmissions.
+        mounts: Where actuators are mounted, by joint or motor, where that is not the joint's parent link.
+        duty: The order of motions and pauses in a cycle; empty: each motion repeats by itself.
         access: The rule which files the configuration may name.
         deprecations: A note on each key of the file that was renamed in 0.5.
 
@@ -87,10 +91,24 @@ class RobotConfig(Renamed):
     motions: Mapping[str, MotionEntry] = field(default_factory=dict)
     actuators: Mapping[str, Actuator] = field(default_factory=dict)
     actuated: tuple[str, ...] = ()
+    transmissions: tuple[CoupledTransmission, ...] = ()
+    mounts: Mapping[str, Mount] = field(default_factory=dict)
+    duty: tuple[DutyStep, ...] = ()
     access: FileAccess | None = field(default=None, repr=False, compare=False)
     deprecations: tuple[str, ...] = field(default=(), repr=False, compare=False)
 
     renamed: ClassVar[Mapping[str, str]] = {"drives": "actuators"}
+
+    @property
+    def coupled_motors(self) -> tuple[str, ...]:
+        """The motors of coupled transmissions. The reflected inertia of their rotors is not part of the robot."""
+        return tuple(motor for one in self.transmissions for motor in one.motors)
+
+    @property
+    def joints_with_actuators(self) -> tuple[str, ...]:
+        """The joints that actuators move, those of coupled transmissions included."""
+        joints = {motor: one.joints for one in self.transmissions for motor in one.motors}
+        return tuple(dict.fromkeys(joint for name in self.actuators for joint in joints.get(name, (name,))))
 
     def robot(self, extra_payloads: Iterable[Payload] = ()) -> Robot:
         """Load the robot with its gravity, friction, payloads, frames and the actuators' reflected inertias.
@@ -260,6 +278,19 @@ def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
     actuated = fields.raw("actuated", ())
     if not isinstance(actuated, (list, tuple)) or not all(isinstance(joint, str) for joint in actuated):
         raise fields.error("actuated", "expected a list of joints, such as [crank]")
+    transmissions = transmissions_from_fields(fields)
+    for one in transmissions:
+        for joint in one.joints:
+            if joint in actuators:
+                raise motors.error(
+                    joint,
+                    f"joint '{joint}' belongs to a coupled transmission; name its actuators by motor "
+                    f"({', '.join(one.motors)})",
+                )
+    duty = duty_from_fields(fields)
+    for step in duty:
+        if step.motion is not None and step.motion not in entries:
+            raise fields.error("duty", unknown_name("motion", step.motion, entries))
     return RobotConfig(
         name=name,
         source=path,
@@ -272,6 +303,9 @@ def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
         motions=entries,
         actuators=actuators,
         actuated=tuple(actuated),
+        transmissions=transmissions,
+        mounts=mounts_from_fields(fields.mapping("mounts", {})),
+        duty=duty,
         access=access,
     )
 

@@ -159,7 +159,7 @@ class AxisLoads:
             >>> from bellcrank.sizing.selection.axis_loads import AddedMass
             >>> from bellcrank.dynamics.mechanism import mechanism_of
             >>> from bellcrank.sizing.selection.axis_loads_of import axis_loads
-            >>> arm = bc.load_robot("planar_2r")
+            >>> arm = bc.load_robot("planar_2r", gravity=(0, -9.81, 0))
             >>> motion = bc.waypoints(arm, [0.0, 1.0], [{}, {"elbow": 1.0}])
             >>> loads = axis_loads(mechanism_of(arm), [motion])
             >>> [cycle] = loads.with_masses({"elbow": AddedMass(mass=2.0)})
