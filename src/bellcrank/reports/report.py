@@ -14,7 +14,7 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.motion.motion import Motion
 from bellcrank.replays.geometry.meshes import Detail
-from bellcrank.replays.page.page import write_page
+from bellcrank.replays.page.page import Surroundings, write_page
 from bellcrank.replays.replay import film_of, find_run, load_source, source_name
 from bellcrank.reports.document import Document, Facts, Picture, Table
 from bellcrank.sizing.result import Sizing
@@ -77,7 +77,8 @@ def report(
     film = film_of(result, trace=trace, detail=detail, title=title)
     document = _document(result, film)
     target = f"{file_name(source_name(result))}_report.html" if path is None else path
-    return write_page(film, target, around=document_html(document))
+    before, after = document_html(document)
+    return write_page(film, target, around=Surroundings(before=before, after=after))
 
 
 def _title(result: Trajectory | Motion | Sizing) -> str:
