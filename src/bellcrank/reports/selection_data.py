@@ -18,9 +18,26 @@ from numpy.typing import NDArray
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.replays.page.array_encoding import deflate_base64
-from bellcrank.sizing.selection.load_reductions import ReducedCycle, reduce_loads
-from bellcrank.sizing.selection.pair_detail import PairDetail, motor_curves, pair_detail
-from bellcrank.sizing.selection.selection import AxisSelection, Candidate, CriterionResult, Selection, Tier, Verdict
+from bellcrank.sizing.selection.load_reductions import (
+    ACCELERATION,
+    DRIVEN,
+    DRIVING,
+    SPEED,
+    ReducedCycle,
+    reduce_loads,
+)
+from bellcrank.sizing.selection.motor_curves import motor_curves
+from bellcrank.sizing.selection.pair_detail import PairDetail, pair_detail
+from bellcrank.sizing.selection.selection import (
+    AxisSelection,
+    Candidate,
+    CriterionResult,
+    ParetoPoint,
+    Selection,
+    Tier,
+    Verdict,
+    pair_id,
+)
 from bellcrank.text import readable
 
 Array = NDArray[np.float64]
@@ -51,8 +68,8 @@ def selection_data(selection: Selection) -> dict[str, Any]:
     loads = reduce_loads(tuple(each.axis for each in selection.axes), selection.cycles)
 
     def criterion(result: CriterionResult) -> list[int | float | None]:
-        known = [names(result.name), number(result.use), VERDICTS.index(result.verdict), texts(result.text)]
-        return known
+        use = result.estimate if result.use is None else result.use
+        return [names(result.name), number(use), VERDICTS.index(result.verdict), texts(readable(result.text))]
 
     def candidate(axis: AxisSelection, one: Candidate) -> dict[str, Any]:
         detail = pair_detail(selection, axis, one)
@@ -78,7 +95,7 @@ def selection_data(selection: Selection) -> dict[str, Any]:
             "mount": each.axis.mount,
             "chosen": chosen_rank(each),
             "counts": each.counts,
-            "advice": each.advice,
+            "advice": readable(each.advice),
             "cycles": [_cycle(cycle) for cycle in load.cycles],
             "candidates": [candidate(each, one) for one in listed(each)],
         }
@@ -115,7 +132,7 @@ def chosen_rank(axis: AxisSelection) -> int | None:
 def title(product: Motor | Gear) -> str:
     """Maker and model of a product, the maker once."""
     names = product.maker.casefold() in product.model.casefold()
-    return product.model if names else f"{product.maker} {product.model}"
+    return readable(product.model if names else f"{product.maker} {product.model}".strip())
 
 
 def number(value: float | None) -> float | None:
@@ -137,21 +154,27 @@ def _rank(axis: AxisSelection, candidates: Sequence[Candidate]) -> int | None:
 def _motor(motor: Motor, selection: Selection) -> dict[str, Any]:
     curves = motor_curves(motor, selection.conditions)
     return {
-        "id": motor.id,
+        "id": readable(motor.id),
         "title": title(motor),
-        "maker": motor.maker,
-        "currency": motor.currency or "",
+        "maker": readable(motor.maker),
+        "currency": readable(motor.currency or ""),
         "curves": {
             "continuous": _curve(curves.continuous),
-            "region": _curve(curves.short_time),
+            "region": None if curves.short_time is None else [_numbers(column) for column in curves.short_time.T],
             "voltage": _curve(curves.voltage),
         },
+        "unknown": curves.unknown,
         "limits": {"winding": number(motor.max_winding_temperature), "housing": number(motor.max_housing_temperature)},
     }
 
 
 def _gear(gear: Gear) -> dict[str, Any]:
-    return {"id": gear.id, "title": title(gear), "maker": gear.maker, "direct": gear.kind == "direct"}
+    return {
+        "id": readable(gear.id),
+        "title": title(gear),
+        "maker": readable(gear.maker),
+        "direct": gear.kind == "direct",
+    }
 
 
 def _curve(points: Array | None) -> list[list[float | None]] | None:
@@ -163,14 +186,16 @@ def _pair(detail: PairDetail) -> dict[str, Any]:
     """What plots of a pair need beside the loads of its axis and the curves of its motor."""
     shaft = detail.shaft
     return {
-        "shaft": {
+        "shaft": None
+        if shaft is None
+        else {
             "ratio": number(shaft.ratio),
             "efficiency": number(shaft.efficiency),
             "backEfficiency": number(shaft.back_efficiency),
             "efficiencyCurve": _curve(shaft.efficiency_curve),
             "inertia": number(shaft.inertia),
             "safety": number(shaft.safety_factor),
-            "lossless": shaft.lossless,
+            "leftOut": shaft.left_out,
         },
         "cycles": [
             {
@@ -193,15 +218,23 @@ def _temperature(table: Array | None) -> dict[str, list[float | None]] | None:
 
 
 def _cycle(cycle: ReducedCycle) -> dict[str, Any]:
-    """The load of an axis along a cycle: the corners of its hull, and samples in between."""
-    table = np.column_stack([cycle.torque, cycle.speed, cycle.acceleration])
-    rows = np.union1d(thinned(table, MOST_SAMPLES), cycle.extreme_points)
-    return {
-        "name": cycle.name,
-        "torque": _numbers(table[rows, 0]),
-        "speed": _numbers(table[rows, 1]),
-        "acceleration": _numbers(table[rows, 2]),
-    }
+    """The load of an axis along a cycle: some of its samples, then its extremes (at speeds that are not negative)."""
+    table = load_table(cycle)
+    names = ("torque", "speed", "acceleration")
+    return {"name": readable(cycle.name), **{name: _numbers(table[:, k]) for k, name in enumerate(names)}}
+
+
+def load_table(cycle: ReducedCycle) -> Array:
+    """(torque, speed, acceleration) (n, 3) of the axis: some samples of a cycle, and all that decide straight limits."""
+    samples = np.column_stack([cycle.torque, cycle.speed, cycle.features[:, ACCELERATION]])
+    extremes = cycle.extremes
+    torque = extremes[:, DRIVING] + extremes[:, DRIVEN]
+    return np.concatenate(
+        [
+            samples[thinned(samples, MOST_SAMPLES)],
+            np.column_stack([torque, extremes[:, SPEED], extremes[:, ACCELERATION]]),
+        ]
+    )
 
 
 def thinned(table: Array, most: int) -> NDArray[np.intp]:
@@ -210,6 +243,19 @@ def thinned(table: Array, most: int) -> NDArray[np.intp]:
     return np.unique(np.concatenate([even, np.argmin(table, axis=0), np.argmax(table, axis=0)]))
 
 
-def _combination(selection: Selection, each: Any) -> dict[str, Any]:
-    mass, use, loss, pairs = each
-    return {"mass": number(mass), "use": number(use), "loss": number(loss), "pairs": pairs, "chosen": False}
+def _combination(selection: Selection, each: ParetoPoint) -> dict[str, Any]:
+    """A point of the Pareto front, with the names of its products."""
+    titles = {pair_id(one.motor, one.gear): _pair_title(one) for axis in selection.axes for one in listed(axis)}
+    chosen = tuple("" if axis.chosen is None else axis.chosen.id for axis in selection.axes)
+    return {
+        "mass": number(each.mass),
+        "use": number(each.largest_use),
+        "loss": number(each.loss),
+        "cost": number(each.cost),
+        "pairs": [titles.get(pair, readable(pair)) for pair in each.pairs],
+        "chosen": each.pairs == chosen,
+    }
+
+
+def _pair_title(one: Candidate) -> str:
+    return title(one.motor) if one.gear.kind == "direct" else f"{title(one.motor)} + {title(one.gear)}"

@@ -8,7 +8,7 @@ const known = (value, unit, digits = 3) => (value === null || value === undefine
 
 /** (name, value) of a pair's figures. */
 const pairFigures = (candidate) => [
-  ["ratio", candidate.gear.direct ? "direct" : known(candidate.shaft.ratio, candidate.axis.kind === "linear" ? "rad/m" : "", 4)],
+  ["ratio", candidate.gear.direct ? "direct" : known(candidate.shaft?.ratio, candidate.axis.kind === "linear" ? "rad/m" : "", 4)],
   ["largest utilisation", percent(candidate.use)],
   ["binding criterion", candidate.binding],
   ["mass", known(candidate.mass, "kg")],

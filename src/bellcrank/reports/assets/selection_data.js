@@ -1,27 +1,32 @@
 // ---- the data of the selection: what selection_data.py wrote, with names in place of numbers
 
-/** The efficiency of a gear at an output torque, interpolated; constant beyond the ends of the curve. */
-function efficiencyAt([loads, efficiencies], load) {
-  if (load <= loads[0]) return efficiencies[0];
-  const k = loads.findIndex((each) => each >= load);
-  if (k < 0) return efficiencies.at(-1);
-  const part = (load - loads[k - 1]) / (loads[k] - loads[k - 1]);
-  return efficiencies[k - 1] + part * (efficiencies[k] - efficiencies[k - 1]);
+const STANDSTILL = 1e-6;  // rad/s of the shaft: slower is at rest
+
+/** The value of a curve, interpolated; constant beyond its ends. */
+function valueOnCurve([xs, ys], x) {
+  if (x <= xs[0]) return ys[0];
+  const k = xs.findIndex((each) => each >= x);
+  if (k < 0) return ys.at(-1);
+  return ys[k - 1] + (x - xs[k - 1]) / (xs[k] - xs[k - 1]) * (ys[k] - ys[k - 1]);
 }
 
 /**
- * Speed and torque at the motor's shaft along samples of the axis: T = τ / (N η) where the motor drives the load,
- * T = τ η' / N where the load drives the motor, plus the inertia of rotor and gear times N q̈.
+ * Speed and torque at the motor's shaft along samples of the axis, as in actuators/powertrain.py: the torque of the load
+ * and, opposed to the motion, of the gear's loss, over N; and the inertia of rotor and gear times N q̈.
  */
 function shaftLoad({ speed, torque, acceleration }, { ratio, efficiency, backEfficiency, efficiencyCurve, inertia, safety }) {
+  const least = efficiencyCurve ? efficiencyCurve[0][0] : 0;  // below it the loss is constant
+  const shaftTorque = (load, w, a) => {
+    const rests = Math.abs(w) * ratio <= STANDSTILL;
+    const drives = rests || load * w >= 0;
+    const size = Math.max(Math.abs(load), least);
+    const eta = efficiencyCurve ? valueOnCurve(efficiencyCurve, size) : efficiency;
+    const loss = size * (drives ? 1 / eta - 1 : 1 - (backEfficiency ?? eta));
+    return (load + Math.sign(rests ? load : w) * loss) / ratio + inertia * ratio * a;
+  };
   return {
     speed: speed.map((w) => ratio * w),
-    torque: torque.map((t, i) => {
-      const load = safety * t;
-      const drives = load * speed[i] >= 0;
-      const eta = efficiencyCurve ? efficiencyAt(efficiencyCurve, Math.abs(load)) : drives ? efficiency : backEfficiency;
-      return (drives ? load / (ratio * eta) : load * eta / ratio) + safety * inertia * ratio * acceleration[i];
-    }),
+    torque: torque.map((t, i) => shaftTorque(safety * t, speed[i], acceleration[i])),
   };
 }
 
@@ -49,11 +54,12 @@ async function readSelection() {
 function pairDetail(axis, { motor, name, shaft, cycles, temperatureText }) {
   return {
     name,
-    linear: axis.kind === "linear" && shaft.ratio === 1,
-    lossless: shaft.lossless,
+    linear: axis.kind === "linear" && shaft?.ratio === 1,
+    leftOut: shaft ? shaft.leftOut : ["the ratio"],
     curves: motor.curves,
+    unknownLimits: motor.unknown,
     temperatureLimits: motor.limits,
     temperatureText,
-    cycles: axis.cycles.map((load, k) => ({ name: load.name, ...shaftLoad(load, shaft), ...cycles[k] })),
+    cycles: shaft ? axis.cycles.map((load, k) => ({ name: load.name, ...shaftLoad(load, shaft), ...cycles[k] })) : [],
   };
 }

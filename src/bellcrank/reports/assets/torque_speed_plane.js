@@ -15,20 +15,28 @@ function foldedLoad({ speed, torque }, { speedScale }) {
 const planeUnits = (linear) => (linear ? { speedScale: 1, speed: "m/s", torque: "N", quantity: "force", of: "rod" }
   : { speedScale: RPM, speed: "rpm", torque: "N m", quantity: "torque", of: "motor" });
 
-function torqueSpeedPlane({ cycles, curves, linear, lossless, name }, width) {
+/** The outline of the short-time region; where no bound is known it reaches the frame of the plot. */
+function regionOutline([speeds, lows, highs], [fast, strong], speedScale) {
+  const upper = speeds.map((w, i) => [w === null ? fast : w * speedScale, highs[i] ?? 2 * strong]);
+  const lower = speeds.map((w, i) => [w === null ? fast : w * speedScale, lows[i] ?? -2 * strong]);
+  return [...upper, ...lower.reverse()];
+}
+
+function torqueSpeedPlane({ cycles, curves, unknownLimits, linear, leftOut, name }, width) {
   const units = planeUnits(linear);
-  const scale = ([speed, torque]) => speed.map((w, i) => [w * units.speedScale, torque[i]]);
+  const scaled = (curve) => curve && curve[0].map((w, i) => [w * units.speedScale, curve[1][i]]);
+  const [continuous, voltage] = [scaled(curves.continuous), scaled(curves.voltage)];
+  const { region } = curves;
   const loads = cycles.map((cycle) => foldedLoad(cycle, units));
   const rms = cycles.map(({ meanSpeed, rmsTorque }) => [meanSpeed * units.speedScale, rmsTorque]);
-  const lines = Object.fromEntries(Object.entries(curves).map(([key, curve]) => [key, curve && scale(curve)]));
-  const limits = [lines.region, lines.continuous].filter(Boolean).flat();
+  const limits = [continuous ?? [], region ? region[0].map((w, i) => [(w ?? 0) * units.speedScale, region[2][i]]) : []].flat();
   const reach = (k) => {
-    const largest = Math.max(...[...loads.flat(), ...rms].map((point) => Math.abs(point[k])).filter(Number.isFinite), 0);
-    const limit = Math.max(...limits.map((point) => Math.abs(point[k])).filter(Number.isFinite), 0);
-    return Math.max(largest, largest > 0 ? Math.min(limit, BEYOND * largest) : limit) || 1;
+    const largestOf = (points) => Math.max(...points.map((point) => Math.abs(point[k] ?? NaN)).filter(Number.isFinite), 0);
+    const [load, limit] = [largestOf([...loads.flat(), ...rms]), largestOf(limits)];
+    return Math.max(load, load > 0 ? Math.min(limit, BEYOND * load) : limit) || 1;
   };
   const [fast, strong] = [reach(0) * 1.06, reach(1) * 1.08];
-  const brakes = [...loads.flat(), ...limits].some(([, torque]) => torque < 0);
+  const brakes = loads.flat().some(([, torque]) => torque < 0);
   const plot = makeSvgPlot({
     width,
     height: Math.round(Math.min(Math.max(0.62 * width, 230), 360)),
@@ -36,26 +44,27 @@ function torqueSpeedPlane({ cycles, curves, linear, lossless, name }, width) {
     y: { label: `${units.of} ${units.quantity} [${units.torque}]`, range: [brakes ? -strong : 0, strong] },
     title: `torque-speed plane of ${name}`,
   });
-  if (lines.region) plot.line(lines.region, "region", true);
-  if (lines.voltage) plot.line(lines.voltage, "voltage");
-  if (lines.continuous) {
-    plot.line(lines.continuous, "continuous");
-    plot.line(lines.continuous.map(([speed, torque]) => [speed, -torque]), "continuous");
+  if (region) plot.line(regionOutline(region, [fast, strong], units.speedScale), "region", true);
+  if (voltage) plot.line(voltage, "voltage");
+  if (continuous) {
+    plot.line(continuous, "continuous");
+    plot.line(continuous.map(([speed, torque]) => [speed, -torque]), "continuous");
   }
   loads.forEach((points, k) => plot.dots(points, `dots cycle-${k % 6}`));
   rms.forEach((point, k) => plot.diamond(point, `diamond cycle-${k % 6}`));
-  const entry = (cycle, k) => [[`dots cycle-${k % 6}`, `${lossless ? "load without the gear's losses" : "load"}, ${cycle.name}`],
-    ...Number.isFinite(cycle.rmsTorque) ? [[`diamond cycle-${k % 6}`, `RMS ${formatNumber(cycle.rmsTorque, 3)} ${units.torque} at mean speed ${formatNumber(cycle.meanSpeed * units.speedScale, 3)} ${units.speed}`]] : []];
-  const unknown = [["continuous", "S1 curve"], ["region", "short-time region"], ["voltage", "voltage line"]];
+  const rmsText = ({ rmsTorque, meanSpeed }) => `RMS ${formatNumber(rmsTorque, 3)} ${units.torque} at mean speed ${formatNumber(meanSpeed * units.speedScale, 3)} ${units.speed}`;
   const legend = plotLegend([
-    ...cycles.flatMap(entry),
-    ...unknown.filter(([key]) => lines[key]).map(([key, text]) => [key, text]),
+    ...cycles.flatMap((cycle, k) => [[`dots cycle-${k % 6}`, `load, ${cycle.name}`],
+      ...cycle.rmsTorque === null ? [] : [[`diamond cycle-${k % 6}`, rmsText(cycle)]]]),
+    ...continuous ? [["continuous", "S1 (continuous)"]] : [],
+    ...region ? [["region", `short-time region${unknownLimits.length ? ", as far as known" : ""}`]] : [],
+    ...voltage ? [["voltage", "voltage limit"]] : [],
   ]);
-  const missing = unknown.filter(([key]) => !lines[key]).map(([, text]) => text);
+  const missing = [...continuous ? [] : ["S1 curve"], ...unknownLimits];
   const notes = [
-    ...missing.length ? [`Unknown: ${missing.join(", ")}.`] : [],
-    ...lossless ? ["The gear's efficiency is unknown: driving takes more than these points show, braking less."] : [],
-    ...brakes ? ["Negative: the load drives the motor."] : [],
+    ...missing.length ? [`Not stated: ${missing.join(", ")}.`] : [],
+    ...leftOut.length ? [`Not stated and left out of the load: ${leftOut.join(", ")}.`] : [],
+    ...brakes ? ["Negative torque: the load drives the motor."] : [],
   ];
   return element("figure", { className: "plane" }, plot.root, legend, element("figcaption", { textContent: notes.join(" ") }));
 }

@@ -12,9 +12,10 @@ function useBars(criteria, open = false) {
   const sorted = [...criteria].sort((a, b) => order[a.verdict] - order[b.verdict] || (b.use ?? 0) - (a.use ?? 0));
   for (const { name, use, verdict, text } of sorted) {
     const fill = element("i", { className: "fill" });
-    if (verdict !== "note") fill.style.width = verdict === "unknown" ? "100%" : `${Math.min(Math.max(use, 0) * LIMIT, 100)}%`;
+    if (verdict !== "note") fill.style.width = use === null ? "100%" : `${Math.min(Math.max(use, 0) * LIMIT, 100)}%`;
     const bar = element("span", { className: "bar-track", ariaHidden: "true" }, fill);
-    const value = verdict === "inside" ? percent(use) : verdict === "exceeded" ? `${use === null ? "" : percent(use)} ${WORDS.exceeded}` : WORDS[verdict];
+    const value = verdict === "inside" || use === null || verdict === "note" ? WORDS[verdict] ?? percent(use)
+      : verdict === "unknown" ? `unknown (${percent(use)})` : `${percent(use)} ${WORDS.exceeded}`;
     const sentence = element("span", { className: "sentence", textContent: text, hidden: !open });
     const button = element("button", { className: "use", type: "button", ariaExpanded: String(open) },
       element("span", { className: "criterion", textContent: name }), bar, element("span", { className: "value", textContent: value }));

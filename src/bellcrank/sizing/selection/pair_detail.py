@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.powertrain import PowerTrains
+from bellcrank.actuators.product_arrays import Curves, GearArrays, MotorArrays
 from bellcrank.sizing.selection.axis_loads import LoadCycle
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
 
@@ -25,7 +26,7 @@ class ShaftModel:
 
     Attributes:
         ratio: N, rad/rad or rad/m.
-        efficiency: η, driving.
+        efficiency: η, driving; 1 with a curve of efficiency.
         back_efficiency: η_b, while the load gives power back; None: as the curve of efficiency says.
         efficiency_curve: Points (k, 2) of output torque, N m (N), and efficiency; None: the efficiency is constant.
         inertia: J_rotor + J_gear, kg m².
@@ -95,38 +96,40 @@ def pair_detail(selection: Selection, axis: AxisSelection, candidate: Candidate)
     motor, gear = conditions.completed(candidate.motor), conditions.completed(candidate.gear)
     if gear.ratio is None:
         return PairDetail(shaft=None, cycles=(), temperature_text="Temperature: unknown, the ratio is not stated.")
-    shaft, ideal_motor, ideal_gear = shaft_model(motor, gear, conditions.safety_factor)
-    train = PowerTrains.of(ideal_motor, ideal_gear)
+    shaft, train = shaft_model(motor, gear, conditions.safety_factor)
     column = [each.axis.name for each in selection.axes].index(axis.axis.name)
     cycles = tuple(_cycle(cycle, column, train, shaft) for cycle in selection.cycles)
     return PairDetail(shaft=shaft, cycles=cycles, temperature_text="Temperature: unknown.")
 
 
-def shaft_model(motor: Motor, gear: Gear, safety_factor: float) -> tuple[ShaftModel, Motor, Gear]:
-    """The model of a pair whose ratio is stated, and the motor and gear with ideal figures where they state none."""
+def shaft_model(motor: Motor, gear: Gear, safety_factor: float) -> tuple[ShaftModel, PowerTrains]:
+    """The model of a pair whose ratio is stated, and its power train, ideal where the pair states nothing."""
     assert gear.ratio is not None
     curve = gear.efficiency_curve if gear.rated_torque is not None else None
+    motors, gears, one, zero = MotorArrays.of([motor]), GearArrays.of([gear]), np.ones(1), np.zeros(1)
     left_out = []
     if gear.efficiency is None and curve is None:
         left_out.append("gear efficiency")
-        gear = replace(gear, efficiency=1.0, efficiency_curve=None)
+        gears = replace(gears, efficiency=one, driven_efficiency=one, efficiency_curve=Curves.of([None]))
     if gear.inertia is None:
         left_out.append("gear inertia")
-        gear = replace(gear, inertia=0.0)
+        gears = replace(gears, inertia=zero)
     if motor.rotor_inertia is None:
         left_out.append("rotor inertia")
-        motor = replace(motor, rotor_inertia=0.0)
+        motors = replace(motors, rotor_inertia=zero)
+    train = PowerTrains(motors, gears)
     points = None if curve is None else np.array(curve) * [gear.rated_torque, 1.0]
+    back = gears.back_efficiency if curve is not None else gears.driven_efficiency
     model = ShaftModel(
         ratio=gear.ratio,
-        efficiency=1.0 if gear.efficiency is None else gear.efficiency,
-        back_efficiency=gear.back_efficiency if curve is not None else gear.driven_efficiency,
+        efficiency=1.0 if curve is not None else float(gears.efficiency[0]),
+        back_efficiency=None if np.isnan(back[0]) else float(back[0]),
         efficiency_curve=points,
-        inertia=(motor.rotor_inertia or 0.0) + (gear.inertia or 0.0),
+        inertia=float(train.shaft_inertia[0]),
         safety_factor=safety_factor,
         left_out=tuple(left_out),
     )
-    return model, motor, gear
+    return model, train
 
 
 def _cycle(cycle: LoadCycle, column: int, train: PowerTrains, shaft: ShaftModel) -> ShaftCycle:
