@@ -1,4 +1,4 @@
-"""A selection for tests of the page, made by hand: real loads and products, verdicts and names as each test wants them."""
+"""A selection for tests of the page, made by hand: real loads of an arm, products of no maker, verdicts as wanted."""
 
 import dataclasses
 
@@ -17,28 +17,28 @@ from bellcrank.sizing.selection.selection import (
     SelectionInputs,
 )
 
-# maxon EC 45 flat, 70 W, 24 V (catalogue page of 651614); mass, size and price are of no product
+# Products of no maker.
 FULL = Motor(
-    id="flat70", maker="maxon", model="EC 45 flat 70 W", nominal_voltage=24.0, torque_constant=0.0404,
-    torque_constant_basis="dc", resistance=0.573, no_load_speed=586.4, no_load_current=0.27, rotor_inertia=1.81e-5,
-    nominal_torque=0.134, nominal_speed=497.4, max_speed=1047.2, peak_torque=0.4, peak_time=2.0,
-    resistance_winding_housing=6.64, resistance_housing_ambient=2.55, time_constant_winding=43.1,
-    time_constant_motor=127.0, max_winding_temperature=125.0, reference_temperature=25.0, mass=0.141, diameter=0.043,
-    length=0.027, price=120.0, currency="EUR",
+    id="s40", maker="Bolt", model="S 40", nominal_voltage=320.0, torque_constant=0.7, torque_constant_basis="dc",
+    resistance=1.1, no_load_speed=450.0, no_load_current=0.3, rotor_inertia=4e-4, nominal_torque=5.2,
+    nominal_speed=314.0, max_speed=500.0, peak_torque=17.0, peak_time=2.0, resistance_winding_housing=0.31,
+    resistance_housing_ambient=0.42, time_constant_winding=80.0, time_constant_motor=1500.0,
+    max_winding_temperature=140.0, reference_temperature=25.0, mass=4.1, diameter=0.1, length=0.18, price=420.0,
+    currency="EUR",
 )  # fmt: skip
 STRONG = dataclasses.replace(
-    FULL, id="strong", model="Strong 150", maker="Acme", nominal_torque=0.45, peak_torque=1.3, mass=0.39,
-    rotor_inertia=6e-5, resistance=0.2, price=260.0,
+    FULL, id="strong", model="S 80", maker="Acme", torque_constant=1.1, nominal_torque=9.5, peak_torque=30.0, mass=7.2,
+    rotor_inertia=9e-4, resistance=0.9, price=760.0, no_load_speed=286.0, nominal_speed=200.0,
 )  # fmt: skip
-BARE = Motor(id="bare", maker="Acme", model="Bare 20", nominal_torque=0.3, nominal_speed=300.0, price=80.0, currency="EUR")
+BARE = Motor(id="bare", maker="Acme", model="Bare", nominal_torque=3.0, nominal_speed=300.0, price=80.0, currency="EUR")
 HARMONIC = Gear(
-    id="csg17", maker="Harmonic Drive", model="CSG-17-100", kind="strain_wave", ratio=100.0, efficiency=0.7, inertia=7.9e-6,
-    rated_torque=31.0, repeated_peak_torque=70.0, momentary_torque=143.0, max_speed=764.0, mass=0.15, diameter=0.06,
-    length=0.03, price=700.0, currency="EUR",
+    id="wave", maker="Wave", model="W-40-100", kind="strain_wave", ratio=100.0, efficiency=0.7, inertia=7.9e-5,
+    rated_torque=310.0, repeated_peak_torque=700.0, momentary_torque=1400.0, max_speed=400.0, mass=3.3, diameter=0.17,
+    length=0.06, price=1900.0, currency="EUR",
 )  # fmt: skip
 PLANET = Gear(
-    id="planet", maker="Acme", model="Planetary 1:50", kind="planetary", ratio=50.0, efficiency=0.8, back_efficiency=0.75,
-    efficiency_curve=((0.05, 0.5), (0.5, 0.75), (1.0, 0.8)), rated_torque=20.0, inertia=1.2e-6, mass=0.4,
+    id="planet", maker="Acme", model="P 1:50", kind="planetary", ratio=50.0, efficiency=0.8, back_efficiency=0.75,
+    efficiency_curve=((0.05, 0.5), (0.5, 0.75), (1.0, 0.8)), rated_torque=400.0, inertia=1.2e-5, mass=6.0,
 )  # fmt: skip
 SILENT = Gear(id="silent", maker="Acme", model="Unstated 1:80", kind="planetary", ratio=80.0)
 NAMES = ("voltage limit", "peak torque", "RMS torque", "winding temperature", "gear peak torque", "gear life")
@@ -59,19 +59,21 @@ def criteria(use, unknown=0, estimate=None):
     return (*results, note)
 
 
+def together(motor, gear, name):
+    parts = getattr(motor, name), getattr(gear, name)
+    return None if None in parts else sum(parts)
+
+
 def candidate(motor, gear, use, unknown=0, loss=None, estimate=None):
     tier = "fails" if use > 1.0 else "passes what is known" if unknown else "all criteria shown"
-    together = lambda name: None if None in (getattr(motor, name), getattr(gear, name)) else (  # noqa: E731
-        getattr(motor, name) + getattr(gear, name)
-    )
     return Candidate(
         motor=motor,
         gear=gear,
         tier=tier,
         criteria=criteria(use, unknown, estimate),
         binding=NAMES[0],
-        mass=together("mass"),
-        cost=together("price"),
+        mass=together(motor, gear, "mass"),
+        cost=together(motor, gear, "price"),
         loss=loss,
         largest_use=use,
         fit="fits" if gear is HARMONIC else "fit not checked",
@@ -120,15 +122,17 @@ def selection(**changes):
         "conditions": Conditions(safety_factor=1.2),
         "system": (
             CriterionResult(name="supply power", use=None, verdict="unknown", text="The supply's power is not stated."),
-            CriterionResult(name="regenerated energy", use=0.42, verdict="inside", text="The capacitor takes 8 J of 19 J."),
+            CriterionResult(
+                name="regenerated energy", use=0.42, verdict="inside", text="The capacitor takes 8 J of 19 J."
+            ),
         ),
-        "iterations": (("flat70+csg17", "flat70+csg17"), ("flat70+csg17", "strong+csg17")),
+        "iterations": (("s40+wave", "s40+wave"), ("s40+wave", "strong+wave")),
         "proof": "optimal: every combination was excluded or tried",
         "pareto": (
-            ParetoPoint(0.582, 0.62, 28.0, 1640.0, pairs[0]),
-            ParetoPoint(0.831, 0.62, 23.5, 1780.0, (pairs[0][0], pairs[1][1])),
-            ParetoPoint(1.08, 0.31, 19.0, 1920.0, pairs[1]),
-            ParetoPoint(1.33, 0.55, None, None, pairs[2]),
+            ParetoPoint(14.8, 0.62, 28.0, 4640.0, pairs[0]),
+            ParetoPoint(17.9, 0.62, 23.5, 4980.0, (pairs[0][0], pairs[1][1])),
+            ParetoPoint(21.0, 0.31, 19.0, 5320.0, pairs[1]),
+            ParetoPoint(26.4, 0.55, None, None, pairs[2]),
             ParetoPoint(None, 0.48, None, None, pairs[3]),
         ),
         "pareto_proof": "These are all such combinations.",

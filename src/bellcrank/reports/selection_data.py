@@ -27,7 +27,7 @@ from bellcrank.sizing.selection.load_reductions import (
     reduce_loads,
 )
 from bellcrank.sizing.selection.motor_curves import motor_curves
-from bellcrank.sizing.selection.pair_detail import PairDetail, pair_detail
+from bellcrank.sizing.selection.pair_detail import PairDetail, pair_details
 from bellcrank.sizing.selection.selection import (
     AxisSelection,
     Candidate,
@@ -53,6 +53,7 @@ class Numbering:
         self.number: dict[Any, int] = {}
 
     def __call__(self, item: Any) -> int:
+        """The number of an item, a new one where it has none."""
         return self.number.setdefault(item, len(self.number))
 
 
@@ -71,8 +72,7 @@ def selection_data(selection: Selection) -> dict[str, Any]:
         use = result.estimate if result.use is None else result.use
         return [names(result.name), number(use), VERDICTS.index(result.verdict), texts(readable(result.text))]
 
-    def candidate(axis: AxisSelection, one: Candidate) -> dict[str, Any]:
-        detail = pair_detail(selection, axis, one)
+    def candidate(one: Candidate, detail: PairDetail) -> dict[str, Any]:
         return {
             "motor": motors(one.motor),
             "gear": gears(one.gear),
@@ -97,7 +97,7 @@ def selection_data(selection: Selection) -> dict[str, Any]:
             "counts": each.counts,
             "advice": readable(each.advice),
             "cycles": [_cycle(cycle) for cycle in load.cycles],
-            "candidates": [candidate(each, one) for one in listed(each)],
+            "candidates": list(map(candidate, listed(each), pair_details(selection, each, listed(each)))),
         }
         for each, load in zip(selection.axes, loads, strict=True)
     ]
@@ -186,9 +186,7 @@ def _pair(detail: PairDetail) -> dict[str, Any]:
     """What plots of a pair need beside the loads of its axis and the curves of its motor."""
     shaft = detail.shaft
     return {
-        "shaft": None
-        if shaft is None
-        else {
+        "shaft": {
             "ratio": number(shaft.ratio),
             "efficiency": number(shaft.efficiency),
             "backEfficiency": number(shaft.back_efficiency),
@@ -225,7 +223,10 @@ def _cycle(cycle: ReducedCycle) -> dict[str, Any]:
 
 
 def load_table(cycle: ReducedCycle) -> Array:
-    """(torque, speed, acceleration) (n, 3) of the axis: some samples of a cycle, and all that decide straight limits."""
+    """(torque, speed, acceleration) (n, 3) of the axis: some samples of a cycle, and all that decide straight limits.
+
+    Those that decide are at speeds that are not negative: their signs are turned together, which changes no limit.
+    """
     samples = np.column_stack([cycle.torque, cycle.speed, cycle.features[:, ACCELERATION]])
     extremes = cycle.extremes
     torque = extremes[:, DRIVING] + extremes[:, DRIVEN]

@@ -9,11 +9,10 @@ from pathlib import Path
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.replays.film.film import Film
-from bellcrank.replays.film.selection_film import LEGEND
 from bellcrank.replays.page.page import Surroundings
 from bellcrank.reports.document import Document, Facts, Picture, Still, Table
-from bellcrank.reports.input_tables import about, joint_table, made_with, motion_table, robot_facts
 from bellcrank.reports.document_html import document_html, part_html
+from bellcrank.reports.input_tables import about, joint_table, made_with, motion_table, robot_facts
 from bellcrank.reports.selection_data import encoded_selection, title
 from bellcrank.sizing.selection.selection import AxisSelection, Selection
 
@@ -88,7 +87,7 @@ def selection_document(selection: Selection, film: Film) -> Document:
         verdict=tuple(_verdict(selection)),
         about=("motor selection", count, f"objective: {OBJECTIVES[selection.objective]}", *about(made)),
         warnings=(*(one.advice for one in selection.axes if one.advice), *selection.warnings),
-        notes=(LEGEND,),
+        notes=(),
         still=Still(float(film.time[0]), "The chosen motors (blue) and gears (orange) at the start of the motions"),
         parts=(*parts, Facts("Made with", made)),
     )
@@ -122,21 +121,25 @@ def conditions_facts(selection: Selection) -> Facts:
     """The conditions, the values assumed for rows that lack them, and how the choice was found."""
     conditions = selection.conditions
     rows = [
-        (WORDS[field.name][0], _condition(conditions, field.name))
+        (WORDS.get(field.name, (field.name.replace("_", " "), ""))[0], _condition(conditions, field.name))
         for field in fields(conditions)
-        if field.name in WORDS
+        if field.name not in ("momentary_loads", "assumed")
     ]
-    assumed = dict(conditions.assumed)
-    rows += [(f"assumed where not stated: {name}", f"{value:g}") for name, value in assumed.items()]
-    if not assumed:
-        rows.append(("assumed where not stated", "nothing: what a product does not state stays unknown"))
+    units = {axis.axis.name: "N" if axis.axis.kind == "linear" else "N m" for axis in selection.axes}
+    momentary = [
+        f"{name}: {load:g} {units.get(name, '')}".strip() for name, load in dict(conditions.momentary_loads).items()
+    ]
+    rows.append(("rare loads", "; ".join(momentary) or "none given"))
+    assumed = [f"{name} = {value:g}" for name, value in dict(conditions.assumed).items()]
+    nothing = "nothing: what a product does not state stays unknown"
+    rows.append(("assumed where not stated", "; ".join(assumed) or nothing))
     for number, choice in enumerate(selection.iterations):
         rows.append((f"pass {number + 1} of the feedback of masses", "; ".join(pair or "nothing" for pair in choice)))
     return Facts("Conditions and assumptions", tuple(rows))
 
 
 def _condition(conditions: Conditions, name: str) -> str:
-    value, unit = getattr(conditions, name), WORDS[name][1]
+    value, unit = getattr(conditions, name), WORDS.get(name, ("", ""))[1]
     if value is None:
         return DEFAULTS.get(name, "unknown")
     if isinstance(value, bool):
@@ -182,6 +185,9 @@ def _verdict(selection: Selection) -> list[str]:
         if names:
             lines.append(f"{text} {', '.join(names)}.")
     lines += [f"The whole robot: {result.text}" for result in selection.system if result.verdict == "exceeded"]
+    unknown = [result.name for result in selection.system if result.verdict == "unknown"]
+    if unknown:
+        lines.append(f"Of the whole robot, {' and '.join(unknown)} {'is' if len(unknown) == 1 else 'are'} unknown.")
     return lines
 
 

@@ -32,8 +32,8 @@ STRIPES = 4  # rings of a cylinder of unknown size
 UNKNOWN_SIZE = 0.05  # m, diameter and length that stand for unknown ones where no chosen product states its own
 LEGEND = (
     "Cylinders at the joints are the chosen motors (blue) and gears (orange) in their catalogue size, centred at the "
-    "joint and along its axis; where they really lie is not known. Striped cylinders have a diameter or length that the "
-    "catalogue does not state."
+    "joint and along its axis; where they really lie is not known. Striped cylinders have a diameter or length that "
+    "the catalogue does not state."
 )
 
 
@@ -128,7 +128,7 @@ def mount_pose(robot: Robot, selected: AxisSelection) -> tuple[Array, Array]:
 
 def _shapes(candidate: Candidate, pose: tuple[Array, Array], usual: float) -> Iterator[Shape]:
     """The cylinders of a motor and its gear, one behind the other, centred at the mount."""
-    products = [(candidate.motor, MOTOR_COLOUR)]
+    products: list[tuple[Motor | Gear, Colour]] = [(candidate.motor, MOTOR_COLOUR)]
     if candidate.gear.kind != "direct":
         products.append((candidate.gear, GEAR_COLOUR))
     sizes = [cylinder_size(product, usual) for product, _ in products]
@@ -149,7 +149,7 @@ def _cylinder(size: CylinderSize, begin: float, colour: Colour, pose: tuple[Arra
             kind="cylinder",
             size=(0.5 * size.diameter, height),
             colour=colour,
-            pose=(*centre.tolist(), *_along(direction)),  # type: ignore[arg-type]
+            pose=(*centre.tolist(), *_along(direction)),
         )
 
 

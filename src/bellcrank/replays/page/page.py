@@ -75,7 +75,10 @@ def page_html(film: Film, *, plots: bool = True, around: Surroundings = NOTHING)
         "policy": policy,
         "version": version(),
         "title": html.escape(readable(film.title)),
-        "style": _asset("uplot/uPlot.min.css") + _asset("page.css") + (_asset("report.css") if report else "") + around.style,
+        "style": _asset("uplot/uPlot.min.css")
+        + _asset("page.css")
+        + (_asset("report.css") if report else "")
+        + around.style,
         "film": film_json,
         "arrays": arrays,
         "library": library,

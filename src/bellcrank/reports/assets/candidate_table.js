@@ -1,6 +1,7 @@
 // ---- the table of an axis's candidates: sorted by a press on a header, filtered, and walked with the arrow keys
 
 const FIRST_ROWS = 100;
+const PRINTED = 10;  // rows on paper
 
 const COLUMNS = [
   { key: "motor", label: "motor", value: ({ motor }) => motor.title, second: ({ motor }) => motor.id },
@@ -53,6 +54,20 @@ function makeFilters(changed) {
     maker.value = filter.maker;
   };
   return { box, filter, count, makersOf };
+}
+
+/** The first candidates for the printed page. */
+function printedTable(candidates) {
+  const text = (column, candidate) => {
+    const value = column.value(candidate);
+    if (column.key === "tier") return candidate.tier;
+    return value === null ? "unknown" : column.number ? `${(column.show ?? ((v) => formatNumber(v, 3)))(value)} ${column.suffix?.(candidate) ?? ""}` : value;
+  };
+  const heads = COLUMNS.map(({ label, unit, number }) => element("th", { className: number ? "" : "text", textContent: unit ? `${label} [${unit}]` : label }));
+  return element("table", {}, element("caption", { textContent: candidates.length > PRINTED ? `The first ${PRINTED} of ${candidates.length} candidates` : "The candidates" }),
+    element("thead", {}, element("tr", {}, ...heads)),
+    element("tbody", {}, ...candidates.slice(0, PRINTED).map((candidate) => element("tr", {},
+      ...COLUMNS.map((column) => element("td", { className: column.number ? "" : "text", textContent: text(column, candidate) }))))));
 }
 
 /** The table; `show(candidate)` is called for the pair that is hovered, focused or tapped, `compare(picked)` for a mark. */

@@ -24,10 +24,10 @@ function paretoChart({ pareto, axes }, width) {
     y: { label: "largest utilisation [%]", range: rangeOf(pareto.map(({ use }) => 100 * use), [100], 0.1) },
     title: "Pareto picture: mass against largest utilisation",
   });
-  plot.line([[-1e9, 100], [1e9, 100]], "limit");
+  plot.line(plot.across(100), "limit");
+  plot.note([range[0], 100], "limit", "start");
   if (unknownMass) {
-    plot.line([[range[1], -1e9], [range[1], 1e9]], "divider");
-    plot.note([beside, 0], "", "middle");
+    plot.line(plot.upright(range[1]), "divider");
   }
   const told = element("div", { className: "combination", ariaLive: "polite" });
   const marks = pareto.map((combination, k) => {

@@ -44,7 +44,7 @@ function fillPaper(box, axes) {
   box.replaceChildren(...axes.map((axis) => {
     const section = element("section", {}, element("h2", { textContent: `Joint ${axis.name}` }), ...axisSummary(axis));
     const best = axis.candidates[axis.chosen ?? 0];
-    if (best) section.append(pairView(best, 620, { open: true }));
+    if (best) section.append(pairView(best, 350, { open: true }), printedTable(axis.candidates));
     return section;
   }));
 }
@@ -80,9 +80,10 @@ async function showSelection() {
   const drawPareto = () => pareto.replaceChildren(paretoChart(selection, Math.min(pareto.clientWidth, 720)));
   drawPareto();
   fillPaper(byId("paper-pairs"), selection.axes);
+  window.bellcrank.selection = selection;  // for tests
   let width = document.body.clientWidth;
   new ResizeObserver(() => {
-    if (document.body.clientWidth === width || matchMedia("print").matches) return;
+    if (document.body.clientWidth === width || !side.clientWidth) return;  // in print the chooser has no width
     width = document.body.clientWidth;
     side.replaceChildren(...current ? [pairView(current, side.clientWidth)] : []);
     showComparison(comparison, axis);

@@ -54,12 +54,12 @@ async function readSelection() {
 function pairDetail(axis, { motor, name, shaft, cycles, temperatureText }) {
   return {
     name,
-    linear: axis.kind === "linear" && shaft?.ratio === 1,
-    leftOut: shaft ? shaft.leftOut : ["the ratio"],
+    linear: axis.kind === "linear" && shaft.ratio === 1,
+    leftOut: shaft.ratio === null ? ["ratio"] : shaft.leftOut,
     curves: motor.curves,
     unknownLimits: motor.unknown,
     temperatureLimits: motor.limits,
     temperatureText,
-    cycles: shaft ? axis.cycles.map((load, k) => ({ name: load.name, ...shaftLoad(load, shaft), ...cycles[k] })) : [],
+    cycles: shaft.ratio === null ? [] : axis.cycles.map((load, k) => ({ name: load.name, ...shaftLoad(load, shaft), ...cycles[k] })),
   };
 }

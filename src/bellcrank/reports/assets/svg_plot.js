@@ -50,7 +50,7 @@ function makeSvgPlot({ width, height, x, y, title }) {
     root.append(svg("line", { x1: toX(value), x2: toX(value), y1: top, y2: top + inner.height, class: "grid" }),
       svg("text", { x: toX(value), y: height - bottom + 16, class: "tick", "text-anchor": "middle" }, tickLabel(value)));
   }
-  for (const value of roundTicks(y.range, inner.height / 42)) {
+  for (const value of roundTicks(y.range, inner.height / 36)) {
     root.append(svg("line", { x1: left, x2: left + inner.width, y1: toY(value), y2: toY(value), class: value === 0 ? "grid zero" : "grid" }),
       svg("text", { x: left - 7, y: toY(value) + 4, class: "tick", "text-anchor": "end" }, tickLabel(value)));
   }
@@ -70,6 +70,8 @@ function makeSvgPlot({ width, height, x, y, title }) {
     root,
     toX,
     toY,
+    across: (value) => x.range.map((end) => [end, value]),
+    upright: (value) => y.range.map((end) => [value, end]),
     /** A line through points, interrupted where they are not finite; `close` makes it an outline. */
     line(points, name, close = false) {
       const drawn = svg("path", { d: path(points, close), class: name });
@@ -92,9 +94,10 @@ function makeSvgPlot({ width, height, x, y, title }) {
       const [px, py] = [toX(a), toY(b)];
       area.append(svg("path", { d: `M${px - half} ${py}L${px} ${py - half}L${px + half} ${py}L${px} ${py + half}Z`, class: name }));
     },
-    /** A text at a point, kept inside the frame. */
+    /** A text above a point, or below it near the upper edge. */
     note([a, b], text, anchor = "end") {
-      area.append(svg("text", { x: Math.min(toX(a), left + inner.width - 4), y: Math.max(toY(b) - 5, top + 12), class: "label", "text-anchor": anchor }, text));
+      const [x, y] = [toX(a) + (anchor === "end" ? -5 : 5), toY(b)];
+      area.append(svg("text", { x, y: y < top + 18 ? y + 14 : y - 5, class: "label", "text-anchor": anchor }, text));
     },
   };
 }

@@ -3,7 +3,7 @@
 /** Of the hottest cycle with known temperatures; else why there is none. */
 function temperatureChart({ cycles, temperatureLimits, temperatureText }, width) {
   const withTemperature = cycles.filter(({ temperature }) => temperature);
-  if (!withTemperature.length) return nothingToPlot(temperatureText || "Temperature: unknown.");
+  if (temperatureText) return nothingToPlot(temperatureText);
   const hottest = withTemperature.reduce((a, b) => (Math.max(...b.temperature.winding) > Math.max(...a.temperature.winding) ? b : a));
   const { time, winding, housing } = hottest.temperature;
   const limits = [["winding", temperatureLimits.winding], ["housing", temperatureLimits.housing]].filter(([, limit]) => limit !== null);
@@ -15,7 +15,7 @@ function temperatureChart({ cycles, temperatureLimits, temperatureText }, width)
     title: `temperature over cycle ${hottest.name}`,
   });
   for (const [what, limit] of limits) {
-    plot.line([[time[0], limit], [time.at(-1), limit]], `limit ${what}`);
+    plot.line(plot.across(limit), "limit");
     plot.note([time.at(-1), limit], `${what} limit ${formatNumber(limit)} °C`);
   }
   plot.line(time.map((t, i) => [t, winding[i]]), "winding");

@@ -22,20 +22,24 @@ function regionOutline([speeds, lows, highs], [fast, strong], speedScale) {
   return [...upper, ...lower.reverse()];
 }
 
-function torqueSpeedPlane({ cycles, curves, unknownLimits, linear, leftOut, name }, width) {
+/** The speed and torque up to which a plane shows a pair, in its units. */
+function planeReach({ cycles, curves: { continuous, region }, linear }) {
+  const { speedScale } = planeUnits(linear);
+  const largest = (values) => values.reduce((most, v) => Math.max(most, Math.abs(v ?? 0)), 0);
+  const upTo = (load, limit) => Math.max(load, load > 0 ? Math.min(limit, BEYOND * load) : limit) || 1;
+  const speeds = [cycles.flatMap(({ speed }) => speed), [...continuous?.[0] ?? [], ...region?.[0] ?? []]];
+  const torques = [cycles.flatMap(({ torque, rmsTorque }) => [...torque, rmsTorque]), [...continuous?.[1] ?? [], ...region?.[2] ?? []]];
+  return [upTo(...speeds.map(largest)) * speedScale * 1.06, upTo(...torques.map(largest)) * 1.08];
+}
+
+/** The plane of a pair; `reach` is that of `planeReach`, or larger. */
+function torqueSpeedPlane({ cycles, curves, unknownLimits, linear, leftOut, name }, width, [fast, strong]) {
   const units = planeUnits(linear);
   const scaled = (curve) => curve && curve[0].map((w, i) => [w * units.speedScale, curve[1][i]]);
   const [continuous, voltage] = [scaled(curves.continuous), scaled(curves.voltage)];
   const { region } = curves;
   const loads = cycles.map((cycle) => foldedLoad(cycle, units));
   const rms = cycles.map(({ meanSpeed, rmsTorque }) => [meanSpeed * units.speedScale, rmsTorque]);
-  const limits = [continuous ?? [], region ? region[0].map((w, i) => [(w ?? 0) * units.speedScale, region[2][i]]) : []].flat();
-  const reach = (k) => {
-    const largestOf = (points) => Math.max(...points.map((point) => Math.abs(point[k] ?? NaN)).filter(Number.isFinite), 0);
-    const [load, limit] = [largestOf([...loads.flat(), ...rms]), largestOf(limits)];
-    return Math.max(load, load > 0 ? Math.min(limit, BEYOND * load) : limit) || 1;
-  };
-  const [fast, strong] = [reach(0) * 1.06, reach(1) * 1.08];
   const brakes = loads.flat().some(([, torque]) => torque < 0);
   const plot = makeSvgPlot({
     width,

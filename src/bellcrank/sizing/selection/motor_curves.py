@@ -77,7 +77,12 @@ def motor_curves(motor: Motor, conditions: Conditions) -> MotorCurves:
 
 def _end(motors: MotorArrays, known: list[SpeedTorqueLimit]) -> float:
     """The speed up to which curves are drawn, rad/s: the largest that any limit or figure names."""
-    stated = [motors.max_speed[0], motors.nominal_speed[0], motors.continuous_curve.last_x[0], motors.peak_curve.last_x[0]]
+    stated = [
+        motors.max_speed[0],
+        motors.nominal_speed[0],
+        motors.continuous_curve.last_x[0],
+        motors.peak_curve.last_x[0],
+    ]
     stated += [1.0 / limit.speed[0] for limit in known if limit.speed[0] > 0.0]
     finite = [float(speed) for speed in stated if np.isfinite(speed)]
     if np.isfinite(motors.max_speed[0]):
@@ -137,7 +142,9 @@ def _voltage_line(motors: MotorArrays, limit: SpeedTorqueLimit) -> Array:
 
 def _speeds(end: float, more: list[float]) -> Array:
     """Speeds from 0 to an end, with those of `more` in between."""
-    return np.union1d(np.linspace(0.0, end, POINTS if end > 0.0 else 1), [value for value in more if 0.0 <= value <= end])
+    return np.union1d(
+        np.linspace(0.0, end, POINTS if end > 0.0 else 1), [value for value in more if 0.0 <= value <= end]
+    )
 
 
 def straightened(points: Array) -> Array:
