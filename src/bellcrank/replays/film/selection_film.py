@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from bellcrank.errors import InputError
 from bellcrank.motion.quaternions import from_matrices
-from bellcrank.motion.rotations import from_rpy
 from bellcrank.replays.film.film import BodyLayer, Film
 from bellcrank.replays.film.motion_film import MotionSequence, Progress, film_of_motions
 from bellcrank.replays.geometry.colours import Colour
@@ -21,8 +20,8 @@ from bellcrank.replays.geometry.shapes import Body, Shape
 if TYPE_CHECKING:
     from bellcrank.actuators.gear import Gear
     from bellcrank.actuators.motor import Motor
-    from bellcrank.robot.robot import Robot
-    from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
+    from bellcrank.sizing.selection.axis_loads import Axis
+    from bellcrank.sizing.selection.selection import Candidate, Selection
 
 Array = NDArray[np.float64]
 MOTOR_COLOUR: Colour = (0.0, 0.45, 0.70, 1.0)
@@ -31,8 +30,8 @@ LINK_OPACITY = 0.3  # motors and gears are inside the links
 STRIPES = 4  # rings of a cylinder of unknown size
 UNKNOWN_SIZE = 0.05  # m, diameter and length that stand for unknown ones where no chosen product states its own
 LEGEND = (
-    "Cylinders at the joints are the chosen motors (blue) and gears (orange) in their catalogue size, centred at the "
-    "joint and along its axis; where they really lie is not known. Striped cylinders have a diameter or length that "
+    "Cylinders are the chosen motors (blue) and gears (orange) in their catalogue size, centred at their mounts: the "
+    "joint and its axis, unless the robot configuration says otherwise. Striped cylinders have a diameter or length that "
     "the catalogue does not state."
 )
 
@@ -57,7 +56,7 @@ def film_of_selection(
     chosen = [(each, each.chosen) for each in selection.axes if each.chosen is not None]
     usual = usual_size([candidate for _, candidate in chosen])
     bodies = tuple(
-        Body(axis.axis.mount, tuple(_shapes(candidate, mount_pose(mechanism.robot, axis), usual)))
+        Body(axis.axis.mount, tuple(_shapes(candidate, axis.axis, usual)))
         for axis, candidate in chosen
     )
     sequence = MotionSequence(mechanism=mechanism, motions=motions, actuators={}, more_bodies=bodies)
@@ -112,21 +111,7 @@ def cylinder_size(product: Motor | Gear, usual: float) -> CylinderSize:
     )
 
 
-def mount_pose(robot: Robot, selected: AxisSelection) -> tuple[Array, Array]:
-    """Where an actuator is drawn in the frame of its mount: a point (3,) m, and the unit direction (3,) of its axis.
-
-    On the joint's parent link they are the joint's origin and axis; on another link or frame its origin and z, since
-    nothing else is known.
-    """
-    axis = selected.axis
-    joint = robot.urdf.joints[axis.joints[0]]
-    if axis.mount != joint.parent:
-        return np.zeros(3), np.array([0.0, 0.0, 1.0])
-    direction = from_rpy(np.array(joint.rpy, dtype=float)) @ np.array(joint.axis, dtype=float)
-    return np.array(joint.xyz, dtype=float), direction / np.linalg.norm(direction)
-
-
-def _shapes(candidate: Candidate, pose: tuple[Array, Array], usual: float) -> Iterator[Shape]:
+def _shapes(candidate: Candidate, axis: Axis, usual: float) -> Iterator[Shape]:
     """The cylinders of a motor and its gear, one behind the other, centred at the mount."""
     products: list[tuple[Motor | Gear, Colour]] = [(candidate.motor, MOTOR_COLOUR)]
     if candidate.gear.kind != "direct":
@@ -134,13 +119,13 @@ def _shapes(candidate: Candidate, pose: tuple[Array, Array], usual: float) -> It
     sizes = [cylinder_size(product, usual) for product, _ in products]
     begin = -0.5 * sum(size.length for size in sizes)
     for (_, colour), size in zip(products, sizes, strict=True):
-        yield from _cylinder(size, begin, colour, pose)
+        yield from _cylinder(size, begin, colour, axis)
         begin += size.length
 
 
-def _cylinder(size: CylinderSize, begin: float, colour: Colour, pose: tuple[Array, Array]) -> Iterator[Shape]:
+def _cylinder(size: CylinderSize, begin: float, colour: Colour, axis: Axis) -> Iterator[Shape]:
     """A cylinder that begins at a distance (m) from the mount along its axis; in rings if its size is not known."""
-    point, direction = pose
+    point, direction = np.array(axis.mount_point), np.array(axis.mount_direction)
     parts = 1 if size.known else STRIPES
     height = size.length / (2 * parts - 1)
     for k in range(parts):
