@@ -172,11 +172,11 @@ def test_a_product_of_unknown_size_is_striped(chosen):
 
 def test_an_actuator_on_another_link_is_drawn_there(chosen):
     axis = chosen.axes[0]
-    mount = {"mount": "forearm", "mount_point": (0.1, 0.2, 0.3), "mount_direction": (1.0, 0.0, 0.0)}
+    mount = {"mount": "link_2", "mount_point": (0.1, 0.2, 0.3), "mount_direction": (1.0, 0.0, 0.0)}
     moved = with_first(chosen, axis=dataclasses.replace(axis.axis, **mount))
     body = film_of_selection(moved).bodies[-2]
     ends = [body.shapes[0].pose[0] - body.shapes[0].size[1] / 2, body.shapes[1].pose[0] + body.shapes[1].size[1] / 2]
-    assert body.name == "forearm" and np.mean(ends) == pytest.approx(0.1) and body.shapes[0].pose[1:3] == (0.2, 0.3)
+    assert body.name == "link_2" and np.mean(ends) == pytest.approx(0.1) and body.shapes[0].pose[1:3] == (0.2, 0.3)
 
 
 def test_a_selection_without_its_motions_cannot_be_shown(chosen):
