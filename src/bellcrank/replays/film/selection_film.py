@@ -55,10 +55,7 @@ def film_of_selection(
     mechanism, motions = selection.inputs
     chosen = [(each, each.chosen) for each in selection.axes if each.chosen is not None]
     usual = usual_size([candidate for _, candidate in chosen])
-    bodies = tuple(
-        Body(axis.axis.mount, tuple(_shapes(candidate, axis.axis, usual)))
-        for axis, candidate in chosen
-    )
+    bodies = tuple(Body(axis.axis.mount, tuple(_shapes(candidate, axis.axis, usual))) for axis, candidate in chosen)
     sequence = MotionSequence(mechanism=mechanism, motions=motions, actuators={}, more_bodies=bodies)
     film = film_of_motions(sequence, title or f"{selection.robot}: selection", trace, detail, progress)
     links = len(film.bodies) - len(bodies)

@@ -210,11 +210,7 @@ def _passes(selection: Selection) -> str:
 
 
 def _without_pair(selection: Selection) -> list[str]:
-    return [
-        f"{one.axis.name}: {one.advice or 'no pair is left'}"
-        for one in selection.axes
-        if one.chosen is None
-    ]
+    return [f"{one.axis.name}: {one.advice or 'no pair is left'}" for one in selection.axes if one.chosen is None]
 
 
 def _exceeded(selection: Selection) -> list[str]:
@@ -243,7 +239,9 @@ def _kept(selection: Selection) -> str:
     uses += [(each.use, f"the {each.name} of all axes") for each in selection.system if each.use is not None]
     use, where = max(uses)
     if selection.shown:
-        return f"All inside: every axis has a motor that keeps all criteria; the largest use is {percent(use)}, {where}."
+        return (
+            f"All inside: every axis has a motor that keeps all criteria; the largest use is {percent(use)}, {where}."
+        )
     return (
         f"Inside as far as known: every axis has a motor that passes what is known; the largest known use is "
         f"{percent(use)}, {where}."

@@ -102,9 +102,7 @@ def _relative(path: Path, folder: Path) -> str:
 def _payloads(selection: Selection, config: RobotConfig) -> tuple[list[dict[str, Any]], tuple[str, ...]]:
     """Payloads besides those of the original: those that the selection was given, then the actuators' bodies."""
     given = () if selection.inputs is None else selection.inputs.mechanism.robot.payloads[len(config.payloads) :]
-    found = [
-        {"mass": one.mass, "frame": one.frame, "cg": list(one.cg), "inertia": list(one.inertia)} for one in given
-    ]
+    found = [{"mass": one.mass, "frame": one.frame, "cg": list(one.cg), "inertia": list(one.inertia)} for one in given]
     notes = []
     for one in selection.axes if selection.feedback else ():
         assert one.chosen is not None
