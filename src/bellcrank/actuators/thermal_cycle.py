@@ -75,9 +75,7 @@ class CycleMap:
         (ww, wh), (hw, hh) = self.matrix
         mean, half = 0.5 * (ww + hh), 0.5 * (ww - hh)
         gap = np.sqrt(half * half + wh * hw)
-        largest = np.where(mean < 0.0, (ww * hh - wh * hw) / (mean - gap), mean + gap)
-        overflows = np.isnan(largest) & ~np.isnan(self.shift[0])
-        return np.where(overflows, np.inf, largest)
+        return np.where(mean < 0.0, (ww * hh - wh * hw) / (mean - gap), mean + gap)
 
     @property
     def fixed_point(self) -> Array:
@@ -176,7 +174,7 @@ def _periodic(model: ThermalModel, heat: HeatCycle) -> PeriodicTemperatures:
     steps = intervals(model, heat)
     with np.errstate(all="ignore"):
         over_cycle = cycle_map(model, steps)
-        growth = over_cycle.growth
+        growth = np.where(_known(model, heat) & np.isnan(over_cycle.growth), np.inf, over_cycle.growth)  # overflow
         settles = growth < 0.0
         start = np.where(settles, over_cycle.fixed_point, np.nan)
         rises = np.where(growth >= 0.0, np.inf, np.concatenate([start, peak_rise(steps, start)]))
@@ -186,6 +184,12 @@ def _periodic(model: ThermalModel, heat: HeatCycle) -> PeriodicTemperatures:
         ),
         growth=growth,
     )
+
+
+def _known(model: ThermalModel, heat: HeatCycle) -> NDArray[np.bool_]:
+    """Whether all figures of a motor (m,) and its losses are known."""
+    figures = sum(getattr(model, field.name) for field in fields(model))
+    return np.asarray(~np.isnan(figures + heat.copper_loss.sum(axis=1) + heat.friction_loss.sum(axis=1)))
 
 
 def peak_rise(steps: list[Interval], state: Array) -> Array:
@@ -211,13 +215,16 @@ def peak_rise(steps: list[Interval], state: Array) -> Array:
             which = np.flatnonzero(inside.any(axis=0))
             if len(which):
                 top = _extrema(rates.taken(which), kernel.taken(which), state[:, which], slope[:, which])
-                peak[:, which] = np.where(inside[:, which], np.maximum(peak[:, which], top), peak[:, which])
+                peak[:, which] = np.where(inside[:, which], np.fmax(peak[:, which], top), peak[:, which])
             state = end
     return peak
 
 
 def extremum_times(kernel: Kernel, rates: Rates, slope: Array) -> Array:
-    """When the slopes of winding and housing are zero: tanh(s t) = -s x'(0) / (M x'(0)), (2, m), s."""
+    """When the slopes of winding and housing are zero: tanh(s t) = -s x'(0) / (M x'(0)), (2, m), s.
+
+    NaN where there is no such time, which round-off may cause although the slope changes its sign: both are 0 then.
+    """
     winding = kernel.half_difference * slope[0] + rates.winding * slope[1]
     housing = rates.exchange * slope[0] - kernel.half_difference * slope[1]
     with np.errstate(all="ignore"):

@@ -88,9 +88,10 @@ def _time_in_cycle(steps: list[Interval], durations: Array, state: Array, rise: 
         slope = rates.slope(state)
         end = state + kernel.step(slope)
         turns = (slope[0] > 0.0) & (rates.slope(end)[0] < 0.0)
-        until = np.where(turns, extremum_times(kernel, rates, slope)[0], duration)  # of the highest temperature
-        reached = state[0] + Kernel.of(rates, until).step(slope)[0] >= rise
-        first = np.flatnonzero(reached & np.isinf(found))
+        top = extremum_times(kernel, rates, slope)[0]
+        until = np.where(turns & (top < duration), top, duration)  # the time of the highest temperature
+        below = state[0] + Kernel.of(rates, until).step(slope)[0] < rise  # overflow is not below
+        first = np.flatnonzero(~below & np.isinf(found))
         if len(first):
             found[first] = start + _crossing(
                 rates.taken(first), slope[:, first], until[first], (rise - state[0])[first]
@@ -104,6 +105,6 @@ def _crossing(rates: Rates, slope: Array, until: Array, rise: Array) -> Array:
     low, high = np.zeros_like(rise), np.array(until)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        above = Kernel.of(rates, middle).step(slope)[0] >= rise
-        low, high = np.where(above, low, middle), np.where(above, middle, high)
+        below = Kernel.of(rates, middle).step(slope)[0] < rise
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
     return high
