@@ -75,7 +75,7 @@ class CycleMap:
         (ww, wh), (hw, hh) = self.matrix
         mean, half = 0.5 * (ww + hh), 0.5 * (ww - hh)
         gap = np.sqrt(half * half + wh * hw)
-        return np.where(mean < 0.0, (ww * hh - wh * hw) / (mean - gap), mean + gap)
+        return np.asarray(np.where(mean < 0.0, (ww * hh - wh * hw) / (mean - gap), mean + gap))
 
     @property
     def fixed_point(self) -> Array:
