@@ -14,8 +14,9 @@ from thermal_reference import ALPHA, euler_sheet, integrated, model
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.product_arrays import MotorArrays
-from bellcrank.actuators.thermal import HeatCycle, Kernel, Rates, ThermalModel, temperatures
+from bellcrank.actuators.thermal import HeatCycle, ThermalModel, temperatures
 from bellcrank.actuators.thermal_cycle import periodic_temperatures
+from bellcrank.actuators.thermal_interval import Kernel
 from bellcrank.actuators.time_to_limit import time_to_limit
 from bellcrank.errors import InputError
 
@@ -104,7 +105,7 @@ def test_the_kernel_is_the_integral_of_the_matrix_exponential(data: st.DataObjec
         ALPHA * float(thermal.winding_resistance[0] + thermal.housing_resistance[0])
     )
     time = float(thermal.winding_resistance[0] * thermal.winding_capacity[0]) * 10.0 ** data.draw(st.floats(-6.0, 1.0))
-    rates = Rates.of(thermal, np.array([copper]), np.zeros(1))
+    rates = thermal.rates(np.array([copper]), np.zeros(1))
     kernel = Kernel.of(rates, time)
     found = np.array([[kernel.ww, kernel.wh], [kernel.hw, kernel.hh]])[:, :, 0]
     a = np.array(

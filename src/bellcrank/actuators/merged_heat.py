@@ -13,8 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from bellcrank import arguments
-from bellcrank.actuators.electrical import resistance_factor
-from bellcrank.actuators.motor import COPPER
+from bellcrank.actuators.copper import COPPER, resistance_factor
 from bellcrank.actuators.product_arrays import Array
 from bellcrank.actuators.thermal import HeatCycle, ThermalModel
 from bellcrank.actuators.thermal_cycle import PeriodicTemperatures, periodic_temperatures

@@ -16,9 +16,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.actuators.electrical import resistance_factor
+from bellcrank.actuators.copper import resistance_factor
 from bellcrank.actuators.product_arrays import Array
-from bellcrank.actuators.thermal import HeatCycle, Kernel, Rates, ThermalModel
+from bellcrank.actuators.thermal import HeatCycle, ThermalModel
+from bellcrank.actuators.thermal_interval import Kernel, Rates, extremum_times
 
 CHUNK = 4096  # motors at a time, and
 KEPT = 2**20  # motors times intervals at a time, whose matrices are kept in memory
@@ -101,7 +102,7 @@ def intervals(model: ThermalModel, heat: HeatCycle) -> list[Interval]:
     for first in range(0, len(copper), count):
         part = slice(first, first + count)
         with np.errstate(all="ignore"):
-            rates = Rates.of(model, copper[part], friction[part])
+            rates = model.rates(copper[part], friction[part])
             kernel = Kernel.of(rates, heat.duration[part, None])
         found += [
             (
@@ -218,18 +219,6 @@ def peak_rise(steps: list[Interval], state: Array) -> Array:
                 peak[:, which] = np.where(inside[:, which], np.fmax(peak[:, which], top), peak[:, which])
             state = end
     return peak
-
-
-def extremum_times(kernel: Kernel, rates: Rates, slope: Array) -> Array:
-    """When the slopes of winding and housing are zero: tanh(s t) = -s x'(0) / (M x'(0)), (2, m), s.
-
-    NaN where there is no such time, which round-off may cause although the slope changes its sign: both are 0 then.
-    """
-    winding = kernel.half_difference * slope[0] + rates.winding * slope[1]
-    housing = rates.exchange * slope[0] - kernel.half_difference * slope[1]
-    with np.errstate(all="ignore"):
-        times = np.arctanh(-kernel.half_gap * slope / np.stack([winding, housing])) / kernel.half_gap
-    return np.asarray(times)
 
 
 def _extrema(rates: Rates, kernel: Kernel, state: Array, slope: Array) -> Array:

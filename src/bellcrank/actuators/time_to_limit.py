@@ -6,17 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.actuators.product_arrays import Array
-from bellcrank.actuators.thermal import HeatCycle, Kernel, Rates, ThermalModel
+from bellcrank.actuators.thermal import HeatCycle, ThermalModel
 from bellcrank.actuators.thermal_cycle import (
     MOST_DOUBLINGS,
     CycleMap,
     Interval,
     cycle_map,
-    extremum_times,
     intervals,
     peak_rise,
     periodic_temperatures,
 )
+from bellcrank.actuators.thermal_interval import Kernel, Rates, extremum_times
 
 HALVINGS = 80  # of the time inside an interval
 
