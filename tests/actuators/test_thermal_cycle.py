@@ -14,7 +14,8 @@ from thermal_reference import ALPHA, cycle_matrix, integrated, model
 
 from bellcrank.actuators.merged_heat import HOTTEST, merged, merged_temperatures
 from bellcrank.actuators.thermal import HeatCycle, ThermalModel, temperatures
-from bellcrank.actuators.thermal_cycle import cycle_map, intervals, periodic_temperatures
+from bellcrank.actuators.thermal_cycle import periodic_temperatures
+from bellcrank.actuators.thermal_path import CyclePath
 from bellcrank.actuators.time_to_limit import time_to_limit
 from bellcrank.errors import InputError
 
@@ -304,7 +305,7 @@ def test_the_bound_of_merged_intervals_is_small_where_they_are_short() -> None:
 
 def test_the_map_of_two_cycles_is_the_map_twice() -> None:
     thermal, heat = model((5.0, 100.0), (1.0, 4.0)), cycle([10.0, 20.0], [8.0, 1.0])
-    one = cycle_map(thermal, intervals(thermal, heat))
-    two = cycle_map(thermal, intervals(thermal, heat.repeated(2)))
+    one = CyclePath.of(thermal, heat).map
+    two = CyclePath.of(thermal, heat.repeated(2)).map
     assert one.doubled().matrix == pytest.approx(two.matrix, rel=1e-12)
     assert one.doubled().shift == pytest.approx(two.shift, rel=1e-12)

@@ -42,9 +42,16 @@ class Rates(NamedTuple):
     housing: Array
     factor: Array
 
-    def taken(self, index: NDArray[np.intp]) -> Rates:
-        """The systems of some of the motors."""
-        return Rates(*(entry[index] for entry in self))
+    def taken(self, interval: NDArray[np.intp], motor: NDArray[np.intp]) -> Rates:
+        """The systems of some intervals and motors, one each; the losses are (n, m)."""
+        return Rates(
+            self.copper[interval, motor], self.friction[interval, motor], *(entry[motor] for entry in self[2:])
+        )
+
+    def halves(self) -> tuple[Array, Array]:
+        """Half the difference of the diagonal entries of A, and s, half the distance of its eigenvalues, 1/s."""
+        half_difference = 0.5 * (COPPER * self.copper - self.winding + self.exchange + self.housing)
+        return half_difference, np.sqrt(half_difference * half_difference + self.winding * self.exchange)
 
     def slope(self, state: Array) -> Array:
         """The derivatives (2, …, m) of winding and housing temperature, K/s, at a state (2, …, m) above the ambient."""
@@ -59,33 +66,27 @@ class Rates(NamedTuple):
 
 
 class Kernel(NamedTuple):
-    """K(t) of x(t) - x(0) = K(t) x'(0), entry by entry, with what it is made of.
+    """K(t) of x(t) - x(0) = K(t) x'(0), entry by entry, s.
 
     Attributes:
-        ww: Winding on winding, s; wh: slope of the housing on the winding; hw: the other way; hh.
-        wh: See `ww`.
-        hw: See `ww`.
-        hh: See `ww`.
-        half_gap: s, half the distance of the eigenvalues, 1/s.
-        half_difference: Half the difference of the diagonal entries of A, 1/s.
+        ww: Slope of the winding's temperature on the winding.
+        wh: Slope of the housing's temperature on the winding.
+        hw: Slope of the winding's temperature on the housing.
+        hh: Slope of the housing's temperature on the housing.
     """
 
     ww: Array
     wh: Array
     hw: Array
     hh: Array
-    half_gap: Array
-    half_difference: Array
 
     @classmethod
     def of(cls, rates: Rates, time: Array | float) -> Kernel:
         """K after a time (s)."""
-        feedback = COPPER * rates.copper
-        cooling = rates.exchange + rates.housing
-        half_difference = 0.5 * (feedback - rates.winding + cooling)
+        feedback, cooling = COPPER * rates.copper, rates.exchange + rates.housing
         mean = 0.5 * (feedback - rates.winding - cooling)
-        gap = np.sqrt(half_difference * half_difference + rates.winding * rates.exchange)
-        signed = np.copysign(gap, mean)
+        half_difference, half_gap = rates.halves()
+        signed = np.copysign(half_gap, mean)
         far = mean + signed  # the eigenvalue without cancellation
         near = (rates.winding * rates.housing - feedback * cooling) / far  # determinant over the other eigenvalue
         near = near + TINY * (near == 0.0)
@@ -93,11 +94,7 @@ class Kernel(NamedTuple):
         p = 0.5 * (far_part + near_part)
         q = 0.5 * (far_part - near_part) / signed
         on_diagonal = q * half_difference
-        return cls(p + on_diagonal, q * rates.winding, q * rates.exchange, p - on_diagonal, gap, half_difference)
-
-    def taken(self, index: NDArray[np.intp]) -> Kernel:
-        """The matrices of some of the motors."""
-        return Kernel(*(entry[index] for entry in self))
+        return cls(p + on_diagonal, q * rates.winding, q * rates.exchange, p - on_diagonal)
 
     def step(self, slope: Array) -> Array:
         """The changes (2, …, m) of winding and housing temperature, K, from their derivatives at the start, K/s."""
@@ -105,13 +102,14 @@ class Kernel(NamedTuple):
         return np.stack([self.ww * winding + self.wh * housing, self.hw * winding + self.hh * housing])
 
 
-def extremum_times(kernel: Kernel, rates: Rates, slope: Array) -> Array:
+def extremum_times(rates: Rates, slope: Array) -> Array:
     """When the slopes of winding and housing are zero: tanh(s t) = -s x'(0) / (M x'(0)), (2, m), s.
 
     NaN where there is no such time, which round-off may cause although the slope changes its sign: both are 0 then.
     """
-    winding = kernel.half_difference * slope[0] + rates.winding * slope[1]
-    housing = rates.exchange * slope[0] - kernel.half_difference * slope[1]
+    half_difference, half_gap = rates.halves()
+    winding = half_difference * slope[0] + rates.winding * slope[1]
+    housing = rates.exchange * slope[0] - half_difference * slope[1]
     with np.errstate(all="ignore"):
-        times = np.arctanh(-kernel.half_gap * slope / np.stack([winding, housing])) / kernel.half_gap
+        times = np.arctanh(-half_gap * slope / np.stack([winding, housing])) / half_gap
     return np.asarray(times)
