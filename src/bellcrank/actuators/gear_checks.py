@@ -45,9 +45,9 @@ GEAR_CHECKS: tuple[Check[Gear], ...] = (
     order("back_efficiency", "efficiency", most=1.02),
     plausible(
         "efficiency",
-        "efficiency (worm gears and sliding screws reach down to 20 %, and no gear is free of losses)",
+        "efficiency (worm gears and sliding screws reach down to 20 %)",
         _efficiency,
-        (0.05, 0.995),
+        (0.05, 1.0),
         "is it in %, or a loss?",
     ),
     plausible(

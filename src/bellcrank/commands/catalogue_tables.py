@@ -95,7 +95,8 @@ def fitted(header: Sequence[str], rows: Cells, width: int) -> str:
         if max(map(len, text.splitlines())) <= width:
             break
     left = ", ".join(title.split("\n")[0] for title in header[count:])
-    return text + (f"\n(not shown for lack of width: {left})" if left else "")
+    note = f"(not shown for lack of width: {left})" if left else ""
+    return "\n".join([text, *textwrap.wrap(note, max(width, 40))])
 
 
 def text_table(header: Sequence[str], rows: Cells) -> str:
@@ -174,7 +175,7 @@ def product_text(product: Product) -> str:
 
 
 def _words(name: str) -> str:
-    return name.replace("_", " ")
+    return name.replace("no_load", "no-load").replace("_", " ")
 
 
 def _shown(column: Column, value: object) -> str:
@@ -202,7 +203,7 @@ def check_text(products: Sequence[Placed]) -> str:
     without = sum(not one.product.source for one in products)
     wrong = len({one.product.id for one in found})
     lines.append(
-        f"{len(products)} products, {sum(checks)} checks that their figures allow ({checks.count(0)} products allow "
+        f"{len(products)} product{'' if len(products) == 1 else 's'}, {sum(checks)} checks that their figures allow ({checks.count(0)} products allow "
         f"none): {wrong or 'no'} {'product contradicts' if wrong == 1 else 'products contradict'} "
         f"{'itself' if wrong == 1 else 'themselves'}"
     )
