@@ -199,16 +199,16 @@ def check_text(products: Sequence[Placed]) -> str:
     places = {one.product.id: one.place for one in products}
     found = contradictions(one.product for one in products)
     lines = [f"{places[one.product.id]}: {one.product.id}: {one.check}: {one.text}" for one in found]
-    checks = [checks_applied(one.product) for one in products]
-    without = sum(not one.product.source for one in products)
+    counts = [checks_applied(one.product) for one in products]
     wrong = len({one.product.id for one in found})
+    verdict = f"{wrong} contradict themselves" if wrong > 1 else f"{wrong or 'none'} contradicts itself"
     lines.append(
-        f"{len(products)} product{'' if len(products) == 1 else 's'}, {sum(checks)} checks that their figures allow ({checks.count(0)} products allow "
-        f"none): {wrong or 'no'} {'product contradicts' if wrong == 1 else 'products contradict'} "
-        f"{'itself' if wrong == 1 else 'themselves'}"
+        f"{len(products)} product{'' if len(products) == 1 else 's'}, {sum(counts)} checks that their figures allow "
+        f"(none for {counts.count(0)} of them): {verdict}"
     )
+    without = [one.product.id for one in products if not one.product.source]
     if without:
-        lines.append(f"{without} {'product has' if without == 1 else 'products have'} no source")
+        lines.append(f"without a source: {', '.join(without[:10])}{', …' if len(without) > 10 else ''}")
     return "\n".join(lines)
 
 
