@@ -9,7 +9,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from bellcrank.actuators.actuator import STANDSTILL, Actuator, actuator_from_fields
+from bellcrank.actuators.actuator import STANDSTILL, Actuator
+from bellcrank.actuators.actuator_fields import actuator_from_fields
 from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
 from bellcrank.motion.motion import Motion

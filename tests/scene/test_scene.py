@@ -115,6 +115,7 @@ BROKEN = [
     ("momentum of a fixed base", "scene.yaml", "{energy: total}", "{momentum: linear}", "momentum.*floating_base"),
     ("unknown solver", "scene.yaml", "solver: DOP853", "solver: ode45", "simulate.solver.*ode45.*RK45"),
     ("tolerance of zero", "scene.yaml", "rtol: 1.0e-8", "rtol: 0", "simulate.rtol.*more than 0"),
+    ("tolerance of the whole value", "scene.yaml", "rtol: 1.0e-8", "rtol: 1.0e+308", "simulate.rtol.*at most 1"),
     ("tolerance below doubles", "scene.yaml", "rtol: 1.0e-8", "rtol: 1.0e-15", "simulate.rtol.*1e-13"),
     ("duration that runs backwards", "scene.yaml", "duration: 2", "duration: -2", "simulate.duration.*more than 0"),
     ("RK4 without a step", "scene.yaml", "solver: DOP853", "solver: RK4", "simulate.*step"),

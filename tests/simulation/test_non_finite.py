@@ -359,3 +359,10 @@ def test_an_event_function_near_the_largest_number_is_no_oscillation(tmp_path):
     run = bc.simulate(path)
     assert [event.name for event in run.events] == ["near"]
     assert run.statistics.unresolved == ()
+
+
+def test_a_run_that_flies_apart_under_a_useless_tolerance_ends_before_the_first_row_that_is_not_finite():
+    run = bc.simulate("planar_2r_swing", overrides={"initial.shoulder": 100.0}, duration=7.0, rtol=1.0, atol=1e300)
+    assert run.status is Status.NON_FINITE and 0.0 < run.time[-1] < 7.0
+    assert np.isfinite(run.position).all() and np.isfinite(run.velocity).all()
+    assert any("the run ended before its duration" in text for text in run.warnings)

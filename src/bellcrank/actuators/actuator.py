@@ -4,33 +4,47 @@ The shaft turns at N q̇. Its torque is τ_load / (N η) while the load takes po
 τ_load η / N while it gives power back, plus (J_rotor + J_gear) N q̈; N is the ratio and η the gear's efficiency. τ_load
 is the joint torque without the reflected rotor inertia N² (J_rotor + J_gear) q̈.
 (Equations: the power balance over a gear, e.g. Siciliano et al., Robotics, 2009, section 5.1.)
+
+A figure that is None is unknown. What follows from it is NaN, so that nothing passes or fails because of it.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank.config.fields import Fields
+from bellcrank.actuators.torque_speed_curve import (
+    Points,
+    falling_curve,
+    four_quadrants,
+    share_of_curve,
+    torque_below,
+)
 from bellcrank.errors import InputError
 
+if TYPE_CHECKING:
+    from bellcrank.actuators.conditions import Conditions
+    from bellcrank.actuators.gear import Gear
+    from bellcrank.actuators.motor import Motor
+    from bellcrank.actuators.motor_with_gear import MotorWithGear
+
 Array = NDArray[np.float64]
-_NUMBERS = (  # name, least, more than, most
-    ("ratio", None, 0.0, arguments.LARGEST),
-    ("rated_torque", None, 0.0, arguments.LARGEST),
-    ("peak_torque", None, 0.0, arguments.LARGEST),
-    ("rated_speed", None, 0.0, arguments.LARGEST),
-    ("max_speed", None, 0.0, arguments.LARGEST),
-    ("efficiency", None, 0.0, 1.0),
-    ("rotor_inertia", 0.0, None, arguments.LARGEST),
-    ("gear_inertia", 0.0, None, arguments.LARGEST),
-    ("safety_factor", 1.0, None, arguments.LARGEST),
-    ("motor_efficiency", None, 0.0, 1.0),
+_NUMBERS = (  # name, least, more than, most, whether it may be unknown
+    ("ratio", None, 0.0, arguments.LARGEST, False),
+    ("rated_torque", None, 0.0, arguments.LARGEST, True),
+    ("peak_torque", None, 0.0, arguments.LARGEST, True),
+    ("rated_speed", None, 0.0, arguments.LARGEST, True),
+    ("max_speed", None, 0.0, arguments.LARGEST, True),
+    ("efficiency", None, 0.0, 1.0, True),
+    ("rotor_inertia", 0.0, None, arguments.LARGEST, True),
+    ("gear_inertia", 0.0, None, arguments.LARGEST, True),
+    ("safety_factor", 1.0, None, arguments.LARGEST, False),
+    ("motor_efficiency", None, 0.0, 1.0, True),
 )
 STANDSTILL = 1e-6  # rad/s of the shaft: slower counts as at rest, so that rounding does not decide the flow of power
 FASTEST = 1500.0  # rad/s: few motors turn faster, while many speeds in rpm are larger numbers
@@ -38,7 +52,10 @@ FASTEST = 1500.0  # rad/s: few motors turn faster, while many speeds in rpm are 
 
 @dataclass(frozen=True)
 class Actuator:
-    """The motor and gear of one joint. Torques, inertias and speeds are those at the motor shaft.
+    """The motor and gear of one joint. Torques, inertias and speeds are those at the motor shaft; None is unknown.
+
+    It is made from these ratings, or by `Actuator.of` from a motor and a gear of a catalogue, whose limits then follow
+    from their models.
 
     Args:
         ratio: Motor angle over joint angle N, rad/rad; rad/m on a prismatic joint.
@@ -68,67 +85,131 @@ class Actuator:
     """
 
     ratio: float
-    rated_torque: float
-    peak_torque: float
-    rated_speed: float
-    max_speed: float
-    efficiency: float = 1.0
-    rotor_inertia: float = 0.0
-    gear_inertia: float = 0.0
+    rated_torque: float | None
+    peak_torque: float | None
+    rated_speed: float | None
+    max_speed: float | None
+    efficiency: float | None = 1.0
+    rotor_inertia: float | None = 0.0
+    gear_inertia: float | None = 0.0
     safety_factor: float = 1.0
     motor_efficiency: float | None = None
-    curve: tuple[tuple[float, float], ...] | None = None
+    curve: Points | None = None
 
     def __post_init__(self) -> None:
-        for name, least, above, most in _NUMBERS:
+        for name, least, above, most, may_be_unknown in _NUMBERS:
             value = getattr(self, name)
-            if name == "motor_efficiency" and value is None:
+            if value is None and may_be_unknown:
                 continue
             number = arguments.number(name, value, least=least, above=above, most=most, where="an actuator")
             object.__setattr__(self, name, number)
         _require(
-            self.reflected_inertia <= arguments.LARGEST,
+            self.known_inertia <= arguments.LARGEST,
             "ratio",
             f"one with which the reflected inertia is at most {arguments.LARGEST:g} kg m²",
             self.ratio,
         )
-        _require(
-            self.peak_torque >= self.rated_torque,
-            "peak_torque",
-            f"at least the rated torque, {self.rated_torque:g} N m",
-            self.peak_torque,
-        )
-        _require(
-            self.max_speed >= self.rated_speed,
-            "max_speed",
-            f"at least the rated speed, {self.rated_speed:g} rad/s",
-            self.max_speed,
-        )
+        if self.peak_torque is not None and self.rated_torque is not None:
+            _require(
+                self.peak_torque >= self.rated_torque,
+                "peak_torque",
+                f"at least the rated torque, {self.rated_torque:g} N m",
+                self.peak_torque,
+            )
+        if self.max_speed is not None and self.rated_speed is not None:
+            _require(
+                self.max_speed >= self.rated_speed,
+                "max_speed",
+                f"at least the rated speed, {self.rated_speed:g} rad/s",
+                self.max_speed,
+            )
         if self.curve is not None:
-            object.__setattr__(self, "curve", _points(self.curve))
-            speeds, torques = zip(*self.curve, strict=True)
-            _require(
-                speeds[0] == 0.0 and all(b > a for a, b in pairwise(speeds)),
-                "curve",
-                "speeds that start at 0 and rise",
-                list(speeds),
-            )
-            _require(
-                torques[0] > 0.0 and torques[-1] >= 0.0 and all(b <= a for a, b in pairwise(torques)),
-                "curve",
-                "torques of 0 or more that do not rise with the speed",
-                list(torques),
-            )
+            object.__setattr__(self, "curve", falling_curve(self.curve, "an actuator"))
+
+    @classmethod
+    def of(cls, motor: Motor, gear: Gear | None = None, conditions: Conditions | None = None) -> MotorWithGear:
+        """The actuator that a motor and a gear of a catalogue make.
+
+        Args:
+            motor: The motor, or an actuator sold as one.
+            gear: The gear; by default none.
+            conditions: Supply, surroundings, safety factor and assumptions; by default those of `Conditions()`.
+
+        Returns:
+            The actuator. What the two rows do not state stays unknown.
+
+        Raises:
+            InputError: The gear's ratio is unknown, or a figure is impossible.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> from bellcrank.actuators.gear import Gear
+            >>> from bellcrank.actuators.motor import Motor
+            >>> motor = Motor(id="m", maker="", model="", nominal_torque=0.3, rotor_inertia=6e-6)
+            >>> gear = Gear(id="g", maker="", model="", kind="planetary", ratio=50.0, inertia=1e-6)
+            >>> actuator = bc.Actuator.of(motor, gear)
+            >>> actuator.rated_torque, actuator.efficiency, round(actuator.reflected_inertia, 6)
+            (0.3, None, 0.0175)
+        """
+        from bellcrank.actuators.motor_with_gear import motor_with_gear
+
+        return motor_with_gear(motor, gear, conditions)
 
     @property
-    def shaft_inertia(self) -> float:
-        """J_rotor + J_gear, kg m² at the motor shaft."""
+    def shaft_inertia(self) -> float | None:
+        """J_rotor + J_gear, kg m² at the motor shaft; None where one of them is unknown."""
+        if self.rotor_inertia is None or self.gear_inertia is None:
+            return None
         return self.rotor_inertia + self.gear_inertia
 
     @property
-    def reflected_inertia(self) -> float:
-        """N² (J_rotor + J_gear): the shaft's inertia reflected to the joint, kg m² (prismatic: kg)."""
-        return self.ratio * self.ratio * self.shaft_inertia
+    def reflected_inertia(self) -> float | None:
+        """N² (J_rotor + J_gear): the shaft's inertia reflected to the joint, kg m² (prismatic: kg); None if unknown."""
+        inertia = self.shaft_inertia
+        return None if inertia is None else self.ratio * self.ratio * inertia
+
+    @property
+    def known_inertia(self) -> float:
+        """The reflected inertia, kg m² (prismatic: kg), of rotor and gear as far as known: a lower bound."""
+        return self.ratio * self.ratio * ((self.rotor_inertia or 0.0) + (self.gear_inertia or 0.0))
+
+    @property
+    def unknown_inertias(self) -> tuple[str, ...]:
+        """Those of "rotor_inertia" and "gear_inertia" that are unknown."""
+        return tuple(name for name in ("rotor_inertia", "gear_inertia") if getattr(self, name) is None)
+
+    @property
+    def unknown_of_torque(self) -> tuple[str, ...]:
+        """What the shaft torque needs and is unknown: of "efficiency", "rotor_inertia" and "gear_inertia"."""
+        return (("efficiency",) if self.efficiency is None else ()) + self.unknown_inertias
+
+    @property
+    def unknown_of_supply(self) -> tuple[str, ...]:
+        """What the power from the supply needs and is unknown."""
+        return self.unknown_of_torque
+
+    @property
+    def has_limits(self) -> bool:
+        """Whether at least one limit of the torque over the speed is known."""
+        return self.curve_points is not None
+
+    @property
+    def unknown_limits(self) -> tuple[str, ...]:
+        """The limits of the torque over the speed that are unknown."""
+        return () if self.has_limits else ("the torque-speed curve",)
+
+    @property
+    def not_compared(self) -> tuple[str, ...]:
+        """What is stated of motor and gear and `bellcrank.size` does not compare with loads."""
+        return ()
+
+    @property
+    def continuous_outline(self) -> Array | None:
+        """Points (k, 2) of speed rad/s and continuous torque N m, speeds rising from 0; None where unknown."""
+        end = self.max_speed if self.max_speed is not None else self.rated_speed
+        if self.rated_torque is None or end is None:
+            return None
+        return np.array([[0.0, self.rated_torque], [end, self.rated_torque]])
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -136,27 +217,26 @@ class Actuator:
         return tuple(
             f"{name} {value:g} rad/s is {value * 30.0 / math.pi:.0f} rpm: was rpm meant? write '{value:g} rpm'"
             for name, value in (("rated_speed", self.rated_speed), ("max_speed", self.max_speed))
-            if value > FASTEST
+            if value is not None and value > FASTEST
         )
 
     @property
-    def curve_points(self) -> tuple[tuple[float, float], ...]:
-        """Points (speed rad/s, torque N m) of the torque-speed curve used, from speed 0 to the last speed."""
+    def curve_points(self) -> Points | None:
+        """Points (speed rad/s, torque N m) of the torque-speed curve, from speed 0 on; None where unknown."""
         if self.curve is not None:
             return self.curve
-        corners = [(0.0, self.peak_torque), (self.rated_speed, self.peak_torque)]
-        return tuple(corners + ([(self.max_speed, 0.0)] if self.max_speed > self.rated_speed else []))
+        if self.peak_torque is None or self.rated_speed is None or self.max_speed is None:
+            return None
+        corners = ((0.0, self.peak_torque), (self.rated_speed, self.peak_torque))
+        return (*corners, (self.max_speed, 0.0)) if self.max_speed > self.rated_speed else corners
 
     @property
-    def outline(self) -> Array:
-        """Corners (k, 2) of speed rad/s and torque N m of the region that the curve allows, in all four quadrants."""
-        speed, torque = np.array([*self.curve_points, (self.curve_points[-1][0], 0.0)]).T
-        return np.column_stack(
-            [
-                np.concatenate([speed, speed[::-1], -speed, -speed[::-1]]),
-                np.concatenate([torque, -torque[::-1], -torque, torque[::-1]]),
-            ]
-        )
+    def outline(self) -> Array | None:
+        """Corners (k, 2) of speed rad/s and torque N m of the region that the curve allows, in all four quadrants; None
+        where the curve is unknown.
+        """
+        points = self.curve_points
+        return None if points is None else four_quadrants(points)
 
     def shaft_torque(self, load_torque: Array, velocity: Array, acceleration: Array) -> Array:
         """The torque at the motor shaft.
@@ -167,7 +247,7 @@ class Actuator:
             acceleration: Joint acceleration (n,), rad/s² (m/s²).
 
         Returns:
-            Shaft torque (n,), N m.
+            Shaft torque (n,), N m; NaN where the efficiency or an inertia is unknown.
 
         Raises:
             InputError: For arrays of different shapes.
@@ -183,8 +263,15 @@ class Actuator:
         )
         with np.errstate(over="ignore", invalid="ignore"):  # infinite and NaN stay so
             motoring = (load_torque * velocity >= 0.0) | (self.ratio * np.abs(velocity) <= STANDSTILL)
-            through_gear = np.where(motoring, 1.0 / (self.ratio * self.efficiency), self.efficiency / self.ratio)
-            return np.asarray(load_torque * through_gear + self.shaft_inertia * self.ratio * acceleration)
+            driving, driven = self._efficiencies(load_torque)
+            through_gear = np.where(motoring, 1.0 / (self.ratio * driving), driven / self.ratio)
+            inertia = math.nan if self.shaft_inertia is None else self.shaft_inertia
+            return np.asarray(load_torque * through_gear + inertia * self.ratio * acceleration)
+
+    def _efficiencies(self, load_torque: Array) -> tuple[Array | float, Array | float]:
+        """The gear's efficiency while it drives the load, and while the load drives it; NaN where unknown."""
+        eta = math.nan if self.efficiency is None else self.efficiency
+        return eta, eta
 
     def electrical_power(self, shaft_power: Array) -> Array:
         """The electrical power: shaft power divided by the motor's efficiency, or multiplied by it where negative.
@@ -208,6 +295,48 @@ class Actuator:
         eta = 1.0 if self.motor_efficiency is None else self.motor_efficiency
         return np.where(shaft_power >= 0.0, shaft_power / eta, shaft_power * eta)
 
+    def supply_power(self, torque: Array, speed: Array) -> Array:
+        """The power from the supply.
+
+        Args:
+            torque: Shaft torque (n,), N m.
+            speed: Shaft speed (n,), rad/s.
+
+        Returns:
+            Power (n,), W; negative where it is given back, NaN where unknown.
+
+        Raises:
+            InputError: For arrays of different shapes.
+
+        Example:
+            >>> import bellcrank as bc, numpy as np
+            >>> actuator = bc.load_robot_config("geared_pendulum").actuators["shoulder"]
+            >>> actuator.supply_power(np.array([0.17]), np.array([100.0]))
+            array([20.])
+        """
+        torque, speed = arguments.alike(torque=torque, speed=speed)
+        return self.electrical_power(torque * speed)
+
+    def continuous_torque(self, speed: float) -> float | None:
+        """The torque that the motor can deliver continuously at a constant speed: the rated torque.
+
+        Args:
+            speed: Shaft speed, rad/s, of either sign.
+
+        Returns:
+            Torque, N m; None where unknown.
+
+        Raises:
+            InputError: For a speed that is not a number.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.load_robot_config("geared_pendulum").actuators["shoulder"].continuous_torque(100.0)
+            0.32
+        """
+        arguments.number("speed", speed, "rad/s")
+        return self.rated_torque
+
     def available_torque(self, speed: Array) -> Array:
         """The torque that the torque-speed curve allows.
 
@@ -215,7 +344,7 @@ class Actuator:
             speed: Shaft speed (n,), rad/s, of either sign.
 
         Returns:
-            Torque (n,), N m; 0 beyond the last speed of the curve.
+            Torque (n,), N m; 0 beyond the last speed of the curve, NaN where the curve is unknown.
 
         Raises:
             InputError: For values that are not numbers.
@@ -227,8 +356,8 @@ class Actuator:
             array([0.95, 0.  ])
         """
         (speed,) = arguments.alike(speed=speed)
-        speeds, torques = np.array(self.curve_points).T
-        return np.asarray(np.interp(np.abs(speed), speeds, torques, right=0.0))
+        points = self.curve_points
+        return np.full(speed.shape, np.nan) if points is None else torque_below(points, speed)
 
     def curve_use(self, torque: Array, speed: Array) -> Array:
         """The share of the torque-speed curve that is used, along the ray from the origin.
@@ -241,7 +370,7 @@ class Actuator:
             speed: Shaft speed (n,), rad/s.
 
         Returns:
-            The share (n,): 1 on the curve, more outside, NaN where an argument is NaN.
+            The share (n,): 1 on the curve, more outside, NaN where an argument is NaN or the curve is unknown.
 
         Raises:
             InputError: For arrays of different shapes.
@@ -252,62 +381,12 @@ class Actuator:
             >>> actuator.curve_use(np.array([0.475]), np.array([0.0]))
             array([0.5])
         """
-        torque, speed = map(np.abs, arguments.alike(torque=torque, speed=speed))
-        speeds, torques = np.array(self.curve_points).T
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            reach = np.where(speed > 0.0, speeds[-1] / speed, np.inf)  # factor to the last speed
-            for k in range(len(speeds) - 1):
-                slope = (torques[k + 1] - torques[k]) / (speeds[k + 1] - speeds[k])
-                intercept = torques[k] - slope * speeds[k]
-                factor = intercept / (torque - slope * speed)
-                at = factor * speed
-                # The first crossing counts. Round-off must not miss a corner, hence the slack.
-                slack = 1e-12 * speeds[-1]
-                crosses = (
-                    (torque > 0.0) & np.isfinite(factor) & (at >= speeds[k] - slack) & (at <= speeds[k + 1] + slack)
-                )
-                reach = np.where(crosses, np.minimum(reach, factor), reach)
-            use = np.where(np.isinf(reach), 0.0, 1.0 / reach)
-        return np.where(np.isnan(torque) | np.isnan(speed), np.nan, use)
-
-
-def _points(curve: object) -> tuple[tuple[float, float], ...]:
-    """The points of a curve as numbers. Raises InputError."""
-    expected = "at least two (speed rad/s, torque N m) points"
-    if isinstance(curve, np.ndarray) and curve.ndim == 2:
-        curve = curve.tolist()
-    if not isinstance(curve, (list, tuple)) or len(curve) < 2:
-        arguments.refuse("curve", expected, curve, "an actuator")
-    pairs = [arguments.vector("curve", pair, 2, most=arguments.LARGEST, where="an actuator") for pair in curve]
-    return tuple((float(speed), float(torque)) for speed, torque in pairs)
+        torque, speed = arguments.alike(torque=torque, speed=speed)
+        if (points := self.curve_points) is None:
+            return np.full(np.broadcast_shapes(torque.shape, speed.shape), np.nan)
+        return share_of_curve(points, torque, speed)
 
 
 def _require(condition: bool, name: str, expected: str, found: object) -> None:
     if not condition:
         raise InputError(f"an actuator's {name}: expected {expected}, found {found}")
-
-
-def actuator_from_fields(fields: Fields) -> Actuator:
-    """The Actuator that a mapping of a robot configuration describes. Raises InputError, naming file and key."""
-    curve = tuple((speed, torque) for speed, torque in fields.rows("curve", 2)) if "curve" in fields else None
-    fields.known("curve")
-    values = {
-        name: fields.number(name, unit, positive=True)
-        for name, unit in (
-            ("ratio", ""),
-            ("rated_torque", "N m"),
-            ("peak_torque", "N m"),
-            ("rated_speed", "rad/s"),
-            ("max_speed", "rad/s"),
-        )
-    }
-    values["efficiency"] = fields.number("efficiency", "", 1.0, positive=True, maximum=1.0)
-    values["rotor_inertia"] = fields.number("rotor_inertia", "kg m^2", 0.0, nonnegative=True)
-    values["gear_inertia"] = fields.number("gear_inertia", "kg m^2", 0.0, nonnegative=True)
-    values["safety_factor"] = fields.number("safety_factor", "", 1.0, positive=True)
-    motor_efficiency = fields.optional_number("motor_efficiency", "", positive=True, maximum=1.0)
-    fields.done()
-    try:
-        return Actuator(**values, motor_efficiency=motor_efficiency, curve=curve)
-    except InputError as error:
-        raise fields.error("", str(error)) from None

@@ -24,11 +24,14 @@ from dataclasses import dataclass, fields
 from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.electrical import COPPER, resistance_factor
 from bellcrank.actuators.product_arrays import Array, MotorArrays
+
+TINY = 1e-250  # 1/s, stands for an eigenvalue of 0 in (e^{λ t} - 1)/λ
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,9 +109,8 @@ class HeatCycle:
     Example:
         >>> import numpy as np
         >>> from bellcrank.actuators.thermal import HeatCycle
-        >>> HeatCycle(
-        ...     duration=np.array([30.0, 30.0]), copper_loss=np.array([[110.0, 0.0]]), friction_loss=np.zeros((1, 2))
-        ... ).period
+        >>> loss = np.array([[110.0, 0.0]])
+        >>> HeatCycle(duration=np.array([30.0, 30.0]), copper_loss=loss, friction_loss=0.0 * loss).period
         60.0
     """
 
@@ -189,12 +191,19 @@ class Rates(NamedTuple):
             resistance_factor(model.ambient),
         )
 
-    def slope(self, winding: Array, housing: Array) -> tuple[Array, Array]:
-        """The derivatives of both temperatures, K/s, at temperatures above the ambient."""
+    def taken(self, index: NDArray[np.intp]) -> Rates:
+        """The systems of some of the motors."""
+        return Rates(*(entry[index] for entry in self))
+
+    def slope(self, state: Array) -> Array:
+        """The derivatives (2, …, m) of winding and housing temperature, K/s, at a state (2, …, m) above the ambient."""
+        winding, housing = state
         difference = winding - housing
-        return (
-            self.copper * (self.factor + COPPER * winding) - self.winding * difference,
-            self.exchange * difference - self.housing * housing + self.friction,
+        return np.stack(
+            [
+                self.copper * (self.factor + COPPER * winding) - self.winding * difference,
+                self.exchange * difference - self.housing * housing + self.friction,
+            ]
         )
 
 
@@ -225,25 +234,24 @@ class Kernel(NamedTuple):
         half_difference = 0.5 * (feedback - rates.winding + cooling)
         mean = 0.5 * (feedback - rates.winding - cooling)
         gap = np.sqrt(half_difference * half_difference + rates.winding * rates.exchange)
-        determinant = rates.winding * rates.housing - feedback * cooling
-        far = np.where(mean < 0.0, mean - gap, mean + gap)  # the eigenvalue without cancellation
-        near = determinant / far
-        far_part, near_part = _growth(far, time), _growth(near, time)
+        signed = np.copysign(gap, mean)
+        far = mean + signed  # the eigenvalue without cancellation
+        near = (rates.winding * rates.housing - feedback * cooling) / far  # determinant over the other eigenvalue
+        near = near + TINY * (near == 0.0)
+        far_part, near_part = np.expm1(far * time) / far, np.expm1(near * time) / near
         p = 0.5 * (far_part + near_part)
-        q = 0.5 * np.where(mean < 0.0, near_part - far_part, far_part - near_part) / gap
+        q = 0.5 * (far_part - near_part) / signed
         on_diagonal = q * half_difference
         return cls(p + on_diagonal, q * rates.winding, q * rates.exchange, p - on_diagonal, gap, half_difference)
 
-    def step(self, slope: tuple[Array, Array]) -> tuple[Array, Array]:
-        """The changes of both temperatures, K, from their derivatives at the start, K/s."""
+    def taken(self, index: NDArray[np.intp]) -> Kernel:
+        """The matrices of some of the motors."""
+        return Kernel(*(entry[index] for entry in self))
+
+    def step(self, slope: Array) -> Array:
+        """The changes (2, …, m) of winding and housing temperature, K, from their derivatives at the start, K/s."""
         winding, housing = slope
-        return self.ww * winding + self.wh * housing, self.hw * winding + self.hh * housing
-
-
-def _growth(eigenvalue: Array, time: Array | float) -> Array:
-    """(e^{λ t} - 1)/λ, t where λ is 0."""
-    exponent = eigenvalue * time
-    return np.where(exponent == 0.0, time, np.expm1(exponent) / np.where(exponent == 0.0, 1.0, eigenvalue))
+        return np.stack([self.ww * winding + self.wh * housing, self.hw * winding + self.hh * housing])
 
 
 def temperatures(
@@ -279,8 +287,7 @@ def temperatures(
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for k in range(count):
             rates = Rates.of(model, heat.copper_loss[:, k], heat.friction_loss[:, k])
-            step = Kernel.of(rates, heat.duration[k]).step(rates.slope(states[0, k], states[1, k]))
-            states[:, k + 1] = states[:, k] + np.stack(step)
+            states[:, k + 1] = states[:, k] + Kernel.of(rates, heat.duration[k]).step(rates.slope(states[:, k]))
     time = np.concatenate([[0.0], np.cumsum(heat.duration)])
     winding, housing = np.swapaxes(states + model.ambient, 1, 2)
     return time, winding, housing

@@ -11,9 +11,7 @@ entries). Hence the cycle in which a limit is first reached is found by bisectio
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +21,11 @@ from bellcrank.actuators.product_arrays import Array
 from bellcrank.actuators.thermal import HeatCycle, Kernel, Rates, ThermalModel
 
 CHUNK = 4096  # motors at a time, and
+KEPT = 2**20  # motors times intervals at a time, whose matrices are kept in memory
 BLOCK = 16384  # entries of an array at a time: they stay in the processor's cache
 MOST_DOUBLINGS = 62  # of the cycle's map: more cycles than that would take longer than the age of the universe
+
+Interval = tuple[Rates, Kernel]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,109 +57,84 @@ class PeriodicTemperatures:
         return 1.0 + self.growth
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class CycleMap:
-    """The map x → x + Ψ x + g of the temperatures (winding, housing) above the ambient over one cycle, (m,) each.
+    """The map x → x + Ψ x + g of the state (winding, housing) above the ambient over one cycle, for m motors.
 
     Attributes:
-        ww: Entry of Ψ: winding on winding.
-        wh: Housing on winding.
-        hw: Winding on housing.
-        hh: Housing on housing.
-        winding: Entry of g, K.
-        housing: Entry of g, K.
+        matrix: Ψ (2, 2, m).
+        shift: g (2, m), K.
     """
 
-    ww: Array
-    wh: Array
-    hw: Array
-    hh: Array
-    winding: Array
-    housing: Array
-
-    def __getitem__(self, index: Any) -> Self:
-        return type(self)(**{field.name: getattr(self, field.name)[index] for field in fields(self)})
+    matrix: Array
+    shift: Array
 
     @property
     def growth(self) -> Array:
-        """Spectral radius of I + Ψ less 1, from the eigenvalues of Ψ without cancellation near 0."""
-        mean, half = 0.5 * (self.ww + self.hh), 0.5 * (self.ww - self.hh)
-        gap = np.sqrt(half * half + self.wh * self.hw)
-        largest = np.where(mean < 0.0, self._determinant / (mean - gap), mean + gap)
-        return np.where(~np.isnan(self.winding) & np.isnan(largest), np.inf, largest)
+        """Spectral radius of I + Ψ less 1 (m,), from the eigenvalues of Ψ without cancellation near 0."""
+        (ww, wh), (hw, hh) = self.matrix
+        mean, half = 0.5 * (ww + hh), 0.5 * (ww - hh)
+        gap = np.sqrt(half * half + wh * hw)
+        largest = np.where(mean < 0.0, (ww * hh - wh * hw) / (mean - gap), mean + gap)
+        overflows = np.isnan(largest) & ~np.isnan(self.shift[0])
+        return np.where(overflows, np.inf, largest)
 
     @property
-    def fixed_point(self) -> tuple[Array, Array]:
-        """The temperatures above the ambient that return to themselves, -Ψ^{-1} g."""
-        determinant = self._determinant
-        return (
-            (self.wh * self.housing - self.hh * self.winding) / determinant,
-            (self.hw * self.winding - self.ww * self.housing) / determinant,
-        )
+    def fixed_point(self) -> Array:
+        """The state (2, m) that returns to itself, -Ψ^{-1} g."""
+        (ww, wh), (hw, hh) = self.matrix
+        winding, housing = self.shift
+        return np.asarray(np.stack([wh * housing - hh * winding, hw * winding - ww * housing]) / (ww * hh - wh * hw))
 
-    @property
-    def _determinant(self) -> Array:
-        return self.ww * self.hh - self.wh * self.hw
-
-    def apply(self, winding: Array, housing: Array) -> tuple[Array, Array]:
-        """Temperatures above the ambient a cycle later."""
-        return (
-            winding + (self.ww * winding + self.wh * housing + self.winding),
-            housing + (self.hw * winding + self.hh * housing + self.housing),
-        )
+    def apply(self, state: Array) -> Array:
+        """The state (2, m) a cycle later."""
+        return np.asarray(state + (np.einsum("ijm,jm->im", self.matrix, state) + self.shift))
 
     def doubled(self) -> CycleMap:
         """The map over two cycles: Ψ becomes 2 Ψ + Ψ²."""
-        winding, housing = self.apply(self.winding, self.housing)
-        both = 2.0 + self.ww + self.hh
-        return CycleMap(
-            ww=self.ww * (2.0 + self.ww) + self.wh * self.hw,
-            wh=self.wh * both,
-            hw=self.hw * both,
-            hh=self.hh * (2.0 + self.hh) + self.wh * self.hw,
-            winding=winding,
-            housing=housing,
-        )
+        squared = np.einsum("ijm,jkm->ikm", self.matrix, self.matrix)
+        return CycleMap(2.0 * self.matrix + squared, self.apply(self.shift))
 
 
-def intervals(model: ThermalModel, heat: HeatCycle) -> Iterator[tuple[Rates, Kernel]]:
+def intervals(model: ThermalModel, heat: HeatCycle) -> list[Interval]:
     """The system and K of every interval, in their order, computed in blocks that stay in the processor's cache."""
-    count = max(BLOCK // max(len(heat.copper_loss), 1), 1)
-    for first in range(0, len(heat.duration), count):
+    copper, friction = (np.ascontiguousarray(loss.T) for loss in (heat.copper_loss, heat.friction_loss))
+    count, found = max(BLOCK // max(copper.shape[1], 1), 1), []
+    for first in range(0, len(copper), count):
         part = slice(first, first + count)
-        copper, friction = (np.ascontiguousarray(loss[:, part].T) for loss in (heat.copper_loss, heat.friction_loss))
-        rates = Rates.of(model, copper, friction)
-        kernel = Kernel.of(rates, heat.duration[part, None])
-        for k in range(len(copper)):
-            yield (
+        with np.errstate(all="ignore"):
+            rates = Rates.of(model, copper[part], friction[part])
+            kernel = Kernel.of(rates, heat.duration[part, None])
+        found += [
+            (
                 rates._replace(copper=rates.copper[k], friction=rates.friction[k]),
                 Kernel(*(entry[k] for entry in kernel)),
             )
+            for k in range(len(rates.copper))
+        ]
+    return found
 
 
-def cycle_map(model: ThermalModel, heat: HeatCycle) -> CycleMap:
+def cycle_map(model: ThermalModel, steps: list[Interval]) -> CycleMap:
     """The map of the temperatures over one cycle.
 
     Args:
         model: Models of m motors.
-        heat: Losses of the m motors over the cycle.
+        steps: `intervals` of the cycle.
 
     Returns:
         The map; NaN where a figure is unknown.
     """
     # Three states at once: from the ambient under the heat, and unit changes of winding and housing without it.
-    changes = np.zeros((2, 3, len(heat.copper_loss)))
+    changes = np.zeros((2, 3, len(model.ambient)))
     start = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])[..., None]
     heated = np.array([1.0, 0.0, 0.0])[:, None]
     factor = heated * resistance_factor(model.ambient)
     with np.errstate(all="ignore"):
-        for rates, kernel in intervals(model, heat):
+        for rates, kernel in steps:
             rates = rates._replace(factor=factor, friction=heated * rates.friction)
-            winding, housing = kernel.step(rates.slope(*(start + changes)))
-            changes[0] += winding
-            changes[1] += housing
-    (g_w, ww, wh), (g_h, hw, hh) = changes
-    return CycleMap(ww=ww, wh=wh, hw=hw, hh=hh, winding=g_w, housing=g_h)
+            changes += kernel.step(rates.slope(start + changes))
+    return CycleMap(changes[:, 1:], changes[:, 0])
 
 
 def periodic_temperatures(model: ThermalModel, heat: HeatCycle) -> PeriodicTemperatures:
@@ -184,7 +160,8 @@ def periodic_temperatures(model: ThermalModel, heat: HeatCycle) -> PeriodicTempe
         True
     """
     size = len(heat.copper_loss)
-    parts = [slice(first, first + CHUNK) for first in range(0, size, CHUNK)] or [slice(0, 0)]
+    count = min(CHUNK, max(KEPT // len(heat.duration), 1))
+    parts = [slice(first, first + count) for first in range(0, size, count)] or [slice(0, 0)]
     found = [_periodic(model[part], heat[part]) for part in parts]
     return PeriodicTemperatures(
         **{
@@ -195,50 +172,47 @@ def periodic_temperatures(model: ThermalModel, heat: HeatCycle) -> PeriodicTempe
 
 
 def _periodic(model: ThermalModel, heat: HeatCycle) -> PeriodicTemperatures:
+    steps = intervals(model, heat)
     with np.errstate(all="ignore"):
-        over_cycle = cycle_map(model, heat)
+        over_cycle = cycle_map(model, steps)
         growth = over_cycle.growth
         settles = growth < 0.0
-        winding, housing = (np.where(settles, value, np.nan) for value in over_cycle.fixed_point)
-        peaks = peak_rise(model, heat, winding, housing)
-    rises = [np.where(growth >= 0.0, np.inf, value) for value in (winding, housing, *peaks)]
+        start = np.where(settles, over_cycle.fixed_point, np.nan)
+        rises = np.where(growth >= 0.0, np.inf, np.concatenate([start, peak_rise(steps, start)]))
     return PeriodicTemperatures(
-        winding_start=model.ambient + rises[0],
-        housing_start=model.ambient + rises[1],
-        winding_peak=model.ambient + rises[2],
-        housing_peak=model.ambient + rises[3],
+        **dict(
+            zip(("winding_start", "housing_start", "winding_peak", "housing_peak"), model.ambient + rises, strict=True)
+        ),
         growth=growth,
     )
 
 
-def peak_rise(model: ThermalModel, heat: HeatCycle, winding: Array, housing: Array) -> tuple[Array, Array]:
+def peak_rise(steps: list[Interval], state: Array) -> Array:
     """The largest temperatures above the ambient over one cycle, inside its intervals too.
 
     Inside an interval a temperature has at most one extremum, because its slope is a sum of two exponentials: a largest
     value exactly where the slope is positive at the start and negative at the end.
 
     Args:
-        model: Models of m motors.
-        heat: Losses of the m motors over the cycle.
-        winding: Winding above the ambient at the start (m,), K.
-        housing: Housing above the ambient at the start (m,), K.
+        steps: `intervals` of the cycle.
+        state: Winding and housing above the ambient at the start (2, m), K.
 
     Returns:
-        The largest of winding and housing (m,), K.
+        The largest of winding and housing (2, m), K.
     """
-    state = np.stack([winding, housing])
     peak = state.copy()
     with np.errstate(all="ignore"):
-        for rates, kernel in intervals(model, heat):
-            slope = np.stack(rates.slope(*state))
-            end = state + np.stack(kernel.step((slope[0], slope[1])))
+        for rates, kernel in steps:
+            slope = rates.slope(state)
+            end = state + kernel.step(slope)
             np.maximum(peak, end, out=peak)
-            inside = (slope > 0.0) & (np.stack(rates.slope(*end)) < 0.0)
-            if inside.any():
-                top = np.stack(_extrema(rates, kernel, state, slope))
-                peak = np.where(inside, np.maximum(peak, top), peak)
+            inside = (slope > 0.0) & (rates.slope(end) < 0.0)
+            which = np.flatnonzero(inside.any(axis=0))
+            if len(which):
+                top = _extrema(rates.taken(which), kernel.taken(which), state[:, which], slope[:, which])
+                peak[:, which] = np.where(inside[:, which], np.maximum(peak[:, which], top), peak[:, which])
             state = end
-    return peak[0], peak[1]
+    return peak
 
 
 def extremum_times(kernel: Kernel, rates: Rates, slope: Array) -> Array:
@@ -250,9 +224,7 @@ def extremum_times(kernel: Kernel, rates: Rates, slope: Array) -> Array:
     return np.asarray(times)
 
 
-def _extrema(rates: Rates, kernel: Kernel, state: Array, slope: Array) -> tuple[Array, Array]:
+def _extrema(rates: Rates, kernel: Kernel, state: Array, slope: Array) -> Array:
     """The extreme values of winding and housing where their slopes are zero."""
     times = extremum_times(kernel, rates, slope)
-    winding = state[0] + Kernel.of(rates, times[0]).step((slope[0], slope[1]))[0]
-    housing = state[1] + Kernel.of(rates, times[1]).step((slope[0], slope[1]))[1]
-    return winding, housing
+    return np.asarray(state + np.stack([Kernel.of(rates, times[body]).step(slope)[body] for body in (0, 1)]))

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bellcrank.actuators.product_arrays import Array
 from bellcrank.actuators.thermal import HeatCycle, Kernel, Rates, ThermalModel
 from bellcrank.actuators.thermal_cycle import (
     MOST_DOUBLINGS,
+    CycleMap,
+    Interval,
     cycle_map,
     extremum_times,
     intervals,
@@ -48,63 +51,58 @@ def time_to_limit(model: ThermalModel, heat: HeatCycle, limit: Array) -> Array:
     time = np.where(np.isnan(settled.winding_peak + rise), np.nan, np.where(rise <= 0.0, 0.0, np.inf))
     if len(reached):
         model, heat, rise = model[reached], heat[reached], rise[reached]
+        steps = intervals(model, heat)
         with np.errstate(all="ignore"):
-            cycles, winding, housing = _cycles_below(model, heat, rise)
-            inside = _time_in_cycle(model, heat, np.stack([winding, housing]), rise)
-        time[reached] = cycles * heat.period + inside
+            cycles, state = _cycles_below(cycle_map(model, steps), steps, rise)
+            time[reached] = cycles * heat.period + _time_in_cycle(steps, heat.duration, state, rise)
     return time
 
 
-def _cycles_below(model: ThermalModel, heat: HeatCycle, rise: Array) -> tuple[Array, Array, Array]:
-    """The number of cycles before that in which a rise is first reached, and the state at the start of that cycle.
+def _cycles_below(over_cycle: CycleMap, steps: list[Interval], rise: Array) -> tuple[Array, Array]:
+    """The number (m,) of cycles before that in which a rise is first reached, and the state (2, m) at its start.
 
     Peaks grow from cycle to cycle, so the number is found bit by bit.
     """
 
-    def below(winding: Array, housing: Array) -> Array:
-        return np.asarray(peak_rise(model, heat, winding, housing)[0] < rise)  # overflow is not below
+    def below(state: Array) -> NDArray[np.bool_]:
+        return np.asarray(peak_rise(steps, state)[0] < rise)  # overflow is not below
 
-    zero = np.zeros_like(rise)
-    maps = [cycle_map(model, heat)]
-    while len(maps) < MOST_DOUBLINGS and below(maps[-1].winding, maps[-1].housing).any():
-        maps.append(maps[-1].doubled())
-    some = below(zero, zero)  # the limit is not reached in the first cycle
-    cycles, winding, housing = zero, zero, zero
-    for exponent in reversed(range(len(maps))):
-        later = maps[exponent].apply(winding, housing)
-        still = below(*later)
-        winding, housing = np.where(still, later[0], winding), np.where(still, later[1], housing)
-        cycles = cycles + np.where(still, 2.0**exponent, 0.0)
-    last = maps[0].apply(winding, housing)
-    return np.where(some, cycles + 1.0, 0.0), np.where(some, last[0], zero), np.where(some, last[1], zero)
+    cycles, state = np.zeros_like(rise), np.zeros((2, len(rise)))
+    some = below(state)  # the limit is not reached in the first cycle
+    powers = [over_cycle]
+    while len(powers) < MOST_DOUBLINGS and below(powers[-1].shift).any():
+        powers.append(powers[-1].doubled())
+    for exponent in reversed(range(len(powers))):
+        later = powers[exponent].apply(state)
+        still = below(later)
+        state, cycles = np.where(still, later, state), cycles + np.where(still, 2.0**exponent, 0.0)
+    return np.where(some, cycles + 1.0, 0.0), np.where(some, over_cycle.apply(state), 0.0)
 
 
-def _time_in_cycle(model: ThermalModel, heat: HeatCycle, state: Array, rise: Array) -> Array:
+def _time_in_cycle(steps: list[Interval], durations: Array, state: Array, rise: Array) -> Array:
     """When the winding first reaches a rise in a cycle that starts from a state (2, m), s after the cycle's start."""
-    open_ = np.ones(len(rise), dtype=bool)
     found = np.full_like(rise, np.inf)
     start = 0.0
-    for (rates, kernel), duration in zip(intervals(model, heat), heat.duration, strict=True):
-        slope = np.stack(rates.slope(*state))
-        end = state + np.stack(kernel.step((slope[0], slope[1])))
-        top = extremum_times(kernel, rates, slope)[0]
-        until = np.where((slope[0] > 0.0) & (rates.slope(*end)[0] < 0.0), top, duration)  # rises until then
-        highest = state[0] + Kernel.of(rates, until).step((slope[0], slope[1]))[0]
-        crosses = open_ & (highest >= rise)
-        if crosses.any():
-            found = np.where(crosses, start + _crossing(rates, state[0], slope, until, rise), found)
-            open_ &= ~crosses
-            if not open_.any():
-                break
+    for (rates, kernel), duration in zip(steps, durations.tolist(), strict=True):
+        slope = rates.slope(state)
+        end = state + kernel.step(slope)
+        turns = (slope[0] > 0.0) & (rates.slope(end)[0] < 0.0)
+        until = np.where(turns, extremum_times(kernel, rates, slope)[0], duration)  # of the highest temperature
+        reached = state[0] + Kernel.of(rates, until).step(slope)[0] >= rise
+        first = np.flatnonzero(reached & np.isinf(found))
+        if len(first):
+            found[first] = start + _crossing(
+                rates.taken(first), slope[:, first], until[first], (rise - state[0])[first]
+            )
         state, start = end, start + duration
     return found
 
 
-def _crossing(rates: Rates, winding: Array, slope: Array, until: Array, rise: Array) -> Array:
-    """The time in an interval, at most `until`, at which the rising winding reaches a rise."""
+def _crossing(rates: Rates, slope: Array, until: Array, rise: Array) -> Array:
+    """The time in an interval, at most `until`, after which the winding is warmer by a rise than at its start."""
     low, high = np.zeros_like(rise), np.array(until)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        above = winding + Kernel.of(rates, middle).step((slope[0], slope[1]))[0] >= rise
+        above = Kernel.of(rates, middle).step(slope)[0] >= rise
         low, high = np.where(above, low, middle), np.where(above, middle, high)
     return high

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from importlib import metadata
 from typing import TYPE_CHECKING
 
+from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.codegen.llvm import processor
 from bellcrank.dynamics.mechanism import acts_on
 from bellcrank.reports.document import Table
@@ -86,14 +87,34 @@ def actuator_table(actuators: Mapping[str, Actuator]) -> Table:
     )  # fmt: skip
     rows = tuple(
         (
-            name, f"{d.ratio:.6g}", f"{d.efficiency:.4g}", f"{d.rated_torque:.4g}", f"{d.peak_torque:.4g}",
-            f"{d.rated_speed * RPM:.4g}", f"{d.max_speed * RPM:.4g}", f"{d.rotor_inertia:.4g}", f"{d.gear_inertia:.4g}",
-            f"{d.safety_factor:.4g}", "1, not given" if d.motor_efficiency is None else f"{d.motor_efficiency:.4g}",
-            "from the ratings" if d.curve is None else f"{len(d.curve)} points",
+            name,
+            f"{one.ratio:.6g}",
+            *(_known(value) for value in (one.efficiency, one.rated_torque, one.peak_torque)),
+            *(_known(speed and speed * RPM) for speed in (one.rated_speed, one.max_speed)),
+            *(_known(value) for value in (one.rotor_inertia, one.gear_inertia, one.safety_factor)),
+            _motor_efficiency(one),
+            _curve(one),
         )
-        for name, d in actuators.items()
-    )  # fmt: skip
+        for name, one in actuators.items()
+    )
     return Table("Actuators", header, rows)
+
+
+def _known(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.4g}"
+
+
+def _motor_efficiency(actuator: Actuator) -> str:
+    if isinstance(actuator, MotorWithGear):
+        return "from the motor"
+    return "1, not given" if actuator.motor_efficiency is None else f"{actuator.motor_efficiency:.4g}"
+
+
+def _curve(actuator: Actuator) -> str:
+    if isinstance(actuator, MotorWithGear):
+        gear = "" if actuator.gear.kind == "direct" else f" with {actuator.gear.id}"
+        return f"of {actuator.motor.id}{gear}"
+    return "from the ratings" if actuator.curve is None else f"{len(actuator.curve)} points"
 
 
 def motion_table(motions: Sequence[Motion]) -> Table:

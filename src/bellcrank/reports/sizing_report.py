@@ -16,6 +16,7 @@ from bellcrank.reports.input_tables import (
     motion_table,
     robot_facts,
 )
+from bellcrank.sizing.joint_sizing import Peak
 from bellcrank.sizing.plots import sizing_figures
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.tables import TableContent, joint_rows, shaft_rows, sized_with, structure_rows, verdict
@@ -28,15 +29,14 @@ def sizing_document(sizing: Sizing, film: Film) -> Document:
         note = "Margins with the safety factor on torques."
         parts.append(_table("At the motor shafts", shaft_rows(sizing), note))
     parts.append(_table("Structure and energy", structure_rows(sizing)))
-    supply, back = sizing.supply_peak, sizing.regeneration_peak
     parts.append(
         Facts(
             "Sized for",
             (
                 ("motions", ", ".join(sizing.motions)),
                 *((name.removesuffix(":"), value) for name, value in sized_with(sizing)),
-                ("largest power from the supply", f"{supply.value:.4g} W at {supply.time:.4g} s of {supply.motion}"),
-                ("largest power given back", f"{back.value:.4g} W at {back.time:.4g} s of {back.motion}"),
+                ("largest power from the supply", _power(sizing.supply_peak)),
+                ("largest power given back", _power(sizing.regeneration_peak)),
             ),
         )
     )
@@ -57,11 +57,17 @@ def sizing_document(sizing: Sizing, film: Film) -> Document:
     )
 
 
+def _power(peak: Peak | None) -> str:
+    return "unknown" if peak is None else f"{peak.value:.4g} W at {peak.time:.4g} s of {peak.motion}"
+
+
 def _status(sizing: Sizing) -> str:
     if sizing.unsizable:
         return "Cannot be sized"
     if not sizing.inside:
         return "Exceeded"
+    if sizing.unknown:
+        return "Inside as far as known"
     return "OK" if any(_limited(sizing)) else "No limits"
 
 
@@ -74,17 +80,22 @@ def _limited(sizing: Sizing) -> list[bool]:
 
 
 def _still(sizing: Sizing, film: Film) -> Still:
-    """The first moment at which a limit is exceeded, or else that of the largest power from the supply."""
+    """The first moment at which a limit is exceeded, or else that of the largest load."""
     begun = {f"motion {name} begins": name for name in sizing.motions}
     starts = {begun[event.text]: event.time for event in film.events if event.text in begun}
     for event in film.events:
         if event.text not in begun:
             return Still(event.time, event.text)
-    peak = sizing.supply_peak
-    return Still(
-        starts.get(peak.motion, 0.0) + peak.time,
-        f"At {peak.time:.4g} s of {peak.motion}, where the motors take the largest power ({peak.value:.4g} W)",
-    )
+    what, peak = _largest(sizing)
+    return Still(starts.get(peak.motion, 0.0) + peak.time, f"At {peak.time:.4g} s of {peak.motion}, {what}")
+
+
+def _largest(sizing: Sizing) -> tuple[str, Peak]:
+    """The moment of the largest power from the supply, or where that is unknown of the first joint's largest torque."""
+    if (supply := sizing.supply_peak) is not None:
+        return f"where the motors take the largest power ({supply.value:.4g} W)", supply
+    joint = sizing.joints[0]
+    return f"where joint '{joint.name}' needs its largest torque", joint.peaks["peak_torque"]
 
 
 def _inputs(sizing: Sizing) -> list[Facts | Table]:

@@ -2,8 +2,9 @@
 
 Keys: name; urdf (a path relative to the file, or the name of a robot); gravity (m/s²); floating_base; friction ("urdf",
 "none" or {joint: {viscous, coulomb}}); payloads [{mass, frame, cg, inertia}]; frames {name: {link, xyz, rpy}}; motions
-(motion/entry_kinds.py); actuators {joint: {…}} (actuators/actuator.py); and, for a mechanism with closed loops,
-actuated, the list of joints with motors (by default those with actuators).
+(motion/entry_kinds.py); actuators {joint: {…}} (actuators/actuator_fields.py); catalogue, a folder with tables of
+motors and gears that actuators name; and, for a mechanism with closed loops, actuated, the list of joints with motors
+(by default those with actuators).
 
 The file may also contain the keys of a scene (scene.py). Sizing uses constraints, the start, forces and parameters of
 them, reports that controllers and the clock of the start are not used, and ignores the others.
@@ -12,13 +13,14 @@ them, reports that controllers and the clock of the start are not used, and igno
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from bellcrank import arguments
-from bellcrank.actuators.actuator import Actuator, actuator_from_fields
+from bellcrank.actuators.actuator import Actuator
+from bellcrank.actuators.actuator_fields import actuators_from_fields
 from bellcrank.config.fields import Fields
 from bellcrank.deprecated import Renamed
 from bellcrank.errors import InputError
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
 
 CONFIG_KEYS = (
     "name", "urdf", "gravity", "floating_base", "friction", "payloads", "frames", "motions", "actuators", "actuated",
+    "catalogue",
 )  # fmt: skip
 SCENE_KEYS = ("constraints", "forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate")
 
@@ -110,7 +113,7 @@ class RobotConfig(Renamed):
         from bellcrank.robot.load import load_robot
 
         extra = arguments.several("extra_payloads", extra_payloads, Payload, "Payloads")
-        rotor = {joint: actuator.reflected_inertia for joint, actuator in self.actuators.items()}
+        rotor = {joint: actuator.known_inertia for joint, actuator in self.actuators.items()}
         try:
             robot = load_robot(
                 self.urdf,
@@ -128,7 +131,19 @@ class RobotConfig(Renamed):
             raise InputError(f"{self.source}: {error}") from None
         if self.access is not None:
             robot.mesh_access = self.access
+        robot.inertia_warnings = (*robot.inertia_warnings, *self._unknown_inertias())
         return robot
+
+    def _unknown_inertias(self) -> Iterator[str]:
+        """A sentence for each actuator of which an inertia is unknown, and so not part of the robot."""
+        keys = {"rotor_inertia": "motor.rotor_inertia", "gear_inertia": "gear.inertia"}
+        for joint, actuator in self.actuators.items():
+            if missing := actuator.unknown_inertias:
+                names = " and ".join(name.replace("_", " ") for name in missing)
+                yield (
+                    f"actuator of joint '{joint}': its {names} {'is' if len(missing) == 1 else 'are'} not stated and "
+                    f"not part of the robot's inertia; state it, or assume {', '.join(keys[name] for name in missing)}"
+                )
 
     def motion(self, robot: Robot, name: str) -> Motion:
         """Compute one of the configuration's motions for a robot.
@@ -241,8 +256,7 @@ def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
     motions = fields.mapping("motions", {})
     entries = {key: read_motion_entry(key, motions.mapping(key)) for key in motions}
     check_references(entries)
-    motors = fields.mapping("actuators", {})
-    actuators = {joint: actuator_from_fields(motors.mapping(joint)) for joint in motors}
+    actuators = actuators_from_fields(fields)
     actuated = fields.raw("actuated", ())
     if not isinstance(actuated, (list, tuple)) or not all(isinstance(joint, str) for joint in actuated):
         raise fields.error("actuated", "expected a list of joints, such as [crank]")

@@ -45,7 +45,7 @@ class Settings:
         duration: Simulated time, s.
         solver: "RK45" or "DOP853" (explicit, variable step), "Radau" (implicit, for stiff equations) or "RK4" (fixed
             step).
-        rtol: Relative tolerance of the error of one step, at least 1e-13.
+        rtol: Relative tolerance of the error of one step, from 1e-13 to 1.
         atol: Absolute tolerance of the error of one step: rad, m, rad/s, m/s.
         step: Fixed step, s; None for a variable one. RK4 requires it.
         first_step: First step, s; None for an automatic one.
@@ -90,6 +90,8 @@ class Settings:
             raise InputError(
                 f"rtol: expected {FINEST_RTOL:g} or more, found {self.rtol:g}; double precision allows no smaller error"
             )
+        if self.rtol > 1.0:
+            raise InputError(f"rtol: expected at most 1, an error as large as the value, found {self.rtol:g}")
         for name, least, most in (("samples", 2, MOST_NUMBERS), ("max_evaluations", 1, 2**62)):
             object.__setattr__(self, name, arguments.whole(name, getattr(self, name), least=least, most=most))
         object.__setattr__(self, "stabilisation", stabilisation(self.stabilisation))

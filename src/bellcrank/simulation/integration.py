@@ -124,12 +124,20 @@ def integrate_scene(scene: Scene, settings: Settings, parameters: Array, wanted:
         time, state = np.append(time, result.end_time), np.vstack([state, result.end_state[None]])
     events = _events(scene, result, parameters) if scene.events else ()
     statistics = statistics_of(scene, result, result.event_index)
+    if not np.isfinite(state).all():
+        time, state, status = _finite_rows(time, state, status)
     return until_turned_over(
         Trajectory(scene, settings, time, state, parameters, signals, status, events, statistics, result.steps)
     )
 
 
 _STATUSES = tuple(Status)
+
+
+def _finite_rows(time: Array, state: Array, status: Status) -> tuple[Array, Array, Status]:
+    """The rows before the first that is not finite: between two huge states, interpolation may overflow."""
+    rows = max(int(np.argmin(np.isfinite(state).all(axis=1))), 1)  # the start is finite
+    return time[:rows], state[:rows], Status.NON_FINITE
 
 
 def _events(scene: Scene, result: StepResult, parameters: Array) -> tuple[Event, ...]:

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.actuators.actuator_fields import actuator_data
+from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.codegen import llvm as machine
 from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.elements.expression_constraint import FunctionConstraint
@@ -134,9 +136,19 @@ def _scene_files(scene: Scene) -> tuple[str, dict[str, str]]:
     data = gathered(scene.data)
     if scene.initial.saved is not None:
         data |= explicit_start(scene)  # the state itself: the run that it came from may be gone
+    data |= _without_catalogue(scene, data)
     data |= {"name": readable(scene.name), "urdf": _add(files, scene.robot.source, scene.robot.urdf.text)}
     text = yaml.safe_dump(data, allow_unicode=True, sort_keys=False)
     return _add(files, scene.source.with_suffix(".yaml"), text), files
+
+
+def _without_catalogue(scene: Scene, data: dict[str, Any]) -> dict[str, Any]:
+    """The key `actuators` with the figures of the motors and gears that it names; the catalogue may change."""
+    data.pop("catalogue", None)
+    actuators = scene.config.actuators
+    if not any(isinstance(one, MotorWithGear) for one in actuators.values()):
+        return {}
+    return {"actuators": {joint: actuator_data(one) for joint, one in actuators.items()}}
 
 
 def _add(files: dict[str, str], path: Path, text: str) -> str:

@@ -61,7 +61,7 @@ class JointHistory:
         torque: Torque, N m or N, that the motor applies; with an actuator that at the gear's output, without the
             rotor's inertia.
         power: Power into the joint, W.
-        shaft: The motor's shaft; None without an actuator.
+        shaft: The motor's shaft; None without an actuator, and where its torque is unknown.
     """
 
     name: str
@@ -141,7 +141,7 @@ def motion_history(
     for joint, torque in zip(joints, torques.T, strict=True):
         velocity, acceleration = motion.velocity[:, joint.v], motion.acceleration[:, joint.v]
         shaft, actuator = None, actuators.get(joint.name)
-        if actuator is not None:
+        if actuator is not None and not actuator.unknown_of_torque:
             shaft_torque, speed = actuator.shaft_torque(torque, velocity, acceleration), actuator.ratio * velocity
             shaft = ShaftHistory(torque=shaft_torque, speed=speed, power=shaft_torque * speed)
         histories.append(

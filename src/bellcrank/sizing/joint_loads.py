@@ -23,8 +23,9 @@ class LoadHistory:
     """Loads at n times, (n, k) for k motors, within the mass tolerance; N m, rad/s, W (N, m/s on prismatic joints).
 
     `position` and `speed` are the joints'; `shaft_torque` is the larger |torque| at the motor's shaft, without the
-    safety factor, and `curve_use` the share of the torque-speed curve used, with it (both 0 without an actuator).
-    `supply_power` and `returned_power` (n, 1) sum all joints.
+    safety factor, and `curve_use` the share of the torque-speed curve used, with it (both 0 without an actuator, and
+    where figures of it are unknown). `supply_power` and `returned_power` (n, 1) sum all joints; they are 0 where
+    `JointLoads.unknown_supply` names a joint.
     """
 
     position: Array
@@ -81,6 +82,16 @@ class JointLoads:
         """The joints' velocity coordinates."""
         return [joint.v for joint in self.joints]
 
+    def knows_shaft(self, joint: str) -> bool:
+        """Whether the torque at the shaft of a joint's motor is known: there is an actuator, and it states enough."""
+        return joint in self.actuators and not self.actuators[joint].unknown_of_torque
+
+    @property
+    def unknown_supply(self) -> dict[str, tuple[str, ...]]:
+        """What is missing for the power that the motor of each joint takes; only joints where something is."""
+        missing = {name: one.unknown_of_supply for name, one in self.actuators.items()}
+        return {name: what for name, what in missing.items() if what}
+
     @property
     def rotor_inertia(self) -> Array:
         """Reflected rotor inertia (k,) that is part of the robot's mass matrix and belongs to an actuator."""
@@ -109,14 +120,19 @@ class JointLoads:
         supply, back = most.copy(), least.copy()
         shaft, curve = np.zeros_like(low), np.zeros_like(low)
         for k, joint in enumerate(self.joints):
-            if (actuator := self.actuators.get(joint.name)) is None:
+            if not self.knows_shaft(joint.name):
                 continue
+            actuator = self.actuators[joint.name]
             turns = actuator.ratio * speed[:, k]
             ends = [actuator.shaft_torque(end[:, k], speed[:, k], rate[:, k]) for end in (low, high)]
             shaft[:, k] = np.maximum(np.abs(ends[0]), np.abs(ends[1]))
-            curve[:, k] = actuator.curve_use(actuator.safety_factor * shaft[:, k], turns)
-            electric = [actuator.electrical_power(end * turns) for end in ends]
-            supply[:, k], back[:, k] = np.maximum(*electric), np.minimum(*electric)
+            if actuator.has_limits:
+                curve[:, k] = np.maximum(*(actuator.curve_use(actuator.safety_factor * end, turns) for end in ends))
+            if not actuator.unknown_of_supply:
+                electric = [actuator.supply_power(end, turns) for end in ends]
+                supply[:, k], back[:, k] = np.maximum(*electric), np.minimum(*electric)
+        if self.unknown_supply:
+            supply, back = np.zeros_like(supply), np.zeros_like(back)
         return LoadHistory(
             position=q[:, [joint.q for joint in self.joints]],
             speed=speed,

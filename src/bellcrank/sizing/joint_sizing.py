@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 from bellcrank.actuators.actuator import Actuator
@@ -46,7 +46,8 @@ class Cycle:
         mean_speed: Mean |speed| of the joint, rad/s or m/s.
         motoring_energy: Energy into the joint in one cycle, J.
         regenerated_energy: Energy out of the joint in one cycle, J.
-        rms_shaft_torque: RMS torque at the motor shaft, N m, without the safety factor; None without an actuator.
+        rms_shaft_torque: RMS torque at the motor shaft, N m, without the safety factor; None without an actuator, and
+            where it is unknown.
     """
 
     motion: str
@@ -64,13 +65,18 @@ class ShaftSizing(Renamed):
 
     Attributes:
         actuator: The actuator that was compared.
-        peak_torque: Largest |shaft torque|, N m, without the safety factor.
-        rms_torque: RMS shaft torque of the motion in which it is largest, N m, without the safety factor.
+        peak_torque: Largest |shaft torque|, N m, without the safety factor; None where the actuator's efficiency or
+            inertia is unknown.
+        rms_torque: RMS shaft torque of the motion in which it is largest, N m, without the safety factor; None where
+            unknown.
         peak_speed: Largest |shaft speed|, rad/s.
-        curve_use: Largest share of the torque-speed curve used, with the safety factor; more than 1 is outside.
-        inertia_ratio: Largest joint inertia over the rotor's reflected inertia; None where the rotor has no inertia.
+        curve_use: Largest share of the torque-speed curve used, with the safety factor; more than 1 is outside. Of a
+            curve that is partly unknown, of the part that is known; None where nothing is.
+        inertia_ratio: Largest joint inertia over the rotor's reflected inertia; None where the rotor has no inertia, or
+            an unknown one.
         margins: Share left of "peak torque", "rated torque", "speed" and "torque-speed curve", torques with the safety
-            factor; negative where exceeded.
+            factor; negative where exceeded, None where a figure that it needs is unknown.
+        unknown: What is missing for each margin that is None.
 
     Example:
         >>> import bellcrank as bc
@@ -82,32 +88,46 @@ class ShaftSizing(Renamed):
     renamed: ClassVar[Mapping[str, str]] = {"drive": "actuator"}
 
     actuator: Actuator
-    peak_torque: Peak
-    rms_torque: float
+    peak_torque: Peak | None
+    rms_torque: float | None
     peak_speed: Peak
-    curve_use: Peak
+    curve_use: Peak | None
     inertia_ratio: float | None
-    margins: Mapping[str, float]
+    margins: Mapping[str, float | None]
+    unknown: Mapping[str, str] = field(default_factory=dict)
 
     @property
-    def tightest(self) -> str:
-        """Name of the smallest margin."""
-        return min(self.margins, key=lambda name: self.margins[name])
+    def known_margins(self) -> dict[str, float]:
+        """The margins that are known."""
+        return {name: margin for name, margin in self.margins.items() if margin is not None}
 
     @property
-    def tightest_margin(self) -> float:
-        """The smallest margin, a share of its limit; negative where the limit is exceeded."""
-        return self.margins[self.tightest]
+    def tightest(self) -> str | None:
+        """Name of the smallest known margin; None where none is known."""
+        known = self.known_margins
+        return min(known, key=lambda name: known[name], default=None)
+
+    @property
+    def tightest_margin(self) -> float | None:
+        """The smallest known margin, a share of its limit; negative where the limit is exceeded."""
+        return min(self.known_margins.values(), default=None)
 
     @property
     def inside(self) -> bool:
-        """Whether every limit of the actuator is kept."""
-        return self.tightest_margin >= 0.0
+        """Whether no limit of the actuator is exceeded, as far as its limits are known (`unknown`)."""
+        return self.tightest_margin is None or self.tightest_margin >= 0.0
+
+    @property
+    def state(self) -> str:
+        """ "inside", "exceeded", or "inside as far as known" where a margin is unknown."""
+        return "exceeded" if not self.inside else "inside as far as known" if self.unknown else "inside"
 
     @property
     def verdict(self) -> str:
-        """ "inside" or "exceeded", with the smallest margin."""
-        return f"{'inside' if self.inside else 'exceeded'} ({self.tightest} {self.tightest_margin:+.1%})"
+        """The state, with the smallest margin and the names of the unknown ones."""
+        notes = [] if self.tightest is None else [f"{self.tightest} {self.tightest_margin:+.1%}"]
+        notes += [f"unknown: {', '.join(self.unknown)}"] if self.unknown else []
+        return f"{self.state} ({'; '.join(notes)})"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -264,6 +284,15 @@ class JointSizing:
         return min(distances, default=None)
 
     @property
+    def unknown(self) -> tuple[str, ...]:
+        """A sentence for each limit of the actuator that could not be compared."""
+        missing = {} if self.shaft is None else self.shaft.unknown
+        return tuple(
+            f"joint '{self.name}': the actuator's {name} margin is unknown; not stated: {what}"
+            for name, what in missing.items()
+        )
+
+    @property
     def exceeded(self) -> tuple[str, ...]:
         """A sentence for each limit that is not kept."""
         found = []
@@ -284,7 +313,7 @@ class JointSizing:
         if self.shaft is not None:
             found += [
                 f"joint '{self.name}': the actuator's {name} limit is exceeded by {-margin:.1%}"
-                for name, margin in self.shaft.margins.items()
+                for name, margin in self.shaft.known_margins.items()
                 if margin < 0.0
             ]
         return tuple(found)

@@ -1,25 +1,72 @@
 """The criteria of a motor and gear: the fraction of each limit that the worst case leaves.
 
-A new criterion is one entry of `margins`; tables, files and plots show all of them.
+A new criterion is one entry of `margins`; tables, files and plots show all of them. A margin is None where a figure of
+the motor or gear that it needs is unknown; `unknown_margins` says which.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+
 from bellcrank.actuators.actuator import Actuator
+
+PHRASES = {
+    "efficiency": "the gear's efficiency",
+    "rotor_inertia": "the rotor inertia",
+    "gear_inertia": "the gear's inertia",
+    "peak_torque": "the peak torque",
+    "max_speed": "the largest speed",
+}
 
 
 def margins(
-    actuator: Actuator, *, peak_torque: float, rms_torque: float, speed: float, curve_use: float
-) -> dict[str, float]:
-    """Margins by criterion: 1 minus use over limit, negative where a limit is exceeded.
+    actuator: Actuator,
+    *,
+    peak_torque: float | None,
+    continuous_use: float | None,
+    speed: float,
+    curve_use: float | None,
+) -> dict[str, float | None]:
+    """Margins by criterion: 1 minus use over limit, negative where a limit is exceeded, None where one is unknown.
 
-    Torques are at the motor shaft, N m, and are multiplied by the actuator's safety factor; `speed` is the shaft's,
-    rad/s; `curve_use` is the largest torque over that of the torque-speed curve at the same speed.
+    `peak_torque` is at the motor shaft, N m, and is multiplied by the actuator's safety factor; `continuous_use` is the
+    largest `continuous_use` of a cycle; `speed` is the shaft's, rad/s; `curve_use` is the largest share of those limits
+    of torque over speed that are known.
     """
-    factor = actuator.safety_factor
+    peak_limit, speed_limit = actuator.peak_torque, actuator.max_speed
+    complete = curve_use is not None and (curve_use > 1.0 or not actuator.unknown_limits)
+    known = peak_torque is not None and peak_limit is not None
     return {
-        "peak torque": 1.0 - factor * peak_torque / actuator.peak_torque,
-        "rated torque": 1.0 - factor * rms_torque / actuator.rated_torque,
-        "speed": 1.0 - speed / actuator.max_speed,
-        "torque-speed curve": 1.0 - curve_use,
+        "peak torque": 1.0 - actuator.safety_factor * peak_torque / peak_limit if known else None,  # type: ignore[operator]
+        "rated torque": None if continuous_use is None else 1.0 - continuous_use,
+        "speed": None if speed_limit is None else 1.0 - speed / speed_limit,
+        "torque-speed curve": 1.0 - curve_use if complete else None,  # type: ignore[operator]
+    }
+
+
+def continuous_use(actuator: Actuator, cycles: Iterable[tuple[float | None, float]]) -> float | None:
+    """The largest share of the continuous torque at the mean speed, with the safety factor, over cycles given by RMS
+    shaft torque, N m, and mean shaft speed, rad/s; None where one is unknown.
+    """
+    uses = []
+    for torque, speed in cycles:
+        limit = actuator.continuous_torque(speed)
+        if torque is None or limit is None:
+            return None
+        uses.append(actuator.safety_factor * torque / limit)
+    return max(uses)
+
+
+def unknown_margins(actuator: Actuator, found: Mapping[str, float | None]) -> dict[str, str]:
+    """What is missing for each margin that is None, in words."""
+    missing = {
+        "peak torque": (*actuator.unknown_of_torque, *(("peak_torque",) if actuator.peak_torque is None else ())),
+        "rated torque": actuator.unknown_of_torque or ("the continuous torque at the mean speed",),
+        "speed": ("max_speed",),
+        "torque-speed curve": actuator.unknown_of_torque or actuator.unknown_limits,
+    }
+    return {
+        name: ", ".join(PHRASES.get(what, what) for what in missing[name])
+        for name, margin in found.items()
+        if margin is None
     }

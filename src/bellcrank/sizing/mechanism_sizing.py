@@ -30,7 +30,7 @@ from bellcrank.sizing.holding import holding_torques
 from bellcrank.sizing.holding_search import Holding
 from bellcrank.sizing.joint_loads import JointLoads
 from bellcrank.sizing.joint_sizing import Cycle, JointSizing, Peak, ShaftSizing
-from bellcrank.sizing.margins import margins
+from bellcrank.sizing.margins import PHRASES, continuous_use, margins, unknown_margins
 from bellcrank.sizing.massless_motors import massless_motors, singular_joints
 from bellcrank.sizing.motion_peaks import JointPeaks, MotionPeaks, interpolation_warnings, peaks_along, worst_peaks
 from bellcrank.sizing.result import Sizing, SizingInputs
@@ -68,6 +68,12 @@ def size_mechanism(
     warnings += mechanism_notes(mechanism)
     warnings += [note for motion in motions for note in motion_notes(mechanism, motion)]
     warnings += [f"actuator of joint '{name}': {text}" for name, one in actuators.items() for text in one.doubts]
+    warnings += [
+        f"joint '{name}': {' and '.join(one.not_compared)} are not compared here; `bellcrank select` does"
+        for name, one in actuators.items()
+        if one.not_compared
+    ]
+    warnings += [f"the power of all joints together is unknown; {text}" for text in _unknown_supply(loads)]
     warnings += interpolation_warnings(joints)
     warnings += holding.notes
     if others := ", ".join(f"'{joint.name}' ({joint.kind})" for joint in robot.joints if joint.nv != 1):
@@ -77,8 +83,8 @@ def size_mechanism(
         motions=tuple(motion.name for motion in motions),
         mass_tolerance=mass_tolerance,
         joints=joints,
-        supply_peak=max((peaks.supply for peaks in each), key=lambda peak: peak.value),
-        regeneration_peak=max((peaks.regeneration for peaks in each), key=lambda peak: peak.value),
+        supply_peak=_largest(peaks.supply for peaks in each),
+        regeneration_peak=_largest(peaks.regeneration for peaks in each),
         warnings=tuple(dict.fromkeys(warnings)),
         gravity=tuple(map(float, robot.gravity)),
         payloads=tuple((float(payload.mass), payload.frame) for payload in robot.payloads),
@@ -113,13 +119,13 @@ def _check(mechanism: Mechanism, motions: Sequence[Motion], actuators: Mapping[s
             raise InputError(f"actuators of {robot.name}: {unknown_name('joint', name, known)}")
     for joint in joints:
         actuator, given = actuators.get(joint.name), float(robot.rotor_inertia[joint.v])
-        if actuator is None or given == 0.0 or math.isclose(given, actuator.reflected_inertia, rel_tol=1e-9):
+        if actuator is None or given == 0.0 or math.isclose(given, actuator.known_inertia, rel_tol=1e-9):
             continue
         unit = "kg" if joint.kind == "prismatic" else "kg m²"
         raise InputError(
             f"sizing of {robot.name}: the rotor inertia of joint '{joint.name}' is given twice, with two values: the "
             f"robot's rotor_inertia is {given:.6g} {unit}, its actuator's reflected inertia ratio² · (rotor_inertia + "
-            f"gear_inertia) is {actuator.reflected_inertia:.6g} {unit}; load the robot without rotor_inertia for this "
+            f"gear_inertia) is {actuator.known_inertia:.6g} {unit}; load the robot without rotor_inertia for this "
             "joint, or with the actuator's reflected_inertia"
         )
 
@@ -171,25 +177,44 @@ def _friction_share(loads: JointLoads, k: int, peak: Peak, motions: Sequence[Mot
 
 def _shaft_sizing(actuator: Actuator, peaks: JointPeaks, cycles: Sequence[Cycle]) -> ShaftSizing:
     """What the motor's shaft delivers, and how much of the actuator's limits is left."""
-    torque, speed = peaks.shaft_torque, peaks.peak_speed
-    rms = max(cycle.rms_shaft_torque or 0.0 for cycle in cycles)
+    speed, known = peaks.peak_speed, not actuator.unknown_of_torque
     turns = Peak(actuator.ratio * speed.value, speed.time, speed.motion, speed.position)
+    torque = peaks.shaft_torque if known else None
+    curve = peaks.curve_use if known and actuator.has_limits else None
     reflected = actuator.reflected_inertia
+    found = margins(
+        actuator,
+        peak_torque=None if torque is None else torque.value,
+        continuous_use=continuous_use(
+            actuator, ((cycle.rms_shaft_torque, actuator.ratio * cycle.mean_speed) for cycle in cycles)
+        ),
+        speed=turns.value,
+        curve_use=None if curve is None else curve.value,
+    )
     return ShaftSizing(
         actuator=actuator,
         peak_torque=torque,
-        rms_torque=rms,
+        rms_torque=max(cycle.rms_shaft_torque or 0.0 for cycle in cycles) if known else None,
         peak_speed=turns,
-        curve_use=peaks.curve_use,
-        inertia_ratio=peaks.largest_inertia.value / reflected if reflected > 0.0 else None,
-        margins=margins(
-            actuator,
-            peak_torque=torque.value,
-            rms_torque=rms,
-            speed=turns.value,
-            curve_use=peaks.curve_use.value,
-        ),
+        curve_use=curve,
+        inertia_ratio=peaks.largest_inertia.value / reflected if reflected else None,
+        margins=found,
+        unknown=unknown_margins(actuator, found),
     )
+
+
+def _largest(peaks: Iterable[Peak | None]) -> Peak | None:
+    """The largest of peaks; None where they are unknown."""
+    known = [peak for peak in peaks if peak is not None]
+    return max(known, key=lambda peak: peak.value) if known else None
+
+
+def _unknown_supply(loads: JointLoads) -> list[str]:
+    """A clause for each joint whose power from the supply is unknown."""
+    return [
+        f"not stated of the actuator of joint '{joint}': {', '.join(PHRASES.get(one, one) for one in missing)}"
+        for joint, missing in loads.unknown_supply.items()
+    ]
 
 
 def _given(limit: float) -> float | None:

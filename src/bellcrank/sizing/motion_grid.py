@@ -57,9 +57,24 @@ def grid_along(
     `probes` are further times (s) at which loads are evaluated, such as those next to a reversal; their weight is 0.
     Parts are halved where `torque` changes too fast for them.
     """
-    low, high = _parts(motion, np.zeros(0) if breaks is None else breaks)
+    edges, _ = _edges(motion, np.zeros(0) if breaks is None else breaks)
+    low, high = edges[:-1], edges[1:]
     if torque is not None:
         low, high = _halved(motion, torque, low, high)
+    return with_probes(motion, _grid(motion, low, high), np.zeros(0) if probes is None else probes)
+
+
+def coarse_grid_along(motion: Motion, breaks: Array, loads: Torque) -> Grid:
+    """As `grid_along`, with neighbouring parts merged where that does not change the integrals of the squared `loads`
+    (torques, but also speeds and accelerations), across a motion's rows, down to about `FINEST` parts.
+    """
+    edges, kinks = _edges(motion, breaks)
+    low, high = _halved(motion, loads, edges[:-1], edges[1:])
+    return _grid(motion, *_merged(motion, loads, low, high, kinks))
+
+
+def _grid(motion: Motion, low: Array, high: Array) -> Grid:
+    """The points of parts (m,)."""
     length, last = high - low, len(_NODES) - 1
     time = (low[:, None] + length[:, None] * _NODES).ravel()
     weight = (length[:, None] * _WEIGHTS).ravel()
@@ -76,22 +91,35 @@ def grid_along(
         points = np.arange(len(low))[at_row] * len(_NODES) + place
         position[points], velocity[points] = motion.position[row[at_row]], motion.velocity[row[at_row]]
         acceleration[points] = motion.acceleration[row[at_row]]
-    if probes is not None and probes.size:
-        probes = np.unique(probes)
-        probes = probes[~np.isin(probes, time)]
-        at = np.searchsorted(time, probes)
-        extra = motion.at(probes)
-        time, weight = np.insert(time, at, probes), np.insert(weight, at, 0.0)
-        force_time = np.insert(force_time, at, probes)
-        part = np.insert(part, at, np.searchsorted(low, probes, side="right") - 1)
-        position, velocity, acceleration = (
-            np.insert(old, at, new, axis=0) for old, new in zip((position, velocity, acceleration), extra, strict=True)
-        )
     return Grid(time, force_time, position, velocity, acceleration, weight, part)
 
 
-def _parts(motion: Motion, breaks: Array) -> tuple[Array, Array]:
-    """Starts and ends (m,), s, of the parts: the motion's rows, divided further, breaks, and reversals of any joint."""
+def with_probes(motion: Motion, grid: Grid, probes: Array) -> Grid:
+    """The grid of a motion with further times (s) of weight 0."""
+    probes = np.unique(probes)
+    probes = probes[~np.isin(probes, grid.time)]
+    if not probes.size:
+        return grid
+    at = np.searchsorted(grid.time, probes)
+    position, velocity, acceleration = (
+        np.insert(old, at, new, axis=0)
+        for old, new in zip((grid.position, grid.velocity, grid.acceleration), motion.at(probes), strict=True)
+    )
+    return Grid(
+        time=np.insert(grid.time, at, probes),
+        force_time=np.insert(grid.force_time, at, probes),
+        position=position,
+        velocity=velocity,
+        acceleration=acceleration,
+        weight=np.insert(grid.weight, at, 0.0),
+        part=np.insert(grid.part, at, grid.part[at - 1]),
+    )
+
+
+def _edges(motion: Motion, breaks: Array) -> tuple[Array, Array]:
+    """Edges (m + 1,), s, of the parts: the motion's rows, divided further, breaks, and reversals of any joint; and
+    those at which loads or their slopes jump: breaks, reversals and jumps of acceleration.
+    """
     starts = np.flatnonzero(np.diff(motion.time) > 0.0)
     length = motion.time[starts + 1] - motion.time[starts]
     count = np.maximum(1, np.ceil(FINEST * length / motion.duration - 1e-9)).astype(int)
@@ -106,31 +134,20 @@ def _parts(motion: Motion, breaks: Array) -> tuple[Array, Array]:
         middle = 0.5 * (low + high)
         before = motion.at(middle)[1][np.arange(len(row)), column] * speed[row, column] > 0.0
         low, high = np.where(before, middle, low), np.where(before, high, middle)
-    edges = np.unique(np.concatenate([edges, low]))
-    return edges[:-1], edges[1:]
+    jumps = motion.time[1:][np.diff(motion.time) == 0.0]
+    return np.unique(np.concatenate([edges, low])), np.unique(np.concatenate([breaks, low, jumps]))
 
 
 def _halved(motion: Motion, torque: Torque, low: Array, high: Array) -> tuple[Array, Array]:
     """The parts, halved until the Gauss-Legendre sum of each squared torque over a part is that over its halves."""
 
-    def squares(low: Array, high: Array) -> Array:
-        found = []
-        for first in range(0, len(low), step):
-            begin, length = low[first : first + step], (high - low)[first : first + step]
-            time = (begin[:, None] + length[:, None] * _NODES[1:-1]).ravel()
-            values = torque(time, *motion.at(time)).reshape(len(begin), 3, -1)
-            found.append(length[:, None] * np.einsum("j,njk->nk", _WEIGHTS[1:-1], values**2))
-        return np.concatenate(found)
-
-    step = rows_at_once(motion)
-    sums = squares(low, high)
-    whole = sums.sum(axis=0)
-    whole = np.maximum(whole, NOISE * whole.max(initial=0.0) + 1e-300)
+    sums = _squares(motion, torque, low, high)
+    enough = _settled(sums)
     done: list[tuple[Array, Array]] = []
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        left, right = squares(low, middle), squares(middle, high)
-        coarse = (np.abs(left + right - sums) > SETTLED * whole).any(axis=1) & (low < middle) & (middle < high)
+        left, right = _squares(motion, torque, low, middle), _squares(motion, torque, middle, high)
+        coarse = (np.abs(left + right - sums) > enough).any(axis=1) & (low < middle) & (middle < high)
         done.append((low[~coarse], high[~coarse]))
         low, middle, high = low[coarse], middle[coarse], high[coarse]
         if not len(low) or sum(len(part) for part, _ in done) + 2 * len(low) > MOST_PARTS:
@@ -141,6 +158,40 @@ def _halved(motion: Motion, torque: Torque, low: Array, high: Array) -> tuple[Ar
     low, high = (np.concatenate([part[k] for part in done]) for k in (0, 1))
     order = np.argsort(low)
     return low[order], high[order]
+
+
+def _merged(motion: Motion, loads: Torque, low: Array, high: Array, kinks: Array) -> tuple[Array, Array]:
+    """The parts, neighbours merged where the Gauss-Legendre sum of each squared load over both is that over each."""
+    sums = _squares(motion, loads, low, high)
+    enough, longest = _settled(sums), motion.duration / FINEST * (1.0 + 1e-9)
+    for turn in range(2 * HALVINGS):
+        first = np.arange(turn % 2, len(low) - 1, 2)
+        first = first[(high[first + 1] - low[first] <= longest) & ~np.isin(high[first], kinks)]
+        if not first.size:
+            continue
+        both = _squares(motion, loads, low[first], high[first + 1])
+        same = (np.abs(both - sums[first] - sums[first + 1]) <= enough).all(axis=1)
+        first = first[same]
+        sums[first], high[first] = both[same], high[first + 1]
+        low, high, sums = np.delete(low, first + 1), np.delete(high, first + 1), np.delete(sums, first + 1, axis=0)
+    return low, high
+
+
+def _squares(motion: Motion, loads: Torque, low: Array, high: Array) -> Array:
+    """The Gauss-Legendre sums (m, k) of each squared load over parts (m,)."""
+    step, found = rows_at_once(motion), []
+    for first in range(0, len(low), step):
+        begin, length = low[first : first + step], (high - low)[first : first + step]
+        time = (begin[:, None] + length[:, None] * _NODES[1:-1]).ravel()
+        values = loads(time, *motion.at(time)).reshape(len(begin), 3, -1)
+        found.append(length[:, None] * np.einsum("j,njk->nk", _WEIGHTS[1:-1], values**2))
+    return np.concatenate(found)
+
+
+def _settled(sums: Array) -> Array:
+    """The change (k,) of a part's integral of each squared load, from all of their sums (m, k), that is too small."""
+    whole = sums.sum(axis=0)
+    return np.asarray(SETTLED * np.maximum(whole, NOISE * whole.max(initial=0.0) + 1e-300))
 
 
 def reversal_times(motion: Motion, rough: Sequence[tuple[int, float]]) -> Array:

@@ -24,7 +24,7 @@ LOWEST = ("min_torque", "lowest_position")  # minima among the peaks; they are f
 
 @dataclass(frozen=True, kw_only=True)
 class JointPeaks:
-    """The peaks of one joint; `shaft_torque` and `curve_use` are those of its actuator, 0 without one."""
+    """The peaks of one joint; `shaft_torque` and `curve_use` are its actuator's, 0 without one or where unknown."""
 
     max_torque: Peak
     min_torque: Peak
@@ -43,12 +43,12 @@ class JointPeaks:
 
 @dataclass(frozen=True)
 class MotionPeaks:
-    """The peaks and cycles of all joints along a motion, and those of the supply."""
+    """The peaks and cycles of all joints along a motion, and those of the supply; None where these are unknown."""
 
     joints: tuple[JointPeaks, ...]
     cycles: tuple[Cycle, ...]
-    supply: Peak
-    regeneration: Peak
+    supply: Peak | None
+    regeneration: Peak | None
 
 
 def peaks_along(loads: JointLoads, motion: Motion) -> MotionPeaks:
@@ -67,7 +67,10 @@ def peaks_along(loads: JointLoads, motion: Motion) -> MotionPeaks:
     [supply], [regeneration] = peaks.pop("supply"), peaks.pop("regeneration")
     peaks["sampled_torque"] = _peaks_at_rows(loads, motion)
     joints = tuple(JointPeaks(**{name: each[k] for name, each in peaks.items()}) for k in range(len(loads.joints)))
-    return MotionPeaks(joints, _cycles(loads, motion, grid, values), supply, regeneration)
+    cycles = _cycles(loads, motion, grid, values)
+    if loads.unknown_supply:
+        return MotionPeaks(joints, cycles, None, None)
+    return MotionPeaks(joints, cycles, supply, regeneration)
 
 
 def worst_peaks(each: Sequence[JointPeaks]) -> JointPeaks:
@@ -133,7 +136,7 @@ def _cycles(loads: JointLoads, motion: Motion, grid: Grid, values: Mapping[str, 
             mean_speed=float(mean[k]),
             motoring_energy=float(into[k]),
             regenerated_energy=float(out[k]),
-            rms_shaft_torque=float(shaft[k]) if name in loads.actuators else None,
+            rms_shaft_torque=float(shaft[k]) if loads.knows_shaft(name) else None,
         )
         for k, name in enumerate(loads.joint_names)
     )

@@ -45,8 +45,9 @@ class Sizing(Portable, Renamed):
         motions: Names of the motions.
         mass_tolerance: Each link's mass and inertia is scaled by one factor within 1 ± this share.
         joints: The sizing of each joint with a motor.
-        supply_peak: Largest power that all joints together take from the supply at one instant, W.
-        regeneration_peak: Largest power that all joints together give back at one instant, W.
+        supply_peak: Largest power that all joints together take from the supply at one instant, W; None where a figure
+            of an actuator that it needs is unknown.
+        regeneration_peak: Largest power that all joints together give back at one instant, W; None where unknown.
         warnings: Sentences about what to look at.
         gravity: Gravity in the world frame, m/s².
         payloads: (mass in kg, frame) of each payload.
@@ -70,8 +71,8 @@ class Sizing(Portable, Renamed):
     motions: tuple[str, ...]
     mass_tolerance: float
     joints: tuple[JointSizing, ...]
-    supply_peak: Peak
-    regeneration_peak: Peak
+    supply_peak: Peak | None
+    regeneration_peak: Peak | None
     warnings: tuple[str, ...] = ()
     gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
     payloads: tuple[tuple[float, str], ...] = ()
@@ -83,7 +84,8 @@ class Sizing(Portable, Renamed):
     allowed_massless: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        verdict = f"{len(self.exceeded)} limits exceeded" if self.exceeded else "all inside"
+        inside = "inside as far as known" if self.unknown else "all inside"
+        verdict = f"{len(self.exceeded)} limits exceeded" if self.exceeded else inside
         if self.unsizable:
             verdict = f"{len(self.unsizable)} joints cannot be sized, {verdict}" if self.exceeded else "cannot be sized"
         return f"Sizing('{self.robot}', {len(self.joints)} joints over {', '.join(self.motions)}: {verdict})"
@@ -221,14 +223,14 @@ class Sizing(Portable, Renamed):
         return tuple(joint.name for joint in self.joints if joint.shaft is None)
 
     @property
-    def peak_supply_power(self) -> float:
-        """Largest power that all joints together take from the supply at one instant, W."""
-        return self.supply_peak.value
+    def peak_supply_power(self) -> float | None:
+        """Largest power that all joints together take from the supply at one instant, W; None where unknown."""
+        return None if self.supply_peak is None else self.supply_peak.value
 
     @property
-    def peak_regeneration(self) -> float:
-        """Largest power that all joints together give back at one instant, W."""
-        return self.regeneration_peak.value
+    def peak_regeneration(self) -> float | None:
+        """Largest power that all joints together give back at one instant, W; None where unknown."""
+        return None if self.regeneration_peak is None else self.regeneration_peak.value
 
     @property
     def exceeded(self) -> tuple[str, ...]:
@@ -236,8 +238,13 @@ class Sizing(Portable, Renamed):
         return tuple(text for joint in self.joints for text in joint.exceeded)
 
     @property
+    def unknown(self) -> tuple[str, ...]:
+        """A sentence for each limit of an actuator that could not be compared, because a figure is not stated."""
+        return tuple(text for joint in self.joints for text in joint.unknown)
+
+    @property
     def inside(self) -> bool:
-        """Whether every joint can be sized and every given limit is kept."""
+        """Whether every joint can be sized and every given limit is kept, as far as limits are known (`unknown`)."""
         return not self.exceeded and not self.unsizable
 
 

@@ -9,12 +9,16 @@ import json
 import math
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.actuators.actuator import Actuator
+from bellcrank.actuators.actuator_fields import actuator_data
+from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.files.access import read_text
@@ -138,6 +142,7 @@ def json_text(sizing: Sizing, files: Iterable[str] = RESULTS) -> str:
         "files": list(files),
         "inside": sizing.inside,
         "exceeded": list(sizing.exceeded),
+        **({"unknown": list(sizing.unknown)} if sizing.unknown else {}),
         "cannot_be_sized": list(sizing.unsizable),
         "urdf_errors": list(sizing.urdf_errors),
         "joints_allowed_without_mass": list(sizing.allowed_massless),
@@ -193,22 +198,26 @@ def _csv_row(joint: JointSizing) -> dict[str, Any]:
         "velocity limit [speed unit]": joint.velocity_limit,
         "velocity margin [1]": joint.velocity_margin,
         "position margin [rad or m]": joint.position_margin,
-        "shaft peak torque [N m]": shaft and shaft.peak_torque.value,
+        "shaft peak torque [N m]": shaft and shaft.peak_torque and shaft.peak_torque.value,
         "shaft RMS torque [N m]": shaft and shaft.rms_torque,
         "shaft peak speed [rad/s]": shaft and shaft.peak_speed.value,
         "load to rotor inertia [1]": shaft and shaft.inertia_ratio,
     }
     for name in ("peak torque", "rated torque", "speed", "torque-speed curve"):
         row[f"shaft {name} margin [1]"] = shaft and shaft.margins[name]
-    row["shaft verdict"] = shaft and ("inside" if shaft.inside else "exceeded")
+    row["shaft verdict"] = shaft and shaft.state
     return {
         key: "" if value is None or value != value or value in (math.inf, -math.inf) else value
         for key, value in row.items()
     }
 
 
-def _peak(peak: Peak) -> dict[str, Any]:
-    return {"value": peak.value, "time": peak.time, "motion": peak.motion, "position": list(peak.position)}
+def _peak(peak: Peak | None) -> dict[str, Any] | None:
+    return (
+        None
+        if peak is None
+        else {"value": peak.value, "time": peak.time, "motion": peak.motion, "position": list(peak.position)}
+    )
 
 
 def _joint_document(joint: JointSizing) -> dict[str, Any]:
@@ -238,8 +247,8 @@ def _joint_document(joint: JointSizing) -> dict[str, Any]:
 
 
 def _shaft_document(shaft: ShaftSizing) -> dict[str, Any]:
-    actuator = vars(shaft.actuator) | {"curve": [list(point) for point in shaft.actuator.curve_points]}
-    return {
+    actuator = _actuator_document(shaft.actuator)
+    document = {
         "actuator": actuator,
         "drive": actuator,  # its name before 0.5
         "peak_torque": _peak(shaft.peak_torque),
@@ -252,6 +261,15 @@ def _shaft_document(shaft: ShaftSizing) -> dict[str, Any]:
         "inside": shaft.inside,
         "verdict": shaft.verdict,
     }
+    return document | ({"unknown": dict(shaft.unknown)} if shaft.unknown else {})
+
+
+def _actuator_document(actuator: Actuator) -> dict[str, Any]:
+    """The ratings with the torque-speed curve; of a motor with a gear also these and their conditions."""
+    points = actuator.curve_points
+    ratings = {entry.name: getattr(actuator, entry.name) for entry in fields(Actuator)}
+    document = ratings | {"curve": points and [list(point) for point in points]}
+    return document | actuator_data(actuator) if isinstance(actuator, MotorWithGear) else document
 
 
 def _finite(value: Any) -> Any:

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from html import escape
 from typing import NamedTuple
 
-from bellcrank.sizing.joint_sizing import JointSizing
+from bellcrank.sizing.joint_sizing import JointSizing, ShaftSizing
 from bellcrank.sizing.result import Sizing
 
 NO_LIMIT = "no limit given"
+UNKNOWN = "unknown"
 
 
 class TableContent(NamedTuple):
@@ -29,18 +30,24 @@ def table(sizing: Sizing) -> str:
             "At the motor shaft (margins with the safety factor on torques):",
             _text_table(*shaft_rows(sizing)),
         ]
-    supply, back = sizing.supply_peak, sizing.regeneration_peak
-    parts += [
-        "",
-        f"All joints at one instant: {supply.value:.4g} W from the supply (at {supply.time:.4g} s of "
-        f"{supply.motion}), {back.value:.4g} W given back (at {back.time:.4g} s of {back.motion})",
-    ]
+    parts += ["", f"All joints at one instant: {_power(sizing)}"]
     if sizing.mass_tolerance:
         parts.append(
             "Peaks are the worst case within the mass tolerance; RMS torques, energies and supply power are upper "
             "bounds; reactions, inertias, histories and pictures are for the nominal masses."
         )
     return "\n".join(parts)
+
+
+def _power(sizing: Sizing) -> str:
+    """The largest powers at one instant."""
+    supply, back = sizing.supply_peak, sizing.regeneration_peak
+    if supply is None or back is None:
+        return "power unknown (a figure of an actuator is not stated)"
+    return (
+        f"{supply.value:.4g} W from the supply (at {supply.time:.4g} s of {supply.motion}), {back.value:.4g} W given "
+        f"back (at {back.time:.4g} s of {back.motion})"
+    )
 
 
 def sizing_html(sizing: Sizing) -> str:
@@ -66,6 +73,8 @@ def verdict(sizing: Sizing) -> str:
         lines += [f"EXCEEDED: {count} limit{'' if count == 1 else 's'}", *(f"  - {text}" for text in sizing.exceeded)]
     if sizing.inside:
         lines.append(_kept(sizing))
+    if sizing.unknown:
+        lines += ["Not compared:", *(f"  - {text}" for text in sizing.unknown)]
     if sizing.urdf_errors:
         lines.append("The URDF has errors, which `bellcrank check` lists too, and the torques depend on them:")
         lines += [f"  - {text}" for text in sizing.urdf_errors]
@@ -78,12 +87,16 @@ def _kept(sizing: Sizing) -> str:
     """That all limits are kept, with the smallest margin."""
     margins = [(margin, f"{joint.name}'s {what}") for joint in sizing.joints for margin, what in _margins(joint)]
     if not margins:
+        if sizing.unknown:
+            return "Nothing could be compared: the URDF gives no limit, and the actuators' limits are unknown."
         return "Nothing to compare with: neither the URDF nor an actuator gives a limit."
     smallest, where = min(margins)
     without = ""
     if 0 < len(sizing.joints_without_actuator) < len(sizing.joints):
         names = ", ".join(sizing.joints_without_actuator)
         without = f" Joints without an actuator, compared with the URDF's limits only: {names}."
+    if sizing.unknown:
+        return f"Inside as far as known: the tightest known margin is {smallest:.1%}, {where}.{without}"
     return f"All inside: the tightest margin is {smallest:.1%}, {where}.{without}"
 
 
@@ -214,18 +227,21 @@ def shaft_rows(sizing: Sizing) -> TableContent:
         rows.append(
             [
                 joint.name,
-                *_figures(
-                    shaft.peak_torque.value,
-                    shaft.rms_torque,
-                    shaft.peak_speed.value,
-                    shaft.peak_speed.value * 30.0 / math.pi,
-                ),
-                "-" if shaft.inertia_ratio is None else f"{shaft.inertia_ratio:.3g}",
-                *(_percent(margin) for margin in shaft.margins.values()),
+                UNKNOWN if shaft.peak_torque is None else _figures(shaft.peak_torque.value)[0],
+                UNKNOWN if shaft.rms_torque is None else _figures(shaft.rms_torque)[0],
+                *_figures(shaft.peak_speed.value, shaft.peak_speed.value * 30.0 / math.pi),
+                _inertia_ratio(shaft),
+                *(UNKNOWN if margin is None else _percent(margin) for margin in shaft.margins.values()),
                 shaft.verdict,
             ]
         )
     return TableContent(header, rows)
+
+
+def _inertia_ratio(shaft: ShaftSizing) -> str:
+    if shaft.actuator.reflected_inertia is None:
+        return UNKNOWN
+    return "-" if shaft.inertia_ratio is None else f"{shaft.inertia_ratio:.3g}"
 
 
 class _Units:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from bellcrank.actuators.actuator import Actuator
     from bellcrank.sizing.result import Sizing
 
 LEAST_WIDTH = 8.5  # inches: title and legend need it where there is one panel only
@@ -57,31 +58,64 @@ def shaft_figure(sizing: Sizing, motions: Sequence[DrawnMotion]) -> Figure:
     figure, axes = _panels(len(joints))
     for axis, joint in zip(axes, joints, strict=False):
         actuator = actuators[joint.name]
+        known = not actuator.unknown_of_torque
         for k, motion in enumerate(motions):
             _, _, v, a = motion.states
             torque = actuator.shaft_torque(motion.torque_of(joint.name), v[:, joint.v], a[:, joint.v])
             speed = actuator.ratio * v[:, joint.v] * RPM
-            _trace(axis, speed, actuator.safety_factor * torque, k, motion.name)
+            if known:
+                _trace(axis, speed, actuator.safety_factor * torque, k, motion.name)
         for k, cycle in enumerate(cycles[joint.name]):
-            rms = actuator.safety_factor * (cycle.rms_shaft_torque or 0.0)
-            _rms_point(axis, actuator.ratio * cycle.mean_speed * RPM, rms, k, _bound(sizing))
-        axis.plot(
-            actuator.outline[:, 0] * RPM,
-            actuator.outline[:, 1],
-            color=CURVE,
-            linewidth=1.2,
-            solid_capstyle="projecting",
-            label="torque-speed curve",
-        )
-        for sign, labels in ((1.0, ("rated torque (for the RMS)", "largest speed")), (-1.0, (None, None))):
-            axis.axhline(sign * actuator.rated_torque, color=LIMIT, linestyle=":", linewidth=1.0, label=labels[0])
-            axis.axvline(sign * actuator.max_speed * RPM, color=LIMIT, linestyle="--", linewidth=1.0, label=labels[1])
+            if cycle.rms_shaft_torque is not None:
+                rms = actuator.safety_factor * cycle.rms_shaft_torque
+                _rms_point(axis, actuator.ratio * cycle.mean_speed * RPM, rms, k, _bound(sizing))
+        _limits(axis, actuator)
         axis.set_xlabel("motor speed [rpm]")
         factor = f" × {actuator.safety_factor:g}" if actuator.safety_factor != 1.0 else ""
         axis.set_ylabel(f"motor torque{factor} [N m]")
-        axis.set_title(literal(f"{joint.name} (ratio {actuator.ratio:g})"), fontsize="medium")
+        missing = "" if known else ", torque unknown"
+        axis.set_title(literal(f"{joint.name} (ratio {actuator.ratio:g}{missing})"), fontsize="medium")
     title = f"{sizing.robot}: torque and speed at the motor shafts{_note(sizing)}"
     return _finish(figure, axes, len(joints), title)
+
+
+def _limits(axis: Axes, actuator: Actuator) -> None:
+    """The limits of a motor that are known."""
+    outline, speed = actuator.outline, actuator.max_speed
+    if outline is not None:
+        axis.plot(
+            outline[:, 0] * RPM,
+            outline[:, 1],
+            color=CURVE,
+            linewidth=1.2,
+            solid_capstyle="projecting",
+            label="torque-speed curve" + (", as far as known" if actuator.unknown_limits else ""),
+        )
+    _continuous(axis, actuator)
+    for sign in (1.0, -1.0):
+        if speed is not None:
+            label = "largest speed" if sign > 0.0 else None
+            axis.axvline(sign * speed * RPM, color=LIMIT, linestyle="--", linewidth=1.0, label=label)
+
+
+def _continuous(axis: Axes, actuator: Actuator) -> None:
+    """The continuous torque, which bounds the RMS torque at the mean speed; a line across where it is constant."""
+    curve = actuator.continuous_outline
+    if curve is None:
+        return
+    for sign, label in ((1.0, "rated torque (for the RMS)"), (-1.0, None)):
+        if np.ptp(curve[:, 1]) == 0.0:
+            axis.axhline(sign * curve[0, 1], color=LIMIT, linestyle=":", linewidth=1.0, label=label)
+        else:
+            for side in (1.0, -1.0):
+                axis.plot(
+                    side * curve[:, 0] * RPM,
+                    sign * curve[:, 1],
+                    color=LIMIT,
+                    linestyle=":",
+                    linewidth=1.0,
+                    label=label if side > 0.0 else None,
+                )
 
 
 def _note(sizing: Sizing) -> str:

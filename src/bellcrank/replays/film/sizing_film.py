@@ -104,7 +104,7 @@ def exceeded_peaks(joint: JointSizing) -> list[tuple[Peak, str]]:
             "peak torque": joint.shaft.peak_torque, "speed": joint.shaft.peak_speed,
             "torque-speed curve": joint.shaft.curve_use,
         }  # fmt: skip
-        for name, margin in joint.shaft.margins.items():
-            if margin < 0.0 and name in peaks:
-                found.append((peaks[name], f"{joint.name} exceeds its motor's {name} by {-margin:.1%}"))
+        for name, margin in joint.shaft.known_margins.items():
+            if margin < 0.0 and (where := peaks.get(name)) is not None:
+                found.append((where, f"{joint.name} exceeds its motor's {name} by {-margin:.1%}"))
     return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,14 +31,19 @@ def motor_speed_torque(
 ) -> tuple[Array, Array]:
     """Speeds and torques (n,) of a motor for the torque (n,) at its joint.
 
-    With an actuator they are at the motor shaft, in rpm and N m, the torque times the safety factor. Without one they
-    are at the joint, in rad/s and N m, or m/s and N.
+    With an actuator they are at the motor shaft, in rpm and N m, the torque times the safety factor. Without one, and
+    where the torque at the shaft is unknown, they are at the joint, in rad/s and N m, or m/s and N.
     """
     speed = v[:, joint.v]
-    if actuator is not None:
+    if at_shaft(actuator):
         torque = actuator.safety_factor * actuator.shaft_torque(torque, speed, a[:, joint.v])
         speed = actuator.ratio * RPM * speed
     return speed, torque
+
+
+def at_shaft(actuator: Actuator | None) -> TypeGuard[Actuator]:
+    """Whether there is an actuator whose torque at the shaft is known."""
+    return actuator is not None and not actuator.unknown_of_torque
 
 
 def torque_speed_plots(
@@ -55,7 +60,7 @@ def torque_speed_plots(
         columns, tolerance = kept_rows(time, table, error, reach[k])
         rows = np.unique(np.concatenate(columns))
         actuator = actuators.get(joint.name)
-        plot = _joint_plot(mechanism.robot, joint) if actuator is None else _shaft_plot(joint, actuator)
+        plot = _shaft_plot(joint, actuator) if at_shaft(actuator) else _joint_plot(mechanism.robot, joint)
         plots.append(replace(plot, time=time[rows], x=table[rows, 0], y=table[rows, 1], tolerance=tolerance))
     return tuple(plots)
 
@@ -64,14 +69,18 @@ def _shaft_plot(joint: RobotJoint, actuator: Actuator) -> XYPlot:
     """The plot of a motor shaft, without data."""
     factor = f" × {actuator.safety_factor:g}" if actuator.safety_factor != 1.0 else ""
     scale = np.array([RPM, 1.0])
+    limits: list[tuple[str, Array]] = []
+    if (outline := actuator.outline) is not None:
+        name = "torque-speed curve, as far as known" if actuator.unknown_limits else "torque-speed curve"
+        limits.append((name, outline * scale))
+    if (continuous := actuator.continuous_outline) is not None:
+        name = "rated torque (for the RMS)" + (", largest speed" if actuator.max_speed is not None else "")
+        limits.append((name, _continuous_box(continuous) * scale))
     return _empty_plot(
         f"{joint.name}: motor, ratio {actuator.ratio:g}",
         "motor speed [rpm]",
         f"motor torque{factor} [N m]",
-        (
-            ("torque-speed curve", actuator.outline * scale),
-            ("rated torque (for the RMS), largest speed", _box(actuator.max_speed, actuator.rated_torque) * scale),
-        ),
+        tuple(limits),
     )
 
 
@@ -96,6 +105,14 @@ def _box(x: float, y: float) -> Array:
     return np.array([[x, y], [x, -y], [-x, -y], [-x, y], [x, y]])
 
 
+def _continuous_box(curve: Array) -> Array:
+    """The outline (k, 2) of the region below a curve (k, 2) of continuous torque, in all four quadrants."""
+    if np.ptp(curve[:, 1]) == 0.0:
+        return _box(curve[-1, 0], curve[0, 1])
+    upper = np.concatenate([curve[::-1] * [-1.0, 1.0], curve])
+    return np.concatenate([upper, upper[::-1] * [1.0, -1.0], upper[:1]])
+
+
 def with_rms_points(plots: Sequence[XYPlot], joints: Sequence[JointSizing]) -> tuple[XYPlot, ...]:
     """The plots of joints, in their order, with the RMS torque at the mean speed of each motion as points (1, 2).
 
@@ -112,7 +129,7 @@ def _with_rms_points(plot: XYPlot, joint: JointSizing) -> XYPlot:
     points = []
     for cycle in cycles:
         speed, torque = cycle.mean_speed, cycle.rms_torque
-        if actuator is not None:
+        if at_shaft(actuator):
             speed, torque = actuator.ratio * RPM * speed, actuator.safety_factor * (cycle.rms_shaft_torque or 0.0)
         name = "RMS at mean speed" + (f", {cycle.motion}" if len(joint.cycles) > 1 else "")
         points.append((name, np.array([[speed, torque]])))

@@ -157,10 +157,11 @@ class AxisLoads:
         Example:
             >>> import bellcrank as bc
             >>> from bellcrank.sizing.selection.axis_loads import AddedMass
+            >>> from bellcrank.dynamics.mechanism import mechanism_of
             >>> from bellcrank.sizing.selection.axis_loads_of import axis_loads
             >>> arm = bc.load_robot("planar_2r")
             >>> motion = bc.waypoints(arm, [0.0, 1.0], [{}, {"elbow": 1.0}])
-            >>> loads = axis_loads(bc.OpenChain(arm), [motion])
+            >>> loads = axis_loads(mechanism_of(arm), [motion])
             >>> [cycle] = loads.with_masses({"elbow": AddedMass(mass=2.0)})
             >>> heavier = cycle.static_torque[0] - loads.cycles[0].static_torque[0]
             >>> heavier.round(6)
@@ -192,7 +193,7 @@ def _changed(terms: CycleTerms, changes: Mapping[int, Array]) -> AxisLoadSamples
             (changed.moment, unit.moment),
             (changed.inertia, unit.inertia),
         ):
-            total[:, unit.axes] += np.tensordot(change, part, 1)
+            total[:, unit.axes] += part @ change
         changed.static_torque[:, unit.axes] += change[0] * unit.static_torque
     return changed
 

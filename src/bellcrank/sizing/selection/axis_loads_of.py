@@ -54,10 +54,11 @@ def axis_loads(
 
     Example:
         >>> import bellcrank as bc
+        >>> from bellcrank.dynamics.mechanism import mechanism_of
         >>> from bellcrank.sizing.selection.axis_loads_of import axis_loads
         >>> arm = bc.load_robot("planar_2r")
         >>> motion = bc.waypoints(arm, [0.0, 1.0], [{}, {"elbow": 1.0}])
-        >>> loads = axis_loads(bc.OpenChain(arm), [motion])
+        >>> loads = axis_loads(mechanism_of(arm), [motion])
         >>> [axis.name for axis in loads.axes], loads.cycles[0].duration
         (['shoulder', 'elbow'], 1.0)
     """
@@ -74,7 +75,7 @@ def axis_loads(
     kinematics = MountKinematics(mechanism, coupled.mounted_at, chosen)
     model = LoadModel(kinematics, coupled.matrix)
     motions = [with_force_rows(mechanism, motion) for motion in motions]
-    plans = planned_cycles(mechanism, motions, duty, lambda *state: mechanism.torques(*state)[0])
+    plans = planned_cycles(mechanism, motions, duty, model.joint_torques)
     axes = tuple(
         Axis(name=body.name, kind=kind, joints=joints, mount=body.frame, included=_included(chosen.get(body.name)))
         for body, kind, joints in zip(kinematics.bodies, coupled.kinds, coupled.joints, strict=True)
@@ -118,12 +119,7 @@ def _terms(model: LoadModel, plan: PlannedCycle, names: Sequence[str]) -> CycleT
 def _joined(parts: Sequence[UnitBodyLoads]) -> UnitBodyLoads:
     """The loads of one body along all parts of a cycle."""
     return UnitBodyLoads(
-        axes=parts[0].axes,
-        torque=np.concatenate([part.torque for part in parts], axis=1),
-        static_torque=np.concatenate([part.static_torque for part in parts]),
-        axial_force=np.concatenate([part.axial_force for part in parts], axis=1),
-        moment=np.concatenate([part.moment for part in parts], axis=1),
-        inertia=np.concatenate([part.inertia for part in parts], axis=1),
+        parts[0].axes, *(np.concatenate(each) for each in zip(*(part[1:] for part in parts), strict=True))
     )
 
 
@@ -171,7 +167,7 @@ def _influence(k: int, terms: Sequence[CycleTerms]) -> NDArray[np.bool_]:
     found = np.zeros((k, k), dtype=bool)
     for cycle in terms:
         for number, unit in enumerate(cycle.bodies):
-            for part in (unit.torque, unit.static_torque[None], unit.inertia, unit.axial_force):
-                found[unit.axes, number] |= (np.nan_to_num(part) != 0.0).any(axis=(0, 1))
-            found[unit.axes, number] |= (np.nan_to_num(unit.moment) != 0.0).any(axis=(0, 1, 3))
+            for part in unit[1:]:
+                others = tuple(axis for axis in range(part.ndim) if axis != 1)
+                found[unit.axes, number] |= (np.nan_to_num(part) != 0.0).any(axis=others)
     return found

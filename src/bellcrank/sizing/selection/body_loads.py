@@ -42,9 +42,10 @@ class AxisLoadSamples(NamedTuple):
 
 
 class UnitBodyLoads(NamedTuple):
-    """What one unit of a body's mass, axial and transverse inertia (the first index) adds to the loads of some axes.
+    """What a unit of a body's mass, of its axial and of its transverse inertia (the last index) adds to the loads of
+    some axes.
 
-    `axes` (a,) are their numbers; torque, axial force and inertia are (3, n, a), the moment (3, n, a, 3). The static
+    `axes` (a,) are their numbers; torque, axial force and inertia are (n, a, 3), the moment (n, a, 3, 3). The static
     torque (n, a) is that of the mass.
     """
 
@@ -94,21 +95,26 @@ class LoadModel:
         """The loads at n states, with the masses that the robot contains."""
         mechanism, n = self.mechanism, len(states.time)
         maps, rest = self._maps(states), states.at_rest
-        wrench = mechanism.reactions(*states)[:, self._places]
+        wrench = mechanism.reactions(*states)[:, [self._places[joint] for joint in self._single]]
         rotor = np.zeros((n, mechanism.robot.nv))
         rotor[:, self._columns] = mechanism.robot.rotor_inertia[self._columns]
         rotor_force = -rotor * states.acceleration
         torque = mechanism.torques(*states)[0] @ self._force.T + self._torque(maps, rotor_force)
         if maps.multipliers is not None and rotor_force.any():
             wrench = wrench + self._constraint_wrenches(maps, states, rotor_force)
-        force, moment = self._bearing(wrench)
+        force, moment = self._bearing(wrench[..., None], np.arange(len(self._columns)))
         return AxisLoadSamples(
             torque=torque,
             static_torque=mechanism.torques(*rest)[0] @ self._force.T,
-            axial_force=force,
-            moment=moment,
+            axial_force=force[..., 0],
+            moment=moment[..., 0],
             inertia=self._felt(maps, states, rotor),
         )
+
+    def joint_torques(self, t: Array, q: Array, v: Array, a: Array) -> Array:
+        """The torques (n, k) at the motors' joints, without the reflected inertia of their rotors."""
+        rotor = self.mechanism.robot.rotor_inertia[self._columns]
+        return self.mechanism.torques(t, q, v, a)[0] - rotor * a[:, self._columns]
 
     def _felt(self, maps: _Maps, states: States, rotor: Array) -> Array:
         """The diagonal of P M Pᵀ (n, k), M without rotors."""
@@ -135,28 +141,25 @@ class LoadModel:
     def _unit_body(
         self, body: MountedBody, motion: BodyMotion, maps: _Maps, poses: Array, states: States
     ) -> UnitBodyLoads:
-        gravity, columns = self.mechanism.robot.gravity, list(body.columns)
-        force, moment = _newton_euler(motion, gravity)
-        jacobian = motion.jacobian
-        needed = np.einsum("nic,uni->unc", jacobian[:, :3], force) + np.einsum("nic,uni->unc", jacobian[:, 3:], moment)
-        held = products(jacobian[:, :3].transpose(0, 2, 1), np.broadcast_to(-gravity, motion.point.shape))
-        axes = self._affected(body)
+        columns, jacobian = list(body.columns), motion.jacobian
+        transposed, axes = jacobian.transpose(0, 2, 1), self._affected(body)
+        wrench = _newton_euler(motion, self.mechanism.robot.gravity)
+        needed = transposed @ wrench
+        held = transposed[:, :, :3] @ -self.mechanism.robot.gravity
         shares = maps.torque[..., axes, :][..., columns]  # (a, c) or (n, a, c)
-        torque = (shares @ needed[..., None])[..., 0]
-        static = (shares @ held[..., None])[..., 0]
-        wrench = self._tree_wrenches(body, motion, force, moment, poses)
+        through = self._tree_wrenches(body, motion.point, wrench, poses, axes)
         if maps.multipliers is not None:
-            every = np.zeros((*needed.shape[:2], self.mechanism.robot.nv))
-            every[:, :, columns] = needed
-            wrench += np.stack([self._constraint_wrenches(maps, states, each) for each in every])
-        axial, tilting = self._bearing(wrench[:, :, :])
+            every = np.zeros((3, len(needed), self.mechanism.robot.nv))
+            every[:, :, columns] = needed.transpose(2, 0, 1)
+            through += np.stack([self._constraint_wrenches(maps, states, each)[:, axes] for each in every], axis=-1)
+        axial, tilting = self._bearing(through, axes)
         return UnitBodyLoads(
             axes=axes,
-            torque=torque,
-            static_torque=static,
-            axial_force=axial[..., axes],
-            moment=tilting[..., axes, :],
-            inertia=_felt_inertias(jacobian @ np.swapaxes(shares, -1, -2), motion.axis),
+            torque=shares @ needed,
+            static_torque=(shares @ held[:, :, None])[:, :, 0],
+            axial_force=axial,
+            moment=tilting,
+            inertia=_felt_inertias(shares @ transposed, motion.axis),
         )
 
     def _affected(self, body: MountedBody) -> NDArray[np.intp]:
@@ -168,16 +171,23 @@ class LoadModel:
         below = np.isin(self._columns, body.columns)
         return np.flatnonzero((self._force[:, below] != 0.0).any(axis=1))
 
-    def _tree_wrenches(self, body: MountedBody, motion: BodyMotion, force: Array, moment: Array, poses: Array) -> Array:
-        """The wrenches (3, n, k, 6) through the motors' joints between the body and the world, in their own frames."""
-        n, k = poses.shape[:2]
-        wrench = np.zeros((3, n, k, 6))
-        for number, place in enumerate(self._places):
-            if place + 1 in body.joints:
-                arm, rotation = motion.point - poses[:, number, :3], poses[:, number, 3:].reshape(n, 3, 3)
-                wrench[:, :, number, :3] = np.einsum("nij,uni->unj", rotation, force)
-                wrench[:, :, number, 3:] = np.einsum("nij,uni->unj", rotation, moment + np.cross(arm, force))
-        return wrench
+    def _tree_wrenches(
+        self, body: MountedBody, point: Array, wrench: Array, poses: Array, axes: NDArray[np.intp]
+    ) -> Array:
+        """The wrenches (n, a, 6, 3) that wrenches (n, 6, 3) at the body's point cause through the joints of some axes,
+        in the joints' own frames; 0 for a joint that is not between the body and the world.
+        """
+        found = np.zeros((len(point), len(axes), 6, 3))
+        for place, axis in enumerate(axes):
+            joint = self._single[axis]
+            if self._places[joint] + 1 in body.joints:
+                to_joint = poses[:, joint, 3:].reshape(-1, 3, 3).transpose(0, 2, 1)
+                arm = point - poses[:, joint, :3]
+                lever = np.zeros_like(wrench[:, 3:])
+                lever[:, :, 0] = np.cross(arm, wrench[:, :3, 0])  # only the mass needs a force
+                found[:, place, :3] = to_joint @ wrench[:, :3]
+                found[:, place, 3:] = to_joint @ (wrench[:, 3:] + lever)
+        return found
 
     # ---- maps
 
@@ -193,32 +203,42 @@ class LoadModel:
         return np.asarray((maps.torque @ force[..., None])[..., 0])
 
     def _constraint_wrenches(self, maps: _Maps, states: States, force: Array) -> Array:
-        """The wrenches (n, k, 6) through the motors' joints of the constraints' answer to joint forces (n, nv)."""
+        """The wrenches (n, k, 6) through the joints of the axes of the constraints' answer to joint forces (n, nv)."""
         assert isinstance(self.mechanism, Linkage) and maps.multipliers is not None
         multipliers = products(maps.multipliers, force)
-        return self.mechanism.constraint_wrenches(*states[:3], multipliers)[:, self._places]
+        every = self.mechanism.constraint_wrenches(*states[:3], multipliers)
+        return every[:, [self._places[joint] for joint in self._single]]
 
-    def _bearing(self, wrench: Array) -> tuple[Array, Array]:
-        """Axial force (…, k) and moment across the axis (…, k, 3) of wrenches (…, k, 6) through the motors' joints."""
-        force = (wrench[..., :3] * self._directions).sum(axis=-1)
-        moment = wrench[..., 3:]
-        along = np.where(self._prismatic, 0.0, (moment * self._directions).sum(axis=-1))
-        moment = moment - along[..., None] * self._directions
-        force, moment = force[..., self._single], moment[..., self._single, :]
-        return np.where(self._coupled, np.nan, force), np.where(self._coupled[:, None], np.nan, moment)
+    def _bearing(self, wrench: Array, axes: NDArray[np.intp]) -> tuple[Array, Array]:
+        """Axial force (n, a, u) and moment across the axis (n, a, 3, u) of wrenches (n, a, 6, u) through the joints of
+        some axes.
+        """
+        direction = self._directions[self._single[axes]]
+        force = (direction[:, None] @ wrench[:, :, :3])[:, :, 0]
+        along = direction[:, None] @ wrench[:, :, 3:]
+        along[:, self._prismatic[self._single[axes]]] = 0.0
+        moment = wrench[:, :, 3:] - direction[:, :, None] * along
+        force[:, self._coupled[axes]] = moment[:, self._coupled[axes]] = np.nan
+        return force, moment
 
 
-def _newton_euler(motion: BodyMotion, gravity: Array) -> tuple[Array, Array]:
-    """Force and moment (3, n, 3) about its centre of gravity that a unit of mass, axial and transverse inertia need."""
+def _newton_euler(motion: BodyMotion, gravity: Array) -> Array:
+    """The force, then moment about its centre of gravity (n, 6, 3), that a unit of a body's mass, axial and transverse
+    inertia needs.
+    """
     axis, angular, rate = motion.axis, motion.angular_velocity, motion.angular_acceleration
     along = axis * (axis * rate).sum(axis=1, keepdims=True)
     along += np.cross(angular, axis) * (axis * angular).sum(axis=1, keepdims=True)
-    none = np.zeros_like(along)
-    return np.stack([motion.linear_acceleration - gravity, none, none]), np.stack([none, along, rate - along])
+    wrench = np.zeros((len(axis), 6, 3))
+    wrench[:, :3, 0] = motion.linear_acceleration - gravity
+    wrench[:, 3:, 1], wrench[:, 3:, 2] = along, rate - along
+    return wrench
 
 
-def _felt_inertias(jacobian: Array, axis: Array) -> Array:
-    """The inertia (3, n, a) that a unit of mass, axial and transverse inertia adds, for Jacobians (n, 6, a)."""
-    linear, angular = (jacobian[:, :3] ** 2).sum(axis=1), (jacobian[:, 3:] ** 2).sum(axis=1)
-    along = np.einsum("ni,nia->na", axis, jacobian[:, 3:]) ** 2
-    return np.stack([linear, along, angular - along])
+def _felt_inertias(motion: Array, axis: Array) -> Array:
+    """The inertia (n, a, 3) that a unit of mass, axial and transverse inertia adds, for the motions (n, a, 6) of a body
+    per unit speed of each axis.
+    """
+    linear, angular = (motion[:, :, :3] ** 2).sum(axis=-1), (motion[:, :, 3:] ** 2).sum(axis=-1)
+    along = (motion[:, :, 3:] @ axis[:, :, None])[:, :, 0] ** 2
+    return np.stack([linear, along, angular - along], axis=-1)

@@ -31,8 +31,10 @@ from bellcrank.sizing.selection.motor_criteria import (
 )
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.peak_curve import PeakCurve
+from bellcrank.sizing.selection.peak_duration import PeakDuration
 from bellcrank.sizing.selection.selection import CriterionResult, Tier
 from bellcrank.sizing.selection.shaft_loads import electrical_coefficients, mean_square, mean_times_speed
+from bellcrank.sizing.selection.thermal_criteria import HousingTemperature, WindingTemperature
 
 INSIDE, EXCEEDED, UNKNOWN, NOTE, NOT_EVALUATED = range(5)
 VERDICTS: Final = ("inside", "exceeded", "unknown", "note", "not evaluated")
@@ -50,7 +52,8 @@ PAIR_CRITERIA: Final[tuple[tuple[Criterion, ...], ...]] = (
     (MotorSpeed(), HoldingBrake()),
     (ContinuousTorqueCriterion(),),
     (PeakTorque(), PeakCurrent(), VoltageLimit()),
-    (PeakCurve(),),
+    (PeakCurve(), PeakDuration()),
+    (WindingTemperature(), HousingTemperature()),
 )
 CRITERIA: Final = (*GEAR_CRITERIA, *(criterion for group in PAIR_CRITERIA for criterion in group))
 CHUNK = 8192  # pairs judged at once

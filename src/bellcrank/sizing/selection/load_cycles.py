@@ -14,7 +14,8 @@ from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.duty_program import DutyStep
 from bellcrank.motion.motion import Motion
-from bellcrank.sizing.motion_grid import grid_along, reversal_times
+from bellcrank.sizing.maxima import maxima
+from bellcrank.sizing.motion_grid import coarse_grid_along, reversal_times, with_probes
 from bellcrank.sizing.selection.mounted_bodies import States
 
 Array = NDArray[np.float64]
@@ -93,9 +94,20 @@ def planned_cycles(
 
 
 def motion_part(mechanism: Mechanism, motion: Motion, torque: Torque) -> CyclePart:
-    """A motion on the grid of sizing/motion_grid.py, whose parts are the intervals."""
-    probes = reversal_times(motion, coulomb_widths(mechanism))
-    grid = grid_along(motion, probes, force_breaks(mechanism), torque)
+    """A motion on the grid of sizing/motion_grid.py, with the times of its largest torques, speeds and powers."""
+    columns = [joint.v for joint in mechanism.motors]
+
+    def squared(t: Array, q: Array, v: Array, a: Array) -> Array:
+        return np.hstack([torque(t, q, v, a), v[:, columns], a[:, columns]])
+
+    def largest(t: Array, q: Array, v: Array, a: Array) -> dict[str, Array]:
+        load, speed = torque(t, q, v, a), v[:, columns]
+        return {"load": np.abs(load), "speed": np.abs(speed), "motoring": load * speed, "generating": -load * speed}
+
+    grid = coarse_grid_along(motion, force_breaks(mechanism), squared)
+    grid = with_probes(motion, grid, reversal_times(motion, coulomb_widths(mechanism)))
+    _, peaks = maxima(motion, grid, largest)
+    grid = with_probes(motion, grid, np.concatenate([peak.time for peak in peaks.values()]))
     states = States(grid.force_time, grid.position, grid.velocity, grid.acceleration)
     return CyclePart(motion.duration, states, grid.time - motion.time[0], grid.weight, grid.part)
 

@@ -92,6 +92,11 @@ class ReducedCycle:
         return np.bincount(self.interval, self.weight, len(self.passes)) / self.passes
 
     @cached_property
+    def interval_order(self) -> NDArray[np.intp]:
+        """Numbers of the intervals in the order of the cycle, with all passes."""
+        return np.concatenate([np.tile(np.arange(first, end), passes) for first, end, passes in self.sequence])
+
+    @cached_property
     def interval_moments(self) -> Array:
         """(K, 5, 5) means over each interval of products of features."""
         weighted = self.features * self.weight[:, None]

@@ -97,6 +97,7 @@ class Pairs:
     motor: Index
     gear: Index
     fits: NDArray[np.bool_]
+    _kept: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __len__(self) -> int:
         return len(self.motor)
@@ -116,6 +117,12 @@ class Pairs:
     def rows(self, pair: int) -> tuple[Motor, Gear]:
         """The motor and gear of one pair."""
         return self.products.motors[self.motor[pair]], self.products.gears[self.gear[pair]]
+
+    def once(self, key: Any, function: Callable[[], Any]) -> Any:
+        """What a function gives; computed once for a key, for criteria that share it."""
+        if key not in self._kept:
+            self._kept[key] = function()
+        return self._kept[key]
 
     @cached_property
     def motors(self) -> MotorArrays:

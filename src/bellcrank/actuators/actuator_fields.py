@@ -1,0 +1,156 @@
+"""The actuators of a robot configuration: the ratings of a joint's motor and gear, or a motor and gear of a catalogue.
+
+A joint's mapping has the keys of `Actuator`, or `motor` and `gear` (by default none), each the id of a catalogue's row
+or a mapping of its own (product_fields.py); beside these `voltage`, `voltage_reserve`, `ambient`, `altitude`,
+`safety_factor` and `assume` ({gear.efficiency: 0.7}: a value for what the rows do not state).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from bellcrank.actuators.actuator import Actuator
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.actuators.gear import DIRECT, Gear
+from bellcrank.actuators.motor import Motor
+from bellcrank.actuators.product_fields import gear_from_fields, motor_from_fields, product_data, product_number
+from bellcrank.errors import InputError
+
+if TYPE_CHECKING:
+    from bellcrank.actuators.catalogue import Catalogue
+    from bellcrank.config.fields import Fields
+
+P = TypeVar("P", Motor, Gear)
+CatalogueOf = Callable[[], "Catalogue"]
+_CONDITIONS: tuple[tuple[str, str, float | None, dict[str, Any]], ...] = (  # name, unit, default, bounds
+    ("voltage", "V", None, {"positive": True}),
+    ("voltage_reserve", "", 0.1, {"nonnegative": True, "maximum": 0.9}),
+    ("ambient", "°C", 25.0, {}),
+    ("altitude", "m", 0.0, {}),
+    ("safety_factor", "", 1.0, {"positive": True}),
+)
+
+
+def actuators_from_fields(fields: Fields) -> dict[str, Actuator]:
+    """The actuators by joint that the key `actuators` of a robot configuration describes.
+
+    Ids are looked up in the bundled catalogue, and in the files of the folder that the key `catalogue` names. Raises
+    InputError, naming file and key.
+    """
+    folder = fields.file("catalogue") if "catalogue" in fields else None
+    fields.known("catalogue")
+
+    @cache
+    def catalogue() -> Catalogue:
+        from bellcrank.actuators.catalogue import load_catalogue
+
+        return load_catalogue(*(() if folder is None else _files_in(fields, folder)))
+
+    if folder is not None:
+        catalogue()  # its errors are told even where no joint names a product
+    motors = fields.mapping("actuators", {})
+    return {joint: actuator_from_fields(motors.mapping(joint), catalogue) for joint in motors}
+
+
+def actuator_from_fields(fields: Fields, catalogue: CatalogueOf | None = None) -> Actuator:
+    """The Actuator that a joint's mapping describes. Raises InputError, naming file and key."""
+    try:
+        return _of_products(fields, catalogue) if "motor" in fields or "gear" in fields else _of_ratings(fields)
+    except InputError as error:
+        if fields.where in str(error):
+            raise
+        raise fields.error("", str(error)) from None
+
+
+def actuator_data(actuator: Actuator) -> dict[str, Any]:
+    """An actuator as a joint's mapping of a robot configuration, which reads back as the same without a catalogue."""
+    from bellcrank.actuators.motor_with_gear import MotorWithGear
+
+    if not isinstance(actuator, MotorWithGear):
+        known = {name: value for name, value in vars(actuator).items() if value is not None}
+        if actuator.curve is not None:
+            known["curve"] = [list(point) for point in actuator.curve]
+        return known
+    conditions, default = actuator.conditions, Conditions()
+    data: dict[str, Any] = {"motor": product_data(actuator.motor)}
+    if actuator.gear != DIRECT:
+        data["gear"] = product_data(actuator.gear)
+    for name, *_ in _CONDITIONS:
+        if (value := getattr(conditions, name)) != getattr(default, name):
+            data[name] = value
+    if conditions.assumed:
+        data["assume"] = dict(conditions.assumed)
+    return data
+
+
+def _of_ratings(fields: Fields) -> Actuator:
+    curve = tuple((speed, torque) for speed, torque in fields.rows("curve", 2)) if "curve" in fields else None
+    fields.known("curve", "motor", "gear")
+    values = {
+        name: fields.number(name, unit, positive=True)
+        for name, unit in (
+            ("ratio", ""),
+            ("rated_torque", "N m"),
+            ("peak_torque", "N m"),
+            ("rated_speed", "rad/s"),
+            ("max_speed", "rad/s"),
+        )
+    }
+    values["efficiency"] = fields.number("efficiency", "", 1.0, positive=True, maximum=1.0)
+    values["rotor_inertia"] = fields.number("rotor_inertia", "kg m^2", 0.0, nonnegative=True)
+    values["gear_inertia"] = fields.number("gear_inertia", "kg m^2", 0.0, nonnegative=True)
+    values["safety_factor"] = fields.number("safety_factor", "", 1.0, positive=True)
+    motor_efficiency = fields.optional_number("motor_efficiency", "", positive=True, maximum=1.0)
+    fields.done()
+    return Actuator(**values, motor_efficiency=motor_efficiency, curve=curve)
+
+
+def _of_products(fields: Fields, catalogue: CatalogueOf | None) -> Actuator:
+    motor = _product(fields, "motor", motor_from_fields, lambda one: one.motor, catalogue)
+    gear = DIRECT
+    if "gear" in fields and fields.raw("gear") != DIRECT.id:
+        gear = _product(fields, "gear", gear_from_fields, lambda one: one.gear, catalogue)
+    values: dict[str, Any] = {
+        name: fields.number(name, unit, default, **bounds) if name in fields else default
+        for name, unit, default, bounds in _CONDITIONS
+    }
+    fields.known(*(name for name, *_ in _CONDITIONS))
+    assumed = fields.mapping("assume", {})
+    values["assumed"] = tuple((name, product_number(assumed, name)) for name in assumed)
+    fields.done()
+    return Actuator.of(motor, gear, Conditions(**values))
+
+
+def _product(
+    fields: Fields,
+    key: str,
+    read: Callable[[Fields], P],
+    find: Callable[[Catalogue], Callable[[str], P]],
+    catalogue: CatalogueOf | None,
+) -> P:
+    """The motor or gear of a key: a mapping of figures, or the id of a catalogue's row."""
+    if isinstance(fields.raw(key), Mapping):
+        return read(fields.mapping(key))
+    name = fields.text(key)
+    if catalogue is None:
+        raise fields.error(key, f"there is no catalogue to look '{name}' up in; write a mapping of its figures")
+    try:
+        return find(catalogue())(name)
+    except InputError as error:
+        raise fields.error(key, str(error)) from None
+
+
+def _files_in(fields: Fields, folder: Path) -> list[Path]:
+    """The CSV files of a catalogue's folder, each of which the configuration may name. Raises InputError."""
+    if not folder.is_dir():
+        raise fields.error("catalogue", f"there is no folder {folder}; write a path relative to this file's folder")
+    files = sorted(path for path in folder.iterdir() if path.suffix.lower() == ".csv")
+    if not files:
+        raise fields.error("catalogue", f"the folder {folder} has no file *.csv; expected tables of motors or gears")
+    for path in files:
+        if not fields.overridden("catalogue") and not fields.access.allows(path):
+            raise fields.error("catalogue", f"{path} leads to a file that this file may not name; allow its folder")
+    return files

@@ -1,0 +1,234 @@
+"""An actuator made of a motor and a gear of a catalogue: its figures follow from their models."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank import arguments
+from bellcrank.actuators.actuator import Actuator
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.actuators.continuous_torque import continuous_torque
+from bellcrank.actuators.electrical import electrical_power, electrical_torque
+from bellcrank.actuators.gear import DIRECT, Gear
+from bellcrank.actuators.motor import Motor
+from bellcrank.actuators.powertrain import PowerTrains
+from bellcrank.actuators.short_time_region import ShortTimeRegion
+from bellcrank.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotorWithGear(Actuator):
+    """The actuator of a motor and a gear, made by `Actuator.of`. What the two rows do not state stays unknown.
+
+    The continuous torque is that at the speed asked (continuous_torque.py), and the limits over speed are peak torque
+    and current, the voltage limit, and a printed curve (short_time_limits.py), in all four quadrants.
+
+    Attributes:
+        motor: The motor, as the catalogue states it.
+        gear: The gear, as the catalogue states it; `DIRECT` without one.
+        conditions: Supply, surroundings, safety factor, and values assumed for what the rows do not state.
+    """
+
+    motor: Motor
+    gear: Gear
+    conditions: Conditions
+
+    @cached_property
+    def _train(self) -> PowerTrains:
+        return PowerTrains.of(self.conditions.completed(self.motor), self.conditions.completed(self.gear))
+
+    @cached_property
+    def _region(self) -> ShortTimeRegion:
+        return ShortTimeRegion(self.conditions.completed(self.motor), self.conditions)
+
+    @property
+    def unknown_of_torque(self) -> tuple[str, ...]:
+        """What the shaft torque needs and is unknown: of "efficiency", "rotor_inertia" and "gear_inertia"."""
+        known = bool(self._train.gears.efficiency_curve.known[0]) or self.efficiency is not None
+        return (() if known else ("efficiency",)) + self.unknown_inertias
+
+    @property
+    def unknown_of_supply(self) -> tuple[str, ...]:
+        """What the power from the supply needs and is unknown."""
+        motor = self.conditions.completed(self.motor)
+        figures = {
+            "the torque constant with its basis": motor.dc_torque_constant,
+            "the resistance": motor.resistance,
+            "the motor's friction or no-load current": motor.coulomb_torque,
+        }
+        return self.unknown_of_torque + tuple(name for name, value in figures.items() if value is None)
+
+    @property
+    def has_limits(self) -> bool:
+        """Whether at least one limit of the torque over the speed is known."""
+        return self._region.known
+
+    @property
+    def unknown_limits(self) -> tuple[str, ...]:
+        """The limits of the torque over the speed that are unknown."""
+        return self._region.unknown
+
+    @property
+    def curve_points(self) -> None:
+        """None: the limits differ between driving and braking (`outline`)."""
+        return None
+
+    @property
+    def outline(self) -> Array | None:
+        """Corners (k, 2) of speed rad/s and torque N m of the region of short-time operation as far as it is known;
+        None where it has no end.
+        """
+        return self._region.outline
+
+    @property
+    def continuous_outline(self) -> Array | None:
+        """Points (k, 2) of speed rad/s and continuous torque N m, speeds rising from 0; None where unknown."""
+        ends = (self._region.largest_speed, self.max_speed, self.rated_speed)
+        end = min((value for value in ends if value is not None and np.isfinite(value)), default=None)
+        if end is None:
+            return None
+        speed = np.linspace(0.0, end, 201)
+        torque = continuous_torque(self._train.motors, speed, self.conditions).torque
+        known = ~np.isnan(torque)
+        return np.column_stack([speed, torque])[known] if known.any() else None
+
+    @property
+    def not_compared(self) -> tuple[str, ...]:
+        """What the rows state and `bellcrank.size` does not compare."""
+        gear = self.gear
+        limits = {
+            "average torque": gear.average_torque,
+            "repeated peak torque": gear.repeated_peak_torque,
+            "momentary torque": gear.momentary_torque,
+            "average input speed": gear.average_speed,
+            "input speed": gear.max_speed,
+            "life": gear.life,
+        }
+        named = [f"the gear's {', '.join(name for name, value in limits.items() if value is not None)}"]
+        warm = (self.motor.resistance_winding_housing, self.motor.time_constant_winding)
+        return tuple(
+            ([] if named == ["the gear's "] else named)
+            + ([] if None in warm else ["the motor's temperatures over the cycle"])
+        )
+
+    def shaft_torque(self, load_torque: Array, velocity: Array, acceleration: Array) -> Array:
+        """The torque at the motor shaft (`PowerTrains.shaft_torque`).
+
+        Args:
+            load_torque: Joint torque (n,) without the reflected rotor inertia, N m (prismatic: N).
+            velocity: Joint velocity (n,), rad/s (m/s).
+            acceleration: Joint acceleration (n,), rad/s² (m/s²).
+
+        Returns:
+            Shaft torque (n,), N m; NaN where the efficiency or an inertia is unknown.
+
+        Raises:
+            InputError: For arrays of different shapes.
+        """
+        load_torque, velocity, acceleration = arguments.alike(
+            load_torque=load_torque, velocity=velocity, acceleration=acceleration
+        )
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self._train.shaft_torque(load_torque, velocity, acceleration)
+
+    def supply_power(self, torque: Array, speed: Array) -> Array:
+        """The power from the supply with the motor's copper, friction and iron losses.
+
+        Args:
+            torque: Shaft torque (n,), N m.
+            speed: Shaft speed (n,), rad/s.
+
+        Returns:
+            Power (n,), W; negative where it is given back, NaN where unknown.
+
+        Raises:
+            InputError: For arrays of different shapes.
+        """
+        torque, speed = arguments.alike(torque=torque, speed=speed)
+        motors = self._train.motors
+        return electrical_power(motors, electrical_torque(motors, torque, speed), speed)
+
+    def continuous_torque(self, speed: float) -> float | None:
+        """The torque that the motor can deliver continuously at a constant speed.
+
+        Args:
+            speed: Shaft speed, rad/s, of either sign.
+
+        Returns:
+            Torque, N m; None where unknown.
+
+        Raises:
+            InputError: For a speed that is not a number.
+        """
+        speed = arguments.number("speed", speed, "rad/s")
+        found = float(continuous_torque(self._train.motors, speed, self.conditions).torque[0])
+        return None if np.isnan(found) else found
+
+    def available_torque(self, speed: Array) -> Array:
+        """The largest driving torque at speeds.
+
+        Args:
+            speed: Shaft speed (n,), rad/s, of either sign.
+
+        Returns:
+            Torque (n,), N m; NaN where a limit is unknown.
+
+        Raises:
+            InputError: For values that are not numbers.
+        """
+        (speed,) = arguments.alike(speed=speed)
+        found = self._region.highest_torque(np.abs(speed))
+        return np.full(speed.shape, np.nan) if self.unknown_limits else found
+
+    def curve_use(self, torque: Array, speed: Array) -> Array:
+        """The largest share of those limits of torque over speed that are known.
+
+        Args:
+            torque: Shaft torque (n,), N m, including any safety factor.
+            speed: Shaft speed (n,), rad/s.
+
+        Returns:
+            The share (n,): 1 on the limit, more outside, NaN where an argument is NaN or no limit is known.
+
+        Raises:
+            InputError: For arrays of different shapes.
+        """
+        torque, speed = arguments.alike(torque=torque, speed=speed)
+        return self._region.use(torque, speed)
+
+
+def motor_with_gear(motor: Motor, gear: Gear | None, conditions: Conditions | None) -> MotorWithGear:
+    """The actuator of a motor and gear. Raises InputError as `Actuator.of`."""
+    motor = arguments.instance("motor", motor, Motor, "a Motor")
+    gear = DIRECT if gear is None else arguments.instance("gear", gear, Gear, "a Gear")
+    conditions = (
+        Conditions() if conditions is None else arguments.instance("conditions", conditions, Conditions, "Conditions")
+    )
+    filled, with_gear = conditions.completed(motor), conditions.completed(gear)
+    if with_gear.ratio is None:
+        raise InputError(f"gear '{gear.id}': its ratio is unknown, so that nothing follows for the joint")
+    if motor.kind == "actuator" and gear.kind != "direct":
+        raise InputError(
+            f"motor '{motor.id}' is sold with its gear, and its figures hold at the output; give it without "
+            f"gear '{gear.id}'"
+        )
+    return MotorWithGear(
+        ratio=with_gear.ratio,
+        rated_torque=filled.continuous_torque or None,
+        peak_torque=filled.peak_torque,
+        rated_speed=filled.nominal_speed,
+        max_speed=filled.max_speed,
+        efficiency=with_gear.efficiency,
+        rotor_inertia=filled.rotor_inertia,
+        gear_inertia=with_gear.inertia,
+        safety_factor=conditions.safety_factor,
+        motor=motor,
+        gear=gear,
+        conditions=conditions,
+    )

@@ -1,0 +1,152 @@
+"""Criterion of the time that a motor bears more than its continuous torque without a break."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.actuators.continuous_torque import continuous_torque
+from bellcrank.sizing.selection.criteria import Array, Bools, Criterion
+from bellcrank.sizing.selection.load_reductions import ReducedCycle
+from bellcrank.sizing.selection.motor_criteria import TRAIN, ContinuousTorqueCriterion
+from bellcrank.sizing.selection.pairs import Pairs
+from bellcrank.sizing.selection.shaft_loads import BLOCK, largest, shaft_coefficients
+
+
+class PeakDuration(Criterion):
+    """The longest time without a break above the continuous torque, under the time that peak torque may last.
+
+    A sample stands for its integration weight. Where the continuous torque is unknown at some speeds, samples there
+    count as above it to show a pass, and as below it to show a failure.
+    """
+
+    name = "peak duration"
+    formula = "longest time with |T| > T_S1(|ω|) ≤ t_peak; nothing is asked for where |T| never exceeds T_S1"
+    source = "the motor's data sheet (time of the peak torque)"
+    needs = tuple((*fields, "motor.peak_time") for fields in ContinuousTorqueCriterion.needs)
+
+    def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """Longest time over the permitted one."""
+        peak = largest(shaft_coefficients(pairs, cycle), cycle)
+        least, most = _continuous_range(pairs, cycle, conditions)
+        use = np.where(peak <= least, 0.0, np.nan)
+        above = np.nonzero(~(peak <= least) & ~np.isnan(peak))[0]
+        step = max(1, BLOCK // len(cycle.torque))
+        for start in range(0, len(above), step):
+            rows = above[start : start + step]
+            constant = least[rows] == most[rows]
+            for some, level in ((rows[constant], least), (rows[~constant], None)):
+                if len(some):
+                    use[some] = _use(pairs.take(some), cycle, conditions, None if level is None else level[some])
+        return use
+
+    def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
+        """Longest time, and the permitted one."""
+        use = float(self.cycle_use(pair, cycle, conditions)[0])
+        peak_time = float(pair.of_motor("peak_time")[0])
+        if use == 0.0:
+            return f"the torque never exceeds the continuous torque for a time in '{cycle.name}'"
+        if math.isnan(use):
+            return self.missing(pair)
+        if math.isinf(use):
+            return f"the torque exceeds the continuous torque all the time in '{cycle.name}'"
+        return f"{use * peak_time:.3g} s above the continuous torque of {peak_time:.3g} s permitted, in '{cycle.name}'"
+
+
+def _continuous_range(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> tuple[Array, Array]:
+    """The least and largest continuous torque (m,) over the speeds of the cycle; NaN where it is not known throughout.
+
+    Thermal limits fall with the speed and nominal torques are constant, so their ends suffice; a printed curve also has
+    its points in between.
+    """
+    fastest = pairs.of_gear("ratio") * cycle.max_speed
+    ends = [continuous_torque(pairs.motors, speed, conditions).torque for speed in (np.zeros(len(pairs)), fastest)]
+    least, most = np.minimum(*ends), np.maximum(*ends)
+    curves = pairs.motors.continuous_curve
+    printed = np.nonzero(curves.known)[0]
+    if len(printed):
+        part = pairs.take(printed)
+        for points in part.motors.continuous_curve.x.T:
+            inside = np.where(points <= fastest[printed], points, 0.0)
+            torque = continuous_torque(part.motors, inside, conditions).torque
+            least[printed], most[printed] = np.minimum(least[printed], torque), np.maximum(most[printed], torque)
+    return least, most
+
+
+def _use(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array | None) -> Array:
+    """Longest time over the permitted one, by all samples, above a level (m,), or the continuous torque at each speed."""
+    torque = np.abs(shaft_coefficients(pairs, cycle) @ cycle.features.T)
+    if level is not None:
+        above = torque > level[:, None]
+        longest = _longest(above, cycle)
+        return np.where(above.any(axis=1), longest_share(longest, pairs), 0.0)
+    speed = pairs.of_gear("ratio")[:, None] * np.abs(cycle.speed)
+    continuous = continuous_torque(pairs.motors[:, None], speed, conditions).torque
+    sure = torque > continuous
+    maybe = sure | (np.isnan(continuous) & (torque > 0.0))
+    most = np.where(maybe.any(axis=1), longest_share(_longest(maybe, cycle), pairs), 0.0)
+    least = np.where(sure.any(axis=1), longest_share(_longest(sure, cycle), pairs), 0.0)
+    return np.where((most <= 1.0) | (least == most), most, np.where(least > 1.0, least, np.nan))
+
+
+def longest_share(longest: Array, pairs: Pairs) -> Array:
+    """Times (m,) over the permitted ones; infinite where the time is, whatever is permitted."""
+    return np.where(np.isinf(longest), np.inf, longest / pairs.of_motor("peak_time"))
+
+
+class _Runs(NamedTuple):
+    """Times (m,) above a level: up to the first sample below it, from the last one on, the longest, and of the whole."""
+
+    first: Array
+    last: Array
+    longest: Array
+    total: float
+    whole: Bools
+
+    def then(self, other: _Runs) -> _Runs:
+        """The runs of two stretches, one after the other."""
+        return _Runs(
+            np.where(self.whole, self.total + other.first, self.first),
+            np.where(other.whole, other.total + self.last, other.last),
+            np.maximum(np.maximum(self.longest, other.longest), self.last + other.first),
+            self.total + other.total,
+            self.whole & other.whole,
+        )
+
+    def repeated(self, passes: int) -> _Runs:
+        """The runs of several passes of the same stretch."""
+        if passes == 1:
+            return self
+        total = self.total * passes
+        return _Runs(
+            np.where(self.whole, total, self.first),
+            np.where(self.whole, total, self.last),
+            np.where(self.whole, total, np.maximum(self.longest, self.last + self.first)),
+            total,
+            self.whole,
+        )
+
+
+def _longest(above: Bools, cycle: ReducedCycle) -> Array:
+    """The longest time (m,) of samples (m, n) above a level in a cycle that repeats; infinite where all are."""
+    weight = cycle.weight / cycle.passes[cycle.interval]
+    runs: _Runs | None = None
+    for first, end, passes in cycle.sequence:
+        samples = slice(*np.searchsorted(cycle.interval, [first, end]))
+        part = _runs(above[:, samples], weight[samples]).repeated(passes)
+        runs = part if runs is None else runs.then(part)
+    if runs is None:
+        return np.zeros(len(above))
+    return np.where(runs.whole, np.inf, np.maximum(runs.longest, runs.last + runs.first))
+
+
+def _runs(above: Bools, weight: Array) -> _Runs:
+    """The runs of samples (m, n) of these weights (n,)."""
+    end = np.cumsum(weight)
+    run = end - np.maximum.accumulate(np.where(above, 0.0, end), axis=1)  # since the last sample below
+    whole = above.all(axis=1)
+    first = np.where(whole, end[-1], (end - weight)[np.argmin(above, axis=1)])
+    return _Runs(first, run[:, -1], run.max(axis=1), float(end[-1]), whole)
