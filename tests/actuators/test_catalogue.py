@@ -13,6 +13,7 @@ import bellcrank as bc
 from bellcrank.actuators.catalogue import SHIPPED
 from bellcrank.actuators.catalogue_checks import contradictions
 from bellcrank.actuators.catalogue_columns import QUALITIES
+from bellcrank.sizing.selection.pairs import Pairs
 
 WHOLE = bc.load_catalogue(contradicting=True)
 RPM = math.pi / 30.0
@@ -73,6 +74,14 @@ def test_built_in_gears_agree_with_the_printed_output_torque(gear: bc.Gear) -> N
     assert gear.ratio is not None and gear.efficiency is not None and gear.average_torque is not None
     assert gear.average_torque == pytest.approx(motor_torque * gear.ratio * gear.efficiency, rel=0.0125)
     assert gear.input_flange == f"Yaskawa SGMAH {gear.id.split('_')[2].removesuffix('w')} W"
+
+
+def test_built_in_gears_go_with_their_own_motors_only() -> None:
+    gear = WHOLE.gear("yaskawa_sgmah_50w_gear_1_5")
+    own = bc.Motor(id="own", maker="Yaskawa", model="SGMAH-A5A", flange="Yaskawa SGMAH 50 W")
+    pairs = Pairs.possible([*WHOLE.motors, own], [gear], "rotary")
+    geared = {pairs.rows(k)[0].id for k in range(len(pairs)) if pairs.rows(k)[1].kind != "direct"}
+    assert geared == {"own"}
 
 
 @pytest.mark.parametrize(

@@ -182,7 +182,10 @@ class Pairs:
 
 
 def _flanges_fit(motors: Sequence[Motor], gears: Sequence[Gear]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Whether flanges do not contradict each other (motors, gears), and whether both sides state them."""
+    """Whether flanges do not contradict each other (motors, gears), and whether both sides state them.
+
+    A gear built into a motor, whose flange is named after the gear's own maker, fits only motors that state it.
+    """
     names = {name: number for number, name in enumerate(dict.fromkeys(_name(m.flange) for m in motors))}
     offered = np.array([names[_name(motor.flange)] for motor in motors], dtype=np.intp)
     taken = np.zeros((len(names), len(gears)), dtype=bool)
@@ -191,7 +194,8 @@ def _flanges_fit(motors: Sequence[Motor], gears: Sequence[Gear]) -> tuple[NDArra
             if _name(name) in names:
                 taken[names[_name(name)], column] = True
     known = np.array([bool(_name(m.flange)) for m in motors])[:, None] & [bool(_name(g.input_flange)) for g in gears]
-    return np.asarray(~known | taken[offered]), np.asarray(known)
+    built_in = np.array([_name(g.maker) != "" and _name(g.input_flange).startswith(_name(g.maker)) for g in gears])
+    return np.asarray(taken[offered] | (~known & ~built_in)), np.asarray(known)
 
 
 def _shafts_fit(motors: Sequence[Motor], gears: Sequence[Gear]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
