@@ -96,7 +96,7 @@ def test_completeness_counts_rows_that_state_what_a_criterion_needs(tmp_path: Pa
     from bellcrank.sizing.selection.completeness import completeness
 
     motors = (
-        bc.Motor(id="a", maker="M", model="M", max_speed=500.0, brake_torque=1.0),
+        bc.Motor(id="a", maker="M", model="M", max_speed=500.0, brake_torque=1.0, tilting_moment=3.0),
         bc.Motor(id="b", maker="M", model="M"),
         bc.Motor(id="c", maker="M", model="M", kind="actuator", max_speed=5.0),
     )
@@ -108,6 +108,8 @@ def test_completeness_counts_rows_that_state_what_a_criterion_needs(tmp_path: Pa
     # pairs: a and b with g, h and none; c with none
     assert (found["motor speed"].motors, found["motor speed"].pairs) == (2, pytest.approx(4 / 7))
     assert (found["holding brake"].motors, found["holding brake"].pairs) == (1, pytest.approx(3 / 7))
+    # the output bearing is that of the motor or of the gear: c states neither
+    assert (found["tilting moment"].motors, found["tilting moment"].gears) == (1, 0)
     assert (found["gear largest input speed"].motors, found["gear largest input speed"].gears) == (None, 1)
     assert all(one.pairs == 0.0 for one in completeness(bc.Catalogue()))
 

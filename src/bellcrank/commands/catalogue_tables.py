@@ -29,6 +29,7 @@ SHOWN_IN = {  # unit of a field -> unit on the screen, factor
     "m": ("mm", 1e3),
     "H": ("mH", 1e3),
 }
+LARGE_INERTIA = 1e-2  # kg m²; smaller ones are shown in g cm²
 Cells = Sequence[Sequence[str]]
 
 
@@ -182,6 +183,8 @@ def _shown(column: Column, value: object) -> str:
     if not isinstance(value, float):
         return str(value)
     unit, factor = SHOWN_IN.get(column.unit or "", (column.unit or "", 1.0))
+    if column.unit == "kg m^2" and value >= LARGE_INERTIA:
+        unit, factor = "kg m²", 1.0
     if column.convert:  # a lead or a radius
         value = (2.0 * math.pi if column.convert == "2 pi / x" else 1.0) / value
     return f"{value * factor:.6g} {unit}".rstrip()

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bellcrank.actuators.catalogue import Catalogue
 from bellcrank.actuators.gear import DIRECT, Gear
@@ -48,11 +49,10 @@ def _of(criterion: Criterion, catalogue: Catalogue) -> Completeness:
     possible = np.ones((len(motors), len(gears)), dtype=bool)
     possible[[one.kind == "actuator" for one in motors], :-1] = False
     complete = (of_motor[:, :, None] & of_gear[:, None, :]).any(axis=0) & possible if len(motors) else possible
-    asked = {name.split(".")[0] for needed in criterion.needs for name in needed}
     return Completeness(
         criterion=criterion.name,
-        motors=int(of_motor.any(axis=0).sum()) if "motor" in asked else None,
-        gears=int(of_gear[:, :-1].any(axis=0).sum()) if "gear" in asked else None,
+        motors=_count(of_motor[_asking("motor", criterion)]),
+        gears=_count(of_gear[_asking("gear", criterion), :-1]),
         pairs=float(complete.sum() / possible.sum()) if len(motors) else 0.0,
     )
 
@@ -60,3 +60,13 @@ def _of(criterion: Criterion, catalogue: Catalogue) -> Completeness:
 def _states(needed: Sequence[str], side: str, motor: Motor, gear: Gear) -> bool:
     """Whether a product states those of the needed fields that belong to its side."""
     return not lacks(tuple(name for name in needed if name.startswith(side)), motor, gear)
+
+
+def _asking(side: str, criterion: Criterion) -> list[int]:
+    """Numbers of the alternatives that need something of a side."""
+    return [k for k, needed in enumerate(criterion.needs) if any(name.startswith(f"{side}.") for name in needed)]
+
+
+def _count(states: NDArray[np.bool_]) -> int | None:
+    """The number of products (columns) that satisfy one of the alternatives (rows); None without any."""
+    return int(states.any(axis=0).sum()) if len(states) else None
