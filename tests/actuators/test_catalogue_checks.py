@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import bellcrank as bc
 from bellcrank.actuators.catalogue_checks import checks_applied, contradictions
@@ -178,6 +180,29 @@ def test_a_product_without_figures_allows_no_check() -> None:
 def test_limits_of_screws_are_forces_and_not_compared_as_torques() -> None:
     screw = bc.Gear(id="s", maker="M", model="M", kind="screw", ratio=1256.0, rated_torque=2e4, mass=1.0, stiffness=1e8)
     assert contradictions([screw]) == ()
+
+
+EXTREME = st.none() | st.floats(5e-324, 1e100) | st.sampled_from([5e-324, 1e-160, 1.0, 25.0, 1e100])
+FIGURES = [one.name for one in fields(bc.Motor) if "float" in str(one.type) and one.name != "pole_pairs"]
+OF_GEARS = [one.name for one in fields(bc.Gear) if "float" in str(one.type)]
+
+
+@given(st.fixed_dictionaries({name: EXTREME for name in FIGURES}), st.sampled_from([None, "dc", "phase_rms"]))
+def test_checks_of_extreme_motors_say_something_or_nothing(values: dict[str, Any], basis: Any) -> None:
+    values["max_efficiency"] = None
+    if values["max_winding_temperature"] is not None:
+        values["reference_temperature"] = None
+    for kind in ("motor", "actuator"):
+        motor = bc.Motor(id="m", maker="M", model="M", kind=kind, torque_constant_basis=basis, **values)  # type: ignore[arg-type]
+        assert all(len(one.text.splitlines()) == 1 for one in contradictions([motor]))
+
+
+@given(st.fixed_dictionaries({name: EXTREME for name in OF_GEARS}), st.sampled_from([1.0, 3.0, 300.0]))
+def test_checks_of_extreme_gears_say_something_or_nothing(values: dict[str, Any], stages: float) -> None:
+    values |= {"efficiency": None, "back_efficiency": None, "stages": stages}
+    for kind in ("planetary", "screw"):
+        gear = bc.Gear(id="g", maker="M", model="M", kind=kind, **values)  # type: ignore[arg-type]
+        assert all(len(one.text.splitlines()) == 1 for one in contradictions([gear]))
 
 
 def test_what_is_wrong_in_the_shipped_catalogue() -> None:

@@ -32,7 +32,7 @@ def _torque(gear: Gear) -> float | None:
 def _gyration(gear: Gear) -> float | None:
     if not _rotary(gear) or gear.inertia is None or not gear.mass:
         return None
-    return float(math.sqrt(gear.inertia / gear.mass) / (gear.mass / _DENSITY) ** (1.0 / 3.0))
+    return quotient(math.sqrt(gear.inertia / gear.mass), math.cbrt(gear.mass / _DENSITY))
 
 
 GEAR_CHECKS: tuple[Check[Gear], ...] = (
