@@ -153,6 +153,18 @@ def test_the_picture_of_every_motor_is_drawn_with_its_limits() -> None:
         assert axis.lines or "no limit is stated" in {text.get_text() for text in axis.texts}
 
 
+@pytest.mark.parametrize("size", [5e-324, 1e-160, 1e100])
+def test_extreme_figures_are_drawn_without_a_fault(size: float, tmp_path: Path) -> None:
+    from bellcrank.actuators.conditions import Conditions
+    from bellcrank.actuators.motor_plot import write_motor_plot
+
+    names = ("nominal_voltage", "torque_constant", "resistance", "no_load_current", "nominal_torque", "nominal_speed")
+    names += ("peak_torque", "max_speed", "resistance_winding_housing", "resistance_housing_ambient")
+    for chosen in (names, names[:4], names[4:8], names[1:]):
+        motor = bc.Motor(id="m", maker="$x_^", model="m", torque_constant_basis="dc", **dict.fromkeys(chosen, size))
+        assert write_motor_plot(motor, tmp_path / "m.png", Conditions(voltage=24.0)).stat().st_size > 1000
+
+
 def test_check_finds_what_contradicts_itself(capsys: pytest.CaptureFixture[str], own: Path) -> None:
     assert main(["catalogue", "check", str(own)]) == 0
     text = capsys.readouterr().out
