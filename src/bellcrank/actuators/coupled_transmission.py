@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from bellcrank.config.fields import Fields
 
 Array = NDArray[np.float64]
+_WHERE = "a coupled transmission"
 LARGEST_CONDITION = 1e6  # of the matrix with rows and columns of length 1
 
 
@@ -51,7 +52,7 @@ class CoupledTransmission:
     matrix: tuple[tuple[float, ...], ...]
 
     def __post_init__(self) -> None:
-        where = "a coupled transmission"
+        where = _WHERE
         for key in ("joints", "motors"):
             names = arguments.several(key, getattr(self, key), str, f"names of {key}", where=where)
             if not names or len(set(names)) != len(names):
@@ -139,7 +140,9 @@ def transmissions_from_fields(fields: Fields, key: str = "transmissions") -> tup
         try:
             found.append(CoupledTransmission(names["joints"], names["motors"], matrix))
         except InputError as error:
-            raise entry.error("", str(error)) from None
+            text = str(error).removeprefix(f"{_WHERE}: ")
+            key = next((key for key in ("matrix", "joints") if text.startswith(key)), "motors")
+            raise entry.error(key, text.removeprefix("matrix: ")) from None
     try:
         return checked_transmissions(found)
     except InputError as error:

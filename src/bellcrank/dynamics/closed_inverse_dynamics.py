@@ -97,7 +97,9 @@ class Linkage:
     def _motors(self, actuated: Sequence[str] | None) -> tuple[RobotJoint, ...]:
         source, config = self.scene.source, self.scene.config
         drives = [constraint for constraint in self.scene.constraints if isinstance(constraint, PrescribedMotion)]
-        names = list(actuated or [drive.joint.name for drive in drives] or config.actuated or config.actuators)
+        names = list(
+            actuated or [drive.joint.name for drive in drives] or config.actuated or config.joints_with_actuators
+        )
         if not names:
             raise InputError(
                 f"{source}: no joint of the linkage has a motor; write actuated: [JOINT, …]; expected joints of: "

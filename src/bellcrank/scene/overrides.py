@@ -29,6 +29,7 @@ _TABLES = (
     "frames",
     "motions",
     "actuators",
+    "mounts",
     "friction",
     "parameters",
     "outputs",

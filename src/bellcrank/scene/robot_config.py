@@ -4,7 +4,9 @@ Keys: name; urdf (a path relative to the file, or the name of a robot); gravity 
 "none" or {joint: {viscous, coulomb}}); payloads [{mass, frame, cg, inertia}]; frames {name: {link, xyz, rpy}}; motions
 (motion/entry_kinds.py); actuators {joint: {…}} (actuators/actuator_fields.py); catalogue, a folder with tables of
 motors and gears that actuators name; and, for a mechanism with closed loops, actuated, the list of joints with motors
-(by default those with actuators).
+(by default those with actuators). For the selection of motors: transmissions, the coupled transmissions
+(actuators/coupled_transmission.py; their actuators are named by motor); mounts {joint or motor: {…}}
+(actuators/mount.py); and duty, the order of motions and pauses (motion/duty_program.py).
 
 The file may also contain the keys of a scene (scene.py). Sizing uses constraints, the start, forces and parameters of
 them, reports that controllers and the clock of the start are not used, and ignores the others.
@@ -21,12 +23,15 @@ from typing import TYPE_CHECKING, ClassVar
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.actuator_fields import actuators_from_fields
+from bellcrank.actuators.coupled_transmission import CoupledTransmission, transmissions_from_fields
+from bellcrank.actuators.mount import Mount, mounts_from_fields
 from bellcrank.config.fields import Fields
 from bellcrank.deprecated import Renamed
 from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
 from bellcrank.files.access import FileAccess, Trust
 from bellcrank.messages import unknown_name
+from bellcrank.motion.duty_program import DutyStep, duty_from_fields
 from bellcrank.motion.entry_kinds import check_references, read_motion_entry
 from bellcrank.motion.motion_entry import MotionEntry
 from bellcrank.robot import catalog
@@ -40,7 +45,7 @@ if TYPE_CHECKING:
 
 CONFIG_KEYS = (
     "name", "urdf", "gravity", "floating_base", "friction", "payloads", "frames", "motions", "actuators", "actuated",
-    "catalogue",
+    "catalogue", "transmissions", "mounts", "duty",
 )  # fmt: skip
 SCENE_KEYS = ("constraints", "forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate")
 
@@ -64,8 +69,11 @@ class RobotConfig(Renamed):
         payloads: Rigid bodies fixed to frames.
         frames: Additional frames by name: (link, xyz in m, rpy in rad).
         motions: The entries of the motions by name; `motion` computes one.
-        actuators: The motor and gear of joints, by joint.
+        actuators: The motor and gear of joints, by joint; of a coupled transmission by motor.
         actuated: The joints with motors, for a mechanism with closed loops; empty: those with actuators.
+        transmissions: The coupled transmissions.
+        mounts: Where actuators are mounted, by joint or motor, where that is not the joint's parent link.
+        duty: The order of motions and pauses in a cycle; empty: each motion repeats by itself.
         access: The rule which files the configuration may name.
         deprecations: A note on each key of the file that was renamed in 0.5.
 
@@ -87,10 +95,24 @@ class RobotConfig(Renamed):
     motions: Mapping[str, MotionEntry] = field(default_factory=dict)
     actuators: Mapping[str, Actuator] = field(default_factory=dict)
     actuated: tuple[str, ...] = ()
+    transmissions: tuple[CoupledTransmission, ...] = ()
+    mounts: Mapping[str, Mount] = field(default_factory=dict)
+    duty: tuple[DutyStep, ...] = ()
     access: FileAccess | None = field(default=None, repr=False, compare=False)
     deprecations: tuple[str, ...] = field(default=(), repr=False, compare=False)
 
     renamed: ClassVar[Mapping[str, str]] = {"drives": "actuators"}
+
+    @property
+    def coupled_motors(self) -> tuple[str, ...]:
+        """The motors of coupled transmissions. The reflected inertia of their rotors is not part of the robot."""
+        return tuple(motor for one in self.transmissions for motor in one.motors)
+
+    @property
+    def joints_with_actuators(self) -> tuple[str, ...]:
+        """The joints that actuators move, those of coupled transmissions included."""
+        joints = {motor: one.joints for one in self.transmissions for motor in one.motors}
+        return tuple(dict.fromkeys(joint for name in self.actuators for joint in joints.get(name, (name,))))
 
     def robot(self, extra_payloads: Iterable[Payload] = ()) -> Robot:
         """Load the robot with its gravity, friction, payloads, frames and the actuators' reflected inertias.
@@ -113,7 +135,8 @@ class RobotConfig(Renamed):
         from bellcrank.robot.load import load_robot
 
         extra = arguments.several("extra_payloads", extra_payloads, Payload, "Payloads")
-        rotor = {joint: actuator.known_inertia for joint, actuator in self.actuators.items()}
+        coupled = self.coupled_motors
+        rotor = {joint: one.known_inertia for joint, one in self.actuators.items() if joint not in coupled}
         try:
             robot = load_robot(
                 self.urdf,
@@ -138,7 +161,7 @@ class RobotConfig(Renamed):
         """A sentence for each actuator of which an inertia is unknown, and so not part of the robot."""
         keys = {"rotor_inertia": "motor.rotor_inertia", "gear_inertia": "gear.inertia"}
         for joint, actuator in self.actuators.items():
-            if missing := actuator.unknown_inertias:
+            if (missing := actuator.unknown_inertias) and joint not in self.coupled_motors:
                 names = " and ".join(name.replace("_", " ") for name in missing)
                 yield (
                     f"actuator of joint '{joint}': its {names} {'is' if len(missing) == 1 else 'are'} not stated and "
@@ -260,6 +283,19 @@ def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
     actuated = fields.raw("actuated", ())
     if not isinstance(actuated, (list, tuple)) or not all(isinstance(joint, str) for joint in actuated):
         raise fields.error("actuated", "expected a list of joints, such as [crank]")
+    transmissions = transmissions_from_fields(fields)
+    for one in transmissions:
+        for joint in one.joints:
+            if joint in actuators:
+                raise fields.mapping("actuators").error(
+                    joint,
+                    f"joint '{joint}' belongs to a coupled transmission; name its actuators by motor "
+                    f"({', '.join(one.motors)})",
+                )
+    duty = duty_from_fields(fields)
+    for step in duty:
+        if step.motion is not None and step.motion not in entries:
+            raise fields.error("duty", unknown_name("motion", step.motion, entries))
     return RobotConfig(
         name=name,
         source=path,
@@ -272,6 +308,9 @@ def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
         motions=entries,
         actuators=actuators,
         actuated=tuple(actuated),
+        transmissions=transmissions,
+        mounts=mounts_from_fields(fields.mapping("mounts", {})),
+        duty=duty,
         access=access,
     )
 

@@ -47,6 +47,7 @@ def scene_notes(scene: Scene, duration: float | None = None) -> tuple[str, ...]:
         *_signals(scene, duration),
         *_drives(scene, duration),
         *_events(scene),
+        *_coupled_motors(scene),
         *scene.config.deprecations,
     )
 
@@ -70,6 +71,15 @@ def _rows(scene: Scene) -> Iterator[str]:
                 f"constraint '{constraint.name}': no joint affects its row{'s' if len(rows) > 1 else ''} {named} "
                 f"(residual {far:.3g} m or rad); left out"
             )
+
+
+def _coupled_motors(scene: Scene) -> Iterator[str]:
+    """Actuators of coupled transmissions, whose rotors are not part of the robot."""
+    if names := [name for name in scene.config.actuators if name in scene.config.coupled_motors]:
+        yield (
+            f"the rotors of the motors of coupled transmissions are not included: {', '.join(names)}; controllers act "
+            "on the joints"
+        )
 
 
 def _start(scene: Scene) -> Iterator[str]:

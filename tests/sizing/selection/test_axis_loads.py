@@ -196,7 +196,8 @@ constraints:
   - {name: left, kind: hinge, frame_a: crank_tip, frame_b: plate}
   - {name: right, kind: point, frame_a: rocker_tip, frame_b: plate_end}
 actuated: [crank, rail]
-motions: {swing: {kind: waypoints, times: [0, 1], positions: [{crank: 0, rail: 0}, {crank: 0.6, rail: -0.15}], samples: 41}}
+motions:
+  swing: {kind: waypoints, times: [0, 1], positions: [{crank: 0, rail: 0}, {crank: 0.6, rail: -0.15}], samples: 41}
 initial: {crank: 0, rocker: {guess: 0}, rail: 0, loose: {position: [0, 0.3, 0]}}
 """
 

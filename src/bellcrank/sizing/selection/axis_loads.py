@@ -45,6 +45,8 @@ class Axis:
         kind: "rotary" or "linear"; units of the axis are rad, N m or m, N.
         joints: Names of the joints that it moves (one, but for coupled transmissions).
         mount: Name of the link or frame that carries the motor and gear.
+        mount_point: Centre of gravity (3,) of the motor and gear in that link or frame, m.
+        mount_direction: The axis (3,) of the motor and gear in that link or frame, a unit vector.
         included: The part of an actuator that the robot's URDF contains already; `AxisLoads.with_masses` replaces it.
     """
 
@@ -52,6 +54,8 @@ class Axis:
     kind: Literal["rotary", "linear"]
     joints: tuple[str, ...]
     mount: str
+    mount_point: tuple[float, ...] = (0.0, 0.0, 0.0)
+    mount_direction: tuple[float, ...] = (0.0, 0.0, 1.0)
     included: AddedMass = field(default_factory=AddedMass)
 
 
@@ -159,7 +163,7 @@ class AxisLoads:
             >>> from bellcrank.sizing.selection.axis_loads import AddedMass
             >>> from bellcrank.dynamics.mechanism import mechanism_of
             >>> from bellcrank.sizing.selection.axis_loads_of import axis_loads
-            >>> arm = bc.load_robot("planar_2r")
+            >>> arm = bc.load_robot("planar_2r", gravity=(0, -9.81, 0))
             >>> motion = bc.waypoints(arm, [0.0, 1.0], [{}, {"elbow": 1.0}])
             >>> loads = axis_loads(mechanism_of(arm), [motion])
             >>> [cycle] = loads.with_masses({"elbow": AddedMass(mass=2.0)})

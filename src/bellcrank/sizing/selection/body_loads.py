@@ -114,7 +114,13 @@ class LoadModel:
     def joint_torques(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """The torques (n, k) at the motors' joints, without the reflected inertia of their rotors."""
         rotor = self.mechanism.robot.rotor_inertia[self._columns]
-        return self.mechanism.torques(t, q, v, a)[0] - rotor * a[:, self._columns]
+        torque = self.mechanism.torques(t, q, v, a)[0]
+        if not rotor.any():
+            return torque
+        own = rotor * a[:, self._columns]
+        if isinstance(self.mechanism, Linkage):  # with more motors than degrees of freedom others share this torque
+            own = products(self.mechanism.force_maps(t, q)[0][:, :, self._columns], own)
+        return np.asarray(torque - own)
 
     def _felt(self, maps: _Maps, states: States, rotor: Array) -> Array:
         """The diagonal of P M Pᵀ (n, k), M without rotors."""
