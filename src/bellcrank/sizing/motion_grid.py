@@ -70,8 +70,7 @@ def coarse_grid_along(motion: Motion, breaks: Array, loads: Torque) -> Grid:
     (torques, but also speeds and accelerations), across a motion's rows, down to about `FINEST` parts.
     """
     edges, kinks = _edges(motion, breaks)
-    low, high = _halved(motion, loads, edges[:-1], edges[1:])
-    low, high = _merged(motion, loads, low, high, kinks)
+    low, high = _halved(motion, loads, *_merged(motion, loads, edges[:-1], edges[1:], kinks))
     grid = _grid(motion, low, high)
     smooth = np.flatnonzero(~np.isin(low[1:], kinks)) + 1  # both sides of their first edge are alike
     keep = np.delete(np.arange(len(grid.time)), smooth * len(_NODES))
@@ -168,6 +167,7 @@ def _halved(motion: Motion, torque: Torque, low: Array, high: Array) -> tuple[Ar
 
 def _merged(motion: Motion, loads: Torque, low: Array, high: Array, kinks: Array) -> tuple[Array, Array]:
     """The parts, neighbours merged where the Gauss-Legendre sum of each squared load over both is that over each."""
+    high = high.copy()
     sums = _squares(motion, loads, low, high)
     enough, longest = _settled(sums), motion.duration / FINEST * (1.0 + 1e-9)
     for turn in range(2 * HALVINGS):
