@@ -37,6 +37,8 @@ _HOME = {
     "write_catalogue": "actuators.catalogue_writer",
     "Sizing": "sizing.result",
     "size": "sizing.size",
+    "Selection": "sizing.selection.selection",
+    "select": "sizing.selection.select",
     "Scene": "scene.scene",
     "load_scene": "scene.scene",
     "Settings": "scene.settings",
@@ -68,6 +70,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "Robot",
     "RobotConfig",
     "Scene",
+    "Selection",
     "Settings",
     "Sizing",
     "Sweep",
@@ -89,6 +92,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "replay",
     "report",
     "scene_inverse_dynamics",
+    "select",
     "show",
     "simulate",
     "size",
@@ -126,6 +130,8 @@ if TYPE_CHECKING:
     from bellcrank.simulation.simulate import simulate
     from bellcrank.simulation.trajectory import Trajectory
     from bellcrank.sizing.result import Sizing
+    from bellcrank.sizing.selection.select import select
+    from bellcrank.sizing.selection.selection import Selection
     from bellcrank.sizing.size import size
     from bellcrank.studies.sweep import sweep
     from bellcrank.studies.sweep_result import Sweep

@@ -22,6 +22,7 @@ _COMMANDS = {
     "report": "write the report of a run or a sizing as one HTML page: verdict, tables, pictures, replay",
     "plot": "draw a run, a scene or a sizing",
     "check": "find errors in URDF files",
+    "catalogue": "list, show and check motors and gears to choose from",
     "robots": "list the names of robots, robot configurations and scenes",
 }
 

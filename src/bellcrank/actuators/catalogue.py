@@ -74,13 +74,19 @@ class Catalogue:
                 return product
         raise InputError(unknown_name("product", name, [product.id for product in self.products]))
 
+    def only(self, ids: Iterable[str]) -> Catalogue:
+        """The catalogue of the products of these ids. Raises InputError for an unknown id."""
+        wanted = set(arguments.several("ids", ids, str, "ids", alone=True))
+        _refuse_unknown("product", wanted, {one.id: one.id for one in self.products})
+        motors = tuple(one for one in self.motors if one.id in wanted)
+        return Catalogue(motors, tuple(one for one in self.gears if one.id in wanted), self.left_out)
+
     def filtered(
         self,
         *,
         makers: Iterable[str] = (),
         kinds: Iterable[str] = (),
         voltage: float | None = None,
-        ids: Iterable[str] = (),
         exclude: Iterable[str] = (),
     ) -> Catalogue:
         """The products that satisfy all of some conditions.
@@ -90,8 +96,7 @@ class Catalogue:
             kinds: Kinds of motors and gears, such as "servo" and "planetary"; where only kinds of motors are named, all
                 gears stay, and the other way round.
             voltage: Nominal voltage of motors, V; motors of unknown voltage are left out.
-            ids: Products to keep; empty: all.
-            exclude: Products to leave out.
+            exclude: Ids of products to leave out.
 
         Returns:
             The catalogue of these.
@@ -101,18 +106,18 @@ class Catalogue:
 
         Example:
             >>> import bellcrank as bc
-            >>> len(bc.load_catalogue().filtered(makers=["maxon"], voltage=36.0).motors)
-            4
+            >>> chosen = bc.load_catalogue().filtered(makers=["Kollmorgen"], kinds=["frameless"])
+            >>> {motor.maker for motor in chosen.motors}
+            {'Kollmorgen'}
         """
         wanted_makers = {name.casefold() for name in arguments.several("makers", makers, str, "makers", alone=True)}
         wanted_kinds = set(arguments.several("kinds", kinds, str, "kinds", alone=True))
-        wanted = set(arguments.several("ids", ids, str, "ids", alone=True))
         unwanted = set(arguments.several("exclude", exclude, str, "ids", alone=True))
         if voltage is not None:
             voltage = arguments.number("voltage", voltage, "V", above=0.0)
         _refuse_unknown("maker", wanted_makers, {one.maker.casefold(): one.maker for one in self.products})
         _refuse_unknown("kind", wanted_kinds, {kind: kind for kind in MOTOR_KINDS + GEAR_KINDS})
-        _refuse_unknown("product", wanted | unwanted, {one.id: one.id for one in self.products})
+        _refuse_unknown("product", unwanted, {one.id: one.id for one in self.products})
 
         def kept(products: Sequence[P], known: Sequence[str]) -> tuple[P, ...]:
             own = wanted_kinds & set(known)
@@ -121,7 +126,6 @@ class Catalogue:
                 for one in products
                 if (not wanted_makers or one.maker.casefold() in wanted_makers)
                 and (not own or one.kind in own)
-                and (not wanted or one.id in wanted)
                 and one.id not in unwanted
             )
 
@@ -148,8 +152,8 @@ def load_catalogue(*folders: str | Path, shipped: bool = True, contradicting: bo
     Example:
         >>> import bellcrank as bc
         >>> catalogue = bc.load_catalogue()
-        >>> len(catalogue.gears), catalogue.left_out[0].product.id
-        (42, 'cubemars_ak80_64')
+        >>> catalogue.gear("hd_csf_17_50_2uh").ratio, catalogue.left_out[0].product.id
+        (50.0, 'cubemars_ak80_64')
     """
     paths = [arguments.path("folders", one, "a folder or file of a catalogue") for one in folders]
     shipped = arguments.flag("shipped", shipped)

@@ -18,7 +18,7 @@ HIGHEST = 4000.0  # m: the correction for altitude of IEC 60034-1 ends there
 SEA_LEVEL = 1000.0  # m: up to here it is 1
 _RANGES = {
     "voltage_reserve": Range(above=None, least=0.0, most=0.9),
-    "ambient": TEMPERATURE,
+    "ambient": Range(above=None, least=-100.0, most=300.0),
     "altitude": Range(above=None, least=-500.0, most=HIGHEST),
     "winding_temperature": TEMPERATURE,
     "safety_factor": Range(above=None, least=1.0),

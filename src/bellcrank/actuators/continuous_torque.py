@@ -1,18 +1,20 @@
 """The continuous (S1) torque over speed, derated for ambient temperature and altitude.
 
-In this order: the curve that the maker prints; the thermal limit from both thermal resistances, not above the nominal
-torque that the maker prints; the nominal torque up to the nominal speed, unknown above it.
+In this order: the curve that the maker prints; the nominal torque up to the nominal speed, and the thermal limit from
+both thermal resistances above it, which is nowhere more than the nominal torque. Without a nominal torque it is the
+thermal limit; without the thermal figures, it is unknown above the nominal speed.
 
-Thermal limit: with the copper loss P_cu at the largest winding temperature and the friction and iron loss P_f(ω) in the
-housing, T_w = T_a + R_ha (P_cu + P_f) + R_wh P_cu and T_h = T_a + R_ha (P_cu + P_f). The largest permitted P_cu gives
-T_e = k √(P_cu / R(T_w)), and the shaft torque is T_e less friction. (Two thermal resistances: maxon's motor data; the
-resistance rise in the limit: derived here.)
+Thermal limit: with the copper loss P_cu at the largest winding temperature and the heat P_f(ω) of friction and iron in
+the housing (`Motor.friction_heat_share`), T_h = T_a + R_ha (P_cu + P_f) and T_w = T_h + R_wh P_cu. The largest P_cu
+that is permitted gives T_e = k √(P_cu / R(T_w)), and the shaft torque is T_e less friction. (Two thermal resistances:
+maxon's motor data; the resistance rise in the limit: derived here.)
 
 Altitude: in thin air both thermal resistances are taken larger by 1/f, f the permitted temperature rise of IEC 60034-1
 over that up to 1000 m. Printed torques are reduced by f (T_max - T_a) / (T_max - T_ref), in proportion to the
 temperature rise. Copper loss alone would give the root of it; the proportional reduction r is on the safe side as long
 as friction and iron losses are less than r / (1 + r) of the heat, nearly a half. An ambient temperature below the
-reference, or a site below 1000 m, raises no printed torque.
+reference, or a site below 1000 m, raises no printed torque. Where the thermal limit at the conditions is more than the
+reduced nominal torque, it counts.
 """
 
 from __future__ import annotations
@@ -24,11 +26,10 @@ from numpy.typing import NDArray
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.electrical import friction_loss, friction_torque, loss_per_squared_torque, resistance_factor
-from bellcrank.actuators.motor import Motor
+from bellcrank.actuators.motor import UNSTATED_REFERENCE, Motor
 from bellcrank.actuators.product_arrays import Array, MotorArrays
 
 SOURCES = ("unknown", "printed curve", "thermal limit", "nominal torque")
-UNSTATED_REFERENCE = 25.0  # °C: the lower, and so the safer, of the two usual ones (25 and 40)
 
 
 class ContinuousTorque(NamedTuple):
@@ -57,7 +58,7 @@ def continuous_torque(motors: MotorArrays, speed: Array | float, conditions: Con
     Example:
         >>> from bellcrank.actuators.conditions import Conditions
         >>> from bellcrank.actuators.continuous_torque import SOURCES, continuous_torque
-        >>> from bellcrank.actuators.motor import Motor
+        >>> from bellcrank.actuators.motor import UNSTATED_REFERENCE, Motor
         >>> from bellcrank.actuators.product_arrays import MotorArrays
         >>> motor = Motor(id="m", maker="", model="", nominal_torque=1.27, nominal_speed=314.0)
         >>> found = continuous_torque(MotorArrays.of([motor]), 100.0, Conditions())
@@ -69,16 +70,11 @@ def continuous_torque(motors: MotorArrays, speed: Array | float, conditions: Con
     curve = motors.continuous_curve.at(speed, beyond=0.0) * derating
     printed = motors.nominal_torque * derating
     thermal = thermal_limit_torque(motors, speed, conditions)
-    with np.errstate(invalid="ignore"):
-        up_to_nominal = (speed <= motors.nominal_speed) | (speed == 0.0)
-    from_thermal = np.fmin(thermal, np.where(np.isnan(motors.nominal_torque), np.inf, printed))
-    from_thermal = np.where(np.isnan(printed) & ~np.isnan(motors.nominal_torque), np.nan, from_thermal)
-    from_nominal = np.where(up_to_nominal, printed, np.nan)
+    from_nominal = np.where((speed <= motors.nominal_speed) | (speed == 0.0), printed, np.nan)
+    from_thermal = np.fmin(np.fmax(thermal, from_nominal), motors.nominal_torque)
     has_curve, has_thermal = motors.continuous_curve.known, ~np.isnan(thermal)
     torque = np.where(has_curve, curve, np.where(has_thermal, from_thermal, from_nominal))
-    with np.errstate(invalid="ignore"):
-        bound = has_thermal & (from_thermal >= thermal)
-    source = np.where(has_curve, 1, np.where(bound, 2, 3)) * ~np.isnan(torque)
+    source = np.where(has_curve, 1, np.where(torque == thermal, 2, 3)) * ~np.isnan(torque)
     return ContinuousTorque(torque, source.astype(np.int8))
 
 
@@ -98,7 +94,7 @@ def thermal_limit_torque(motors: MotorArrays, speed: Array | float, conditions: 
     speed = np.abs(np.asarray(speed, dtype=np.float64))
     winding = motors.resistance_winding_housing / conditions.altitude_factor
     housing = motors.resistance_housing_ambient / conditions.altitude_factor
-    loss = friction_loss(motors, speed)
+    loss = motors.friction_heat_share * friction_loss(motors, speed)
     copper = (motors.max_winding_temperature - conditions.ambient - housing * loss) / (winding + housing)
     copper = np.fmin(copper, (motors.max_housing_temperature - conditions.ambient) / housing - loss + 0.0 * copper)
     heat_per_squared_torque = loss_per_squared_torque(motors) * resistance_factor(motors.max_winding_temperature)

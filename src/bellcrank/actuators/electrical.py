@@ -10,10 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from bellcrank.actuators.conditions import Conditions
+from bellcrank.actuators.motor import COPPER, COPPER_REFERENCE
 from bellcrank.actuators.product_arrays import Array, MotorArrays
-
-COPPER = 0.0039  # 1/K, rise of the resistance of copper per kelvin, related to 25 °C
-REFERENCE = 25.0  # °C, of the resistances in catalogues
 
 
 def friction_torque(motors: MotorArrays, speed: Array) -> Array:
@@ -33,7 +31,7 @@ def friction_loss(motors: MotorArrays, speed: Array) -> Array:
 
 def resistance_factor(temperature: Array | float) -> Array:
     """Resistance of copper at a temperature (°C) over that at 25 °C."""
-    return np.asarray(1.0 + COPPER * (np.asarray(temperature) - REFERENCE))
+    return np.asarray(1.0 + COPPER * (np.asarray(temperature) - COPPER_REFERENCE))
 
 
 def loss_per_squared_torque(motors: MotorArrays) -> Array:
@@ -41,21 +39,34 @@ def loss_per_squared_torque(motors: MotorArrays) -> Array:
     return np.asarray(motors.resistance / motors.dc_torque_constant**2)
 
 
-def copper_loss(motors: MotorArrays, electrical_torque: Array, temperature: Array | float = REFERENCE) -> Array:
+def copper_loss(motors: MotorArrays, electrical_torque: Array, temperature: Array | float = COPPER_REFERENCE) -> Array:
     """Copper loss R I², W, at an electrical torque (N m) and a winding temperature (°C)."""
     return np.asarray(loss_per_squared_torque(motors) * electrical_torque**2 * resistance_factor(temperature))
 
 
 def voltage(
-    motors: MotorArrays, electrical_torque: Array, speed: Array, temperature: Array | float = REFERENCE
+    motors: MotorArrays, electrical_torque: Array, speed: Array, temperature: Array | float = COPPER_REFERENCE
 ) -> Array:
     """Voltage R I + k ω, V, at an electrical torque (N m), a speed (rad/s) and a winding temperature (°C)."""
     resistance = motors.resistance * resistance_factor(temperature)
     return np.asarray(resistance / motors.dc_torque_constant * electrical_torque + motors.dc_torque_constant * speed)
 
 
+def voltage_with_inductance(
+    motors: MotorArrays, electrical_torque: Array, speed: Array, temperature: Array | float = COPPER_REFERENCE
+) -> Array:
+    """Amplitude of the line-to-line voltage of a sinusoidal motor with its inductance, √((R I + k ω)² + (X ω I)²), V.
+
+    The reactance X ω of the inductance takes a voltage a quarter period ahead of the current's. NaN where the motor is
+    not sinusoidal, or its inductance or number of pole pairs is unknown. Without field weakening. (The voltage
+    equations of a surface-magnet synchronous motor in rotor coordinates with i_d = 0.)
+    """
+    across = motors.reactance_per_speed * speed * electrical_torque / motors.dc_torque_constant
+    return np.asarray(np.hypot(voltage(motors, electrical_torque, speed, temperature), across))
+
+
 def electrical_power(
-    motors: MotorArrays, electrical_torque: Array, speed: Array, temperature: Array | float = REFERENCE
+    motors: MotorArrays, electrical_torque: Array, speed: Array, temperature: Array | float = COPPER_REFERENCE
 ) -> Array:
     """Power from the supply, R I² + T_e ω, W; negative where the motor gives power back."""
     return np.asarray(copper_loss(motors, electrical_torque, temperature) + electrical_torque * speed)

@@ -13,7 +13,8 @@ from __future__ import annotations
 import numpy as np
 
 from bellcrank import arguments
-from bellcrank.actuators.electrical import COPPER, resistance_factor
+from bellcrank.actuators.electrical import resistance_factor
+from bellcrank.actuators.motor import COPPER
 from bellcrank.actuators.product_arrays import Array
 from bellcrank.actuators.thermal import HeatCycle, ThermalModel
 from bellcrank.actuators.thermal_cycle import PeriodicTemperatures, periodic_temperatures
@@ -72,7 +73,8 @@ def merged_temperatures(model: ThermalModel, heat: HeatCycle, longest: float) ->
         >>> from bellcrank.actuators.thermal import HeatCycle, ThermalModel
         >>> one = np.ones(1)
         >>> model = ThermalModel(winding_capacity=5.568 * one, housing_capacity=108.036 * one,
-        ...                      winding_resistance=0.74 * one, housing_resistance=8.96 * one, ambient=25.0 * one)
+        ...                      winding_resistance=0.74 * one, housing_resistance=8.96 * one,
+        ...                      friction_share=one, ambient=25.0 * one)
         >>> loss = np.array([[20.0, 0.0] * 100])
         >>> heat = HeatCycle(duration=np.full(200, 0.01), copper_loss=loss, friction_loss=0.0 * loss)
         >>> found, error = merged_temperatures(model, heat, 0.1)

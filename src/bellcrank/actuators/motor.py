@@ -31,6 +31,9 @@ RANGES = {  # of numbers that are not more than 0
     "max_housing_temperature": TEMPERATURE,
     "reference_temperature": TEMPERATURE,
 }
+COPPER = 0.0039  # 1/K, rise of the resistance of copper per kelvin, related to that at
+COPPER_REFERENCE = 25.0  # °C, at which catalogues state resistances
+UNSTATED_REFERENCE = 25.0  # °C, of figures without one: the lower, and so the safer, of the usual ones (25 and 40)
 _TO_DC = {"dc": 1.0, "phase_rms": math.sqrt(2.0 / 3.0), "phase_peak": 2.0 / math.sqrt(3.0)}
 
 
@@ -188,7 +191,7 @@ class Motor:
         ê = 2/3 k_t ω, and between two lines √3 ê = 2/√3 k_t ω, so k = 2/√3 k_t. Then I = √3/2 î. The copper loss
         3/2 R_phase î² is R I² with R = 2 R_phase (star), and the line-to-line amplitude √3 (R_phase î + ê) is
         R I + k ω, which the bus voltage bounds. With the RMS phase current, k_t = T_e √2 / î and k = √(2/3) k_t.
-        The inductance is neglected.
+        The inductance is neglected (`electrical.voltage_with_inductance` says by how much that errs).
         """
         if self.torque_constant is None or self.torque_constant_basis is None:
             return None
@@ -200,6 +203,33 @@ class Motor:
         if self.dc_torque_constant is None or self.resistance is None:
             return None
         return self.dc_torque_constant / math.sqrt(self.resistance)
+
+    @property
+    def reactance_per_speed(self) -> float | None:
+        """Line-to-line reactance over the shaft's speed, pole pairs times inductance, Ω s/rad; None where unknown.
+
+        The speed of an actuator's output counts times the `ratio` inside. Only for sinusoidal motors: a direct current
+        has no reactance.
+        """
+        if self.torque_constant_basis not in ("phase_rms", "phase_peak"):
+            return None
+        if self.pole_pairs is None or self.inductance is None or (self.kind == "actuator" and self.ratio is None):
+            return None
+        return self.pole_pairs * self.inductance * (self.ratio or 1.0 if self.kind == "actuator" else 1.0)
+
+    @property
+    def power_rate(self) -> float | None:
+        """Nominal torque squared over the rotor's inertia, W/s; None where unknown."""
+        if self.nominal_torque is None or self.rotor_inertia is None:
+            return None
+        return self.nominal_torque**2 / self.rotor_inertia
+
+    @property
+    def nominal_acceleration(self) -> float | None:
+        """Nominal torque over the rotor's inertia, rad/s²; None where unknown."""
+        if self.nominal_torque is None or self.rotor_inertia is None:
+            return None
+        return self.nominal_torque / self.rotor_inertia
 
     @property
     def coulomb_torque(self) -> float | None:
@@ -232,6 +262,31 @@ class Motor:
         if viscous and self.nominal_speed is None:
             return None
         return max(torque * self.nominal_current - coulomb - viscous * (self.nominal_speed or 0.0), 0.0)
+
+    @property
+    def friction_heat_share(self) -> float:
+        """Share of the friction and iron loss that counts as heat in the housing, from 0 to 1.
+
+        The nominal point is by its definition one at which the winding reaches its largest temperature (maxon's motor
+        data: nominal torque and current at nominal speed and 25 °C). Where the whole loss and the copper loss at this
+        point would heat the winding further, only the share that fits counts: loss in the bearings also leaves through
+        shaft and flange. It is 1 where the nominal point or a thermal figure is not stated. For the fast EC-4pole 30
+        it is 0.49.
+        """
+        torque, speed, limit = self.continuous_torque, self.nominal_speed, self.max_winding_temperature
+        constant, coulomb, viscous = self.motor_constant, self.coulomb_torque, self.viscous_coefficient
+        winding, housing = self.resistance_winding_housing, self.resistance_housing_ambient
+        if torque is None or speed is None or limit is None or constant is None:
+            return 1.0
+        if coulomb is None or viscous is None or winding is None or housing is None:
+            return 1.0
+        friction = coulomb + viscous * speed
+        if friction == 0.0:
+            return 1.0
+        reference = UNSTATED_REFERENCE if self.reference_temperature is None else self.reference_temperature
+        copper = ((torque + friction) / constant) ** 2 * (1.0 + COPPER * (limit - COPPER_REFERENCE))
+        left = (limit - reference) - (winding + housing) * copper
+        return min(max(left / (housing * friction * speed), 0.0), 1.0)
 
     @property
     def peak_electrical_torque(self) -> float | None:

@@ -77,7 +77,7 @@ MOTOR_CHECKS: tuple[Check[Motor], ...] = (
         "heat capacity per mass",
         "τ_2 / (R_th1 m), in J/(kg K), which is 385 for copper, 460 for steel and 900 for aluminium",
         _heat_capacity_per_mass,
-        (100.0, 1500.0),
+        (100.0, 3000.0),
         "check mass, time constant of the motor and thermal resistance to ambient",
     ),
     plausible(

@@ -98,6 +98,11 @@ class MotorWithGear(Actuator):
         known = ~np.isnan(torque)
         return np.column_stack([speed, torque])[known] if known.any() else None
 
+    def voltage_lines(self, speed: Array) -> tuple[Array, Array, Array] | None:
+        """Speeds (n,) rad/s with the largest and smallest torque (n,) N m that the voltage allows; None if unknown."""
+        found = self._region.voltage_torques(speed)
+        return None if found is None else (speed, found[0], found[1])
+
     @property
     def not_compared(self) -> tuple[str, ...]:
         """What the rows state and `bellcrank.size` does not compare."""

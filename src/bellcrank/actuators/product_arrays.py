@@ -57,6 +57,8 @@ class Curves:
         return cls(*points)
 
     def __getitem__(self, index: Any) -> Self:
+        if isinstance(index, tuple) and any(part is Ellipsis for part in index):
+            index = (*index, slice(None))  # the points stay last
         return type(self)(self.x[index], self.y[index])
 
     @property
@@ -116,8 +118,10 @@ class MotorArrays(_Indexed):
         nominal_voltage: V.
         dc_torque_constant: k of the DC-equivalent motor, N m/A (`Motor.dc_torque_constant`).
         resistance: Line-to-line at 25 °C, Ω.
+        reactance_per_speed: Ω s/rad (`Motor.reactance_per_speed`).
         coulomb_torque: T_c of the friction and iron torque T_c + c_v ω, N m (`Motor.coulomb_torque`).
         viscous_coefficient: c_v, N m s/rad.
+        friction_heat_share: Of the friction and iron loss that heats the housing (`Motor.friction_heat_share`).
         rotor_inertia: kg m².
         nominal_torque: Stated, or of the nominal current, N m (`Motor.continuous_torque`).
         nominal_speed: rad/s.
@@ -147,8 +151,10 @@ class MotorArrays(_Indexed):
     nominal_voltage: Array
     dc_torque_constant: Array
     resistance: Array
+    reactance_per_speed: Array
     coulomb_torque: Array
     viscous_coefficient: Array
+    friction_heat_share: Array
     rotor_inertia: Array
     nominal_torque: Array
     nominal_speed: Array

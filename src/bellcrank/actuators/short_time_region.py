@@ -107,6 +107,23 @@ class ShortTimeRegion:
             ends.append(float(peak_curves(self._motors, self.conditions).last_x[0]))
         return float(min(ends))
 
+    def voltage_torques(self, speed: Array) -> Array | None:
+        """The largest and the smallest shaft torque (2, n), N m, that the voltage allows at speeds (n,) rad/s; None
+        where that is unknown.
+        """
+        if "voltage limit" not in self._limits:
+            return None
+        limit = self._limits["voltage limit"][0]
+        friction = friction_torque(self._motors, speed) if limit.basis == "electrical" else 0.0
+        a, b = float(limit.torque[0]), float(limit.speed[0])
+        return np.array([(1.0 - b * speed) / a - friction, (-1.0 - b * speed) / a - friction])
+
+    @property
+    def no_load_speed(self) -> float:
+        """The speed, rad/s, at which the voltage leaves no torque; infinite where it is unknown."""
+        slopes = [float(limit.speed[0]) for limits in self._limits.values() for limit in limits]
+        return 1.0 / max(slopes) if slopes and max(slopes) > 0.0 else float(np.inf)
+
     @property
     def _braking_torque(self) -> float:
         """The largest braking torque, N m; infinite where it is unknown."""
@@ -116,7 +133,7 @@ class ShortTimeRegion:
     @cached_property
     def outline(self) -> Array | None:
         """Corners (k, 2) of speed rad/s and torque N m of the region, all four quadrants; None where it has no end."""
-        top = self.largest_speed
+        top = self.largest_speed if np.isfinite(self.largest_speed) else self.no_load_speed
         if not np.isfinite(top):
             return None
         speed = np.linspace(-top, top, 2 * SPEEDS - 1)

@@ -3,9 +3,9 @@
     C_w dT_w/dt = P (1 + α (T_w - 25)) - (T_w - T_h)/R_wh
     C_h dT_h/dt = (T_w - T_h)/R_wh - (T_h - T_a)/R_ha + P_f
 
-with the copper loss at 25 °C P, the friction and iron loss P_f, C_w = τ_w/R_wh and C_h = τ_m/R_ha. (Two bodies: maxon's
-motor data; the same equations are those of A. M. Johnson's Motor Thermal Calculator, CMU.) The copper's resistance rise
-makes P part of the matrix A of the system x' = A x + b, so each interval has a matrix of its own.
+with the copper loss at 25 °C P, the heat P_f of friction and iron losses, C_w = τ_w/R_wh and C_h = τ_m/R_ha. (Two
+bodies: maxon's motor data; the same equations are those of A. M. Johnson's Motor Thermal Calculator, CMU.) The copper's
+resistance rise makes P part of the matrix A of the system x' = A x + b, so each interval has a matrix of its own.
 
 Solution. With μ half the trace of A, M = A - μ I and s² = -det M > 0 (real, because the off-diagonal entries are
 positive), the eigenvalues are μ ± s, M² = s² I and exp(A t) = e^{μ t} (cosh(s t) I + sinh(s t)/s M). The state moves by
@@ -28,7 +28,8 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.actuators.conditions import Conditions
-from bellcrank.actuators.electrical import COPPER, resistance_factor
+from bellcrank.actuators.electrical import resistance_factor
+from bellcrank.actuators.motor import COPPER
 from bellcrank.actuators.product_arrays import Array, MotorArrays
 
 TINY = 1e-250  # 1/s, stands for an eigenvalue of 0 in (e^{λ t} - 1)/λ
@@ -43,6 +44,7 @@ class ThermalModel:
         housing_capacity: C_h (m,), J/K.
         winding_resistance: R_wh (m,), K/W.
         housing_resistance: R_ha (m,), K/W.
+        friction_share: Share (m,) of the friction and iron loss that heats the housing (`Motor.friction_heat_share`).
         ambient: T_a (m,), °C.
     """
 
@@ -50,6 +52,7 @@ class ThermalModel:
     housing_capacity: Array
     winding_resistance: Array
     housing_resistance: Array
+    friction_share: Array
     ambient: Array
 
     @classmethod
@@ -65,6 +68,7 @@ class ThermalModel:
             housing_capacity=motors.time_constant_motor / housing,
             winding_resistance=winding / conditions.altitude_factor,
             housing_resistance=housing / conditions.altitude_factor,
+            friction_share=motors.friction_heat_share,
             ambient=np.full_like(winding, conditions.ambient),
         )
 
@@ -87,9 +91,10 @@ class ThermalModel:
         margin = 1.0 - COPPER * copper_loss * total
         with np.errstate(divide="ignore", invalid="ignore"):
             heat = copper_loss * resistance_factor(self.ambient)
-            rise = (total * heat + self.housing_resistance * friction_loss) / margin
+            friction = self.friction_share * friction_loss
+            rise = (total * heat + self.housing_resistance * friction) / margin
             winding = np.where(margin <= 0.0, np.inf, self.ambient + rise)
-            warm = copper_loss * resistance_factor(winding) + friction_loss
+            warm = copper_loss * resistance_factor(winding) + friction
             housing = np.where(margin <= 0.0, np.inf, self.ambient + self.housing_resistance * warm)
         return winding, housing
 
@@ -184,7 +189,7 @@ class Rates(NamedTuple):
         """The system under losses (…, m)."""
         return cls(
             copper_loss / model.winding_capacity,
-            friction_loss / model.housing_capacity,
+            model.friction_share * friction_loss / model.housing_capacity,
             1.0 / (model.winding_resistance * model.winding_capacity),
             1.0 / (model.winding_resistance * model.housing_capacity),
             1.0 / (model.housing_resistance * model.housing_capacity),
@@ -274,7 +279,8 @@ def temperatures(
         >>> from bellcrank.actuators.thermal import HeatCycle, ThermalModel, temperatures
         >>> one = np.ones(1)
         >>> model = ThermalModel(winding_capacity=5.568 * one, housing_capacity=108.036 * one,
-        ...                      winding_resistance=0.74 * one, housing_resistance=8.96 * one, ambient=25.0 * one)
+        ...                      winding_resistance=0.74 * one, housing_resistance=8.96 * one,
+        ...                      friction_share=one, ambient=25.0 * one)
         >>> heat = HeatCycle(duration=np.array([30.0]), copper_loss=110.4 * one[:, None],
         ...                  friction_loss=np.zeros((1, 1)))
         >>> time, winding, housing = temperatures(model, heat)

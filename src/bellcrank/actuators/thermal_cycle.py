@@ -153,7 +153,8 @@ def periodic_temperatures(model: ThermalModel, heat: HeatCycle) -> PeriodicTempe
         >>> from bellcrank.actuators.thermal_cycle import periodic_temperatures
         >>> one = np.ones(1)
         >>> model = ThermalModel(winding_capacity=5.568 * one, housing_capacity=108.036 * one,
-        ...                      winding_resistance=0.74 * one, housing_resistance=8.96 * one, ambient=25.0 * one)
+        ...                      winding_resistance=0.74 * one, housing_resistance=8.96 * one,
+        ...                      friction_share=one, ambient=25.0 * one)
         >>> on_and_off = HeatCycle(duration=np.array([30.0, 30.0]), copper_loss=np.array([[110.4, 0.0]]),
         ...                        friction_loss=np.zeros((1, 2)))
         >>> bool(periodic_temperatures(model, on_and_off).runaway[0])

@@ -38,7 +38,8 @@ def time_to_limit(model: ThermalModel, heat: HeatCycle, limit: Array) -> Array:
         >>> from bellcrank.actuators.time_to_limit import time_to_limit
         >>> one = np.ones(1)
         >>> model = ThermalModel(winding_capacity=5.568 * one, housing_capacity=108.036 * one,
-        ...                      winding_resistance=0.74 * one, housing_resistance=8.96 * one, ambient=25.0 * one)
+        ...                      winding_resistance=0.74 * one, housing_resistance=8.96 * one,
+        ...                      friction_share=one, ambient=25.0 * one)
         >>> on_and_off = HeatCycle(duration=np.array([30.0, 30.0]), copper_loss=np.array([[110.4, 0.0]]),
         ...                        friction_loss=np.zeros((1, 2)))
         >>> round(float(time_to_limit(model, on_and_off, 130.0 * one)[0]), 1)

@@ -1,4 +1,4 @@
-"""`replay` and `show`: a run, a motion or a sizing as an interactive HTML page."""
+"""`replay` and `show`: a run, a motion, a sizing or a selection as an interactive HTML page."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from bellcrank.replays.film.film import Film
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.page.page import page_html, write_page
 from bellcrank.sizing.result import Sizing
+from bellcrank.sizing.selection.selection import Selection
 from bellcrank.terminal.progress import share_bar
 from bellcrank.text import file_name
 
@@ -48,7 +49,7 @@ class NotebookPage:
 
 @renamed_arguments(thing="source")
 def replay(
-    source: Trajectory | Motion | Sizing | str | Path,
+    source: Trajectory | Motion | Sizing | Selection | str | Path,
     path: str | Path | None = None,
     *,
     robot: Robot | Scene | None = None,
@@ -57,21 +58,21 @@ def replay(
     title: str | None = None,
     plots: bool = True,
 ) -> Path | NotebookPage:
-    """Write one HTML page that plays a run, a motion or a sizing, and needs no server, network or other file.
+    """Write one HTML page that plays a run, motion, sizing or selection, and needs no server, network or other file.
 
     The page shows the robot in 3-D with traces, forces and torques as arrows, springs and events, and plots beside it.
     No point of a body is drawn further from the smooth curve through the rows of the run than the page states. Lengths
     are in m, forces in N, torques in N m; the world frame is the robot's.
 
     Args:
-        source: A run, a motion, a sizing, or the path of a run: its file, or the folder that `bellcrank simulate`
-            writes.
+        source: A run, a motion, a sizing, a selection (with its motors and gears as cylinders), or the path of a run:
+            its file, or the folder that `bellcrank simulate` writes.
         path: The file to write; .html is added if it has another suffix. Default: the source's name in the working
             folder, or in a notebook no file.
         robot: The robot of a motion, or a scene whose forces act on it. Other sources have their own.
         trace: Names of frames whose paths are drawn. Default: the frames of the scene's outputs, or the tip.
         detail: "reduced" simplifies meshes without visible loss, "full" keeps all faces.
-        title: The title of the page; default: the name of the scene, motion or sizing.
+        title: The title of the page; default: the name of the scene, motion, sizing or selection.
         plots: Whether plots stand beside the 3-D view.
 
     Returns:
@@ -103,7 +104,7 @@ def replay(
 
 @renamed_arguments(thing="source")
 def show(
-    source: Trajectory | Motion | Sizing | str | Path,
+    source: Trajectory | Motion | Sizing | Selection | str | Path,
     *,
     robot: Robot | Scene | None = None,
     trace: Iterable[str] = (),
@@ -114,11 +115,11 @@ def show(
     """Write a replay to a temporary file and open it in the web browser.
 
     Args:
-        source: A run, a motion, a sizing, or the path of a run, as in `replay`.
+        source: A run, a motion, a sizing, a selection, or the path of a run, as in `replay`.
         robot: The robot of a motion, or a scene whose forces act on it.
         trace: Names of frames whose paths are drawn.
         detail: "reduced" simplifies meshes without visible loss, "full" keeps all faces.
-        title: The title of the page; default: the name of the scene, motion or sizing.
+        title: The title of the page; default: the name of the scene, motion, sizing or selection.
         plots: Whether plots stand beside the 3-D view.
 
     Returns:
@@ -148,19 +149,20 @@ def open_browser(path: Path) -> None:
 
 
 def film_of(
-    source: Trajectory | Motion | Sizing,
+    source: Trajectory | Motion | Sizing | Selection,
     robot: Robot | Scene | None = None,
     *,
     trace: Iterable[str] = (),
     detail: Detail = "reduced",
     title: str | None = None,
 ) -> Film:
-    """The film of a run, a motion (of `robot`) or a sizing, with a progress bar if it takes longer than a second.
+    """The film of a run, motion (of `robot`), sizing or selection, with a progress bar beyond a second.
 
     Raises InputError for an invalid argument, and for a motion without a robot.
     """
     from bellcrank.replays.film.motion_film import film_of_motion
     from bellcrank.replays.film.run_film import film_of_run
+    from bellcrank.replays.film.selection_film import film_of_selection
     from bellcrank.replays.film.sizing_film import film_of_sizing
 
     arguments.one_of("detail", detail, ("reduced", "full"))
@@ -173,6 +175,8 @@ def film_of(
         options: dict[str, Any] = {"trace": trace, "detail": detail, "title": title, "progress": progress}
         if isinstance(source, Sizing):
             return film_of_sizing(source, **options)
+        if isinstance(source, Selection):
+            return film_of_selection(source, **options)
         if isinstance(source, Motion):
             if robot is None:
                 raise InputError(f"motion '{source.name}': a motion does not hold its robot; pass robot=ROBOT, too")
@@ -208,10 +212,10 @@ def find_run(path: str | Path) -> Path:
     return file / "run.npz"
 
 
-def load_source(source: Any, caller: str = "replay") -> Trajectory | Motion | Sizing:
-    """A run, a motion or a sizing; a path is read. Raises InputError, which names the caller."""
-    kinds = "a run, a motion, a sizing, or the path of a run"
-    if isinstance(source, (Motion, Sizing)):
+def load_source(source: Any, caller: str = "replay") -> Trajectory | Motion | Sizing | Selection:
+    """A run, motion, sizing or selection; a path is read. Raises InputError, which names the caller."""
+    kinds = "a run, a motion, a sizing, a selection, or the path of a run"
+    if isinstance(source, (Motion, Sizing, Selection)):
         return source
     if isinstance(source, (str, Path)):
         from bellcrank.simulation.load_run import load_run
@@ -224,10 +228,12 @@ def load_source(source: Any, caller: str = "replay") -> Trajectory | Motion | Si
     arguments.refuse("source", kinds, source, caller, "simulate or size first")
 
 
-def source_name(source: Trajectory | Motion | Sizing) -> str:
+def source_name(source: Trajectory | Motion | Sizing | Selection) -> str:
     """The name after which a page is called."""
     if isinstance(source, Motion):
         return source.name
+    if isinstance(source, Selection):
+        return f"{source.robot}_selection"
     return f"{source.robot}_sizing" if isinstance(source, Sizing) else source.scene.source.stem
 
 

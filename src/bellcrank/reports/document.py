@@ -53,6 +53,7 @@ class Document:
         notes: Further sentences.
         still: The still of the replay for the printed page.
         parts: Tables and pictures, in order.
+        partial: Whether a good result holds for what is known, and not everything is.
     """
 
     title: str
@@ -64,3 +65,4 @@ class Document:
     notes: tuple[str, ...]
     still: Still
     parts: tuple[Facts | Table | Picture, ...]
+    partial: bool = False

@@ -1,10 +1,8 @@
-"""`bellcrank.report`: the report of a run or a sizing as one HTML page, with all outside text escaped."""
+"""`bellcrank.report`: the report of a run, sizing or selection as one HTML page, with all outside text escaped."""
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterable
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,10 +12,11 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.motion.motion import Motion
 from bellcrank.replays.geometry.meshes import Detail
-from bellcrank.replays.page.page import write_page
+from bellcrank.replays.page.page import Surroundings, write_page
 from bellcrank.replays.replay import film_of, find_run, load_source, source_name
-from bellcrank.reports.document import Document, Facts, Picture, Table
+from bellcrank.reports.document_html import document_html
 from bellcrank.sizing.result import Sizing
+from bellcrank.sizing.selection.selection import Selection
 from bellcrank.text import file_name
 
 if TYPE_CHECKING:
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
 
 @renamed_arguments(thing="source")
 def report(
-    source: Trajectory | Sizing | str | Path,
+    source: Trajectory | Sizing | Selection | str | Path,
     path: str | Path | None = None,
     *,
     trace: Iterable[str] = (),
@@ -36,16 +35,17 @@ def report(
     title: str | None = None,
     trust: Trust = (),
 ) -> Path:
-    """Write one HTML page with the verdict of a run or a sizing, its replay, tables and pictures.
+    """Write one HTML page with the verdict of a run, sizing or selection, its replay, tables and pictures.
 
     The page needs no other file, and can be printed.
 
     Args:
-        source: A run, a sizing, or the path of a run: its file, or the folder that `bellcrank simulate` writes.
+        source: A run, a sizing, a selection, or the path of a run: its file, or the folder that `bellcrank simulate`
+            writes.
         path: The file to write. Default: the source's name and "_report.html", in the working folder.
         trace: Names of frames whose paths are drawn. Default: the frames of the scene's outputs, or the tip.
         detail: "reduced" simplifies meshes without visible loss, "full" keeps all faces.
-        title: The title of the page. Default: the name of the scene or sizing.
+        title: The title of the page. Default: the name of the scene, sizing or selection.
         trust: With the path of a run, folders whose meshes it may name, besides its own folder.
 
     Returns:
@@ -65,7 +65,7 @@ def report(
     if isinstance(source, (str, Path)):
         from bellcrank.simulation.load_run import load_run
 
-        kinds = "a run, a sizing, or the path of a run"
+        kinds = "a run, a sizing, a selection, or the path of a run"
         given = load_run(find_run(arguments.path("source", source, kinds)), trust=trust)
     elif arguments.several("trust", [trust] if isinstance(trust, (str, Path)) else trust, object, "folders"):
         raise InputError("argument 'trust': it is for files, and 'source' is loaded already; give it to load_run")
@@ -75,17 +75,22 @@ def report(
     if path is not None:
         path = arguments.path("path", path, "the path of a page")
     film = film_of(result, trace=trace, detail=detail, title=title)
-    document = _document(result, film)
     target = f"{file_name(source_name(result))}_report.html" if path is None else path
-    return write_page(film, target, around=document_html(document))
+    if isinstance(result, Selection):
+        from bellcrank.reports.selection_report import selection_surroundings
+
+        return write_page(film, target, plots=False, around=selection_surroundings(result, film))
+    document = _document(result, film)
+    before, after = document_html(document)
+    return write_page(film, target, around=Surroundings(before=before, after=after))
 
 
-def _title(result: Trajectory | Motion | Sizing) -> str:
+def _title(result: Trajectory | Motion | Sizing | Selection) -> str:
     if isinstance(result, Motion):
         raise InputError(
             f"report: motion '{result.name}' has no result to report; size it first, or use replay to show the motion"
         )
-    return result.robot if isinstance(result, Sizing) else result.scene.name
+    return result.robot if isinstance(result, (Sizing, Selection)) else result.scene.name
 
 
 def _document(result: Trajectory | Motion | Sizing, film: Film) -> Document:
@@ -96,55 +101,3 @@ def _document(result: Trajectory | Motion | Sizing, film: Film) -> Document:
         return sizing_document(result, film)
     assert not isinstance(result, Motion)
     return run_document(result)
-
-
-def document_html(document: Document) -> tuple[str, str]:
-    """The HTML before the replay (verdict, warnings, the still for paper) and after it (the parts)."""
-    lines = "".join(f"<p>{escape(line)}</p>" for line in document.verdict)
-    before = (
-        f'<section class="verdict {"good" if document.success else "bad"}" aria-label="verdict">'
-        f'<span class="word">{escape(document.status)}</span><div>{lines}'
-        f'<p class="about">{" · ".join(map(escape, document.about))}</p></div></section>'
-        + _list("Warnings", "warnings", document.warnings)
-        + _list("Notes", "notes", document.notes)
-        + f'<figure class="paper" id="still" data-time="{document.still.time!r}" hidden>'
-        f'<img alt="the 3-D view"><figcaption>{escape(document.still.caption)}</figcaption></figure>'
-    )
-    return before, "".join(map(_part, document.parts))
-
-
-def _list(title: str, kind: str, texts: Iterable[str]) -> str:
-    items = "".join(f"<li>{escape(text)}</li>" for text in texts)
-    return f'<section class="{kind}"><h2>{title}</h2><ul>{items}</ul></section>' if items else ""
-
-
-def _part(part: Facts | Table | Picture) -> str:
-    """One part of a report as HTML."""
-    title = escape(part.title)
-    if isinstance(part, Picture):
-        data = base64.b64encode(part.svg.encode("utf-8")).decode("ascii")
-        return (
-            f'<figure class="paper"><h2>{title}</h2><img alt="{title}" src="data:image/svg+xml;base64,{data}"></figure>'
-        )
-    if isinstance(part, Facts):
-        rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in part.rows)
-        return f'<section><h2>{title}</h2><table class="facts">{rows}</table></section>'
-    words = [all(_is_word(row[k]) for row in part.rows) for k in range(len(part.header))]
-    head = _row(part.header, words, ("th",) * len(words))
-    body = "".join(_row(row, words, ("th", *("td",) * (len(words) - 1))) for row in part.rows)
-    note = f"<p>{escape(part.note)}</p>" if part.note else ""
-    table = f"<table><thead>{head}</thead><tbody>{body}</tbody></table>"
-    return f'<section><h2>{title}</h2><div class="wide">{table}</div>{note}</section>'
-
-
-def _row(cells: Iterable[str], words: Iterable[bool], tags: Iterable[str]) -> str:
-    row = "".join(
-        f"<{tag}{' class=text' if word else ''}>{escape(cell).replace(chr(10), '<br>')}</{tag}>"
-        for cell, word, tag in zip(cells, words, tags, strict=True)
-    )
-    return f"<tr>{row}</tr>"
-
-
-def _is_word(cell: str) -> bool:
-    """Whether a cell is text, which is aligned left and may wrap, rather than a number."""
-    return not any(letter.isdigit() for letter in cell.partition(" ")[0])

@@ -64,9 +64,7 @@ def size_mechanism(
         explained = {*massless.refused, *massless.allowed}
         errors += [text for name, text in singular_joints(mechanism).items() if name not in explained]
     warnings = [*errors, *robot.inertia_warnings, *massless.allowed.values()]
-    warnings += [warning for motion in motions for warning in motion.warnings]
-    warnings += mechanism_notes(mechanism)
-    warnings += [note for motion in motions for note in motion_notes(mechanism, motion)]
+    warnings += motion_warnings(mechanism, motions)
     warnings += [f"actuator of joint '{name}': {text}" for name, one in actuators.items() for text in one.doubts]
     warnings += [
         f"joint '{name}': {' and '.join(one.not_compared)} are not compared here; `bellcrank select` does"
@@ -95,6 +93,13 @@ def size_mechanism(
         urdf_errors=tuple(errors),
         allowed_massless=tuple(massless.allowed),
     )
+
+
+def motion_warnings(mechanism: Mechanism, motions: Sequence[Motion]) -> list[str]:
+    """Sentences about the motions, and about what of a scene is not included."""
+    found = [warning for motion in motions for warning in motion.warnings]
+    found += mechanism_notes(mechanism)
+    return found + [note for motion in motions for note in motion_notes(mechanism, motion)]
 
 
 def _peaks_along(loads: JointLoads, motion: Motion) -> MotionPeaks:

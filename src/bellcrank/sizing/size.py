@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
@@ -71,12 +71,65 @@ def size(
         >>> round(sizing.joint("shoulder").peak_torque, 3)
         10.791
     """
+    mass_tolerance = _mass_tolerance(mass_tolerance)
+    links = arguments.several("allow_massless", allow_massless, str, "names of links", alone=True)
+    given = None if actuators is None else _actuators(actuators)
+    subject = sizing_subject(robot, motions, payloads, trust, given)
+    if subject.config is None:
+        return size_mechanism(subject.mechanism, subject.motions, subject.actuators, mass_tolerance, links)
+    config = subject.config
+    coupled = {name: one for name, one in subject.actuators.items() if name in config.coupled_motors}
+    single = {name: one for name, one in subject.actuators.items() if name not in coupled}
+    sizing = size_mechanism(subject.mechanism, subject.motions, single, mass_tolerance, links)
+    return replace(
+        sizing,
+        robot=config.name,
+        warnings=(*config.deprecations, *_selection_notes(config), *sizing.warnings),
+        unsizable=(*sizing.unsizable, *(_coupled_actuator(name) for name in coupled)),
+    )
+
+
+class SizingSubject(NamedTuple):
+    """What is sized: a mechanism over motions, each with a name of its own; the configuration where there is one."""
+
+    mechanism: Mechanism
+    motions: list[Motion]
+    actuators: Mapping[str, Actuator]
+    config: RobotConfig | None
+
+
+def sizing_subject(
+    robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
+    motions: OneMotion | Sequence[OneMotion] | None,
+    payloads: Iterable[Payload] = (),
+    trust: Trust = (),
+    actuators: Mapping[str, Actuator] | None = None,
+) -> SizingSubject:
+    """The mechanism and motions that the arguments of `bellcrank.size` and `bellcrank.select` stand for.
+
+    Args:
+        robot: A Robot or Linkage; or a RobotConfig, a Scene, or the path or name of a configuration or URDF.
+        motions: Motions, names or paths; None: those of the configuration.
+        payloads: Payloads besides those that the robot carries.
+        trust: Folders whose files a configuration or URDF may name.
+        actuators: Actuators by joint; None: those of the configuration.
+
+    Returns:
+        The subject.
+
+    Raises:
+        InputError: For an unknown robot or motion; where there is no motion; for an argument of the wrong type.
+
+    Example:
+        >>> from bellcrank.sizing.size import sizing_subject
+        >>> subject = sizing_subject("geared_pendulum", None)
+        >>> [motion.name for motion in subject.motions]
+        ['lift_and_return']
+    """
     from bellcrank.scene.robot_config import RobotConfig, load_robot_config
     from bellcrank.scene.scene import Scene
 
-    mass_tolerance = _mass_tolerance(mass_tolerance)
     loads = arguments.several("payloads", payloads, Payload, "Payloads", alone=True)
-    links = arguments.several("allow_massless", allow_massless, str, "names of links", alone=True)
     folders = arguments.several("trust", [trust] if isinstance(trust, (str, Path)) else trust, object, "folders")
     if folders and not isinstance(robot, (str, Path)):
         raise InputError(
@@ -87,24 +140,16 @@ def size(
             raise InputError("argument 'payloads': they belong to the robot of a Linkage; load it with them")
         mechanism = mechanism_of(robot.with_payloads(loads) if isinstance(robot, Robot) and loads else robot)
         listed = _distinct_names(_motions(() if motions is None else motions))
-        return size_mechanism(mechanism, listed, _actuators(actuators), mass_tolerance, links)
+        return SizingSubject(mechanism, listed, actuators or {}, None)
     if isinstance(robot, RobotConfig):
         config = robot
     else:
         config = robot.config if isinstance(robot, Scene) else load_robot_config(robot, trust=trust)
     scene = robot if isinstance(robot, Scene) else None
     if actuators is not None:
-        config = replace(config, actuators=_actuators(actuators))
-    mechanism, listed = mechanism_and_motions(config, config.robot(loads), motions, scene)
-    coupled = {name: one for name, one in config.actuators.items() if name in config.coupled_motors}
-    single = {name: one for name, one in config.actuators.items() if name not in coupled}
-    sizing = size_mechanism(mechanism, _distinct_names(listed), single, mass_tolerance, links)
-    return replace(
-        sizing,
-        robot=config.name,
-        warnings=(*config.deprecations, *_selection_notes(config), *sizing.warnings),
-        unsizable=(*sizing.unsizable, *(_coupled_actuator(name) for name in coupled)),
-    )
+        config = replace(config, actuators=actuators)
+    mechanism, named = mechanism_and_motions(config, config.robot(loads), motions, scene)
+    return SizingSubject(mechanism, _distinct_names(named), config.actuators, config)
 
 
 def _coupled_actuator(name: str) -> str:

@@ -74,6 +74,15 @@ class Axis:
 
 
 @dataclass(frozen=True)
+class BodyLayer:
+    """Bodies, by number, that are shown and hidden together, under a name in a group of such."""
+
+    group: str
+    name: str
+    bodies: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class TimelineEvent:
     """An event at a time, marked on the time line with a text."""
 
@@ -165,6 +174,7 @@ class Film:
     springs: tuple[Spring, ...] = ()
     rods: tuple[Rod, ...] = ()
     axes: tuple[Axis, ...] = ()
+    layers: tuple[BodyLayer, ...] = ()
     events: tuple[TimelineEvent, ...] = ()
     charts: tuple[Chart, ...] = ()
     xy_plots: tuple[XYPlot, ...] = ()
@@ -213,6 +223,9 @@ def check_film(film: Film) -> None:
     for axis in film.axes:
         if not 0 <= axis.body < len(names):
             raise _inconsistent(film, f"axis '{axis.name}' is of body {axis.body}", f"there are {len(names)} bodies")
+    for layer in film.layers:
+        if not all(0 <= body < len(names) for body in layer.bodies):
+            raise _inconsistent(film, f"layer '{layer.name}' has bodies {layer.bodies}", f"there are {len(names)}")
     for chart in film.charts:
         for line in chart.lines:
             time = chart.time if line.time is None else line.time

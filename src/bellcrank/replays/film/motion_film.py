@@ -27,6 +27,7 @@ from bellcrank.replays.film.robot_view import camera_scene, film_axes, film_bodi
 from bellcrank.replays.film.sampled_trajectory import SampledTrajectory, frame_pose_function
 from bellcrank.replays.film.torque_speed import motor_speed_torque, torque_speed_plots
 from bellcrank.replays.geometry.meshes import Detail
+from bellcrank.replays.geometry.shapes import Body
 from bellcrank.simulation.interpolation import signal_jumps
 from bellcrank.simulation.plot_panels import by_unit, titled_apart
 from bellcrank.simulation.run_csv import torque_unit
@@ -46,11 +47,15 @@ GAP = 1e-3  # s between a motion and the next: shorter than a frame of a screen
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MotionSequence:
-    """Motions of a mechanism that a film plays one after the other, with the actuators of its motors by joint."""
+    """Motions of a mechanism that a film plays one after the other, with the actuators of its motors by joint.
+
+    `more_bodies` move with the frames of the robot after which they are named.
+    """
 
     mechanism: Mechanism
     motions: Sequence[Motion]
     actuators: Mapping[str, Actuator]
+    more_bodies: tuple[Body, ...] = ()
 
     @cached_property
     def starts(self) -> list[float]:
@@ -123,6 +128,7 @@ def film_of_motions(
     robot, scene = mechanism.robot, mechanism.scene
     traced = traced_frames(robot, trace)
     bodies, notes = film_bodies(robot, detail)
+    bodies += sequence.more_bodies
     trajectories = _trajectories(sequence, (*(body.name for body in bodies), *traced))
     series = _series(sequence)
     parts: list[SampledFrames] = []

@@ -57,6 +57,7 @@ def encode_film(film: Film, *, plots: bool = True) -> tuple[str, str]:
         "rods": [{"name": r.name, "ends": arrays.add_fixed_point(r.ends, step)} for r in film.rods],
         "springs": [{"name": s.name, "ends": arrays.add_fixed_point(s.ends, step)} for s in film.springs],
         "axes": [_axis(a) for a in film.axes],
+        "layers": [asdict(layer) for layer in film.layers],
         "events": [asdict(event) for event in sorted(film.events, key=lambda event: event.time)],
         "charts": [_chart(arrays, c) for c in film.charts] if plots else [],
         "xy_plots": [_xy_plot(arrays, p) for p in film.xy_plots] if plots else [],

@@ -9,6 +9,7 @@ import html
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 from bellcrank.files.atomic_write import write_text
@@ -26,7 +27,27 @@ SCRIPTS = (  # in the order in which they stand in the page
 _PLACEHOLDER = re.compile(r"\{\{(\w+)\}\}")
 
 
-def page_html(film: Film, *, plots: bool = True, around: tuple[str, str] = ("", "")) -> str:
+@dataclass(frozen=True, kw_only=True)
+class Surroundings:
+    """What stands around the replay; a page that has any scrolls and can be printed.
+
+    Attributes:
+        before: HTML before the replay, already escaped.
+        after: HTML after it, already escaped.
+        style: CSS after that of the page.
+        scripts: Scripts after those of the page, in the same scope.
+    """
+
+    before: str = ""
+    after: str = ""
+    style: str = ""
+    scripts: tuple[str, ...] = ()
+
+
+NOTHING = Surroundings()
+
+
+def page_html(film: Film, *, plots: bool = True, around: Surroundings = NOTHING) -> str:
     """The HTML text of a page that plays a film.
 
     The page has a content security policy: no scripts run but those written here, and nothing is fetched. `#t=3.2`
@@ -36,13 +57,14 @@ def page_html(film: Film, *, plots: bool = True, around: tuple[str, str] = ("", 
     Args:
         film: What the page shows.
         plots: Whether plots stand beside the 3-D view.
-        around: HTML before and after the replay, already escaped; such a page scrolls and can be printed.
+        around: What stands before and after the replay.
 
     Raises:
         InputError: The parts of the film do not fit together, or are not finite.
     """
     film_json, arrays = encode_film(film, plots=plots)
-    library, hashes = _library(plots)
+    library, hashes = _library(plots, around.scripts)
+    report = bool(around.before or around.after)
     loader = _asset("loader.js")
     scripts = " ".join(f"'sha256-{each}'" for each in (*hashes, _hash(loader)))
     policy = (
@@ -53,27 +75,30 @@ def page_html(film: Film, *, plots: bool = True, around: tuple[str, str] = ("", 
         "policy": policy,
         "version": version(),
         "title": html.escape(readable(film.title)),
-        "style": _asset("uplot/uPlot.min.css") + _asset("page.css") + (_asset("report.css") if any(around) else ""),
+        "style": _asset("uplot/uPlot.min.css")
+        + _asset("page.css")
+        + (_asset("report.css") if report else "")
+        + around.style,
         "film": film_json,
         "arrays": arrays,
         "library": library,
         "script": loader,
-        "kind": "report" if any(around) else "",
-        "before": around[0],
-        "after": around[1],
+        "kind": "report" if report else "",
+        "before": around.before,
+        "after": around.after,
     }
     # in one pass, so that inserted text is never searched for placeholders
     return _PLACEHOLDER.sub(lambda found: parts[found[1]], _asset("page.html"))
 
 
-def write_page(film: Film, path: str | Path, *, plots: bool = True, around: tuple[str, str] = ("", "")) -> Path:
+def write_page(film: Film, path: str | Path, *, plots: bool = True, around: Surroundings = NOTHING) -> Path:
     """Write the page of a film, completely or not at all.
 
     Args:
         film: What the page shows.
         path: The file; .html is added if it has another suffix.
         plots: Whether plots stand beside the 3-D view.
-        around: HTML before and after the replay, as in `page_html`.
+        around: What stands before and after the replay, as in `page_html`.
 
     Returns:
         The path of the file.
@@ -89,7 +114,7 @@ def write_page(film: Film, path: str | Path, *, plots: bool = True, around: tupl
 
 
 @functools.cache
-def _library(plots: bool) -> tuple[str, tuple[str, ...]]:
+def _library(plots: bool, more: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
     """All scripts but the loader, and their licences, as one deflated text; and the scripts' hashes for the policy.
 
     The page adds the scripts to itself unchanged, so that the hashes allow them; deflated they are a third as large.
@@ -99,7 +124,7 @@ def _library(plots: bool) -> tuple[str, tuple[str, ...]]:
     if plots:
         scripts.append(_asset("uplot/uPlot.iife.min.js"))
         licences.append(("uPlot 1.6.32", _asset("uplot/LICENSE")))
-    scripts.append('"use strict";(() => {' + "".join(_asset(name) for name in SCRIPTS) + "})();")
+    scripts.append('"use strict";(() => {' + "".join((*map(_asset, SCRIPTS), *more)) + "})();")
     text = "\n\n".join(f"==== {name}\n\n{licence.strip()}" for name, licence in licences)
     content = json.dumps({"scripts": scripts, "licences": text})
     return deflate_base64(content.encode("utf-8")), tuple(_hash(script) for script in scripts)

@@ -45,6 +45,8 @@ class Axis:
         kind: "rotary" or "linear"; units of the axis are rad, N m or m, N.
         joints: Names of the joints that it moves (one, but for coupled transmissions).
         mount: Name of the link or frame that carries the motor and gear.
+        mount_point: Centre of gravity (3,) of the motor and gear in that link or frame, m.
+        mount_direction: The axis (3,) of the motor and gear in that link or frame, a unit vector.
         included: The part of an actuator that the robot's URDF contains already; `AxisLoads.with_masses` replaces it.
     """
 
@@ -52,6 +54,8 @@ class Axis:
     kind: Literal["rotary", "linear"]
     joints: tuple[str, ...]
     mount: str
+    mount_point: tuple[float, ...] = (0.0, 0.0, 0.0)
+    mount_direction: tuple[float, ...] = (0.0, 0.0, 1.0)
     included: AddedMass = field(default_factory=AddedMass)
 
 

@@ -78,7 +78,15 @@ def axis_loads(
     motions = [with_force_rows(mechanism, motion) for motion in motions]
     plans = planned_cycles(mechanism, motions, duty, model.joint_torques)
     axes = tuple(
-        Axis(name=body.name, kind=kind, joints=joints, mount=body.mount, included=_included(chosen.get(body.name)))
+        Axis(
+            name=body.name,
+            kind=kind,
+            joints=joints,
+            mount=body.mount,
+            mount_point=body.mount_point,
+            mount_direction=body.mount_direction,
+            included=_included(chosen.get(body.name)),
+        )
         for body, kind, joints in zip(kinematics.bodies, coupled.kinds, coupled.joints, strict=True)
     )
     terms = tuple(_terms(model, plan, [axis.name for axis in axes]) for plan in plans)

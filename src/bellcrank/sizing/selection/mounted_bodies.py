@@ -46,18 +46,22 @@ class MountedBody:
     Attributes:
         name: Name of the axis whose actuator it is.
         mount: Name of the link or frame that carries it.
+        mount_point: Its centre of gravity (3,) in that link or frame, m.
+        mount_direction: Its axis (3,) there, a unit vector.
         joints: Numbers (from 1) of the joints between it and the world, the one next to it first.
         columns: The velocity coordinates that move it, in rising order.
         offset: Its centre of gravity (3,), m, in the frame of the joint next to it, or in the world.
-        axis: Its axis (3,) there, a unit vector.
+        axis: Its axis (3,) there.
     """
 
     name: str
     mount: str
+    mount_point: tuple[float, float, float]
+    mount_direction: tuple[float, float, float]
     joints: tuple[int, ...]
     columns: tuple[int, ...]
-    offset: tuple[float, ...]
-    axis: tuple[float, ...]
+    offset: tuple[float, float, float]
+    axis: tuple[float, float, float]
 
     @property
     def carrier(self) -> int:
@@ -109,24 +113,24 @@ class MountKinematics:
         poses = self._motion.neutral_poses(frames)
         numbers, found = list(robot.all_joint_names), []
         for name, joint in joints.items():
-            at, direction = poses[len(tree.joints) + frames.index(carriers[name])], np.array([0.0, 0.0, 1.0])
-            turned, axis = at[1], mounts.get(name, Mount()).axis
-            if carriers[name] == parents[joint]:  # in the neutral position, where the joint is at 0
-                at = poses[numbers.index(joint)]
-                if axis is None:
-                    turned, direction = at[1], robot.joint_axis(joint)
-            if axis is not None:
-                direction = np.array(axis) / np.linalg.norm(axis)
+            link, axis = poses[len(tree.joints) + frames.index(carriers[name])], mounts.get(name, Mount()).axis
+            point, direction = link[0], link[1][:, 2] if axis is None else link[1] @ axis
+            if carriers[name] == parents[joint]:
+                point, turned = poses[numbers.index(joint)]  # in the neutral position, where the joint is at 0
+                direction = turned @ robot.joint_axis(joint) if axis is None else direction
+            direction = direction / np.linalg.norm(direction)
             below = tree.supporting_joints(robot.frame_index(carriers[name]))
-            origin, rotation = poses[below[0] - 1] if below else (np.zeros(3), np.eye(3))
+            carrier = poses[below[0] - 1] if below else (np.zeros(3), np.eye(3))
             found.append(
                 MountedBody(
                     name=name,
                     mount=carriers[name],
+                    mount_point=_numbers(link[1].T @ (point - link[0])),
+                    mount_direction=_numbers(link[1].T @ direction),
                     joints=below,
                     columns=self._motion.columns(below),
-                    offset=tuple((rotation.T @ (at[0] - origin)).tolist()),
-                    axis=tuple((rotation.T @ turned @ direction).tolist()),
+                    offset=_numbers(carrier[1].T @ (point - carrier[0])),
+                    axis=_numbers(carrier[1].T @ direction),
                 )
             )
         self.bodies = tuple(found)
@@ -150,3 +154,8 @@ class MountKinematics:
             angular_acceleration=carrier.angular_acceleration,
             jacobian=self._motion.jacobian(joints, body.joints, point),
         )
+
+
+def _numbers(vector: Array) -> tuple[float, float, float]:
+    x, y, z = vector.tolist()
+    return x, y, z

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
+from bellcrank import arguments
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
+from bellcrank.cached_values import Portable
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
 from bellcrank.sizing.selection.axis_loads import Axis, LoadCycle
+
+if TYPE_CHECKING:
+    from bellcrank.dynamics.mechanism import Mechanism
+    from bellcrank.motion.motion import Motion
 
 Verdict = Literal["inside", "exceeded", "unknown", "note"]
 Tier = Literal["all criteria shown", "passes what is known", "fails"]
@@ -24,12 +34,15 @@ class CriterionResult:
         use: Utilisation, 1 at the limit; None where unknown or a note.
         verdict: "inside", "exceeded", "unknown" (something that it needs is not stated), or "note" (not judged).
         text: A sentence: the load, the limit, and where they come from; or what is missing.
+        estimate: Where the verdict is unknown because another actuator's mass is not stated: the utilisation without
+            that mass. None otherwise.
     """
 
     name: str
     use: float | None
     verdict: Verdict
     text: str
+    estimate: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +58,7 @@ class Candidate:
         mass: kg; None where unknown.
         cost: In the motor's currency; None where unknown.
         loss: Mean electrical loss of the worst cycle, W; None where unknown.
-        largest_use: Largest known utilisation.
+        largest_use: Largest known utilisation; where another actuator's mass is not stated, without that mass.
         fit: "fits", or "fit not checked".
     """
 
@@ -60,6 +73,16 @@ class Candidate:
     largest_use: float
     fit: str
 
+    @property
+    def id(self) -> str:
+        """The ids of the motor and the gear, "motor+gear"; of the motor alone without a gear."""
+        return pair_id(self.motor, self.gear)
+
+
+def pair_id(motor: Motor, gear: Gear) -> str:
+    """The ids of a motor and a gear, "motor+gear"; of the motor alone without a gear."""
+    return motor.id if gear.kind == "direct" else f"{motor.id}+{gear.id}"
+
 
 @dataclass(frozen=True, kw_only=True)
 class AxisSelection:
@@ -68,9 +91,13 @@ class AxisSelection:
     Attributes:
         axis: The axis.
         chosen: What was chosen; None where nothing in the catalogue can drive the axis.
-        candidates: The best of them, ranked; the failing ones nearest to the limits come last.
+        candidates: The chosen pair and the best others, ranked under the masses of the actuators chosen for the other
+            axes; the failing ones nearest to the limits come last.
         counts: Number of pairs in each tier.
         advice: Where nothing fits: which criterion fails for the nearest pair, by how much, and what would help.
+        unknown_masses: Names of the axes whose actuators' masses change this axis's loads and are not stated. Criteria
+            that depend on the loads are then unknown, unless they are exceeded without these masses already.
+        kept: Whether the pair was given.
     """
 
     axis: Axis
@@ -78,24 +105,61 @@ class AxisSelection:
     candidates: tuple[Candidate, ...]
     counts: tuple[tuple[Tier, int], ...]
     advice: str = ""
+    unknown_masses: tuple[str, ...] = ()
+    kept: bool = False
+
+
+class ParetoPoint(NamedTuple):
+    """A combination of one pair an axis that no other one betters in every respect.
+
+    Attributes:
+        mass: Total mass of the actuators, kg; None where one is unknown.
+        largest_use: The largest known utilisation of all axes.
+        loss: Total mean electrical loss, W; None where one is unknown.
+        cost: Total price; None where one is unknown.
+        pairs: The ids of the pairs ("motor+gear"), by axis.
+    """
+
+    mass: float | None
+    largest_use: float
+    loss: float | None
+    cost: float | None
+    pairs: tuple[str, ...]
+
+
+class SelectionInputs(NamedTuple):
+    """What was selected for: the mechanism and its motions, which a report shows."""
+
+    mechanism: Mechanism
+    motions: tuple[Motion, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Selection:
-    """The result of `bellcrank.select`.
+class Selection(Portable):
+    """The motors and gears of a robot, made by `bellcrank.select`.
+
+    `print` shows its tables and the verdict; a notebook shows them as HTML tables.
 
     Attributes:
         robot: Name of the robot or robot configuration.
-        objective: What was minimised (margin: maximised).
+        objective: What was minimised: "mass", "cost", "loss"; "margin": the largest utilisation.
         axes: The selection of each axis.
         cycles: The load cycles with the chosen actuators' masses.
         conditions: What was assumed.
         system: Criteria of all axes together: supply power, regenerated energy.
-        iterations: What each pass of the feedback of masses chose.
+        iterations: What each pass of the feedback of masses chose: the ids of the pairs by axis, "" for none. The first
+            pass is without the actuators' masses.
         proof: How far the choice is proven: "optimal: every combination was excluded or tried", or what was not tried.
-        pareto: Total (mass kg, largest utilisation, loss W) of the combinations that no other one dominates, each with
-            the ids of its pairs.
+        pareto: Combinations that no other one betters in mass, largest utilisation, loss and cost together.
+        pareto_proof: Whether these are all such combinations, or which were considered.
         warnings: Sentences about what to look at.
+        inputs: The mechanism and its motions; None where the selection does not hold them.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> selection = bc.select("geared_pendulum")
+        >>> selection.axis("shoulder").chosen is not None
+        True
     """
 
     robot: str
@@ -106,12 +170,82 @@ class Selection:
     system: tuple[CriterionResult, ...]
     iterations: tuple[tuple[str, ...], ...]
     proof: str
-    pareto: tuple[tuple[float | None, float, float | None, tuple[str, ...]], ...]
+    pareto: tuple[ParetoPoint, ...]
+    pareto_proof: str = ""
     warnings: tuple[str, ...] = ()
+    inputs: SelectionInputs | None = field(default=None, repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        chosen = ", ".join(f"{one.axis.name}: {one.chosen.id if one.chosen else 'nothing fits'}" for one in self.axes)
+        return f"Selection('{self.robot}', {chosen})"
+
+    def __str__(self) -> str:
+        from bellcrank.sizing.selection.tables import table, verdict
+
+        return "\n".join([table(self), *(f"note: {text}" for text in self.warnings), "", verdict(self)])
+
+    def _repr_html_(self) -> str:
+        from bellcrank.sizing.selection.tables import selection_html
+
+        return selection_html(self)
+
+    def axis(self, name: str) -> AxisSelection:
+        """The selection of one axis.
+
+        Args:
+            name: Name of the joint, or of the motor of a coupled transmission.
+
+        Returns:
+            Its AxisSelection.
+
+        Raises:
+            InputError: For an unknown name.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.select("geared_pendulum").axis("shoulder").axis.kind
+            'rotary'
+        """
+        arguments.text("name", name, "the name of a joint or motor")
+        for one in self.axes:
+            if one.axis.name == name:
+                return one
+        raise InputError(
+            f"selection for {self.robot}: {unknown_name('axis', name, [one.axis.name for one in self.axes])}"
+        )
+
+    @property
+    def mass(self) -> float | None:
+        """Total mass of the chosen actuators, kg; None where one is unknown or missing."""
+        return _sum(one.chosen.mass if one.chosen else None for one in self.axes)
+
+    @property
+    def cost(self) -> float | None:
+        """Total price of the chosen actuators; None where one is unknown or missing."""
+        return _sum(one.chosen.cost if one.chosen else None for one in self.axes)
+
+    @property
+    def loss(self) -> float | None:
+        """Total mean electrical loss, each axis in its worst cycle, W; None where one is unknown or missing."""
+        return _sum(one.chosen.loss if one.chosen else None for one in self.axes)
 
     @property
     def inside(self) -> bool:
-        """Whether every axis has a pair that passes, and the system's criteria hold."""
+        """Whether every axis has a pair that passes what is known, and no criterion of the whole robot is exceeded."""
         return all(one.chosen is not None and one.chosen.tier != "fails" for one in self.axes) and all(
             result.verdict != "exceeded" for result in self.system
         )
+
+    @property
+    def shown(self) -> bool:
+        """Whether every criterion of the chosen pairs and of the whole robot is known and kept."""
+        return all(one.chosen is not None and one.chosen.tier == "all criteria shown" for one in self.axes) and all(
+            result.verdict in ("inside", "note") for result in self.system
+        )
+
+
+def _sum(values: Iterable[float | None]) -> float | None:
+    """The sum; None where one is None."""
+    listed = list(values)
+    known = [value for value in listed if value is not None]
+    return math.fsum(known) if len(known) == len(listed) else None

@@ -46,7 +46,9 @@ function makeView(pane, film) {
     world.add(body);
     return body;
   });
-  const layers = [];
+  const layers = film.layers.map(({ group, name, bodies: members }) => ({
+    group, name, colour: "transparent", objects: members.map((k) => bodies[k]), on: true,
+  }));
   const cameraFollow = makeCameraFollow(THREE, viewer, camera, film, bodies, ground, layers);
   const updaters = [
     bodyUpdater(THREE, film, bodies),

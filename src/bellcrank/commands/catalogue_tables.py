@@ -1,0 +1,224 @@
+"""What `bellcrank catalogue` prints: lists of products, one product with all its figures, and the result of checks."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import textwrap
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from bellcrank.actuators.catalogue import Catalogue
+from bellcrank.actuators.catalogue_checks import checks_applied, contradictions
+from bellcrank.actuators.catalogue_columns import CURVE_FIELDS, GEAR_COLUMNS, MOTOR_COLUMNS, QUALITIES, Column
+from bellcrank.actuators.catalogue_curves import Placed, Product
+from bellcrank.actuators.gear import LINEAR_KINDS, Gear
+from bellcrank.actuators.motor import Motor
+from bellcrank.files.atomic_write import write_text
+from bellcrank.sizing.selection.completeness import completeness
+
+RPM = 30.0 / math.pi  # of 1 rad/s
+SHOWN_IN = {  # unit of a field -> unit on the screen, factor
+    "rad/s": ("rpm", RPM),
+    "rad/s/V": ("rpm/V", RPM),
+    "kg m^2": ("g cm²", 1e7),
+    "rad": ("arcmin", 60.0 * 180.0 / math.pi),
+    "m": ("mm", 1e3),
+    "H": ("mH", 1e3),
+}
+Cells = Sequence[Sequence[str]]
+
+
+def overview(catalogue: Catalogue) -> str:
+    """Lists of motors and gears, and what is known of them as a whole."""
+    width = shutil.get_terminal_size((100, 24)).columns
+    wrong = {one.product.id for one in contradictions(catalogue.products)}
+    parts = []
+    if catalogue.motors:
+        rows = [_motor_row(one, one.id in wrong) for one in catalogue.motors]
+        parts += [fitted(MOTOR_HEADER, rows, width), ""]
+    if catalogue.gears:
+        rows = [_gear_row(one, one.id in wrong) for one in catalogue.gears]
+        parts += [fitted(GEAR_HEADER, rows, width), ""]
+    if not catalogue.products:
+        return "no product of the catalogue satisfies all of the filters"
+    parts += [_counts(catalogue, len(wrong)), "", "Rows that state what a criterion needs:", _completeness(catalogue)]
+    return "\n".join(parts)
+
+
+MOTOR_HEADER = ("id", "kind", "V", "continuous\nN m", "peak\nN m", "speed\nrpm", "mass\nkg", "maker", "quality")
+GEAR_HEADER = ("id", "kind", "ratio", "average\nN m", "peak\nN m", "efficiency", "mass\nkg", "maker", "quality")
+
+
+def _motor_row(motor: Motor, wrong: bool) -> list[str]:
+    speed = motor.nominal_speed or motor.max_speed or motor.no_load_speed
+    return [
+        motor.id + (" *" if wrong else ""),
+        motor.kind,
+        figure(motor.nominal_voltage),
+        figure(motor.continuous_torque),
+        figure(motor.peak_torque),
+        figure(None if speed is None else speed * RPM),
+        figure(motor.mass),
+        motor.maker,
+        motor.quality,
+    ]
+
+
+def _gear_row(gear: Gear, wrong: bool) -> list[str]:
+    torque = gear.rated_torque if gear.average_torque is None else gear.average_torque
+    return [
+        gear.id + (" *" if wrong else ""),
+        gear.kind,
+        figure(gear.ratio),
+        figure(torque) + (" N" if gear.kind in LINEAR_KINDS and torque is not None else ""),
+        figure(gear.repeated_peak_torque),
+        figure(gear.efficiency),
+        figure(gear.mass),
+        gear.maker,
+        gear.quality,
+    ]
+
+
+def figure(value: float | None) -> str:
+    """A number with four digits; a dash where it is unknown."""
+    return "-" if value is None else f"{value:.4g}"
+
+
+def fitted(header: Sequence[str], rows: Cells, width: int) -> str:
+    """A text table of the first columns that fit the width; those that do not are named below."""
+    for count in range(len(header), 2, -1):
+        text = text_table(header[:count], [row[:count] for row in rows])
+        if max(map(len, text.splitlines())) <= width:
+            break
+    left = ", ".join(title.split("\n")[0] for title in header[count:])
+    return text + (f"\n(not shown for lack of width: {left})" if left else "")
+
+
+def text_table(header: Sequence[str], rows: Cells) -> str:
+    """Columns under headers of one or two lines; numbers to the right."""
+    titles = [title.split("\n") for title in header]
+    depth = max(map(len, titles))
+    heads = [[title[k] if k < len(title) else "" for title in titles] for k in range(depth)]
+    widths = [max(len(line[k]) for line in [*heads, *rows]) for k in range(len(header))]
+    numeric = [all(not row[k] or row[k][0] in "-.0123456789" for row in rows) for k in range(len(header))]
+
+    def written(line: Sequence[str]) -> str:
+        cells = zip(line, widths, numeric, strict=True)
+        return "  ".join(cell.rjust(width) if right else cell.ljust(width) for cell, width, right in cells).rstrip()
+
+    rule = "-" * (sum(widths) + 2 * len(widths) - 2)
+    return "\n".join([*map(written, heads), rule, *map(written, rows)])
+
+
+def _counts(catalogue: Catalogue, wrong: int) -> str:
+    """Numbers of products, by quality, and of those that contradict themselves."""
+    motors, gears = Counter(one.quality for one in catalogue.motors), Counter(one.quality for one in catalogue.gears)
+    listed = [name for name in QUALITIES if motors[name] or gears[name]]
+    rows = [[name, str(motors[name]), str(gears[name])] for name in listed]
+    rows.append(["all", str(len(catalogue.motors)), str(len(catalogue.gears))])
+    text = text_table(("quality", "motors", "gears"), rows)
+    if wrong:
+        text += (
+            f"\n* contradicts itself: {wrong} {'product' if wrong == 1 else 'products'}, which a selection leaves out "
+            "(`bellcrank catalogue check` says why)"
+        )
+    return text
+
+
+def _completeness(catalogue: Catalogue) -> str:
+    rows = [
+        [one.criterion, _share(one.motors, len(catalogue.motors)), _share(one.gears, len(catalogue.gears)),
+         f"{one.pairs:.1%}"]
+        for one in completeness(catalogue)
+    ]  # fmt: skip
+    return text_table(("criterion", "motors", "gears", "pairs"), rows)
+
+
+def _share(count: int | None, of: int) -> str:
+    return "" if count is None else f"{count} of {of}"
+
+
+def product_text(product: Product) -> str:
+    """A product with all its figures, what is unknown, and where it is from."""
+    columns = GEAR_COLUMNS if isinstance(product, Gear) else MOTOR_COLUMNS
+    stated, unknown = [], []
+    for column in columns.values():
+        if column.convert == "x ratio^2" or (column.kinds and product.kind not in column.kinds):
+            continue
+        if column.field in ("id", "maker", "model", "kind", "quality", "source", "checked", "notes"):
+            continue
+        value = getattr(product, column.field)
+        if value is None:
+            unknown.append(_words(column.name))
+        else:
+            stated.append([_words(column.name), _shown(column, value)])
+    curves = [name for name in CURVE_FIELDS if getattr(product, name, None)]
+    stated += [[_words(name), f"{len(getattr(product, name))} points"] for name in curves]
+    if isinstance(product, Motor) and product.dc_torque_constant is not None:
+        stated.append(["torque constant of the DC-equivalent motor", f"{product.dc_torque_constant:.5g} N m/A"])
+    name_width = max((len(name) for name, _ in stated), default=0)
+    lines = [f"{product.id}: {product.maker} {product.model} ({product.kind})"]
+    lines += [f"  {name.ljust(name_width)}  {value}" for name, value in stated]
+    lines += _paragraph("unknown", ", ".join(unknown))
+    lines += _paragraph("source", product.source or "not stated")
+    lines += [f"quality: {product.quality}" + (f"; checked {product.checked}" if product.checked else "")]
+    lines += _paragraph("notes", product.notes)
+    found = contradictions([product])
+    lines.append(f"checks: {checks_applied(product)} that its figures allow, {len(found)} contradicted")
+    lines += [line for one in found for line in _paragraph(f"  {one.check}", one.text)]
+    return "\n".join(lines)
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _shown(column: Column, value: object) -> str:
+    if not isinstance(value, float):
+        return str(value)
+    unit, factor = SHOWN_IN.get(column.unit or "", (column.unit or "", 1.0))
+    if column.convert:  # a lead or a radius
+        value = (2.0 * math.pi if column.convert == "2 pi / x" else 1.0) / value
+    return f"{value * factor:.6g} {unit}".rstrip()
+
+
+def _paragraph(title: str, text: str) -> list[str]:
+    if not text:
+        return []
+    width = min(shutil.get_terminal_size((100, 24)).columns, 120)
+    return textwrap.wrap(f"{title}: {text}", max(width, 40), subsequent_indent="  ", break_on_hyphens=False)
+
+
+def check_text(products: Sequence[Placed]) -> str:
+    """What contradicts itself, with its place, and how many checks were possible."""
+    places = {one.product.id: one.place for one in products}
+    found = contradictions(one.product for one in products)
+    lines = [f"{places[one.product.id]}: {one.product.id}: {one.check}: {one.text}" for one in found]
+    checks = [checks_applied(one.product) for one in products]
+    without = sum(not one.product.source for one in products)
+    wrong = len({one.product.id for one in found})
+    lines.append(
+        f"{len(products)} products, {sum(checks)} checks that their figures allow ({checks.count(0)} products allow "
+        f"none): {wrong or 'no'} {'product contradicts' if wrong == 1 else 'products contradict'} "
+        f"{'itself' if wrong == 1 else 'themselves'}"
+    )
+    if without:
+        lines.append(f"{without} {'product has' if without == 1 else 'products have'} no source")
+    return "\n".join(lines)
+
+
+def write_json(catalogue: Catalogue, path: Path) -> Path:
+    """Write products, contradictions and completeness as JSON, in SI units; unknown values are null."""
+    found = contradictions(catalogue.products)
+    document = {
+        "motors": [asdict(one) for one in catalogue.motors],
+        "gears": [asdict(one) for one in catalogue.gears],
+        "contradictions": [{"id": one.product.id, "check": one.check, "text": one.text} for one in found],
+        "completeness": [asdict(one) for one in completeness(catalogue)],
+    }
+    write_text(path, json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+    return path

@@ -1,0 +1,151 @@
+"""The film of a selection: its motions, and the chosen motors and gears as cylinders at their mounts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.errors import InputError
+from bellcrank.motion.quaternions import from_matrices
+from bellcrank.replays.film.film import BodyLayer, Film
+from bellcrank.replays.film.motion_film import MotionSequence, Progress, film_of_motions
+from bellcrank.replays.geometry.colours import Colour
+from bellcrank.replays.geometry.meshes import Detail
+from bellcrank.replays.geometry.shapes import Body, Shape
+
+if TYPE_CHECKING:
+    from bellcrank.actuators.gear import Gear
+    from bellcrank.actuators.motor import Motor
+    from bellcrank.sizing.selection.axis_loads import Axis
+    from bellcrank.sizing.selection.selection import Candidate, Selection
+
+Array = NDArray[np.float64]
+MOTOR_COLOUR: Colour = (0.0, 0.45, 0.70, 1.0)
+GEAR_COLOUR: Colour = (0.90, 0.62, 0.0, 1.0)
+LINK_OPACITY = 0.3  # motors and gears are inside the links
+STRIPES = 4  # rings of a cylinder of unknown size
+UNKNOWN_SIZE = 0.05  # m, diameter and length that stand for unknown ones where no chosen product states its own
+LEGEND = (
+    "Cylinders are the chosen motors (blue) and gears (orange) in their catalogue size, centred at their mounts: the "
+    "joint and its axis, unless the robot configuration says otherwise. Striped cylinders have a diameter or length that "
+    "the catalogue does not state."
+)
+
+
+def film_of_selection(
+    selection: Selection,
+    *,
+    trace: Iterable[str] = (),
+    detail: Detail = "reduced",
+    title: str | None = None,
+    progress: Progress = None,
+) -> Film:
+    """The film of a selection: its motions in sequence, and the chosen motors and gears.
+
+    It has no charts and no torques: the loads of a selection include the masses of its actuators.
+
+    Raises InputError for an unknown frame, and for a selection without its motions.
+    """
+    if selection.inputs is None:
+        raise InputError(f"selection of {selection.robot}: it does not hold its motions; make it with bellcrank.select")
+    mechanism, motions = selection.inputs
+    chosen = [(each, each.chosen) for each in selection.axes if each.chosen is not None]
+    usual = usual_size([candidate for _, candidate in chosen])
+    bodies = tuple(Body(axis.axis.mount, tuple(_shapes(candidate, axis.axis, usual))) for axis, candidate in chosen)
+    sequence = MotionSequence(mechanism=mechanism, motions=motions, actuators={}, more_bodies=bodies)
+    film = film_of_motions(sequence, title or f"{selection.robot}: selection", trace, detail, progress)
+    links = len(film.bodies) - len(bodies)
+    layers = [BodyLayer("Robot", "links", tuple(range(links)))]
+    layers += [
+        BodyLayer("Motors and gears", f"{axis.axis.name}: {product_names(candidate)}", (links + k,))
+        for k, (axis, candidate) in enumerate(chosen)
+    ]
+    return replace(
+        film,
+        bodies=(*map(_seen_through, film.bodies[:links]), *film.bodies[links:]),
+        layers=tuple(layers),
+        arrows=(),
+        charts=(),
+        xy_plots=(),
+        success=selection.inside,
+        notes=(LEGEND, *film.notes),
+    )
+
+
+def product_names(candidate: Candidate) -> str:
+    """The motor and gear of a pair, such as "EC 45 flat + CSG-17-100"."""
+    motor, gear = candidate.motor, candidate.gear
+    return motor.model if gear.kind == "direct" else f"{motor.model} + {gear.model}"
+
+
+@dataclass(frozen=True)
+class CylinderSize:
+    """Diameter and length (m) of a product's body; `known` says whether the catalogue states both."""
+
+    diameter: float
+    length: float
+    known: bool
+
+
+def usual_size(candidates: Iterable[Candidate]) -> float:
+    """The median of all stated diameters and lengths (m), which stands for those that are not stated."""
+    products = [product for each in candidates for product in (each.motor, each.gear)]
+    sizes = [size for product in products for size in (product.diameter, product.length) if size is not None]
+    return float(np.median(sizes)) if sizes else UNKNOWN_SIZE
+
+
+def cylinder_size(product: Motor | Gear, usual: float) -> CylinderSize:
+    """The size of a product's body; `usual` (m) for what is not stated where nothing is."""
+    diameter, length = product.diameter, product.length
+    stated = [size for size in (diameter, length) if size is not None]
+    default = stated[0] if stated else usual
+    return CylinderSize(
+        default if diameter is None else diameter, default if length is None else length, len(stated) == 2
+    )
+
+
+def _shapes(candidate: Candidate, axis: Axis, usual: float) -> Iterator[Shape]:
+    """The cylinders of a motor and its gear, one behind the other, centred at the mount."""
+    products: list[tuple[Motor | Gear, Colour]] = [(candidate.motor, MOTOR_COLOUR)]
+    if candidate.gear.kind != "direct":
+        products.append((candidate.gear, GEAR_COLOUR))
+    sizes = [cylinder_size(product, usual) for product, _ in products]
+    begin = -0.5 * sum(size.length for size in sizes)
+    for (_, colour), size in zip(products, sizes, strict=True):
+        yield from _cylinder(size, begin, colour, axis)
+        begin += size.length
+
+
+def _cylinder(size: CylinderSize, begin: float, colour: Colour, axis: Axis) -> Iterator[Shape]:
+    """A cylinder that begins at a distance (m) from the mount along its axis; in rings if its size is not known."""
+    point, direction = np.array(axis.mount_point), np.array(axis.mount_direction)
+    parts = 1 if size.known else STRIPES
+    height = size.length / (2 * parts - 1)
+    for k in range(parts):
+        centre = point + direction * (begin + (2 * k + 0.5) * height)
+        yield Shape(
+            kind="cylinder",
+            size=(0.5 * size.diameter, height),
+            colour=colour,
+            pose=(*centre.tolist(), *_along(direction)),
+        )
+
+
+def _along(direction: Array) -> tuple[float, ...]:
+    """A unit quaternion x y z w that turns z to a unit direction."""
+    aside = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    x = np.cross(aside, direction)
+    x /= np.linalg.norm(x)
+    matrix = np.stack([x, np.cross(direction, x), direction], axis=1)
+    return tuple(float(value) for value in from_matrices(matrix))
+
+
+def _seen_through(body: Body) -> Body:
+    """A body whose shapes let the motors be seen."""
+    return replace(
+        body, shapes=tuple(replace(s, colour=(*s.colour[:3], min(s.colour[3], LINK_OPACITY))) for s in body.shapes)
+    )

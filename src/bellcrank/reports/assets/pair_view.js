@@ -1,0 +1,33 @@
+// ---- one motor and gear: figures, torque-speed plane, utilisations and temperature
+
+const SIGNS = { "all criteria shown": "●", "passes what is known": "◐", fails: "✕" };
+const tierBadge = (tier) => element("span", { className: `tier ${tier.replaceAll(" ", "-")}` },
+  element("i", { ariaHidden: "true", textContent: SIGNS[tier] }), element("span", { textContent: tier }));
+
+const known = (value, unit, digits = 3) => (value === null || value === undefined ? "unknown" : `${formatNumber(value, digits)}${unit && ` ${unit}`}`);
+
+/** (name, value) of a pair's figures. */
+const pairFigures = (candidate) => [
+  ["ratio", candidate.gear.direct ? "direct" : known(candidate.shaft.ratio, candidate.axis.kind === "linear" ? "rad/m" : "", 4)],
+  ["largest utilisation", percent(candidate.use)],
+  ["binding criterion", candidate.binding],
+  ["mass", known(candidate.mass, "kg")],
+  ["cost", known(candidate.cost, candidate.motor.currency)],
+  ["electrical loss", known(candidate.loss, "W")],
+  ["fit", candidate.fit],
+];
+
+/** The whole view of a pair; `open` shows the sentence of every criterion, as print needs it. */
+function pairView(candidate, width, { open = false, figures = true, reach = null } = {}) {
+  const detail = candidate.detail();
+  const box = element("article", { className: "pair" },
+    element("header", {}, element("h3", { textContent: candidate.name }), tierBadge(candidate.tier)));
+  if (figures) {
+    box.append(element("dl", { className: "figures" },
+      ...pairFigures(candidate).map(([name, value]) => element("div", {}, element("dt", { textContent: name }), element("dd", { textContent: value })))));
+  }
+  box.append(torqueSpeedPlane(detail, width, reach ?? planeReach(detail)),
+    element("section", { className: "use-part" }, element("h4", { textContent: "Utilisation, 100 % at the limit" }), useBars(candidate.criteria, open)),
+    element("section", { className: "temperature-part" }, element("h4", { textContent: "Temperature" }), temperatureChart(detail, width)));
+  return box;
+}

@@ -1,0 +1,29 @@
+// ---- a bar of utilisation for each criterion
+
+const LIMIT = 80;  // % of a bar's width where the limit is
+const WORDS = { exceeded: "▲ over", unknown: "unknown", note: "note" };
+
+const percent = (use) => (use === null ? "unknown" : `${formatNumber(100 * use, use < 0.0995 ? 2 : 3)} %`);
+
+/** The criteria of a pair or of the system; a press on one shows its sentence. With `open` all sentences are shown. */
+function useBars(criteria, open = false) {
+  const list = element("ol", { className: "uses" });
+  const order = { exceeded: 0, inside: 1, unknown: 2, note: 3 };
+  const sorted = [...criteria].sort((a, b) => order[a.verdict] - order[b.verdict] || (b.use ?? 0) - (a.use ?? 0));
+  for (const { name, use, verdict, text } of sorted) {
+    const fill = element("i", { className: "fill" });
+    if (verdict !== "note") fill.style.width = use === null ? "100%" : `${Math.min(Math.max(use, 0) * LIMIT, 100)}%`;
+    const bar = element("span", { className: "bar-track", ariaHidden: "true" }, fill);
+    const value = verdict === "inside" || use === null || verdict === "note" ? WORDS[verdict] ?? percent(use)
+      : verdict === "unknown" ? `unknown (${percent(use)})` : `${percent(use)} ${WORDS.exceeded}`;
+    const sentence = element("span", { className: "sentence", textContent: text, hidden: !open });
+    const button = element("button", { className: "use", type: "button", ariaExpanded: String(open) },
+      element("span", { className: "criterion", textContent: name }), bar, element("span", { className: "value", textContent: value }));
+    button.onclick = () => {
+      sentence.hidden = !sentence.hidden;
+      button.ariaExpanded = String(!sentence.hidden);
+    };
+    list.append(element("li", { className: verdict }, button, sentence));
+  }
+  return list;
+}

@@ -1,0 +1,62 @@
+"""A document as HTML, with all its texts escaped."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable
+from html import escape
+
+from bellcrank.reports.document import Document, Facts, Picture, Table
+
+
+def document_html(document: Document) -> tuple[str, str]:
+    """The HTML before the replay (verdict, warnings, the still for paper) and after it (the parts)."""
+    lines = "".join(f"<p>{escape(line)}</p>" for line in document.verdict)
+    kind = "partial" if document.partial else "good" if document.success else "bad"
+    before = (
+        f'<section class="verdict {kind}" aria-label="verdict">'
+        f'<span class="word">{escape(document.status)}</span><div>{lines}'
+        f'<p class="about">{" · ".join(map(escape, document.about))}</p></div></section>'
+        + _list("Warnings", "warnings", document.warnings)
+        + _list("Notes", "notes", document.notes)
+        + f'<figure class="paper" id="still" data-time="{document.still.time!r}" hidden>'
+        f'<img alt="the 3-D view"><figcaption>{escape(document.still.caption)}</figcaption></figure>'
+    )
+    return before, "".join(map(part_html, document.parts))
+
+
+def _list(title: str, kind: str, texts: Iterable[str]) -> str:
+    items = "".join(f"<li>{escape(text)}</li>" for text in texts)
+    return f'<section class="{kind}"><h2>{title}</h2><ul>{items}</ul></section>' if items else ""
+
+
+def part_html(part: Facts | Table | Picture) -> str:
+    """One part of a report as HTML."""
+    title = escape(part.title)
+    if isinstance(part, Picture):
+        data = base64.b64encode(part.svg.encode("utf-8")).decode("ascii")
+        return (
+            f'<figure class="paper"><h2>{title}</h2><img alt="{title}" src="data:image/svg+xml;base64,{data}"></figure>'
+        )
+    if isinstance(part, Facts):
+        rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in part.rows)
+        return f'<section><h2>{title}</h2><table class="facts">{rows}</table></section>'
+    words = [all(_is_word(row[k]) for row in part.rows) for k in range(len(part.header))]
+    head = _row(part.header, words, ("th",) * len(words))
+    body = "".join(_row(row, words, ("th", *("td",) * (len(words) - 1))) for row in part.rows)
+    note = f"<p>{escape(part.note)}</p>" if part.note else ""
+    table = f"<table><thead>{head}</thead><tbody>{body}</tbody></table>"
+    return f'<section><h2>{title}</h2><div class="wide">{table}</div>{note}</section>'
+
+
+def _row(cells: Iterable[str], words: Iterable[bool], tags: Iterable[str]) -> str:
+    row = "".join(
+        f"<{tag}{' class=text' if word else ''}>{escape(cell).replace(chr(10), '<br>')}</{tag}>"
+        for cell, word, tag in zip(cells, words, tags, strict=True)
+    )
+    return f"<tr>{row}</tr>"
+
+
+def _is_word(cell: str) -> bool:
+    """Whether a cell is text, which is aligned left and may wrap, rather than a number."""
+    return not any(letter.isdigit() for letter in cell.partition(" ")[0])

@@ -1,0 +1,262 @@
+"""The data of a selection's page: products, candidates, criteria and loads as one compressed block of JSON.
+
+Names and sentences that occur often are stored once and referred to by number. Of each load cycle only the samples that
+a plot needs are kept: every corner of the convex hull of (torque, acceleration, speed), which decides every straight
+limit, and samples in between.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.actuators.gear import Gear
+from bellcrank.actuators.motor import Motor
+from bellcrank.replays.page.array_encoding import deflate_base64
+from bellcrank.sizing.selection.load_reductions import (
+    ACCELERATION,
+    DRIVEN,
+    DRIVING,
+    SPEED,
+    ReducedCycle,
+    reduce_loads,
+)
+from bellcrank.sizing.selection.motor_curves import motor_curves
+from bellcrank.sizing.selection.pair_detail import PairDetail, pair_details
+from bellcrank.sizing.selection.selection import (
+    AxisSelection,
+    Candidate,
+    CriterionResult,
+    ParetoPoint,
+    Selection,
+    Tier,
+    Verdict,
+    pair_id,
+)
+from bellcrank.text import readable
+
+Array = NDArray[np.float64]
+MOST_SAMPLES = 400  # of a load cycle besides the corners of its hull
+MOST_TEMPERATURES = 120  # of a cycle
+DIGITS = 5
+
+
+class Numbering:
+    """Texts or products in the order in which they first occur."""
+
+    def __init__(self) -> None:
+        self.number: dict[Any, int] = {}
+
+    def __call__(self, item: Any) -> int:
+        """The number of an item, a new one where it has none."""
+        return self.number.setdefault(item, len(self.number))
+
+
+def encoded_selection(selection: Selection) -> str:
+    """The data of a selection, deflated (zlib), in base64."""
+    text = json.dumps(selection_data(selection), allow_nan=False, separators=(",", ":"))
+    return deflate_base64(text.encode("utf-8"))
+
+
+def selection_data(selection: Selection) -> dict[str, Any]:
+    """The data of a selection, as it stands in the page (see selection_data.js); unknown numbers are None."""
+    names, texts, motors, gears = Numbering(), Numbering(), Numbering(), Numbering()
+    loads = reduce_loads(tuple(each.axis for each in selection.axes), selection.cycles)
+
+    def criterion(result: CriterionResult) -> list[int | float | None]:
+        use = result.estimate if result.use is None else result.use
+        return [names(result.name), number(use), VERDICTS.index(result.verdict), texts(readable(result.text))]
+
+    def candidate(one: Candidate, detail: PairDetail) -> dict[str, Any]:
+        return {
+            "motor": motors(one.motor),
+            "gear": gears(one.gear),
+            "tier": TIERS.index(one.tier),
+            "criteria": [criterion(result) for result in one.criteria],
+            "binding": one.binding,
+            "mass": number(one.mass),
+            "cost": number(one.cost),
+            "loss": number(one.loss),
+            "use": number(one.largest_use),
+            "fit": one.fit,
+            **_pair(detail),
+        }
+
+    axes = [
+        {
+            "name": readable(each.axis.name),
+            "kind": each.axis.kind,
+            "joints": each.axis.joints,
+            "mount": each.axis.mount,
+            "chosen": chosen_rank(each),
+            "counts": each.counts,
+            "advice": readable(each.advice),
+            "cycles": [_cycle(cycle) for cycle in load.cycles],
+            "candidates": list(map(candidate, listed(each), pair_details(selection, each, listed(each)))),
+        }
+        for each, load in zip(selection.axes, loads, strict=True)
+    ]
+    return {
+        "axes": axes,
+        "system": [criterion(result) for result in selection.system],
+        "pareto": [_combination(selection, each) for each in selection.pareto],
+        "motors": [_motor(motor, selection) for motor in motors.number],
+        "gears": [_gear(gear) for gear in gears.number],
+        "names": list(names.number),
+        "texts": list(texts.number),
+        "tiers": TIERS,
+        "verdicts": VERDICTS,
+    }
+
+
+TIERS: tuple[Tier, ...] = get_args(Tier)
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+
+
+def listed(axis: AxisSelection) -> tuple[Candidate, ...]:
+    """The candidates of an axis with the chosen one, which comes first where it is not among them."""
+    missing = axis.chosen is not None and _rank(axis, axis.candidates) is None
+    return (axis.chosen, *axis.candidates) if missing and axis.chosen is not None else axis.candidates
+
+
+def chosen_rank(axis: AxisSelection) -> int | None:
+    """The number of the chosen candidate in the list; None where nothing is chosen."""
+    return _rank(axis, listed(axis))
+
+
+def title(product: Motor | Gear) -> str:
+    """Maker and model of a product, the maker once."""
+    names = product.maker.casefold() in product.model.casefold()
+    return readable(product.model if names else f"{product.maker} {product.model}".strip())
+
+
+def number(value: float | None) -> float | None:
+    """A number with DIGITS digits; None where it is unknown or not finite."""
+    return None if value is None or not math.isfinite(value) else float(f"{value:.{DIGITS}g}")
+
+
+def _numbers(values: Iterable[float]) -> list[float | None]:
+    return [number(float(value)) for value in values]
+
+
+def _rank(axis: AxisSelection, candidates: Sequence[Candidate]) -> int | None:
+    if axis.chosen is None:
+        return None
+    ids = (axis.chosen.motor.id, axis.chosen.gear.id)
+    return next((k for k, each in enumerate(candidates) if (each.motor.id, each.gear.id) == ids), None)
+
+
+def _motor(motor: Motor, selection: Selection) -> dict[str, Any]:
+    curves = motor_curves(motor, selection.conditions)
+    return {
+        "id": readable(motor.id),
+        "title": title(motor),
+        "maker": readable(motor.maker),
+        "currency": readable(motor.currency or ""),
+        "curves": {
+            "continuous": _curve(curves.continuous),
+            "region": None if curves.short_time is None else [_numbers(column) for column in curves.short_time.T],
+            "voltage": _curve(curves.voltage),
+        },
+        "unknown": curves.unknown,
+        "limits": {"winding": number(motor.max_winding_temperature), "housing": number(motor.max_housing_temperature)},
+    }
+
+
+def _gear(gear: Gear) -> dict[str, Any]:
+    return {
+        "id": readable(gear.id),
+        "title": title(gear),
+        "maker": readable(gear.maker),
+        "direct": gear.kind == "direct",
+    }
+
+
+def _curve(points: Array | None) -> list[list[float | None]] | None:
+    """Points (k, 2) as a list of speeds and one of torques."""
+    return None if points is None else [_numbers(points[:, 0]), _numbers(points[:, 1])]
+
+
+def _pair(detail: PairDetail) -> dict[str, Any]:
+    """What plots of a pair need beside the loads of its axis and the curves of its motor."""
+    shaft = detail.shaft
+    return {
+        "shaft": {
+            "ratio": number(shaft.ratio),
+            "efficiency": number(shaft.efficiency),
+            "backEfficiency": number(shaft.back_efficiency),
+            "efficiencyCurve": _curve(shaft.efficiency_curve),
+            "inertia": number(shaft.inertia),
+            "safety": number(shaft.safety_factor),
+            "leftOut": shaft.left_out,
+        },
+        "cycles": [
+            {
+                "meanSpeed": number(cycle.mean_speed),
+                "rmsTorque": number(cycle.rms_torque),
+                "temperature": _temperature(cycle.temperature),
+            }
+            for cycle in detail.cycles
+        ],
+        "temperatureText": detail.temperature_text,
+    }
+
+
+def _temperature(table: Array | None) -> dict[str, list[float | None]] | None:
+    """Times, winding and housing temperatures (n, 3), thinned; extremes of the winding are kept."""
+    if table is None:
+        return None
+    rows = thinned(table, MOST_TEMPERATURES)
+    return {name: _numbers(table[rows, k]) for k, name in enumerate(("time", "winding", "housing"))}
+
+
+def _cycle(cycle: ReducedCycle) -> dict[str, Any]:
+    """The load of an axis along a cycle: some of its samples, then its extremes (at speeds that are not negative)."""
+    table = load_table(cycle)
+    names = ("torque", "speed", "acceleration")
+    return {"name": readable(cycle.name), **{name: _numbers(table[:, k]) for k, name in enumerate(names)}}
+
+
+def load_table(cycle: ReducedCycle) -> Array:
+    """(torque, speed, acceleration) (n, 3) of the axis: some samples of a cycle, and all that decide straight limits.
+
+    Those that decide are at speeds that are not negative: their signs are turned together, which changes no limit.
+    """
+    samples = np.column_stack([cycle.torque, cycle.speed, cycle.features[:, ACCELERATION]])
+    extremes = cycle.extremes
+    torque = extremes[:, DRIVING] + extremes[:, DRIVEN]
+    return np.concatenate(
+        [
+            samples[thinned(samples, MOST_SAMPLES)],
+            np.column_stack([torque, extremes[:, SPEED], extremes[:, ACCELERATION]]),
+        ]
+    )
+
+
+def thinned(table: Array, most: int) -> NDArray[np.intp]:
+    """About `most` rows of a table (n, m), evenly spread, and those of the extremes of each column."""
+    even = np.linspace(0, len(table) - 1, min(most, len(table))).astype(np.intp)
+    return np.unique(np.concatenate([even, np.argmin(table, axis=0), np.argmax(table, axis=0)]))
+
+
+def _combination(selection: Selection, each: ParetoPoint) -> dict[str, Any]:
+    """A point of the Pareto front, with the names of its products."""
+    titles = {pair_id(one.motor, one.gear): _pair_title(one) for axis in selection.axes for one in listed(axis)}
+    chosen = tuple("" if axis.chosen is None else axis.chosen.id for axis in selection.axes)
+    return {
+        "mass": number(each.mass),
+        "use": number(each.largest_use),
+        "loss": number(each.loss),
+        "cost": number(each.cost),
+        "pairs": [titles.get(pair, readable(pair)) for pair in each.pairs],
+        "chosen": each.pairs == chosen,
+    }
+
+
+def _pair_title(one: Candidate) -> str:
+    return title(one.motor) if one.gear.kind == "direct" else f"{title(one.motor)} + {title(one.gear)}"

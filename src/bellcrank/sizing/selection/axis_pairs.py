@@ -1,0 +1,136 @@
+"""The pairs that an axis chooses from, in the order of their ids, with their masses and prices."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.actuators.catalogue import Catalogue
+from bellcrank.actuators.gear import DIRECT, Gear
+from bellcrank.actuators.motor import Motor
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
+from bellcrank.sizing.selection.actuator_masses import Bodies, bodies_of
+from bellcrank.sizing.selection.axis_loads import Axis
+from bellcrank.sizing.selection.pairs import Pairs
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AxisPairs:
+    """The pairs of one axis.
+
+    Attributes:
+        axis: The axis.
+        pairs: The pairs, in the order of the ids of motors and gears.
+        bodies: Their masses and inertias.
+        cost: (m,) price of motor and gear together; NaN where unknown, or where they have different currencies.
+        kept: Whether the axis's pair was given.
+    """
+
+    axis: Axis
+    pairs: Pairs
+    bodies: Bodies
+    cost: Array
+    kept: bool
+
+
+def axis_pairs(axes: Sequence[Axis], catalogue: Catalogue, keep: Mapping[str, str]) -> tuple[AxisPairs, ...]:
+    """The pairs of each axis.
+
+    Args:
+        axes: The axes.
+        catalogue: The products to choose from.
+        keep: Ids by the name of the axis, "motor+gear", or "motor" for any gear; these products are in the catalogue.
+
+    Returns:
+        The pairs by axis. Axes of the same kind without a given pair share them.
+
+    Raises:
+        InputError: An axis, a motor or a gear is unknown, or they do not go together.
+    """
+    names = [axis.name for axis in axes]
+    for name in keep:
+        if name not in names:
+            raise InputError(f"argument 'keep': {unknown_name('axis', name, names)}")
+    motors = sorted(catalogue.motors, key=lambda row: row.id)
+    gears = sorted(catalogue.gears, key=lambda row: row.id)
+    shared: dict[str, AxisPairs] = {}
+    found = []
+    for axis in axes:
+        if axis.name in keep:
+            found.append(_kept(axis, motors, gears, keep[axis.name]))
+            continue
+        if axis.kind not in shared:
+            shared[axis.kind] = _with_figures(axis, Pairs.possible(motors, gears, axis.kind), kept=False)
+        one = shared[axis.kind]
+        found.append(AxisPairs(axis=axis, pairs=one.pairs, bodies=one.bodies, cost=one.cost, kept=False))
+    return tuple(found)
+
+
+def _kept(axis: Axis, motors: Sequence[Motor], gears: Sequence[Gear], given: str) -> AxisPairs:
+    """The pairs of an axis whose motor, or motor and gear, is given. Raises InputError."""
+    where = f"argument 'keep': axis '{axis.name}'"
+    motor_id, plus, gear_id = (part.strip() for part in given.partition("+"))
+    motor = [row for row in motors if row.id == motor_id]
+    if not motor:
+        raise InputError(f"{where}: {unknown_name('motor', motor_id, [row.id for row in motors])}")
+    if plus and gear_id != DIRECT.id:
+        named = [row for row in gears if row.id == gear_id]
+        if not named:
+            raise InputError(f"{where}: {unknown_name('gear', gear_id, [row.id for row in gears])}")
+        gears = named
+    pairs = Pairs.possible(motor, gears, axis.kind)
+    if plus:
+        direct = np.array([pairs.products.gears[g].kind == "direct" for g in pairs.gear], dtype=bool)
+        pairs = pairs.take(direct if gear_id == DIRECT.id else ~direct)
+    if not len(pairs):
+        raise InputError(
+            f"{where} ({axis.kind}): '{given}' cannot drive it: a linear axis takes screws and racks, a rotary one "
+            "other gears; a motor and gear sold as one takes no further gear; flange and shaft must fit"
+        )
+    return _with_figures(axis, pairs, kept=True)
+
+
+def _with_figures(axis: Axis, pairs: Pairs, kept: bool) -> AxisPairs:
+    products = pairs.products
+    return AxisPairs(
+        axis=axis,
+        pairs=pairs,
+        bodies=bodies_of(products.motors, products.gears, pairs.motor, pairs.gear),
+        cost=_cost(pairs),
+        kept=kept,
+    )
+
+
+def _cost(pairs: Pairs) -> Array:
+    """Price (m,) of each pair; a pair without a gear costs what the motor does."""
+    motors, gears = pairs.products.motors, pairs.products.gears
+    prices = np.array([row.price for row in motors], dtype=np.float64)
+    gear_prices = np.array([0.0 if row.kind == "direct" else row.price for row in gears], dtype=np.float64)
+    names = {name: number for number, name in enumerate(sorted({r.currency or "" for r in (*motors, *gears)}))}
+    motor_currency = np.array([names[row.currency or ""] for row in motors], dtype=np.intp)
+    gear_currency = np.array([names[row.currency or ""] for row in gears], dtype=np.intp)
+    direct = np.array([row.kind == "direct" for row in gears], dtype=bool)
+    alike = (motor_currency[pairs.motor] == gear_currency[pairs.gear]) | direct[pairs.gear]
+    return np.where(alike, prices[pairs.motor] + gear_prices[pairs.gear], np.nan)
+
+
+def check_prices(axes: Sequence[AxisPairs], objective: str) -> None:
+    """Refuse the least cost where no pair has a price, or prices have several currencies (InputError)."""
+    if objective != "cost":
+        return
+    rows = {row.id: row for one in axes for row in (*one.pairs.products.motors, *one.pairs.products.gears)}
+    priced = [row for row in rows.values() if row.price is not None and row.kind != "direct"]
+    currencies = sorted({row.currency or "no currency stated" for row in priced})
+    if len(currencies) > 1:
+        raise InputError(
+            f"objective 'cost': the catalogue has prices in several currencies ({', '.join(currencies)}); convert them "
+            "to one, or exclude products"
+        )
+    if not any(np.isfinite(one.cost).any() for one in axes):
+        raise InputError("objective 'cost': no motor and gear that go together both state a price; add prices")

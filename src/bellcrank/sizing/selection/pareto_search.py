@@ -1,0 +1,125 @@
+"""The Pareto front of the combinations of all axes.
+
+On small catalogues it is exact: the front of an axis and of all axes after it follows from those with each mass that its
+actuator can have, because adding a pair adds to masses, losses and costs, and can only raise the largest utilisation.
+Elsewhere the fronts of the axes under the masses of the chosen actuators are combined.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from bellcrank.sizing.selection.joint_problem import NO_MASS, Choice, Masses, is_ordered, masses_of, search_order
+from bellcrank.sizing.selection.judged_axes import PAIRS_OF_A_JUDGEMENT, JudgedAxes
+from bellcrank.sizing.selection.pareto import Array, Front, Indices, non_dominated
+from bellcrank.sizing.selection.ranking import RankKey, as_key
+from bellcrank.sizing.selection.selection import ParetoPoint, pair_id
+
+MOST_POINTS = 400  # of a front between axes
+MOST_OF_AN_AXIS = 60
+EXACT = "all combinations that no other one betters, of pairs that are known as well as the chosen ones"
+PER_AXIS = (
+    "approximate: combined from the best pairs of each axis under the masses of the chosen actuators, of pairs that are "
+    "known as well as the chosen ones"
+)
+
+
+def pareto_front(problem: JudgedAxes, choice: Choice, effort: int) -> tuple[tuple[ParetoPoint, ...], str]:
+    """Combinations that no other one betters in mass, largest utilisation, loss and cost together.
+
+    Only pairs count that pass and are known at least as well as the chosen pair of their axis: a pair of which little is
+    known would seem to have a small utilisation.
+
+    Args:
+        problem: The pairs.
+        choice: What was chosen.
+        effort: How many pairs may be judged for an exact front.
+
+    Returns:
+        The points in the order of their mass, and what is proven of them.
+    """
+    if not all(choice_pair is not None for choice_pair in choice):
+        return (), "there is none, because nothing can drive an axis"
+    search = _FrontSearch(problem, choice)
+    if any(key[0] for key in search.chosen):
+        return (), "there is none, because a given pair fails"
+    exact = search.exact_effort() <= effort
+    front, thinned = (search.exact(0, (NO_MASS,) * len(choice)), False) if exact else search.combined()
+    exact = exact or not (problem.influence.any() or thinned)
+    places = np.argsort(np.array(search.order))
+    points = [_point(problem, point, row[places]) for point, row in zip(front.points, front.pairs, strict=True)]
+    return tuple(sorted(points, key=_place)), EXACT if exact else PER_AXIS
+
+
+class _FrontSearch:
+    """The fronts of the axes, from the tip to the base."""
+
+    def __init__(self, problem: JudgedAxes, choice: Choice) -> None:
+        self.problem = problem
+        self.groups = search_order(problem.influence)
+        self.order = [axis for group in self.groups for axis in group]
+        self.masses = masses_of(problem, choice)
+        self.chosen: list[RankKey] = [
+            as_key(problem.keys(axis, self.masses)[pair]) for axis, pair in enumerate(choice) if pair is not None
+        ]
+
+    def rows(self, axis: int, masses: Masses) -> tuple[Array, Indices]:
+        """The points of an axis's pairs that count, and their numbers."""
+        ranks, one = self.problem.ranks(axis, masses), self.problem.axes[axis]
+        _, partial, unknown, *_ = self.chosen[axis]
+        keys = ranks.keys
+        known = (keys[:, 1] < partial) | ((keys[:, 1] == partial) & (keys[:, 2] <= unknown))
+        pairs = np.flatnonzero((keys[:, 0] == 0) & known)
+        columns = (one.bodies.mass, ranks.use, ranks.loss, one.cost)
+        points = np.column_stack([np.where(np.isnan(column[pairs]), np.inf, column[pairs]) for column in columns])
+        return points, pairs
+
+    def exact_effort(self) -> float:
+        """How many pairs an exact front would judge; infinite where axes load each other."""
+        problem, nodes, effort = self.problem, 1, 0
+        if not all(is_ordered(problem.influence, group) for group in self.groups):
+            return math.inf
+        for axis in self.order:
+            effort += nodes * (len(problem.axes[axis].pairs) + PAIRS_OF_A_JUDGEMENT)
+            passing = problem.keys(axis, self.masses)[:, 0] == 0
+            nodes *= max(len(np.unique(problem.classes[axis][passing])), 1)
+        return effort
+
+    def exact(self, depth: int, masses: Masses) -> Front:
+        """The front of an axis and those after it, where the axes before have these masses."""
+        if depth == len(self.order):
+            return Front.empty()
+        axis = self.order[depth]
+        points, pairs = self.rows(axis, masses)
+        classes = self.problem.classes[axis][pairs]
+        fronts = []
+        for body in np.unique(classes):
+            mine = np.flatnonzero(classes == body)
+            mine = mine[non_dominated(points[mine])]
+            own = Front(points[mine], pairs[mine][:, None])
+            after = self.exact(depth + 1, (*masses[:axis], int(body), *masses[axis + 1 :]))
+            fronts.append(own.with_front(after))
+        return Front.of(fronts, len(self.order) - depth).non_dominated()
+
+    def combined(self) -> tuple[Front, bool]:
+        """The fronts of all axes under the masses of the chosen actuators, combined; whether any was thinned out."""
+        front, thinned = Front.empty(), False
+        for axis in self.order:
+            points, pairs = self.rows(axis, self.masses)
+            own = Front(points, pairs[:, None]).non_dominated()
+            front = front.with_front(own.thinned(MOST_OF_AN_AXIS)).non_dominated()
+            thinned |= len(own.points) > MOST_OF_AN_AXIS or len(front.points) > MOST_POINTS
+            front = front.thinned(MOST_POINTS)
+        return front, thinned
+
+
+def _point(problem: JudgedAxes, point: Array, pairs: Indices) -> ParetoPoint:
+    mass, use, loss, cost = (float(value) if math.isfinite(value) else None for value in point)
+    ids = tuple(pair_id(*one.pairs.rows(int(pair))) for one, pair in zip(problem.axes, pairs, strict=True))
+    return ParetoPoint(mass, use or 0.0, loss, cost, ids)
+
+
+def _place(point: ParetoPoint) -> tuple[float, float, tuple[str, ...]]:
+    return (math.inf if point.mass is None else point.mass, point.largest_use, point.pairs)

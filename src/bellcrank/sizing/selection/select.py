@@ -1,0 +1,207 @@
+"""`bellcrank.select`: choose the motor and gear of every axis of a robot from a catalogue."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast, get_args
+
+from bellcrank import arguments
+from bellcrank.actuators.catalogue import Catalogue, load_catalogue
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.actuators.coupled_transmission import CoupledTransmission
+from bellcrank.actuators.mount import Mount
+from bellcrank.errors import InputError
+from bellcrank.files.access import Trust
+from bellcrank.motion.duty_program import checked_duty
+from bellcrank.robot.payload import Payload
+from bellcrank.sizing.massless_motors import massless_motors
+from bellcrank.sizing.mechanism_sizing import motion_warnings
+from bellcrank.sizing.selection.axis_loads_of import axis_loads
+from bellcrank.sizing.selection.axis_pairs import axis_pairs, check_prices
+from bellcrank.sizing.selection.choose import choose
+from bellcrank.sizing.selection.judged_axes import JudgedAxes
+from bellcrank.sizing.selection.selection import Objective, Selection, SelectionInputs
+from bellcrank.sizing.selection.selection_of import selection_of
+from bellcrank.sizing.size import OneMotion, SizingSubject, sizing_subject
+from bellcrank.terminal.progress import counting
+
+if TYPE_CHECKING:
+    from bellcrank.dynamics.mechanism import Mechanism
+    from bellcrank.robot.robot import Robot
+    from bellcrank.scene.robot_config import RobotConfig
+    from bellcrank.scene.scene import Scene
+
+
+def select(
+    robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
+    motions: OneMotion | Sequence[OneMotion] | None = None,
+    catalogue: Catalogue | str | Path | Sequence[str | Path] | None = None,
+    objective: Objective = "mass",
+    *,
+    conditions: Conditions | None = None,
+    duty: Sequence[Any] | None = None,
+    keep: Mapping[str, str] | None = None,
+    exclude: Iterable[str] = (),
+    makers: Iterable[str] = (),
+    transmissions: Iterable[CoupledTransmission] | None = None,
+    mounts: Mapping[str, Mount] | None = None,
+    feedback: bool = True,
+    candidates: int = 12,
+    effort: int = 300_000,
+    payloads: Iterable[Payload] = (),
+    allow_massless: Iterable[str] = (),
+    trust: Trust = (),
+) -> Selection:
+    """Choose the motor and gear of every axis from a catalogue.
+
+    All combinations of motors and gears that go together are judged for each axis, by every criterion, along load
+    cycles. They are ranked: first those of which all criteria are shown, then those that pass what is known, with fewer
+    unknown main criteria first; then by the objective, where a known value comes before an unknown one; then by the
+    largest utilisation. The masses of the chosen actuators load other axes, so the best combination of all axes is
+    searched for, from the tip to the base (branch and bound); `Selection.proof` says what is proven of it.
+
+    Where the mass of an actuator is not stated, the loads of the axes that it influences are unknown: there, no
+    criterion that depends on loads is shown.
+
+    Args:
+        robot: As for `size`: a Robot or Linkage; or a RobotConfig, a Scene, or the path or name of a robot
+            configuration or URDF.
+        motions: As for `size`.
+        catalogue: The products to choose from, or folders and files of products besides those that come with bellcrank; by
+            default the latter alone.
+        objective: "mass", "cost" or "loss" (least total), or "margin" (least largest utilisation).
+        conditions: Supply, surroundings and safety.
+        duty: The cycle: names of motions, and mappings such as {"motion": "pick", "repeat": 3} and {"pause": 2.0}; by
+            default that of the robot configuration, else each motion is a cycle that repeats.
+        keep: Pairs that are given, by the name of the axis: the ids "motor+gear", or "motor" with any gear.
+        exclude: Ids of products to leave out.
+        makers: Makers to choose from; empty: all.
+        transmissions: Coupled transmissions, whose motors are axes in place of their joints; by default those of the
+            robot configuration.
+        mounts: Where actuators are mounted, by the name of the axis; by default those of the robot configuration, else
+            on the joint's parent link.
+        feedback: Whether the masses of actuators are added to those of the robot; False where the URDF contains them.
+        candidates: How many pairs of each axis the result lists.
+        effort: How many pairs the search may judge once a first combination is found.
+        payloads: Payloads besides those that the robot carries.
+        allow_massless: Links without mass that motors may move, as for `size`.
+        trust: Folders whose files a robot configuration or URDF may name, besides those near it.
+
+    Returns:
+        The Selection; `print` shows its tables, `Selection.inside` is the verdict.
+
+    Raises:
+        InputError: For what `size` refuses; for an unknown objective, maker, product or axis; for a catalogue without
+            motors, and one without prices, or with several currencies, where the objective is the cost.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> selection = bc.select("geared_pendulum", candidates=3)
+        >>> selection.axis("shoulder").chosen.mass == selection.mass
+        True
+    """
+    objective = cast(Objective, arguments.one_of("objective", objective, get_args(Objective)))
+    if conditions is not None:
+        arguments.instance("conditions", conditions, Conditions, "Conditions")
+    feedback = arguments.flag("feedback", feedback)
+    candidates = arguments.whole("candidates", candidates, least=1, most=arguments.MOST_ITEMS)
+    effort = arguments.whole("effort", effort, least=0)
+    products = _products(catalogue, makers, exclude)
+    conditions = conditions or Conditions()
+    subject = sizing_subject(robot, motions, payloads, trust)
+    _refuse_massless(subject, allow_massless)
+    given = _given(subject.config, duty, transmissions, mounts)
+    loads = axis_loads(subject.mechanism, subject.motions, *given)
+    completed = _completed(products, conditions)
+    pairs = axis_pairs(loads.axes, completed, _kept(keep))
+    check_prices(pairs, objective)
+    with counting("select", " pairs") as bar:
+        problem = JudgedAxes(loads, pairs, conditions, objective, feedback, lambda done: bar(done, done))
+        selection = selection_of(problem, choose(problem, effort), candidates, effort)
+    robot_name = subject.mechanism.robot.name if subject.config is None else subject.config.name
+    warnings = [*_subject_warnings(subject), *loads.warnings, *_assumed_notes(products, conditions)]
+    return replace(
+        selection,
+        robot=robot_name,
+        inputs=SelectionInputs(subject.mechanism, tuple(subject.motions)),
+        warnings=tuple(dict.fromkeys([*warnings, *selection.warnings])),
+    )
+
+
+def _products(
+    given: Catalogue | str | Path | Sequence[str | Path] | None, makers: Iterable[str], exclude: Iterable[str]
+) -> Catalogue:
+    """The products to choose from. Raises InputError."""
+    if given is None:
+        catalogue = load_catalogue()
+    elif isinstance(given, Catalogue):
+        catalogue = given
+    else:
+        folders = arguments.several(
+            "catalogue", [given] if isinstance(given, (str, Path)) else given, (str, Path), "folders"
+        )
+        catalogue = load_catalogue(*folders)
+    catalogue = catalogue.filtered(makers=makers, exclude=exclude)
+    if not catalogue.motors:
+        raise InputError("argument 'catalogue': no motor is left to choose from; name other makers, or exclude less")
+    return catalogue
+
+
+def _kept(given: Mapping[str, str] | None) -> dict[str, str]:
+    """Given pairs by axis. Raises InputError."""
+    kept = {} if given is None else arguments.mapping("keep", given, "a mapping of axes to ids of motors and gears")
+    for name, ids in kept.items():
+        arguments.text(f'keep["{name:.80}"]', ids, 'ids such as "motor+gear"')
+    return kept
+
+
+def _given(
+    config: RobotConfig | None,
+    duty: Sequence[Any] | None,
+    transmissions: Iterable[CoupledTransmission] | None,
+    mounts: Mapping[str, Mount] | None,
+) -> tuple[Any, Any, Any]:
+    """Duty program, transmissions and mounts, those of the configuration where none are given."""
+    if config is not None:
+        duty = config.duty or None if duty is None else duty
+        transmissions = config.transmissions if transmissions is None else transmissions
+        mounts = config.mounts if mounts is None else mounts
+    return checked_duty(duty), tuple(transmissions or ()), mounts
+
+
+def _refuse_massless(subject: SizingSubject, allowed: Iterable[str]) -> None:
+    """Refuse motors that move no mass: any actuator would seem to do (InputError)."""
+    links = arguments.several("allow_massless", allowed, str, "names of links", alone=True)
+    refused = massless_motors(subject.mechanism, subject.motions, links).refused
+    for text in refused.values():
+        raise InputError(f"selection for {subject.mechanism.robot.name}: {text}")
+
+
+def _completed(catalogue: Catalogue, conditions: Conditions) -> Catalogue:
+    """The products with the assumed values where they state none."""
+    if not conditions.assumed:
+        return catalogue
+    return Catalogue(
+        tuple(conditions.completed(row) for row in catalogue.motors),
+        tuple(conditions.completed(row) for row in catalogue.gears),
+    )
+
+
+def _assumed_notes(catalogue: Catalogue, conditions: Conditions) -> list[str]:
+    """A sentence for each assumed value, with the number of products that it is taken for."""
+    notes = []
+    for name, value in dict(conditions.assumed).items():
+        room, _, field = name.partition(".")
+        rows = catalogue.motors if room == "motor" else catalogue.gears
+        count = sum(field in dict(conditions.filled(row)) for row in rows)
+        notes.append(f"{name} = {value:g} is assumed for {count} of {len(rows)} {room}s, which do not state it")
+    return notes
+
+
+def _subject_warnings(subject: SizingSubject) -> list[str]:
+    robot = subject.mechanism.robot
+    deprecations = () if subject.config is None else subject.config.deprecations
+    found = [*deprecations, *robot.findings, *robot.inertia_warnings]
+    return found + motion_warnings(subject.mechanism, subject.motions)

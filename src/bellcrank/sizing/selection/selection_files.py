@@ -1,0 +1,218 @@
+"""The files that a selection is written to: selection.csv and selection.json, with units."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bellcrank.actuators.product_fields import product_data
+from bellcrank.errors import InputError
+from bellcrank.files import atomic_write
+from bellcrank.files.access import read_text
+from bellcrank.files.csv_files import guarded
+from bellcrank.sizing.selection.selection import AxisSelection, Candidate, CriterionResult, Selection
+
+RESULTS = ("selection.csv", "selection.json")
+PICTURES = ("motors.png", "utilisation.png", "pareto.png")
+FILES = (*RESULTS, *PICTURES)  # all that a selection writes into its folder
+_OURS = re.compile(r"\A(?:motors|utilisation|pareto)\.png\Z|\Aselection\.csv\Z")
+UNITS = {
+    "mass": "kg",
+    "loss": "W",
+    "cost": "in the currency of the row",
+    "use": "1 at the limit",
+    "torque": "N m (N on linear axes)",
+    "speed": "rad/s (m/s)",
+    "duration": "s",
+    "voltage": "V",
+    "temperature": "°C",
+    "motor": "SI units: V, A, Ω, H, N m, rad/s, kg m^2, K/W, s, kg, m",
+    "gear": "SI units: N m (N), rad/s at the input, kg m^2 at the input, N m/rad, rad, h, kg, m",
+}
+
+
+def write_results(selection: Selection, folder: str | Path, others: Iterable[Path] = ()) -> list[Path]:
+    """Write selection.csv and selection.json into a folder, each as a whole or not at all, and return their paths.
+
+    `others` are files of the same selection in the folder; selection.json lists them beside these two under "files".
+    Raises InputError where a file cannot be written.
+    """
+    folder = Path(folder)
+    names = [*RESULTS, *(path.name for path in others)]
+    files = {folder / "selection.csv": csv_text(selection), folder / "selection.json": json_text(selection, names)}
+    for path, text in files.items():
+        atomic_write.write_text(path, text)
+    return list(files)
+
+
+def earlier_files(folder: str | Path) -> list[str]:
+    """Names of the files that the selection.json of a folder lists; none where there is no such file.
+
+    Only names that a selection writes are returned, so that no other file can be removed.
+    """
+    try:
+        document = json.loads(read_text(Path(folder) / "selection.json"))
+    except (InputError, ValueError, RecursionError):
+        return []
+    listed = document.get("files") if isinstance(document, dict) else None
+    return [name for name in listed if isinstance(name, str) and _OURS.match(name)] if isinstance(listed, list) else []
+
+
+def csv_text(selection: Selection) -> str:
+    """The text of selection.csv: one line an axis and candidate, units in the header, empty where unknown."""
+    names = _criterion_names(selection)
+    rows = [
+        _row(one, rank, candidate, names)
+        for one in selection.axes
+        for rank, candidate in enumerate(one.candidates or (None,), 1)
+    ]
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(rows[0])
+    writer.writerows(guarded(row.values()) for row in rows)
+    return buffer.getvalue()
+
+
+def json_text(selection: Selection, files: Iterable[str] = RESULTS) -> str:
+    """The text of selection.json: the whole selection in SI units, with null for what is unknown."""
+    conditions = {**vars(selection.conditions), "assumed": dict(selection.conditions.assumed)}
+    document = {
+        "robot": selection.robot,
+        "objective": selection.objective,
+        "files": list(files),
+        "inside": selection.inside,
+        "all_criteria_shown": selection.shown,
+        "mass": selection.mass,
+        "loss": selection.loss,
+        "cost": selection.cost,
+        "warnings": list(selection.warnings),
+        "conditions": conditions,
+        "units": UNITS,
+        "cycles": [_cycle(selection, k) for k in range(len(selection.cycles))],
+        "axes": [_axis(one) for one in selection.axes],
+        "system": [_criterion(one) for one in selection.system],
+        "iterations": [list(one) for one in selection.iterations],
+        "proof": selection.proof,
+        "pareto": [one._asdict() for one in selection.pareto],
+        "pareto_proof": selection.pareto_proof,
+    }
+    return json.dumps(_finite(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _criterion_names(selection: Selection) -> list[str]:
+    """The names of all criteria, in their order."""
+    return list(
+        dict.fromkeys(
+            each.name for one in selection.axes for candidate in one.candidates for each in candidate.criteria
+        )
+    )
+
+
+def _row(one: AxisSelection, rank: int, candidate: Candidate | None, names: list[str]) -> dict[str, Any]:
+    """The cells of a candidate's line by column; of an axis without candidates only its name."""
+    criteria = {} if candidate is None else {each.name: each for each in candidate.criteria}
+    row: dict[str, Any] = {
+        "axis": one.axis.name,
+        "kind": one.axis.kind,
+        "mounted on": one.axis.mount,
+        "rank": rank if candidate else None,
+        "chosen": candidate is not None and one.chosen is not None and candidate.id == one.chosen.id,
+        "motor": candidate and candidate.motor.id,
+        "gear": candidate and candidate.gear.id,
+        "motor maker": candidate and candidate.motor.maker,
+        "gear maker": candidate and candidate.gear.maker,
+        "class": candidate and candidate.tier,
+        "largest use [1]": candidate and candidate.largest_use,
+        "binding criterion": candidate and candidate.binding,
+        "mass [kg]": candidate and candidate.mass,
+        "price": candidate and candidate.cost,
+        "currency": candidate and candidate.motor.currency,
+        "loss [W]": candidate and candidate.loss,
+        "fit": candidate and candidate.fit,
+    }
+    for name in names:
+        result = criteria.get(name)
+        row[f"{name} use [1]"] = result and result.use
+        row[f"{name} verdict"] = result and result.verdict
+    return {key: _cell(value) for key, value in row.items()}
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return "" if value is None or (isinstance(value, float) and not math.isfinite(value)) else value
+
+
+def _axis(one: AxisSelection) -> dict[str, Any]:
+    return {
+        "name": one.axis.name,
+        "kind": one.axis.kind,
+        "joints": list(one.axis.joints),
+        "mount": one.axis.mount,
+        "kept": one.kept,
+        "chosen": one.chosen and one.chosen.id,
+        "counts": dict(one.counts),
+        "advice": one.advice,
+        "unknown_masses": list(one.unknown_masses),
+        "candidates": [_candidate(candidate) for candidate in one.candidates],
+    }
+
+
+def _candidate(one: Candidate) -> dict[str, Any]:
+    return {
+        "pair": one.id,
+        "motor": product_data(one.motor),
+        "gear": None if one.gear.kind == "direct" else product_data(one.gear),
+        "class": one.tier,
+        "binding": one.binding,
+        "largest_use": one.largest_use,
+        "mass": one.mass,
+        "cost": one.cost,
+        "loss": one.loss,
+        "fit": one.fit,
+        "criteria": [_criterion(each) for each in one.criteria],
+    }
+
+
+def _criterion(one: CriterionResult) -> dict[str, Any]:
+    return {"name": one.name, "use": one.use, "verdict": one.verdict, "text": one.text, "estimate": one.estimate}
+
+
+def _cycle(selection: Selection, number: int) -> dict[str, Any]:
+    """The duration of a cycle, and RMS torque, peak torque, mean and largest speed of each axis, with the actuators'
+    masses.
+    """
+    cycle = selection.cycles[number]
+    weight = cycle.weight / cycle.duration
+    return {
+        "name": cycle.name,
+        "duration": cycle.duration,
+        "axes": [
+            {
+                "name": one.axis.name,
+                "rms_torque": float(np.sqrt(weight @ cycle.torque[:, k] ** 2)),
+                "peak_torque": float(np.abs(cycle.torque[:, k]).max()),
+                "mean_speed": float(weight @ np.abs(cycle.speed[:, k])),
+                "peak_speed": float(np.abs(cycle.speed[:, k]).max()),
+            }
+            for k, one in enumerate(selection.axes)
+        ],
+    }
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(entry) for entry in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,84 @@
+"""The result of a selection, made of what was chosen."""
+
+from __future__ import annotations
+
+from bellcrank.sizing.selection.advice import advice_for
+from bellcrank.sizing.selection.candidates import axis_selection
+from bellcrank.sizing.selection.choose import Chosen
+from bellcrank.sizing.selection.joint_problem import Choice, masses_of
+from bellcrank.sizing.selection.judged_axes import JudgedAxes
+from bellcrank.sizing.selection.pareto_search import pareto_front
+from bellcrank.sizing.selection.selection import AxisSelection, Selection, pair_id
+
+
+def selection_of(problem: JudgedAxes, chosen: Chosen, candidates: int, effort: int) -> Selection:
+    """The result, without the names of the robot and its inputs.
+
+    Args:
+        problem: The pairs.
+        chosen: What was chosen.
+        candidates: How many pairs to list of each axis.
+        effort: How many pairs may be judged for an exact Pareto front.
+    """
+    masses = masses_of(problem, chosen.choice)
+    axes = tuple(
+        advice_for(problem, axis, masses, axis_selection(problem, axis, pair, masses, candidates))
+        for axis, pair in enumerate(chosen.choice)
+    )
+    points, proof = pareto_front(problem, chosen.choice, effort)
+    return Selection(
+        robot="",
+        objective=problem.objective,
+        axes=axes,
+        cycles=problem.cycles(masses),
+        conditions=problem.conditions,
+        system=(),
+        iterations=tuple(labels(problem, choice) for choice in chosen.passes),
+        proof=chosen.proof,
+        pareto=points,
+        pareto_proof=proof,
+        warnings=(*chosen.notes, *_mass_notes(problem, axes)),
+    )
+
+
+def labels(problem: JudgedAxes, choice: Choice) -> tuple[str, ...]:
+    """The ids of a choice's pairs by axis, "" for none."""
+    return tuple(
+        "" if pair is None else pair_id(*one.pairs.rows(pair)) for one, pair in zip(problem.axes, choice, strict=True)
+    )
+
+
+def _mass_notes(problem: JudgedAxes, axes: tuple[AxisSelection, ...]) -> list[str]:
+    """Sentences about masses that are not stated, and bodies whose size is not."""
+    notes = []
+    unknown = sorted({name for one in axes for name in one.unknown_masses})
+    if unknown:
+        loaded = [one.axis.name for one in axes if one.unknown_masses]
+        notes.append(
+            f"the masses of the actuators at {_names(unknown)} are not stated, so the loads of {_names(loaded)} are not "
+            "known: criteria that depend on them are unknown, and are exceeded only where they are without these masses; "
+            "exclude products without a mass, assume a mass (conditions.assumed), or, where the URDF contains the "
+            "actuators' masses, switch the feedback off"
+        )
+    points = []
+    for number, one in enumerate(axes):
+        if one.chosen and problem.influence[:, number].any() and not _sized(one):
+            points.append(one.axis.name)
+    if points:
+        notes.append(
+            f"the diameter or length of the actuators at {_names(points)} is not stated: what has no size counts as a "
+            "point mass"
+        )
+    return notes
+
+
+def _sized(one: AxisSelection) -> bool:
+    """Whether the chosen motor and gear have a size, or an unknown mass, or none to be placed."""
+    assert one.chosen is not None
+    bodies = [one.chosen.motor] + ([] if one.chosen.gear.kind == "direct" else [one.chosen.gear])
+    return one.chosen.mass is None or all(body.diameter is not None and body.length is not None for body in bodies)
+
+
+def _names(names: list[str]) -> str:
+    quoted = [f"'{name}'" for name in names]
+    return quoted[0] if len(quoted) == 1 else f"{', '.join(quoted[:-1])} and {quoted[-1]}"

@@ -1,0 +1,266 @@
+"""The tables and the verdict of a selection, as text for the terminal and as HTML for notebooks."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from html import escape
+from typing import NamedTuple
+
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
+
+UNKNOWN = "unknown"
+NOTHING = "nothing fits"
+WIDTH = 110  # characters of a line of the terminal
+AIMS = {"mass": "least mass", "cost": "least cost", "loss": "least loss", "margin": "largest margin"}
+
+
+class TableContent(NamedTuple):
+    """A header, whose second lines hold units, and rows of cells."""
+
+    header: list[str]
+    rows: list[list[str]]
+
+
+def table(selection: Selection, top: int = 3) -> str:
+    """The selection as text: the chosen pairs, for each axis the next best, and the criteria of the whole robot."""
+    parts = [_heading(selection), text_table(*chosen_rows(selection)), _totals(selection)]
+    for one in selection.axes:
+        parts += ["", *_axis_lines(one, top)]
+    if selection.system:
+        parts += ["", "All axes together:", text_table(*system_rows(selection))]
+        parts += [_wrapped(f"{result.name}: {result.text}", "  ") for result in selection.system]
+    parts += ["", _wrapped(f"Choice: {selection.proof} ({_passes(selection)})")]
+    return "\n".join(parts)
+
+
+def selection_html(selection: Selection) -> str:
+    """The verdict and the tables of a selection as HTML; names are escaped."""
+    answer = "<br>".join(escape(line) for line in verdict(selection).split("\n"))
+    parts = [f"<p><b>{answer}</b><br>{escape(_about(selection))}</p>", _html_table("Chosen", chosen_rows(selection))]
+    parts += [_html_table(one.axis.name, candidate_rows(one)) for one in selection.axes if one.candidates]
+    if selection.system:
+        parts.append(_html_table("All axes together", system_rows(selection)))
+    notes = "".join(f"<li>{escape(text)}</li>" for text in selection.warnings)
+    return "".join(parts) + (f"<ul>{notes}</ul>" if notes else "")
+
+
+def verdict(selection: Selection) -> str:
+    """Which axes have no pair, which limits are exceeded, or that all are kept, and what is unknown."""
+    lines = []
+    for title, texts in (("NOTHING FITS", _without_pair(selection)), ("EXCEEDED", _exceeded(selection))):
+        if texts:
+            lines += [f"{title}: {len(texts)} {_plural(title, len(texts))}"]
+            lines += [_wrapped(text, "  - ", "    ") for text in texts]
+    if selection.inside:
+        lines.append(_wrapped(_kept(selection)))
+    unknown = unknown_criteria(selection)
+    if unknown:
+        lines.append("Not shown, because what they need is not stated:")
+        lines += [_wrapped(f"{where}: {', '.join(names)}", "  - ", "    ") for where, names in unknown]
+    return "\n".join(lines)
+
+
+def unknown_criteria(selection: Selection) -> list[tuple[str, list[str]]]:
+    """The criteria that are unknown, by axis and for the whole robot."""
+    found = []
+    for one in selection.axes:
+        if one.chosen is not None:
+            found.append((one.axis.name, [each.name for each in one.chosen.criteria if each.verdict == "unknown"]))
+    found.append(("all axes together", [each.name for each in selection.system if each.verdict == "unknown"]))
+    return [(where, names) for where, names in found if names]
+
+
+def chosen_rows(selection: Selection) -> TableContent:
+    """What was chosen for each axis, and its binding criterion."""
+    header = ["axis", "motor", "gear", "largest\nuse", "of", "mass\n[kg]", "loss\n[W]", "class"]
+    return TableContent(header, [_chosen_row(one) for one in selection.axes])
+
+
+def candidate_rows(axis: AxisSelection) -> TableContent:
+    """The candidates of an axis, best first."""
+    header = ["", "motor + gear", "largest\nuse", "of", "mass\n[kg]", "loss\n[W]", "class"]
+    rows = []
+    for k, one in enumerate(axis.candidates):
+        mark = "chosen" if axis.chosen is not None and one.id == axis.chosen.id else str(k + 1)
+        rows.append([mark, one.id, percent(one.largest_use), one.binding, figure(one.mass), figure(one.loss), one.tier])
+    return TableContent(header, rows)
+
+
+def system_rows(selection: Selection) -> TableContent:
+    """The criteria of all axes together."""
+    rows = [[one.name, UNKNOWN if one.use is None else percent(one.use), one.verdict] for one in selection.system]
+    return TableContent(["criterion", "use", "verdict"], rows)
+
+
+def selected_for(conditions: Conditions) -> list[tuple[str, str]]:
+    """(name, value) of what a selection assumes beside the loads."""
+    bus = "the nominal voltage of each motor" if conditions.voltage is None else f"{conditions.voltage:g} V"
+    rows = [
+        ("voltage", f"{bus} less {conditions.voltage_reserve:.0%}"),
+        ("ambient", f"{conditions.ambient:g} °C"),
+    ]
+    if conditions.altitude:
+        rows.append(("altitude", f"{conditions.altitude:g} m"))
+    if conditions.safety_factor != 1.0:
+        rows.append(("safety factor", f"{conditions.safety_factor:g}"))
+    if conditions.life is not None:
+        rows.append(("life", f"{conditions.life:g} h"))
+    if conditions.brake:
+        rows.append(("brake", "required"))
+    rows += [(f"assumed {name}", f"{value:g}") for name, value in dict(conditions.assumed).items()]
+    return rows
+
+
+def figure(value: float | None) -> str:
+    """A number with four digits, or "unknown"."""
+    return UNKNOWN if value is None else f"{value:.4g}"
+
+
+def percent(use: float) -> str:
+    """A utilisation in per cent."""
+    return f"{use:.1%}" if use < 100.0 else f"{100.0 * use:.3g}%"
+
+
+def text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Columns under headers of one or two lines; numbers to the right, where the header has a unit or is a use."""
+    titles = [title.split("\n") for title in header]
+    depth = max(map(len, titles))
+    heads = [[title[k] if k < len(title) else "" for title in titles] for k in range(depth)]
+    lines = [*heads, *map(list, rows)]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(header))]
+    right = [len(title) > 1 or title == ["use"] for title in titles]
+
+    def written(line: Sequence[str]) -> str:
+        cells = [
+            cell.rjust(width) if flush else cell.ljust(width)
+            for cell, width, flush in zip(line, widths, right, strict=True)
+        ]
+        return "  ".join(cells).rstrip()
+
+    rule = "-" * (sum(widths) + 2 * len(widths) - 2)
+    return "\n".join([*map(written, heads), rule, *map(written, rows)])
+
+
+def _chosen_row(one: AxisSelection) -> list[str]:
+    chosen = one.chosen
+    if chosen is None:
+        return [one.axis.name, NOTHING, "", "", "", "", "", ""]
+    gear = "none" if chosen.gear.kind == "direct" else chosen.gear.id
+    use = percent(chosen.largest_use)
+    return [
+        one.axis.name, chosen.motor.id, gear, use, chosen.binding, figure(chosen.mass), figure(chosen.loss), chosen.tier
+    ]  # fmt: skip
+
+
+def _axis_lines(one: AxisSelection, top: int) -> list[str]:
+    """How many pairs are in each class, the next best pairs, and what is unknown of the chosen one."""
+    counts = ", ".join(f"{count} {tier}" for tier, count in one.counts)
+    lines = [_wrapped(f"{one.axis.name} ({_drive(one)}): pairs: {counts}")]
+    if one.unknown_masses:
+        lines.append(_wrapped(f"loads without the unknown masses of: {', '.join(one.unknown_masses)}", "  "))
+    chosen = one.chosen
+    if chosen is not None:
+        lines.append(_wrapped(f"chosen {_brief(chosen)}; {_sentence(chosen)}", "  ", "    "))
+    others = [each for each in one.candidates if chosen is None or each.id != chosen.id]
+    lines += [_wrapped(f"{'next' if chosen else 'nearest'} {_brief(each)}", "  ", "    ") for each in others[:top]]
+    if one.advice:
+        lines.append(_wrapped(one.advice, "  "))
+    return lines
+
+
+def _drive(one: AxisSelection) -> str:
+    joints = "" if one.axis.joints == (one.axis.name,) else f", moves {', '.join(one.axis.joints)}"
+    return f"{one.axis.kind}, mounted on {one.axis.mount}{joints}{', given' if one.kept else ''}"
+
+
+def _brief(one: Candidate) -> str:
+    mass = "mass unknown" if one.mass is None else f"{one.mass:.4g} kg"
+    loss = "loss unknown" if one.loss is None else f"{one.loss:.4g} W"
+    cost = "" if one.cost is None else f", {one.cost:.4g} {one.motor.currency or ''}".rstrip()
+    return f"{one.id}: {percent(one.largest_use)} of {one.binding}, {mass}, {loss}{cost}, {one.fit}; {one.tier}"
+
+
+def _sentence(one: Candidate) -> str:
+    """The binding criterion in words."""
+    return next((each.text for each in one.criteria if each.name == one.binding), "no criterion is known")
+
+
+def _heading(selection: Selection) -> str:
+    return _wrapped(_about(selection)) + "\n"
+
+
+def _about(selection: Selection) -> str:
+    conditions = "; ".join(f"{name} {value}" for name, value in selected_for(selection.conditions))
+    cycles = ", ".join(cycle.name for cycle in selection.cycles)
+    return f"{selection.robot}, {AIMS[selection.objective]}, over {cycles}; {conditions}"
+
+
+def _totals(selection: Selection) -> str:
+    cost = "" if selection.cost is None else f", {selection.cost:.4g} in price"
+    mass = "mass unknown" if selection.mass is None else f"{selection.mass:.4g} kg"
+    loss = "loss unknown" if selection.loss is None else f"{selection.loss:.4g} W lost"
+    return f"\nTogether: {mass}, {loss}{cost}"
+
+
+def _passes(selection: Selection) -> str:
+    count = len(selection.iterations)
+    return f"{count} pass{'' if count == 1 else 'es'} of the feedback of masses"
+
+
+def _without_pair(selection: Selection) -> list[str]:
+    return [f"{one.axis.name}: {one.advice or 'no pair is left'}" for one in selection.axes if one.chosen is None]
+
+
+def _exceeded(selection: Selection) -> list[str]:
+    found = [
+        f"{one.axis.name}: {one.chosen.id}: {each.text}"
+        for one in selection.axes
+        if one.chosen is not None
+        for each in one.chosen.criteria
+        if each.verdict == "exceeded"
+    ]
+    return found + [f"all axes together: {each.text}" for each in selection.system if each.verdict == "exceeded"]
+
+
+def _plural(title: str, count: int) -> str:
+    one, many = ("axis", "axes") if title == "NOTHING FITS" else ("limit", "limits")
+    return one if count == 1 else many
+
+
+def _kept(selection: Selection) -> str:
+    """That every axis has a pair, with the largest utilisation."""
+    uses = [
+        (one.chosen.largest_use, f"{one.axis.name}'s {one.chosen.binding}")
+        for one in selection.axes
+        if one.chosen is not None
+    ]
+    uses += [(each.use, f"the {each.name} of all axes") for each in selection.system if each.use is not None]
+    use, where = max(uses)
+    if selection.shown:
+        return (
+            f"All inside: every axis has a motor that keeps all criteria; the largest use is {percent(use)}, {where}."
+        )
+    return (
+        f"Inside as far as known: every axis has a motor that passes what is known; the largest known use is "
+        f"{percent(use)}, {where}."
+    )
+
+
+def _wrapped(text: str, first: str = "", then: str | None = None) -> str:
+    """A text in lines that fit a terminal, the first and the others indented."""
+    then = first if then is None else then
+    return textwrap.fill(
+        text, WIDTH, initial_indent=first, subsequent_indent=then, break_long_words=False, break_on_hyphens=False
+    )
+
+
+def _html_table(title: str, content: TableContent) -> str:
+    left = 'style="text-align:left"'
+    head = "".join(f"<th>{escape(text).replace(chr(10), '<br>')}</th>" for text in content.header)
+    body = "".join(
+        f"<tr><th {left}>{escape(first)}</th>{''.join(f'<td>{escape(text)}</td>' for text in others)}</tr>"
+        for first, *others in content.rows
+    )
+    return f"<table><caption {left}>{escape(title)}</caption><tr>{head}</tr>{body}</table>"
