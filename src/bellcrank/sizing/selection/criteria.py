@@ -55,6 +55,30 @@ class Criterion(ABC):
         """Whether (m,) the criterion has a limit for each pair; otherwise it is a note."""
         return np.ones(len(pairs), dtype=bool)
 
+    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
+        """Whether (m,) a bound that costs little shows that the utilisation in one cycle is at most a level (m,)."""
+        return np.zeros(len(pairs), dtype=bool)
+
+    def below(self, pairs: Pairs, loads: ReducedLoads, conditions: Conditions, level: Array) -> Bools:
+        """Whether (m,) bounds that cost little show that the utilisation is at most a level.
+
+        Args:
+            pairs: m motors and gears.
+            loads: The cycles of the axis.
+            conditions: What is assumed beside the loads.
+            level: The level (m,).
+
+        Returns:
+            True where it is shown; False says nothing.
+        """
+        shown = np.ones(len(pairs), dtype=bool)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            for rows, cycles in cycles_of(pairs, loads, conditions, of_gear=self.of_gear):
+                part, levels = (pairs, level) if rows is None else (pairs.take(rows), level[rows])
+                for cycle in cycles:
+                    shown[slice(None) if rows is None else rows] &= self.cycle_below(part, cycle, conditions, levels)
+        return shown
+
     def use(self, pairs: Pairs, loads: ReducedLoads, conditions: Conditions) -> Array:
         """Utilisation of the worst cycle.
 

@@ -69,7 +69,9 @@ class Judgement:
         loads: The loads.
         conditions: The conditions.
         criteria: The c criteria, in the order of rows.
-        use: Utilisation (c, m), 1 at the limit; NaN where unknown, a note, or not evaluated.
+        use: Utilisation (c, m), 1 at the limit; NaN where unknown, a note, or not evaluated. It is NaN too where a bound
+            that costs little shows that it is inside and not above the utilisation of another criterion, so that the
+            largest utilisation is exact.
         verdict: (c, m) indices into `VERDICTS`.
         loss: Mean electrical loss of motor and gear in the worst cycle (m,), W, with the winding at 25 °C; NaN where
             unknown.
@@ -163,10 +165,15 @@ def _judge_chunk(judgement: Judgement, rows: NDArray[np.intp]) -> None:
         part = judgement.pairs.take(rows)
         failed = np.zeros(len(rows), dtype=bool)
         for criterion in group:
-            use, verdict = _verdicts(criterion, part, judgement.loads, judgement.conditions)
-            judgement.use[row, rows] = use
-            judgement.verdict[row, rows] = verdict
-            failed |= verdict == EXCEEDED
+            level = np.fmin(np.fmax.reduce(judgement.use[:row, rows], axis=0, initial=0.0), 1.0)
+            below = criterion.below(part, judgement.loads, judgement.conditions, level)
+            judged = criterion.judged(part, judgement.loads.axis, judgement.conditions)
+            judgement.verdict[row, rows] = np.where(judged, INSIDE, NOTE)
+            rest = np.nonzero(judged & ~below)[0]
+            use, verdict = _verdicts(criterion, part.take(rest), judgement.loads, judgement.conditions)
+            judgement.use[row, rows[rest]] = use
+            judgement.verdict[row, rows[rest]] = verdict
+            failed[rest] |= verdict == EXCEEDED
             row += 1
         rows = rows[~failed]
         if not len(rows):

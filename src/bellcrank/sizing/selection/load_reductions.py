@@ -4,10 +4,11 @@ The torque at a motor's shaft is linear in five features of a sample,
 x = [τ while the motor drives, τ while the load drives, q̈, sign q̇, q̇], with coefficients that depend on the pair alone:
 [1/(N η), η_back/N, J N, T_c, c_v N] (see `shaft_coefficients`). Therefore
 - mean squares and mean powers of every pair follow from one matrix of second moments, (1/t) ∫ x xᵀ dt, and
-- the largest value of any linear form a T + b ω is taken at an extreme point of the samples: a vertex of the convex hull
-  of (τ, q̈, q̇), formed apart where the motor drives, where the load drives and at rest, because the coefficients differ.
-Both are exact to rounding. (A linear function takes its maximum over a set at a vertex of the set's convex hull: Boyd and
-Vandenberghe, Convex Optimization, 2004, exercise 2.5 and section 4.3.)
+- the largest value of any linear form a T + b ω is taken at an extreme point of the samples: a vertex of the convex
+  hull of (τ, q̈, q̇), formed apart where the motor drives, where the load drives and at rest, because the coefficients
+  differ. As the signs of the coefficients are known, points that another one exceeds in all directions are left out.
+Both are exact to rounding. (A linear function takes its maximum over a set at a vertex of the set's convex hull: Boyd
+and Vandenberghe, Convex Optimization, 2004, exercise 2.5 and section 4.3.)
 """
 
 from __future__ import annotations
@@ -67,6 +68,7 @@ class ReducedCycle:
     axial_force: float
     tilting_moment: float
     includes_gear: bool = False
+    _extremes: dict[tuple[int, int], Array] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def speed(self) -> Array:
@@ -97,6 +99,12 @@ class ReducedCycle:
         return np.concatenate([np.tile(np.arange(first, end), passes) for first, end, passes in self.sequence])
 
     @cached_property
+    def interval_maxima(self) -> Array:
+        """(K, 5) largest sizes of the features over each interval, each feature for itself."""
+        first = np.searchsorted(self.interval, np.arange(len(self.passes)))
+        return np.asarray(np.maximum.reduceat(np.abs(self.features), first, axis=0))
+
+    @cached_property
     def interval_moments(self) -> Array:
         """(K, 5, 5) means over each interval of products of features."""
         weighted = self.features * self.weight[:, None]
@@ -106,17 +114,41 @@ class ReducedCycle:
         return np.divide(sums, total[:, None, None], out=np.zeros_like(sums), where=total[:, None, None] > 0.0)
 
     @cached_property
-    def extremes(self) -> Array:
-        """(h, 5) features with speed >= 0 that bound every limit which is the same in both directions of motion.
+    def forward(self) -> Array:
+        """Features (n', 5) with speeds of 0 or more, for limits that are the same in both directions of motion.
 
-        Samples that move backwards are reversed as a whole, because a limit on (T, ω) holds for (-T, -ω) too.
+        Samples that move backwards are reversed as a whole, because such a limit on (T, ω) holds for (-T, -ω) too; those
+        at rest are there in both signs.
         """
-        features = np.where(self.speed[:, None] < 0.0, -self.features, self.features)
-        driven = features[:, DRIVEN] != 0.0
-        moving = features[:, DIRECTION] != 0.0
-        at_rest = features[~moving]
-        groups = (features[moving & ~driven], features[moving & driven], np.concatenate([at_rest, -at_rest]))
-        return np.concatenate([group[_extreme_points(group)] for group in groups if len(group)])
+        at_rest = self.features[self.speed == 0.0]
+        return np.concatenate([np.where(self.speed[:, None] < 0.0, -self.features, self.features), -at_rest])
+
+    @cached_property
+    def hull(self) -> Array:
+        """Those of the forward features (h, 5) that are extreme points of (τ, q̈, q̇), in each group of samples."""
+        rest, driven = self.forward[:, DIRECTION] == 0.0, self.forward[:, DRIVEN] != 0.0
+        groups = (self.forward[~rest & ~driven], self.forward[~rest & driven], self.forward[rest])
+        return np.concatenate([group[_extreme_points(_torque_acceleration_speed(group))] for group in groups])
+
+    def extremes(self, torque: int, speed: int) -> Array:
+        """Points (h, 5), of which one has the largest c · x of the forward features x for any c of these signs.
+
+        Args:
+            torque: Sign of the factors of torques, acceleration and direction of motion, 1 or -1.
+            speed: Sign of the factor of the speed.
+
+        Returns:
+            Extreme points that no other one of the same group exceeds in all these directions.
+        """
+        key = torque, speed
+        if key not in self._extremes:
+            groups = 2 * (self.hull[:, DIRECTION] == 0.0) + (self.hull[:, DRIVEN] != 0.0)
+            kept = []
+            for group in np.unique(groups):
+                points = self.hull[groups == group]
+                kept.append(points[_not_dominated(_torque_acceleration_speed(points) * [torque, torque, speed])])
+            self._extremes[key] = np.concatenate(kept)
+        return self._extremes[key]
 
     @cached_property
     def mean_speed(self) -> float:
@@ -249,9 +281,24 @@ def reduce_loads(axes: tuple[Axis, ...], cycles: tuple[LoadCycle, ...]) -> tuple
     )
 
 
-def _extreme_points(features: Array) -> NDArray[np.intp]:
-    """Rows of features that are vertices of the convex hull of (τ, q̈, q̇), in however many dimensions they spread."""
-    points = features[:, [DRIVING, ACCELERATION, SPEED]] + features[:, [DRIVEN, ACCELERATION, SPEED]] * [1.0, 0.0, 0.0]
+def _torque_acceleration_speed(features: Array) -> Array:
+    """(τ, q̈, q̇) of features, (n, 3)."""
+    return np.column_stack([features[:, DRIVING] + features[:, DRIVEN], features[:, ACCELERATION], features[:, SPEED]])
+
+
+def _not_dominated(points: Array) -> NDArray[np.intp]:
+    """Numbers of the points that no other point equals or exceeds in all coordinates."""
+    order = np.lexsort(-points.T)
+    points = points[order]
+    exceeds = (points[:, None, :] >= points[None, :, :]).all(axis=2)
+    before = np.triu(exceeds, 1)  # of equal points the first stays
+    return np.sort(order[~before.any(axis=0)])
+
+
+def _extreme_points(points: Array) -> NDArray[np.intp]:
+    """Rows of points (n, 3) that are vertices of their convex hull, in however many dimensions they spread."""
+    if len(points) < 5:
+        return np.arange(len(points))
     points, first = np.unique(points, axis=0, return_index=True)
     centred = points - points.mean(axis=0)
     centred /= np.maximum(np.max(np.abs(centred), axis=0), np.finfo(float).tiny)

@@ -14,8 +14,10 @@ from bellcrank.sizing.selection.criteria import Array, Bools, Criterion, LimitCr
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.shaft_loads import (
+    bound_of_electrical_torque,
     electrical_coefficients,
     largest,
+    largest_shaft_torque,
     root_mean_square,
     shaft_coefficients,
     speed_coefficients,
@@ -106,7 +108,7 @@ class PeakTorque(LimitCriterion):
 
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Largest shaft torque."""
-        return largest(shaft_coefficients(pairs, cycle), cycle)
+        return largest_shaft_torque(pairs, cycle)
 
     def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """The motor's `peak_torque`."""
@@ -135,6 +137,10 @@ class PeakCurrent(LimitCriterion):
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Largest electrical torque."""
         return largest(electrical_coefficients(pairs, cycle), cycle)
+
+    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
+        """By the largest shaft torque and the largest friction at once."""
+        return bound_of_electrical_torque(pairs, cycle) <= level * pairs.of_motor("peak_electrical_torque")
 
     def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Torque of the peak current."""
@@ -167,6 +173,17 @@ class VoltageLimit(Criterion):
                 factors = torque[:, None] * of(pairs, cycle) + speed_coefficients(pairs, speed)
                 uses.append(np.where(np.isnan(torque), np.nan, largest(factors, cycle)))
         return np.fmax.reduce(uses) if uses else np.full(len(pairs), np.nan)
+
+    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
+        """By the largest torque and the largest speed at once."""
+        fastest = pairs.of_gear("ratio") * cycle.max_speed
+        shown = np.zeros(len(pairs), dtype=bool)
+        for limit in pairs.products.short_time_limits(conditions):
+            if limit.name == "voltage limit":
+                of = largest_shaft_torque if limit.basis == "shaft" else bound_of_electrical_torque
+                bound = limit.torque[pairs.motor] * of(pairs, cycle) + limit.speed[pairs.motor] * fastest
+                shown |= bound <= level
+        return shown
 
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
         """Share of the voltage, its line's origin and the voltage."""

@@ -97,14 +97,16 @@ class Pairs:
     motor: Index
     gear: Index
     fits: NDArray[np.bool_]
-    _kept: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
+    _kept: dict[Any, Array] = field(default_factory=dict, init=False, repr=False)
 
     def __len__(self) -> int:
         return len(self.motor)
 
     def take(self, rows: Index | slice | NDArray[np.bool_]) -> Pairs:
         """The pairs of these rows."""
-        return Pairs(products=self.products, motor=self.motor[rows], gear=self.gear[rows], fits=self.fits[rows])
+        taken = Pairs(products=self.products, motor=self.motor[rows], gear=self.gear[rows], fits=self.fits[rows])
+        taken._kept.update((key, value[rows]) for key, value in self._kept.items())
+        return taken
 
     def of_motor(self, name: str) -> Array:
         """A figure (m,) of each pair's motor; NaN where unknown."""
@@ -118,8 +120,8 @@ class Pairs:
         """The motor and gear of one pair."""
         return self.products.motors[self.motor[pair]], self.products.gears[self.gear[pair]]
 
-    def once(self, key: Any, function: Callable[[], Any]) -> Any:
-        """What a function gives; computed once for a key, for criteria that share it."""
+    def once(self, key: Any, function: Callable[[], Array]) -> Array:
+        """An array (m, …) that a function gives; computed once for a key, for criteria that share it."""
         if key not in self._kept:
             self._kept[key] = function()
         return self._kept[key]

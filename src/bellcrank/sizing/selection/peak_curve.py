@@ -15,7 +15,13 @@ from bellcrank.sizing.selection.criteria import Array, Bools, Criterion
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
 from bellcrank.sizing.selection.motor_criteria import TRAIN
 from bellcrank.sizing.selection.pairs import Pairs
-from bellcrank.sizing.selection.shaft_loads import BLOCK, largest, shaft_coefficients, speed_coefficients
+from bellcrank.sizing.selection.shaft_loads import (
+    BLOCK,
+    largest_shaft_torque,
+    largest_signed,
+    shaft_coefficients,
+    speed_coefficients,
+)
 
 
 class PeakCurve(Criterion):
@@ -49,6 +55,13 @@ class PeakCurve(Criterion):
             speed = part.of_gear("ratio")[:, None] * cycle.speed
             use[rows] = np.max(peak_curve_use(part.motors[:, None], conditions, torque, speed), axis=1)
         return use
+
+    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
+        """By the largest torque and the largest speed at once, where the region is convex."""
+        sides = convex_sides(pairs.products.peak_curves(conditions))
+        speed = (pairs.of_gear("ratio") * cycle.max_speed)[:, None] * np.maximum(sides.speed[pairs.motor], 0.0)
+        bound = sides.torque[pairs.motor] * largest_shaft_torque(pairs, cycle)[:, None] + speed
+        return np.asarray(sides.convex[pairs.motor] & (bound <= level[:, None]).all(axis=1))
 
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
         """Largest use of the curve."""
@@ -100,6 +113,5 @@ def _convex_use(pairs: Pairs, cycle: ReducedCycle, sides: Sides) -> Array:
     use = np.zeros(len(pairs))
     for side in range(per_torque.shape[1]):
         speed = speed_coefficients(pairs, per_speed[:, side])
-        for sign in (1.0, -1.0):
-            np.maximum(use, largest(sign * per_torque[:, side : side + 1] * shaft + speed, cycle, signed=True), out=use)
+        use = np.maximum(use, largest_signed(per_torque[:, side : side + 1] * shaft, speed, cycle))
     return use

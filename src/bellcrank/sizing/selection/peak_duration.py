@@ -6,14 +6,15 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.continuous_torque import continuous_torque
 from bellcrank.sizing.selection.criteria import Array, Bools, Criterion
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
-from bellcrank.sizing.selection.motor_criteria import TRAIN, ContinuousTorqueCriterion
+from bellcrank.sizing.selection.motor_criteria import ContinuousTorqueCriterion
 from bellcrank.sizing.selection.pairs import Pairs
-from bellcrank.sizing.selection.shaft_loads import BLOCK, largest, shaft_coefficients
+from bellcrank.sizing.selection.shaft_loads import BLOCK, largest_shaft_torque, shaft_coefficients
 
 
 class PeakDuration(Criterion):
@@ -30,10 +31,11 @@ class PeakDuration(Criterion):
 
     def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Longest time over the permitted one."""
-        peak = largest(shaft_coefficients(pairs, cycle), cycle)
+        peak = largest_shaft_torque(pairs, cycle)
         least, most = _continuous_range(pairs, cycle, conditions)
         use = np.where(peak <= least, 0.0, np.nan)
-        above = np.nonzero(~(peak <= least) & ~np.isnan(peak))[0]
+        unknown = np.isnan(peak) | (np.isnan(pairs.of_motor("peak_time")) & (peak > most))
+        above = np.nonzero(~(peak <= least) & ~unknown)[0]
         step = max(1, BLOCK // len(cycle.torque))
         for start in range(0, len(above), step):
             rows = above[start : start + step]
@@ -42,6 +44,16 @@ class PeakDuration(Criterion):
                 if len(some):
                     use[some] = _use(pairs.take(some), cycle, conditions, None if level is None else level[some])
         return use
+
+    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
+        """By whole intervals: one counts where its largest torques and acceleration at once exceed the least S1 torque."""
+        least, _ = _continuous_range(pairs, cycle, conditions)
+        shown = largest_shaft_torque(pairs, cycle) <= least
+        rest = np.nonzero(~shown)[0]
+        bounds = shaft_coefficients(pairs.take(rest), cycle) @ cycle.interval_maxima.T
+        longest = longest_run(~(bounds <= least[rest, None]), cycle, np.arange(len(cycle.passes)))
+        shown[rest] = longest <= (level * pairs.of_motor("peak_time"))[rest]
+        return np.asarray(shown)
 
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
         """Longest time, and the permitted one."""
@@ -56,12 +68,17 @@ class PeakDuration(Criterion):
         return f"{use * peak_time:.3g} s above the continuous torque of {peak_time:.3g} s permitted, in '{cycle.name}'"
 
 
-def _continuous_range(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> tuple[Array, Array]:
-    """The least and largest continuous torque (m,) over the speeds of the cycle; NaN where it is not known throughout.
+def _continuous_range(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+    """The least and largest continuous torque (2, m) over the speeds of the cycle; NaN where not known throughout.
 
     Thermal limits fall with the speed and nominal torques are constant, so their ends suffice; a printed curve also has
     its points in between.
     """
+    key = ("continuous range", cycle, conditions)
+    return pairs.once(key, lambda: _continuous_range_of(pairs, cycle, conditions)).T
+
+
+def _continuous_range_of(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
     fastest = pairs.of_gear("ratio") * cycle.max_speed
     ends = [continuous_torque(pairs.motors, speed, conditions).torque for speed in (np.zeros(len(pairs)), fastest)]
     least, most = np.minimum(*ends), np.maximum(*ends)
@@ -73,7 +90,7 @@ def _continuous_range(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions)
             inside = np.where(points <= fastest[printed], points, 0.0)
             torque = continuous_torque(part.motors, inside, conditions).torque
             least[printed], most[printed] = np.minimum(least[printed], torque), np.maximum(most[printed], torque)
-    return least, most
+    return np.column_stack([least, most])
 
 
 def _use(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array | None) -> Array:
@@ -81,18 +98,30 @@ def _use(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array
     torque = np.abs(shaft_coefficients(pairs, cycle) @ cycle.features.T)
     if level is not None:
         above = torque > level[:, None]
-        longest = _longest(above, cycle)
-        return np.where(above.any(axis=1), longest_share(longest, pairs), 0.0)
+        longest = longest_run(above, cycle, cycle.interval)
+        return np.where(above.any(axis=1), _share(longest, pairs), 0.0)
     speed = pairs.of_gear("ratio")[:, None] * np.abs(cycle.speed)
-    continuous = continuous_torque(pairs.motors[:, None], speed, conditions).torque
+    continuous = _continuous_torque_at(pairs, torque, speed, cycle, conditions)
     sure = torque > continuous
     maybe = sure | (np.isnan(continuous) & (torque > 0.0))
-    most = np.where(maybe.any(axis=1), longest_share(_longest(maybe, cycle), pairs), 0.0)
-    least = np.where(sure.any(axis=1), longest_share(_longest(sure, cycle), pairs), 0.0)
+    most = np.where(maybe.any(axis=1), _share(longest_run(maybe, cycle, cycle.interval), pairs), 0.0)
+    least = np.where(sure.any(axis=1), _share(longest_run(sure, cycle, cycle.interval), pairs), 0.0)
     return np.where((most <= 1.0) | (least == most), most, np.where(least > 1.0, least, np.nan))
 
 
-def longest_share(longest: Array, pairs: Pairs) -> Array:
+def _continuous_torque_at(
+    pairs: Pairs, torque: Array, speed: Array, cycle: ReducedCycle, conditions: Conditions
+) -> Array:
+    """Continuous torque (m, n) at speeds; only a bound of it where that decides whether the torque is above."""
+    least, most = (bound[:, None] for bound in _continuous_range(pairs, cycle, conditions))
+    continuous = np.where(torque <= least, least, np.broadcast_to(most, torque.shape))
+    pair, sample = np.nonzero(~((torque <= least) | (torque > most)))
+    motors = pairs.products.motor_arrays[pairs.motor[pair]]
+    continuous[pair, sample] = continuous_torque(motors, speed[pair, sample], conditions).torque
+    return continuous
+
+
+def _share(longest: Array, pairs: Pairs) -> Array:
     """Times (m,) over the permitted ones; infinite where the time is, whatever is permitted."""
     return np.where(np.isinf(longest), np.inf, longest / pairs.of_motor("peak_time"))
 
@@ -130,12 +159,22 @@ class _Runs(NamedTuple):
         )
 
 
-def _longest(above: Bools, cycle: ReducedCycle) -> Array:
-    """The longest time (m,) of samples (m, n) above a level in a cycle that repeats; infinite where all are."""
-    weight = cycle.weight / cycle.passes[cycle.interval]
+def longest_run(above: Bools, cycle: ReducedCycle, interval: NDArray[np.intp]) -> Array:
+    """The longest time (m,) without a break in a cycle that repeats; infinite where it has no end.
+
+    Args:
+        above: Whether (m, n) each of n samples, or of the intervals, is above.
+        cycle: The cycle.
+        interval: Number (n,) of the interval of each.
+
+    Returns:
+        Times, s, of integration weights.
+    """
+    weight = cycle.weight if len(interval) == len(cycle.weight) else cycle.interval_duration * cycle.passes
+    weight = weight / cycle.passes[interval]
     runs: _Runs | None = None
     for first, end, passes in cycle.sequence:
-        samples = slice(*np.searchsorted(cycle.interval, [first, end]))
+        samples = slice(*np.searchsorted(interval, [first, end]))
         part = _runs(above[:, samples], weight[samples]).repeated(passes)
         runs = part if runs is None else runs.then(part)
     if runs is None:

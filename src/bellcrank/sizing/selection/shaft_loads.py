@@ -10,6 +10,7 @@ from bellcrank.sizing.selection.pairs import Pairs
 
 Array = NDArray[np.float64]
 BLOCK = 2**16  # values at once: they stay in the processor's cache
+FEW = 200  # pairs: for so few of them all samples cost less than finding the extreme points
 
 
 def shaft_coefficients(pairs: Pairs, cycle: ReducedCycle) -> Array:
@@ -41,18 +42,51 @@ def speed_coefficients(pairs: Pairs, per_speed: Array | float = 1.0) -> Array:
     return factors
 
 
-def largest(factors: Array, cycle: ReducedCycle, *, signed: bool = False) -> Array:
-    """The largest |c · x| (m,) over all samples x of the cycle, of factors c (m, 5); NaN where a factor is NaN.
+def largest(factors: Array, cycle: ReducedCycle) -> Array:
+    """The largest |c · x| (m,) over all samples x of the cycle, of factors c (m, 5) >= 0; NaN where one is NaN."""
+    if len(factors) <= FEW:
+        return _largest(np.abs, factors, cycle.forward)
+    most = _largest(None, factors, cycle.extremes(1, 1))
+    return np.maximum(most, _largest(None, -factors, cycle.extremes(-1, -1)))
 
-    With `signed` it is the largest c · x over the samples turned to speeds of 0 or more.
+
+def largest_shaft_torque(pairs: Pairs, cycle: ReducedCycle) -> Array:
+    """The largest |T| (m,) at each pair's shaft, N m."""
+    return pairs.once(("largest shaft torque", cycle), lambda: largest(shaft_coefficients(pairs, cycle), cycle))
+
+
+def bound_of_electrical_torque(pairs: Pairs, cycle: ReducedCycle) -> Array:
+    """A bound (m,) of |T_e|, N m: the largest shaft torque and the friction at the largest speed, at once."""
+    fastest = pairs.of_gear("ratio") * cycle.max_speed
+    friction = pairs.of_motor("coulomb_torque") + pairs.of_motor("viscous_coefficient") * fastest
+    return largest_shaft_torque(pairs, cycle) + friction
+
+
+def largest_signed(torque: Array, speed: Array, cycle: ReducedCycle) -> Array:
+    """The largest ±(t · x) + s · x (m,) over the samples x turned to speeds of 0 or more; t (m, 5) >= 0.
+
+    The factors s (m, 5) are those of the speed alone, of either sign.
     """
-    points = np.ascontiguousarray(cycle.extremes.T)
+    if len(torque) <= FEW:
+        return np.maximum(*(_largest(None, sign * torque + speed, cycle.forward) for sign in (1.0, -1.0)))
+    found = np.full(len(torque), -np.inf)
+    for rising in (False, True):
+        rows = np.nonzero((speed[:, SPEED] < 0.0) == rising)[0]
+        for sign in (1, -1) if len(rows) else ():
+            points = cycle.extremes(sign, -1 if rising else 1)
+            found[rows] = np.maximum(found[rows], _largest(None, sign * torque[rows] + speed[rows], points))
+    return found
+
+
+def _largest(function: np.ufunc | None, factors: Array, points: Array) -> Array:
+    """The largest value (m,) of products of factors (m, 5) and points (h, 5), or of a function of them."""
+    transposed = np.ascontiguousarray(points.T)
     found = np.empty(len(factors))
-    step = max(1, BLOCK // points.shape[1])
+    step = max(1, BLOCK // len(points))
     for start in range(0, len(factors), step):
-        values = factors[start : start + step] @ points
-        if not signed:
-            np.abs(values, out=values)
+        values = factors[start : start + step] @ transposed
+        if function is not None:
+            function(values, out=values)
         values.max(axis=1, out=found[start : start + step])
     return found
 

@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from bellcrank.actuators.conditions import Conditions
-from bellcrank.actuators.electrical import loss_per_squared_torque
+from bellcrank.actuators.electrical import loss_per_squared_torque, resistance_factor
 from bellcrank.actuators.thermal import HeatCycle, ThermalModel
 from bellcrank.actuators.thermal_cycle import periodic_temperatures
 from bellcrank.actuators.time_to_limit import time_to_limit
@@ -55,23 +55,37 @@ class Temperature(Criterion):
             ("peak temperatures", cycle, conditions), lambda: peak_temperatures(pairs, cycle, conditions)
         )
         permitted = self.limit(pairs) - conditions.ambient
-        use, bound = (
-            np.where(permitted > 0.0, (peak[self.body == "housing"] - conditions.ambient) / permitted, np.inf)
-            + 0.0 * permitted
-            for peak in peaks
-        )
+        rise = peaks[:, self._columns].T - conditions.ambient
+        use, bound = np.where(permitted > 0.0, rise / permitted, np.inf + 0.0 * permitted)
         return np.where(np.isnan(use) & (bound <= 1.0), bound, use)
+
+    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
+        """By the mean losses and the largest energy above the mean; see `temperature_bounds`."""
+        number = int(self.body == "housing")
+        winding = pairs.of_motor("max_winding_temperature")
+        if not number:
+            winding = conditions.ambient + level * (winding - conditions.ambient)
+        bounds = temperature_bounds(pairs, cycle, conditions, winding)
+        limit = conditions.ambient + level * (self.limit(pairs) - conditions.ambient)
+        return np.asarray((bounds[0] <= winding) & (bounds[number] <= limit))
+
+    @property
+    def _columns(self) -> list[int]:
+        """Columns of `peak_temperatures`: the temperature and its bound."""
+        return [0, 2] if self.body == "winding" else [1, 3]
 
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
         """The temperature and its limit; from the ambient temperature, when the winding reaches it."""
-        exact, bound = peak_temperatures(pair, cycle, conditions)
-        number = int(self.body == "housing")
-        limit, peak, most = float(self.limit(pair)[0]), float(exact[number][0]), float(bound[number][0])
+        limit = float(self.limit(pair)[0])
+        peak, most = map(float, peak_temperatures(pair, cycle, conditions)[0, self._columns])
         of = "" if math.isnan(limit) else f" of {limit:.4g} °C"
+        when = self._when(pair, cycle, conditions)
         if math.isinf(peak):
-            return f"thermal runaway in '{cycle.name}': the losses grow faster than the heat that is given off{self._when(pair, cycle, conditions)}"
+            return (
+                f"thermal runaway in '{cycle.name}': heat grows faster with the temperature than it is given off{when}"
+            )
         if not math.isnan(peak):
-            return f"{self.body} up to {peak:.1f} °C{of} in the periodic state of '{cycle.name}'{self._when(pair, cycle, conditions)}"
+            return f"{self.body} up to {peak:.1f} °C{of} in the periodic state of '{cycle.name}'{when}"
         if most <= limit:
             return f"{self.body} not above {most:.1f} °C{of} in '{cycle.name}', even if its largest losses lasted"
         return self.missing(pair)
@@ -111,7 +125,9 @@ def heat_cycle(pairs: Pairs, cycle: ReducedCycle) -> HeatCycle:
     """The mean losses of each pair's motor over the intervals of a cycle, in their order and with all passes."""
     factors = electrical_coefficients(pairs, cycle)
     moments = cycle.interval_moments
-    squares = (factors[:, :, None] * factors[:, None, :]).reshape(-1, 25) @ moments.reshape(-1, 25).T
+    row, column = np.triu_indices(5)
+    twice = np.where(row == column, 1.0, 2.0)
+    squares = (factors[:, row] * factors[:, column]) @ (moments[:, row, column] * twice).T
     copper = loss_per_squared_torque(pairs.motors)[:, None] * np.maximum(squares, 0.0)
     ratio = pairs.of_gear("ratio")[:, None]
     friction = ratio * (
@@ -124,14 +140,12 @@ def heat_cycle(pairs: Pairs, cycle: ReducedCycle) -> HeatCycle:
     )
 
 
-def peak_temperatures(
-    pairs: Pairs, cycle: ReducedCycle, conditions: Conditions
-) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """Largest temperatures of winding and housing (m,), °C, in the periodic state; and bounds of them.
+def peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+    """Largest temperatures (m, 4), °C: winding and housing in the periodic state, and bounds of the two.
 
     The bounds are the steady state under the largest losses of any interval. Infinite on thermal runaway, NaN unknown.
     """
-    exact, bound = np.empty((2, len(pairs))), np.empty((2, len(pairs)))
+    found = np.empty((len(pairs), 4))
     step = max(1, MOST_VALUES // len(cycle.interval_order))
     for start in range(0, len(pairs), step):
         rows = slice(start, start + step)
@@ -139,6 +153,42 @@ def peak_temperatures(
         heat = heat_cycle(part, cycle)
         model = ThermalModel.of(part.motors, conditions)
         periodic = periodic_temperatures(model, heat)
-        exact[:, rows] = periodic.winding_peak, periodic.housing_peak
-        bound[:, rows] = model.steady_temperatures(heat.copper_loss.max(axis=1), heat.friction_loss.max(axis=1))
-    return (exact[0], exact[1]), (bound[0], bound[1])
+        bounds = model.steady_temperatures(heat.copper_loss.max(axis=1), heat.friction_loss.max(axis=1))
+        found[rows] = np.column_stack([periodic.winding_peak, periodic.housing_peak, *bounds])
+    return found
+
+
+def temperature_bounds(
+    pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, winding: Array
+) -> tuple[Array, Array]:
+    """Bounds (m,), °C, of winding and housing temperature, if the winding is at most as warm as assumed (m,), °C.
+
+    With the copper's resistance held at the assumed temperature the model is linear. Its response h to an impulse of
+    heat falls from 1/C where the heat enters; elsewhere it rises from 0 to at most 1/C_h and falls again. Integration
+    by parts of ∫ h q, q the heat above its mean P, gives at most (largest h) (max Q - min Q), Q = ∫ q over the cycle:
+
+        T_w - T_a ≤ (R_wh + R_ha) P_cu + R_ha P_f + ΔQ_cu/C_w + ΔQ_f/C_h,
+        T_h - T_a ≤ R_ha (P_cu + P_f) + (ΔQ_cu + ΔQ_f)/C_h.
+
+    Where the bound of the winding is not above the assumed temperature, both hold with the resistance rise too: heat
+    grows with the temperature, so from the ambient temperature the true solution stays below the linear one. (Derived
+    here.)
+    """
+    heat = heat_cycle(pairs, cycle)
+    model = ThermalModel.of(pairs.motors, conditions)
+    factor = resistance_factor(winding)
+    mean_copper, copper_range = (factor * value for value in _mean_and_range(heat.copper_loss, heat.duration))
+    mean_friction, friction_range = _mean_and_range(heat.friction_loss, heat.duration)
+    base = model.ambient + model.housing_resistance * (mean_copper + mean_friction)
+    base = base + friction_range / model.housing_capacity
+    return (
+        base + model.winding_resistance * mean_copper + copper_range / model.winding_capacity,
+        base + copper_range / model.housing_capacity,
+    )
+
+
+def _mean_and_range(loss: Array, duration: Array) -> tuple[Array, Array]:
+    """The mean (m,), W, of losses (m, n), and the range of the energy above it along the cycle, J."""
+    mean = loss @ duration / duration.sum()
+    energy = np.cumsum((loss - mean[:, None]) * duration, axis=1)
+    return mean, np.maximum(energy.max(axis=1), 0.0) - np.minimum(energy.min(axis=1), 0.0)
