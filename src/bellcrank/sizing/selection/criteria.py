@@ -1,7 +1,7 @@
 """What a criterion is: a load compared with a limit, over many pairs of motors and gears at once.
 
-Unknown values are NaN, which pass through every formula: a utilisation that is NaN is unknown, never a pass. Where a bound
-of the missing limit is stated (the rated torque lies below the peak torque), it may show a verdict all the same.
+Unknown values are NaN, which pass through every formula: a utilisation that is NaN is unknown, never a pass. Where a
+bound of the missing limit is stated (the rated torque lies below the peak torque), it may show a verdict all the same.
 """
 
 from __future__ import annotations
@@ -182,7 +182,7 @@ def _side(use: float) -> str:
     return "lower" if use <= 1.0 else "higher"
 
 
-def share(demand: Array, limit: Array) -> Array:
+def share(demand: Array | float, limit: Array) -> Array:
     """Demand over limit; 0 where nothing is demanded of a known or unknown limit, infinite of a limit of 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(demand == 0.0, 0.0, np.divide(demand, limit))
@@ -207,7 +207,7 @@ def lacks(needed: tuple[str, ...], motor: Motor, gear: Gear) -> tuple[str, ...]:
 def cycles_of(
     pairs: Pairs, loads: ReducedLoads, conditions: Conditions, *, of_gear: bool = False
 ) -> list[tuple[NDArray[np.intp] | None, tuple[ReducedCycle, ...]]]:
-    """The cycles by rows of pairs (None: all rows): those of a gear whose efficiency depends on the load are its own."""
+    """The cycles by rows of pairs (None: all rows); a gear whose efficiency depends on the load has cycles of its own."""
     common = loads.with_safety_factor(conditions.safety_factor)
     curved = pairs.products.gear_arrays.efficiency_curve.known[pairs.gear]
     if of_gear or not curved.any():

@@ -1,7 +1,7 @@
 """Criteria of gears: torques at the output, speeds at the input, life, and loads of the output bearing.
 
 They depend on the gear and the load alone, so each gear is judged once. A pair without a gear has none of these limits.
-The torque at the output is that of the load, without the actuator's own inertia: rotor and gear accelerate on its input.
+The torque at the output is that of the load, without the actuator's own inertia, which accelerates on the gear's input.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class GearCriterion(LimitCriterion):
 
     def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
         """Pairs with a gear."""
-        return np.asarray(~pairs.of_gear("direct"))
+        return pairs.with_gear
 
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
         """The load and the gear's limit."""
@@ -37,8 +37,8 @@ class GearCriterion(LimitCriterion):
 class GearAverageTorque(GearCriterion):
     """The average torque of the gear's life law under its limit.
 
-    The average grows with the exponent up to the largest torque, from the mean of |τ| over the travel (p = 1). Where the
-    exponent is unknown, these two bounds may decide; the limit is not below the rated torque and not above that of
+    The average grows with the exponent, from the mean of |τ| over the travel (p = 1) up to the largest torque. Where
+    the exponent is unknown, these two bounds may decide; the limit is not below the rated torque and not above that of
     repeated peaks.
     """
 
@@ -67,7 +67,7 @@ class GearAverageTorque(GearCriterion):
         return pairs.of_gear("repeated_peak_torque"), "limit of repeated peaks"
 
     def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
-        """With an unknown exponent, the use with the largest torque where it passes, with the mean where it does not."""
+        """With an unknown exponent, that of the largest torque where it passes, that of the mean where it does not."""
         use = super().cycle_use(pairs, cycle, conditions)
         limit = self.limit(pairs, cycle, conditions)
         pass_limit = np.where(np.isnan(limit), self.at_least(pairs, cycle)[0], limit)
@@ -138,7 +138,7 @@ class GearMomentaryTorque(GearCriterion):
     def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
         """Pairs with a gear, where the conditions name a momentary load of the axis."""
         given = axis.name in dict(conditions.momentary_loads)
-        return np.asarray(~pairs.of_gear("direct") & given)
+        return np.asarray(pairs.with_gear & given)
 
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """The momentary load that the conditions name."""
@@ -229,7 +229,7 @@ class GearLife(GearCriterion):
 
     def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
         """Pairs with a gear, where hours are required."""
-        return np.asarray(~pairs.of_gear("direct") & (conditions.life is not None))
+        return np.asarray(pairs.with_gear & (conditions.life is not None))
 
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """The hours required."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.electrical import loss_per_squared_torque
+from bellcrank.sizing.selection.bearing_criteria import AxialLoad, TiltingMoment
 from bellcrank.sizing.selection.criteria import Array, Bools, Criterion, cycles_of
 from bellcrank.sizing.selection.gear_criteria import (
     GearAverageSpeed,
@@ -29,6 +30,7 @@ from bellcrank.sizing.selection.motor_criteria import (
     PeakTorque,
     VoltageLimit,
 )
+from bellcrank.sizing.selection.notes import AxisError, InertiaRatio, Resonance
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.peak_curve import PeakCurve
 from bellcrank.sizing.selection.peak_duration import PeakDuration
@@ -49,12 +51,13 @@ GEAR_CRITERIA: Final[tuple[Criterion, ...]] = (
 )
 # Criteria in the order of their cost: pairs that fail one group are left out of the groups that follow.
 PAIR_CRITERIA: Final[tuple[tuple[Criterion, ...], ...]] = (
-    (MotorSpeed(), HoldingBrake()),
+    (MotorSpeed(), HoldingBrake(), TiltingMoment(), AxialLoad()),
     (ContinuousTorqueCriterion(),),
     (PeakTorque(), PeakCurrent(), VoltageLimit()),
     (PeakCurve(), PeakDuration()),
     (WindingTemperature(), HousingTemperature()),
 )
+NOTES: Final[tuple[Criterion, ...]] = (InertiaRatio(), Resonance(), AxisError())
 CRITERIA: Final = (*GEAR_CRITERIA, *(criterion for group in PAIR_CRITERIA for criterion in group))
 CHUNK = 8192  # pairs judged at once
 THREADS = 1
@@ -69,9 +72,9 @@ class Judgement:
         loads: The loads.
         conditions: The conditions.
         criteria: The c criteria, in the order of rows.
-        use: Utilisation (c, m), 1 at the limit; NaN where unknown, a note, or not evaluated. It is NaN too where a bound
-            that costs little shows that it is inside and not above the utilisation of another criterion, so that the
-            largest utilisation is exact.
+        use: Utilisation (c, m), 1 at the limit; NaN where unknown, a note, or not evaluated. It is NaN too where a
+            bound that costs little shows that it is inside and not above the utilisation of another criterion, so
+            that the largest utilisation is exact.
         verdict: (c, m) indices into `VERDICTS`.
         loss: Mean electrical loss of motor and gear in the worst cycle (m,), W, with the winding at 25 °C; NaN where
             unknown.
@@ -103,9 +106,9 @@ class Judgement:
         return self.pairs.of_motor("mass") + self.pairs.of_gear("mass")
 
     def results(self, pair: int) -> tuple[CriterionResult, ...]:
-        """Every criterion of one pair, in words, those included that were not evaluated here."""
+        """Every criterion and note of one pair, in words, those included that were not evaluated here."""
         one = self.pairs.take(slice(pair, pair + 1))
-        return tuple(criterion.result(one, self.loads, self.conditions) for criterion in self.criteria)
+        return tuple(each.result(one, self.loads, self.conditions) for each in (*self.criteria, *NOTES))
 
 
 def judge(pairs: Pairs, loads: ReducedLoads, conditions: Conditions) -> Judgement:

@@ -115,7 +115,7 @@ class ReducedCycle:
 
     @cached_property
     def forward(self) -> Array:
-        """Features (n', 5) with speeds of 0 or more, for limits that are the same in both directions of motion.
+        """Features (n', 5) with speeds of 0 or more, for limits that are alike in both directions of motion.
 
         Samples that move backwards are reversed as a whole, because such a limit on (T, ω) holds for (-T, -ω) too; those
         at rest are there in both signs.
@@ -180,7 +180,7 @@ class ReducedCycle:
         if total == 0.0 or self.max_torque == 0.0:
             return 0.0
         share = (np.abs(self.torque) / self.max_torque) ** exponent  # so that no power overflows
-        return self.max_torque * float(travel @ share / total) ** (1.0 / exponent)
+        return float(self.max_torque * float(travel @ share / total) ** (1.0 / exponent))
 
     def scaled(self, factor: float) -> ReducedCycle:
         """The same cycle with all loads (torques, forces and moments, but no inertia) times a factor."""

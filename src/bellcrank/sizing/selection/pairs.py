@@ -116,6 +116,11 @@ class Pairs:
         """A figure (m,) of each pair's gear; NaN where unknown."""
         return np.asarray(getattr(self.gears, name))
 
+    @property
+    def with_gear(self) -> NDArray[np.bool_]:
+        """Whether each pair has a gear (m,)."""
+        return np.asarray(~self.products.gear_arrays.direct[self.gear])
+
     def rows(self, pair: int) -> tuple[Motor, Gear]:
         """The motor and gear of one pair."""
         return self.products.motors[self.motor[pair]], self.products.gears[self.gear[pair]]

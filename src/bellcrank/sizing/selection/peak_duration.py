@@ -46,7 +46,7 @@ class PeakDuration(Criterion):
         return use
 
     def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
-        """By whole intervals: one counts where its largest torques and acceleration at once exceed the least S1 torque."""
+        """By whole intervals: one counts where its largest torques and acceleration exceed the least S1 torque."""
         least, _ = _continuous_range(pairs, cycle, conditions)
         shown = largest_shaft_torque(pairs, cycle) <= least
         rest = np.nonzero(~shown)[0]
@@ -94,7 +94,7 @@ def _continuous_range_of(pairs: Pairs, cycle: ReducedCycle, conditions: Conditio
 
 
 def _use(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array | None) -> Array:
-    """Longest time over the permitted one, by all samples, above a level (m,), or the continuous torque at each speed."""
+    """Longest time over the permitted one by all samples, above a level (m,) or the continuous torque at each speed."""
     torque = np.abs(shaft_coefficients(pairs, cycle) @ cycle.features.T)
     if level is not None:
         above = torque > level[:, None]
@@ -127,7 +127,7 @@ def _share(longest: Array, pairs: Pairs) -> Array:
 
 
 class _Runs(NamedTuple):
-    """Times (m,) above a level: up to the first sample below it, from the last one on, the longest, and of the whole."""
+    """Times (m,) above a level: before the first sample below it, after the last one, and the longest; the whole time."""
 
     first: Array
     last: Array
@@ -186,6 +186,6 @@ def _runs(above: Bools, weight: Array) -> _Runs:
     """The runs of samples (m, n) of these weights (n,)."""
     end = np.cumsum(weight)
     run = end - np.maximum.accumulate(np.where(above, 0.0, end), axis=1)  # since the last sample below
-    whole = above.all(axis=1)
+    whole = np.asarray(above.all(axis=1))
     first = np.where(whole, end[-1], (end - weight)[np.argmin(above, axis=1)])
     return _Runs(first, run[:, -1], run.max(axis=1), float(end[-1]), whole)

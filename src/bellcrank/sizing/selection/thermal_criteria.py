@@ -57,7 +57,7 @@ class Temperature(Criterion):
         permitted = self.limit(pairs) - conditions.ambient
         rise = peaks[:, self._columns].T - conditions.ambient
         use, bound = np.where(permitted > 0.0, rise / permitted, np.inf + 0.0 * permitted)
-        return np.where(np.isnan(use) & (bound <= 1.0), bound, use)
+        return np.asarray(np.where(np.isnan(use) & (bound <= 1.0), bound, use))
 
     def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
         """By the mean losses and the largest energy above the mean; see `temperature_bounds`."""
