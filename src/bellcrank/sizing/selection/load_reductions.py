@@ -115,10 +115,10 @@ class ReducedCycle:
 
     @cached_property
     def forward(self) -> Array:
-        """Features (n', 5) with speeds of 0 or more, for limits that are alike in both directions of motion.
+        """Features (n', 5) with speeds of 0 or more, for limits alike in both directions.
 
-        Samples that move backwards are reversed as a whole, because such a limit on (T, ω) holds for (-T, -ω) too; those
-        at rest are there in both signs.
+        Samples that move backwards are reversed as a whole, because such a limit on (T, ω) holds for (-T, -ω) too;
+        those at rest are there in both signs.
         """
         at_rest = self.features[self.speed == 0.0]
         return np.concatenate([np.where(self.speed[:, None] < 0.0, -self.features, self.features), -at_rest])

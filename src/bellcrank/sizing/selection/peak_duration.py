@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.continuous_torque import continuous_torque
-from bellcrank.sizing.selection.criteria import Array, Bools, Criterion
+from bellcrank.sizing.selection.criteria import Array, Bools, Criterion, alternatives
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
 from bellcrank.sizing.selection.motor_criteria import ContinuousTorqueCriterion
 from bellcrank.sizing.selection.pairs import Pairs
@@ -27,7 +27,7 @@ class PeakDuration(Criterion):
     name = "peak duration"
     formula = "longest time with |T| > T_S1(|ω|) ≤ t_peak; nothing is asked for where |T| never exceeds T_S1"
     source = "the motor's data sheet (time of the peak torque)"
-    needs = tuple((*fields, "motor.peak_time") for fields in ContinuousTorqueCriterion.needs)
+    needs = alternatives(ContinuousTorqueCriterion.needs, (("motor.peak_time",),))
 
     def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Longest time over the permitted one."""
@@ -127,7 +127,7 @@ def _share(longest: Array, pairs: Pairs) -> Array:
 
 
 class _Runs(NamedTuple):
-    """Times (m,) above a level: before the first sample below it, after the last one, and the longest; the whole time."""
+    """Times (m,) above a level: before the first sample below it, after the last one, the longest; whole time."""
 
     first: Array
     last: Array

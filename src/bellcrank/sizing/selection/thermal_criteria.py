@@ -13,23 +13,18 @@ from bellcrank.actuators.thermal import HeatCycle, ThermalModel
 from bellcrank.actuators.thermal_cycle import periodic_temperatures
 from bellcrank.actuators.time_to_limit import time_to_limit
 from bellcrank.sizing.selection.axis_loads import Axis
-from bellcrank.sizing.selection.criteria import Array, Bools, Criterion
+from bellcrank.sizing.selection.criteria import FRICTION, SHAFT, TORQUE_CONSTANT, Array, Bools, Criterion, alternatives
 from bellcrank.sizing.selection.load_reductions import DIRECTION, SPEED, ReducedCycle
-from bellcrank.sizing.selection.motor_criteria import TRAIN
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.shaft_loads import electrical_coefficients
 
 MOST_VALUES = 2**20  # of pairs times intervals at once
-_THERMAL = (
-    *TRAIN,
-    "motor.torque_constant",
-    "motor.torque_constant_basis",
-    "motor.resistance",
-    "motor.no_load_current",
-    "motor.resistance_winding_housing",
-    "motor.resistance_housing_ambient",
-    "motor.time_constant_winding",
-    "motor.time_constant_motor",
+_THERMAL = alternatives(
+    SHAFT,
+    FRICTION,
+    TORQUE_CONSTANT,
+    (("motor.resistance", "motor.resistance_winding_housing", "motor.resistance_housing_ambient"),),
+    (("motor.time_constant_winding", "motor.time_constant_motor"),),
 )
 _SOURCE = "two-body model: maxon, motor data lines 17 to 20; A. M. Johnson, Motor Thermal Calculator, CMU"
 
@@ -105,7 +100,7 @@ class WindingTemperature(Temperature):
     """The winding's temperature."""
 
     name = "winding temperature"
-    needs = ((*_THERMAL, "motor.max_winding_temperature"),)
+    needs = alternatives(_THERMAL, (("motor.max_winding_temperature",),))
     body = "winding"
 
 
@@ -113,7 +108,7 @@ class HousingTemperature(Temperature):
     """The housing's temperature; a note where no limit is stated."""
 
     name = "housing temperature"
-    needs = ((*_THERMAL, "motor.max_housing_temperature"),)
+    needs = alternatives(_THERMAL, (("motor.max_housing_temperature",),))
     body = "housing"
 
     def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
@@ -154,8 +149,16 @@ def peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions)
         model = ThermalModel.of(part.motors, conditions)
         periodic = periodic_temperatures(model, heat)
         bounds = model.steady_temperatures(heat.copper_loss.max(axis=1), heat.friction_loss.max(axis=1))
-        found[rows] = np.column_stack([periodic.winding_peak, periodic.housing_peak, *bounds])
+        known = ~np.isnan(heat.copper_loss @ heat.duration + heat.friction_loss @ heat.duration + _known(model))
+        peaks = np.column_stack([periodic.winding_peak, periodic.housing_peak])
+        peaks[np.isnan(peaks) & known[:, None]] = np.inf  # only a runaway overflows
+        found[rows] = np.column_stack([peaks, *bounds])
     return found
+
+
+def _known(model: ThermalModel) -> Array:
+    """0 (m,) where all figures of the model are known, else NaN."""
+    return 0.0 * (model.winding_capacity + model.housing_capacity + model.winding_resistance + model.housing_resistance)
 
 
 def temperature_bounds(
