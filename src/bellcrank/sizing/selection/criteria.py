@@ -130,7 +130,7 @@ class Criterion(ABC):
     def missing(self, pair: Pairs) -> str:
         """What the rows of one pair lack for this criterion, in words."""
         motor, gear = pair.rows(0)
-        lacking = min((lacks(needed, motor, gear) for needed in self.needs), key=len)
+        lacking = min((lacks(needed, motor, gear) for needed in self.needs), key=len)  # the first of the shortest
         return "not stated: " + ", ".join(lacking) if lacking else "not known from what is stated"
 
 

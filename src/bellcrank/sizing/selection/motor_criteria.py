@@ -73,7 +73,7 @@ class ContinuousTorqueCriterion(LimitCriterion):
     name = "continuous torque"
     formula = "√(1/t ∫ T² dt) ≤ T_S1(mean |ω|), T = τ/(N η) or τ η_b/N, + (J_rotor + J_gear) N q̈"
     source = f"{_YASKAWA} (T_rms ≤ rated torque); {_MAXON} (at mean speed)"
-    needs = alternatives(SHAFT, (("motor.continuous_curve",), ("motor.nominal_torque", "motor.nominal_speed"))) + (
+    needs = alternatives(SHAFT, (("motor.nominal_torque", "motor.nominal_speed"), ("motor.continuous_curve",))) + (
         alternatives(SHAFT, FRICTION, TORQUE_CONSTANT, (THERMAL_LIMIT,))
     )
     quantity = "RMS torque"
@@ -154,6 +154,12 @@ class PeakCurrent(LimitCriterion):
     def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Torque of the peak current."""
         return pairs.of_motor("peak_electrical_torque")
+
+    def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
+        """The load and its limit, or that none is stated."""
+        if self.judged(pair, cycle.axis, conditions)[0]:
+            return super().cycle_text(pair, cycle, conditions)
+        return "no peak current is stated, or the torque constant is not: the peak torque counts"
 
 
 class VoltageLimit(Criterion):

@@ -153,7 +153,8 @@ class Pairs:
         """All combinations that can drive an axis.
 
         A linear axis takes screws and racks, and nothing else does. A rotary axis also takes each motor without a gear,
-        and takes a motor and gear sold as one only so. Flange and shaft must fit where both sides state them.
+        and takes a motor and gear sold as one only so. Flange and shaft must fit where both sides state them. A gear
+        whose flange begins with the name of its maker is built into the motors that state this flange.
 
         Args:
             motors: The motors to choose from.
@@ -190,8 +191,15 @@ def _flanges_fit(motors: Sequence[Motor], gears: Sequence[Gear]) -> tuple[NDArra
         for name in (gear.input_flange or "").split(";"):
             if _name(name) in names:
                 taken[names[_name(name)], column] = True
-    known = np.array([bool(_name(m.flange)) for m in motors])[:, None] & [bool(_name(g.input_flange)) for g in gears]
-    return np.asarray(~known | taken[offered]), np.asarray(known)
+    stated = np.array([bool(_name(motor.flange)) for motor in motors], dtype=bool)
+    known = stated[:, None] & np.array([bool(_name(gear.input_flange)) for gear in gears], dtype=bool)
+    built_in = np.array([_is_built_in(gear) for gear in gears], dtype=bool)
+    return np.asarray((~known & ~built_in) | taken[offered]), np.asarray(known)
+
+
+def _is_built_in(gear: Gear) -> bool:
+    """Whether a gear is built into certain motors of its maker: its flange names them, beginning with the maker."""
+    return any(_name(name).startswith(_name(gear.maker) + " ") for name in (gear.input_flange or "").split(";"))
 
 
 def _shafts_fit(motors: Sequence[Motor], gears: Sequence[Gear]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

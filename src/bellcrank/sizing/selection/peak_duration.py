@@ -34,7 +34,7 @@ class PeakDuration(Criterion):
         peak = largest_shaft_torque(pairs, cycle)
         least, most = _continuous_range(pairs, cycle, conditions)
         use = np.where(peak <= least, 0.0, np.nan)
-        unknown = np.isnan(peak) | (np.isnan(pairs.of_motor("peak_time")) & (peak > most))
+        unknown = np.isnan(peak) | (np.isnan(pairs.of_motor("peak_time")) & ~(peak <= most))
         above = np.nonzero(~(peak <= least) & ~unknown)[0]
         step = max(1, BLOCK // len(cycle.torque))
         for start in range(0, len(above), step):

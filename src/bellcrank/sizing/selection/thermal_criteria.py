@@ -56,6 +56,13 @@ class Temperature(Criterion):
 
     def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
         """By the mean losses and the largest energy above the mean; see `temperature_bounds`."""
+        shown = np.zeros(len(pairs), dtype=bool)
+        known = np.nonzero(~np.isnan(pairs.of_motor("max_winding_temperature") + self.limit(pairs)))[0]
+        if len(known):
+            shown[known] = self._below(pairs.take(known), cycle, conditions, level[known])
+        return shown
+
+    def _below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
         number = int(self.body == "housing")
         winding = pairs.of_motor("max_winding_temperature")
         if not number:
@@ -140,25 +147,25 @@ def peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions)
 
     The bounds are the steady state under the largest losses of any interval. Infinite on thermal runaway, NaN unknown.
     """
-    found = np.empty((len(pairs), 4))
+    found = np.full((len(pairs), 4), np.nan)
+    resistances = pairs.of_motor("resistance_winding_housing") + pairs.of_motor("resistance_housing_ambient")
+    known = np.nonzero(~np.isnan(resistances + pairs.coefficients[:, 2:].sum(axis=1)))[0]
     step = max(1, MOST_VALUES // len(cycle.interval_order))
-    for start in range(0, len(pairs), step):
-        rows = slice(start, start + step)
-        part = pairs.take(rows)
-        heat = heat_cycle(part, cycle)
-        model = ThermalModel.of(part.motors, conditions)
-        periodic = periodic_temperatures(model, heat)
-        bounds = model.steady_temperatures(heat.copper_loss.max(axis=1), heat.friction_loss.max(axis=1))
-        known = ~np.isnan(heat.copper_loss @ heat.duration + heat.friction_loss @ heat.duration + _known(model))
-        peaks = np.column_stack([periodic.winding_peak, periodic.housing_peak])
-        peaks[np.isnan(peaks) & known[:, None]] = np.inf  # only a runaway overflows
-        found[rows] = np.column_stack([peaks, *bounds])
+    for start in range(0, len(known), step):
+        rows = known[start : start + step]
+        found[rows] = _peak_temperatures(pairs.take(rows), cycle, conditions)
     return found
 
 
-def _known(model: ThermalModel) -> Array:
-    """0 (m,) where all figures of the model are known, else NaN."""
-    return 0.0 * (model.winding_capacity + model.housing_capacity + model.winding_resistance + model.housing_resistance)
+def _peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+    heat = heat_cycle(pairs, cycle)
+    model = ThermalModel.of(pairs.motors, conditions)
+    periodic = periodic_temperatures(model, heat)
+    peaks = np.column_stack([periodic.winding_peak, periodic.housing_peak])
+    complete = ~np.isnan(heat.copper_loss @ heat.duration + model.winding_capacity + model.housing_capacity)
+    peaks[np.isnan(peaks) & complete[:, None]] = np.inf  # only a runaway overflows
+    bounds = model.steady_temperatures(heat.copper_loss.max(axis=1), heat.friction_loss.max(axis=1))
+    return np.column_stack([peaks, *bounds])
 
 
 def temperature_bounds(
