@@ -14,6 +14,7 @@ and Vandenberghe, Convex Optimization, 2004, exercise 2.5 and section 4.3.)
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,22 @@ Array = NDArray[np.float64]
 STANDSTILL = (
     1e-9  # rad/s (m/s) of the axis: slower counts as at rest, so that rounding does not decide the flow of power
 )
+BLOCK_SIZE = 16  # samples
 DRIVING, DRIVEN, ACCELERATION, DIRECTION, SPEED = range(5)  # the features
+
+
+class Blocks(NamedTuple):
+    """Blocks of samples.
+
+    Attributes:
+        maxima: (b, 5) largest sizes of the features in each block, each feature for itself.
+        weight: Weights (b,), s, of one pass.
+        interval: Number (b,) of the interval of each block.
+    """
+
+    maxima: Array
+    weight: Array
+    interval: NDArray[np.intp]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,11 +114,21 @@ class ReducedCycle:
         """Numbers of the intervals in the order of the cycle, with all passes."""
         return np.concatenate([np.tile(np.arange(first, end), passes) for first, end, passes in self.sequence])
 
+    @property
+    def pass_weight(self) -> Array:
+        """Weights (n,), s, of one pass."""
+        return self.weight / self.passes[self.interval]
+
     @cached_property
-    def interval_maxima(self) -> Array:
-        """(K, 5) largest sizes of the features over each interval, each feature for itself."""
-        first = np.searchsorted(self.interval, np.arange(len(self.passes)))
-        return np.asarray(np.maximum.reduceat(np.abs(self.features), first, axis=0))
+    def blocks(self) -> Blocks:
+        """Every few samples of an interval as one: what a quantity cannot exceed in them."""
+        samples = np.arange(len(self.interval)) - np.searchsorted(self.interval, self.interval)
+        first = np.flatnonzero(samples % BLOCK_SIZE == 0)
+        return Blocks(
+            np.maximum.reduceat(np.abs(self.features), first, axis=0),
+            np.add.reduceat(self.pass_weight, first),
+            self.interval[first],
+        )
 
     @cached_property
     def interval_moments(self) -> Array:

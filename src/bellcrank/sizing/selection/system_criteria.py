@@ -95,7 +95,7 @@ def _regeneration(pairs: Sequence[Pairs], axes: Sequence[ReducedCycle], conditio
     cycle, name = axes[0], f"in '{axes[0].name}'"
     if np.isnan(power).any():
         return _unknown(REGENERATION, pairs)
-    energy = -power * cycle.weight / cycle.passes[cycle.interval]
+    energy = -power * cycle.pass_weight
     if not (energy > 0.0).any():
         return _judged(REGENERATION, 0.0, f"the axes together never give power back {name}")
     given_back = float(np.sum(np.maximum(-power, 0.0) * cycle.weight))

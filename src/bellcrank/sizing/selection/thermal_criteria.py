@@ -184,7 +184,7 @@ def temperature_bounds(
     grows with the temperature, so from the ambient temperature the true solution stays below the linear one. (Derived
     here.)
     """
-    heat = heat_cycle(pairs, cycle)
+    heat = pairs.once(("heat", cycle), lambda: heat_cycle(pairs, cycle))
     model = ThermalModel.of(pairs.motors, conditions)
     factor = resistance_factor(winding)
     mean_copper, copper_range = (factor * value for value in _mean_and_range(heat.copper_loss, heat.duration))
