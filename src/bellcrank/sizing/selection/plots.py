@@ -179,10 +179,11 @@ def _bars(axis: Axes, results: Sequence[CriterionResult]) -> None:
         axis.barh(place, min(each.use, SHOWN), color=COLOURS[each.verdict], height=0.66)
         axis.annotate(
             percent(each.use), (min(each.use, SHOWN), place), (4, 0), textcoords="offset points", va="center",
-            fontsize="small",
+            fontsize="small", bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85},
         )  # fmt: skip
     axis.set_yticks(np.arange(len(results))[::-1], [literal(each.name) for each in results], fontsize="small")
     axis.set_ylim(-0.6, max(len(results), 2) - 0.4)
     axis.set_xlim(0.0, SHOWN + 0.15)
     axis.axvline(1.0, color=LIMIT, linestyle="--", linewidth=1.0)
     plain(axis)
+    axis.set_axisbelow(True)
