@@ -181,11 +181,9 @@ def _comments(selection: Selection) -> list[str]:
         lines.append(f"{one.axis.name}: {chosen.tier}; {percent(chosen.largest_use)} of {chosen.binding}")
         for product in (chosen.motor, *(() if chosen.gear.kind == "direct" else (chosen.gear,))):
             lines.append(f"  {product.maker} {product.model} ({product.id}): {product.source or 'source not stated'}")
-        filled = [
-            f"{kind}.{name} = {value:g}"
-            for kind, product in zip(("motor", "gear"), selection.stated(chosen), strict=True)
-            for name, value in selection.conditions.filled(product)
-        ]
+        motor, gear = selection.stated(chosen)
+        filled = [f"motor.{name} = {value:g}" for name, value in selection.conditions.filled(motor)]
+        filled += [f"gear.{name} = {value:g}" for name, value in selection.conditions.filled(gear)]
         lines += [f"  assumed: {', '.join(filled)}"] if filled else []
     return [f"# {one_line(line)}" for line in lines]
 
@@ -193,8 +191,9 @@ def _comments(selection: Selection) -> list[str]:
 def _checked(path: Path, config: RobotConfig) -> tuple[str, ...]:
     """Read a file back; a note where it can be read only with --trust. Raises InputError where it differs."""
     access = FileAccess(path.parent, path.parent)
+    notes: tuple[str, ...] = ()
     try:
-        again, notes = read_config(path, access), ()
+        again = read_config(path, access)
     except InputError:
         everywhere = FileAccess(path.parent, path.parent, (Path(path.resolve().anchor),))
         again, notes = read_config(path, everywhere), (_TRUST,)
