@@ -6,7 +6,7 @@ from bellcrank.sizing.selection.advice import advice_for
 from bellcrank.sizing.selection.candidates import axis_selection
 from bellcrank.sizing.selection.choose import Chosen
 from bellcrank.sizing.selection.joint_problem import Choice, masses_of
-from bellcrank.sizing.selection.judged_axes import JudgedAxes
+from bellcrank.sizing.selection.judged_axes import MAIN, JudgedAxes
 from bellcrank.sizing.selection.pareto_search import pareto_front
 from bellcrank.sizing.selection.selection import AxisSelection, Selection, pair_id
 
@@ -37,7 +37,7 @@ def selection_of(problem: JudgedAxes, chosen: Chosen, candidates: int, effort: i
         proof=chosen.proof,
         pareto=points,
         pareto_proof=proof,
-        warnings=(*chosen.notes, *_mass_notes(problem, axes)),
+        warnings=(*chosen.notes, *_unknown_notes(axes), *_mass_notes(problem, axes)),
     )
 
 
@@ -46,6 +46,21 @@ def labels(problem: JudgedAxes, choice: Choice) -> tuple[str, ...]:
     return tuple(
         "" if pair is None else pair_id(*one.pairs.rows(pair)) for one, pair in zip(problem.axes, choice, strict=True)
     )
+
+
+def _unknown_notes(axes: tuple[AxisSelection, ...]) -> list[str]:
+    """A sentence for each chosen pair of which a main criterion is unknown."""
+    notes = []
+    for one in axes:
+        if one.chosen is not None:
+            names = [
+                result.name for result in one.chosen.criteria if result.verdict == "unknown" and result.name in MAIN
+            ]
+            if names:
+                notes.append(
+                    f"it is not shown that {one.chosen.id} can drive '{one.axis.name}': unknown are {', '.join(names)}"
+                )
+    return notes
 
 
 def _mass_notes(problem: JudgedAxes, axes: tuple[AxisSelection, ...]) -> list[str]:
