@@ -28,7 +28,9 @@ def arm_2r():
     motions = [
         bc.waypoints(arm, [0.0, 1.6, 3.0], [{}, {"shoulder": 1.2, "elbow": -0.9}, {}], name="reach"),
         bc.waypoints(arm, [0.0, 1.3, 3.0], [{}, {"shoulder": -0.7, "elbow": 1.4}, {}], name="swing"),
-        bc.waypoints(arm, [0.0, 1.1, 2.4], [{"elbow": 0.3}, {"shoulder": 0.4, "elbow": 1.0}, {"elbow": 0.3}], name="lift"),
+        bc.waypoints(
+            arm, [0.0, 1.1, 2.4], [{"elbow": 0.3}, {"shoulder": 0.4, "elbow": 1.0}, {"elbow": 0.3}], name="lift"
+        ),
     ]
     return arm, motions
 
@@ -36,7 +38,11 @@ def arm_2r():
 def ur5():
     arm = bc.load_robot("ur5")
     names = [joint.name for joint in arm.joints]
-    home, far, low = ([0.0, -1.2, 1.5, -0.3, 0.5, 0.0], [1.5, -0.6, 0.8, 0.4, -0.5, 1.0], [0.4, -0.9, 1.9, -1.0, 0.9, 2.0])
+    home, far, low = (
+        [0.0, -1.2, 1.5, -0.3, 0.5, 0.0],
+        [1.5, -0.6, 0.8, 0.4, -0.5, 1.0],
+        [0.4, -0.9, 1.9, -1.0, 0.9, 2.0],
+    )
     poses = [dict(zip(names, pose, strict=True)) for pose in (home, far, low)]
     motions = [
         bc.waypoints(arm, [0.0, 1.2, 2.4], [poses[0], poses[1], poses[0]], name="far"),
@@ -104,7 +110,9 @@ def mean_loss(motor, gear, cycle):
     torque, speed, n = cycle.torque, cycle.speed, gear.ratio
     geared = np.where(torque * speed >= 0.0, torque / (n * gear.efficiency), torque * back / n)
     friction = motor.coulomb_friction * np.sign(speed) + motor.viscous_friction * n * speed
-    current = (geared + (motor.rotor_inertia + gear.inertia) * n * cycle.acceleration + friction) / motor.torque_constant
+    current = (
+        geared + (motor.rotor_inertia + gear.inertia) * n * cycle.acceleration + friction
+    ) / motor.torque_constant
     return cycle.mean(motor.resistance * current**2 + (geared + friction) * n * speed - torque * speed)
 
 
@@ -168,8 +176,12 @@ def temperatures(motors, heats, ambient):
     whole = np.where(settles[:, None, None], whole, 0.0)
     state = np.linalg.solve(np.eye(2) - whole, shift[:, :, None])[:, :, 0]
     peak = state.copy()
-    for (_, values, vectors, inverse, rest), flow, moved, duration in zip(systems, matrices, shifts, seconds, strict=True):
-        parts = vectors * np.einsum("mij,mj->mi", inverse, state - rest)[:, None, :]  # x_i = rest_i + Σ_j parts_ij e^(λ_j t)
+    for (_, values, vectors, inverse, rest), flow, moved, duration in zip(
+        systems, matrices, shifts, seconds, strict=True
+    ):
+        parts = (
+            vectors * np.einsum("mij,mj->mi", inverse, state - rest)[:, None, :]
+        )  # x_i = rest_i + Σ_j parts_ij e^(λ_j t)
         ratio = -(parts[:, :, 1] * values[:, None, 1]) / (parts[:, :, 0] * values[:, None, 0])
         time = np.log(ratio) / (values[:, 0] - values[:, 1])[:, None]
         value = rest + (parts * np.exp(values[:, None, :] * time[:, :, None])).sum(axis=2)
@@ -221,10 +233,14 @@ def test_verdicts_and_ranks_equal_brute_force(robot):
         tiers += np.bincount(judgement.tier, minlength=3)
         ranked = sorted(
             range(len(rows)),
-            key=lambda pair: (largest[pair] > 1.0, round(rows[pair][0].mass + rows[pair][1].mass, 9), largest[pair], pair),
+            key=lambda pair: (
+                largest[pair] > 1.0,
+                round(rows[pair][0].mass + rows[pair][1].mass, 9),
+                largest[pair],
+                pair,
+            ),
         )
         keys = problem.keys(axis, (-2,) * len(axes))
         order = np.lexsort(keys.T[::-1])
         assert order[: len(passing)].tolist() == ranked[: len(passing)]
     assert tiers[0] > 10 and tiers[2] > 10
-

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from sized_catalogue import sized_catalogue
 
 import bellcrank as bc
-from bellcrank.actuators.catalogue import Catalogue
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.powertrain import body
 from bellcrank.dynamics.mechanism import mechanism_of
@@ -81,7 +79,12 @@ class Exhaustive:
         if found.tier[0] != 0:
             return None
         motor, gear = pair.rows(0)
-        return motor.mass + gear.mass, motor.price + (gear.price or 0.0), float(found.loss[0]), float(found.largest_use[0])
+        return (
+            motor.mass + gear.mass,
+            motor.price + (gear.price or 0.0),
+            float(found.loss[0]),
+            float(found.largest_use[0]),
+        )
 
     def best(self, objective):
         column = {"mass": 0, "margin": 1, "loss": 2, "cost": 3}[objective]
@@ -114,7 +117,9 @@ def test_two_joints_with_50_pairs_equal_the_exhaustive_search(two_joints, object
 
 def test_the_masses_matter(two_joints):
     arm, motions, catalogue, conditions, _ = two_joints
-    found = [bc.select(arm, motions, catalogue, conditions=conditions, feedback=on).axes[0].chosen for on in (True, False)]
+    found = [
+        bc.select(arm, motions, catalogue, conditions=conditions, feedback=on).axes[0].chosen for on in (True, False)
+    ]
     assert found[0].mass > found[1].mass
 
 
@@ -132,9 +137,7 @@ def test_the_pareto_front_equals_that_of_all_combinations(two_joints):
 
 def dominated(points):
     """By definition, pair by pair."""
-    return [
-        any((other <= point).all() and (other < point).any() for other in points) for point in points
-    ]
+    return [any((other <= point).all() and (other < point).any() for other in points) for point in points]
 
 
 def test_non_dominated_points_are_those_of_the_definition():

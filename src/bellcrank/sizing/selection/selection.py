@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -59,25 +59,27 @@ class Candidate:
         motor: The motor.
         gear: The gear; `DIRECT` without one.
         tier: Its class.
-        criteria: Every criterion.
+        criteria: Every criterion and note, in words.
         binding: Name of the criterion with the largest utilisation.
         mass: kg; None where unknown.
         cost: In the motor's currency; None where unknown.
         loss: Mean electrical loss of the worst cycle, W; None where unknown.
         largest_use: Largest known utilisation; where another actuator's mass is not stated, without that mass.
         fit: "fits", or "fit not checked".
+        unknown: Names of the criteria that are unknown.
     """
 
     motor: Motor
     gear: Gear
     tier: Tier
-    criteria: tuple[CriterionResult, ...]
+    criteria: Sequence[CriterionResult]
     binding: str
     mass: float | None
     cost: float | None
     loss: float | None
     largest_use: float
     fit: str
+    unknown: tuple[str, ...] = ()
 
     @property
     def id(self) -> str:
@@ -98,7 +100,7 @@ class AxisSelection:
         axis: The axis.
         chosen: What was chosen; None where nothing in the catalogue can drive the axis.
         candidates: The chosen pair and the best others, ranked under the masses of the actuators chosen for the other
-            axes; the failing ones nearest to the limits come last.
+            axes; where few pass, the failing ones nearest to the limits come last.
         counts: Number of pairs in each tier.
         advice: Where nothing fits: which criterion fails for the nearest pair, by how much, and what would help.
         unknown_masses: Names of the axes whose actuators' masses change this axis's loads and are not stated. Criteria

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bellcrank.sizing.selection.advice import advice_for
 from bellcrank.sizing.selection.candidates import axis_selection
-from bellcrank.sizing.selection.choose import Chosen
+from bellcrank.sizing.selection.choose import Chosen, system_results
 from bellcrank.sizing.selection.joint_problem import Choice, masses_of
 from bellcrank.sizing.selection.judged_axes import MAIN, JudgedAxes
 from bellcrank.sizing.selection.pareto_search import pareto_front
@@ -32,7 +32,7 @@ def selection_of(problem: JudgedAxes, chosen: Chosen, candidates: int, effort: i
         axes=axes,
         cycles=problem.cycles(masses),
         conditions=problem.conditions,
-        system=(),
+        system=system_results(problem, chosen.choice),
         iterations=tuple(labels(problem, choice) for choice in chosen.passes),
         proof=chosen.proof,
         pareto=points,
@@ -53,9 +53,7 @@ def _unknown_notes(axes: tuple[AxisSelection, ...]) -> list[str]:
     notes = []
     for one in axes:
         if one.chosen is not None:
-            names = [
-                result.name for result in one.chosen.criteria if result.verdict == "unknown" and result.name in MAIN
-            ]
+            names = [name for name in one.chosen.unknown if name in MAIN]
             if names:
                 notes.append(
                     f"it is not shown that {one.chosen.id} can drive '{one.axis.name}': unknown are {', '.join(names)}"
