@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Sequence
 from html import escape
@@ -120,6 +121,8 @@ def figure(value: float | None) -> str:
 
 def percent(use: float) -> str:
     """A utilisation in per cent."""
+    if math.isinf(use):
+        return "infinite"
     return f"{use:.1%}" if use < 100.0 else f"{100.0 * use:.3g}%"
 
 
@@ -162,11 +165,12 @@ def _axis_lines(one: AxisSelection, top: int) -> list[str]:
         lines.append(_wrapped(f"loads without the unknown masses of: {', '.join(one.unknown_masses)}", "  "))
     chosen = one.chosen
     if chosen is not None:
-        lines.append(_wrapped(f"chosen {_brief(chosen)}; {_sentence(chosen)}", "  ", "    "))
+        lines.append(_wrapped(f"chosen: {_brief(chosen)}; {_sentence(chosen)}", "  ", "    "))
     others = [each for each in one.candidates if chosen is None or each.id != chosen.id]
-    lines += [_wrapped(f"{'next' if chosen else 'nearest'} {_brief(each)}", "  ", "    ") for each in others[:top]]
-    if one.advice:
-        lines.append(_wrapped(one.advice, "  "))
+    lines += [
+        _wrapped(f"{'fails' if each.tier == 'fails' else 'next'}: {_brief(each)}", "  ", "    ")
+        for each in others[:top]
+    ]
     return lines
 
 
@@ -179,7 +183,9 @@ def _brief(one: Candidate) -> str:
     mass = "mass unknown" if one.mass is None else f"{one.mass:.4g} kg"
     loss = "loss unknown" if one.loss is None else f"{one.loss:.4g} W"
     cost = "" if one.cost is None else f", {one.cost:.4g} {one.motor.currency or ''}".rstrip()
-    return f"{one.id}: {percent(one.largest_use)} of {one.binding}, {mass}, {loss}{cost}, {one.fit}; {one.tier}"
+    return f"{one.id}: {percent(one.largest_use)} of {one.binding}, {mass}, {loss}{cost}, {one.fit}" + (
+        "" if one.tier == "fails" else f"; {one.tier}"
+    )
 
 
 def _sentence(one: Candidate) -> str:
@@ -198,6 +204,8 @@ def _about(selection: Selection) -> str:
 
 
 def _totals(selection: Selection) -> str:
+    if any(one.chosen is None for one in selection.axes):
+        return ""
     cost = "" if selection.cost is None else f", {selection.cost:.4g} in price"
     mass = "mass unknown" if selection.mass is None else f"{selection.mass:.4g} kg"
     loss = "loss unknown" if selection.loss is None else f"{selection.loss:.4g} W lost"
@@ -238,13 +246,11 @@ def _kept(selection: Selection) -> str:
     ]
     uses += [(each.use, f"the {each.name} of all axes") for each in selection.system if each.use is not None]
     use, where = max(uses)
+    largest = f"{percent(use)}, {where}"
     if selection.shown:
-        return (
-            f"All inside: every axis has a motor that keeps all criteria; the largest use is {percent(use)}, {where}."
-        )
+        return f"All inside: every axis has a motor that keeps all criteria; the largest use is {largest}."
     return (
-        f"Inside as far as known: every axis has a motor that passes what is known; the largest known use is "
-        f"{percent(use)}, {where}."
+        f"Inside as far as known: every axis has a motor that passes what is known; the largest known use is {largest}."
     )
 
 
