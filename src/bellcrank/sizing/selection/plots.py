@@ -119,6 +119,7 @@ def pareto_figure(selection: Selection) -> Figure:
     axis.set_ylabel("largest known utilisation")
     axis.yaxis.set_major_formatter(lambda value, _: f"{value:.0%}")
     plain(axis)
+    axis.set_axisbelow(True)
     handles, labels = axis.get_legend_handles_labels()
     figure.legend(
         handles, labels, loc="outside lower center", ncols=legend_columns(labels, figure), frameon=False,

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Sequence
 from html import escape
-from typing import NamedTuple
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
+from bellcrank.sizing.text_tables import TableContent, html_table, text_table
 
 UNKNOWN = "unknown"
 NOTHING = "nothing fits"
@@ -17,20 +16,13 @@ WIDTH = 110  # characters of a line of the terminal
 AIMS = {"mass": "least mass", "cost": "least cost", "loss": "least loss", "margin": "largest margin"}
 
 
-class TableContent(NamedTuple):
-    """A header, whose second lines hold units, and rows of cells."""
-
-    header: list[str]
-    rows: list[list[str]]
-
-
 def table(selection: Selection, top: int = 3) -> str:
     """The selection as text: the chosen pairs, for each axis the next best, and the criteria of the whole robot."""
-    parts = [_heading(selection), text_table(*chosen_rows(selection)), _totals(selection)]
+    parts = [_heading(selection), text_table(chosen_rows(selection), (0, 1, 2, 4, 7)), _totals(selection)]
     for one in selection.axes:
         parts += ["", *_axis_lines(one, top)]
     if selection.system:
-        parts += ["", "All axes together:", text_table(*system_rows(selection))]
+        parts += ["", "All axes together:", text_table(system_rows(selection), (0, 2))]
         parts += [_wrapped(f"{result.name}: {result.text}", "  ") for result in selection.system]
     parts += ["", _wrapped(f"Choice: {selection.proof} ({_passes(selection)})")]
     return "\n".join(parts)
@@ -39,10 +31,10 @@ def table(selection: Selection, top: int = 3) -> str:
 def selection_html(selection: Selection) -> str:
     """The verdict and the tables of a selection as HTML; names are escaped."""
     answer = "<br>".join(escape(line) for line in verdict(selection).split("\n"))
-    parts = [f"<p><b>{answer}</b><br>{escape(_about(selection))}</p>", _html_table("Chosen", chosen_rows(selection))]
-    parts += [_html_table(one.axis.name, candidate_rows(one)) for one in selection.axes if one.candidates]
+    parts = [f"<p><b>{answer}</b><br>{escape(_about(selection))}</p>", html_table("Chosen", chosen_rows(selection))]
+    parts += [html_table(one.axis.name, candidate_rows(one)) for one in selection.axes if one.candidates]
     if selection.system:
-        parts.append(_html_table("All axes together", system_rows(selection)))
+        parts.append(html_table("All axes together", system_rows(selection)))
     notes = "".join(f"<li>{escape(text)}</li>" for text in selection.warnings)
     return "".join(parts) + (f"<ul>{notes}</ul>" if notes else "")
 
@@ -124,26 +116,6 @@ def percent(use: float) -> str:
     if math.isinf(use):
         return "infinite"
     return f"{use:.1%}" if use < 100.0 else f"{100.0 * use:.3g}%"
-
-
-def text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Columns under headers of one or two lines; numbers to the right, where the header has a unit or is a use."""
-    titles = [title.split("\n") for title in header]
-    depth = max(map(len, titles))
-    heads = [[title[k] if k < len(title) else "" for title in titles] for k in range(depth)]
-    lines = [*heads, *map(list, rows)]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(header))]
-    right = [len(title) > 1 or title == ["use"] for title in titles]
-
-    def written(line: Sequence[str]) -> str:
-        cells = [
-            cell.rjust(width) if flush else cell.ljust(width)
-            for cell, width, flush in zip(line, widths, right, strict=True)
-        ]
-        return "  ".join(cells).rstrip()
-
-    rule = "-" * (sum(widths) + 2 * len(widths) - 2)
-    return "\n".join([*map(written, heads), rule, *map(written, rows)])
 
 
 def _chosen_row(one: AxisSelection) -> list[str]:
@@ -260,13 +232,3 @@ def _wrapped(text: str, first: str = "", then: str | None = None) -> str:
     return textwrap.fill(
         text, WIDTH, initial_indent=first, subsequent_indent=then, break_long_words=False, break_on_hyphens=False
     )
-
-
-def _html_table(title: str, content: TableContent) -> str:
-    left = 'style="text-align:left"'
-    head = "".join(f"<th>{escape(text).replace(chr(10), '<br>')}</th>" for text in content.header)
-    body = "".join(
-        f"<tr><th {left}>{escape(first)}</th>{''.join(f'<td>{escape(text)}</td>' for text in others)}</tr>"
-        for first, *others in content.rows
-    )
-    return f"<table><caption {left}>{escape(title)}</caption><tr>{head}</tr>{body}</table>"
