@@ -66,7 +66,7 @@ def test_the_choice_names_products_and_says_unknown_where_a_figure_is(chosen):
     table = choice_table(with_first(chosen, chosen=candidates()[3]))
     assert table.rows[0][:5] == ("shoulder", "Bolt S 40", "Acme Unstated 1:80", "passes what is known", "voltage limit")
     assert table.rows[0][6:9] == ("unknown", "unknown", "unknown") and "mass unknown" in table.note
-    assert table.rows[1][5:] == ("31.0 %", "10.5", "2660 EUR", "9.5", "fits")
+    assert table.rows[1][5:] == ("31 %", "10.5", "2660 EUR", "9.5", "fits")
 
 
 def test_conditions_say_what_is_assumed_and_what_each_pass_chose(chosen):
@@ -372,7 +372,7 @@ def test_a_tap_on_the_pareto_picture_tells_the_combination(written, open_page):
     marks, told = page.tab.locator(".combination-mark"), page.tab.locator(".combination")
     assert marks.count() == 5 and "17.9 kg" in told.inner_text() and "– the choice" in told.inner_text()
     marks.nth(2).tap()
-    assert "mass 21 kg, largest utilisation 31 %, loss 19 W" in told.inner_text()
+    assert "mass 21 kg, largest utilisation 31 %, loss 19 W, cost 5320" in told.inner_text()
     assert told.locator("dd").all_inner_texts() == ["Acme S 80 + Wave W-40-100"] * 2
     marks.nth(2).focus()
     page.tab.keyboard.press("ArrowRight")
@@ -415,8 +415,9 @@ def test_on_paper_each_joint_has_its_plots_and_its_first_candidates(written, ope
     page.tab.emulate_media(media="print")
     assert not page.tab.locator("#chooser").is_visible() and not page.tab.locator("#main").is_visible()
     sections = page.tab.locator("#paper-pairs > section")
-    assert sections.locator("h2").all_inner_texts() == ["Joint shoulder", "Joint elbow"]
-    assert sections.first.locator(".svg-plot").count() == 2 and sections.first.locator("tbody tr").count() == 6
+    assert sections.locator("h2").all_inner_texts() == ["Joint shoulder", "Joint elbow", "Candidates"]
+    assert sections.first.locator(".svg-plot").count() == 2 and sections.last.locator("table").count() == 2
+    assert sections.last.locator("tbody tr").count() == 12
     assert sections.first.locator(".sentence").first.is_visible() and page.tab.locator("#still img").is_visible()
 
 

@@ -113,7 +113,7 @@ def _choice(axis: AxisSelection) -> tuple[str, ...]:
         return (name, "nothing fits", *[""] * 8)
     gear = "direct" if one.gear.kind == "direct" else title(one.gear)
     cost = "unknown" if one.cost is None else f"{one.cost:.4g} {one.motor.currency or ''}".strip()
-    figures = (f"{one.largest_use:.1%}".replace("%", " %"), _known(one.mass), cost, _known(one.loss))
+    figures = (percent(one.largest_use), _known(one.mass), cost, _known(one.loss))
     return (name, title(one.motor), gear, one.tier, one.binding, *figures, one.fit)
 
 
@@ -185,10 +185,19 @@ def _verdict(selection: Selection) -> list[str]:
         if names:
             lines.append(f"{text} {', '.join(names)}.")
     lines += [f"The whole robot: {result.text}" for result in selection.system if result.verdict == "exceeded"]
+    unfit = [axis.axis.name for axis in found if axis.chosen is not None and axis.chosen.fit == "fit not checked"]
+    if unfit:
+        lines.append(f"Flange and shaft of motor and gear are not stated, so the fit is not checked: {', '.join(unfit)}.")
     unknown = [result.name for result in selection.system if result.verdict == "unknown"]
     if unknown:
         lines.append(f"Of the whole robot, {' and '.join(unknown)} {'is' if len(unknown) == 1 else 'are'} unknown.")
     return lines
+
+
+def percent(use: float) -> str:
+    """A utilisation in %, which says on which side of the limit it is where rounding would hide that."""
+    text = f"{100.0 * use:.3g}"
+    return f"{text if text != '100' or use == 1.0 else '> 100' if use > 1.0 else '< 100'} %"
 
 
 def _known(value: float | None) -> str:
