@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterable, Sequence
 from typing import Any, get_args
 
@@ -131,9 +132,16 @@ def chosen_rank(axis: AxisSelection) -> int | None:
 
 
 def title(product: Motor | Gear) -> str:
-    """Maker and model of a product, the maker once."""
-    names = product.maker.casefold() in product.model.casefold()
-    return readable(product.model if names else f"{product.maker} {product.model}".strip())
+    """Maker and model of a product, and the voltage or ratio that tells it from its like, each once."""
+    text = product.model
+    if product.maker.casefold() not in text.casefold():
+        text = f"{product.maker} {text}"
+    if isinstance(product, Gear):
+        apart = f"{product.ratio:.4g}:1" if product.ratio is not None and not product.linear else ""
+    else:
+        apart = f"{product.nominal_voltage:g} V" if product.nominal_voltage is not None else ""
+    stated = apart.removesuffix(" V").removesuffix(":1") in re.findall(r"\d+(?:\.\d+)?", product.model)
+    return readable(text if stated or not apart else f"{text}, {apart}")
 
 
 def number(value: float | None) -> float | None:

@@ -35,6 +35,7 @@ WORDS = {  # how a report calls a condition, and its unit
     "brake_resistor_power": ("continuous power of the brake resistor", "W"),
     "supply_power": ("largest power of the supply", "W"),
 }
+NOISE = 1e-9  # of the largest load of any joint: rounding errors of a joint that rests, written as 0
 OBJECTIVES = {"mass": "least mass", "cost": "least cost", "loss": "least loss", "margin": "largest margin"}
 DEFAULTS = {  # what None means
     "voltage": "each motor's nominal voltage",
@@ -150,15 +151,15 @@ def _condition(conditions: Conditions, name: str) -> str:
 def _load_table(selection: Selection) -> Table:
     """The loads of each axis in each cycle, with the masses of the chosen actuators."""
     header = ("joint", "cycle", "largest torque", "RMS torque", "largest speed", "mean speed", "duration\n[s]")
+    noise = [NOISE * max(abs(getattr(cycle, name)).max() for cycle in selection.cycles) for name in ("torque", "speed")]
     rows = []
     for number, axis in enumerate(selection.axes):
-        torque_unit, speed_unit = ("N", "m/s") if axis.axis.kind == "linear" else ("N m", "rad/s")
+        units = ("N", "m/s") if axis.axis.kind == "linear" else ("N m", "rad/s")
         for cycle in selection.cycles:
             torque, speed = cycle.torque[:, number], abs(cycle.speed[:, number])
             rms = float((cycle.weight @ torque**2 / cycle.duration) ** 0.5)
             figures = (abs(torque).max(), rms, speed.max(), float(cycle.weight @ speed) / cycle.duration)
-            units = (torque_unit, torque_unit, speed_unit, speed_unit)
-            texts = (f"{value:.4g} {unit}" for value, unit in zip(figures, units, strict=True))
+            texts = (f"{v if v > noise[k // 2] else 0.0:.4g} {units[k // 2]}" for k, v in enumerate(figures))
             rows.append((axis.axis.name, cycle.name, *texts, f"{cycle.duration:.4g}"))
     note = "At the joint, with the masses of the chosen motors and gears, without the inertia of rotors and gears."
     return Table("Loads", header, tuple(rows), note)
