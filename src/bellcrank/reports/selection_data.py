@@ -237,7 +237,7 @@ def load_table(cycle: ReducedCycle) -> Array:
     Those that decide are at speeds that are not negative: their signs are turned together, which changes no limit.
     """
     samples = np.column_stack([cycle.torque, cycle.speed, cycle.features[:, ACCELERATION]])
-    extremes = cycle.extremes
+    extremes = cycle.hull
     torque = extremes[:, DRIVING] + extremes[:, DRIVEN]
     return np.concatenate(
         [
