@@ -9,7 +9,7 @@ Gauss-Legendre sums over the three inner points of each part.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ HALVINGS = 16  # of a part, at most
 SETTLED = 1e-9  # of the whole integral of a squared torque: a part that halving changes by less is fine enough
 NOISE = 1e-12  # of the largest integral of a squared torque: smaller ones need not settle
 MOST_PARTS = 30_000  # of a motion's grid that halving may lead to
+STILL = 1e-9  # rad/s or m/s: slower is at rest, and the sign of its speed is rounding
 BISECTIONS = 40  # of the part in which a velocity changes sign
 BLOCK_NUMBERS = 1_000_000  # of one quantity, in memory at a time
 LEAST_BLOCK = 9  # states that are evaluated together, at least
@@ -69,8 +70,11 @@ def coarse_grid_along(motion: Motion, breaks: Array, loads: Torque) -> Grid:
     (torques, but also speeds and accelerations), across a motion's rows, down to about `FINEST` parts.
     """
     edges, kinks = _edges(motion, breaks)
-    low, high = _halved(motion, loads, edges[:-1], edges[1:])
-    return _grid(motion, *_merged(motion, loads, low, high, kinks))
+    low, high = _halved(motion, loads, *_merged(motion, loads, edges[:-1], edges[1:], kinks))
+    grid = _grid(motion, low, high)
+    smooth = np.flatnonzero(~np.isin(low[1:], kinks)) + 1  # both sides of their first edge are alike
+    keep = np.delete(np.arange(len(grid.time)), smooth * len(_NODES))
+    return Grid(**{field.name: getattr(grid, field.name)[keep] for field in fields(Grid)})
 
 
 def _grid(motion: Motion, low: Array, high: Array) -> Grid:
@@ -128,7 +132,8 @@ def _edges(motion: Motion, breaks: Array) -> tuple[Array, Array]:
     breaks = breaks[(breaks > motion.time[0]) & (breaks < motion.time[-1])]
     edges = np.unique(np.concatenate([np.repeat(motion.time[starts], count) + place * step, motion.time, breaks]))
     speed = motion.at(edges)[1]
-    row, column = np.nonzero(speed[:-1] * speed[1:] < 0.0)
+    moving = np.maximum(np.abs(speed[:-1]), np.abs(speed[1:])) > STILL
+    row, column = np.nonzero((speed[:-1] * speed[1:] < 0.0) & moving)
     low, high = edges[row].copy(), edges[row + 1].copy()
     for _ in range(BISECTIONS if row.size else 0):
         middle = 0.5 * (low + high)
@@ -162,6 +167,7 @@ def _halved(motion: Motion, torque: Torque, low: Array, high: Array) -> tuple[Ar
 
 def _merged(motion: Motion, loads: Torque, low: Array, high: Array, kinks: Array) -> tuple[Array, Array]:
     """The parts, neighbours merged where the Gauss-Legendre sum of each squared load over both is that over each."""
+    high = high.copy()
     sums = _squares(motion, loads, low, high)
     enough, longest = _settled(sums), motion.duration / FINEST * (1.0 + 1e-9)
     for turn in range(2 * HALVINGS):

@@ -225,3 +225,48 @@ def test_a_linkage_with_a_floating_link_and_a_prismatic_joint(tmp_path, same_sam
     assert loads.influence.all()
     assert np.abs(found[0].torque - loads.cycles[0].torque).max(axis=0).min() > 0.01
     assert np.abs(found[0].tilting_moment - loads.cycles[0].tilting_moment).max(axis=0).min() > 0.1
+
+
+PLANAR = """<robot name="hover">
+  <link name="ground"/>
+  <link name="puck"><inertial><origin xyz="0.1 0 0.1"/><mass value="2"/>
+    <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.2"/></inertial></link>
+  <link name="arm"><inertial><origin xyz="0.2 0.1 0"/><mass value="1"/>
+    <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.2"/></inertial></link>
+  <link name="finger"><inertial><origin xyz="0.1 0 0.3"/><mass value="1"/>
+    <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.2"/></inertial></link>
+  <joint name="glide" type="planar"><parent link="ground"/><child link="puck"/><origin rpy="0.3 0.2 0.1"/>
+    <axis xyz="0 0 1"/></joint>
+  <joint name="lift" type="revolute"><parent link="puck"/><child link="arm"/><origin xyz="0.1 0.2 0.3" rpy="1 2 3"/>
+    <axis xyz="0 0.6 0.8"/><limit lower="-3" upper="3" effort="10" velocity="10"/></joint>
+  <joint name="grip" type="revolute"><parent link="arm"/><child link="finger"/><origin xyz="0.4 0 0"/>
+    <axis xyz="-1 0 0"/><limit lower="-3" upper="3" effort="10" velocity="10"/>
+    <mimic joint="lift" multiplier="-1.5"/></joint>
+  <joint name="turn" type="revolute"><parent link="finger"/><child link="tip"/><origin xyz="0.2 0 0.1"/>
+    <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="10" velocity="10"/></joint>
+  <link name="tip"><inertial><mass value="0.5"/>
+    <inertia ixx="0.002" ixy="0" ixz="0" iyy="0.002" iyz="0" izz="0.002"/></inertial></link>
+</robot>"""
+
+
+def test_a_planar_joint_and_a_joint_that_mimics(tmp_path, same_samples):
+    (tmp_path / "hover.urdf").write_text(PLANAR)
+    robot = bc.load_robot(tmp_path / "hover.urdf")
+    time = np.linspace(0.0, 1.0, 101)
+    q, v, a = (np.zeros((101, size)) for size in (robot.nq, robot.nv, robot.nv))
+    turn, at = 1.1 * time + 0.4 * time**2, robot.joint("glide")  # straight in the world, turning ever faster
+    q[:, at.q], q[:, at.q + 2], q[:, at.q + 3] = 0.5 * time**2, np.cos(turn), np.sin(turn)
+    rate = 1.1 + 0.8 * time
+    v[:, at.v], v[:, at.v + 1], v[:, at.v + 2] = time * np.cos(turn), -time * np.sin(turn), rate
+    a[:, at.v] = np.cos(turn) - time * rate * np.sin(turn)
+    a[:, at.v + 1] = -np.sin(turn) - time * rate * np.cos(turn)
+    a[:, at.v + 2] = 0.8
+    for name, size in (("lift", 0.8), ("turn", -1.3)):
+        joint = robot.joint(name)
+        q[:, joint.q], v[:, joint.v], a[:, joint.v] = size * time**3, 3 * size * time**2, 6 * size * time
+    motion = bc.Motion(robot.joints, time, q, v, a, "hover")
+    loads, found = compare(
+        mechanism_of_robot(robot), lambda payloads: mechanism_of_robot(robot.with_payloads(payloads)), [motion],
+        at_joints(robot),
+    )  # fmt: skip
+    assert np.abs(found[0].torque - loads.cycles[0].torque).max(axis=0).min() > 0.1

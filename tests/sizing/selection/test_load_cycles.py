@@ -79,10 +79,10 @@ def test_peaks_and_integrals_are_those_of_size(name):
             rms = np.sqrt(cycle.weight @ cycle.torque[:, k] ** 2 / cycle.duration)
             assert rms == pytest.approx(stated.rms_torque, rel=1e-6, abs=1e-9 * scale)
             mean = cycle.weight @ np.abs(cycle.speed[:, k]) / cycle.duration
-            assert mean == pytest.approx(stated.mean_speed, rel=1e-6)
+            assert mean == pytest.approx(stated.mean_speed, rel=1e-6, abs=1e-9)  # slower is at rest
             power = cycle.torque[:, k] * cycle.speed[:, k]
             energy = cycle.weight @ np.maximum(power, 0.0)
-            assert energy == pytest.approx(stated.motoring_energy, rel=1e-4, abs=1e-6 * scale)
+            assert energy == pytest.approx(stated.motoring_energy, rel=1e-4, abs=1e-6 * scale + 1e-9)
 
 
 def test_a_pendulum_in_closed_form():

@@ -15,6 +15,7 @@ from bellcrank.errors import InputError
 from bellcrank.motion.duty_program import DutyStep
 from bellcrank.motion.motion import Motion, require_joints
 from bellcrank.sizing.finite_checks import refuse_non_finite
+from bellcrank.sizing.motion_grid import STILL
 from bellcrank.sizing.selection.axis_loads import AddedMass, Axis, AxisLoads, CycleTerms, LoadCycle
 from bellcrank.sizing.selection.body_loads import AxisLoadSamples, LoadModel, UnitBodyLoads
 from bellcrank.sizing.selection.coupled_axes import axis_coordinates
@@ -81,9 +82,9 @@ def axis_loads(
             name=body.name,
             kind=kind,
             joints=joints,
-            mount=body.frame,
-            mount_point=body.offset,
-            mount_direction=body.axis,
+            mount=body.mount,
+            mount_point=body.mount_point,
+            mount_direction=body.mount_direction,
             included=_included(chosen.get(body.name)),
         )
         for body, kind, joints in zip(kinematics.bodies, coupled.kinds, coupled.joints, strict=True)
@@ -151,13 +152,18 @@ def _cycle(model: LoadModel, plan: PlannedCycle, samples: AxisLoadSamples) -> Lo
         sequence=tuple((int(edges[number]), int(edges[number + 1]), count) for number, count in plan.order),
         torque=samples.torque,
         static_torque=samples.static_torque,
-        speed=along([each.velocity[:, columns] for each in states]),
+        speed=_without_noise(along([each.velocity[:, columns] for each in states])),
         acceleration=along([each.acceleration[:, columns] for each in states]),
         position=along([each.position[:, positions] for each in states]),
         axial_force=np.abs(samples.axial_force),
         tilting_moment=np.linalg.norm(samples.moment, axis=-1),
         inertia=samples.inertia,
     )
+
+
+def _without_noise(speed: Array) -> Array:
+    """Speeds, those whose sign is rounding set to 0: a joint that rests is held, and gives no power back."""
+    return np.where(np.abs(speed) > STILL, speed, 0.0)
 
 
 def _starts(plan: PlannedCycle) -> list[float]:

@@ -13,6 +13,7 @@ relative to its housing has no gyroscopic effect here: only its reflected inerti
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 from bellcrank.dynamics.mechanism import Mechanism
 from bellcrank.numerics import products
 from bellcrank.sizing.selection.mounted_bodies import BodyMotion, MountedBody, MountKinematics, States
+from bellcrank.sizing.selection.tree_motion import JointMotion
 
 Array = NDArray[np.float64]
 
@@ -138,14 +140,14 @@ class LoadModel:
     def unit_bodies(self, states: States) -> tuple[UnitBodyLoads, ...]:
         """What the bodies at the mounts of the axes, in their order, add to the loads at n states."""
         maps = self._maps(states)
-        poses, motions = self._kinematics.at(states)
+        joints, motions = self._kinematics.at(states)
         return tuple(
-            self._unit_body(body, motion, maps, poses, states)
+            self._unit_body(body, motion, maps, joints, states)
             for body, motion in zip(self._kinematics.bodies, motions, strict=True)
         )
 
     def _unit_body(
-        self, body: MountedBody, motion: BodyMotion, maps: _Maps, poses: Array, states: States
+        self, body: MountedBody, motion: BodyMotion, maps: _Maps, joints: Sequence[JointMotion], states: States
     ) -> UnitBodyLoads:
         columns, jacobian = list(body.columns), motion.jacobian
         transposed, axes = jacobian.transpose(0, 2, 1), self._affected(body)
@@ -153,7 +155,7 @@ class LoadModel:
         needed = transposed @ wrench
         held = transposed[:, :, :3] @ -self.mechanism.robot.gravity
         shares = maps.torque[..., axes, :][..., columns]  # (a, c) or (n, a, c)
-        through = self._tree_wrenches(body, motion.point, wrench, poses, axes)
+        through = self._tree_wrenches(body, motion.point, wrench, joints, axes)
         if maps.multipliers is not None:
             every = np.zeros((3, len(needed), self.mechanism.robot.nv))
             every[:, :, columns] = needed.transpose(2, 0, 1)
@@ -178,17 +180,17 @@ class LoadModel:
         return np.flatnonzero((self._force[:, below] != 0.0).any(axis=1))
 
     def _tree_wrenches(
-        self, body: MountedBody, point: Array, wrench: Array, poses: Array, axes: NDArray[np.intp]
+        self, body: MountedBody, point: Array, wrench: Array, joints: Sequence[JointMotion], axes: NDArray[np.intp]
     ) -> Array:
         """The wrenches (n, a, 6, 3) that wrenches (n, 6, 3) at the body's point cause through the joints of some axes,
         in the joints' own frames; 0 for a joint that is not between the body and the world.
         """
         found = np.zeros((len(point), len(axes), 6, 3))
         for place, axis in enumerate(axes):
-            joint = self._single[axis]
-            if self._places[joint] + 1 in body.joints:
-                to_joint = poses[:, joint, 3:].reshape(-1, 3, 3).transpose(0, 2, 1)
-                arm = point - poses[:, joint, :3]
+            number = self._places[self._single[axis]] + 1
+            if number in body.joints:
+                to_joint = joints[number].rotation.transpose(0, 2, 1)
+                arm = point - joints[number].point
                 lever = np.zeros_like(wrench[:, 3:])
                 lever[:, :, 0] = np.cross(arm, wrench[:, :3, 0])  # only the mass needs a force
                 found[:, place, :3] = to_joint @ wrench[:, :3]

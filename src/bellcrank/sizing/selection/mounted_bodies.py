@@ -14,18 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.actuators.mount import Mount
-from bellcrank.elements.symbols import FrameSymbols, Symbols
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
+from bellcrank.sizing.selection.tree_motion import JointMotion, TreeMotion
 
 if TYPE_CHECKING:
-    import casadi
-
-    from bellcrank.codegen.compile import Compiled
     from bellcrank.dynamics.mechanism import Mechanism
 
 Array = NDArray[np.float64]
-_POSE, _TWIST = 12, 6  # numbers of a frame: position 3 and rotation 9; linear and angular 3 each
 
 
 class States(NamedTuple):
@@ -43,25 +39,34 @@ class States(NamedTuple):
         return States(self.time, self.position, rest, rest)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MountedBody:
     """A body at a mount.
 
     Attributes:
         name: Name of the axis whose actuator it is.
-        frame: Name of the link or frame that carries it.
-        offset: Its centre of gravity (3,) in that frame, m.
-        axis: Its axis (3,) in that frame, a unit vector.
-        joints: Numbers (from 1) of the joints between it and the world.
-        columns: The velocity coordinates that move it.
+        mount: Name of the link or frame that carries it.
+        mount_point: Its centre of gravity (3,) in that link or frame, m.
+        mount_direction: Its axis (3,) there, a unit vector.
+        joints: Numbers (from 1) of the joints between it and the world, the one next to it first.
+        columns: The velocity coordinates that move it, in rising order.
+        offset: Its centre of gravity (3,), m, in the frame of the joint next to it, or in the world.
+        axis: Its axis (3,) there.
     """
 
     name: str
-    frame: str
-    offset: tuple[float, ...]
-    axis: tuple[float, ...]
-    joints: frozenset[int]
+    mount: str
+    mount_point: tuple[float, float, float]
+    mount_direction: tuple[float, float, float]
+    joints: tuple[int, ...]
     columns: tuple[int, ...]
+    offset: tuple[float, float, float]
+    axis: tuple[float, float, float]
+
+    @property
+    def carrier(self) -> int:
+        """Number of the joint next to it, 0 for the world."""
+        return self.joints[0] if self.joints else 0
 
 
 class BodyMotion(NamedTuple):
@@ -78,7 +83,7 @@ class BodyMotion(NamedTuple):
 
 
 class MountKinematics:
-    """Poses of the joints and motions of the bodies at the mounts of a mechanism.
+    """The motions of the joints of a mechanism, and of the bodies at its mounts.
 
     Args:
         mechanism: The mechanism.
@@ -91,6 +96,7 @@ class MountKinematics:
 
     def __init__(self, mechanism: Mechanism, joints: Mapping[str, str], mounts: Mapping[str, Mount]) -> None:
         self.mechanism = mechanism
+        self._motion = TreeMotion(mechanism)
         robot = mechanism.robot
         for name, mount in mounts.items():
             if name not in joints:
@@ -99,124 +105,57 @@ class MountKinematics:
                 raise InputError(
                     f"mounts of {robot.name}: {name}: {unknown_name('link or frame', mount.link, robot.frame_names)}"
                 )
-        frames = robot.equations.tree.frames
-        own = {frame.name: frame for frame in frames if frame.is_joint}
-        parents = {joint: frames[own[joint].parent_frame].name for joint in joints.values()}
-        chosen = {name: mounts.get(name, Mount()) for name in joints}
-        carriers = {name: chosen[name].link or parents[joint] for name, joint in joints.items()}
-        self._frames = tuple(dict.fromkeys(carriers.values()))
-        self._moving = [self._joints_and_columns(name) for name in self._frames]
-        self.motors = tuple(joint.name for joint in mechanism.motors)
-        neutral = States(np.zeros(1), robot.neutral[None], np.zeros((1, robot.nv)), np.zeros((1, robot.nv)))
-        poses, carried = self._read(neutral)
-        self.bodies = tuple(
-            self._body(name, carriers[name], joints[name], parents[joints[name]], chosen[name].axis, poses, carried)
-            for name in joints
+        tree = robot.equations.tree
+        own = {frame.name: frame for frame in tree.frames if frame.is_joint}
+        parents = {joint: tree.frames[own[joint].parent_frame].name for joint in joints.values()}
+        carriers = {name: mounts.get(name, Mount()).link or parents[joint] for name, joint in joints.items()}
+        frames = tuple(dict.fromkeys(carriers.values()))
+        poses = self._motion.neutral_poses(frames)
+        numbers, found = list(robot.all_joint_names), []
+        for name, joint in joints.items():
+            link, axis = poses[len(tree.joints) + frames.index(carriers[name])], mounts.get(name, Mount()).axis
+            point, direction = link[0], link[1][:, 2] if axis is None else link[1] @ axis
+            if carriers[name] == parents[joint]:
+                point, turned = poses[numbers.index(joint)]  # in the neutral position, where the joint is at 0
+                direction = turned @ robot.joint_axis(joint) if axis is None else direction
+            direction = direction / np.linalg.norm(direction)
+            below = tree.supporting_joints(robot.frame_index(carriers[name]))
+            carrier = poses[below[0] - 1] if below else (np.zeros(3), np.eye(3))
+            found.append(
+                MountedBody(
+                    name=name,
+                    mount=carriers[name],
+                    mount_point=_numbers(link[1].T @ (point - link[0])),
+                    mount_direction=_numbers(link[1].T @ direction),
+                    joints=below,
+                    columns=self._motion.columns(below),
+                    offset=_numbers(carrier[1].T @ (point - carrier[0])),
+                    axis=_numbers(carrier[1].T @ direction),
+                )
+            )
+        self.bodies = tuple(found)
+
+    def at(self, states: States) -> tuple[list[JointMotion], tuple[BodyMotion, ...]]:
+        """The motions of the world (number 0) and all joints of the tree (from 1), and of each body."""
+        joints = self._motion.at(*states[1:])
+        return joints, tuple(self._moved(body, joints) for body in self.bodies)
+
+    def _moved(self, body: MountedBody, joints: Sequence[JointMotion]) -> BodyMotion:
+        """The motion of a body from that of the joint next to it, by the kinematics of a rigid body."""
+        carrier = joints[body.carrier]
+        arm, angular = carrier.rotation @ np.array(body.offset), carrier.angular_velocity
+        turning = np.cross(carrier.angular_acceleration, arm) + np.cross(angular, np.cross(angular, arm))
+        point = carrier.point + arm
+        return BodyMotion(
+            point=point,
+            axis=carrier.rotation @ np.array(body.axis),
+            linear_acceleration=carrier.acceleration + turning,
+            angular_velocity=angular,
+            angular_acceleration=carrier.angular_acceleration,
+            jacobian=self._motion.jacobian(joints, body.joints, point),
         )
 
-    def _body(
-        self,
-        name: str,
-        frame: str,
-        joint: str,
-        parent: str,
-        axis: tuple[float, ...] | None,
-        poses: Array,
-        carried: Sequence[Array],
-    ) -> MountedBody:
-        """A body, from the poses of joints and frames in the neutral position, where its joint is at 0."""
-        place = self._frames.index(frame)
-        offset, direction = np.zeros(3), np.array([0.0, 0.0, 1.0])
-        if frame == parent:
-            own, link = poses[0, self.motors.index(joint)], carried[place][0]
-            turned = link[3:12].reshape(3, 3).T
-            offset = turned @ (own[:3] - link[:3])
-            direction = turned @ own[3:].reshape(3, 3) @ self.mechanism.robot.joint_axis(joint)
-        if axis is not None:
-            direction = np.array(axis)
-        direction = direction / np.linalg.norm(direction)
-        joints, columns = self._moving[place]
-        return MountedBody(name, frame, tuple(offset.tolist()), tuple(direction.tolist()), frozenset(joints), columns)
 
-    def _joints_and_columns(self, frame: str) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """The joints (numbers from 1) below a frame, and the velocity coordinates that move it."""
-        robot = self.mechanism.robot
-        joints = robot.equations.tree.supporting_joints(robot.frame_index(frame))
-        leaders = {mimic.follower: mimic.leader for mimic in robot.mimics()}
-        names = {robot.all_joint_names[number - 1] for number in joints}
-        moving = {leaders.get(name, name) for name in names}
-        columns = [range(j.v, j.v + j.nv) for j in robot.joints if j.name in moving]
-        return joints, tuple(column for each in columns for column in each)
-
-    def at(self, states: States) -> tuple[Array, tuple[BodyMotion, ...]]:
-        """The poses (n, k, 12) of the motors' joints (position, rotation row by row), and the motion of each body."""
-        poses, carried = self._read(states)
-        return poses, tuple(_moved(body, carried[self._frames.index(body.frame)]) for body in self.bodies)
-
-    def _read(self, states: States) -> tuple[Array, list[Array]]:
-        """Poses of the joints (n, k, 12), and for each frame its pose, twist, rate of the twist and Jacobian (n, …)."""
-        n, k = len(states.time), len(self.motors)
-        flat = np.asarray(self._code(states.position, states.velocity, states.acceleration, self._parameters))
-        sizes = [_POSE * k, *(_POSE + 2 * _TWIST + _TWIST * len(columns) for _, columns in self._moving)]
-        parts = np.split(flat.reshape(n, -1), np.cumsum(sizes)[:-1], axis=1)
-        return parts[0].reshape(n, k, _POSE), parts[1:]
-
-    @property
-    def _parameters(self) -> Array:
-        equations = self.mechanism.equations
-        return equations.parameters if equations.sets_tree else np.zeros(0)
-
-    @property
-    def _code(self) -> Compiled:
-        equations = self.mechanism.equations
-        targets = (
-            [p.sets for p in equations.scene.parameters.values()]
-            if equations.scene is not None and equations.sets_tree
-            else []
-        )
-        key = f"mounts {self._frames!r} {self.motors!r} {targets!r}"
-        return self.mechanism.robot.compiled(key, self._function)
-
-    def _function(self) -> casadi.Function:
-        """(q, v, a, p) -> the numbers that `_read` divides."""
-        import casadi
-
-        equations = self.mechanism.equations
-        parameters = equations.scene.parameters if equations.scene is not None and equations.sets_tree else {}
-        s = Symbols(self.mechanism.robot, parameters)
-        a = casadi.SX.sym("a", self.mechanism.robot.nv)
-        names = list(self.mechanism.robot.all_joint_names)
-        joints = s.joint_frames()
-        found = [_pose(joints[names.index(name)]) for name in self.motors]
-        frames, rate = s.frames_at(self._frames, s.q), s.algorithm("configuration_rate")(s.q, s.v)
-        for name, (_, columns) in zip(self._frames, self._moving, strict=True):
-            frame = frames[name]
-            twist = casadi.vertcat(frame.linear, frame.angular)
-            jacobian = casadi.jacobian(twist, s.v)
-            change = casadi.jtimes(twist, s.q, rate) + jacobian @ a
-            found += [_pose(frame), twist, change, casadi.vec(jacobian[:, list(columns)])]
-        return casadi.Function("mounts", [s.q, s.v, a, s.p], [casadi.densify(casadi.vertcat(*found))])
-
-
-def _pose(frame: FrameSymbols) -> casadi.SX:
-    import casadi
-
-    return casadi.vertcat(frame.position, casadi.vec(frame.rotation.T))
-
-
-def _moved(body: MountedBody, carrier: Array) -> BodyMotion:
-    """The motion of a body from that (n, …) of the frame that carries it, by the kinematics of a rigid body."""
-    n = len(carrier)
-    rotation = carrier[:, 3:12].reshape(n, 3, 3)
-    arm, axis = rotation @ np.array(body.offset), rotation @ np.array(body.axis)
-    angular, linear_rate, angular_rate = carrier[:, 15:18], carrier[:, 18:21], carrier[:, 21:24]
-    jacobian = carrier[:, 24:].reshape(n, len(body.columns), _TWIST).transpose(0, 2, 1).copy()
-    jacobian[:, :3] += np.cross(jacobian[:, 3:], arm[:, :, None], axis=1)
-    return BodyMotion(
-        point=carrier[:, :3] + arm,
-        axis=axis,
-        linear_acceleration=linear_rate + np.cross(angular_rate, arm) + np.cross(angular, np.cross(angular, arm)),
-        angular_velocity=angular,
-        angular_acceleration=angular_rate,
-        jacobian=jacobian,
-    )
+def _numbers(vector: Array) -> tuple[float, float, float]:
+    x, y, z = vector.tolist()
+    return x, y, z

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, cast
+from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from bellcrank.cached_values import cached_property
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Value = TypeVar("Value")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,7 +98,7 @@ class Pairs:
     motor: Index
     gear: Index
     fits: NDArray[np.bool_]
-    _kept: dict[Any, Array] = field(default_factory=dict, init=False, repr=False)
+    _kept: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __len__(self) -> int:
         return len(self.motor)
@@ -125,11 +126,12 @@ class Pairs:
         """The motor and gear of one pair."""
         return self.products.motors[self.motor[pair]], self.products.gears[self.gear[pair]]
 
-    def once(self, key: Any, function: Callable[[], Array]) -> Array:
-        """An array (m, …) that a function gives; computed once for a key, for criteria that share it."""
+    def once(self, key: Any, function: Callable[[], Value]) -> Value:
+        """What a function gives, with one entry for each pair; computed once for a key, for criteria that share it."""
         if key not in self._kept:
             self._kept[key] = function()
-        return self._kept[key]
+        value: Value = self._kept[key]
+        return value
 
     @cached_property
     def motors(self) -> MotorArrays:
