@@ -76,6 +76,10 @@ def test_what_is_not_stated_stays_unknown() -> None:
     arrays = MotorArrays.of([one])
     assert np.isnan(arrays.dc_torque_constant).all() and np.isnan(arrays.nominal_torque).all()
     assert motor(coulomb_friction=0.1).coulomb_torque is None  # the part that grows with speed is not known
+    # Without the basis it is not known whether currents are on it.
+    currents = motor(torque_constant=0.5, no_load_current=0.1, nominal_current=1.0, peak_current=4.0)
+    assert currents.coulomb_torque is None and currents.continuous_torque is None
+    assert currents.peak_electrical_torque is None
 
 
 # ---- the DC equivalent of a sinusoidal motor, against the waveforms of its three phases

@@ -74,7 +74,7 @@ def test_the_shaft_bears_what_an_actuator_of_a_robot_configuration_bears(
 
 @given(loads, st.floats(0.05, 1.0), st.floats(0.0, 1.0))
 def test_power_in_is_power_out_and_losses(load: tuple[float, float, float], efficiency: float, back: float) -> None:
-    """Electrical power = power of the axis + rotor's acceleration + losses of gear, friction and copper, none negative."""
+    """Electrical power is the axis's, the rotor's, and losses of gear, friction and copper, none of them negative."""
     torque, speed, rate = (np.array([x]) for x in load)
     train = PowerTrains.of(motor(), gear(efficiency=efficiency, back_efficiency=back))
     found = train.load(torque, speed, rate)

@@ -13,7 +13,8 @@ import bellcrank as bc
 from bellcrank import cli
 
 GUIDES = sorted((Path(tutorial.__file__).parents[1] / "guide").glob("*.md"))
-BELLCRANK = re.compile(r"bellcrank (?:size|simulate|sweep|replay|report|plot|check|verify|bench|robots)\b[^`\n#&|)]*")
+COMMANDS = "size|simulate|sweep|replay|report|plot|check|catalogue|verify|bench|robots"
+BELLCRANK = re.compile(rf"bellcrank (?:{COMMANDS})\b[^`\n#&|)]*")
 
 
 def blocks(page):

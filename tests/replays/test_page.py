@@ -19,6 +19,7 @@ from bellcrank.replays.film.arrow_scale import arrow_scales
 from bellcrank.replays.film.film import (
     Arrow,
     Axis,
+    BodyLayer,
     Camera,
     Chart,
     Film,
@@ -733,6 +734,10 @@ def nan_pose(film):
         (
             lambda f: dataclasses.replace(f, axes=(Axis(name="a", body=3, point=(0, 0, 0), direction=(0, 0, 1)),)),
             "axis 'a' is of body 3",
+        ),
+        (
+            lambda f: dataclasses.replace(f, layers=(BodyLayer("motors", "elbow", (1, 3)),)),
+            r"layer 'elbow' has bodies \(1, 3\); there are 3",
         ),
         (lambda f: dataclasses.replace(f, traces=(Trace("t", f.time, np.ones((2, 3))),)), r"trace 't' has points"),
         (

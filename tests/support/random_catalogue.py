@@ -127,7 +127,7 @@ def random_cycles(
 
 def random_cycle(rng: np.random.Generator, axes: int, samples: int, parts: int, scale: float) -> LoadCycle:
     """One cycle: each part has 10 intervals of as many samples; the last part is a pause."""
-    intervals = 10
+    intervals, orders = 10, np.array([1.0, 2.0, 5.0])
     each = max(samples // intervals, 2)
     lengths, blocks, sequence = [], [], []
     for part in range(parts):
@@ -136,12 +136,12 @@ def random_cycle(rng: np.random.Generator, axes: int, samples: int, parts: int, 
         phase = np.linspace(0.0, 2.0 * np.pi, intervals * each, endpoint=False)[:, None]
         angles = rng.uniform(0.0, 2.0 * np.pi, (2, 3, axes))
         size = rng.uniform(0.1, 1.0, (2, 3, axes))
-        orders = np.array([1.0, 2.0, 5.0])
-        base = 2.0 * np.pi / duration
-        wave = lambda k, d: sum(  # noqa: E731
-            size[k, i] * (base * n) ** d * np.sin(n * phase + angles[k, i] + d * np.pi / 2.0)
-            for i, n in enumerate(orders)
-        )
+        base = 2.0 * np.pi / duration * orders
+
+        def wave(k: int, derivative: int, base=base, size=size, angles=angles, phase=phase):  # type: ignore[no-untyped-def]
+            turned = phase[:, :, None] * orders[:, None] + angles[k] + derivative * np.pi / 2.0
+            return (size[k] * base[:, None] ** derivative * np.sin(turned)).sum(axis=1)
+
         amplitude = rng.uniform(0.05, 0.3, axes)
         inertia = rng.uniform(0.1, 1.0, axes) * scale / 60.0
         speed, acceleration = amplitude * wave(0, 1), amplitude * wave(0, 2)
@@ -156,7 +156,7 @@ def random_cycle(rng: np.random.Generator, axes: int, samples: int, parts: int, 
     torque, speed, acceleration, inertia = (np.concatenate(column) for column in zip(*blocks, strict=True))
     n = intervals * each
     weight = np.concatenate([np.full(n, d / n * s[2]) for d, s in zip(lengths, sequence, strict=True)])
-    starts = np.cumsum([0.0] + [d * s[2] for d, s in zip(lengths, sequence, strict=True)][:-1])
+    starts = np.cumsum([0.0, *[d * s[2] for d, s in zip(lengths, sequence, strict=True)][:-1]])
     interval = np.repeat(np.arange(parts * intervals), each)
     static = np.abs(torque).max(axis=0) * rng.uniform(0.3, 0.8, (len(torque), axes))
     return LoadCycle(

@@ -18,14 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank.actuators.torque_speed_curve import (
-    Points,
-    falling_curve,
-    four_quadrants,
-    share_of_curve,
-    torque_below,
-)
-from bellcrank.errors import InputError
+from bellcrank.actuators.actuator_checks import check_ratings
+from bellcrank.actuators.torque_speed_curve import Points, four_quadrants, share_of_curve, torque_below
 
 if TYPE_CHECKING:
     from bellcrank.actuators.conditions import Conditions
@@ -34,18 +28,6 @@ if TYPE_CHECKING:
     from bellcrank.actuators.motor_with_gear import MotorWithGear
 
 Array = NDArray[np.float64]
-_NUMBERS = (  # name, least, more than, most, whether it may be unknown
-    ("ratio", None, 0.0, arguments.LARGEST, False),
-    ("rated_torque", None, 0.0, arguments.LARGEST, True),
-    ("peak_torque", None, 0.0, arguments.LARGEST, True),
-    ("rated_speed", None, 0.0, arguments.LARGEST, True),
-    ("max_speed", None, 0.0, arguments.LARGEST, True),
-    ("efficiency", None, 0.0, 1.0, True),
-    ("rotor_inertia", 0.0, None, arguments.LARGEST, True),
-    ("gear_inertia", 0.0, None, arguments.LARGEST, True),
-    ("safety_factor", 1.0, None, arguments.LARGEST, False),
-    ("motor_efficiency", None, 0.0, 1.0, True),
-)
 STANDSTILL = 1e-6  # rad/s of the shaft: slower counts as at rest, so that rounding does not decide the flow of power
 FASTEST = 1500.0  # rad/s: few motors turn faster, while many speeds in rpm are larger numbers
 
@@ -97,34 +79,7 @@ class Actuator:
     curve: Points | None = None
 
     def __post_init__(self) -> None:
-        for name, least, above, most, may_be_unknown in _NUMBERS:
-            value = getattr(self, name)
-            if value is None and may_be_unknown:
-                continue
-            number = arguments.number(name, value, least=least, above=above, most=most, where="an actuator")
-            object.__setattr__(self, name, number)
-        _require(
-            self.known_inertia <= arguments.LARGEST,
-            "ratio",
-            f"one with which the reflected inertia is at most {arguments.LARGEST:g} kg m²",
-            self.ratio,
-        )
-        if self.peak_torque is not None and self.rated_torque is not None:
-            _require(
-                self.peak_torque >= self.rated_torque,
-                "peak_torque",
-                f"at least the rated torque, {self.rated_torque:g} N m",
-                self.peak_torque,
-            )
-        if self.max_speed is not None and self.rated_speed is not None:
-            _require(
-                self.max_speed >= self.rated_speed,
-                "max_speed",
-                f"at least the rated speed, {self.rated_speed:g} rad/s",
-                self.max_speed,
-            )
-        if self.curve is not None:
-            object.__setattr__(self, "curve", falling_curve(self.curve, "an actuator"))
+        check_ratings(self)
 
     @classmethod
     def of(cls, motor: Motor, gear: Gear | None = None, conditions: Conditions | None = None) -> MotorWithGear:
@@ -385,8 +340,3 @@ class Actuator:
         if (points := self.curve_points) is None:
             return np.full(np.broadcast_shapes(torque.shape, speed.shape), np.nan)
         return share_of_curve(points, torque, speed)
-
-
-def _require(condition: bool, name: str, expected: str, found: object) -> None:
-    if not condition:
-        raise InputError(f"an actuator's {name}: expected {expected}, found {found}")

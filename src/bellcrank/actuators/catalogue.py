@@ -59,15 +59,60 @@ class Catalogue:
         return (*self.motors, *self.gears)
 
     def motor(self, name: str) -> Motor:
-        """The motor of an id. Raises InputError where there is none."""
+        """The motor of an id.
+
+        Args:
+            name: Its id.
+
+        Returns:
+            The motor.
+
+        Raises:
+            InputError: There is none of this id; the message names the nearest.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.load_catalogue().motor("maxon_ec45flat_70w_24v").part_number
+            '651614'
+        """
         return _named("motor", name, self.motors)
 
     def gear(self, name: str) -> Gear:
-        """The gear of an id. Raises InputError where there is none."""
+        """The gear of an id.
+
+        Args:
+            name: Its id.
+
+        Returns:
+            The gear.
+
+        Raises:
+            InputError: There is none of this id; the message names the nearest.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.load_catalogue().gear("hd_csf_17_50_2uh").rated_torque
+            16.0
+        """
         return _named("gear", name, self.gears)
 
     def product(self, name: str) -> Product:
-        """The motor or gear of an id. Raises InputError where there is none."""
+        """The motor or gear of an id.
+
+        Args:
+            name: Its id.
+
+        Returns:
+            The motor or gear.
+
+        Raises:
+            InputError: There is none of this id; the message names the nearest.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.load_catalogue().product("hd_csf_17_50_2uh").maker
+            'Harmonic Drive'
+        """
         arguments.text("name", name, "the id of a product")
         for product in self.products:
             if product.id == name:
@@ -75,7 +120,22 @@ class Catalogue:
         raise InputError(unknown_name("product", name, [product.id for product in self.products]))
 
     def only(self, ids: Iterable[str]) -> Catalogue:
-        """The catalogue of the products of these ids. Raises InputError for an unknown id."""
+        """The catalogue of some of the products.
+
+        Args:
+            ids: Their ids.
+
+        Returns:
+            The catalogue of these, in the order of this one.
+
+        Raises:
+            InputError: An id is not in this catalogue.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> len(bc.load_catalogue().only(["hd_csf_17_50_2uh"]).gears)
+            1
+        """
         wanted = set(arguments.several("ids", ids, str, "ids", alone=True))
         _refuse_unknown("product", wanted, {one.id: one.id for one in self.products})
         motors = tuple(one for one in self.motors if one.id in wanted)

@@ -75,9 +75,11 @@ def _cells(product: Product, columns: Mapping[str, Column]) -> dict[str, object]
             continue
         if column.convert:
             value = (2.0 * math.pi if column.convert == "2 pi / x" else 1.0) / value
-        if column.field == "inertia" and isinstance(product, Gear) and product.inertia_side == "output":
-            value *= (product.ratio or math.nan) ** 2
         cells[column.name] = repr(float(value)) if column.unit is not None else value
+    if isinstance(product, Gear) and product.inertia is not None:  # which a file gives at its `inertia_side`
+        at_output = product.inertia_side == "output" and product.ratio is not None
+        cells["inertia"] = repr(product.inertia * (product.ratio or 1.0) ** 2 if at_output else product.inertia)
+        cells["inertia_side"] = "output" if at_output else "input"
     return cells
 
 

@@ -61,7 +61,7 @@ class Check(Generic[P]):
 
 def order(left: str, right: str, unit: str = "", most: float = 1.0) -> Check[Any]:
     """The check that one field is at most another one; `most` more than 1 allows for rounding."""
-    words = (left.replace("_", " "), right.replace("_", " "))
+    words = [name.replace("no_load", "no-load").replace("_", " ") for name in (left, right)]
     return Check(
         name=f"{words[0]} and {words[1]}",
         formula=f"{words[0]} <= {words[1]}",

@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.actuators.conditions import Conditions
-from bellcrank.actuators.electrical import friction_loss, friction_torque, loss_per_squared_torque, resistance_factor
+from bellcrank.actuators.copper import resistance_factor
+from bellcrank.actuators.electrical import friction_loss, friction_torque, loss_per_squared_torque
 from bellcrank.actuators.motor import UNSTATED_REFERENCE, Motor
 from bellcrank.actuators.product_arrays import Array, MotorArrays
 

@@ -10,7 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from bellcrank.actuators.conditions import Conditions
-from bellcrank.actuators.motor import COPPER, COPPER_REFERENCE
+from bellcrank.actuators.copper import COPPER as COPPER
+from bellcrank.actuators.copper import REFERENCE as REFERENCE
+from bellcrank.actuators.copper import resistance_factor as resistance_factor
 from bellcrank.actuators.product_arrays import Array, MotorArrays
 
 
@@ -29,23 +31,18 @@ def friction_loss(motors: MotorArrays, speed: Array) -> Array:
     return np.asarray(friction_torque(motors, speed) * speed)
 
 
-def resistance_factor(temperature: Array | float) -> Array:
-    """Resistance of copper at a temperature (°C) over that at 25 °C."""
-    return np.asarray(1.0 + COPPER * (np.asarray(temperature) - COPPER_REFERENCE))
-
-
 def loss_per_squared_torque(motors: MotorArrays) -> Array:
     """Copper loss at 25 °C over the squared electrical torque, R / k², W/(N m)²."""
     return np.asarray(motors.resistance / motors.dc_torque_constant**2)
 
 
-def copper_loss(motors: MotorArrays, electrical_torque: Array, temperature: Array | float = COPPER_REFERENCE) -> Array:
+def copper_loss(motors: MotorArrays, electrical_torque: Array, temperature: Array | float = REFERENCE) -> Array:
     """Copper loss R I², W, at an electrical torque (N m) and a winding temperature (°C)."""
     return np.asarray(loss_per_squared_torque(motors) * electrical_torque**2 * resistance_factor(temperature))
 
 
 def voltage(
-    motors: MotorArrays, electrical_torque: Array, speed: Array, temperature: Array | float = COPPER_REFERENCE
+    motors: MotorArrays, electrical_torque: Array, speed: Array, temperature: Array | float = REFERENCE
 ) -> Array:
     """Voltage R I + k ω, V, at an electrical torque (N m), a speed (rad/s) and a winding temperature (°C)."""
     resistance = motors.resistance * resistance_factor(temperature)
@@ -53,7 +50,7 @@ def voltage(
 
 
 def voltage_with_inductance(
-    motors: MotorArrays, electrical_torque: Array, speed: Array, temperature: Array | float = COPPER_REFERENCE
+    motors: MotorArrays, electrical_torque: Array, speed: Array, temperature: Array | float = REFERENCE
 ) -> Array:
     """Amplitude of the line-to-line voltage of a sinusoidal motor with its inductance, √((R I + k ω)² + (X ω I)²), V.
 
@@ -66,7 +63,7 @@ def voltage_with_inductance(
 
 
 def electrical_power(
-    motors: MotorArrays, electrical_torque: Array, speed: Array, temperature: Array | float = COPPER_REFERENCE
+    motors: MotorArrays, electrical_torque: Array, speed: Array, temperature: Array | float = REFERENCE
 ) -> Array:
     """Power from the supply, R I² + T_e ω, W; negative where the motor gives power back."""
     return np.asarray(copper_loss(motors, electrical_torque, temperature) + electrical_torque * speed)

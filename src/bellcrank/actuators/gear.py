@@ -68,7 +68,8 @@ class Gear:
         mass: kg.
         diameter: Of the body, m.
         length: Of the body, m.
-        input_flange: The maker's names of the motor flanges that fit, separated by ";".
+        input_flange: The maker's names of the motor flanges that fit, separated by ";". A name that begins with the
+            gear's maker is of a gear built into that maker's motors, and fits only motors that state it.
         input_shaft_diameter: Largest motor shaft that fits, m.
         price: In `currency`.
         currency: Such as "EUR".

@@ -32,7 +32,7 @@ def _torque(gear: Gear) -> float | None:
 def _gyration(gear: Gear) -> float | None:
     if not _rotary(gear) or gear.inertia is None or not gear.mass:
         return None
-    return float(math.sqrt(gear.inertia / gear.mass) / (gear.mass / _DENSITY) ** (1.0 / 3.0))
+    return quotient(math.sqrt(gear.inertia / gear.mass), math.cbrt(gear.mass / _DENSITY))
 
 
 GEAR_CHECKS: tuple[Check[Gear], ...] = (
@@ -45,9 +45,9 @@ GEAR_CHECKS: tuple[Check[Gear], ...] = (
     order("back_efficiency", "efficiency", most=1.02),
     plausible(
         "efficiency",
-        "efficiency (worm gears and sliding screws reach down to 20 %, and no gear is free of losses)",
+        "efficiency (worm gears and sliding screws reach down to 20 %)",
         _efficiency,
-        (0.05, 0.995),
+        (0.05, 1.0),
         "is it in %, or a loss?",
     ),
     plausible(

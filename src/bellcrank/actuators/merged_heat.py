@@ -13,13 +13,13 @@ from __future__ import annotations
 import numpy as np
 
 from bellcrank import arguments
-from bellcrank.actuators.electrical import resistance_factor
-from bellcrank.actuators.motor import COPPER
+from bellcrank.actuators.copper import COPPER, resistance_factor
 from bellcrank.actuators.product_arrays import Array
 from bellcrank.actuators.thermal import HeatCycle, ThermalModel
 from bellcrank.actuators.thermal_cycle import PeriodicTemperatures, periodic_temperatures
 
 HOTTEST = 400.0  # °C
+ROWS = 128  # motors at a time: their losses stay in the processor's cache
 
 
 def merged(heat: HeatCycle, longest: float) -> tuple[HeatCycle, Array, Array]:
@@ -43,16 +43,20 @@ def merged(heat: HeatCycle, longest: float) -> tuple[HeatCycle, Array, Array]:
             starts.append(k)
             lasted = 0.0
         lasted += duration
-    durations = np.add.reduceat(heat.duration, starts)
+    ends = np.append(starts[1:], len(heat.duration)).astype(np.intp) - 1
     sizes = np.diff([*starts, len(heat.duration)])
-    with np.errstate(invalid="ignore", divide="ignore"):
-        shares = np.where(np.repeat(durations, sizes) > 0.0, heat.duration / np.repeat(durations, sizes), 1.0)
-    means, excesses = [], []
-    for loss in (heat.copper_loss, heat.friction_loss):
-        mean = np.add.reduceat(loss * shares, starts, axis=1)
-        excess = np.cumsum((loss - np.repeat(mean, sizes, axis=1)) * heat.duration, axis=1)
-        means.append(mean)
-        excesses.append(np.abs(excess).max(axis=1))  # each joined interval starts from 0 but for rounding
+    durations = np.add.reduceat(heat.duration, starts)
+    lasted_in = np.cumsum(heat.duration) - np.repeat(np.cumsum(durations) - durations, sizes)
+    means, excesses = np.empty((2, len(heat.copper_loss), len(starts))), np.empty((2, len(heat.copper_loss)))
+    for first in range(0, len(heat.copper_loss), ROWS):
+        rows = slice(first, first + ROWS)
+        for kind, loss in enumerate((heat.copper_loss[rows], heat.friction_loss[rows])):
+            energy = np.cumsum(loss * heat.duration, axis=1)
+            before = np.concatenate([np.zeros((len(energy), 1)), energy[:, ends[:-1]]], axis=1)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                mean = np.where(durations > 0.0, (energy[:, ends] - before) / durations, loss[:, starts])
+            excess = energy - np.repeat(before, sizes, axis=1) - np.repeat(mean, sizes, axis=1) * lasted_in
+            means[kind, rows], excesses[kind, rows] = np.maximum(mean, 0.0), np.abs(excess).max(axis=1)
     return HeatCycle(duration=durations, copper_loss=means[0], friction_loss=means[1]), excesses[0], excesses[1]
 
 

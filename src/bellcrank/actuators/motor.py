@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from bellcrank import arguments
+from bellcrank.actuators.copper import resistance_factor
 from bellcrank.actuators.row_checks import (
     NOT_NEGATIVE,
     SHARE,
@@ -31,8 +32,6 @@ RANGES = {  # of numbers that are not more than 0
     "max_housing_temperature": TEMPERATURE,
     "reference_temperature": TEMPERATURE,
 }
-COPPER = 0.0039  # 1/K, rise of the resistance of copper per kelvin, related to that at
-COPPER_REFERENCE = 25.0  # °C, at which catalogues state resistances
 UNSTATED_REFERENCE = 25.0  # °C, of figures without one: the lower, and so the safer, of the usual ones (25 and 40)
 _TO_DC = {"dc": 1.0, "phase_rms": math.sqrt(2.0 / 3.0), "phase_peak": 2.0 / math.sqrt(3.0)}
 
@@ -240,9 +239,7 @@ class Motor:
         """
         if self.coulomb_friction is not None and self.viscous_friction is not None:
             return self.coulomb_friction
-        if self.torque_constant is not None and self.no_load_current is not None:
-            return self.torque_constant * self.no_load_current
-        return None
+        return self._torque_of(self.no_load_current)
 
     @property
     def viscous_coefficient(self) -> float | None:
@@ -256,12 +253,10 @@ class Motor:
         """The stated nominal torque, else that of the nominal current less friction at nominal speed, N m."""
         if self.nominal_torque is not None:
             return self.nominal_torque
-        torque, coulomb, viscous = self.torque_constant, self.coulomb_torque, self.viscous_coefficient
-        if torque is None or self.nominal_current is None or coulomb is None or viscous is None:
+        torque, coulomb, viscous = self._torque_of(self.nominal_current), self.coulomb_torque, self.viscous_coefficient
+        if torque is None or coulomb is None or viscous is None or (viscous and self.nominal_speed is None):
             return None
-        if viscous and self.nominal_speed is None:
-            return None
-        return max(torque * self.nominal_current - coulomb - viscous * (self.nominal_speed or 0.0), 0.0)
+        return max(torque - coulomb - viscous * (self.nominal_speed or 0.0), 0.0)
 
     @property
     def friction_heat_share(self) -> float:
@@ -284,13 +279,17 @@ class Motor:
         if friction == 0.0:
             return 1.0
         reference = UNSTATED_REFERENCE if self.reference_temperature is None else self.reference_temperature
-        copper = ((torque + friction) / constant) ** 2 * (1.0 + COPPER * (limit - COPPER_REFERENCE))
+        copper = ((torque + friction) / constant) ** 2 * float(resistance_factor(limit))
         left = (limit - reference) - (winding + housing) * copper
         return min(max(left / (housing * friction * speed), 0.0), 1.0)
 
     @property
     def peak_electrical_torque(self) -> float | None:
         """Electrical torque k_t I_peak at the peak current, N m; None where unknown."""
-        if self.torque_constant is None or self.peak_current is None:
+        return self._torque_of(self.peak_current)
+
+    def _torque_of(self, current: float | None) -> float | None:
+        """Electrical torque of a current on the torque constant's basis; None where one of the three is unknown."""
+        if self.torque_constant is None or self.torque_constant_basis is None or current is None:
             return None
-        return self.torque_constant * self.peak_current
+        return self.torque_constant * current

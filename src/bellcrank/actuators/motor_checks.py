@@ -22,7 +22,7 @@ def _gyration(motor: Motor) -> float | None:
     inertia, mass = motor.rotor_inertia, motor.mass
     if inertia is None or mass is None or (motor.kind == "actuator" and motor.ratio is None):
         return None
-    return float(math.sqrt(inertia / mass) / (motor.ratio or 1.0) / (mass / _DENSITY) ** (1.0 / 3.0))
+    return quotient(math.sqrt(inertia / mass) / (motor.ratio or 1.0), math.cbrt(mass / _DENSITY))
 
 
 def _torque_of_shaft(motor: Motor) -> float | None:

@@ -82,8 +82,9 @@ def _thermal_current(motor: Motor) -> Figures:
     winding, housing, resistance = (part or 0.0 for part in parts)
     rise = hottest - (COPPER_REFERENCE if motor.reference_temperature is None else motor.reference_temperature)
     hot = resistance * (1.0 + COPPER * (hottest - COPPER_REFERENCE))
+    heat = quotient(rise, (winding + housing) * hot)
     current = product_of(motor.nominal_current, motor.torque_constant / k)
-    return current, math.sqrt(rise / ((winding + housing) * hot))
+    return current, None if heat is None or heat <= 0.0 else math.sqrt(heat)
 
 
 def _nominal_power(motor: Motor) -> Figures:

@@ -49,6 +49,11 @@ def motor_figure(motor: Motor, conditions: Conditions) -> Figure:
     Returns:
         A figure: torque (N m) over speed (rpm) at the shaft, or at the output of an actuator.
     """
+    with np.errstate(all="ignore"):  # numbers of a catalogue may overflow
+        return _figure(motor, conditions)
+
+
+def _figure(motor: Motor, conditions: Conditions) -> Figure:
     figure = new_figure(8.5, 5.2)
     axis = figure.add_subplot()
     plain(axis)

@@ -227,7 +227,7 @@ def motor_with_gear(motor: Motor, gear: Gear | None, conditions: Conditions | No
         ratio=with_gear.ratio,
         rated_torque=filled.continuous_torque or None,
         peak_torque=filled.peak_torque,
-        rated_speed=filled.nominal_speed,
+        rated_speed=filled.nominal_speed or None,  # a torque rated at standstill has no speed
         max_speed=filled.max_speed,
         efficiency=with_gear.efficiency,
         rotor_inertia=filled.rotor_inertia,

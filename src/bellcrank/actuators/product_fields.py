@@ -42,11 +42,11 @@ def product_data(product: Motor | Gear) -> dict[str, Any]:
             continue
         if entry.name in CURVE_FIELDS:
             data[entry.name] = [list(point) for point in value]
-        elif entry.name == "inertia_side":
-            data[entry.name] = "input"  # where the field `inertia` is
-        else:
+        elif entry.name != "inertia_side":
             column = names[entry.name]
             data[column.name] = _converted(column, value) if column.convert else value
+    if "inertia" in data:
+        data["inertia_side"] = "input"  # where the field `inertia` is
     return data
 
 
@@ -105,6 +105,8 @@ def _convert(fields: Fields, values: dict[str, Any], columns: Mapping[str, Colum
             values[name] *= values["ratio"] ** 2
         elif column.convert:
             values[name] = _converted(column, values[name])
+    if "inertia" in values and "inertia_side" not in values:
+        raise fields.error("inertia", "its side is not said; write inertia_side: input, or output")
     if values.get("inertia_side") == "output" and "inertia" in values:
         if "ratio" not in values:
             raise fields.error("inertia", "needs the key 'ratio', to refer the inertia at the output to the input")

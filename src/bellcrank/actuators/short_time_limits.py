@@ -14,7 +14,8 @@ from typing import Literal
 import numpy as np
 
 from bellcrank.actuators.conditions import Conditions
-from bellcrank.actuators.electrical import resistance_factor, usable_voltage
+from bellcrank.actuators.copper import resistance_factor
+from bellcrank.actuators.electrical import usable_voltage
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.product_arrays import Array, Curves, MotorArrays
 

@@ -119,12 +119,6 @@ class ShortTimeRegion:
         return np.array([(1.0 - b * speed) / a - friction, (-1.0 - b * speed) / a - friction])
 
     @property
-    def no_load_speed(self) -> float:
-        """The speed, rad/s, at which the voltage leaves no torque; infinite where it is unknown."""
-        slopes = [float(limit.speed[0]) for limits in self._limits.values() for limit in limits]
-        return 1.0 / max(slopes) if slopes and max(slopes) > 0.0 else float(np.inf)
-
-    @property
     def _braking_torque(self) -> float:
         """The largest braking torque, N m; infinite where it is unknown."""
         peak, current = float(self._motors.peak_torque[0]), float(self._motors.peak_electrical_torque[0])
@@ -133,7 +127,7 @@ class ShortTimeRegion:
     @cached_property
     def outline(self) -> Array | None:
         """Corners (k, 2) of speed rad/s and torque N m of the region, all four quadrants; None where it has no end."""
-        top = self.largest_speed if np.isfinite(self.largest_speed) else self.no_load_speed
+        top = self.largest_speed
         if not np.isfinite(top):
             return None
         speed = np.linspace(-top, top, 2 * SPEEDS - 1)

@@ -5,34 +5,22 @@
 
 with the copper loss at 25 °C P, the heat P_f of friction and iron losses, C_w = τ_w/R_wh and C_h = τ_m/R_ha. (Two
 bodies: maxon's motor data; the same equations are those of A. M. Johnson's Motor Thermal Calculator, CMU.) The copper's
-resistance rise makes P part of the matrix A of the system x' = A x + b, so each interval has a matrix of its own.
-
-Solution. With μ half the trace of A, M = A - μ I and s² = -det M > 0 (real, because the off-diagonal entries are
-positive), the eigenvalues are μ ± s, M² = s² I and exp(A t) = e^{μ t} (cosh(s t) I + sinh(s t)/s M). The state moves by
-
-    x(t) - x(0) = K(t) x'(0),  K(t) = ∫ exp(A u) du over (0, t) = p I + q M,
-    p = (E_1 + E_2)/2, q = (E_1 - E_2)/(2 s), E_i = (e^{λ_i t} - 1)/λ_i
-
-which holds for a singular A too, and needs no difference of large exponentials.
-
-Temperatures inside this module are above the ambient. Arrays have the intervals first, (n, m) for m motors.
+resistance rise makes P part of the matrix A of the system x' = A x + b, so each interval has a matrix of its own. The
+solution over an interval is exact (thermal_interval.py).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.actuators.conditions import Conditions
-from bellcrank.actuators.electrical import resistance_factor
-from bellcrank.actuators.motor import COPPER
+from bellcrank.actuators.copper import COPPER, resistance_factor
 from bellcrank.actuators.product_arrays import Array, MotorArrays
-
-TINY = 1e-250  # 1/s, stands for an eigenvalue of 0 in (e^{λ t} - 1)/λ
+from bellcrank.actuators.thermal_interval import Kernel, Rates
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,6 +62,17 @@ class ThermalModel:
 
     def __getitem__(self, index: Any) -> Self:
         return type(self)(**{field.name: getattr(self, field.name)[index] for field in fields(self)})
+
+    def rates(self, copper_loss: Array, friction_loss: Array) -> Rates:
+        """The linear systems under a copper loss at 25 °C and a friction loss (…, m), W."""
+        return Rates(
+            copper_loss / self.winding_capacity,
+            self.friction_share * friction_loss / self.housing_capacity,
+            1.0 / (self.winding_resistance * self.winding_capacity),
+            1.0 / (self.winding_resistance * self.housing_capacity),
+            1.0 / (self.housing_resistance * self.housing_capacity),
+            resistance_factor(self.ambient),
+        )
 
     def steady_temperatures(self, copper_loss: Array, friction_loss: Array) -> tuple[Array, Array]:
         """Winding and housing temperature in the end under constant losses, °C; infinite on thermal runaway.
@@ -165,100 +164,6 @@ class HeatCycle:
         )
 
 
-class Rates(NamedTuple):
-    """The linear system of one interval or of several (…, m): conductances over capacities, and heat over capacities.
-
-    Attributes:
-        copper: P / C_w, K/s.
-        friction: P_f / C_h, K/s.
-        winding: 1/(R_wh C_w), 1/s.
-        exchange: 1/(R_wh C_h), 1/s.
-        housing: 1/(R_ha C_h), 1/s.
-        factor: Resistance of copper at the ambient temperature over that at 25 °C.
-    """
-
-    copper: Array
-    friction: Array
-    winding: Array
-    exchange: Array
-    housing: Array
-    factor: Array
-
-    @classmethod
-    def of(cls, model: ThermalModel, copper_loss: Array, friction_loss: Array) -> Rates:
-        """The system under losses (…, m)."""
-        return cls(
-            copper_loss / model.winding_capacity,
-            model.friction_share * friction_loss / model.housing_capacity,
-            1.0 / (model.winding_resistance * model.winding_capacity),
-            1.0 / (model.winding_resistance * model.housing_capacity),
-            1.0 / (model.housing_resistance * model.housing_capacity),
-            resistance_factor(model.ambient),
-        )
-
-    def taken(self, index: NDArray[np.intp]) -> Rates:
-        """The systems of some of the motors."""
-        return Rates(*(entry[index] for entry in self))
-
-    def slope(self, state: Array) -> Array:
-        """The derivatives (2, …, m) of winding and housing temperature, K/s, at a state (2, …, m) above the ambient."""
-        winding, housing = state
-        difference = winding - housing
-        return np.stack(
-            [
-                self.copper * (self.factor + COPPER * winding) - self.winding * difference,
-                self.exchange * difference - self.housing * housing + self.friction,
-            ]
-        )
-
-
-class Kernel(NamedTuple):
-    """K(t) of x(t) - x(0) = K(t) x'(0), entry by entry, with what it is made of.
-
-    Attributes:
-        ww: Winding on winding, s; wh: slope of the housing on the winding; hw: the other way; hh.
-        wh: See `ww`.
-        hw: See `ww`.
-        hh: See `ww`.
-        half_gap: s, half the distance of the eigenvalues, 1/s.
-        half_difference: Half the difference of the diagonal entries of A, 1/s.
-    """
-
-    ww: Array
-    wh: Array
-    hw: Array
-    hh: Array
-    half_gap: Array
-    half_difference: Array
-
-    @classmethod
-    def of(cls, rates: Rates, time: Array | float) -> Kernel:
-        """K after a time (s)."""
-        feedback = COPPER * rates.copper
-        cooling = rates.exchange + rates.housing
-        half_difference = 0.5 * (feedback - rates.winding + cooling)
-        mean = 0.5 * (feedback - rates.winding - cooling)
-        gap = np.sqrt(half_difference * half_difference + rates.winding * rates.exchange)
-        signed = np.copysign(gap, mean)
-        far = mean + signed  # the eigenvalue without cancellation
-        near = (rates.winding * rates.housing - feedback * cooling) / far  # determinant over the other eigenvalue
-        near = near + TINY * (near == 0.0)
-        far_part, near_part = np.expm1(far * time) / far, np.expm1(near * time) / near
-        p = 0.5 * (far_part + near_part)
-        q = 0.5 * (far_part - near_part) / signed
-        on_diagonal = q * half_difference
-        return cls(p + on_diagonal, q * rates.winding, q * rates.exchange, p - on_diagonal, gap, half_difference)
-
-    def taken(self, index: NDArray[np.intp]) -> Kernel:
-        """The matrices of some of the motors."""
-        return Kernel(*(entry[index] for entry in self))
-
-    def step(self, slope: Array) -> Array:
-        """The changes (2, …, m) of winding and housing temperature, K, from their derivatives at the start, K/s."""
-        winding, housing = slope
-        return np.stack([self.ww * winding + self.wh * housing, self.hw * winding + self.hh * housing])
-
-
 def temperatures(
     model: ThermalModel, heat: HeatCycle, start: tuple[Array, Array] | None = None
 ) -> tuple[Array, Array, Array]:
@@ -292,7 +197,7 @@ def temperatures(
     states[:, 0] = 0.0 if start is None else np.stack(start) - model.ambient
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for k in range(count):
-            rates = Rates.of(model, heat.copper_loss[:, k], heat.friction_loss[:, k])
+            rates = model.rates(heat.copper_loss[:, k], heat.friction_loss[:, k])
             states[:, k + 1] = states[:, k] + Kernel.of(rates, heat.duration[k]).step(rates.slope(states[:, k]))
     time = np.concatenate([[0.0], np.cumsum(heat.duration)])
     winding, housing = np.swapaxes(states + model.ambient, 1, 2)

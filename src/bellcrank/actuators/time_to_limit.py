@@ -1,4 +1,8 @@
-"""The time from the ambient temperature until the winding reaches a limit, over a cycle that repeats."""
+"""The time from the ambient temperature until the winding reaches a limit, over a cycle that repeats.
+
+From the ambient temperature each cycle is warmer than the one before at each of its moments, because its map has no
+negative entries. Hence the cycle in which a limit is first reached is found by bisection over powers of the map.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.actuators.product_arrays import Array
-from bellcrank.actuators.thermal import HeatCycle, Kernel, Rates, ThermalModel
-from bellcrank.actuators.thermal_cycle import (
-    MOST_DOUBLINGS,
-    CycleMap,
-    Interval,
-    cycle_map,
-    extremum_times,
-    intervals,
-    peak_rise,
-    periodic_temperatures,
-)
+from bellcrank.actuators.thermal import HeatCycle, ThermalModel
+from bellcrank.actuators.thermal_cycle import periodic_temperatures
+from bellcrank.actuators.thermal_interval import Kernel, extremum_times
+from bellcrank.actuators.thermal_path import CyclePath
 
 HALVINGS = 80  # of the time inside an interval
+MOST_DOUBLINGS = 62  # of the cycle's map: more cycles would take longer than the age of the universe
 
 
 def time_to_limit(model: ThermalModel, heat: HeatCycle, limit: Array) -> Array:
@@ -51,59 +49,47 @@ def time_to_limit(model: ThermalModel, heat: HeatCycle, limit: Array) -> Array:
         reached = np.flatnonzero((settled.winding_peak > limit) & (rise > 0.0))
     time = np.where(np.isnan(settled.winding_peak + rise), np.nan, np.where(rise <= 0.0, 0.0, np.inf))
     if len(reached):
-        model, heat, rise = model[reached], heat[reached], rise[reached]
-        steps = intervals(model, heat)
         with np.errstate(all="ignore"):
-            cycles, state = _cycles_below(cycle_map(model, steps), steps, rise)
-            time[reached] = cycles * heat.period + _time_in_cycle(steps, heat.duration, state, rise)
+            path = CyclePath.of(model[reached], heat[reached])
+            cycles, start = _cycles_below(path, rise[reached])
+            time[reached] = cycles * heat.period + _time_in_cycle(path, heat.duration, start, rise[reached])
     return time
 
 
-def _cycles_below(over_cycle: CycleMap, steps: list[Interval], rise: Array) -> tuple[Array, Array]:
+def _cycles_below(path: CyclePath, rise: Array) -> tuple[Array, Array]:
     """The number (m,) of cycles before that in which a rise is first reached, and the state (2, m) at its start.
 
     Peaks grow from cycle to cycle, so the number is found bit by bit.
     """
 
-    def below(state: Array) -> NDArray[np.bool_]:
-        return np.asarray(peak_rise(steps, state)[0] < rise)  # overflow is not below
+    def below(start: Array) -> NDArray[np.bool_]:
+        return np.asarray(path.highest(start)[0].max(axis=0) < rise)  # overflow is not below
 
-    cycles, state = np.zeros_like(rise), np.zeros((2, len(rise)))
-    some = below(state)  # the limit is not reached in the first cycle
-    powers = [over_cycle]
+    cycles, start = np.zeros_like(rise), np.zeros((2, len(rise)))
+    some = below(start)  # the limit is not reached in the first cycle
+    powers = [path.map]
     while len(powers) < MOST_DOUBLINGS and below(powers[-1].shift).any():
         powers.append(powers[-1].doubled())
     for exponent in reversed(range(len(powers))):
-        later = powers[exponent].apply(state)
+        later = powers[exponent].apply(start)
         still = below(later)
-        state, cycles = np.where(still, later, state), cycles + np.where(still, 2.0**exponent, 0.0)
-    return np.where(some, cycles + 1.0, 0.0), np.where(some, over_cycle.apply(state), 0.0)
+        start, cycles = np.where(still, later, start), cycles + np.where(still, 2.0**exponent, 0.0)
+    return np.where(some, cycles + 1.0, 0.0), np.where(some, path.map.apply(start), 0.0)
 
 
-def _time_in_cycle(steps: list[Interval], durations: Array, state: Array, rise: Array) -> Array:
+def _time_in_cycle(path: CyclePath, durations: Array, start: Array, rise: Array) -> Array:
     """When the winding first reaches a rise in a cycle that starts from a state (2, m), s after the cycle's start."""
-    found = np.full_like(rise, np.inf)
-    start = 0.0
-    for (rates, kernel), duration in zip(steps, durations.tolist(), strict=True):
-        slope = rates.slope(state)
-        end = state + kernel.step(slope)
-        turns = (slope[0] > 0.0) & (rates.slope(end)[0] < 0.0)
-        until = np.where(turns, extremum_times(kernel, rates, slope)[0], duration)  # of the highest temperature
-        reached = state[0] + Kernel.of(rates, until).step(slope)[0] >= rise
-        first = np.flatnonzero(reached & np.isinf(found))
-        if len(first):
-            found[first] = start + _crossing(
-                rates.taken(first), slope[:, first], until[first], (rise - state[0])[first]
-            )
-        state, start = end, start + duration
-    return found
-
-
-def _crossing(rates: Rates, slope: Array, until: Array, rise: Array) -> Array:
-    """The time in an interval, at most `until`, after which the winding is warmer by a rise than at its start."""
-    low, high = np.zeros_like(rise), np.array(until)
+    reached = ~(path.highest(start)[0] < rise)  # overflow is not below
+    interval, motor = np.argmax(reached, axis=0), np.arange(len(rise))
+    rates = path.rates.taken(interval, motor)
+    state = path.states(start)[:, interval, motor]
+    slope, duration = rates.slope(state), durations[interval]
+    top = extremum_times(rates, slope)[0]
+    low = np.zeros_like(rise)
+    high = np.where((slope[0] > 0.0) & (top > 0.0) & (top < duration), top, duration)  # of the highest temperature
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        above = Kernel.of(rates, middle).step(slope)[0] >= rise
-        low, high = np.where(above, low, middle), np.where(above, middle, high)
-    return high
+        below = state[0] + Kernel.of(rates, middle).step(slope)[0] < rise
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    before = np.concatenate([[0.0], np.cumsum(durations)])[interval]
+    return np.where(reached.any(axis=0), before + high, np.inf)

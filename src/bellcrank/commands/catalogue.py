@@ -15,7 +15,11 @@ from bellcrank.messages import format_value
 if TYPE_CHECKING:
     from bellcrank.actuators.catalogue import Catalogue
 
-ACTIONS = ("list", "show", "check")
+ACTIONS = {  # action -> options that it takes
+    "list": ("catalogue", "own", "maker", "kind", "voltage", "torque", "speed", "mass", "ratio", "out"),
+    "show": ("catalogue", "own", "voltage", "out", "no_plots"),
+    "check": ("catalogue", "own"),
+}
 RANGES = {  # option -> unit, fields of motors and of gears that it filters by; the first that is stated counts
     "torque": ("N m", ("continuous_torque",), ("rated_torque", "average_torque")),
     "speed": ("rad/s", ("nominal_speed", "max_speed", "no_load_speed"), ("average_speed", "max_speed")),
@@ -69,6 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
     """List, show or check. Exit code 0; 1: a checked product contradicts itself. Raises BellcrankError for invalid
     input.
     """
+    _refuse_unused(arguments)
     if arguments.action == "check":
         return _check(arguments)
     from bellcrank.actuators.catalogue import load_catalogue
@@ -79,6 +84,15 @@ def run(arguments: argparse.Namespace) -> int:
         )
     catalogue = load_catalogue(*arguments.catalogue, shipped=not arguments.own, contradicting=True)
     return _show(arguments, catalogue) if arguments.action == "show" else _list(arguments, catalogue)
+
+
+def _refuse_unused(arguments: argparse.Namespace) -> None:
+    """Refuse options that the action does not take. Raises InputError."""
+    for name in ("maker", "kind", "voltage", *RANGES, "out", "no_plots"):
+        if name not in ACTIONS[arguments.action] and getattr(arguments, name) not in (None, [], False):
+            option = f"--{name.replace('_', '-')}"
+            takers = [action for action, options in ACTIONS.items() if name in options]
+            raise InputError(f"{option}: '{arguments.action}' does not take it; it is for {' and '.join(takers)}")
 
 
 def _list(arguments: argparse.Namespace, catalogue: Catalogue) -> int:

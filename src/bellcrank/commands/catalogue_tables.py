@@ -29,6 +29,7 @@ SHOWN_IN = {  # unit of a field -> unit on the screen, factor
     "m": ("mm", 1e3),
     "H": ("mH", 1e3),
 }
+LARGE_INERTIA = 1e-2  # kg m²; smaller ones are shown in g cm²
 Cells = Sequence[Sequence[str]]
 
 
@@ -95,7 +96,8 @@ def fitted(header: Sequence[str], rows: Cells, width: int) -> str:
         if max(map(len, text.splitlines())) <= width:
             break
     left = ", ".join(title.split("\n")[0] for title in header[count:])
-    return text + (f"\n(not shown for lack of width: {left})" if left else "")
+    note = f"(not shown for lack of width: {left})" if left else ""
+    return "\n".join([text, *textwrap.wrap(note, max(width, 40))])
 
 
 def text_table(header: Sequence[str], rows: Cells) -> str:
@@ -174,13 +176,15 @@ def product_text(product: Product) -> str:
 
 
 def _words(name: str) -> str:
-    return name.replace("_", " ")
+    return name.replace("no_load", "no-load").replace("_", " ")
 
 
 def _shown(column: Column, value: object) -> str:
     if not isinstance(value, float):
         return str(value)
     unit, factor = SHOWN_IN.get(column.unit or "", (column.unit or "", 1.0))
+    if column.unit == "kg m^2" and value >= LARGE_INERTIA:
+        unit, factor = "kg m²", 1.0
     if column.convert:  # a lead or a radius
         value = (2.0 * math.pi if column.convert == "2 pi / x" else 1.0) / value
     return f"{value * factor:.6g} {unit}".rstrip()
@@ -198,16 +202,16 @@ def check_text(products: Sequence[Placed]) -> str:
     places = {one.product.id: one.place for one in products}
     found = contradictions(one.product for one in products)
     lines = [f"{places[one.product.id]}: {one.product.id}: {one.check}: {one.text}" for one in found]
-    checks = [checks_applied(one.product) for one in products]
-    without = sum(not one.product.source for one in products)
+    counts = [checks_applied(one.product) for one in products]
     wrong = len({one.product.id for one in found})
+    verdict = f"{wrong} contradict themselves" if wrong > 1 else f"{wrong or 'none'} contradicts itself"
     lines.append(
-        f"{len(products)} products, {sum(checks)} checks that their figures allow ({checks.count(0)} products allow "
-        f"none): {wrong or 'no'} {'product contradicts' if wrong == 1 else 'products contradict'} "
-        f"{'itself' if wrong == 1 else 'themselves'}"
+        f"{len(products)} product{'' if len(products) == 1 else 's'}, {sum(counts)} checks that their figures allow "
+        f"(none for {counts.count(0)} of them): {verdict}"
     )
+    without = [one.product.id for one in products if not one.product.source]
     if without:
-        lines.append(f"{without} {'product has' if without == 1 else 'products have'} no source")
+        lines.append(f"without a source: {', '.join(without[:10])}{', …' if len(without) > 10 else ''}")
     return "\n".join(lines)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterable, Sequence
 from typing import Any, get_args
 
@@ -42,7 +43,7 @@ from bellcrank.text import readable
 
 Array = NDArray[np.float64]
 MOST_SAMPLES = 400  # of a load cycle besides the corners of its hull
-MOST_TEMPERATURES = 120  # of a cycle
+MOST_TEMPERATURES = 80  # of a cycle
 DIGITS = 5
 
 
@@ -91,10 +92,11 @@ def selection_data(selection: Selection) -> dict[str, Any]:
         {
             "name": readable(each.axis.name),
             "kind": each.axis.kind,
-            "joints": each.axis.joints,
-            "mount": each.axis.mount,
+            "mount": readable(each.axis.mount),
             "chosen": chosen_rank(each),
             "counts": each.counts,
+            "unknownMasses": list(map(readable, each.unknown_masses)),
+            "kept": each.kept,
             "advice": readable(each.advice),
             "cycles": [_cycle(cycle) for cycle in load.cycles],
             "candidates": list(map(candidate, listed(each), pair_details(selection, each, listed(each)))),
@@ -104,7 +106,7 @@ def selection_data(selection: Selection) -> dict[str, Any]:
     return {
         "axes": axes,
         "system": [criterion(result) for result in selection.system],
-        "pareto": [_combination(selection, each) for each in selection.pareto],
+        "pareto": _combinations(selection),
         "motors": [_motor(motor, selection) for motor in motors.number],
         "gears": [_gear(gear) for gear in gears.number],
         "names": list(names.number),
@@ -130,9 +132,16 @@ def chosen_rank(axis: AxisSelection) -> int | None:
 
 
 def title(product: Motor | Gear) -> str:
-    """Maker and model of a product, the maker once."""
-    names = product.maker.casefold() in product.model.casefold()
-    return readable(product.model if names else f"{product.maker} {product.model}".strip())
+    """Maker and model of a product, and the voltage or ratio that tells it from its like, each once."""
+    text = product.model
+    if product.maker.casefold() not in text.casefold():
+        text = f"{product.maker} {text}"
+    if isinstance(product, Gear):
+        apart = f"{product.ratio:.4g}:1" if product.ratio is not None and not product.linear else ""
+    else:
+        apart = f"{product.nominal_voltage:g} V" if product.nominal_voltage is not None else ""
+    stated = apart.removesuffix(" V").removesuffix(":1") in re.findall(r"\d+(?:\.\d+)?", product.model)
+    return readable(text if stated or not apart else f"{text}, {apart}")
 
 
 def number(value: float | None) -> float | None:
@@ -228,7 +237,7 @@ def load_table(cycle: ReducedCycle) -> Array:
     Those that decide are at speeds that are not negative: their signs are turned together, which changes no limit.
     """
     samples = np.column_stack([cycle.torque, cycle.speed, cycle.features[:, ACCELERATION]])
-    extremes = cycle.extremes
+    extremes = cycle.hull
     torque = extremes[:, DRIVING] + extremes[:, DRIVEN]
     return np.concatenate(
         [
@@ -244,18 +253,25 @@ def thinned(table: Array, most: int) -> NDArray[np.intp]:
     return np.unique(np.concatenate([even, np.argmin(table, axis=0), np.argmax(table, axis=0)]))
 
 
-def _combination(selection: Selection, each: ParetoPoint) -> dict[str, Any]:
-    """A point of the Pareto front, with the names of its products."""
+def _combinations(selection: Selection) -> list[dict[str, Any]]:
+    """The Pareto front and the choice, with the names of the products where these are known here."""
     titles = {pair_id(one.motor, one.gear): _pair_title(one) for axis in selection.axes for one in listed(axis)}
-    chosen = tuple("" if axis.chosen is None else axis.chosen.id for axis in selection.axes)
-    return {
-        "mass": number(each.mass),
-        "use": number(each.largest_use),
-        "loss": number(each.loss),
-        "cost": number(each.cost),
-        "pairs": [titles.get(pair, readable(pair)) for pair in each.pairs],
-        "chosen": each.pairs == chosen,
-    }
+    chosen = [axis.chosen for axis in selection.axes if axis.chosen is not None]
+    choice, points = tuple(one.id for one in chosen), list(selection.pareto)
+    if len(chosen) == len(selection.axes) and choice not in {point.pairs for point in points}:
+        use = max(one.largest_use for one in chosen)
+        points.append(ParetoPoint(selection.mass, use, selection.loss, selection.cost, choice))
+    return [
+        {
+            "mass": number(point.mass),
+            "use": number(point.largest_use),
+            "loss": number(point.loss),
+            "cost": number(point.cost),
+            "pairs": [titles.get(pair, readable(pair)) for pair in point.pairs],
+            "chosen": point.pairs == choice,
+        }
+        for point in points
+    ]
 
 
 def _pair_title(one: Candidate) -> str:

@@ -35,6 +35,7 @@ WORDS = {  # how a report calls a condition, and its unit
     "brake_resistor_power": ("continuous power of the brake resistor", "W"),
     "supply_power": ("largest power of the supply", "W"),
 }
+NOISE = 1e-9  # of the largest load of any joint: rounding errors of a joint that rests, written as 0
 OBJECTIVES = {"mass": "least mass", "cost": "least cost", "loss": "least loss", "margin": "largest margin"}
 DEFAULTS = {  # what None means
     "voltage": "each motor's nominal voltage",
@@ -113,7 +114,7 @@ def _choice(axis: AxisSelection) -> tuple[str, ...]:
         return (name, "nothing fits", *[""] * 8)
     gear = "direct" if one.gear.kind == "direct" else title(one.gear)
     cost = "unknown" if one.cost is None else f"{one.cost:.4g} {one.motor.currency or ''}".strip()
-    figures = (f"{one.largest_use:.1%}".replace("%", " %"), _known(one.mass), cost, _known(one.loss))
+    figures = (percent(one.largest_use), _known(one.mass), cost, _known(one.loss))
     return (name, title(one.motor), gear, one.tier, one.binding, *figures, one.fit)
 
 
@@ -150,15 +151,15 @@ def _condition(conditions: Conditions, name: str) -> str:
 def _load_table(selection: Selection) -> Table:
     """The loads of each axis in each cycle, with the masses of the chosen actuators."""
     header = ("joint", "cycle", "largest torque", "RMS torque", "largest speed", "mean speed", "duration\n[s]")
+    noise = [NOISE * max(abs(getattr(cycle, name)).max() for cycle in selection.cycles) for name in ("torque", "speed")]
     rows = []
     for number, axis in enumerate(selection.axes):
-        torque_unit, speed_unit = ("N", "m/s") if axis.axis.kind == "linear" else ("N m", "rad/s")
+        units = ("N", "m/s") if axis.axis.kind == "linear" else ("N m", "rad/s")
         for cycle in selection.cycles:
             torque, speed = cycle.torque[:, number], abs(cycle.speed[:, number])
             rms = float((cycle.weight @ torque**2 / cycle.duration) ** 0.5)
             figures = (abs(torque).max(), rms, speed.max(), float(cycle.weight @ speed) / cycle.duration)
-            units = (torque_unit, torque_unit, speed_unit, speed_unit)
-            texts = (f"{value:.4g} {unit}" for value, unit in zip(figures, units, strict=True))
+            texts = (f"{v if v > noise[k // 2] else 0.0:.4g} {units[k // 2]}" for k, v in enumerate(figures))
             rows.append((axis.axis.name, cycle.name, *texts, f"{cycle.duration:.4g}"))
     note = "At the joint, with the masses of the chosen motors and gears, without the inertia of rotors and gears."
     return Table("Loads", header, tuple(rows), note)
@@ -185,10 +186,19 @@ def _verdict(selection: Selection) -> list[str]:
         if names:
             lines.append(f"{text} {', '.join(names)}.")
     lines += [f"The whole robot: {result.text}" for result in selection.system if result.verdict == "exceeded"]
+    unfit = [axis.axis.name for axis in found if axis.chosen is not None and axis.chosen.fit == "fit not checked"]
+    if unfit:
+        lines.append(f"Flange and shaft of motor and gear are not stated, so the fit is not checked: {', '.join(unfit)}.")
     unknown = [result.name for result in selection.system if result.verdict == "unknown"]
     if unknown:
         lines.append(f"Of the whole robot, {' and '.join(unknown)} {'is' if len(unknown) == 1 else 'are'} unknown.")
     return lines
+
+
+def percent(use: float) -> str:
+    """A utilisation in %, which says on which side of the limit it is where rounding would hide that."""
+    text = f"{100.0 * use:.3g}"
+    return f"{text if text != '100' or use == 1.0 else '> 100' if use > 1.0 else '< 100'} %"
 
 
 def _known(value: float | None) -> str:

@@ -19,7 +19,8 @@ from bellcrank.reports.input_tables import (
 from bellcrank.sizing.joint_sizing import Peak
 from bellcrank.sizing.plots import sizing_figures
 from bellcrank.sizing.result import Sizing
-from bellcrank.sizing.tables import TableContent, joint_rows, shaft_rows, sized_with, structure_rows, verdict
+from bellcrank.sizing.tables import joint_rows, shaft_rows, sized_with, structure_rows, verdict
+from bellcrank.sizing.text_tables import TableContent
 
 
 def sizing_document(sizing: Sizing, film: Film) -> Document:

@@ -9,30 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import ClassVar
+from dataclasses import dataclass
 
-from bellcrank.actuators.actuator import Actuator
-from bellcrank.deprecated import Renamed
+from bellcrank.sizing.shaft_sizing import Peak as Peak
+from bellcrank.sizing.shaft_sizing import ShaftSizing as ShaftSizing
 
 OVERSHOOT = 4.0  # times the rounding of positions in a file: interpolation may overshoot the rows by this much
-
-
-@dataclass(frozen=True)
-class Peak:
-    """The largest value of a quantity, with the place where it occurs.
-
-    Attributes:
-        value: The value, in the quantity's SI unit.
-        time: Time in the motion, s.
-        motion: Name of the motion.
-        position: The robot's position q (nq,) at that time.
-    """
-
-    value: float
-    time: float
-    motion: str
-    position: tuple[float, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,77 +39,6 @@ class Cycle:
     motoring_energy: float
     regenerated_energy: float
     rms_shaft_torque: float | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class ShaftSizing(Renamed):
-    """What the motor of one joint must deliver at its shaft, compared with the limits of its actuator.
-
-    Attributes:
-        actuator: The actuator that was compared.
-        peak_torque: Largest |shaft torque|, N m, without the safety factor; None where the actuator's efficiency or
-            inertia is unknown.
-        rms_torque: RMS shaft torque of the motion in which it is largest, N m, without the safety factor; None where
-            unknown.
-        peak_speed: Largest |shaft speed|, rad/s.
-        curve_use: Largest share of the torque-speed curve used, with the safety factor; more than 1 is outside. Of a
-            curve that is partly unknown, of the part that is known; None where nothing is.
-        inertia_ratio: Largest joint inertia over the rotor's reflected inertia; None where the rotor has no inertia, or
-            an unknown one.
-        margins: Share left of "peak torque", "rated torque", "speed" and "torque-speed curve", torques with the safety
-            factor; negative where exceeded, None where a figure that it needs is unknown.
-        unknown: What is missing for each margin that is None.
-
-    Example:
-        >>> import bellcrank as bc
-        >>> shaft = bc.size("geared_pendulum").joint("shoulder").shaft
-        >>> shaft.verdict
-        'inside (rated torque +40.8%)'
-    """
-
-    renamed: ClassVar[Mapping[str, str]] = {"drive": "actuator"}
-
-    actuator: Actuator
-    peak_torque: Peak | None
-    rms_torque: float | None
-    peak_speed: Peak
-    curve_use: Peak | None
-    inertia_ratio: float | None
-    margins: Mapping[str, float | None]
-    unknown: Mapping[str, str] = field(default_factory=dict)
-
-    @property
-    def known_margins(self) -> dict[str, float]:
-        """The margins that are known."""
-        return {name: margin for name, margin in self.margins.items() if margin is not None}
-
-    @property
-    def tightest(self) -> str | None:
-        """Name of the smallest known margin; None where none is known."""
-        known = self.known_margins
-        return min(known, key=lambda name: known[name], default=None)
-
-    @property
-    def tightest_margin(self) -> float | None:
-        """The smallest known margin, a share of its limit; negative where the limit is exceeded."""
-        return min(self.known_margins.values(), default=None)
-
-    @property
-    def inside(self) -> bool:
-        """Whether no limit of the actuator is exceeded, as far as its limits are known (`unknown`)."""
-        return self.tightest_margin is None or self.tightest_margin >= 0.0
-
-    @property
-    def state(self) -> str:
-        """ "inside", "exceeded", or "inside as far as known" where a margin is unknown."""
-        return "exceeded" if not self.inside else "inside as far as known" if self.unknown else "inside"
-
-    @property
-    def verdict(self) -> str:
-        """The state, with the smallest margin and the names of the unknown ones."""
-        notes = [] if self.tightest is None else [f"{self.tightest} {self.tightest_margin:+.1%}"]
-        notes += [f"unknown: {', '.join(self.unknown)}"] if self.unknown else []
-        return f"{self.state} ({'; '.join(notes)})"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,32 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from html import escape
-from typing import NamedTuple
 
 from bellcrank.sizing.joint_sizing import JointSizing, ShaftSizing
 from bellcrank.sizing.result import Sizing
+from bellcrank.sizing.text_tables import TableContent, html_table, text_table
 
 NO_LIMIT = "no limit given"
 UNKNOWN = "unknown"
 
 
-class TableContent(NamedTuple):
-    """A header, whose second lines hold units, and rows of cells."""
-
-    header: list[str]
-    rows: list[list[str]]
-
-
 def table(sizing: Sizing) -> str:
     """The sizing as text: the joints, the motor shafts and the supply."""
-    parts = [_heading(sizing), _text_table(*joint_rows(sizing)), "", _text_table(*structure_rows(sizing))]
+    parts = [_heading(sizing), text_table(joint_rows(sizing)), "", text_table(structure_rows(sizing))]
     if any(joint.shaft for joint in sizing.joints):
         parts += [
             "",
             "At the motor shaft (margins with the safety factor on torques):",
-            _text_table(*shaft_rows(sizing)),
+            text_table(shaft_rows(sizing)),
         ]
     parts += ["", f"All joints at one instant: {_power(sizing)}"]
     if sizing.mass_tolerance:
@@ -55,10 +47,10 @@ def sizing_html(sizing: Sizing) -> str:
     answer = "<br>".join(escape(line) for line in verdict(sizing).split("\n"))
     conditions = "; ".join(f"{name} {value}" for name, value in sized_with(sizing))
     about = escape(f"{sizing.robot} over {', '.join(sizing.motions)}; {conditions}")
-    tables = [_html_table("At the joints", joint_rows(sizing))]
+    tables = [html_table("At the joints", joint_rows(sizing))]
     if any(joint.shaft for joint in sizing.joints):
-        tables.append(_html_table("At the motor shafts, margins with the safety factor on torques", shaft_rows(sizing)))
-    tables.append(_html_table("Structure and energy", structure_rows(sizing)))
+        tables.append(html_table("At the motor shafts, margins with the safety factor on torques", shaft_rows(sizing)))
+    tables.append(html_table("Structure and energy", structure_rows(sizing)))
     notes = "".join(f"<li>{escape(text)}</li>" for text in sizing.warnings)
     return f"<p><b>{answer}</b><br>{about}</p>{''.join(tables)}" + (f"<ul>{notes}</ul>" if notes else "")
 
@@ -282,32 +274,3 @@ def _percent(margin: float | None) -> str:
     if margin is None:
         return NO_LIMIT
     return f"{margin:+.1%}" if math.isfinite(margin) else "limit is 0"
-
-
-def _text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Columns under headers of one or two lines; the first and the last column are texts."""
-    titles = [title.split("\n") for title in header]
-    depth = max(map(len, titles))
-    heads = [[title[k] if k < len(title) else "" for title in titles] for k in range(depth)]
-    lines = [*heads, *map(list, rows)]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(header))]
-
-    def written(line: Sequence[str]) -> str:
-        cells = [
-            cell.ljust(width) if k in (0, len(widths) - 1) else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(line, widths, strict=True))
-        ]
-        return "  ".join(cells).rstrip()
-
-    rule = "-" * (sum(widths) + 2 * len(widths) - 2)
-    return "\n".join([*map(written, heads), rule, *map(written, rows)])
-
-
-def _html_table(title: str, content: TableContent) -> str:
-    left = 'style="text-align:left"'
-    head = "".join(f"<th>{escape(text).replace(chr(10), '<br>')}</th>" for text in content.header)
-    body = "".join(
-        f"<tr><th {left}>{escape(first)}</th>{''.join(f'<td>{escape(text)}</td>' for text in others)}</tr>"
-        for first, *others in content.rows
-    )
-    return f"<table><caption {left}>{escape(title)}</caption><tr>{head}</tr>{body}</table>"

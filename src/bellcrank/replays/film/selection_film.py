@@ -52,7 +52,7 @@ def film_of_selection(
     """
     if selection.inputs is None:
         raise InputError(f"selection of {selection.robot}: it does not hold its motions; make it with bellcrank.select")
-    mechanism, motions = selection.inputs
+    mechanism, motions = selection.inputs.mechanism, selection.inputs.motions
     chosen = [(each, each.chosen) for each in selection.axes if each.chosen is not None]
     usual = usual_size([candidate for _, candidate in chosen])
     bodies = tuple(Body(axis.axis.mount, tuple(_shapes(candidate, axis.axis, usual))) for axis, candidate in chosen)

@@ -35,7 +35,7 @@ class Surroundings:
         before: HTML before the replay, already escaped.
         after: HTML after it, already escaped.
         style: CSS after that of the page.
-        scripts: Scripts after those of the page, in the same scope.
+        scripts: Scripts after those of the page, in a scope of their own within that of the page.
     """
 
     before: str = ""
@@ -124,7 +124,7 @@ def _library(plots: bool, more: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
     if plots:
         scripts.append(_asset("uplot/uPlot.iife.min.js"))
         licences.append(("uPlot 1.6.32", _asset("uplot/LICENSE")))
-    scripts.append('"use strict";(() => {' + "".join((*map(_asset, SCRIPTS), *more)) + "})();")
+    scripts.append('"use strict";(() => {' + "".join((*map(_asset, SCRIPTS), "{\n", *more, "}\n")) + "})();")
     text = "\n\n".join(f"==== {name}\n\n{licence.strip()}" for name, licence in licences)
     content = json.dumps({"scripts": scripts, "licences": text})
     return deflate_base64(content.encode("utf-8")), tuple(_hash(script) for script in scripts)

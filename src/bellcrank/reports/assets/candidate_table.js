@@ -8,7 +8,7 @@ const COLUMNS = [
   { key: "gear", label: "gear", value: ({ gear }) => gear.title, second: ({ gear }) => (gear.direct ? "" : gear.id) },
   { key: "tier", label: "tier", value: ({ tier }) => Object.keys(SIGNS).indexOf(tier), cell: ({ tier }) => tierBadge(tier) },
   { key: "binding", label: "binding criterion", value: ({ binding }) => binding },
-  { key: "use", label: "largest utilisation", unit: "%", number: true, value: ({ use }) => use, show: (use) => formatNumber(100 * use, 3) },
+  { key: "use", label: "largest utilisation", unit: "%", number: true, value: ({ use }) => use, show: inPercent },
   { key: "mass", label: "mass", unit: "kg", number: true, value: ({ mass }) => mass },
   { key: "cost", label: "cost", number: true, value: ({ cost }) => cost, suffix: ({ motor }) => motor.currency },
   { key: "loss", label: "loss", unit: "W", number: true, value: ({ loss }) => loss },
@@ -56,15 +56,16 @@ function makeFilters(changed) {
   return { box, filter, count, makersOf };
 }
 
-/** The first candidates for the printed page. */
-function printedTable(candidates) {
+/** The first candidates of an axis for the printed page. */
+function printedTable({ name, candidates }) {
   const text = (column, candidate) => {
     const value = column.value(candidate);
     if (column.key === "tier") return candidate.tier;
     return value === null ? "unknown" : column.number ? `${(column.show ?? ((v) => formatNumber(v, 3)))(value)} ${column.suffix?.(candidate) ?? ""}` : value;
   };
   const heads = COLUMNS.map(({ label, unit, number }) => element("th", { className: number ? "" : "text", textContent: unit ? `${label} [${unit}]` : label }));
-  return element("table", {}, element("caption", { textContent: candidates.length > PRINTED ? `The first ${PRINTED} of ${candidates.length} candidates` : "The candidates" }),
+  const count = candidates.length > PRINTED ? `${name}, the first ${PRINTED} of ${candidates.length}` : name;
+  return element("table", {}, element("caption", { textContent: count }),
     element("thead", {}, element("tr", {}, ...heads)),
     element("tbody", {}, ...candidates.slice(0, PRINTED).map((candidate) => element("tr", {},
       ...COLUMNS.map((column) => element("td", { className: column.number ? "" : "text", textContent: text(column, candidate) }))))));

@@ -9,18 +9,17 @@ function lossColour(part) {
   return `color-mix(in srgb, ${LOSS_COLOURS[k]}, ${LOSS_COLOURS[k + 1]} ${Math.round(100 * (place - k))}%)`;
 }
 
-function paretoChart({ pareto, axes }, width) {
-  if (!pareto.length) return nothingToPlot("No combination of pairs passes, so there is no Pareto picture.");
-  const masses = pareto.map(({ mass }) => mass).filter((mass) => mass !== null);
-  const losses = pareto.map(({ loss }) => loss).filter((loss) => loss !== null);
-  const [least, most] = [Math.min(...losses), Math.max(...losses)];
+const MANY_MARKS = 60;
+const NEAR = 26;  // px from the pointer to the mark that it means
+
+function paretoPlot({ masses, pareto }, width) {
   const range = rangeOf(masses, [], 0.1);
   const unknownMass = masses.length < pareto.length;
-  const beside = range[1] + 0.06 * (range[1] - range[0]);  // where combinations of unknown mass stand
+  const span = range[1] - range[0];
   const plot = makeSvgPlot({
     width,
     height: Math.round(Math.min(Math.max(0.55 * width, 240), 380)),
-    x: { label: "mass of all motors and gears [kg]", range: unknownMass ? [range[0], range[1] + 0.12 * (range[1] - range[0])] : range },
+    x: { label: "mass of all motors and gears [kg]", range: unknownMass ? [range[0], range[1] + 0.14 * span] : range, last: range[1] },
     y: { label: "largest utilisation [%]", range: rangeOf(pareto.map(({ use }) => 100 * use), [100], 0.1) },
     title: "Pareto picture: mass against largest utilisation",
   });
@@ -28,18 +27,46 @@ function paretoChart({ pareto, axes }, width) {
   plot.note([range[0], 100], "limit", "start");
   if (unknownMass) {
     plot.line(plot.upright(range[1]), "divider");
+    plot.under(range[1] + 0.07 * span, "unknown");
   }
+  return { plot, place: ({ mass, use }) => [plot.toX(mass ?? range[1] + 0.07 * span), plot.toY(100 * use)] };
+}
+
+/** The mark of a combination, coloured by its loss. */
+function paretoMark(combination, [x, y], radius, [least, most]) {
+  const { loss, chosen } = combination;
+  const spot = svg("circle", { cx: x, cy: y, r: radius, class: loss === null ? "spot unknown" : "spot" });
+  if (loss !== null) spot.style.fill = lossColour(most > least ? (loss - least) / (most - least) : 0.5);
+  const mark = svg("g", { class: chosen ? "combination-mark chosen" : "combination-mark", tabindex: -1, role: "button",
+    "aria-label": combinationText(combination) }, spot);
+  if (chosen) mark.append(svg("circle", { cx: x, cy: y, r: radius + 4, class: "ring" }));
+  mark.append(svg("circle", { cx: x, cy: y, r: radius + 7, class: "current-ring" }));
+  return mark;
+}
+
+function paretoLegend({ pareto, losses, masses }) {
+  const legend = element("div", { className: "loss-legend" });
+  if (losses.length) {
+    const bar = element("i", {});
+    bar.style.background = `linear-gradient(to right, ${LOSS_COLOURS.join(", ")})`;
+    legend.append(element("span", { textContent: `loss ${formatNumber(Math.min(...losses), 3)} W` }), bar,
+      element("span", { textContent: `${formatNumber(Math.max(...losses), 3)} W` }));
+  }
+  const notes = [["hollow: loss unknown", losses.length < pareto.length], ["right of the divider: mass unknown", masses.length < pareto.length],
+    ["ring: the choice", pareto.some(({ chosen }) => chosen)]];
+  legend.append(...notes.filter(([, holds]) => holds).map(([text]) => element("span", { textContent: text })));
+  return legend;
+}
+
+function paretoChart({ pareto, axes }, width) {
+  if (!pareto.length) return nothingToPlot("No combination of pairs passes, so there is no Pareto picture.");
+  const stated = (name) => pareto.map((combination) => combination[name]).filter((value) => value !== null);
+  const [masses, losses] = [stated("mass"), stated("loss")];
+  const { plot, place } = paretoPlot({ masses, pareto }, width);
+  const places = pareto.map(place);
+  const radius = pareto.length > MANY_MARKS ? 4 : 7;
+  const marks = pareto.map((combination, k) => paretoMark(combination, places[k], radius, [Math.min(...losses), Math.max(...losses)]));
   const told = element("div", { className: "combination", ariaLive: "polite" });
-  const marks = pareto.map((combination, k) => {
-    const { mass, use, loss, chosen } = combination;
-    const [x, y] = [plot.toX(mass ?? beside), plot.toY(100 * use)];
-    const spot = svg("circle", { cx: x, cy: y, r: 7, class: loss === null ? "spot unknown" : "spot" });
-    if (loss !== null) spot.style.fill = lossColour(most > least ? (loss - least) / (most - least) : 0.5);
-    const mark = svg("g", { class: chosen ? "combination-mark chosen" : "combination-mark", tabindex: k === 0 ? 0 : -1, role: "button",
-      "aria-label": combinationText(combination) }, svg("circle", { cx: x, cy: y, r: 15, class: "touch" }), spot);
-    if (chosen) mark.append(svg("circle", { cx: x, cy: y, r: 11, class: "ring" }));
-    return mark;
-  });
   const tell = (k) => {
     marks.forEach((mark, i) => {
       mark.classList.toggle("current", i === k);
@@ -49,30 +76,31 @@ function paretoChart({ pareto, axes }, width) {
     told.replaceChildren(element("p", { textContent: `${combinationText(pareto[k])}${chosen ? " – the choice" : ""}` }),
       element("dl", {}, ...pairs.map((pair, i) => element("div", {}, element("dt", { textContent: axes[i]?.name ?? "" }), element("dd", { textContent: pair })))));
   };
+  const tellNearest = ({ clientX, clientY }) => {
+    const { left, top, width: drawn } = plot.root.getBoundingClientRect();
+    const scale = drawn / width;
+    const off = places.map(([x, y]) => Math.hypot(left + x * scale - clientX, top + y * scale - clientY));
+    const nearest = off.indexOf(Math.min(...off));
+    if (off[nearest] < NEAR) tell(nearest);
+  };
+  plot.root.addEventListener("pointermove", (event) => { if (event.pointerType === "mouse") tellNearest(event); });
+  plot.root.addEventListener("click", tellNearest);
+  const order = places.map((_, k) => k).sort((a, b) => places[a][0] - places[b][0] || places[a][1] - places[b][1]);
   marks.forEach((mark, k) => {
-    for (const kind of ["pointerenter", "focus", "click"]) mark.addEventListener(kind, () => tell(k));
+    mark.addEventListener("focus", () => tell(k));
     mark.addEventListener("keydown", (event) => {
       const step = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
       if (!step) return;
       event.preventDefault();
       event.stopPropagation();
-      marks[(k + step + marks.length) % marks.length].focus();
+      marks[order[(order.indexOf(k) + step + order.length) % order.length]].focus();
     });
   });
-  plot.root.append(...marks);
+  plot.root.append(...marks.filter((_, k) => !pareto[k].chosen), ...marks.filter((_, k) => pareto[k].chosen));
   plot.root.setAttribute("role", "group");
-  const start = pareto.findIndex(({ chosen }) => chosen);
-  tell(Math.max(start, 0));
-  const legend = element("div", { className: "loss-legend" });
-  if (losses.length) {
-    const bar = element("i", {});
-    bar.style.background = `linear-gradient(to right, ${LOSS_COLOURS.join(", ")})`;
-    legend.append(element("span", { textContent: `loss ${formatNumber(least, 3)} W` }), bar, element("span", { textContent: `${formatNumber(most, 3)} W` }));
-  }
-  if (losses.length < pareto.length) legend.append(element("span", { textContent: "hollow: loss unknown" }));
-  if (unknownMass) legend.append(element("span", { textContent: "right of the divider: mass unknown" }));
-  if (start >= 0) legend.append(element("span", { textContent: "ring: the choice" }));
-  return element("figure", { className: "pareto" }, plot.root, legend, told);
+  tell(Math.max(pareto.findIndex(({ chosen }) => chosen), 0));
+  return element("figure", { className: "pareto" }, plot.root, paretoLegend({ pareto, losses, masses }), told);
 }
 
-const combinationText = ({ mass, use, loss }) => `mass ${known(mass, "kg")}, largest utilisation ${percent(use)}, loss ${known(loss, "W")}`;
+const combinationText = ({ mass, use, loss, cost }) => [`mass ${known(mass, "kg")}`, `largest utilisation ${percent(use)}`,
+  `loss ${known(loss, "W")}`, ...cost === null ? [] : [`cost ${formatNumber(cost, 4)}`]].join(", ");

@@ -31,22 +31,28 @@ function makeAxisTabs(axes, choose) {
 }
 
 /** How many pairs of an axis are in each tier, and what to do where nothing fits. */
-function axisSummary({ counts, candidates, advice }) {
+function axisSummary({ counts, candidates, advice, unknownMasses, mount, kept }) {
   const total = counts.reduce((sum, [, count]) => sum + count, 0);
-  const text = counts.map(([tier, count]) => `${count.toLocaleString("en")} ${tier}`).join(", ");
+  const text = counts.map(([tier, count]) => `${count.toLocaleString("en")} ${TIER_WORDS[tier]}`).join(", ");
   const shown = candidates.length < total ? ` The best ${candidates.length.toLocaleString("en")} are listed.` : "";
-  return [element("p", { textContent: `${total.toLocaleString("en")} pairs: ${text}.${shown}` }),
-    ...advice ? [element("p", { className: "advice", textContent: advice })] : []];
+  const unknown = `The mass of what was chosen for ${unknownMasses.join(", ")} is not stated, so criteria that depend on the load are unknown.`;
+  return [
+    element("p", { textContent: `${total.toLocaleString("en")} pairs: ${text}.${shown} Mounted on ${mount}.${kept ? " The pair was given." : ""}` }),
+    ...unknownMasses.length ? [element("p", { textContent: unknown })] : [],
+    ...advice ? [element("p", { className: "advice", textContent: advice })] : [],
+  ];
 }
+const TIER_WORDS = { "all criteria shown": "with all criteria shown", "passes what is known": "that pass what is known", fails: "that fail" };
 
-/** The pair that is chosen for every axis, for the printed page. */
+/** The pair that is chosen for every axis, and the first candidates, for the printed page. */
 function fillPaper(box, axes) {
-  box.replaceChildren(...axes.map((axis) => {
+  const pairs = axes.map((axis) => {
     const section = element("section", {}, element("h2", { textContent: `Joint ${axis.name}` }), ...axisSummary(axis));
     const best = axis.candidates[axis.chosen ?? 0];
-    if (best) section.append(pairView(best, 350, { open: true }), printedTable(axis.candidates));
+    if (best) section.append(pairView(best, 350, { open: true }));
     return section;
-  }));
+  });
+  box.replaceChildren(...pairs, element("section", {}, element("h2", { textContent: "Candidates" }), ...axes.map(printedTable)));
 }
 
 async function showSelection() {
@@ -76,7 +82,7 @@ async function showSelection() {
   });
   byId("candidates").prepend(tabs.bar);
   tabs.select(0);
-  byId("system").append(useBars(selection.system, true));
+  byId("system").append(selection.system.length ? useBars(selection.system, true) : nothingToPlot("No criterion of the whole robot was judged."));
   const drawPareto = () => pareto.replaceChildren(paretoChart(selection, Math.min(pareto.clientWidth, 720)));
   drawPareto();
   fillPaper(byId("paper-pairs"), selection.axes);

@@ -35,7 +35,7 @@ function rangeOf(values, around = [], margin = 0.06) {
   return [low === 0 ? 0 : low - space, high === 0 ? 0 : high + space];
 }
 
-/** A plot with axes; `x` and `y` are {label, range}. It draws lines and marks in the units of its axes. */
+/** A plot with axes; `x` and `y` are {label, range, last tick}. It draws lines and marks in the units of its axes. */
 function makeSvgPlot({ width, height, x, y, title }) {
   const { left, right, top, bottom } = MARGIN;
   const inner = { width: width - left - right, height: height - top - bottom };
@@ -46,7 +46,7 @@ function makeSvgPlot({ width, height, x, y, title }) {
   const area = svg("g", { "clip-path": `url(#${clip})` });
   root.append(svg("defs", {}, svg("clipPath", { id: clip }, svg("rect", { x: left, y: top, ...inner }))),
     svg("rect", { x: left, y: top, ...inner, class: "frame" }));
-  for (const value of roundTicks(x.range, inner.width / 75)) {
+  for (const value of roundTicks(x.range, inner.width / 75).filter((tick) => tick <= (x.last ?? Infinity))) {
     root.append(svg("line", { x1: toX(value), x2: toX(value), y1: top, y2: top + inner.height, class: "grid" }),
       svg("text", { x: toX(value), y: height - bottom + 16, class: "tick", "text-anchor": "middle" }, tickLabel(value)));
   }
@@ -70,6 +70,10 @@ function makeSvgPlot({ width, height, x, y, title }) {
     root,
     toX,
     toY,
+    /** A text in place of a tick below the x axis. */
+    under(value, text) {
+      root.append(svg("text", { x: toX(value), y: height - bottom + 16, class: "tick", "text-anchor": "middle" }, text));
+    },
     across: (value) => x.range.map((end) => [end, value]),
     upright: (value) => y.range.map((end) => [value, end]),
     /** A line through points, interrupted where they are not finite; `close` makes it an outline. */

@@ -1,7 +1,7 @@
 // ---- the torque-speed plane of a motor: the load of its cycles, and what the motor can do
 
 const RPM = 30 / Math.PI;
-const BEYOND = 5;  // times the largest load: what reaches further is cut off
+const BEYOND = 4;  // times the largest load: what reaches further is cut off
 
 /**
  * Loads are folded to positive speeds, which changes no limit: all limits are the same for the opposite torque and
@@ -23,12 +23,13 @@ function regionOutline([speeds, lows, highs], [fast, strong], speedScale) {
 }
 
 /** The speed and torque up to which a plane shows a pair, in its units. */
-function planeReach({ cycles, curves: { continuous, region }, linear }) {
+function planeReach({ cycles, curves: { continuous, region }, unknownLimits, linear }) {
   const { speedScale } = planeUnits(linear);
   const largest = (values) => values.reduce((most, v) => Math.max(most, Math.abs(v ?? 0)), 0);
   const upTo = (load, limit) => Math.max(load, load > 0 ? Math.min(limit, BEYOND * load) : limit) || 1;
   const speeds = [cycles.flatMap(({ speed }) => speed), [...continuous?.[0] ?? [], ...region?.[0] ?? []]];
-  const torques = [cycles.flatMap(({ torque, rmsTorque }) => [...torque, rmsTorque]), [...continuous?.[1] ?? [], ...region?.[2] ?? []]];
+  const torques = [cycles.flatMap(({ torque, rmsTorque }) => [...torque, rmsTorque]), [...continuous?.[1] ?? [],
+    ...unknownLimits.includes("peak torque") ? [] : region?.[2] ?? []]];
   return [upTo(...speeds.map(largest)) * speedScale * 1.06, upTo(...torques.map(largest)) * 1.08];
 }
 

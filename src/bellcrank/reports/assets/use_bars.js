@@ -3,7 +3,13 @@
 const LIMIT = 80;  // % of a bar's width where the limit is
 const WORDS = { exceeded: "▲ over", unknown: "unknown", note: "note" };
 
-const percent = (use) => (use === null ? "unknown" : `${formatNumber(100 * use, use < 0.0995 ? 2 : 3)} %`);
+/** A utilisation in %, which says on which side of the limit it is where rounding would hide that. */
+function inPercent(use) {
+  const text = formatNumber(100 * use, use < 0.0995 ? 2 : 3);
+  return text !== "100" || use === 1 ? text : use > 1 ? "> 100" : "< 100";
+}
+
+const percent = (use) => (use === null ? "unknown" : `${inPercent(use)} %`);
 
 /** The criteria of a pair or of the system; a press on one shows its sentence. With `open` all sentences are shown. */
 function useBars(criteria, open = false) {

@@ -1,20 +1,136 @@
-"""What would help where nothing in the catalogue can drive an axis: computed for the nearest pair."""
+"""What would help where nothing in the catalogue can drive an axis.
+
+Each remedy is tried: the nearest pair is judged again with other ratios, with higher voltages and along slower cycles,
+and only what then passes all known criteria is named.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from bellcrank.actuators.gear import Gear
+from bellcrank.actuators.motor import Motor
+from bellcrank.sizing.selection.axis_loads import LoadCycle
 from bellcrank.sizing.selection.joint_problem import Masses
+from bellcrank.sizing.selection.judge import judge
 from bellcrank.sizing.selection.judged_axes import JudgedAxes
-from bellcrank.sizing.selection.selection import AxisSelection
+from bellcrank.sizing.selection.load_reductions import ReducedLoads, reduce_cycle
+from bellcrank.sizing.selection.pairs import Pairs, Products
+from bellcrank.sizing.selection.ranking import failing_order
+from bellcrank.sizing.selection.selection import AxisSelection, Candidate
+
+RATIOS = np.geomspace(0.1, 10.0, 201)  # tried, of the gear's ratio
+VOLTAGES = np.geomspace(1.02, 5.0, 80)  # tried, of the voltage
+DURATIONS = np.geomspace(1.05, 10.0, 47)  # tried, of the cycle's duration
+SLOWER_PAIRS = 50  # nearest pairs that are tried along slower cycles
 
 
 def advice_for(problem: JudgedAxes, axis: int, masses: Masses, one: AxisSelection) -> AxisSelection:
-    """The selection of an axis with advice where nothing passes."""
+    """The selection of an axis, with advice where nothing passes, or the given pair fails."""
     if one.chosen is not None and one.chosen.tier != "fails":
         return one
-    if not one.candidates:
+    failing = [each for each in one.candidates if each.tier == "fails"]
+    if not failing:
         needed = "a screw or rack, which a linear axis takes" if one.axis.kind == "linear" else "a motor"
-        return replace(one, advice=f"the catalogue has no pair for this axis: add {needed}")
-    nearest = min(one.candidates, key=lambda each: each.largest_use)
-    return replace(one, advice=f"nearest: {nearest.id}, {nearest.binding} at {nearest.largest_use:.0%}")
+        return replace(
+            one, advice=f"no pair of the catalogue can be mounted on this {one.axis.kind} axis; add {needed}"
+        )
+    nearest = one.chosen or min(failing, key=lambda each: each.largest_use)
+    remedies = _Remedies(problem, axis, masses, nearest)
+    exceeded = [result for result in nearest.criteria if result.verdict == "exceeded"]
+    listed = "; ".join(f"{result.name} {result.use or 0.0:.0%} ({result.text})" for result in exceeded)
+    helpful = [text for text in (remedies.ratio(), remedies.voltage(), remedies.slower()) if text]
+    factors = ", ".join(f"{result.use or 0.0:.2f} times as high in '{result.name}'" for result in exceeded)
+    helpful.append(f"limits {factors}: a larger motor or gear, as far as its own inertia does not add to the load")
+    kept = "the given pair" if one.kept else "nearest to the limits is"
+    return replace(one, advice=f"{kept} {nearest.id}: {listed}. It would help: {'; or '.join(helpful)}")
+
+
+class _Remedies:
+    """Remedies for one failing pair of an axis: texts, empty where nothing of the kind helps."""
+
+    def __init__(self, problem: JudgedAxes, axis: int, masses: Masses, pair: Candidate) -> None:
+        self.problem, self.axis, self.masses = problem, axis, masses
+        self.motor, self.gear = pair.motor, pair.gear
+        self.exceeded = {result.name for result in pair.criteria if result.verdict == "exceeded"}
+        self.loads = problem.axis_loads(axis, masses)
+
+    def ratio(self) -> str:
+        """Other ratios of the same gear."""
+        if self.gear.ratio is None or self.gear.kind == "direct":
+            return ""
+        ratios = self.gear.ratio * RATIOS
+        passing = ratios[self._pass([(self.motor, replace(self.gear, ratio=float(ratio))) for ratio in ratios])]
+        if not len(passing):
+            return ""
+        unit = "" if self.problem.axes[self.axis].axis.kind == "rotary" else " rad/m"
+        return f"a ratio of {passing[0]:.3g} to {passing[-1]:.3g}{unit} in place of {self.gear.ratio:.4g}"
+
+    def voltage(self) -> str:
+        """A higher voltage."""
+        now = self.motor.nominal_voltage if self.problem.conditions.voltage is None else self.problem.conditions.voltage
+        if now is None or not self.exceeded & {"voltage limit", "peak curve"}:
+            return ""
+
+        def passes(factor: float) -> bool:
+            conditions = replace(self.problem.conditions, voltage=now * factor)
+            return bool(judge(_pairs([(self.motor, self.gear)]), self.loads, conditions).tier[0] < 2)
+
+        factor = _first(VOLTAGES.tolist(), passes)
+        return f"a voltage of {now * factor:.3g} V in place of {now:g} V" if factor else ""
+
+    def slower(self) -> str:
+        """A slower cycle."""
+        keys, one = self.problem.keys(self.axis, self.masses), self.problem.axes[self.axis]
+        pairs = one.pairs.take(failing_order(keys)[:SLOWER_PAIRS])
+        cycles = self.problem.cycles(self.masses)
+
+        def passing(factor: float) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
+            reduced = tuple(
+                reduce_cycle(slower_cycle(cycle, factor), self.problem.loads.axes, self.axis) for cycle in cycles
+            )
+            loads = ReducedLoads(axis=one.axis, cycles=reduced)
+            return np.flatnonzero(judge(pairs, loads, self.problem.conditions).tier < 2)
+
+        factor = _first(DURATIONS.tolist(), lambda each: len(passing(each)) > 0)
+        if not factor:
+            return ""
+        motor, gear = pairs.rows(int(passing(factor)[0]))
+        name = motor.id if gear.kind == "direct" else f"{motor.id}+{gear.id}"
+        return f"motions that last about {factor:.2f} times as long (then {name} passes what is known)"
+
+    def _pass(self, rows: Sequence[tuple[Motor, Gear]]) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+        return np.asarray(judge(_pairs(rows), self.loads, self.problem.conditions).tier < 2)
+
+
+def _pairs(rows: Sequence[tuple[Motor, Gear]]) -> Pairs:
+    """Pairs of products that are not in the catalogue."""
+    numbers = np.arange(len(rows))
+    products = Products.of([motor for motor, _ in rows], [gear for _, gear in rows])
+    return Pairs(products=products, motor=numbers, gear=numbers, fits=np.ones(len(rows), dtype=bool))
+
+
+def _first(values: Sequence[float], passes: Callable[[float], bool]) -> float | None:
+    """The first value that passes."""
+    return next((value for value in values if passes(value)), None)
+
+
+def slower_cycle(cycle: LoadCycle, factor: float) -> LoadCycle:
+    """A cycle that lasts `factor` times as long: what does not hold the axis at rest falls with the factor's square.
+
+    Inertial, Coriolis and centrifugal torques do (Hollerbach, Dynamic scaling of manipulator trajectories, 1984); friction
+    falls less, so the result is approximate where there is friction.
+    """
+    moving = cycle.torque - cycle.static_torque
+    return replace(
+        cycle,
+        duration=cycle.duration * factor,
+        time=cycle.time * factor,
+        weight=cycle.weight * factor,
+        torque=cycle.static_torque + moving / factor**2,
+        speed=cycle.speed / factor,
+        acceleration=cycle.acceleration / factor**2,
+    )

@@ -1,6 +1,6 @@
 """Criteria of the output bearing of a gear, or of a motor and gear sold as one: tilting moment and axial load.
 
-They are judged where the gear states a limit. Otherwise another bearing of the joint may carry the load, as a note says.
+They are judged where the gear states a limit. Otherwise another bearing of the joint may carry the load: a note.
 """
 
 from __future__ import annotations

@@ -4,19 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.actuators.gear import Gear
+from bellcrank.actuators.motor import Motor
+from bellcrank.cached_values import Portable, cached_property
 from bellcrank.sizing.selection.axis_pairs import AxisPairs
 from bellcrank.sizing.selection.joint_problem import Masses
-from bellcrank.sizing.selection.judge import TIERS, Judgement
+from bellcrank.sizing.selection.judge import (
+    CRITERIA,
+    EXCEEDED,
+    INSIDE,
+    NOT_EVALUATED,
+    NOTE,
+    NOTES,
+    TIERS,
+    UNKNOWN,
+    Judgement,
+)
 from bellcrank.sizing.selection.judged_axes import OF_MOTION, JudgedAxes
+from bellcrank.sizing.selection.load_reductions import ReducedLoads
+from bellcrank.sizing.selection.pairs import Pairs, Products
 from bellcrank.sizing.selection.ranking import RankKeys, failing_order, order_of
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate, CriterionResult, Tier
 
 Indices = NDArray[np.intp]
-MOST_FAILING = 3  # failing pairs that are listed beside others
 
 
 def axis_selection(problem: JudgedAxes, axis: int, chosen: int | None, masses: Masses, most: int) -> AxisSelection:
@@ -32,8 +48,9 @@ def axis_selection(problem: JudgedAxes, axis: int, chosen: int | None, masses: M
     keys = problem.keys(axis, masses)
     rows = listed_rows(keys, chosen, most)
     unknown = problem.unknown_masses(axis, masses)
-    judgement = problem.judgement(axis, masses, rows)
-    made = [candidate(problem.axes[axis], judgement, place, int(row), unknown) for place, row in enumerate(rows)]
+    judgement = completed(problem.judgement(axis, masses, rows))
+    under = JudgedUnder(judgement.loads, problem.conditions, tuple(unknown))
+    made = [candidate(problem.axes[axis], judgement, place, int(row), under) for place, row in enumerate(rows)]
     tiers = np.where(keys[:, 0] > 0, 2, keys[:, 1])
     counts: list[tuple[Tier, int]] = [(tier, int(np.sum(tiers == number))) for number, tier in enumerate(TIERS)]
     return AxisSelection(
@@ -47,51 +64,109 @@ def axis_selection(problem: JudgedAxes, axis: int, chosen: int | None, masses: M
 
 
 def listed_rows(keys: RankKeys, chosen: int | None, most: int) -> Indices:
-    """The chosen pair, the best others, and the failing ones nearest to the limits."""
+    """The chosen pair, the best others, and where these are few, the failing ones nearest to the limits."""
     order = order_of(keys)
-    passing = order[keys[order, 0] == 0]
+    passing = order[keys[order, 0] == 0][:most]
     failing = np.flatnonzero(keys[:, 0] != 0)
-    failing = failing[failing_order(keys[failing])]
-    best = passing[: max(most - min(MOST_FAILING, len(failing)), 1)]
-    if chosen is not None:
-        best = np.concatenate([[chosen], best[best != chosen]]).astype(np.intp)
-        failing = failing[failing != chosen]
-    return np.concatenate([best, failing[: max(most - len(best), 0)]]).astype(np.intp)
+    failing = failing[failing_order(keys[failing])[: most - len(passing)]]
+    rows = np.concatenate([passing, failing])
+    return rows if chosen is None else np.concatenate([[chosen], rows[rows != chosen][: most - 1]])
 
 
-def candidate(one: AxisPairs, judgement: Judgement, place: int, row: int, unknown_masses: Sequence[str]) -> Candidate:
-    """One pair in words.
+def candidate(one: AxisPairs, judgement: Judgement, place: int, row: int, under: JudgedUnder) -> Candidate:
+    """One pair of an axis.
 
     Args:
         one: The pairs of the axis.
         judgement: The judgement that contains the pair.
         place: Its number in the judgement.
         row: Its number in `one`.
-        unknown_masses: The axes whose actuators load this one and have no known mass.
+        under: What it was judged under.
     """
-    results = judgement.results(place)
-    if unknown_masses:
-        results = tuple(_without_mass(result, unknown_masses) for result in results)
     motor, gear = one.pairs.rows(row)
-    known = [result for result in results if result.use is not None or result.estimate is not None]
-    binding = max(known, key=_use, default=None)
-    exceeded = any(result.verdict == "exceeded" for result in results)
-    unknown = any(result.verdict == "unknown" for result in results)
+    uses = judgement.use[:, place]
+    known = np.isfinite(uses) | np.isinf(uses)
+    binding = int(np.argmax(np.where(known, uses, -1.0)))
     return Candidate(
         motor=motor,
         gear=gear,
-        tier=TIERS[2 if exceeded else 1 if unknown else 0],
-        criteria=results,
-        binding=binding.name if binding else "",
+        tier=TIERS[judgement.tier[place]],
+        criteria=CriteriaInWords(motor, gear, under),
+        binding=judgement.criteria[binding].name if known.any() else "",
         mass=_known(one.bodies.mass[row]),
         cost=_known(one.cost[row]),
         loss=_known(judgement.loss[place]),
-        largest_use=_use(binding) if binding else 0.0,
+        largest_use=float(judgement.largest_use[place]),
         fit="fits" if one.pairs.fits[row] else "fit not checked",
+        unknown=tuple(
+            criterion.name
+            for criterion, verdict in zip(judgement.criteria, judgement.verdict[:, place], strict=True)
+            if verdict == UNKNOWN
+        ),
     )
 
 
-def _without_mass(result: CriterionResult, unknown_masses: Sequence[str]) -> CriterionResult:
+def completed(judgement: Judgement) -> Judgement:
+    """A judgement of few pairs with every criterion evaluated, also of pairs that fail another one."""
+    use, verdict = judgement.use.copy(), judgement.verdict.copy()
+    for row, criterion in enumerate(judgement.criteria):
+        rest = np.flatnonzero(verdict[row] == NOT_EVALUATED)
+        if len(rest):
+            pairs = judgement.pairs.take(rest)
+            found = criterion.use(pairs, judgement.loads, judgement.conditions)
+            judged = criterion.judged(pairs, judgement.loads.axis, judgement.conditions)
+            use[row, rest] = np.where(judged, found, np.nan)
+            inside = np.where(np.isnan(found), UNKNOWN, np.where(found > 1.0, EXCEEDED, INSIDE))
+            verdict[row, rest] = np.where(judged, inside, NOTE)
+    return replace(judgement, use=use, verdict=verdict)
+
+
+class JudgedUnder(NamedTuple):
+    """What a pair was judged under: its loads, the conditions, and the axes whose actuators' masses are not stated."""
+
+    loads: ReducedLoads
+    conditions: Conditions
+    unknown_masses: tuple[str, ...]
+
+
+class CriteriaInWords(Sequence[CriterionResult], Portable):
+    """Every criterion and note of one pair in words, computed when first looked at: most pairs never are."""
+
+    def __init__(self, motor: Motor, gear: Gear, under: JudgedUnder) -> None:
+        self.motor, self.gear, self.under = motor, gear, under
+
+    @cached_property
+    def results(self) -> tuple[CriterionResult, ...]:
+        """The results."""
+        one = np.zeros(1, dtype=np.intp)
+        pair = Pairs(products=Products.of([self.motor], [self.gear]), motor=one, gear=one, fits=one == 0)
+        loads, conditions, unknown_masses = self.under
+        found = tuple(each.result(pair, loads, conditions) for each in (*CRITERIA, *NOTES))
+        return tuple(without_mass(result, unknown_masses) for result in found) if unknown_masses else found
+
+    def __len__(self) -> int:
+        return len(CRITERIA) + len(NOTES)
+
+    @overload
+    def __getitem__(self, place: int) -> CriterionResult: ...
+
+    @overload
+    def __getitem__(self, place: slice) -> Sequence[CriterionResult]: ...
+
+    def __getitem__(self, place: int | slice) -> CriterionResult | Sequence[CriterionResult]:
+        return self.results[place]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sequence) and tuple(self) == tuple(other)
+
+    def __hash__(self) -> int:
+        return hash((self.motor.id, self.gear.id))
+
+    def __repr__(self) -> str:
+        return repr(self.results)
+
+
+def without_mass(result: CriterionResult, unknown_masses: Sequence[str]) -> CriterionResult:
     """A criterion whose loads lack the masses of some actuators: inside is not shown."""
     if result.name in OF_MOTION or result.verdict not in ("inside", "exceeded"):
         return result
@@ -100,10 +175,6 @@ def _without_mass(result: CriterionResult, unknown_masses: Sequence[str]) -> Cri
     if result.verdict == "exceeded":
         return replace(result, text=text)
     return replace(result, use=None, verdict="unknown", text=text, estimate=result.use)
-
-
-def _use(result: CriterionResult) -> float:
-    return result.use if result.use is not None else result.estimate or 0.0
 
 
 def _known(value: float) -> float | None:

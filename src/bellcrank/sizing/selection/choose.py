@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from bellcrank.sizing.selection.candidates import without_mass
 from bellcrank.sizing.selection.feedback import fixed_point
-from bellcrank.sizing.selection.joint_problem import Choice, judge_choice
+from bellcrank.sizing.selection.joint_problem import Choice, judge_choice, masses_of
 from bellcrank.sizing.selection.joint_search import best_combination
 from bellcrank.sizing.selection.judged_axes import JudgedAxes
 from bellcrank.sizing.selection.ranking import total
+from bellcrank.sizing.selection.selection import CriterionResult
+from bellcrank.sizing.selection.system_criteria import judge_system
 
 OPTIMAL = "optimal: every combination was excluded or tried"
 
@@ -41,6 +44,17 @@ def choose(problem: JudgedAxes, effort: int) -> Chosen:
     found = best_combination(problem, effort, greedy.choice if greedy.satisfied else None)
     choice = greedy.choice if found is None else found.choice
     notes = []
+    if found is not None and not system_kept(problem, choice):
+        exceeded = " and ".join(one.name for one in system_results(problem, choice) if one.verdict == "exceeded")
+        other = best_combination(problem, effort, accept=lambda each: system_kept(problem, each))
+        if other is None:
+            notes.append(f"{exceeded} of all axes together is exceeded, and no combination that was tried keeps it")
+        else:
+            notes.append(
+                f"the best pairs of the axes exceed {exceeded} of all axes together; the chosen ones are the best that "
+                "keep it"
+            )
+            found, choice = other, other.choice
     if greedy.cycle:
         notes.append(
             f"feedback of the actuators' masses does not settle: {len(greedy.cycle)} combinations repeat; "
@@ -56,3 +70,20 @@ def choose(problem: JudgedAxes, effort: int) -> Chosen:
     if found is not None and greedy.satisfied and total(judge_choice(problem, choice), problem.largest) < before:
         notes.append("the search over all axes found a better combination than choosing each axis for itself")
     return Chosen(choice=choice, passes=greedy.passes, proof=proof, notes=tuple(notes))
+
+
+def system_results(problem: JudgedAxes, choice: Choice) -> tuple[CriterionResult, ...]:
+    """The criteria of all axes together; none where nothing can drive an axis."""
+    masses = masses_of(problem, choice)
+    pairs = [one.pairs.take([pair]) for one, pair in zip(problem.axes, choice, strict=True) if pair is not None]
+    if len(pairs) < len(choice):
+        return ()
+    loads = [problem.axis_loads(axis, masses) for axis in range(len(choice))]
+    results = judge_system(pairs, loads, problem.conditions)
+    unknown = sorted({name for axis in range(len(choice)) for name in problem.unknown_masses(axis, masses)})
+    return tuple(without_mass(result, unknown) for result in results) if unknown else results
+
+
+def system_kept(problem: JudgedAxes, choice: Choice) -> bool:
+    """Whether no criterion of all axes together is exceeded."""
+    return all(result.verdict != "exceeded" for result in system_results(problem, choice))

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bellcrank.actuators.catalogue import Catalogue
 from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
@@ -41,21 +44,16 @@ def completeness(catalogue: Catalogue) -> tuple[Completeness, ...]:
 
 def _of(criterion: Criterion, catalogue: Catalogue) -> Completeness:
     motors, gears = catalogue.motors, (*catalogue.gears, DIRECT)
-    of_motor = [[_states(needed, "motor", motor, DIRECT) for motor in motors] for needed in criterion.needs]
-    of_gear = [
-        [_states(needed, "gear", motors[0], gear) for gear in gears] if motors else [] for needed in criterion.needs
-    ]
-    asked = {name.split(".")[0] for needed in criterion.needs for name in needed}
-    complete = possible = 0
-    for m, motor in enumerate(motors):
-        usable = [len(gears) - 1] if motor.kind == "actuator" else range(len(gears))
-        possible += len(usable)
-        complete += sum(any(a[m] and b[g] for a, b in zip(of_motor, of_gear, strict=True)) for g in usable)
+    of_motor = np.array([[_states(needed, "motor", one, DIRECT) for one in motors] for needed in criterion.needs])
+    of_gear = np.array([[_states(needed, "gear", _NONE, one) for one in gears] for needed in criterion.needs])
+    possible = np.ones((len(motors), len(gears)), dtype=bool)
+    possible[[one.kind == "actuator" for one in motors], :-1] = False
+    complete = (of_motor[:, :, None] & of_gear[:, None, :]).any(axis=0) & possible if len(motors) else possible
     return Completeness(
         criterion=criterion.name,
-        motors=_count(of_motor) if "motor" in asked else None,
-        gears=_count([one[:-1] for one in of_gear]) if "gear" in asked else None,
-        pairs=complete / possible if possible else 0.0,
+        motors=_count(of_motor[_asking("motor", criterion)]),
+        gears=_count(of_gear[_asking("gear", criterion), :-1]),
+        pairs=float(complete.sum() / possible.sum()) if len(motors) else 0.0,
     )
 
 
@@ -64,6 +62,11 @@ def _states(needed: Sequence[str], side: str, motor: Motor, gear: Gear) -> bool:
     return not lacks(tuple(name for name in needed if name.startswith(side)), motor, gear)
 
 
-def _count(alternatives: Sequence[Sequence[bool]]) -> int:
-    """The number of products that satisfy one of the alternatives."""
-    return sum(any(states) for states in zip(*alternatives, strict=True))
+def _asking(side: str, criterion: Criterion) -> list[int]:
+    """Numbers of the alternatives that need something of a side."""
+    return [k for k, needed in enumerate(criterion.needs) if any(name.startswith(f"{side}.") for name in needed)]
+
+
+def _count(states: NDArray[np.bool_]) -> int | None:
+    """The number of products (columns) that satisfy one of the alternatives (rows); None without any."""
+    return int(states.any(axis=0).sum()) if len(states) else None

@@ -6,6 +6,7 @@ bound of the missing limit is stated (the rated torque lies below the peak torqu
 
 from __future__ import annotations
 
+import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import ClassVar
@@ -24,6 +25,15 @@ from bellcrank.sizing.selection.selection import CriterionResult, Verdict
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 CycleUse = Callable[[Pairs, ReducedCycle, Conditions], Array]
+
+
+# Fields that give the shaft torque of a load, and those that give the torque of the current, as alternatives.
+SHAFT = (
+    ("gear.ratio", "gear.inertia", "motor.rotor_inertia", "gear.efficiency"),
+    ("gear.ratio", "gear.inertia", "motor.rotor_inertia", "gear.efficiency_curve", "gear.rated_torque"),
+)
+FRICTION = (("motor.torque_constant", "motor.no_load_current"), ("motor.coulomb_friction", "motor.viscous_friction"))
+TORQUE_CONSTANT = (("motor.torque_constant", "motor.torque_constant_basis"),)
 
 
 class Criterion(ABC):
@@ -120,7 +130,7 @@ class Criterion(ABC):
     def missing(self, pair: Pairs) -> str:
         """What the rows of one pair lack for this criterion, in words."""
         motor, gear = pair.rows(0)
-        lacking = min((lacks(needed, motor, gear) for needed in self.needs), key=len)
+        lacking = min((lacks(needed, motor, gear) for needed in self.needs), key=len)  # the first of the shortest
         return "not stated: " + ", ".join(lacking) if lacking else "not known from what is stated"
 
 
@@ -194,6 +204,11 @@ def worst(uses: Array) -> Array:
     return np.where(np.isnan(uses).any(axis=0) & ~(known > 1.0), np.nan, known)
 
 
+def alternatives(*groups: tuple[tuple[str, ...], ...]) -> tuple[tuple[str, ...], ...]:
+    """Every choice of one alternative of each group, as alternatives of all the fields that they name."""
+    return tuple(tuple(name for part in choice for name in part) for choice in itertools.product(*groups))
+
+
 def lacks(needed: tuple[str, ...], motor: Motor, gear: Gear) -> tuple[str, ...]:
     """Those of the needed fields that the rows of a pair do not state."""
     rows = {"motor": motor, "gear": gear}
@@ -207,7 +222,7 @@ def lacks(needed: tuple[str, ...], motor: Motor, gear: Gear) -> tuple[str, ...]:
 def cycles_of(
     pairs: Pairs, loads: ReducedLoads, conditions: Conditions, *, of_gear: bool = False
 ) -> list[tuple[NDArray[np.intp] | None, tuple[ReducedCycle, ...]]]:
-    """The cycles by rows of pairs (None: all rows); a gear whose efficiency depends on the load has cycles of its own."""
+    """The cycles by rows of pairs (None: all rows); a gear with an efficiency over load has cycles of its own."""
     common = loads.with_safety_factor(conditions.safety_factor)
     curved = pairs.products.gear_arrays.efficiency_curve.known[pairs.gear]
     if of_gear or not curved.any():

@@ -155,7 +155,7 @@ class GearMomentaryTorque(GearCriterion):
 
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
         """The load and its limit, or that no load is given."""
-        if cycle.axis.name in dict(conditions.momentary_loads):
+        if cycle.axis.name in dict(conditions.momentary_loads) or pair.of_gear("direct")[0]:
             return super().cycle_text(pair, cycle, conditions)
         return "not judged: no momentary load (such as an emergency stop) of this axis is given"
 

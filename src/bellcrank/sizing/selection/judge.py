@@ -31,7 +31,7 @@ from bellcrank.sizing.selection.motor_criteria import (
     VoltageLimit,
 )
 from bellcrank.sizing.selection.notes import AxisError, InertiaRatio, Resonance
-from bellcrank.sizing.selection.pairs import Pairs
+from bellcrank.sizing.selection.pairs import Index, Pairs
 from bellcrank.sizing.selection.peak_curve import PeakCurve
 from bellcrank.sizing.selection.peak_duration import PeakDuration
 from bellcrank.sizing.selection.selection import CriterionResult, Tier
@@ -49,16 +49,15 @@ GEAR_CRITERIA: Final[tuple[Criterion, ...]] = (
     GearMomentaryTorque(),
     GearLife(),
 )
-# Criteria in the order of their cost: pairs that fail one group are left out of the groups that follow.
-PAIR_CRITERIA: Final[tuple[tuple[Criterion, ...], ...]] = (
+# Criteria of pairs in the order of their cost: pairs that fail one group are left out of the groups that follow.
+CHEAP: Final[tuple[tuple[Criterion, ...], ...]] = (
     (MotorSpeed(), HoldingBrake(), TiltingMoment(), AxialLoad()),
     (ContinuousTorqueCriterion(),),
-    (PeakTorque(), PeakCurrent(), VoltageLimit()),
-    (PeakCurve(), PeakDuration()),
-    (WindingTemperature(), HousingTemperature()),
+    (PeakTorque(), PeakCurrent(), VoltageLimit(), PeakCurve()),
 )
+COSTLY: Final[tuple[tuple[Criterion, ...], ...]] = ((PeakDuration(),), (WindingTemperature(), HousingTemperature()))
 NOTES: Final[tuple[Criterion, ...]] = (InertiaRatio(), Resonance(), AxisError())
-CRITERIA: Final = (*GEAR_CRITERIA, *(criterion for group in PAIR_CRITERIA for criterion in group))
+CRITERIA: Final = (*GEAR_CRITERIA, *(criterion for group in (*CHEAP, *COSTLY) for criterion in group))
 CHUNK = 8192  # pairs judged at once
 THREADS = 1
 
@@ -134,15 +133,23 @@ def judge(pairs: Pairs, loads: ReducedLoads, conditions: Conditions) -> Judgemen
     for row, criterion in enumerate(GEAR_CRITERIA):
         _judge_gears(judgement, row, criterion)
     alive = np.nonzero(~(verdict == EXCEEDED).any(axis=0))[0]
-    chunks = [
-        rows[start : start + CHUNK] for rows in _by_efficiency(pairs, alive) for start in range(0, len(rows), CHUNK)
-    ]
+    undecided = np.zeros((len(COSTLY), len(pairs)), dtype=bool)  # groups of costly criteria that bounds do not decide
     with ThreadPoolExecutor(THREADS) as threads:
-        list(threads.map(lambda rows: _judge_chunk(judgement, rows), chunks))
+        list(threads.map(lambda rows: _judge_chunk(judgement, rows, undecided), _chunks(pairs, alive)))
+        row = len(GEAR_CRITERIA) + sum(map(len, CHEAP))
+        for group, left in zip(COSTLY, undecided, strict=True):
+            rows = np.nonzero(left & ~(verdict == EXCEEDED).any(axis=0))[0]
+            list(threads.map(lambda part, g=group, r=row: _judge_rows(judgement, r, g, part), _chunks(pairs, rows)))
+            row += len(group)
     return judgement
 
 
-def _by_efficiency(pairs: Pairs, rows: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+def _chunks(pairs: Pairs, rows: Index) -> list[Index]:
+    """Parts of the rows of pairs that are judged at once."""
+    return [part[start : start + CHUNK] for part in _by_efficiency(pairs, rows) for start in range(0, len(part), CHUNK)]
+
+
+def _by_efficiency(pairs: Pairs, rows: Index) -> list[Index]:
     """Rows of pairs, apart for each gear whose efficiency depends on the load, because its cycles are its own."""
     curved = pairs.products.gear_arrays.efficiency_curve.known
     gear = pairs.gear[rows]
@@ -161,27 +168,44 @@ def _judge_gears(judgement: Judgement, row: int, criterion: Criterion) -> None:
     judgement.verdict[row] = verdict[pairs.gear]
 
 
-def _judge_chunk(judgement: Judgement, rows: NDArray[np.intp]) -> None:
-    """Judge some pairs by the criteria of pairs, group by group."""
-    row = len(GEAR_CRITERIA)
-    for group in PAIR_CRITERIA:
-        part = judgement.pairs.take(rows)
-        failed = np.zeros(len(rows), dtype=bool)
-        for criterion in group:
-            level = np.fmin(np.fmax.reduce(judgement.use[:row, rows], axis=0, initial=0.0), 1.0)
-            below = criterion.below(part, judgement.loads, judgement.conditions, level)
-            judged = criterion.judged(part, judgement.loads.axis, judgement.conditions)
-            judgement.verdict[row, rows] = np.where(judged, INSIDE, NOTE)
-            rest = np.nonzero(judged & ~below)[0]
-            use, verdict = _verdicts(criterion, part.take(rest), judgement.loads, judgement.conditions)
-            judgement.use[row, rows[rest]] = use
-            judgement.verdict[row, rows[rest]] = verdict
-            failed[rest] |= verdict == EXCEEDED
-            row += 1
-        rows = rows[~failed]
+def _judge_chunk(judgement: Judgement, rows: Index, undecided: Bools) -> None:
+    """Judge some pairs by the cheap criteria, group by group; note which costly ones their bounds leave undecided."""
+    row, part = len(GEAR_CRITERIA), judgement.pairs.take(rows)
+    for group in CHEAP:
+        for offset, criterion in enumerate(group):
+            rest = _by_bound(judgement, row + offset, criterion, part, rows)
+            _judge_rows(judgement, row + offset, (criterion,), rows[rest], part.take(rest))
+        passed = ~(judgement.verdict[row : row + len(group), rows] == EXCEEDED).any(axis=0)
+        row += len(group)
+        rows, part = rows[passed], part.take(passed)
         if not len(rows):
             return
-    judgement.loss[rows] = mean_loss(judgement.pairs.take(rows), judgement.loads, judgement.conditions)
+    judgement.loss[rows] = mean_loss(part, judgement.loads, judgement.conditions)
+    for number, group in enumerate(COSTLY):
+        for offset, criterion in enumerate(group):
+            rest = _by_bound(judgement, row + offset, criterion, part, rows)
+            undecided[number, rows[rest]] = True
+        row += len(group)
+
+
+def _by_bound(judgement: Judgement, row: int, criterion: Criterion, part: Pairs, rows: Index) -> Index:
+    """Enter what bounds and notes decide; numbers of the pairs that are left, which count as not evaluated."""
+    level = np.fmin(np.fmax.reduce(judgement.use[:, rows], axis=0, initial=0.0), 1.0)
+    judged = criterion.judged(part, judgement.loads.axis, judgement.conditions)
+    below = criterion.below(part, judgement.loads, judgement.conditions, level)
+    judgement.verdict[row, rows] = np.where(judged, np.where(below, INSIDE, NOT_EVALUATED), NOTE)
+    return np.nonzero(judged & ~below)[0]
+
+
+def _judge_rows(
+    judgement: Judgement, row: int, group: tuple[Criterion, ...], rows: Index, part: Pairs | None = None
+) -> None:
+    """Judge some pairs exactly by a group of criteria, the first of which has this row."""
+    part = judgement.pairs.take(rows) if part is None else part
+    for offset, criterion in enumerate(group):
+        use, verdict = _verdicts(criterion, part, judgement.loads, judgement.conditions)
+        judgement.use[row + offset, rows] = use
+        judgement.verdict[row + offset, rows] = verdict
 
 
 def _verdicts(

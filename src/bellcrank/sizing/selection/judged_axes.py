@@ -1,8 +1,8 @@
 """The pairs of all axes, judged under the loads that the masses of the actuators cause.
 
-Where the mass of an actuator is not stated, the loads of the axes that it influences are unknown. There, every criterion
-that depends on loads is unknown, except where it is exceeded without that mass already. So a pass is never shown without
-the mass; a pair that only an unknown counterweight would relieve is left out.
+Where the mass of an actuator is not stated, the loads of the axes that it influences are unknown. There, every
+criterion that depends on loads is unknown, except where it is exceeded without that mass already. So a pass is never
+shown without the mass; a pair that only an unknown counterweight would relieve is left out.
 """
 
 from __future__ import annotations

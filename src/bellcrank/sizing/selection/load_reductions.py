@@ -14,6 +14,7 @@ and Vandenberghe, Convex Optimization, 2004, exercise 2.5 and section 4.3.)
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,22 @@ Array = NDArray[np.float64]
 STANDSTILL = (
     1e-9  # rad/s (m/s) of the axis: slower counts as at rest, so that rounding does not decide the flow of power
 )
+BLOCK_SIZE = 16  # samples
 DRIVING, DRIVEN, ACCELERATION, DIRECTION, SPEED = range(5)  # the features
+
+
+class Blocks(NamedTuple):
+    """Blocks of samples.
+
+    Attributes:
+        maxima: (b, 5) largest sizes of the features in each block, each feature for itself.
+        weight: Weights (b,), s, of one pass.
+        interval: Number (b,) of the interval of each block.
+    """
+
+    maxima: Array
+    weight: Array
+    interval: NDArray[np.intp]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,11 +114,21 @@ class ReducedCycle:
         """Numbers of the intervals in the order of the cycle, with all passes."""
         return np.concatenate([np.tile(np.arange(first, end), passes) for first, end, passes in self.sequence])
 
+    @property
+    def pass_weight(self) -> Array:
+        """Weights (n,), s, of one pass."""
+        return self.weight / self.passes[self.interval]
+
     @cached_property
-    def interval_maxima(self) -> Array:
-        """(K, 5) largest sizes of the features over each interval, each feature for itself."""
-        first = np.searchsorted(self.interval, np.arange(len(self.passes)))
-        return np.asarray(np.maximum.reduceat(np.abs(self.features), first, axis=0))
+    def blocks(self) -> Blocks:
+        """Every few samples of an interval as one: what a quantity cannot exceed in them."""
+        samples = np.arange(len(self.interval)) - np.searchsorted(self.interval, self.interval)
+        first = np.flatnonzero(samples % BLOCK_SIZE == 0)
+        return Blocks(
+            np.maximum.reduceat(np.abs(self.features), first, axis=0),
+            np.add.reduceat(self.pass_weight, first),
+            self.interval[first],
+        )
 
     @cached_property
     def interval_moments(self) -> Array:
@@ -115,10 +141,10 @@ class ReducedCycle:
 
     @cached_property
     def forward(self) -> Array:
-        """Features (n', 5) with speeds of 0 or more, for limits that are alike in both directions of motion.
+        """Features (n', 5) with speeds of 0 or more, for limits alike in both directions.
 
-        Samples that move backwards are reversed as a whole, because such a limit on (T, ω) holds for (-T, -ω) too; those
-        at rest are there in both signs.
+        Samples that move backwards are reversed as a whole, because such a limit on (T, ω) holds for (-T, -ω) too;
+        those at rest are there in both signs.
         """
         at_rest = self.features[self.speed == 0.0]
         return np.concatenate([np.where(self.speed[:, None] < 0.0, -self.features, self.features), -at_rest])

@@ -10,7 +10,16 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.continuous_torque import continuous_torque, continuous_torque_text
 from bellcrank.actuators.short_time_limits import voltage_limit_source
 from bellcrank.sizing.selection.axis_loads import Axis
-from bellcrank.sizing.selection.criteria import Array, Bools, Criterion, LimitCriterion
+from bellcrank.sizing.selection.criteria import (
+    FRICTION,
+    SHAFT,
+    TORQUE_CONSTANT,
+    Array,
+    Bools,
+    Criterion,
+    LimitCriterion,
+    alternatives,
+)
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.shaft_loads import (
@@ -24,7 +33,12 @@ from bellcrank.sizing.selection.shaft_loads import (
 )
 
 RPM = 30.0 / math.pi
-TRAIN = ("gear.ratio", "gear.efficiency", "gear.inertia", "motor.rotor_inertia")
+THERMAL_LIMIT = (
+    "motor.resistance",
+    "motor.resistance_winding_housing",
+    "motor.resistance_housing_ambient",
+    "motor.max_winding_temperature",
+)
 _MAXON = "maxon, motor data and operating ranges"
 _YASKAWA = "Yaskawa, Sigma-II user's manual, servomotor selection examples"
 
@@ -59,13 +73,8 @@ class ContinuousTorqueCriterion(LimitCriterion):
     name = "continuous torque"
     formula = "√(1/t ∫ T² dt) ≤ T_S1(mean |ω|), T = τ/(N η) or τ η_b/N, + (J_rotor + J_gear) N q̈"
     source = f"{_YASKAWA} (T_rms ≤ rated torque); {_MAXON} (at mean speed)"
-    needs = tuple(
-        (*TRAIN, *more)
-        for more in (
-            ("motor.nominal_torque", "motor.nominal_speed"),
-            ("motor.continuous_curve",),
-            ("motor.resistance_winding_housing", "motor.resistance_housing_ambient", "motor.max_winding_temperature"),
-        )
+    needs = alternatives(SHAFT, (("motor.nominal_torque", "motor.nominal_speed"), ("motor.continuous_curve",))) + (
+        alternatives(SHAFT, FRICTION, TORQUE_CONSTANT, (THERMAL_LIMIT,))
     )
     quantity = "RMS torque"
     limit_name = "continuous torque at the mean speed"
@@ -96,7 +105,7 @@ class PeakTorque(LimitCriterion):
     name = "peak torque"
     formula = "max |T| ≤ T_peak"
     source = f"{_YASKAWA} (instantaneous peak torque)"
-    needs = ((*TRAIN, "motor.peak_torque"), (*TRAIN, "motor.peak_current", "motor.torque_constant"))
+    needs = alternatives(SHAFT, (("motor.peak_torque",), ("motor.peak_current", "motor.torque_constant")))
     quantity = "largest shaft torque"
     limit_name = "peak torque"
     unit = "N m"
@@ -125,7 +134,7 @@ class PeakCurrent(LimitCriterion):
     name = "peak current"
     formula = "max |T_e| ≤ k_t I_peak, T_e = T + T_c sign ω + c_v ω"
     source = f"{_MAXON} (M = k_M I)"
-    needs = ((*TRAIN, "motor.peak_current", "motor.torque_constant", "motor.no_load_current"),)
+    needs = alternatives(SHAFT, FRICTION, (("motor.peak_current", "motor.torque_constant"),))
     quantity = "largest electrical torque"
     limit_name = "that of the peak current"
     unit = "N m"
@@ -146,6 +155,12 @@ class PeakCurrent(LimitCriterion):
         """Torque of the peak current."""
         return pairs.of_motor("peak_electrical_torque")
 
+    def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
+        """The load and its limit, or that none is stated."""
+        if self.judged(pair, cycle.axis, conditions)[0]:
+            return super().cycle_text(pair, cycle, conditions)
+        return "no peak current is stated, or the torque constant is not: the peak torque counts"
+
 
 class VoltageLimit(Criterion):
     """Every point of the cycle under the voltage line, in four quadrants.
@@ -157,8 +172,8 @@ class VoltageLimit(Criterion):
     formula = "max |R/k T_e + k ω| ≤ U (1 - reserve), k the torque constant of the DC equivalent"
     source = f"{_MAXON} (U = R I + k ω)"
     needs = (
-        (*TRAIN, "motor.torque_constant", "motor.torque_constant_basis", "motor.resistance", "motor.no_load_current"),
-        (*TRAIN, "motor.stall_torque", "motor.no_load_speed", "motor.nominal_voltage"),
+        *alternatives(SHAFT, FRICTION, TORQUE_CONSTANT, (("motor.resistance",),)),
+        *alternatives(SHAFT, (("motor.stall_torque", "motor.no_load_speed", "motor.nominal_voltage"),)),
     )
 
     def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:

@@ -22,7 +22,7 @@ from bellcrank.sizing.selection.axis_loads import LoadCycle
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
 
 Array = NDArray[np.float64]
-MOST_INTERVALS = 3000  # of a temperature curve; in a longer cycle neighbours are averaged
+MOST_INTERVALS = 500  # of a temperature curve; in a longer cycle neighbours are averaged
 THERMAL_FIGURES = {  # what temperatures need of a motor, in words
     "resistance": "resistance",
     "dc_torque_constant": "torque constant",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, cast
+from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from bellcrank.cached_values import cached_property
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Value = TypeVar("Value")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,7 +98,7 @@ class Pairs:
     motor: Index
     gear: Index
     fits: NDArray[np.bool_]
-    _kept: dict[Any, Array] = field(default_factory=dict, init=False, repr=False)
+    _kept: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __len__(self) -> int:
         return len(self.motor)
@@ -125,11 +126,12 @@ class Pairs:
         """The motor and gear of one pair."""
         return self.products.motors[self.motor[pair]], self.products.gears[self.gear[pair]]
 
-    def once(self, key: Any, function: Callable[[], Array]) -> Array:
-        """An array (m, …) that a function gives; computed once for a key, for criteria that share it."""
+    def once(self, key: Any, function: Callable[[], Value]) -> Value:
+        """What a function gives, with one entry for each pair; computed once for a key, for criteria that share it."""
         if key not in self._kept:
             self._kept[key] = function()
-        return self._kept[key]
+        value: Value = self._kept[key]
+        return value
 
     @cached_property
     def motors(self) -> MotorArrays:
@@ -153,7 +155,8 @@ class Pairs:
         """All combinations that can drive an axis.
 
         A linear axis takes screws and racks, and nothing else does. A rotary axis also takes each motor without a gear,
-        and takes a motor and gear sold as one only so. Flange and shaft must fit where both sides state them.
+        and takes a motor and gear sold as one only so. Flange and shaft must fit where both sides state them. A gear
+        whose flange begins with the name of its maker is built into the motors that state this flange.
 
         Args:
             motors: The motors to choose from.
@@ -190,8 +193,15 @@ def _flanges_fit(motors: Sequence[Motor], gears: Sequence[Gear]) -> tuple[NDArra
         for name in (gear.input_flange or "").split(";"):
             if _name(name) in names:
                 taken[names[_name(name)], column] = True
-    known = np.array([bool(_name(m.flange)) for m in motors])[:, None] & [bool(_name(g.input_flange)) for g in gears]
-    return np.asarray(~known | taken[offered]), np.asarray(known)
+    stated = np.array([bool(_name(motor.flange)) for motor in motors], dtype=bool)
+    known = stated[:, None] & np.array([bool(_name(gear.input_flange)) for gear in gears], dtype=bool)
+    built_in = np.array([_is_built_in(gear) for gear in gears], dtype=bool)
+    return np.asarray((~known & ~built_in) | taken[offered]), np.asarray(known)
+
+
+def _is_built_in(gear: Gear) -> bool:
+    """Whether a gear is built into certain motors of its maker: its flange names them, beginning with the maker."""
+    return any(_name(name).startswith(_name(gear.maker) + " ") for name in (gear.input_flange or "").split(";"))
 
 
 def _shafts_fit(motors: Sequence[Motor], gears: Sequence[Gear]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

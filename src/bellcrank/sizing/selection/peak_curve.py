@@ -11,9 +11,8 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.product_arrays import Curves
 from bellcrank.actuators.short_time_limits import peak_curve_use
 from bellcrank.sizing.selection.axis_loads import Axis
-from bellcrank.sizing.selection.criteria import Array, Bools, Criterion
+from bellcrank.sizing.selection.criteria import SHAFT, Array, Bools, Criterion, alternatives
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
-from bellcrank.sizing.selection.motor_criteria import TRAIN
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.shaft_loads import (
     BLOCK,
@@ -30,7 +29,7 @@ class PeakCurve(Criterion):
     name = "peak curve"
     formula = "every (ω, T) inside the printed curve, measured along the ray from the origin"
     source = "the motor's data sheet"
-    needs = ((*TRAIN, "motor.peak_curve"),)
+    needs = alternatives(SHAFT, (("motor.peak_curve",),))
 
     def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
         """Pairs whose motor has such a curve."""

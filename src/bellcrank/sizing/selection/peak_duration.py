@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.continuous_torque import continuous_torque
-from bellcrank.sizing.selection.criteria import Array, Bools, Criterion
+from bellcrank.sizing.selection.criteria import Array, Bools, Criterion, alternatives
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
 from bellcrank.sizing.selection.motor_criteria import ContinuousTorqueCriterion
 from bellcrank.sizing.selection.pairs import Pairs
@@ -27,14 +28,14 @@ class PeakDuration(Criterion):
     name = "peak duration"
     formula = "longest time with |T| > T_S1(|ω|) ≤ t_peak; nothing is asked for where |T| never exceeds T_S1"
     source = "the motor's data sheet (time of the peak torque)"
-    needs = tuple((*fields, "motor.peak_time") for fields in ContinuousTorqueCriterion.needs)
+    needs = alternatives(ContinuousTorqueCriterion.needs, (("motor.peak_time",),))
 
     def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Longest time over the permitted one."""
         peak = largest_shaft_torque(pairs, cycle)
         least, most = _continuous_range(pairs, cycle, conditions)
         use = np.where(peak <= least, 0.0, np.nan)
-        unknown = np.isnan(peak) | (np.isnan(pairs.of_motor("peak_time")) & (peak > most))
+        unknown = np.isnan(peak) | (np.isnan(pairs.of_motor("peak_time")) & ~(peak <= most))
         above = np.nonzero(~(peak <= least) & ~unknown)[0]
         step = max(1, BLOCK // len(cycle.torque))
         for start in range(0, len(above), step):
@@ -46,13 +47,18 @@ class PeakDuration(Criterion):
         return use
 
     def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
-        """By whole intervals: one counts where its largest torques and acceleration exceed the least S1 torque."""
+        """By blocks of samples: one counts where its largest torques and acceleration exceed the least S1 torque."""
         least, _ = _continuous_range(pairs, cycle, conditions)
         shown = largest_shaft_torque(pairs, cycle) <= least
-        rest = np.nonzero(~shown)[0]
-        bounds = shaft_coefficients(pairs.take(rest), cycle) @ cycle.interval_maxima.T
-        longest = longest_run(~(bounds <= least[rest, None]), cycle, np.arange(len(cycle.passes)))
-        shown[rest] = longest <= (level * pairs.of_motor("peak_time"))[rest]
+        permitted = level * pairs.of_motor("peak_time")
+        maxima, weight, interval = cycle.blocks
+        rest = np.nonzero(~shown & (permitted > 0.0))[0]
+        step = max(1, BLOCK // len(weight))
+        for start in range(0, len(rest), step):
+            rows = rest[start : start + step]
+            bounds = shaft_coefficients(pairs.take(rows), cycle) @ maxima.T
+            longest = longest_run(~(bounds <= least[rows, None]), weight, interval, cycle.sequence)
+            shown[rows] = longest <= permitted[rows]
         return np.asarray(shown)
 
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
@@ -98,14 +104,14 @@ def _use(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array
     torque = np.abs(shaft_coefficients(pairs, cycle) @ cycle.features.T)
     if level is not None:
         above = torque > level[:, None]
-        longest = longest_run(above, cycle, cycle.interval)
+        longest = _longest(above, cycle)
         return np.where(above.any(axis=1), _share(longest, pairs), 0.0)
     speed = pairs.of_gear("ratio")[:, None] * np.abs(cycle.speed)
     continuous = _continuous_torque_at(pairs, torque, speed, cycle, conditions)
     sure = torque > continuous
     maybe = sure | (np.isnan(continuous) & (torque > 0.0))
-    most = np.where(maybe.any(axis=1), _share(longest_run(maybe, cycle, cycle.interval), pairs), 0.0)
-    least = np.where(sure.any(axis=1), _share(longest_run(sure, cycle, cycle.interval), pairs), 0.0)
+    most = np.where(maybe.any(axis=1), _share(_longest(maybe, cycle), pairs), 0.0)
+    least = np.where(sure.any(axis=1), _share(_longest(sure, cycle), pairs), 0.0)
     return np.where((most <= 1.0) | (least == most), most, np.where(least > 1.0, least, np.nan))
 
 
@@ -127,7 +133,7 @@ def _share(longest: Array, pairs: Pairs) -> Array:
 
 
 class _Runs(NamedTuple):
-    """Times (m,) above a level: before the first sample below it, after the last one, and the longest; the whole time."""
+    """Times (m,) above a level: before the first sample below it, after the last one, the longest; whole time."""
 
     first: Array
     last: Array
@@ -159,21 +165,26 @@ class _Runs(NamedTuple):
         )
 
 
-def longest_run(above: Bools, cycle: ReducedCycle, interval: NDArray[np.intp]) -> Array:
+def _longest(above: Bools, cycle: ReducedCycle) -> Array:
+    return longest_run(above, cycle.pass_weight, cycle.interval, cycle.sequence)
+
+
+def longest_run(
+    above: Bools, weight: Array, interval: NDArray[np.intp], sequence: Sequence[tuple[int, int, int]]
+) -> Array:
     """The longest time (m,) without a break in a cycle that repeats; infinite where it has no end.
 
     Args:
-        above: Whether (m, n) each of n samples, or of the intervals, is above.
-        cycle: The cycle.
+        above: Whether (m, n) each of n samples, or blocks of samples, is above.
+        weight: Weight (n,) of each in one pass, s.
         interval: Number (n,) of the interval of each.
+        sequence: (first interval, interval after the last, passes) of each part in the order of the cycle.
 
     Returns:
-        Times, s, of integration weights.
+        Times, s, of weights.
     """
-    weight = cycle.weight if len(interval) == len(cycle.weight) else cycle.interval_duration * cycle.passes
-    weight = weight / cycle.passes[interval]
     runs: _Runs | None = None
-    for first, end, passes in cycle.sequence:
+    for first, end, passes in sequence:
         samples = slice(*np.searchsorted(interval, [first, end]))
         part = _runs(above[:, samples], weight[samples]).repeated(passes)
         runs = part if runs is None else runs.then(part)

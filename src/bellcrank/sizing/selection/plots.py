@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -71,13 +71,13 @@ def plot_selection(selection: Selection, path: str | Path | None, what: str | No
 
 def utilisation_figure(selection: Selection) -> Figure:
     """A bar of utilisation for each criterion of each chosen pair, and of all axes together."""
-    panels = [(one.axis.name, _title(one), _judged(one.chosen.criteria)) for one in selection.axes if one.chosen]
+    panels = [(_title(one), _judged(one.chosen.criteria)) for one in selection.axes if one.chosen]
     if system := _judged(selection.system):
-        panels.append(("all axes together", "all axes together", system))
-    heights = [max(2, len(results)) for _, _, results in panels]
+        panels.append(("all axes together", system))
+    heights = [max(2, len(results)) for _, results in panels]
     figure = new_figure(9.0, 0.27 * sum(heights) + 0.75 * len(panels) + 0.8)
     axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True, height_ratios=heights)[:, 0]
-    for axis, (_, title, results) in zip(axes, panels, strict=True):
+    for axis, (title, results) in zip(axes, panels, strict=True):
         _bars(axis, results)
         axis.set_title(literal(title, 100), fontsize="medium", loc="left")
     axes[-1].set_xlabel("utilisation: 100 % is the limit")
@@ -111,7 +111,7 @@ def pareto_figure(selection: Selection) -> Figure:
     for point in known:
         if tuple(point.pairs) == chosen:
             axis.plot(
-                [point.mass], [point.largest_use], marker="o", markersize=13, markerfacecolor="none",
+                _numbers([point.mass]), [point.largest_use], marker="o", markersize=13, markerfacecolor="none",
                 color=LIMIT, linestyle="none", label="chosen",
             )  # fmt: skip
     axis.axhline(1.0, color=LIMIT, linestyle="--", linewidth=1.0, label="limit")
@@ -119,6 +119,7 @@ def pareto_figure(selection: Selection) -> Figure:
     axis.set_ylabel("largest known utilisation")
     axis.yaxis.set_major_formatter(lambda value, _: f"{value:.0%}")
     plain(axis)
+    axis.set_axisbelow(True)
     handles, labels = axis.get_legend_handles_labels()
     figure.legend(
         handles, labels, loc="outside lower center", ncols=legend_columns(labels, figure), frameon=False,
@@ -133,9 +134,9 @@ def _pareto_points(axis: Axes, points: Sequence[ParetoPoint]) -> None:
     bare = [point for point in points if point.loss is None]
     if lossy:
         drawn = axis.scatter(
-            [point.mass for point in lossy],
+            _numbers(point.mass for point in lossy),
             [point.largest_use for point in lossy],
-            c=[point.loss for point in lossy],
+            c=_numbers(point.loss for point in lossy),
             cmap="viridis",
             s=28,
             label="loss as in the scale",
@@ -143,7 +144,7 @@ def _pareto_points(axis: Axes, points: Sequence[ParetoPoint]) -> None:
         axis.figure.colorbar(drawn, ax=axis, label="mean loss [W]")
     if bare:
         axis.plot(
-            [point.mass for point in bare],
+            _numbers(point.mass for point in bare),
             [point.largest_use for point in bare],
             marker="o",
             markersize=5,
@@ -151,6 +152,11 @@ def _pareto_points(axis: Axes, points: Sequence[ParetoPoint]) -> None:
             linestyle="none",
             label="loss unknown",
         )
+
+
+def _numbers(values: Iterable[float | None]) -> list[float]:
+    """Numbers, NaN where unknown, which is not drawn."""
+    return [math.nan if value is None else value for value in values]
 
 
 def _judged(results: Sequence[CriterionResult]) -> list[CriterionResult]:
@@ -179,10 +185,11 @@ def _bars(axis: Axes, results: Sequence[CriterionResult]) -> None:
         axis.barh(place, min(each.use, SHOWN), color=COLOURS[each.verdict], height=0.66)
         axis.annotate(
             percent(each.use), (min(each.use, SHOWN), place), (4, 0), textcoords="offset points", va="center",
-            fontsize="small",
+            fontsize="small", bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85},
         )  # fmt: skip
     axis.set_yticks(np.arange(len(results))[::-1], [literal(each.name) for each in results], fontsize="small")
     axis.set_ylim(-0.6, max(len(results), 2) - 0.4)
     axis.set_xlim(0.0, SHOWN + 0.15)
     axis.axvline(1.0, color=LIMIT, linestyle="--", linewidth=1.0)
     plain(axis)
+    axis.set_axisbelow(True)

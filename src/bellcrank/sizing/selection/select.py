@@ -125,7 +125,8 @@ def select(
     return replace(
         selection,
         robot=robot_name,
-        inputs=SelectionInputs(subject.mechanism, tuple(subject.motions)),
+        feedback=feedback,
+        inputs=SelectionInputs(subject.mechanism, tuple(subject.motions), subject.config, products),
         warnings=tuple(dict.fromkeys([*warnings, *selection.warnings])),
     )
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from bellcrank import arguments
@@ -13,12 +14,17 @@ from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.cached_values import Portable
 from bellcrank.errors import InputError
+from bellcrank.files import atomic_write
 from bellcrank.messages import unknown_name
 from bellcrank.sizing.selection.axis_loads import Axis, LoadCycle
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from bellcrank.actuators.catalogue import Catalogue
     from bellcrank.dynamics.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
+    from bellcrank.scene.robot_config import RobotConfig
 
 Verdict = Literal["inside", "exceeded", "unknown", "note"]
 Tier = Literal["all criteria shown", "passes what is known", "fails"]
@@ -53,25 +59,27 @@ class Candidate:
         motor: The motor.
         gear: The gear; `DIRECT` without one.
         tier: Its class.
-        criteria: Every criterion.
+        criteria: Every criterion and note, in words.
         binding: Name of the criterion with the largest utilisation.
         mass: kg; None where unknown.
         cost: In the motor's currency; None where unknown.
         loss: Mean electrical loss of the worst cycle, W; None where unknown.
         largest_use: Largest known utilisation; where another actuator's mass is not stated, without that mass.
         fit: "fits", or "fit not checked".
+        unknown: Names of the criteria that are unknown.
     """
 
     motor: Motor
     gear: Gear
     tier: Tier
-    criteria: tuple[CriterionResult, ...]
+    criteria: Sequence[CriterionResult]
     binding: str
     mass: float | None
     cost: float | None
     loss: float | None
     largest_use: float
     fit: str
+    unknown: tuple[str, ...] = ()
 
     @property
     def id(self) -> str:
@@ -92,7 +100,7 @@ class AxisSelection:
         axis: The axis.
         chosen: What was chosen; None where nothing in the catalogue can drive the axis.
         candidates: The chosen pair and the best others, ranked under the masses of the actuators chosen for the other
-            axes; the failing ones nearest to the limits come last.
+            axes; where few pass, the failing ones nearest to the limits come last.
         counts: Number of pairs in each tier.
         advice: Where nothing fits: which criterion fails for the nearest pair, by how much, and what would help.
         unknown_masses: Names of the axes whose actuators' masses change this axis's loads and are not stated. Criteria
@@ -128,10 +136,14 @@ class ParetoPoint(NamedTuple):
 
 
 class SelectionInputs(NamedTuple):
-    """What was selected for: the mechanism and its motions, which a report shows."""
+    """What was selected for: the mechanism and its motions, which a report shows; the robot configuration, None where
+    there is none; and the products as they are stated, without assumed values.
+    """
 
     mechanism: Mechanism
     motions: tuple[Motion, ...]
+    config: RobotConfig | None = None
+    catalogue: Catalogue | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,6 +165,7 @@ class Selection(Portable):
         pareto: Combinations that no other one betters in mass, largest utilisation, loss and cost together.
         pareto_proof: Whether these are all such combinations, or which were considered.
         warnings: Sentences about what to look at.
+        feedback: Whether the masses of the chosen actuators are part of the loads.
         inputs: The mechanism and its motions; None where the selection does not hold them.
 
     Example:
@@ -173,6 +186,7 @@ class Selection(Portable):
     pareto: tuple[ParetoPoint, ...]
     pareto_proof: str = ""
     warnings: tuple[str, ...] = ()
+    feedback: bool = True
     inputs: SelectionInputs | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
@@ -214,6 +228,117 @@ class Selection(Portable):
             f"selection for {self.robot}: {unknown_name('axis', name, [one.axis.name for one in self.axes])}"
         )
 
+    def stated(self, candidate: Candidate) -> tuple[Motor, Gear]:
+        """The motor and gear of a candidate as the catalogue states them, without assumed values.
+
+        Args:
+            candidate: A candidate of one of the axes.
+
+        Returns:
+            The rows of the catalogue.
+        """
+        motor, gear = candidate.motor, candidate.gear
+        if self.inputs is None or self.inputs.catalogue is None:
+            return motor, gear
+        motors = {one.id: one for one in self.inputs.catalogue.motors}
+        gears = {one.id: one for one in self.inputs.catalogue.gears}
+        return motors.get(motor.id, motor), gears.get(gear.id, gear)
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write selection.csv: one line an axis and candidate, with units in the header.
+
+        Args:
+            path: The file to write.
+
+        Returns:
+            The path of the file.
+
+        Raises:
+            InputError: Where the file cannot be written.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.select("geared_pendulum").to_csv("motors.csv").name
+            'motors.csv'
+        """
+        from bellcrank.sizing.selection.selection_files import csv_text
+
+        return _written(path, csv_text(self))
+
+    def to_json(self, path: str | Path) -> Path:
+        """Write selection.json: the whole selection in SI units.
+
+        Args:
+            path: The file to write.
+
+        Returns:
+            The path of the file.
+
+        Raises:
+            InputError: Where the file cannot be written.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.select("geared_pendulum").to_json("motors.json").name
+            'motors.json'
+        """
+        from bellcrank.sizing.selection.selection_files import json_text
+
+        return _written(path, json_text(self, ()))
+
+    def plot(self, path: str | Path | None = None, what: str | None = None) -> Figure:
+        """Draw the selection.
+
+        Args:
+            path: A file to write the figure to, in the format of its suffix (PNG without one).
+            what: "motors" for torque and speed of the chosen motors (the default), "utilisation" for a bar each
+                criterion, or "pareto" for utilisation over mass of the combinations that no other one betters.
+
+        Returns:
+            The matplotlib Figure.
+
+        Raises:
+            InputError: For an unknown picture or format, where nothing was chosen, and where the file cannot be
+                written.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> figure = bc.select("geared_pendulum").plot()
+            >>> figure.axes[0].get_xlabel()
+            'motor speed [rpm]'
+        """
+        from bellcrank.sizing.selection.plots import plot_selection
+
+        if path is not None:
+            path = arguments.path("path", path, "the path of a picture")
+        return plot_selection(self, path, None if what is None else arguments.text("what", what))
+
+    def write_config(self, path: str | Path) -> Path:
+        """Write the robot configuration with the chosen actuators, which `size`, `simulate` and `replay` open.
+
+        It keeps what the original file has. The actuators are written with their figures, and their masses as payloads
+        at their mounts; a mass that is unknown is not part of it.
+
+        Args:
+            path: The YAML file to write.
+
+        Returns:
+            The path of the file.
+
+        Raises:
+            InputError: Where an axis has no motor, the selection was not made for a file, or the file cannot be
+                written.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> path = bc.select("geared_pendulum").write_config("chosen.yaml")
+            >>> list(bc.load_robot_config(path, trust=".").actuators)
+            ['shoulder']
+        """
+        from bellcrank.sizing.selection.written_config import write_config
+
+        return write_config(self, arguments.path("path", path, "the path of a YAML file"))[0]
+
     @property
     def mass(self) -> float | None:
         """Total mass of the chosen actuators, kg; None where one is unknown or missing."""
@@ -242,6 +367,12 @@ class Selection(Portable):
         return all(one.chosen is not None and one.chosen.tier == "all criteria shown" for one in self.axes) and all(
             result.verdict in ("inside", "note") for result in self.system
         )
+
+
+def _written(path: str | Path, text: str) -> Path:
+    target = arguments.path("path", path, "the path of a file")
+    atomic_write.write_text(target, text)
+    return target
 
 
 def _sum(values: Iterable[float | None]) -> float | None:

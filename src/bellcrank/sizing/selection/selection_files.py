@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from bellcrank.actuators.gear import Gear
+from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.product_fields import product_data
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
@@ -22,8 +24,9 @@ from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Crite
 
 RESULTS = ("selection.csv", "selection.json")
 PICTURES = ("motors.png", "utilisation.png", "pareto.png")
-FILES = (*RESULTS, *PICTURES)  # all that a selection writes into its folder
-_OURS = re.compile(r"\A(?:motors|utilisation|pareto)\.png\Z|\Aselection\.csv\Z")
+REPORT = "report.html"
+FILES = (*RESULTS, *PICTURES, REPORT)  # all that a selection writes into its folder
+_OURS = re.compile(r"\A(?:(?:motors|utilisation|pareto)\.png|selection\.csv|report\.html)\Z")
 UNITS = {
     "mass": "kg",
     "loss": "W",
@@ -97,7 +100,7 @@ def json_text(selection: Selection, files: Iterable[str] = RESULTS) -> str:
         "conditions": conditions,
         "units": UNITS,
         "cycles": [_cycle(selection, k) for k in range(len(selection.cycles))],
-        "axes": [_axis(one) for one in selection.axes],
+        "axes": [_axis(selection, one) for one in selection.axes],
         "system": [_criterion(one) for one in selection.system],
         "iterations": [list(one) for one in selection.iterations],
         "proof": selection.proof,
@@ -151,7 +154,7 @@ def _cell(value: Any) -> Any:
     return "" if value is None or (isinstance(value, float) and not math.isfinite(value)) else value
 
 
-def _axis(one: AxisSelection) -> dict[str, Any]:
+def _axis(selection: Selection, one: AxisSelection) -> dict[str, Any]:
     return {
         "name": one.axis.name,
         "kind": one.axis.kind,
@@ -162,15 +165,16 @@ def _axis(one: AxisSelection) -> dict[str, Any]:
         "counts": dict(one.counts),
         "advice": one.advice,
         "unknown_masses": list(one.unknown_masses),
-        "candidates": [_candidate(candidate) for candidate in one.candidates],
+        "candidates": [_candidate(candidate, *selection.stated(candidate)) for candidate in one.candidates],
     }
 
 
-def _candidate(one: Candidate) -> dict[str, Any]:
+def _candidate(one: Candidate, motor: Motor, gear: Gear) -> dict[str, Any]:
+    """A candidate, with motor and gear as they are stated."""
     return {
         "pair": one.id,
-        "motor": product_data(one.motor),
-        "gear": None if one.gear.kind == "direct" else product_data(one.gear),
+        "motor": product_data(motor),
+        "gear": None if gear.kind == "direct" else product_data(gear),
         "class": one.tier,
         "binding": one.binding,
         "largest_use": one.largest_use,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from bellcrank.sizing.selection.advice import advice_for
 from bellcrank.sizing.selection.candidates import axis_selection
-from bellcrank.sizing.selection.choose import Chosen
+from bellcrank.sizing.selection.choose import Chosen, system_results
 from bellcrank.sizing.selection.joint_problem import Choice, masses_of
-from bellcrank.sizing.selection.judged_axes import JudgedAxes
+from bellcrank.sizing.selection.judged_axes import MAIN, JudgedAxes
 from bellcrank.sizing.selection.pareto_search import pareto_front
 from bellcrank.sizing.selection.selection import AxisSelection, Selection, pair_id
 
@@ -32,12 +32,12 @@ def selection_of(problem: JudgedAxes, chosen: Chosen, candidates: int, effort: i
         axes=axes,
         cycles=problem.cycles(masses),
         conditions=problem.conditions,
-        system=(),
+        system=system_results(problem, chosen.choice),
         iterations=tuple(labels(problem, choice) for choice in chosen.passes),
         proof=chosen.proof,
         pareto=points,
         pareto_proof=proof,
-        warnings=(*chosen.notes, *_mass_notes(problem, axes)),
+        warnings=(*chosen.notes, *_unknown_notes(axes), *_mass_notes(problem, axes)),
     )
 
 
@@ -46,6 +46,19 @@ def labels(problem: JudgedAxes, choice: Choice) -> tuple[str, ...]:
     return tuple(
         "" if pair is None else pair_id(*one.pairs.rows(pair)) for one, pair in zip(problem.axes, choice, strict=True)
     )
+
+
+def _unknown_notes(axes: tuple[AxisSelection, ...]) -> list[str]:
+    """A sentence for each chosen pair of which a main criterion is unknown."""
+    notes = []
+    for one in axes:
+        if one.chosen is not None:
+            names = [name for name in one.chosen.unknown if name in MAIN]
+            if names:
+                notes.append(
+                    f"it is not shown that {one.chosen.id} can drive '{one.axis.name}': unknown are {', '.join(names)}"
+                )
+    return notes
 
 
 def _mass_notes(problem: JudgedAxes, axes: tuple[AxisSelection, ...]) -> list[str]:

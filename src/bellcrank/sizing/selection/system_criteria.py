@@ -16,7 +16,7 @@ import numpy as np
 
 from bellcrank.actuators import electrical
 from bellcrank.actuators.conditions import Conditions
-from bellcrank.actuators.motor import COPPER_REFERENCE
+from bellcrank.actuators.electrical import REFERENCE
 from bellcrank.sizing.selection.criteria import Array, cycles_of
 from bellcrank.sizing.selection.load_reductions import ReducedCycle, ReducedLoads
 from bellcrank.sizing.selection.pairs import Pairs
@@ -91,11 +91,11 @@ def _supply(pairs: Sequence[Pairs], axes: Sequence[ReducedCycle], conditions: Co
 
 def _regeneration(pairs: Sequence[Pairs], axes: Sequence[ReducedCycle], conditions: Conditions) -> CriterionResult:
     """What comes back to the bus, with the windings at 25 °C, where they lose least."""
-    power = bus_power(pairs, axes, [min(COPPER_REFERENCE, conditions.ambient)] * len(pairs))
+    power = bus_power(pairs, axes, [min(REFERENCE, conditions.ambient)] * len(pairs))
     cycle, name = axes[0], f"in '{axes[0].name}'"
     if np.isnan(power).any():
         return _unknown(REGENERATION, pairs)
-    energy = -power * cycle.weight / cycle.passes[cycle.interval]
+    energy = -power * cycle.pass_weight
     if not (energy > 0.0).any():
         return _judged(REGENERATION, 0.0, f"the axes together never give power back {name}")
     given_back = float(np.sum(np.maximum(-power, 0.0) * cycle.weight))

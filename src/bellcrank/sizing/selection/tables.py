@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
-from collections.abc import Sequence
 from html import escape
-from typing import NamedTuple
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
+from bellcrank.sizing.text_tables import TableContent, html_table, text_table
 
 UNKNOWN = "unknown"
 NOTHING = "nothing fits"
@@ -16,20 +16,13 @@ WIDTH = 110  # characters of a line of the terminal
 AIMS = {"mass": "least mass", "cost": "least cost", "loss": "least loss", "margin": "largest margin"}
 
 
-class TableContent(NamedTuple):
-    """A header, whose second lines hold units, and rows of cells."""
-
-    header: list[str]
-    rows: list[list[str]]
-
-
 def table(selection: Selection, top: int = 3) -> str:
     """The selection as text: the chosen pairs, for each axis the next best, and the criteria of the whole robot."""
-    parts = [_heading(selection), text_table(*chosen_rows(selection)), _totals(selection)]
+    parts = [_heading(selection), text_table(chosen_rows(selection), (0, 1, 2, 4, 7)), _totals(selection)]
     for one in selection.axes:
         parts += ["", *_axis_lines(one, top)]
     if selection.system:
-        parts += ["", "All axes together:", text_table(*system_rows(selection))]
+        parts += ["", "All axes together:", text_table(system_rows(selection), (0, 2))]
         parts += [_wrapped(f"{result.name}: {result.text}", "  ") for result in selection.system]
     parts += ["", _wrapped(f"Choice: {selection.proof} ({_passes(selection)})")]
     return "\n".join(parts)
@@ -38,10 +31,10 @@ def table(selection: Selection, top: int = 3) -> str:
 def selection_html(selection: Selection) -> str:
     """The verdict and the tables of a selection as HTML; names are escaped."""
     answer = "<br>".join(escape(line) for line in verdict(selection).split("\n"))
-    parts = [f"<p><b>{answer}</b><br>{escape(_about(selection))}</p>", _html_table("Chosen", chosen_rows(selection))]
-    parts += [_html_table(one.axis.name, candidate_rows(one)) for one in selection.axes if one.candidates]
+    parts = [f"<p><b>{answer}</b><br>{escape(_about(selection))}</p>", html_table("Chosen", chosen_rows(selection))]
+    parts += [html_table(one.axis.name, candidate_rows(one)) for one in selection.axes if one.candidates]
     if selection.system:
-        parts.append(_html_table("All axes together", system_rows(selection)))
+        parts.append(html_table("All axes together", system_rows(selection)))
     notes = "".join(f"<li>{escape(text)}</li>" for text in selection.warnings)
     return "".join(parts) + (f"<ul>{notes}</ul>" if notes else "")
 
@@ -120,27 +113,9 @@ def figure(value: float | None) -> str:
 
 def percent(use: float) -> str:
     """A utilisation in per cent."""
+    if math.isinf(use):
+        return "infinite"
     return f"{use:.1%}" if use < 100.0 else f"{100.0 * use:.3g}%"
-
-
-def text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Columns under headers of one or two lines; numbers to the right, where the header has a unit or is a use."""
-    titles = [title.split("\n") for title in header]
-    depth = max(map(len, titles))
-    heads = [[title[k] if k < len(title) else "" for title in titles] for k in range(depth)]
-    lines = [*heads, *map(list, rows)]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(header))]
-    right = [len(title) > 1 or title == ["use"] for title in titles]
-
-    def written(line: Sequence[str]) -> str:
-        cells = [
-            cell.rjust(width) if flush else cell.ljust(width)
-            for cell, width, flush in zip(line, widths, right, strict=True)
-        ]
-        return "  ".join(cells).rstrip()
-
-    rule = "-" * (sum(widths) + 2 * len(widths) - 2)
-    return "\n".join([*map(written, heads), rule, *map(written, rows)])
 
 
 def _chosen_row(one: AxisSelection) -> list[str]:
@@ -162,11 +137,12 @@ def _axis_lines(one: AxisSelection, top: int) -> list[str]:
         lines.append(_wrapped(f"loads without the unknown masses of: {', '.join(one.unknown_masses)}", "  "))
     chosen = one.chosen
     if chosen is not None:
-        lines.append(_wrapped(f"chosen {_brief(chosen)}; {_sentence(chosen)}", "  ", "    "))
+        lines.append(_wrapped(f"chosen: {_brief(chosen)}; {_sentence(chosen)}", "  ", "    "))
     others = [each for each in one.candidates if chosen is None or each.id != chosen.id]
-    lines += [_wrapped(f"{'next' if chosen else 'nearest'} {_brief(each)}", "  ", "    ") for each in others[:top]]
-    if one.advice:
-        lines.append(_wrapped(one.advice, "  "))
+    lines += [
+        _wrapped(f"{'fails' if each.tier == 'fails' else 'next'}: {_brief(each)}", "  ", "    ")
+        for each in others[:top]
+    ]
     return lines
 
 
@@ -179,7 +155,9 @@ def _brief(one: Candidate) -> str:
     mass = "mass unknown" if one.mass is None else f"{one.mass:.4g} kg"
     loss = "loss unknown" if one.loss is None else f"{one.loss:.4g} W"
     cost = "" if one.cost is None else f", {one.cost:.4g} {one.motor.currency or ''}".rstrip()
-    return f"{one.id}: {percent(one.largest_use)} of {one.binding}, {mass}, {loss}{cost}, {one.fit}; {one.tier}"
+    return f"{one.id}: {percent(one.largest_use)} of {one.binding}, {mass}, {loss}{cost}, {one.fit}" + (
+        "" if one.tier == "fails" else f"; {one.tier}"
+    )
 
 
 def _sentence(one: Candidate) -> str:
@@ -198,6 +176,8 @@ def _about(selection: Selection) -> str:
 
 
 def _totals(selection: Selection) -> str:
+    if any(one.chosen is None for one in selection.axes):
+        return ""
     cost = "" if selection.cost is None else f", {selection.cost:.4g} in price"
     mass = "mass unknown" if selection.mass is None else f"{selection.mass:.4g} kg"
     loss = "loss unknown" if selection.loss is None else f"{selection.loss:.4g} W lost"
@@ -238,13 +218,11 @@ def _kept(selection: Selection) -> str:
     ]
     uses += [(each.use, f"the {each.name} of all axes") for each in selection.system if each.use is not None]
     use, where = max(uses)
+    largest = f"{percent(use)}, {where}"
     if selection.shown:
-        return (
-            f"All inside: every axis has a motor that keeps all criteria; the largest use is {percent(use)}, {where}."
-        )
+        return f"All inside: every axis has a motor that keeps all criteria; the largest use is {largest}."
     return (
-        f"Inside as far as known: every axis has a motor that passes what is known; the largest known use is "
-        f"{percent(use)}, {where}."
+        f"Inside as far as known: every axis has a motor that passes what is known; the largest known use is {largest}."
     )
 
 
@@ -254,13 +232,3 @@ def _wrapped(text: str, first: str = "", then: str | None = None) -> str:
     return textwrap.fill(
         text, WIDTH, initial_indent=first, subsequent_indent=then, break_long_words=False, break_on_hyphens=False
     )
-
-
-def _html_table(title: str, content: TableContent) -> str:
-    left = 'style="text-align:left"'
-    head = "".join(f"<th>{escape(text).replace(chr(10), '<br>')}</th>" for text in content.header)
-    body = "".join(
-        f"<tr><th {left}>{escape(first)}</th>{''.join(f'<td>{escape(text)}</td>' for text in others)}</tr>"
-        for first, *others in content.rows
-    )
-    return f"<table><caption {left}>{escape(title)}</caption><tr>{head}</tr>{body}</table>"

@@ -13,23 +13,18 @@ from bellcrank.actuators.thermal import HeatCycle, ThermalModel
 from bellcrank.actuators.thermal_cycle import periodic_temperatures
 from bellcrank.actuators.time_to_limit import time_to_limit
 from bellcrank.sizing.selection.axis_loads import Axis
-from bellcrank.sizing.selection.criteria import Array, Bools, Criterion
+from bellcrank.sizing.selection.criteria import FRICTION, SHAFT, TORQUE_CONSTANT, Array, Bools, Criterion, alternatives
 from bellcrank.sizing.selection.load_reductions import DIRECTION, SPEED, ReducedCycle
-from bellcrank.sizing.selection.motor_criteria import TRAIN
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.shaft_loads import electrical_coefficients
 
 MOST_VALUES = 2**20  # of pairs times intervals at once
-_THERMAL = (
-    *TRAIN,
-    "motor.torque_constant",
-    "motor.torque_constant_basis",
-    "motor.resistance",
-    "motor.no_load_current",
-    "motor.resistance_winding_housing",
-    "motor.resistance_housing_ambient",
-    "motor.time_constant_winding",
-    "motor.time_constant_motor",
+_THERMAL = alternatives(
+    SHAFT,
+    FRICTION,
+    TORQUE_CONSTANT,
+    (("motor.resistance", "motor.resistance_winding_housing", "motor.resistance_housing_ambient"),),
+    (("motor.time_constant_winding", "motor.time_constant_motor"),),
 )
 _SOURCE = "two-body model: maxon, motor data lines 17 to 20; A. M. Johnson, Motor Thermal Calculator, CMU"
 
@@ -61,6 +56,13 @@ class Temperature(Criterion):
 
     def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
         """By the mean losses and the largest energy above the mean; see `temperature_bounds`."""
+        shown = np.zeros(len(pairs), dtype=bool)
+        known = np.nonzero(~np.isnan(pairs.of_motor("max_winding_temperature") + self.limit(pairs)))[0]
+        if len(known):
+            shown[known] = self._below(pairs.take(known), cycle, conditions, level[known])
+        return shown
+
+    def _below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
         number = int(self.body == "housing")
         winding = pairs.of_motor("max_winding_temperature")
         if not number:
@@ -105,7 +107,7 @@ class WindingTemperature(Temperature):
     """The winding's temperature."""
 
     name = "winding temperature"
-    needs = ((*_THERMAL, "motor.max_winding_temperature"),)
+    needs = alternatives(_THERMAL, (("motor.max_winding_temperature",),))
     body = "winding"
 
 
@@ -113,7 +115,7 @@ class HousingTemperature(Temperature):
     """The housing's temperature; a note where no limit is stated."""
 
     name = "housing temperature"
-    needs = ((*_THERMAL, "motor.max_housing_temperature"),)
+    needs = alternatives(_THERMAL, (("motor.max_housing_temperature",),))
     body = "housing"
 
     def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
@@ -145,17 +147,25 @@ def peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions)
 
     The bounds are the steady state under the largest losses of any interval. Infinite on thermal runaway, NaN unknown.
     """
-    found = np.empty((len(pairs), 4))
+    found = np.full((len(pairs), 4), np.nan)
+    resistances = pairs.of_motor("resistance_winding_housing") + pairs.of_motor("resistance_housing_ambient")
+    known = np.nonzero(~np.isnan(resistances + pairs.coefficients[:, 2:].sum(axis=1)))[0]
     step = max(1, MOST_VALUES // len(cycle.interval_order))
-    for start in range(0, len(pairs), step):
-        rows = slice(start, start + step)
-        part = pairs.take(rows)
-        heat = heat_cycle(part, cycle)
-        model = ThermalModel.of(part.motors, conditions)
-        periodic = periodic_temperatures(model, heat)
-        bounds = model.steady_temperatures(heat.copper_loss.max(axis=1), heat.friction_loss.max(axis=1))
-        found[rows] = np.column_stack([periodic.winding_peak, periodic.housing_peak, *bounds])
+    for start in range(0, len(known), step):
+        rows = known[start : start + step]
+        found[rows] = _peak_temperatures(pairs.take(rows), cycle, conditions)
     return found
+
+
+def _peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+    heat = heat_cycle(pairs, cycle)
+    model = ThermalModel.of(pairs.motors, conditions)
+    periodic = periodic_temperatures(model, heat)
+    peaks = np.column_stack([periodic.winding_peak, periodic.housing_peak])
+    complete = ~np.isnan(heat.copper_loss @ heat.duration + model.winding_capacity + model.housing_capacity)
+    peaks[np.isnan(peaks) & complete[:, None]] = np.inf  # only a runaway overflows
+    bounds = model.steady_temperatures(heat.copper_loss.max(axis=1), heat.friction_loss.max(axis=1))
+    return np.column_stack([peaks, *bounds])
 
 
 def temperature_bounds(
@@ -174,7 +184,7 @@ def temperature_bounds(
     grows with the temperature, so from the ambient temperature the true solution stays below the linear one. (Derived
     here.)
     """
-    heat = heat_cycle(pairs, cycle)
+    heat = pairs.once(("heat", cycle), lambda: heat_cycle(pairs, cycle))
     model = ThermalModel.of(pairs.motors, conditions)
     factor = resistance_factor(winding)
     mean_copper, copper_range = (factor * value for value in _mean_and_range(heat.copper_loss, heat.duration))

@@ -22,33 +22,44 @@ from bellcrank.robot import catalog
 from bellcrank.scene.renamed_keys import read_scene_data
 from bellcrank.scene.robot_config import RobotConfig, read_config
 from bellcrank.scene.source_mapping import plain
-from bellcrank.sizing.selection.actuator_masses import body_of
+from bellcrank.sizing.selection.actuator_masses import bodies_of
 from bellcrank.sizing.selection.tables import percent, selected_for
 from bellcrank.text import file_name_here, one_line
 
 if TYPE_CHECKING:
+    from bellcrank.sizing.selection.axis_loads import AddedMass
     from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
 
 _FILES = ("file", "run", "urdf", "catalogue")  # keys whose values name files or folders
 _TRUST = "it names files outside its folder; open it with --trust DIR, or write it beside the original"
 
 
-def write_config(selection: Selection, config: RobotConfig, path: str | Path) -> tuple[Path, tuple[str, ...]]:
+def write_config(selection: Selection, path: str | Path) -> tuple[Path, tuple[str, ...]]:
     """Write the configuration of a selection, and return its path and notes on what it does not contain.
 
-    Raises InputError where an axis has no motor, an actuator is lighter than that of the URDF, the configuration in the
-    file is not the one that was selected for, or the file cannot be written.
+    Raises InputError where it was not made for a configuration, an axis has no motor, an actuator is lighter than that
+    of the URDF, the configuration is no longer that of its file, or the file cannot be written.
     """
     target = Path(path)
-    if target.suffix.lower() not in (".yaml", ".yml"):
-        raise InputError(f"{path}: expected the name of a YAML file, such as {target.stem or 'robot'}.yaml")
-    if target.exists() and target.resolve() == config.source.resolve():
-        raise InputError(f"{path}: is the configuration that was selected for; write another file, so that it is kept")
+    config = None if selection.inputs is None else selection.inputs.config
+    if config is None:
+        raise InputError(
+            f"{path}: not written: the selection was not made for a robot configuration or URDF, which names its file"
+        )
+    check_target(target, config)
     text, notes = config_text(selection, config, target)
     with atomic_write.writing(target) as temporary:
         temporary.write_text(text, encoding="utf-8")
         notes += _checked(temporary, config)
     return target, notes
+
+
+def check_target(path: Path, config: RobotConfig) -> None:
+    """Refuse a path that is not that of a YAML file, or is that of the configuration itself (InputError)."""
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        raise InputError(f"{path}: expected the name of a YAML file, such as {path.stem or 'robot'}.yaml")
+    if path.exists() and path.resolve() == config.source.resolve():
+        raise InputError(f"{path}: is the configuration that was selected for; write another file, so that it is kept")
 
 
 def config_text(selection: Selection, config: RobotConfig, path: Path) -> tuple[str, tuple[str, ...]]:
@@ -62,7 +73,7 @@ def config_text(selection: Selection, config: RobotConfig, path: Path) -> tuple[
     data = _original(config, folder)
     payloads, notes = _payloads(selection, config)
     data["actuators"] = {
-        one.axis.name: actuator_data(Actuator.of(one.chosen.motor, one.chosen.gear, selection.conditions))
+        one.axis.name: actuator_data(Actuator.of(*selection.stated(one.chosen), selection.conditions))
         for one in selection.axes
         if one.chosen is not None
     }
@@ -115,7 +126,7 @@ def _payloads(selection: Selection, config: RobotConfig) -> tuple[list[dict[str,
 
 def _payload(one: AxisSelection, chosen: Candidate) -> dict[str, Any] | None:
     """The body of an actuator at its mount, less what the URDF contains of it; None where nothing is left."""
-    body, included = body_of(chosen.motor, chosen.gear), one.axis.included
+    body, included = _body(chosen), one.axis.included
     mass, axial, transverse = body.numbers - included.numbers
     if mass == axial == transverse == 0.0:
         return None
@@ -136,13 +147,20 @@ def _payload(one: AxisSelection, chosen: Candidate) -> dict[str, Any] | None:
     }
 
 
+def _body(chosen: Candidate) -> AddedMass:
+    """What the selection added at the mount."""
+    first = np.zeros(1, dtype=np.intp)
+    [body] = bodies_of([chosen.motor], [chosen.gear], first, first).bodies
+    return body
+
+
 def _mounts(selection: Selection) -> dict[str, dict[str, Any]]:
     """The mounts of actuators whose masses the file contains, so that another selection replaces them."""
     found = {}
     for one in selection.axes:
         if one.chosen is None or one.chosen.mass is None:
             continue
-        body = body_of(one.chosen.motor, one.chosen.gear)
+        body = _body(one.chosen)
         found[one.axis.name] = {
             "link": one.axis.mount,
             "axis": list(one.axis.mount_direction),
@@ -163,11 +181,9 @@ def _comments(selection: Selection) -> list[str]:
         lines.append(f"{one.axis.name}: {chosen.tier}; {percent(chosen.largest_use)} of {chosen.binding}")
         for product in (chosen.motor, *(() if chosen.gear.kind == "direct" else (chosen.gear,))):
             lines.append(f"  {product.maker} {product.model} ({product.id}): {product.source or 'source not stated'}")
-        filled = [
-            f"{kind}.{name} = {value:g}"
-            for kind, product in (("motor", chosen.motor), ("gear", chosen.gear))
-            for name, value in selection.conditions.filled(product)
-        ]
+        motor, gear = selection.stated(chosen)
+        filled = [f"motor.{name} = {value:g}" for name, value in selection.conditions.filled(motor)]
+        filled += [f"gear.{name} = {value:g}" for name, value in selection.conditions.filled(gear)]
         lines += [f"  assumed: {', '.join(filled)}"] if filled else []
     return [f"# {one_line(line)}" for line in lines]
 
@@ -175,8 +191,9 @@ def _comments(selection: Selection) -> list[str]:
 def _checked(path: Path, config: RobotConfig) -> tuple[str, ...]:
     """Read a file back; a note where it can be read only with --trust. Raises InputError where it differs."""
     access = FileAccess(path.parent, path.parent)
+    notes: tuple[str, ...] = ()
     try:
-        again, notes = read_config(path, access), ()
+        again = read_config(path, access)
     except InputError:
         everywhere = FileAccess(path.parent, path.parent, (Path(path.resolve().anchor),))
         again, notes = read_config(path, everywhere), (_TRUST,)

@@ -1,0 +1,251 @@
+"""`bellcrank select`: tables on screen; selection.csv, selection.json and pictures in a folder."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bellcrank.commands.options import add_allow_massless, add_trust, number_option, whole_option
+from bellcrank.commands.output_files import list_on_failure
+from bellcrank.commands.size import parse_payload
+from bellcrank.errors import InputError
+from bellcrank.files.atomic_write import check_file, check_folder, default_place
+from bellcrank.messages import format_value
+
+if TYPE_CHECKING:
+    from bellcrank.actuators.catalogue import Catalogue
+    from bellcrank.actuators.conditions import Conditions
+
+OBJECTIVES = ("mass", "cost", "loss", "margin")
+MOST_CANDIDATES = 1000
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The robot and its motions, what to choose from and for, and where to write."""
+    parser.add_argument(
+        "robot",
+        metavar="ROBOT",
+        help="a robot configuration or URDF: a path, or a name that `bellcrank robots` lists",
+    )
+    _repeated(
+        parser,
+        "--motion",
+        "FILE|NAME",
+        "a CSV file, or a motion of the configuration; may be repeated (default: all motions of ROBOT)",
+    )
+    _repeated(
+        parser,
+        "--payload",
+        "MASS@FRAME",
+        "a point mass fixed to a frame, such as 2.5@tool0 (kg) or '500 g@tool0'; may be repeated",
+    )
+    _repeated(
+        parser,
+        "--catalogue",
+        "DIR",
+        "a folder of CSV files, or one file, with motors and gears besides those that come with bellcrank; may be "
+        "repeated",
+    )
+    parser.add_argument(
+        "--objective",
+        choices=OBJECTIVES,
+        default="mass",
+        help="choose for least total mass, cost or loss, or for the largest margin (default: mass)",
+    )
+    _repeated(
+        parser,
+        "--keep",
+        "JOINT=MOTOR[+GEAR]",
+        "the motor, and the gear, of a joint are given by their ids; may be repeated",
+    )
+    _repeated(parser, "--exclude", "ID|MAKER", "leave out a product or a maker; may be repeated")
+    _repeated(parser, "--maker", "MAKER", "choose from the products of this maker only; may be repeated")
+    _add_conditions(parser)
+    parser.add_argument(
+        "--no-feedback",
+        action="store_true",
+        help="do not add the masses of motors and gears to the robot's, because its URDF contains them",
+    )
+    parser.add_argument("--top", metavar="N", help="list N pairs of each joint in the files (default: 12)")
+    parser.add_argument(
+        "--write-card",
+        type=Path,
+        metavar="FILE",
+        help="write a robot configuration with the chosen motors and gears, which size, simulate and replay open",
+    )
+    parser.add_argument(
+        "--report", action="store_true", help="write the report of the selection as one HTML page, report.html in DIR"
+    )
+    add_allow_massless(parser)
+    add_trust(parser)
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="output folder (default: ROBOT_selection in the current folder)"
+    )
+    parser.add_argument("--no-plots", action="store_true", help="do not write pictures")
+
+
+def _repeated(parser: argparse.ArgumentParser, option: str, metavar: str, meaning: str) -> None:
+    parser.add_argument(option, action="append", default=[], metavar=metavar, help=meaning)
+
+
+def _add_conditions(parser: argparse.ArgumentParser) -> None:
+    """Supply, surroundings and safety."""
+    for option, metavar, meaning in (
+        ("--voltage", "V", "voltage of the DC bus (default: the nominal voltage of each motor)"),
+        ("--reserve", "SHARE", "share of the voltage that is kept for control, such as 10%% (the default)"),
+        ("--ambient", "°C", "ambient temperature (default: 25)"),
+        ("--altitude", "M", "altitude of the site above sea level (default: 0)"),
+        ("--safety-factor", "F", "factor on the loads before they are compared with limits (default: 1)"),
+        ("--life", "HOURS", "life that gears must reach (L10)"),
+        ("--bus-capacitance", "F", "capacitance of the DC bus, which stores regenerated energy"),
+        ("--bus-max-voltage", "V", "voltage of the bus at which the brake resistor switches on"),
+        ("--brake-resistor", "W", "continuous power of the brake resistor"),
+        ("--supply-power", "W", "largest power of the supply"),
+    ):
+        parser.add_argument(option, metavar=metavar, help=meaning)
+    parser.add_argument("--brake", action="store_true", help="each motor must have a brake that holds the load at rest")
+    _repeated(
+        parser,
+        "--assume",
+        "FIELD=VALUE",
+        "a value for the products that do not state it, such as gear.efficiency=0.7; may be repeated",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Select motors and gears. Exit code 0: every axis has a pair that passes what is known; 1: an axis has none, or a
+    limit of the whole robot is exceeded. Raises BellcrankError for invalid input.
+    """
+    from bellcrank.scene.robot_config import load_robot_config
+    from bellcrank.sizing.selection.select import select
+    from bellcrank.sizing.selection.selection_files import FILES, REPORT, RESULTS, earlier_files, write_results
+    from bellcrank.sizing.selection.tables import table, verdict
+    from bellcrank.sizing.selection.written_config import check_target
+    from bellcrank.sizing.sizing_files import remove_stale
+
+    payloads = [parse_payload(text) for text in arguments.payload]
+    kept, count = parse_kept(arguments.keep), whole_option("--top", arguments.top, 1, MOST_CANDIDATES)
+    given = conditions(arguments)
+    folder = arguments.out or default_place(f"{Path(arguments.robot).stem}_selection")
+    check_folder("--out", folder, FILES)
+    config = load_robot_config(arguments.robot, trust=arguments.trust)
+    if arguments.write_card is not None:
+        check_file("--write-card", arguments.write_card)
+        check_target(arguments.write_card, config)
+    selection = select(
+        config,
+        arguments.motion or None,
+        products(arguments.catalogue, arguments.exclude, arguments.maker),
+        arguments.objective,
+        conditions=given,
+        keep=kept,
+        feedback=not arguments.no_feedback,
+        candidates=count or 12,
+        payloads=payloads,
+        allow_massless=arguments.allow_massless,
+    )
+    print(table(selection))
+    for text in selection.warnings:
+        print(f"note: {text}")
+    earlier = earlier_files(folder)
+    files = write_results(selection, folder)  # first what matters most, in case the disk is full
+    with list_on_failure(files, folder):
+        if not arguments.no_plots:
+            from bellcrank.sizing.selection.plots import write_plots
+
+            files += write_plots(selection, folder)
+        if arguments.report:
+            from bellcrank.reports.report import report
+
+            files.append(report(selection, folder / REPORT))
+        write_results(selection, folder, files[len(RESULTS) :])
+    remove_stale(folder, earlier, files)
+    print(f"\n{verdict(selection)}\nwrote {', '.join(path.name for path in files)} in {folder}")
+    if arguments.write_card is not None:
+        _write_card(selection, arguments.write_card)
+    return 0 if selection.inside else 1
+
+
+def conditions(arguments: argparse.Namespace) -> Conditions:
+    """The conditions of the options. Raises InputError, which names the option."""
+    from bellcrank.actuators.conditions import Conditions
+
+    given = {
+        "voltage": number_option("--voltage", arguments.voltage, "V", above=0.0),
+        "voltage_reserve": number_option("--reserve", arguments.reserve, least=0.0, most=0.9),
+        "ambient": number_option("--ambient", arguments.ambient, "°C"),
+        "altitude": number_option("--altitude", arguments.altitude, "m"),
+        "safety_factor": number_option("--safety-factor", arguments.safety_factor, least=1.0),
+        "life": number_option("--life", arguments.life, "h", above=0.0),
+        "bus_capacitance": number_option("--bus-capacitance", arguments.bus_capacitance, "F", above=0.0),
+        "bus_max_voltage": number_option("--bus-max-voltage", arguments.bus_max_voltage, "V", above=0.0),
+        "brake_resistor_power": number_option("--brake-resistor", arguments.brake_resistor, "W", least=0.0),
+        "supply_power": number_option("--supply-power", arguments.supply_power, "W", above=0.0),
+    }
+    known: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    return Conditions(brake=arguments.brake, assumed=parse_assumed(arguments.assume), **known)
+
+
+def parse_kept(texts: list[str]) -> dict[str, str]:
+    """Pairs by joint from JOINT=MOTOR[+GEAR]. Raises InputError."""
+    kept: dict[str, str] = {}
+    for text in texts:
+        joint, equals, pair = (part.strip() for part in text.partition("="))
+        if not equals or not joint or not pair:
+            raise InputError(f"--keep {format_value(text)}: expected JOINT=MOTOR or JOINT=MOTOR+GEAR, with their ids")
+        if joint in kept:
+            raise InputError(f"--keep {format_value(text)}: the motor of '{joint}' is given twice; keep one")
+        kept[joint] = pair
+    return kept
+
+
+def parse_assumed(texts: list[str]) -> dict[str, float]:
+    """Values by field from FIELD=VALUE, with the units of catalogues. Raises InputError."""
+    from bellcrank.actuators.product_fields import product_number
+    from bellcrank.config.fields import Fields
+
+    found: dict[str, float] = {}
+    for text in texts:
+        field, equals, value = (part.strip() for part in text.partition("="))
+        if not equals or not field or not value:
+            raise InputError(f"--assume {format_value(text)}: expected FIELD=VALUE, such as gear.efficiency=0.7")
+        if field in found:
+            raise InputError(f"--assume {format_value(text)}: '{field}' is given twice; keep one")
+        found[field] = product_number(Fields({field: value}, f"--assume {format_value(text)}"), field)
+    return found
+
+
+def products(folders: list[str], excluded: list[str], makers: list[str]) -> Catalogue:
+    """What to choose from: the bundled catalogue and own folders, less what is excluded. Raises InputError."""
+    from bellcrank.actuators.catalogue import load_catalogue
+
+    catalogue = load_catalogue(*folders)
+    left_out: set[str] = set()
+    for text in excluded:
+        own = [one.id for one in catalogue.products if one.maker.casefold() == text.casefold()]
+        left_out |= set(own or [text])
+    try:
+        catalogue.filtered(exclude=left_out)  # which refuses names that are neither a product's nor a maker's
+        chosen = catalogue.filtered(makers=makers)
+    except InputError as error:
+        raise InputError(f"--maker, --exclude: {error}") from None
+    catalogue = chosen.filtered(exclude=left_out & {one.id for one in chosen.products})
+    if not catalogue.motors:
+        raise InputError("--maker, --exclude: no motor is left to choose from; name other makers, or exclude less")
+    return catalogue
+
+
+def _write_card(selection: object, path: Path) -> None:
+    """Write the robot configuration of a selection, unless an axis has no motor."""
+    from bellcrank.sizing.selection.selection import Selection
+    from bellcrank.sizing.selection.written_config import write_config
+
+    assert isinstance(selection, Selection)
+    if any(one.chosen is None for one in selection.axes):
+        print(f"{path} is not written, because not every axis has a motor")
+        return
+    _, notes = write_config(selection, path)
+    for text in notes:
+        print(f"note: {path}: {text}")
+    print(f"wrote {path}")

@@ -1,0 +1,148 @@
+"""`select` with feedback of masses equals the exhaustive search over all joints at once."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from sized_catalogue import sized_catalogue
+
+import bellcrank as bc
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.actuators.powertrain import body
+from bellcrank.dynamics.mechanism import mechanism_of
+from bellcrank.sizing.selection.axis_loads import AddedMass
+from bellcrank.sizing.selection.axis_loads_of import axis_loads
+from bellcrank.sizing.selection.judge import judge
+from bellcrank.sizing.selection.load_reductions import reduce_loads
+from bellcrank.sizing.selection.pairs import Pairs
+from bellcrank.sizing.selection.pareto import non_dominated
+
+OBJECTIVES = ("mass", "cost", "loss", "margin")
+
+
+def arm_2r():
+    arm = bc.load_robot("planar_2r")
+    return arm, [bc.waypoints(arm, [0.0, 1.5, 3.0], [{}, {"shoulder": 1.0, "elbow": -0.8}, {}], name="reach")]
+
+
+def ur5_wrist():
+    """Three of UR5's joints: the others are held by kept pairs that influence what they must."""
+    arm = bc.load_robot("ur5")
+    names = [joint.name for joint in arm.joints]
+    pose = dict(zip(names, [0.8, -0.9, 1.2, 0.3, 0.9, 1.5], strict=True))
+    return arm, [bc.waypoints(arm, [0.0, 1.2, 2.4], [{}, pose, {}], name="turn")]
+
+
+def loaded(loads, rows):
+    """The cycles where each axis carries the body of its pair."""
+    added = {}
+    for axis, (motor, gear) in zip(loads.axes, rows, strict=True):
+        one = body(motor, gear)
+        added[axis.name] = AddedMass(
+            mass=one.mass, axial_inertia=one.axial_inertia, transverse_inertia=one.transverse_inertia
+        )
+    return reduce_loads(loads.axes, loads.with_masses(added))
+
+
+class Exhaustive:
+    """Every combination under the loads of its own masses: totals of those in which every axis passes."""
+
+    def __init__(self, arm, motions, catalogues, conditions):
+        loads = axis_loads(mechanism_of(arm), motions)
+        every = [Pairs.possible(one.motors, one.gears, "rotary") for one in catalogues]
+        self.points, self.ids = [], []
+        known = {}
+        for combination in itertools.product(*(range(len(pairs)) for pairs in every)):
+            rows = [pairs.rows(pair) for pairs, pair in zip(every, combination, strict=True)]
+            masses = tuple((motor.mass + gear.mass, body(motor, gear)) for motor, gear in rows)
+            reduced = None
+            points = []
+            for axis, pair in enumerate(combination):
+                key = (axis, pair, tuple(masses[j] for j in np.flatnonzero(loads.influence[axis])))
+                if key not in known:
+                    reduced = loaded(loads, rows) if reduced is None else reduced
+                    known[key] = self.judged(every[axis].take([pair]), reduced[axis], conditions)
+                if known[key] is None:
+                    break
+                points.append(known[key])
+            else:
+                mass, cost, loss, use = zip(*points, strict=True)
+                self.points.append((math.fsum(mass), max(use), math.fsum(loss), math.fsum(cost)))
+                self.ids.append(tuple(m.id if g.kind == "direct" else f"{m.id}+{g.id}" for m, g in rows))
+
+    @staticmethod
+    def judged(pair, loads, conditions):
+        found = judge(pair, loads, conditions)
+        if found.tier[0] != 0:
+            return None
+        motor, gear = pair.rows(0)
+        return (
+            motor.mass + gear.mass,
+            motor.price + (gear.price or 0.0),
+            float(found.loss[0]),
+            float(found.largest_use[0]),
+        )
+
+    def best(self, objective):
+        column = {"mass": 0, "margin": 1, "loss": 2, "cost": 3}[objective]
+        return min(point[column] for point in self.points)
+
+
+def total(selection, objective):
+    if objective == "margin":
+        return max(one.chosen.largest_use for one in selection.axes)
+    return getattr(selection, objective)
+
+
+@pytest.fixture(scope="module")
+def two_joints():
+    arm, motions = arm_2r()
+    catalogue = sized_catalogue(3, 10, 5, largest=100.0)
+    conditions = Conditions(voltage=48.0)
+    return arm, motions, catalogue, conditions, Exhaustive(arm, motions, [catalogue] * 2, conditions)
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_two_joints_with_50_pairs_equal_the_exhaustive_search(two_joints, objective):
+    arm, motions, catalogue, conditions, exhaustive = two_joints
+    assert len(exhaustive.points) > 20
+    selection = bc.select(arm, motions, catalogue, objective, conditions=conditions, effort=10**7)
+    assert selection.proof.startswith("optimal")
+    assert total(selection, objective) == pytest.approx(exhaustive.best(objective), rel=1e-9)
+    assert tuple(one.chosen.id for one in selection.axes) in exhaustive.ids
+
+
+def test_the_masses_matter(two_joints):
+    arm, motions, catalogue, conditions, _ = two_joints
+    found = [
+        bc.select(arm, motions, catalogue, conditions=conditions, feedback=on).axes[0].chosen for on in (True, False)
+    ]
+    assert found[0].mass > found[1].mass
+
+
+def test_the_pareto_front_equals_that_of_all_combinations(two_joints):
+    arm, motions, catalogue, conditions, exhaustive = two_joints
+    selection = bc.select(arm, motions, catalogue, conditions=conditions, effort=10**7)
+    assert selection.pareto_proof.startswith("all combinations")
+    points = np.array(exhaustive.points)
+    expected = points[non_dominated(points)]
+    found = np.array([(p.mass, p.largest_use, p.loss, p.cost) for p in selection.pareto])
+    assert len(found) == len(expected) > 3
+    for point in found:
+        assert np.isclose(expected, point, rtol=1e-9).all(axis=1).any()
+
+
+def dominated(points):
+    """By definition, pair by pair."""
+    return [any((other <= point).all() and (other < point).any() for other in points) for point in points]
+
+
+def test_non_dominated_points_are_those_of_the_definition():
+    points = np.random.default_rng(0).integers(0, 5, (300, 4)).astype(float)
+    rows = non_dominated(points)
+    expected = {tuple(point) for point, out in zip(points, dominated(points), strict=True) if not out}
+    assert {tuple(point) for point in points[rows]} == expected
+    assert len(rows) == len(expected)

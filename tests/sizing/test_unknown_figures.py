@@ -1,0 +1,202 @@
+"""Actuators with unknown figures: sizing says what it could not compare, and never takes it for a pass."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bellcrank as bc
+from bellcrank.actuators.actuator import Actuator
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.actuators.gear import Gear
+from bellcrank.actuators.motor import Motor
+from bellcrank.errors import InputError
+from bellcrank.reports.input_tables import actuator_table
+from bellcrank.scene.robot_config import load_robot_config
+from bellcrank.sizing.plots import sizing_figures
+from bellcrank.sizing.result import Sizing
+from bellcrank.sizing.size import size
+from bellcrank.sizing.sizing_files import csv_text, json_text, write_histories
+from bellcrank.sizing.tables import sizing_html, table, verdict
+
+MOTOR = Motor(
+    id="m", maker="A", model="M", nominal_voltage=48.0, torque_constant=0.1, torque_constant_basis="dc",
+    resistance=0.5, no_load_current=0.1, rotor_inertia=5e-6, nominal_torque=0.5, nominal_speed=300.0, peak_torque=1.5,
+    max_speed=400.0, mass=0.6,
+)  # fmt: skip
+GEAR = Gear(id="g", maker="B", model="G", kind="planetary", ratio=50.0, efficiency=0.8, inertia=1e-6, mass=0.4)
+
+
+def sized(motor: Motor = MOTOR, gear: Gear = GEAR, conditions: Conditions | None = None) -> Sizing:
+    return size("geared_pendulum", actuators={"shoulder": Actuator.of(motor, gear, conditions)})
+
+
+def refuse(constant: str) -> None:
+    raise AssertionError(f"{constant} in JSON")
+
+
+def test_a_complete_motor_is_judged_as_ratings_are() -> None:
+    """The pendulum of 9.81 N m behind 50:1 and 80 %: peak and RMS at the shaft as with ratings of the same figures."""
+    sizing, ratings = sized(), size("geared_pendulum")
+    shaft, before = sizing.joint("shoulder").shaft, ratings.joint("shoulder").shaft
+    assert shaft is not None and before is not None and shaft.peak_torque is not None and before.peak_torque is not None
+    assert shaft.peak_torque.value == pytest.approx(before.peak_torque.value, rel=1e-9)
+    assert shaft.rms_torque == pytest.approx(before.rms_torque, rel=1e-9)
+    assert shaft.margins["peak torque"] == pytest.approx(1 - shaft.peak_torque.value / 1.5)
+    assert shaft.margins["rated torque"] == pytest.approx(1 - (shaft.rms_torque or 0.0) / 0.5)
+    assert not sizing.unknown and shaft.state == "inside" and sizing.inside
+    assert sizing.peak_supply_power is not None and sizing.peak_supply_power > 20.51  # of the joint, plus losses
+
+
+@pytest.mark.parametrize(
+    ("motor", "gear", "unknown", "missing"),
+    [
+        ({}, {"efficiency": None}, {"peak torque", "rated torque", "torque-speed curve"}, "the gear's efficiency"),
+        ({"rotor_inertia": None}, {}, {"peak torque", "rated torque", "torque-speed curve"}, "the rotor inertia"),
+        ({}, {"inertia": None}, {"peak torque", "rated torque", "torque-speed curve"}, "the gear's inertia"),
+        ({"max_speed": None}, {}, {"speed"}, "the largest speed"),
+        ({"peak_torque": None}, {}, {"peak torque", "torque-speed curve"}, "the peak torque"),
+        ({"resistance": None}, {}, {"torque-speed curve"}, "the voltage limit"),
+        ({"nominal_torque": None}, {}, {"rated torque"}, "the continuous torque"),
+    ],
+)
+def test_an_unknown_figure_is_said_everywhere(
+    motor: dict[str, Any], gear: dict[str, Any], unknown: set[str], missing: str, tmp_path: Path
+) -> None:
+    sizing = sized(replace(MOTOR, **motor), replace(GEAR, **gear))
+    shaft = sizing.joint("shoulder").shaft
+    assert shaft is not None and set(shaft.unknown) == unknown and missing in shaft.unknown[min(unknown)]
+    assert {name for name, margin in shaft.margins.items() if margin is None} == unknown
+    assert sizing.inside and shaft.state == "inside as far as known" and "as far as known" in repr(sizing)
+    for text in (verdict(sizing), sizing_html(sizing)):
+        assert "Inside as far as known" in text and "All inside" not in text and missing.split("'")[-1] in text
+    assert "unknown" in table(sizing) and "nan" not in table(sizing)
+    document = json.loads(json_text(sizing), parse_constant=refuse)
+    assert document["unknown"] == list(sizing.unknown) and len(document["unknown"]) == len(unknown)
+    margins = document["joints"][0]["shaft"]["margins"]
+    assert {name for name, margin in margins.items() if margin is None} == unknown
+    [row] = csv.DictReader(csv_text(sizing).splitlines())
+    assert row["shaft verdict"] == "inside as far as known"
+    assert all((row[f"shaft {name} margin [1]"] == "") == (name in unknown) for name in margins)
+    assert all("nan" not in path.read_text() for path in write_histories(sizing, tmp_path))
+    assert sizing_figures(sizing)["motor_torque_speed.png"].axes
+    assert sizing.inputs is not None and all(
+        "nan" not in cell for cell in actuator_table(sizing.inputs.actuators).rows[0]
+    )
+
+
+def test_an_exceeded_limit_stays_exceeded_beside_unknown_ones() -> None:
+    sizing = sized(replace(MOTOR, nominal_speed=50.0, max_speed=100.0), replace(GEAR, efficiency=None))
+    shaft = sizing.joint("shoulder").shaft
+    assert not sizing.inside and shaft is not None and shaft.tightest == "speed"
+    assert shaft.verdict.startswith("exceeded (speed -47.3%; unknown: peak torque")
+    assert "EXCEEDED: 1 limit" in verdict(sizing) and "Not compared:" in verdict(sizing)
+
+
+def test_a_curve_that_is_exceeded_where_it_is_known_is_exceeded() -> None:
+    """The voltage of 4 V does not reach the speed, whatever the peak torque is."""
+    sizing = sized(replace(MOTOR, peak_torque=None), conditions=Conditions(voltage=4.0))
+    shaft = sizing.joint("shoulder").shaft
+    assert shaft is not None and not sizing.inside and (shaft.margins["torque-speed curve"] or 0.0) < 0.0
+
+
+def test_the_power_of_all_joints_is_unknown_where_one_is() -> None:
+    for sizing, missing in (
+        (sized(gear=replace(GEAR, efficiency=None)), "the gear's efficiency"),
+        (sized(replace(MOTOR, no_load_current=None)), "the motor's friction"),
+    ):
+        assert sizing.supply_peak is None and sizing.peak_supply_power is None and sizing.peak_regeneration is None
+        assert "power unknown" in table(sizing)
+        assert any("power of all joints together is unknown" in text and missing in text for text in sizing.warnings)
+        assert json.loads(json_text(sizing))["supply"] is None
+
+
+def test_limits_that_size_does_not_compare_are_named() -> None:
+    geared = replace(GEAR, repeated_peak_torque=20.0, life=7000.0)
+    assert any("the gear's repeated peak torque, life" in text for text in sized(gear=geared).warnings)
+    assert not any("not compared here" in text for text in sized().warnings)
+
+
+def test_nothing_known_is_not_called_inside_with_a_margin() -> None:
+    bare = sized(Motor(id="m", maker="", model=""), Gear(id="g", maker="", model="", kind="spur", ratio=9.0))
+    shaft = bare.joint("shoulder").shaft
+    assert shaft is not None and shaft.tightest is None and len(shaft.unknown) == 4
+    assert shaft.verdict == "inside as far as known (unknown: peak torque, rated torque, speed, torque-speed curve)"
+
+
+CONFIG = """
+urdf: geared_pendulum
+motions:
+  lift: {kind: waypoints, times: [0, 1], positions: [{shoulder: 0}, {shoulder: 90 deg}]}
+"""
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Callable[[str], Path]:
+    def write(actuators: str) -> Path:
+        path = tmp_path / "robot.yaml"
+        path.write_text(f"{CONFIG}{actuators}\n")
+        return path
+
+    return write
+
+
+def test_a_rotor_of_unknown_inertia_is_said_and_left_out(config: Callable[[str], Path]) -> None:
+    path = config("actuators: {shoulder: {motor: {id: m, rotor_inertia: 50 g cm^2}, gear: {kind: spur, ratio: 20}}}")
+    robot = load_robot_config(path).robot()
+    assert float(robot.rotor_inertia[0]) == pytest.approx(400 * 5e-6)
+    [text] = [text for text in robot.inertia_warnings if "gear inertia is not stated" in text]
+    assert "assume gear.inertia" in text and text in size(path).warnings
+
+
+def test_a_folder_of_the_robots_own_catalogue(config: Callable[[str], Path], tmp_path: Path) -> None:
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "motors.csv").write_text(
+        "id,maker,model,kind,torque_constant [N m/A],rotor_inertia [g cm^2],mass [g],source\n"
+        "mine,me,M1,motor,0.05,60,250,measured\n"
+    )
+    path = config("catalogue: own\nactuators: {shoulder: {motor: mine, gear: direct}}")
+    actuator = load_robot_config(path).actuators["shoulder"]
+    assert actuator.rotor_inertia == pytest.approx(6e-6) and actuator.ratio == 1.0
+    np.testing.assert_allclose(load_robot_config(path).robot().rotor_inertia, 6e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("catalogue: gone", "catalogue .line 5.: there is no folder"),
+        ("catalogue: empty", "has no file"),
+        ("catalogue: /etc", "is not allowed"),
+        ("catalogue: linked", "may not name"),
+        ("actuators: {shoulder: {motor: nothing}}", "actuators.shoulder.motor .line 5.: unknown motor 'nothing'"),
+        ("actuators: {shoulder: {gear: {kind: spur, ratio: 3}}}", "'motor' is missing"),
+    ],
+)
+def test_what_a_configuration_cannot_name(
+    config: Callable[[str], Path], tmp_path: Path, text: str, message: str
+) -> None:
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "linked").mkdir()
+    (tmp_path / "linked" / "motors.csv").symlink_to("/etc/hostname")
+    with pytest.raises(InputError, match=message) as caught:
+        load_robot_config(config(text))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_saved_run_holds_the_figures_of_its_motors(config: Callable[[str], Path], tmp_path: Path) -> None:
+    (tmp_path / "own").mkdir()
+    table_of_motors = tmp_path / "own" / "motors.csv"
+    table_of_motors.write_text("id,maker,model,kind,rotor_inertia [kg m^2]\nmine,me,M1,motor,0.001\n")
+    run = bc.simulate(config("catalogue: own\nactuators: {shoulder: {motor: mine}}"), duration=0.05)
+    saved = run.save(tmp_path / "run.npz")
+    table_of_motors.unlink()
+    again = bc.load_run(saved)
+    assert again.scene.config.actuators == run.scene.config.actuators
+    assert float(again.robot.rotor_inertia[0]) == 0.001
