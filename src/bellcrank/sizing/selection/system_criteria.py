@@ -16,7 +16,7 @@ import numpy as np
 
 from bellcrank.actuators import electrical
 from bellcrank.actuators.conditions import Conditions
-from bellcrank.actuators.electrical import REFERENCE
+from bellcrank.actuators.copper import REFERENCE
 from bellcrank.sizing.selection.criteria import Array, cycles_of
 from bellcrank.sizing.selection.load_reductions import ReducedCycle, ReducedLoads
 from bellcrank.sizing.selection.pairs import Pairs
