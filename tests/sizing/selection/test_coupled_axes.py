@@ -169,6 +169,14 @@ def test_included_masses_are_replaced(scara):
         stated.with_masses({"zz": same})
 
 
+def test_no_more_mass_is_included_than_there_is(scara):
+    with pytest.raises(InputError, match=r"included_mass: z 3.5 kg: the links that move with joint 'shoulder', which "):
+        axis_loads(mechanism_of(scara), [lifting(scara)], mounts={"z": Mount(included_mass=3.5)})
+    with pytest.raises(InputError, match=r"nut 2 kg, spline 1.5 kg: .* which carry them, have a mass of 3 kg"):
+        mounts = {"nut": Mount(included_mass=2.0), "spline": Mount(included_mass=1.5)}
+        axis_loads(mechanism_of(scara), [lifting(scara)], transmissions=[SCREW], mounts=mounts)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

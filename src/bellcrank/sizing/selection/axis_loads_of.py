@@ -21,7 +21,7 @@ from bellcrank.sizing.selection.body_loads import AxisLoadSamples, LoadModel, Un
 from bellcrank.sizing.selection.coupled_axes import axis_coordinates
 from bellcrank.sizing.selection.cycle_transitions import transition_notes
 from bellcrank.sizing.selection.load_cycles import PlannedCycle, planned_cycles
-from bellcrank.sizing.selection.mounted_bodies import MountKinematics
+from bellcrank.sizing.selection.mounted_bodies import MountedBody, MountKinematics
 
 Array = NDArray[np.float64]
 
@@ -74,6 +74,7 @@ def axis_loads(
     chosen = checked_mounts(mounts)
     coupled = axis_coordinates(mechanism, checked_transmissions(transmissions))
     kinematics = MountKinematics(mechanism, coupled.mounted_at, chosen)
+    _check_included(mechanism, kinematics.bodies, chosen)
     model = LoadModel(kinematics, coupled.matrix)
     motions = [with_force_rows(mechanism, motion) for motion in motions]
     plans = planned_cycles(mechanism, motions, duty, model.joint_torques)
@@ -98,6 +99,23 @@ def axis_loads(
         terms=terms,
         warnings=transition_notes(mechanism, motions, duty),
     )
+
+
+def _check_included(mechanism: Mechanism, bodies: Sequence[MountedBody], mounts: Mapping[str, Mount]) -> None:
+    """InputError where more mass is said to be included than there is."""
+    tree, set_masses = mechanism.robot.equations.tree, mechanism.equations.set_masses
+    for carrier in {body.carrier for body in bodies if body.carrier}:
+        frames = [k for k, frame in enumerate(tree.frames) if frame.parent_joint == carrier]
+        there = sum(set_masses.get(k, tree.frames[k].mass) for k in frames)
+        stated = {body.name: mounts[body.name].included_mass for body in bodies
+                  if body.carrier == carrier and body.name in mounts}  # fmt: skip
+        if sum(stated.values()) > there * (1.0 + 1e-9):
+            masses = ", ".join(f"{name} {mass:.4g} kg" for name, mass in stated.items() if mass)
+            raise InputError(
+                f"mounts of {mechanism.robot.name}: included_mass: {masses}: the links that move with joint "
+                f"'{tree.joints[carrier - 1].name}', which carry {'it' if len(stated) == 1 else 'them'}, have a mass "
+                f"of {there:.4g} kg altogether"
+            )
 
 
 def _included(mount: Mount | None) -> AddedMass:
