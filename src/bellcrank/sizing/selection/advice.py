@@ -121,8 +121,8 @@ def _first(values: Sequence[float], passes: Callable[[float], bool]) -> float | 
 def slower_cycle(cycle: LoadCycle, factor: float) -> LoadCycle:
     """A cycle that lasts `factor` times as long: what does not hold the axis at rest falls with the factor's square.
 
-    Inertial, Coriolis and centrifugal torques do (Hollerbach, Dynamic scaling of manipulator trajectories, 1984); friction
-    falls less, so the result is approximate where there is friction.
+    Inertial, Coriolis and centrifugal torques do (Hollerbach, Dynamic scaling of manipulator trajectories, 1984).
+    Friction falls less, so the result is approximate where there is friction.
     """
     moving = cycle.torque - cycle.static_torque
     return replace(
