@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 
 from bellcrank.actuators.consistency_check import Check, product_of, quotient
-from bellcrank.actuators.motor import COPPER, COPPER_REFERENCE, Motor
+from bellcrank.actuators.copper import COPPER, REFERENCE
+from bellcrank.actuators.motor import Motor
 
 Figures = tuple[float | None, float | None]
 _MAXON = "maxon, key information on motor data"
@@ -80,8 +81,8 @@ def _thermal_current(motor: Motor) -> Figures:
     if None in parts or hottest is None or k is None or motor.torque_constant is None:
         return None, None
     winding, housing, resistance = (part or 0.0 for part in parts)
-    rise = hottest - (COPPER_REFERENCE if motor.reference_temperature is None else motor.reference_temperature)
-    hot = resistance * (1.0 + COPPER * (hottest - COPPER_REFERENCE))
+    rise = hottest - (REFERENCE if motor.reference_temperature is None else motor.reference_temperature)
+    hot = resistance * (1.0 + COPPER * (hottest - REFERENCE))
     heat = quotient(rise, (winding + housing) * hot)
     current = product_of(motor.nominal_current, motor.torque_constant / k)
     return current, None if heat is None or heat <= 0.0 else math.sqrt(heat)
