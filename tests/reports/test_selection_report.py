@@ -64,7 +64,13 @@ def test_nothing_that_fits_and_a_criterion_of_the_robot_that_is_exceeded_are_no_
 
 def test_the_choice_names_products_and_says_unknown_where_a_figure_is(chosen):
     table = choice_table(with_first(chosen, chosen=candidates()[3]))
-    assert table.rows[0][:5] == ("shoulder", "Bolt S 40, 320 V", "Acme Unstated 1:80", "passes what is known", "voltage limit")
+    assert table.rows[0][:5] == (
+        "shoulder",
+        "Bolt S 40, 320 V",
+        "Acme Unstated 1:80",
+        "passes what is known",
+        "voltage limit",
+    )
     assert table.rows[0][6:9] == ("unknown", "unknown", "unknown") and "mass unknown" in table.note
     assert table.rows[1][5:] == ("31 %", "10.5", "2660 EUR", "9.5", "fits")
 
