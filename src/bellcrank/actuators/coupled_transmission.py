@@ -97,7 +97,7 @@ class CoupledTransmission:
             >>> belt.motor_speeds([3.0])
             array([6.])
         """
-        return np.asarray(joint_speeds, dtype=np.float64) @ np.array(self.matrix).T
+        return np.asarray(np.asarray(joint_speeds, dtype=np.float64) @ np.array(self.matrix).T)
 
     def motor_torques(self, joint_torques: Sequence[float] | Array) -> Array:
         """The torques at the motors' axes, N m.
