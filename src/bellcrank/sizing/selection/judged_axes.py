@@ -29,6 +29,7 @@ MAIN = frozenset(  # a pair of which one of these is unknown may be far too weak
     {"motor speed", "continuous torque", "peak torque", "peak current", "voltage limit", "gear repeated peak torque"}
 )
 MOST_ROWS_KEPT = 2_000_000  # pairs whose ranks are kept for another time: 64 bytes each
+MOST_LOADS_KEPT = 64
 PAIRS_OF_A_JUDGEMENT = 2000  # the effort of loads and their reduction, in pairs
 TINY = 1e-9  # share of the loads at which a criterion that is unknown is unknown under any masses
 
@@ -69,6 +70,7 @@ class JudgedAxes:
     progress: Callable[[int], None] | None = None
     effort: int = field(default=0, init=False)
     _ranks: OrderedDict[tuple[int, Masses], AxisRanks] = field(default_factory=OrderedDict, init=False)
+    _loads: OrderedDict[tuple[int, Masses], ReducedLoads] = field(default_factory=OrderedDict, init=False)
 
     def __post_init__(self) -> None:
         influence = np.asarray(self.loads.influence, dtype=bool)
@@ -94,22 +96,21 @@ class JudgedAxes:
         """As `keys`, with the utilisations and losses."""
         loading = tuple(one if self.influence[axis, j] else NO_MASS for j, one in enumerate(masses))
         wanted = np.ones(len(self.axes[axis].pairs), dtype=bool) if rows is None else rows
-        found = self._ranks.pop((axis, loading), None)
-        if found is None or (wanted & (found.keys[:, 0] == NOT_JUDGED[0])).any():
-            found = AxisRanks.nothing(len(wanted))
-            judged = np.flatnonzero(wanted)
-            judgement = self.judgement(axis, masses, judged)
-            found.keys[judged] = self._rank(axis, judgement, judged)
-            found.use[judged], found.loss[judged] = judgement.largest_use, judgement.loss
+        found = self._ranks.pop((axis, loading), None) or AxisRanks.nothing(len(wanted))
+        missing = np.flatnonzero(wanted & (found.keys[:, 0] == NOT_JUDGED[0]))
+        if len(missing):
+            judgement = self.judgement(axis, masses, missing)
+            found.keys[missing] = self._rank(axis, judgement, missing)
+            found.use[missing], found.loss[missing] = judgement.largest_use, judgement.loss
         self._ranks[axis, loading] = found  # as the latest
         while len(self._ranks) > 1 and sum(len(one.keys) for one in self._ranks.values()) > MOST_ROWS_KEPT:
             self._ranks.popitem(last=False)
         return found
 
-    def judgement(self, axis: int, masses: Masses, rows: Indices | None = None) -> Judgement:
+    def judgement(self, axis: int, masses: Masses, rows: Indices | None = None, exact: bool = True) -> Judgement:
         """The judgement of an axis's pairs, or of some rows of them, where the actuators are of these classes."""
         pairs = self.axes[axis].pairs if rows is None else self.axes[axis].pairs.take(rows)
-        found = judge(pairs, self.axis_loads(axis, masses), self.conditions)
+        found = judge(pairs, self.axis_loads(axis, masses), self.conditions, exact)
         self.effort += len(pairs) + PAIRS_OF_A_JUDGEMENT
         if self.progress is not None:
             self.progress(self.effort)
@@ -144,7 +145,7 @@ class JudgedAxes:
         figures, which a smaller load does not exceed. Mass and cost do not depend on loads; loss and use count as 0.
         """
         tiny = tiny_loads(self.axis_loads(axis, (NO_MASS,) * len(self.axes)))
-        judgement = judge(self.axes[axis].pairs, tiny, self.conditions)
+        judgement = judge(self.axes[axis].pairs, tiny, self.conditions, exact=False)
         of_motion = np.array([criterion.name in OF_MOTION for criterion in judgement.criteria])
         found = self._rank(axis, judgement)
         found[:, 0] = (judgement.verdict[of_motion] == EXCEEDED).any(axis=0)
@@ -166,8 +167,14 @@ class JudgedAxes:
     def axis_loads(self, axis: int, masses: Masses) -> ReducedLoads:
         """The reduced loads of one axis."""
         relevant = tuple(one if self.influence[axis, j] else NO_MASS for j, one in enumerate(masses))
-        cycles = tuple(reduce_cycle(cycle, self.loads.axes, axis) for cycle in self.cycles(relevant))
-        return ReducedLoads(axis=self.axes[axis].axis, cycles=cycles)
+        found = self._loads.pop((axis, relevant), None)
+        if found is None:
+            cycles = tuple(reduce_cycle(cycle, self.loads.axes, axis) for cycle in self.cycles(relevant))
+            found = ReducedLoads(axis=self.axes[axis].axis, cycles=cycles)
+        self._loads[axis, relevant] = found  # as the latest
+        if len(self._loads) > MOST_LOADS_KEPT:
+            self._loads.popitem(last=False)
+        return found
 
     def unknown_masses(self, axis: int, masses: Masses) -> list[str]:
         """Names of the axes whose actuators load this one and have no known mass."""
