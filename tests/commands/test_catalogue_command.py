@@ -83,6 +83,35 @@ def test_filters(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert got["motors"][0]["peak_time"] is None and got["completeness"][0]["criterion"]
 
 
+def test_screws_and_racks_are_listed_with_forces(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "140")
+    (tmp_path / "gears.csv").write_text(
+        "id,maker,model,kind,lead [mm],pinion_radius [mm],rated_force [N],repeated_peak_force [N]\n"
+        "s,M,M,screw,5,,2000,4000\nr,M,M,rack,,22.5,,1000\n",
+        encoding="utf-8",
+    )
+    assert main(["catalogue", "--own", "--catalogue", str(tmp_path)]) == 0
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["s", "screw", "5", "mm", "lead", "2000", "N", "4000", "N", "-", "-", "M", "user"] in rows
+    assert ["r", "rack", "22.5", "mm", "radius", "-", "1000", "N", "-", "-", "M", "user"] in rows
+
+
+def test_a_kind_and_a_voltage_list_nothing_else(tmp_path: Path) -> None:
+    for arguments, motors, gears in (
+        (["--kind", "screw"], set(), {"screw"}),
+        (["--kind", "servo"], {"servo"}, set()),
+        (["--kind", "servo", "--kind", "strain_wave"], {"servo"}, {"strain_wave"}),
+    ):
+        assert main(["catalogue", *arguments, "--out", str(tmp_path)]) == 0
+        got = json.loads((tmp_path / "catalogue.json").read_text(encoding="utf-8"))
+        assert ({one["kind"] for one in got["motors"]}, {one["kind"] for one in got["gears"]}) == (motors, gears)
+    assert main(["catalogue", "--voltage", "24", "--out", str(tmp_path)]) == 0
+    got = json.loads((tmp_path / "catalogue.json").read_text(encoding="utf-8"))
+    assert not got["gears"] and {one["nominal_voltage"] for one in got["motors"]} == {24.0}
+
+
 def test_own_products_are_added_or_alone(capsys: pytest.CaptureFixture[str], own: Path) -> None:
     assert main(["catalogue", "--catalogue", str(own), "--maker", "acme"]) == 0
     assert "good" in capsys.readouterr().out
@@ -111,7 +140,7 @@ def test_completeness_counts_rows_that_state_what_a_criterion_needs(tmp_path: Pa
     # the output bearing is that of the motor or of the gear: c states neither
     assert (found["tilting moment"].motors, found["tilting moment"].gears) == (1, 0)
     assert (found["gear largest input speed"].motors, found["gear largest input speed"].gears) == (None, 1)
-    assert all(one.pairs == 0.0 for one in completeness(bc.Catalogue()))
+    assert all(one.pairs is None for one in completeness(bc.Catalogue()))
 
 
 def test_show_prints_a_product_and_draws_it(

@@ -153,7 +153,8 @@ def test_a_report_needs_a_result(sizing, tmp_path):
     with pytest.raises(InputError, match="motion 'fast' has no result to report; size it first"):
         report(sizing.inputs[1][1], tmp_path / "x.html")
     with pytest.raises(
-        InputError, match="report: argument 'source': expected a run, a motion, a sizing, or the path of a run, found a"
+        InputError,
+        match="report: argument 'source': expected a run, a motion, a sizing, a selection, or the path of a run, found",
     ):
         report({}, tmp_path / "x.html")
     assert not list(tmp_path.iterdir())

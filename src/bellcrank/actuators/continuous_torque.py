@@ -1,8 +1,9 @@
 """The continuous (S1) torque over speed, derated for ambient temperature and altitude.
 
-In this order: the curve that the maker prints; the nominal torque up to the nominal speed, and the thermal limit from
-both thermal resistances above it, which is nowhere more than the nominal torque. Without a nominal torque it is the
-thermal limit; without the thermal figures, it is unknown above the nominal speed.
+In this order: the curve that the maker prints; the nominal torque up to the nominal speed; above it the thermal limit
+from both thermal resistances, which counts up to the nominal torque. Without a nominal torque it is the thermal limit;
+without the thermal figures it is unknown above the nominal speed. Where the nominal torque is reduced for the ambient
+temperature or the altitude, and the thermal limit there is less, the thermal limit counts.
 
 Thermal limit: with the copper loss P_cu at the largest winding temperature and the heat P_f(ω) of friction and iron in
 the housing (`Motor.friction_heat_share`), T_h = T_a + R_ha (P_cu + P_f) and T_w = T_h + R_wh P_cu. The largest P_cu
@@ -13,8 +14,7 @@ Altitude: in thin air both thermal resistances are taken larger by 1/f, f the pe
 over that up to 1000 m. Printed torques are reduced by f (T_max - T_a) / (T_max - T_ref), in proportion to the
 temperature rise. Copper loss alone would give the root of it; the proportional reduction r is on the safe side as long
 as friction and iron losses are less than r / (1 + r) of the heat, nearly a half. An ambient temperature below the
-reference, or a site below 1000 m, raises no printed torque. Where the thermal limit at the conditions is more than the
-reduced nominal torque, it counts.
+reference, or a site below 1000 m, raises no printed torque.
 """
 
 from __future__ import annotations
@@ -71,10 +71,11 @@ def continuous_torque(motors: MotorArrays, speed: Array | float, conditions: Con
     curve = motors.continuous_curve.at(speed, beyond=0.0) * derating
     printed = motors.nominal_torque * derating
     thermal = thermal_limit_torque(motors, speed, conditions)
-    from_nominal = np.where((speed <= motors.nominal_speed) | (speed == 0.0), printed, np.nan)
-    from_thermal = np.fmin(np.fmax(thermal, from_nominal), motors.nominal_torque)
-    has_curve, has_thermal = motors.continuous_curve.known, ~np.isnan(thermal)
-    torque = np.where(has_curve, curve, np.where(has_thermal, from_thermal, from_nominal))
+    up_to_nominal = (speed <= motors.nominal_speed) | (speed == 0.0)
+    by_nominal = up_to_nominal & (np.isnan(thermal) | (derating == 1.0)) & ~np.isnan(printed)
+    by_thermal = np.where(np.isnan(thermal), np.nan, np.fmin(thermal, printed))
+    has_curve = motors.continuous_curve.known
+    torque = np.where(has_curve, curve, np.where(by_nominal, printed, by_thermal))
     source = np.where(has_curve, 1, np.where(torque == thermal, 2, 3)) * ~np.isnan(torque)
     return ContinuousTorque(torque, source.astype(np.int8))
 

@@ -96,11 +96,18 @@ def _refuse_unused(arguments: argparse.Namespace) -> None:
 
 
 def _list(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
+    from bellcrank.actuators.catalogue import Catalogue
+    from bellcrank.actuators.catalogue_columns import GEAR_KINDS, MOTOR_KINDS
     from bellcrank.actuators.catalogue_writer import write_catalogue
     from bellcrank.commands.catalogue_tables import overview, write_json
 
     voltage = number_option("--voltage", arguments.voltage, "V", above=0.0)
     chosen = catalogue.filtered(makers=arguments.maker, kinds=arguments.kind, voltage=voltage)
+    kinds = set(arguments.kind or (*MOTOR_KINDS, *GEAR_KINDS))  # `filtered` keeps gears where only motors are named
+    gears = chosen.gears if voltage is None else ()
+    chosen = Catalogue(
+        tuple(one for one in chosen.motors if one.kind in kinds), tuple(one for one in gears if one.kind in kinds)
+    )
     for name in RANGES:
         chosen = _in_range(chosen, name, getattr(arguments, name))
     if arguments.out is not None:

@@ -70,18 +70,27 @@ def _motor_row(motor: Motor, wrong: bool) -> list[str]:
 
 
 def _gear_row(gear: Gear, wrong: bool) -> list[str]:
-    torque = gear.rated_torque if gear.average_torque is None else gear.average_torque
+    average = gear.rated_torque if gear.average_torque is None else gear.average_torque
+    unit = " N" if gear.kind in LINEAR_KINDS else ""
     return [
         gear.id + (" *" if wrong else ""),
         gear.kind,
-        figure(gear.ratio),
-        figure(torque) + (" N" if gear.kind in LINEAR_KINDS and torque is not None else ""),
-        figure(gear.repeated_peak_torque),
+        _transmission(gear),
+        figure(average) + (unit if average is not None else ""),
+        figure(gear.repeated_peak_torque) + (unit if gear.repeated_peak_torque is not None else ""),
         figure(gear.efficiency),
         figure(gear.mass),
         gear.maker,
         gear.quality,
     ]
+
+
+def _transmission(gear: Gear) -> str:
+    """The ratio; the lead of a screw and the radius of a rack's pinion."""
+    if gear.ratio is None or gear.kind not in LINEAR_KINDS:
+        return figure(gear.ratio)
+    screw = gear.kind == "screw"
+    return f"{(2.0 * math.pi if screw else 1.0) / gear.ratio * 1e3:.4g} mm {'lead' if screw else 'radius'}"
 
 
 def figure(value: float | None) -> str:
@@ -134,7 +143,7 @@ def _counts(catalogue: Catalogue, wrong: int) -> str:
 def _completeness(catalogue: Catalogue) -> str:
     rows = [
         [one.criterion, _share(one.motors, len(catalogue.motors)), _share(one.gears, len(catalogue.gears)),
-         f"{one.pairs:.1%}"]
+         "-" if one.pairs is None else f"{one.pairs:.1%}"]
         for one in completeness(catalogue)
     ]  # fmt: skip
     return text_table(("criterion", "motors", "gears", "pairs"), rows)

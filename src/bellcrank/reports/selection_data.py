@@ -19,14 +19,8 @@ from numpy.typing import NDArray
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.replays.page.array_encoding import deflate_base64
-from bellcrank.sizing.selection.load_reductions import (
-    ACCELERATION,
-    DRIVEN,
-    DRIVING,
-    SPEED,
-    ReducedCycle,
-    reduce_loads,
-)
+from bellcrank.reports.load_points import load_points, thinned
+from bellcrank.sizing.selection.load_reductions import ReducedCycle, reduce_loads
 from bellcrank.sizing.selection.motor_curves import motor_curves
 from bellcrank.sizing.selection.pair_detail import PairDetail, pair_details
 from bellcrank.sizing.selection.selection import (
@@ -42,7 +36,6 @@ from bellcrank.sizing.selection.selection import (
 from bellcrank.text import readable
 
 Array = NDArray[np.float64]
-MOST_SAMPLES = 400  # of a load cycle besides the corners of its hull
 MOST_TEMPERATURES = 80  # of a cycle
 DIGITS = 5
 
@@ -226,31 +219,9 @@ def _temperature(table: Array | None) -> dict[str, list[float | None]] | None:
 
 def _cycle(cycle: ReducedCycle) -> dict[str, Any]:
     """The load of an axis along a cycle: some of its samples, then its extremes (at speeds that are not negative)."""
-    table = load_table(cycle)
+    table = load_points(cycle)
     names = ("torque", "speed", "acceleration")
     return {"name": readable(cycle.name), **{name: _numbers(table[:, k]) for k, name in enumerate(names)}}
-
-
-def load_table(cycle: ReducedCycle) -> Array:
-    """(torque, speed, acceleration) (n, 3) of the axis: some samples of a cycle, and all that decide straight limits.
-
-    Those that decide are at speeds that are not negative: their signs are turned together, which changes no limit.
-    """
-    samples = np.column_stack([cycle.torque, cycle.speed, cycle.features[:, ACCELERATION]])
-    extremes = cycle.hull
-    torque = extremes[:, DRIVING] + extremes[:, DRIVEN]
-    return np.concatenate(
-        [
-            samples[thinned(samples, MOST_SAMPLES)],
-            np.column_stack([torque, extremes[:, SPEED], extremes[:, ACCELERATION]]),
-        ]
-    )
-
-
-def thinned(table: Array, most: int) -> NDArray[np.intp]:
-    """About `most` rows of a table (n, m), evenly spread, and those of the extremes of each column."""
-    even = np.linspace(0, len(table) - 1, min(most, len(table))).astype(np.intp)
-    return np.unique(np.concatenate([even, np.argmin(table, axis=0), np.argmax(table, axis=0)]))
 
 
 def _combinations(selection: Selection) -> list[dict[str, Any]]:

@@ -188,7 +188,9 @@ def _verdict(selection: Selection) -> list[str]:
     lines += [f"The whole robot: {result.text}" for result in selection.system if result.verdict == "exceeded"]
     unfit = [axis.axis.name for axis in found if axis.chosen is not None and axis.chosen.fit == "fit not checked"]
     if unfit:
-        lines.append(f"Flange and shaft of motor and gear are not stated, so the fit is not checked: {', '.join(unfit)}.")
+        lines.append(
+            f"Flange and shaft of motor and gear are not stated, so the fit is not checked: {', '.join(unfit)}."
+        )
     unknown = [result.name for result in selection.system if result.verdict == "unknown"]
     if unknown:
         lines.append(f"Of the whole robot, {' and '.join(unknown)} {'is' if len(unknown) == 1 else 'are'} unknown.")

@@ -295,3 +295,61 @@ def test_the_original_is_not_overwritten(products: Catalogue, tmp_path: Path) ->
     with pytest.raises(InputError, match="'gravity' of the file is not that"):
         changed.write_config(tmp_path / "other.yaml")
     assert not (tmp_path / "other.yaml").exists()
+
+
+BELT = """
+name: Belt arm
+urdf: planar_2r
+gravity: [0, -9.81, 0]
+motions:
+  swing: {kind: waypoints, times: [0, 2, 4], positions: [{elbow: -30 deg}, {elbow: -90 deg}, {elbow: -30 deg}]}
+transmissions: [{joints: [elbow], motors: [elbow_motor], matrix: [[2]]}]
+mounts: {elbow_motor: {link: base, axis: [0, 0, 1]}}
+duty: [swing, {pause: 2 s}]
+"""
+
+
+def test_actuators_of_coupled_transmissions_are_written_by_motor(products: Catalogue, tmp_path: Path) -> None:
+    (tmp_path / "belt.yaml").write_text(BELT)
+    found = select(tmp_path / "belt.yaml", None, products)
+    assert [one.axis.name for one in found.axes] == ["shoulder", "elbow_motor"]
+    path = found.write_config(tmp_path / "chosen.yaml")
+    config = load_robot_config(path)
+    assert set(config.actuators) == {"shoulder", "elbow_motor"} and config.duty == found.inputs.config.duty
+    sizing = size(path)
+    shaft, cycle = sizing.joint("shoulder").shaft, found.cycles[0]
+    assert found.axes[0].chosen is not None and shaft is not None and shaft.peak_torque is not None
+    train = PowerTrains.of(found.axes[0].chosen.motor, found.axes[0].chosen.gear)
+    torque = train.shaft_torque(cycle.torque[:, 0], cycle.speed[:, 0], cycle.acceleration[:, 0])
+    assert shaft.peak_torque.value == pytest.approx(np.abs(torque).max(), rel=1e-6)
+    assert any("motor 'elbow_motor' belongs to a coupled transmission" in text for text in sizing.unsizable)
+    assert simulate(str(path), duration=0.02).success
+
+
+def test_the_included_part_of_an_actuator_is_taken_off(products: Catalogue, tmp_path: Path) -> None:
+    text = BELT.replace("{link: base, axis: [0, 0, 1]}", "{included_mass: 1.0}").replace(
+        "transmissions: [{joints: [elbow], motors: [elbow_motor], matrix: [[2]]}]\n", ""
+    )
+    (tmp_path / "arm.yaml").write_text(text.replace("elbow_motor", "elbow"))
+    found = select(tmp_path / "arm.yaml", None, products, keep={"elbow": "large+g160", "shoulder": "huge+g160"})
+    config = load_robot_config(found.write_config(tmp_path / "chosen.yaml"))
+    assert sorted(load.mass for load in config.payloads) == pytest.approx([3.5, 7.5])
+    heavy = text.replace("elbow_motor", "elbow").replace("included_mass: 1.0", "included_mass: 9.0")
+    (tmp_path / "heavy.yaml").write_text(heavy)
+    found = select(tmp_path / "heavy.yaml", None, products, keep={"elbow": "large+g160", "shoulder": "huge+g160"})
+    with pytest.raises(InputError, match="contains an actuator of 9 kg"):
+        found.write_config(tmp_path / "no.yaml")
+    assert not (tmp_path / "no.yaml").exists()
+
+
+def test_without_feedback_no_masses_are_written(products: Catalogue, tmp_path: Path) -> None:
+    path = select("geared_pendulum", None, products, feedback=False).write_config(tmp_path / "chosen.yaml")
+    assert not load_robot_config(path).payloads and not load_robot_config(path).mounts
+
+
+def test_an_unknown_mass_is_said_and_not_written(unknown: Selection, tmp_path: Path) -> None:
+    from bellcrank.sizing.selection.written_config import write_config
+
+    path, notes = write_config(unknown, tmp_path / "chosen.yaml")
+    assert notes == ("the mass of bare+g50 is unknown, and not part of the file",)
+    assert not load_robot_config(path).payloads

@@ -31,8 +31,8 @@ STRIPES = 4  # rings of a cylinder of unknown size
 UNKNOWN_SIZE = 0.05  # m, diameter and length that stand for unknown ones where no chosen product states its own
 LEGEND = (
     "Cylinders are the chosen motors (blue) and gears (orange) in their catalogue size, centred at their mounts: the "
-    "joint and its axis, unless the robot configuration says otherwise. Striped cylinders have a diameter or length that "
-    "the catalogue does not state."
+    "joint and its axis, unless the robot configuration says otherwise. Striped cylinders have a diameter or length "
+    "that the catalogue does not state."
 )
 
 

@@ -38,11 +38,13 @@ def advice_for(problem: JudgedAxes, axis: int, masses: Masses, one: AxisSelectio
         return replace(
             one, advice=f"no pair of the catalogue can be mounted on this {one.axis.kind} axis; add {needed}"
         )
-    nearest = one.chosen or min(failing, key=lambda each: each.largest_use)
+    failing.sort(key=lambda each: each.largest_use)
+    nearest = one.chosen or failing[0]
     remedies = _Remedies(problem, axis, masses, nearest)
+    ratio = next((text for each in ([nearest] if one.kept else failing) if (text := remedies.ratio(each))), "")
     exceeded = [result for result in nearest.criteria if result.verdict == "exceeded"]
     listed = "; ".join(f"{result.name} {result.use or 0.0:.0%} ({result.text})" for result in exceeded)
-    helpful = [text for text in (remedies.ratio(), remedies.voltage(), remedies.slower()) if text]
+    helpful = [text for text in (ratio, remedies.voltage(), remedies.slower()) if text]
     factors = ", ".join(f"{result.use or 0.0:.2f} times as high in '{result.name}'" for result in exceeded)
     helpful.append(f"limits {factors}: a larger motor or gear, as far as its own inertia does not add to the load")
     kept = "the given pair" if one.kept else "nearest to the limits is"
@@ -58,16 +60,18 @@ class _Remedies:
         self.exceeded = {result.name for result in pair.criteria if result.verdict == "exceeded"}
         self.loads = problem.axis_loads(axis, masses)
 
-    def ratio(self) -> str:
-        """Other ratios of the same gear."""
-        if self.gear.ratio is None or self.gear.kind == "direct":
+    def ratio(self, pair: Candidate) -> str:
+        """Other ratios of the gear of a pair."""
+        if pair.gear.ratio is None or pair.gear.kind == "direct":
             return ""
-        ratios = self.gear.ratio * RATIOS
-        passing = ratios[self._pass([(self.motor, replace(self.gear, ratio=float(ratio))) for ratio in ratios])]
+        ratios = pair.gear.ratio * RATIOS
+        geared = _pairs([(pair.motor, replace(pair.gear, ratio=float(ratio))) for ratio in ratios])
+        passing = ratios[judge(geared, self.loads, self.problem.conditions).tier < 2]
         if not len(passing):
             return ""
         unit = "" if self.problem.axes[self.axis].axis.kind == "rotary" else " rad/m"
-        return f"a ratio of {passing[0]:.3g} to {passing[-1]:.3g}{unit} in place of {self.gear.ratio:.4g}"
+        between = f"{passing[0]:.3g} to {passing[-1]:.3g}{unit}"
+        return f"a ratio of {between} in place of {pair.gear.ratio:.4g} (of {pair.id})"
 
     def voltage(self) -> str:
         """A higher voltage."""
@@ -102,9 +106,6 @@ class _Remedies:
         name = motor.id if gear.kind == "direct" else f"{motor.id}+{gear.id}"
         return f"motions that last about {factor:.2f} times as long (then {name} passes what is known)"
 
-    def _pass(self, rows: Sequence[tuple[Motor, Gear]]) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-        return np.asarray(judge(_pairs(rows), self.loads, self.problem.conditions).tier < 2)
-
 
 def _pairs(rows: Sequence[tuple[Motor, Gear]]) -> Pairs:
     """Pairs of products that are not in the catalogue."""
@@ -121,8 +122,8 @@ def _first(values: Sequence[float], passes: Callable[[float], bool]) -> float | 
 def slower_cycle(cycle: LoadCycle, factor: float) -> LoadCycle:
     """A cycle that lasts `factor` times as long: what does not hold the axis at rest falls with the factor's square.
 
-    Inertial, Coriolis and centrifugal torques do (Hollerbach, Dynamic scaling of manipulator trajectories, 1984); friction
-    falls less, so the result is approximate where there is friction.
+    Inertial, Coriolis and centrifugal torques do (Hollerbach, Dynamic scaling of manipulator trajectories, 1984).
+    Friction falls less, so the result is approximate where there is friction.
     """
     moving = cycle.torque - cycle.static_torque
     return replace(

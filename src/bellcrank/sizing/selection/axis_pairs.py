@@ -112,7 +112,8 @@ def _cost(pairs: Pairs) -> Array:
     motors, gears = pairs.products.motors, pairs.products.gears
     prices = np.array([row.price for row in motors], dtype=np.float64)
     gear_prices = np.array([0.0 if row.kind == "direct" else row.price for row in gears], dtype=np.float64)
-    names = {name: number for number, name in enumerate(sorted({r.currency or "" for r in (*motors, *gears)}))}
+    rows: list[Motor | Gear] = [*motors, *gears]
+    names = {name: number for number, name in enumerate(sorted({row.currency or "" for row in rows}))}
     motor_currency = np.array([names[row.currency or ""] for row in motors], dtype=np.intp)
     gear_currency = np.array([names[row.currency or ""] for row in gears], dtype=np.intp)
     direct = np.array([row.kind == "direct" for row in gears], dtype=bool)
@@ -124,7 +125,10 @@ def check_prices(axes: Sequence[AxisPairs], objective: str) -> None:
     """Refuse the least cost where no pair has a price, or prices have several currencies (InputError)."""
     if objective != "cost":
         return
-    rows = {row.id: row for one in axes for row in (*one.pairs.products.motors, *one.pairs.products.gears)}
+    rows: dict[str, Motor | Gear] = {}
+    for one in axes:
+        rows |= {row.id: row for row in one.pairs.products.motors}
+        rows |= {row.id: row for row in one.pairs.products.gears}
     priced = [row for row in rows.values() if row.price is not None and row.kind != "direct"]
     currencies = sorted({row.currency or "no currency stated" for row in priced})
     if len(currencies) > 1:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from bellcrank.sizing.selection.candidates import without_mass
 from bellcrank.sizing.selection.feedback import fixed_point
 from bellcrank.sizing.selection.joint_problem import Choice, judge_choice, masses_of
@@ -75,7 +77,9 @@ def choose(problem: JudgedAxes, effort: int) -> Chosen:
 def system_results(problem: JudgedAxes, choice: Choice) -> tuple[CriterionResult, ...]:
     """The criteria of all axes together; none where nothing can drive an axis."""
     masses = masses_of(problem, choice)
-    pairs = [one.pairs.take([pair]) for one, pair in zip(problem.axes, choice, strict=True) if pair is not None]
+    pairs = [
+        one.pairs.take(np.array([pair])) for one, pair in zip(problem.axes, choice, strict=True) if pair is not None
+    ]
     if len(pairs) < len(choice):
         return ()
     loads = [problem.axis_loads(axis, masses) for axis in range(len(choice))]

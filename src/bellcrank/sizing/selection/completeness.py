@@ -25,13 +25,13 @@ class Completeness:
         criterion: Its name.
         motors: Number of motors that state what it needs of a motor; None where it needs nothing of them.
         gears: Number of gears, in the same way.
-        pairs: Share of all pairs of a motor and a gear (or none) that state everything.
+        pairs: Share of all pairs of a motor and a gear (or none) that state everything; None where there is no motor.
     """
 
     criterion: str
     motors: int | None
     gears: int | None
-    pairs: float
+    pairs: float | None
 
 
 def completeness(catalogue: Catalogue) -> tuple[Completeness, ...]:
@@ -53,7 +53,7 @@ def _of(criterion: Criterion, catalogue: Catalogue) -> Completeness:
         criterion=criterion.name,
         motors=_count(of_motor[_asking("motor", criterion)]),
         gears=_count(of_gear[_asking("gear", criterion), :-1]),
-        pairs=float(complete.sum() / possible.sum()) if len(motors) else 0.0,
+        pairs=float(complete.sum() / possible.sum()) if len(motors) else None,
     )
 
 

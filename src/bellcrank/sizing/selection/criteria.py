@@ -32,8 +32,8 @@ SHAFT = (
     ("gear.ratio", "gear.inertia", "motor.rotor_inertia", "gear.efficiency"),
     ("gear.ratio", "gear.inertia", "motor.rotor_inertia", "gear.efficiency_curve", "gear.rated_torque"),
 )
-FRICTION = (("motor.torque_constant", "motor.no_load_current"), ("motor.coulomb_friction", "motor.viscous_friction"))
 TORQUE_CONSTANT = (("motor.torque_constant", "motor.torque_constant_basis"),)
+FRICTION = ((*TORQUE_CONSTANT[0], "motor.no_load_current"), ("motor.coulomb_friction", "motor.viscous_friction"))
 
 
 class Criterion(ABC):
@@ -177,7 +177,9 @@ class LimitCriterion(Criterion):
         """The load and its limit, with units, and the cycle."""
         unit = ("N m" if cycle.axis.kind == "rotary" else "N") if self.unit == "axis torque" else self.unit
         demand = float(self.demand(pair, cycle, conditions)[0])
-        load = f"{self.quantity} {demand:.4g} {unit}" if not np.isnan(demand) else f"{self.quantity} unknown"
+        load = f"{self.quantity} {demand:.4g} {unit}"
+        if np.isnan(demand):
+            return f"{self.quantity} unknown in '{cycle.name}'; {self.missing(pair)}"
         limit, name = float(self.limit(pair, cycle, conditions)[0]), self.limit_name
         if np.isnan(limit):
             use = float(self.cycle_use(pair, cycle, conditions)[0])
@@ -206,7 +208,8 @@ def worst(uses: Array) -> Array:
 
 def alternatives(*groups: tuple[tuple[str, ...], ...]) -> tuple[tuple[str, ...], ...]:
     """Every choice of one alternative of each group, as alternatives of all the fields that they name."""
-    return tuple(tuple(name for part in choice for name in part) for choice in itertools.product(*groups))
+    choices = itertools.product(*groups)
+    return tuple(tuple(dict.fromkeys(name for part in choice for name in part)) for choice in choices)
 
 
 def lacks(needed: tuple[str, ...], motor: Motor, gear: Gear) -> tuple[str, ...]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -59,7 +61,7 @@ COSTLY: Final[tuple[tuple[Criterion, ...], ...]] = ((PeakDuration(),), (WindingT
 NOTES: Final[tuple[Criterion, ...]] = (InertiaRatio(), Resonance(), AxisError())
 CRITERIA: Final = (*GEAR_CRITERIA, *(criterion for group in (*CHEAP, *COSTLY) for criterion in group))
 CHUNK = 8192  # pairs judged at once
-THREADS = 1
+THREADS = 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -134,14 +136,23 @@ def judge(pairs: Pairs, loads: ReducedLoads, conditions: Conditions) -> Judgemen
         _judge_gears(judgement, row, criterion)
     alive = np.nonzero(~(verdict == EXCEEDED).any(axis=0))[0]
     undecided = np.zeros((len(COSTLY), len(pairs)), dtype=bool)  # groups of costly criteria that bounds do not decide
-    with ThreadPoolExecutor(THREADS) as threads:
-        list(threads.map(lambda rows: _judge_chunk(judgement, rows, undecided), _chunks(pairs, alive)))
-        row = len(GEAR_CRITERIA) + sum(map(len, CHEAP))
-        for group, left in zip(COSTLY, undecided, strict=True):
-            rows = np.nonzero(left & ~(verdict == EXCEEDED).any(axis=0))[0]
-            list(threads.map(lambda part, g=group, r=row: _judge_rows(judgement, r, g, part), _chunks(pairs, rows)))
-            row += len(group)
+    _in_threads(lambda rows: _judge_chunk(judgement, rows, undecided), _chunks(pairs, alive))
+    row = len(GEAR_CRITERIA) + sum(map(len, CHEAP))
+    for group, left in zip(COSTLY, undecided, strict=True):
+        rows = np.nonzero(left & ~(verdict == EXCEEDED).any(axis=0))[0]
+        _in_threads(partial(_judge_rows, judgement, row, group), _chunks(pairs, rows))
+        row += len(group)
     return judgement
+
+
+def _in_threads(function: Callable[[Index], None], parts: list[Index]) -> None:
+    """Call a function of each part; NumPy lets other threads run while it computes."""
+    if len(parts) <= 1:
+        for part in parts:
+            function(part)
+        return
+    with ThreadPoolExecutor(THREADS) as threads:
+        list(threads.map(function, parts))
 
 
 def _chunks(pairs: Pairs, rows: Index) -> list[Index]:
@@ -171,28 +182,31 @@ def _judge_gears(judgement: Judgement, row: int, criterion: Criterion) -> None:
 def _judge_chunk(judgement: Judgement, rows: Index, undecided: Bools) -> None:
     """Judge some pairs by the cheap criteria, group by group; note which costly ones their bounds leave undecided."""
     row, part = len(GEAR_CRITERIA), judgement.pairs.take(rows)
+    level = np.fmax.reduce(judgement.use[:row, rows], axis=0, initial=0.0)  # largest utilisation so far
     for group in CHEAP:
+        passed = np.ones(len(rows), dtype=bool)
         for offset, criterion in enumerate(group):
-            rest = _by_bound(judgement, row + offset, criterion, part, rows)
+            rest = _by_bound(judgement, row + offset, criterion, part, rows, level)
             _judge_rows(judgement, row + offset, (criterion,), rows[rest], part.take(rest))
-        passed = ~(judgement.verdict[row : row + len(group), rows] == EXCEEDED).any(axis=0)
+            use = judgement.use[row + offset, rows]
+            level = np.fmax(level, use)
+            passed &= ~(use > 1.0)
         row += len(group)
-        rows, part = rows[passed], part.take(passed)
+        rows, part, level = rows[passed], part.take(passed), level[passed]
         if not len(rows):
             return
     judgement.loss[rows] = mean_loss(part, judgement.loads, judgement.conditions)
     for number, group in enumerate(COSTLY):
         for offset, criterion in enumerate(group):
-            rest = _by_bound(judgement, row + offset, criterion, part, rows)
+            rest = _by_bound(judgement, row + offset, criterion, part, rows, level)
             undecided[number, rows[rest]] = True
         row += len(group)
 
 
-def _by_bound(judgement: Judgement, row: int, criterion: Criterion, part: Pairs, rows: Index) -> Index:
-    """Enter what bounds and notes decide; numbers of the pairs that are left, which count as not evaluated."""
-    level = np.fmin(np.fmax.reduce(judgement.use[:, rows], axis=0, initial=0.0), 1.0)
+def _by_bound(judgement: Judgement, row: int, criterion: Criterion, part: Pairs, rows: Index, level: Array) -> Index:
+    """Enter what notes and bounds decide; numbers of the pairs that are left, which count as not evaluated."""
     judged = criterion.judged(part, judgement.loads.axis, judgement.conditions)
-    below = criterion.below(part, judgement.loads, judgement.conditions, level)
+    below = criterion.below(part, judgement.loads, judgement.conditions, np.minimum(level, 1.0))
     judgement.verdict[row, rows] = np.where(judged, np.where(below, INSIDE, NOT_EVALUATED), NOTE)
     return np.nonzero(judged & ~below)[0]
 

@@ -105,7 +105,7 @@ class PeakTorque(LimitCriterion):
     name = "peak torque"
     formula = "max |T| ≤ T_peak"
     source = f"{_YASKAWA} (instantaneous peak torque)"
-    needs = alternatives(SHAFT, (("motor.peak_torque",), ("motor.peak_current", "motor.torque_constant")))
+    needs = alternatives(SHAFT, (("motor.peak_torque",), ("motor.peak_current", *TORQUE_CONSTANT[0])))
     quantity = "largest shaft torque"
     limit_name = "peak torque"
     unit = "N m"
@@ -134,7 +134,7 @@ class PeakCurrent(LimitCriterion):
     name = "peak current"
     formula = "max |T_e| ≤ k_t I_peak, T_e = T + T_c sign ω + c_v ω"
     source = f"{_MAXON} (M = k_M I)"
-    needs = alternatives(SHAFT, FRICTION, (("motor.peak_current", "motor.torque_constant"),))
+    needs = alternatives(SHAFT, FRICTION, TORQUE_CONSTANT, (("motor.peak_current",),))
     quantity = "largest electrical torque"
     limit_name = "that of the peak current"
     unit = "N m"

@@ -1,7 +1,7 @@
 """The Pareto front of the combinations of all axes.
 
-On small catalogues it is exact: the front of an axis and of all axes after it follows from those with each mass that its
-actuator can have, because adding a pair adds to masses, losses and costs, and can only raise the largest utilisation.
+On small catalogues it is exact: the front of an axis and of all axes after it follows from those with each mass that
+its actuator can have, because a pair adds to masses, losses and costs, and can only raise the largest utilisation.
 Elsewhere the fronts of the axes under the masses of the chosen actuators are combined.
 """
 
@@ -21,16 +21,16 @@ MOST_POINTS = 400  # of a front between axes
 MOST_OF_AN_AXIS = 60
 EXACT = "all combinations that no other one betters, of pairs that are known as well as the chosen ones"
 PER_AXIS = (
-    "approximate: combined from the best pairs of each axis under the masses of the chosen actuators, of pairs that are "
-    "known as well as the chosen ones"
+    "approximate: combined from the best pairs of each axis under the masses of the chosen actuators, of pairs that "
+    "are known as well as the chosen ones"
 )
 
 
 def pareto_front(problem: JudgedAxes, choice: Choice, effort: int) -> tuple[tuple[ParetoPoint, ...], str]:
     """Combinations that no other one betters in mass, largest utilisation, loss and cost together.
 
-    Only pairs count that pass and are known at least as well as the chosen pair of their axis: a pair of which little is
-    known would seem to have a small utilisation.
+    Only pairs count that pass and are known at least as well as the chosen pair of their axis: a pair of which little
+    is known would seem to have a small utilisation.
 
     Args:
         problem: The pairs.

@@ -69,8 +69,8 @@ def select(
         robot: As for `size`: a Robot or Linkage; or a RobotConfig, a Scene, or the path or name of a robot
             configuration or URDF.
         motions: As for `size`.
-        catalogue: The products to choose from, or folders and files of products besides those that come with bellcrank; by
-            default the latter alone.
+        catalogue: The products to choose from, or folders and files of products besides those that come with bellcrank;
+            by default the latter alone.
         objective: "mass", "cost" or "loss" (least total), or "margin" (least largest utilisation).
         conditions: Supply, surroundings and safety.
         duty: The cycle: names of motions, and mappings such as {"motion": "pick", "repeat": 3} and {"pause": 2.0}; by
@@ -140,10 +140,9 @@ def _products(
     elif isinstance(given, Catalogue):
         catalogue = given
     else:
-        folders = arguments.several(
-            "catalogue", [given] if isinstance(given, (str, Path)) else given, (str, Path), "folders"
-        )
-        catalogue = load_catalogue(*folders)
+        folders = [given] if isinstance(given, (str, Path)) else given
+        paths = arguments.several("catalogue", folders, object, "folders or files")
+        catalogue = load_catalogue(*(arguments.path("catalogue", one, "a folder or file") for one in paths))
     catalogue = catalogue.filtered(makers=makers, exclude=exclude)
     if not catalogue.motors:
         raise InputError("argument 'catalogue': no motor is left to choose from; name other makers, or exclude less")

@@ -68,8 +68,8 @@ def _mass_notes(problem: JudgedAxes, axes: tuple[AxisSelection, ...]) -> list[st
     if unknown:
         loaded = [one.axis.name for one in axes if one.unknown_masses]
         notes.append(
-            f"the masses of the actuators at {_names(unknown)} are not stated, so the loads of {_names(loaded)} are not "
-            "known: criteria that depend on them are unknown, and are exceeded only where they are without these masses; "
+            f"the masses of the actuators at {_names(unknown)} are not stated, so the loads of {_names(loaded)} are "
+            "not known: criteria that depend on them are unknown, or exceeded without these masses already; "
             "exclude products without a mass, assume a mass (conditions.assumed), or, where the URDF contains the "
             "actuators' masses, switch the feedback off"
         )

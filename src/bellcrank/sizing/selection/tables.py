@@ -25,6 +25,10 @@ def table(selection: Selection, top: int = 3) -> str:
         parts += ["", "All axes together:", text_table(system_rows(selection), (0, 2))]
         parts += [_wrapped(f"{result.name}: {result.text}", "  ") for result in selection.system]
     parts += ["", _wrapped(f"Choice: {selection.proof} ({_passes(selection)})")]
+    if selection.pareto:
+        count = len(selection.pareto)
+        what = "combination that no other one betters" if count == 1 else "combinations that no other one betters"
+        parts.append(_wrapped(f"Pareto front: {count} {what}; {selection.pareto_proof}".removesuffix("; ")))
     return "\n".join(parts)
 
 
@@ -83,7 +87,10 @@ def candidate_rows(axis: AxisSelection) -> TableContent:
 
 def system_rows(selection: Selection) -> TableContent:
     """The criteria of all axes together."""
-    rows = [[one.name, UNKNOWN if one.use is None else percent(one.use), one.verdict] for one in selection.system]
+    rows = [
+        [one.name, percent(one.use) if one.use is not None else "-" if one.verdict == "note" else UNKNOWN, one.verdict]
+        for one in selection.system
+    ]
     return TableContent(["criterion", "use", "verdict"], rows)
 
 

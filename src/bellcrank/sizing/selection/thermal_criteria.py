@@ -125,21 +125,24 @@ class HousingTemperature(Temperature):
 
 def heat_cycle(pairs: Pairs, cycle: ReducedCycle) -> HeatCycle:
     """The mean losses of each pair's motor over the intervals of a cycle, in their order and with all passes."""
-    factors = electrical_coefficients(pairs, cycle)
+    copper, friction = interval_losses(pairs, cycle)
+    order = cycle.interval_order
+    return HeatCycle(
+        duration=cycle.interval_duration[order], copper_loss=copper[order].T, friction_loss=friction[order].T
+    )
+
+
+def interval_losses(pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, Array]:
+    """Mean copper loss at 25 °C, and friction and iron loss (K, m), W, of each interval and pair."""
+    factors = electrical_coefficients(pairs, cycle).T
     moments = cycle.interval_moments
     row, column = np.triu_indices(5)
     twice = np.where(row == column, 1.0, 2.0)
-    squares = (factors[:, row] * factors[:, column]) @ (moments[:, row, column] * twice).T
-    copper = loss_per_squared_torque(pairs.motors)[:, None] * np.maximum(squares, 0.0)
-    ratio = pairs.of_gear("ratio")[:, None]
-    friction = ratio * (
-        pairs.of_motor("coulomb_torque")[:, None] * moments[:, DIRECTION, SPEED]
-        + pairs.of_motor("viscous_coefficient")[:, None] * ratio * moments[:, SPEED, SPEED]
-    )
-    order = cycle.interval_order
-    return HeatCycle(
-        duration=cycle.interval_duration[order], copper_loss=copper[:, order], friction_loss=friction[:, order]
-    )
+    squares = (moments[:, row, column] * twice) @ (factors[row] * factors[column])
+    ratio = pairs.of_gear("ratio")
+    constant, viscous = ratio * pairs.of_motor("coulomb_torque"), ratio**2 * pairs.of_motor("viscous_coefficient")
+    friction = moments[:, [DIRECTION, SPEED], SPEED] @ np.stack([constant, viscous])
+    return loss_per_squared_torque(pairs.motors) * np.maximum(squares, 0.0), friction
 
 
 def peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
@@ -184,11 +187,12 @@ def temperature_bounds(
     grows with the temperature, so from the ambient temperature the true solution stays below the linear one. (Derived
     here.)
     """
-    heat = pairs.once(("heat", cycle), lambda: heat_cycle(pairs, cycle))
     model = ThermalModel.of(pairs.motors, conditions)
     factor = resistance_factor(winding)
-    mean_copper, copper_range = (factor * value for value in _mean_and_range(heat.copper_loss, heat.duration))
-    mean_friction, friction_range = _mean_and_range(heat.friction_loss, heat.duration)
+    mean_copper, copper_range, mean_friction, friction_range = pairs.once(
+        ("means and ranges", cycle), lambda: _means_and_ranges(pairs, cycle)
+    ).T
+    mean_copper, copper_range = factor * mean_copper, factor * copper_range
     base = model.ambient + model.housing_resistance * (mean_copper + mean_friction)
     base = base + friction_range / model.housing_capacity
     return (
@@ -197,8 +201,16 @@ def temperature_bounds(
     )
 
 
-def _mean_and_range(loss: Array, duration: Array) -> tuple[Array, Array]:
-    """The mean (m,), W, of losses (m, n), and the range of the energy above it along the cycle, J."""
-    mean = loss @ duration / duration.sum()
-    energy = np.cumsum((loss - mean[:, None]) * duration, axis=1)
-    return mean, np.maximum(energy.max(axis=1), 0.0) - np.minimum(energy.min(axis=1), 0.0)
+def _means_and_ranges(pairs: Pairs, cycle: ReducedCycle) -> Array:
+    """Mean copper loss, W, the range of the energy above it along the cycle, J, and the same of friction, (m, 4)."""
+    columns: list[Array] = []
+    length = cycle.interval_duration
+    for loss in interval_losses(pairs, cycle):
+        mean = (length * cycle.passes) @ loss / cycle.duration
+        above = (loss - mean) * length[:, None]
+        energy, least, most = np.zeros((3, len(pairs)))
+        for number in cycle.interval_order:
+            energy = energy + above[number]
+            least, most = np.minimum(least, energy), np.maximum(most, energy)
+        columns += [mean, most - least]
+    return np.column_stack(columns)
