@@ -32,6 +32,8 @@ _HOME = {
     "Actuator": "actuators.actuator",
     "Motor": "actuators.motor",
     "Gear": "actuators.gear",
+    "CoupledTransmission": "actuators.coupled_transmission",
+    "Mount": "actuators.mount",
     "Catalogue": "actuators.catalogue",
     "load_catalogue": "actuators.catalogue",
     "write_catalogue": "actuators.catalogue_writer",
@@ -60,11 +62,13 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "BellcrankError",
     "Catalogue",
     "CompileError",
+    "CoupledTransmission",
     "Gear",
     "InputError",
     "Linkage",
     "Motion",
     "Motor",
+    "Mount",
     "NotSavedError",
     "Payload",
     "Robot",
@@ -107,8 +111,10 @@ if TYPE_CHECKING:
     from bellcrank.actuators.actuator import Actuator
     from bellcrank.actuators.catalogue import Catalogue, load_catalogue
     from bellcrank.actuators.catalogue_writer import write_catalogue
+    from bellcrank.actuators.coupled_transmission import CoupledTransmission
     from bellcrank.actuators.gear import Gear
     from bellcrank.actuators.motor import Motor
+    from bellcrank.actuators.mount import Mount
     from bellcrank.dynamics.closed_inverse_dynamics import Linkage
     from bellcrank.dynamics.scene_inverse_dynamics import scene_inverse_dynamics
     from bellcrank.errors import BellcrankError, CompileError, InputError, NotSavedError, UnreachableError
