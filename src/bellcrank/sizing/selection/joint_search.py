@@ -25,6 +25,7 @@ from bellcrank.sizing.selection.joint_problem import (
     JointProblem,
     components,
     is_ordered,
+    judge_choice,
     search_order,
 )
 from bellcrank.sizing.selection.ranking import (
@@ -109,8 +110,8 @@ class _Search:
             self.found = self.start
             for axis in self.axes:
                 self._take(axis, self.start[axis])
-            keys = [NOTHING if (p := self.pairs[a]) is None else as_key(self._keys(a)[p]) for a in self.axes]
-            self.best = total(keys, problem.largest)
+            keys = judge_choice(problem, self.start)
+            self.best = total([keys[axis] for axis in self.axes], problem.largest)
 
     def descend(self, group: int, keys: list[RankKey]) -> None:
         """Choose the axes of a group and of those after it; `keys` are those of the axes before."""
