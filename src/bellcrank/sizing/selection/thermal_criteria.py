@@ -164,11 +164,8 @@ def _peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions
     heat = heat_cycle(pairs, cycle)
     model = ThermalModel.of(pairs.motors, conditions)
     periodic = periodic_temperatures(model, heat)
-    peaks = np.column_stack([periodic.winding_peak, periodic.housing_peak])
-    complete = ~np.isnan(heat.copper_loss @ heat.duration + model.winding_capacity + model.housing_capacity)
-    peaks[np.isnan(peaks) & complete[:, None]] = np.inf  # only a runaway overflows
     bounds = model.steady_temperatures(heat.copper_loss.max(axis=1), heat.friction_loss.max(axis=1))
-    return np.column_stack([peaks, *bounds])
+    return np.column_stack([periodic.winding_peak, periodic.housing_peak, *bounds])
 
 
 def temperature_bounds(
@@ -193,6 +190,7 @@ def temperature_bounds(
         ("means and ranges", cycle), lambda: _means_and_ranges(pairs, cycle)
     ).T
     mean_copper, copper_range = factor * mean_copper, factor * copper_range
+    mean_friction, friction_range = model.friction_share * mean_friction, model.friction_share * friction_range
     base = model.ambient + model.housing_resistance * (mean_copper + mean_friction)
     base = base + friction_range / model.housing_capacity
     return (
