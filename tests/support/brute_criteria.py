@@ -75,14 +75,27 @@ class Brute:
         r_wh, r_ha = value(m.resistance_winding_housing), value(m.resistance_housing_ambient)
         rise = value(m.max_winding_temperature) - 25.0
         friction = self.tc * np.sign(speed) + self.cv * speed
-        copper = (rise - r_ha * friction * speed) / (r_wh + r_ha)
+        heat = self.friction_share() * friction * speed
+        copper = (rise - r_ha * heat) / (r_wh + r_ha)
         if m.max_housing_temperature is not None:
-            copper = np.minimum(copper, (m.max_housing_temperature - 25.0) / r_ha - friction * speed)
+            copper = np.minimum(copper, (m.max_housing_temperature - 25.0) / r_ha - heat)
         per_torque = value(m.resistance) / self.k**2 * (1.0 + ALPHA * rise)
         thermal = np.maximum(np.sqrt(np.maximum(copper, 0.0) / per_torque) - friction, 0.0)
-        nominal = value(m.nominal_torque)
-        printed = np.where(speed <= value(m.nominal_speed), nominal, math.nan)
-        return np.where(np.isnan(thermal), printed, np.fmin(thermal, nominal))
+        nominal, slow = value(m.nominal_torque), speed <= value(m.nominal_speed)
+        above = np.where(np.isnan(thermal), math.nan, np.minimum(thermal, nominal))
+        return np.where(slow, nominal, above)
+
+    def friction_share(self) -> float:
+        """The share of friction and iron loss for which the nominal point reaches the largest temperature."""
+        m = self.motor
+        r_wh, r_ha = value(m.resistance_winding_housing), value(m.resistance_housing_ambient)
+        limit = value(m.max_winding_temperature)
+        friction = self.tc + self.cv * value(m.nominal_speed)
+        torque = value(m.nominal_torque) + friction
+        copper = value(m.resistance) / self.k**2 * torque**2 * (1.0 + ALPHA * (limit - 25.0))
+        reference = 25.0 if m.reference_temperature is None else m.reference_temperature
+        share = (limit - reference - (r_wh + r_ha) * copper) / (r_ha * friction * value(m.nominal_speed))
+        return 1.0 if math.isnan(share) else min(max(share, 0.0), 1.0)
 
     def in_order(self) -> np.ndarray:
         """Numbers of the samples in the order of the whole cycle, with all passes."""
@@ -111,11 +124,11 @@ class Brute:
             longest = max(longest, run)
         return longest if above.any() else -1.0
 
-    def losses(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Durations, copper losses at 25 °C and friction losses of the intervals in their order."""
+    def heat(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Durations, copper losses at 25 °C and heat of friction of the intervals in their order."""
         weight, cycle = self.pass_weight(), self.cycle
         copper = value(self.motor.resistance) / self.k**2 * self.Te**2
-        friction = (self.tc * np.sign(self.omega) + self.cv * self.omega) * self.omega
+        friction = self.friction_share() * (self.tc * np.sign(self.omega) + self.cv * self.omega) * self.omega
         order = np.concatenate([np.tile(np.arange(a, b), passes) for a, b, passes in cycle.sequence])
         intervals = [np.flatnonzero(cycle.interval == k) for k in range(int(cycle.interval.max()) + 1)]
         rows = [
@@ -131,7 +144,7 @@ class Brute:
         r_wh, r_ha = value(m.resistance_winding_housing), value(m.resistance_housing_ambient)
         c_w, c_h = value(m.time_constant_winding) / r_wh, value(m.time_constant_motor) / r_ha
         steps, flow, factor = [], np.eye(3), 1.0 + ALPHA * (ambient - 25.0)
-        for length, copper, friction in zip(*self.losses(), strict=True):
+        for length, copper, friction in zip(*self.heat(), strict=True):
             if math.isnan(length + copper + friction + c_w + c_h):
                 return math.nan, math.nan
             system = np.array(
