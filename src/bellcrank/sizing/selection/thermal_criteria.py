@@ -163,9 +163,12 @@ def peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions)
 def _peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
     heat = heat_cycle(pairs, cycle)
     model = ThermalModel.of(pairs.motors, conditions)
-    periodic = periodic_temperatures(model, heat)
+    complete = ~np.isnan(heat.copper_loss @ heat.duration + model.winding_capacity + model.housing_capacity)
+    periodic = periodic_temperatures(model[complete], heat[complete])
+    peaks = np.full((len(pairs), 2), np.nan)
+    peaks[complete] = np.column_stack([periodic.winding_peak, periodic.housing_peak])
     bounds = model.steady_temperatures(heat.copper_loss.max(axis=1), heat.friction_loss.max(axis=1))
-    return np.column_stack([periodic.winding_peak, periodic.housing_peak, *bounds])
+    return np.column_stack([peaks, *bounds])
 
 
 def temperature_bounds(
