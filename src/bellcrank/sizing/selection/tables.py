@@ -27,9 +27,7 @@ def table(selection: Selection, top: int = 3) -> str:
         parts += [_wrapped(f"{result.name}: {result.text}", "  ") for result in selection.system]
     parts += ["", _wrapped(f"Choice: {selection.proof} ({_passes(selection)})")]
     if selection.pareto:
-        count = len(selection.pareto)
-        what = "combination that no other one betters" if count == 1 else "combinations that no other one betters"
-        parts.append(_wrapped(f"Pareto front: {count} {what}; {selection.pareto_proof}".removesuffix("; ")))
+        parts.append(_wrapped(f"Pareto front ({len(selection.pareto)}): {selection.pareto_proof or 'combinations'}"))
     return "\n".join(parts)
 
 
