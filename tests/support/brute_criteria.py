@@ -65,6 +65,17 @@ class Brute:
         travel = np.sum(self.w * np.abs(self.dq))
         return float((np.sum(self.w * np.abs(self.dq) * np.abs(self.tau) ** p) / travel) ** (1.0 / p))
 
+    def heat_share(self) -> float:
+        """Share of the friction loss in the housing with which the nominal point is a thermal limit; 1 if unknown."""
+        m = self.motor
+        r_wh, r_ha = value(m.resistance_winding_housing), value(m.resistance_housing_ambient)
+        rise, speed = value(m.max_winding_temperature) - 25.0, value(m.nominal_speed)
+        friction = self.tc + self.cv * speed
+        current = (value(m.nominal_torque) + friction) / self.k
+        copper = value(m.resistance) * current**2 * (1.0 + ALPHA * rise)
+        share = (rise - (r_wh + r_ha) * copper) / (r_ha * friction * speed)
+        return 1.0 if math.isnan(share) else min(max(share, 0.0), 1.0)
+
     def s1(self, speed: np.ndarray) -> np.ndarray:
         """Continuous torque at speeds, at 25 °C and sea level."""
         m = self.motor
@@ -75,27 +86,16 @@ class Brute:
         r_wh, r_ha = value(m.resistance_winding_housing), value(m.resistance_housing_ambient)
         rise = value(m.max_winding_temperature) - 25.0
         friction = self.tc * np.sign(speed) + self.cv * speed
-        heat = self.friction_share() * friction * speed
+        heat = self.heat_share() * friction * speed
         copper = (rise - r_ha * heat) / (r_wh + r_ha)
         if m.max_housing_temperature is not None:
             copper = np.minimum(copper, (m.max_housing_temperature - 25.0) / r_ha - heat)
         per_torque = value(m.resistance) / self.k**2 * (1.0 + ALPHA * rise)
         thermal = np.maximum(np.sqrt(np.maximum(copper, 0.0) / per_torque) - friction, 0.0)
-        nominal, slow = value(m.nominal_torque), speed <= value(m.nominal_speed)
-        above = np.where(np.isnan(thermal), math.nan, np.minimum(thermal, nominal))
-        return np.where(slow, nominal, above)
-
-    def friction_share(self) -> float:
-        """The share of friction and iron loss for which the nominal point reaches the largest temperature."""
-        m = self.motor
-        r_wh, r_ha = value(m.resistance_winding_housing), value(m.resistance_housing_ambient)
-        limit = value(m.max_winding_temperature)
-        friction = self.tc + self.cv * value(m.nominal_speed)
-        torque = value(m.nominal_torque) + friction
-        copper = value(m.resistance) / self.k**2 * torque**2 * (1.0 + ALPHA * (limit - 25.0))
-        reference = 25.0 if m.reference_temperature is None else m.reference_temperature
-        share = (limit - reference - (r_wh + r_ha) * copper) / (r_ha * friction * value(m.nominal_speed))
-        return 1.0 if math.isnan(share) else min(max(share, 0.0), 1.0)
+        nominal = value(m.nominal_torque)
+        printed = np.where((speed <= value(m.nominal_speed)) | (speed == 0.0), nominal, math.nan)
+        above = np.where(np.isnan(thermal), math.nan, np.fmin(thermal, nominal))
+        return np.where(np.isnan(printed), above, printed)
 
     def in_order(self) -> np.ndarray:
         """Numbers of the samples in the order of the whole cycle, with all passes."""
@@ -124,11 +124,11 @@ class Brute:
             longest = max(longest, run)
         return longest if above.any() else -1.0
 
-    def heat(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Durations, copper losses at 25 °C and heat of friction of the intervals in their order."""
+    def losses(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Durations, copper losses at 25 °C and friction losses of the intervals in their order."""
         weight, cycle = self.pass_weight(), self.cycle
         copper = value(self.motor.resistance) / self.k**2 * self.Te**2
-        friction = self.friction_share() * (self.tc * np.sign(self.omega) + self.cv * self.omega) * self.omega
+        friction = (self.tc * np.sign(self.omega) + self.cv * self.omega) * self.omega
         order = np.concatenate([np.tile(np.arange(a, b), passes) for a, b, passes in cycle.sequence])
         intervals = [np.flatnonzero(cycle.interval == k) for k in range(int(cycle.interval.max()) + 1)]
         rows = [
@@ -144,13 +144,13 @@ class Brute:
         r_wh, r_ha = value(m.resistance_winding_housing), value(m.resistance_housing_ambient)
         c_w, c_h = value(m.time_constant_winding) / r_wh, value(m.time_constant_motor) / r_ha
         steps, flow, factor = [], np.eye(3), 1.0 + ALPHA * (ambient - 25.0)
-        for length, copper, friction in zip(*self.heat(), strict=True):
+        for length, copper, friction in zip(*self.losses(), strict=True):
             if math.isnan(length + copper + friction + c_w + c_h):
                 return math.nan, math.nan
             system = np.array(
                 [
                     [(ALPHA * copper - 1.0 / r_wh) / c_w, 1.0 / (r_wh * c_w), copper * factor / c_w],
-                    [1.0 / (r_wh * c_h), -(1.0 / r_wh + 1.0 / r_ha) / c_h, friction / c_h],
+                    [1.0 / (r_wh * c_h), -(1.0 / r_wh + 1.0 / r_ha) / c_h, self.heat_share() * friction / c_h],
                     [0.0, 0.0, 0.0],
                 ]
             )

@@ -100,7 +100,7 @@ def total(selection, objective):
 @pytest.fixture(scope="module")
 def two_joints():
     arm, motions = arm_2r()
-    catalogue = sized_catalogue(3, 10, 5, largest=100.0)
+    catalogue = sized_catalogue(11, 10, 5, largest=100.0)  # one in which the feedback of masses changes the choice
     conditions = Conditions(voltage=48.0)
     return arm, motions, catalogue, conditions, Exhaustive(arm, motions, [catalogue] * 2, conditions)
 
