@@ -20,9 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.sizing.selection.joint_problem import (
+    NO_MASS,
     UNKNOWN_MASS,
     Choice,
     JointProblem,
+    best_pair,
     components,
     is_ordered,
     judge_choice,
@@ -74,6 +76,9 @@ def best_combination(
     count, limit = 1, problem.effort + effort
     exact = True
     for axes in parts:
+        if accept is None and is_ordered(problem.influence, axes):  # nothing else loads it: its best pair is the best
+            choice[axes[0]] = best_pair(problem, axes[0], (NO_MASS,) * len(choice))
+            continue
         search = _Search(problem, [g for g in groups if g[0] in axes], limit, accept, start)
         search.descend(0, [])
         if search.best is None:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.actuators.conditions import Conditions
+from bellcrank.cached_values import cached_property
 from bellcrank.sizing.selection.axis_loads import AddedMass, AxisLoads, LoadCycle
 from bellcrank.sizing.selection.axis_pairs import AxisPairs
 from bellcrank.sizing.selection.joint_problem import NO_MASS, UNKNOWN_MASS, Choice, Masses, masses_of
@@ -36,17 +37,41 @@ TINY = 1e-9  # share of the loads at which a criterion that is unknown is unknow
 
 @dataclass(frozen=True, eq=False)
 class AxisRanks:
-    """The keys (m, 6) of an axis's pairs, and their largest known utilisations and losses (m,), NaN where unknown."""
+    """The ranks of some pairs of an axis.
 
+    Attributes:
+        rows: (n,) numbers of the pairs, rising.
+        keys: (n, 6) their keys.
+        use: (n,) their largest known utilisations.
+        loss: (n,) their losses, NaN where unknown.
+    """
+
+    rows: Indices
     keys: RankKeys
     use: Array
     loss: Array
 
     @classmethod
-    def nothing(cls, count: int) -> AxisRanks:
-        """Of pairs that have not been judged."""
+    def nothing(cls) -> AxisRanks:
+        """Of no pairs."""
+        return cls(np.zeros(0, dtype=np.intp), np.zeros((0, 6), dtype=np.int64), np.zeros(0), np.zeros(0))
+
+    def with_others(self, others: AxisRanks) -> AxisRanks:
+        """These pairs and others, in the order of their numbers."""
+        if not len(self.rows):
+            return others
+        order = np.argsort(np.concatenate([self.rows, others.rows]))
+        both = ((self.rows, others.rows), (self.keys, others.keys), (self.use, others.use), (self.loss, others.loss))
+        return AxisRanks(*(np.concatenate(pair)[order] for pair in both))
+
+    def of_all(self, count: int) -> AxisRanks:
+        """The ranks of all pairs of the axis; those of the others are `NOT_JUDGED`."""
+        if len(self.rows) == count:
+            return self
         keys = np.tile(np.array(NOT_JUDGED, dtype=np.int64), (count, 1))
-        return cls(keys, np.full(count, np.nan), np.full(count, np.nan))
+        use, loss = np.full(count, np.nan), np.full(count, np.nan)
+        keys[self.rows], use[self.rows], loss[self.rows] = self.keys, self.use, self.loss
+        return AxisRanks(np.arange(count), keys, use, loss)
 
 
 @dataclass(eq=False)
@@ -81,7 +106,11 @@ class JudgedAxes:
             one.bodies.classes if self.influence[:, number].any() else np.zeros(len(one.pairs), dtype=np.intp)
             for number, one in enumerate(self.axes)
         ]
-        self.bounds = [self._bound(number) for number in range(len(self.axes))]
+
+    @cached_property
+    def bounds(self) -> list[RankKeys]:
+        """Per axis the keys (m, 6) that the pairs' keys do not fall below under any masses."""
+        return [self._bound(number) for number in range(len(self.axes))]
 
     # ---- ranks
 
@@ -95,17 +124,18 @@ class JudgedAxes:
     def ranks(self, axis: int, masses: Masses, rows: NDArray[np.bool_] | None = None) -> AxisRanks:
         """As `keys`, with the utilisations and losses."""
         loading = tuple(one if self.influence[axis, j] else NO_MASS for j, one in enumerate(masses))
-        wanted = np.ones(len(self.axes[axis].pairs), dtype=bool) if rows is None else rows
-        found = self._ranks.pop((axis, loading), None) or AxisRanks.nothing(len(wanted))
-        missing = np.flatnonzero(wanted & (found.keys[:, 0] == NOT_JUDGED[0]))
+        wanted = np.ones(len(self.axes[axis].pairs), dtype=bool) if rows is None else rows.copy()
+        found = self._ranks.pop((axis, loading), None) or AxisRanks.nothing()
+        wanted[found.rows] = False
+        missing = np.flatnonzero(wanted)
         if len(missing):
             judgement = self.judgement(axis, masses, missing)
-            found.keys[missing] = self._rank(axis, judgement, missing)
-            found.use[missing], found.loss[missing] = judgement.largest_use, judgement.loss
+            keys = self._rank(axis, judgement, missing)
+            found = found.with_others(AxisRanks(missing, keys, judgement.largest_use, judgement.loss))
         self._ranks[axis, loading] = found  # as the latest
-        while len(self._ranks) > 1 and sum(len(one.keys) for one in self._ranks.values()) > MOST_ROWS_KEPT:
+        while len(self._ranks) > 1 and sum(len(one.rows) for one in self._ranks.values()) > MOST_ROWS_KEPT:
             self._ranks.popitem(last=False)
-        return found
+        return found.of_all(len(wanted))
 
     def judgement(self, axis: int, masses: Masses, rows: Indices | None = None, exact: bool = True) -> Judgement:
         """The judgement of an axis's pairs, or of some rows of them, where the actuators are of these classes."""
