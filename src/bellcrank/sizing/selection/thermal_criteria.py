@@ -171,7 +171,7 @@ def _peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions
     peaks = np.full((len(pairs), 2), np.nan)
     peaks[complete] = settled
     bounds = model.steady_temperatures(heat.copper_loss.max(axis=1), heat.friction_loss.max(axis=1))
-    return np.column_stack([periodic.winding_peak, periodic.housing_peak, *bounds])
+    return np.column_stack([peaks, *bounds])
 
 
 def temperature_bounds(
