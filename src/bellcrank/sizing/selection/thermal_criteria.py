@@ -152,7 +152,8 @@ def peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions)
     """
     found = np.full((len(pairs), 4), np.nan)
     resistances = pairs.of_motor("resistance_winding_housing") + pairs.of_motor("resistance_housing_ambient")
-    known = np.nonzero(~np.isnan(resistances + pairs.coefficients[:, 2:].sum(axis=1)))[0]
+    factors = electrical_coefficients(pairs, cycle).sum(axis=1) + loss_per_squared_torque(pairs.motors)
+    known = np.nonzero(~np.isnan(resistances + factors))[0]
     step = max(1, MOST_VALUES // len(cycle.interval_order))
     for start in range(0, len(known), step):
         rows = known[start : start + step]
@@ -165,8 +166,10 @@ def _peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions
     model = ThermalModel.of(pairs.motors, conditions)
     complete = ~np.isnan(heat.copper_loss @ heat.duration + model.winding_capacity + model.housing_capacity)
     periodic = periodic_temperatures(model[complete], heat[complete])
+    settled = np.column_stack([periodic.winding_peak, periodic.housing_peak])
+    settled[np.isnan(settled)] = np.inf  # only a runaway overflows
     peaks = np.full((len(pairs), 2), np.nan)
-    peaks[complete] = np.column_stack([periodic.winding_peak, periodic.housing_peak])
+    peaks[complete] = settled
     bounds = model.steady_temperatures(heat.copper_loss.max(axis=1), heat.friction_loss.max(axis=1))
     return np.column_stack([peaks, *bounds])
 
