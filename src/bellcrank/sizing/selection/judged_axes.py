@@ -60,9 +60,14 @@ class AxisRanks:
         """These pairs and others, in the order of their numbers."""
         if not len(self.rows):
             return others
-        order = np.argsort(np.concatenate([self.rows, others.rows]))
-        both = ((self.rows, others.rows), (self.keys, others.keys), (self.use, others.use), (self.loss, others.loss))
-        return AxisRanks(*(np.concatenate(pair)[order] for pair in both))
+        rows = np.concatenate([self.rows, others.rows])
+        order = np.argsort(rows)
+        return AxisRanks(
+            rows=rows[order],
+            keys=np.concatenate([self.keys, others.keys])[order],
+            use=np.concatenate([self.use, others.use])[order],
+            loss=np.concatenate([self.loss, others.loss])[order],
+        )
 
     def of_all(self, count: int) -> AxisRanks:
         """The ranks of all pairs of the axis; those of the others are `NOT_JUDGED`."""
