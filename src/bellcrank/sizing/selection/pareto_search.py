@@ -91,13 +91,13 @@ class _FrontSearch:
         return np.asarray((keys[:, 0] == 0) & known)
 
     def exact_effort(self, most: int) -> float:
-        """How many pairs an exact front would judge, infinite where that is more than `most` or axes load each other."""
+        """How many pairs an exact front would judge; infinite if more than `most`, or where axes load each other."""
         problem, nodes, effort = self.problem, 1, 0
         if not all(is_ordered(problem.influence, group) for group in self.groups):
             return math.inf
         for axis in self.order:
             rows = self.may_count(axis)
-            effort += nodes * (np.count_nonzero(rows) + PAIRS_OF_A_JUDGEMENT)
+            effort += nodes * (int(np.count_nonzero(rows)) + PAIRS_OF_A_JUDGEMENT)
             if effort > most:
                 return math.inf
             passing = problem.keys(axis, self.masses, rows)[:, 0] == 0
