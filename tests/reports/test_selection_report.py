@@ -13,6 +13,7 @@ from sample_selection import BARE, FULL, HARMONIC, PLANET, SILENT, STRONG, candi
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.errors import InputError
 from bellcrank.replays.film.selection_film import LINK_OPACITY, STRIPES, film_of_selection
+from bellcrank.replays.replay import replay
 from bellcrank.reports.load_points import MOST_SAMPLES, TOLERANCE, corner_rows, load_points, thinned
 from bellcrank.reports.report import report
 from bellcrank.reports.selection_data import selection_data
@@ -205,6 +206,12 @@ def test_an_actuator_on_another_link_is_drawn_there(chosen):
     body = film_of_selection(moved).bodies[-2]
     ends = [body.shapes[0].pose[0] - body.shapes[0].size[1] / 2, body.shapes[1].pose[0] + body.shapes[1].size[1] / 2]
     assert body.name == "link_2" and np.mean(ends) == pytest.approx(0.1) and body.shapes[0].pose[1:3] == (0.2, 0.3)
+
+
+def test_a_replay_of_a_selection_needs_no_report(chosen, tmp_path):
+    page = replay(chosen, tmp_path / "arm.html")
+    text = page.read_text("utf-8")
+    assert "<title>planar_2r: selection</title>" in text and "Motors and gears" in text and 'id="selection"' not in text
 
 
 def test_a_selection_without_its_motions_cannot_be_shown(chosen):
