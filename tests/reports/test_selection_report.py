@@ -13,8 +13,9 @@ from sample_selection import BARE, FULL, HARMONIC, PLANET, SILENT, STRONG, candi
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.errors import InputError
 from bellcrank.replays.film.selection_film import LINK_OPACITY, STRIPES, film_of_selection
-from bellcrank.reports.report import report
+from bellcrank.replays.replay import replay
 from bellcrank.reports.load_points import MOST_SAMPLES, TOLERANCE, corner_rows, load_points, thinned
+from bellcrank.reports.report import report
 from bellcrank.reports.selection_data import selection_data
 from bellcrank.reports.selection_report import WORDS, choice_table, conditions_facts, selection_document
 from bellcrank.sizing.selection.load_reductions import reduce_loads
@@ -104,15 +105,15 @@ def test_the_loads_that_decide_every_straight_limit_are_kept(chosen):
             everything = np.column_stack([cycle.torque, cycle.speed, cycle.features[:, 2]])
             kept = load_points(cycle)
             assert len(kept) < 1100 < len(everything)
-            for weights in rng.normal(size=(50, 3)) / np.abs(everything).max(axis=0):
-                for driving, braking in ((1.0, 1.0), (1.4, 0.7)):
-                    through = [
-                        np.abs(part @ weights + part[:, 0] * weights[0] * (np.where(drives(part), driving, braking) - 1.0))
+            largest = np.abs(everything).max(axis=0)
+            for weights in rng.normal(size=(50, 3)) / largest:
+                for braking in (1.0, 0.5):  # of the torque where the load drives, relative to where the motor drives
+                    of_all, of_kept = (
+                        np.abs(part @ weights - np.where(drives(part), 0.0, (1.0 - braking) * part[:, 0] * weights[0]))
                         for part in (everything, kept)
-                    ]
-                    scale = np.linalg.norm(weights * np.abs(everything).max(axis=0)) * 1.4
-                    assert through[1].max() >= through[0].max() - TOLERANCE * scale  # what load_points.py promises
-                    assert through[1].max() <= through[0].max() * (1.0 + 1e-12)
+                    )
+                    reach = TOLERANCE * np.linalg.norm(weights * largest)  # what load_points.py promises
+                    assert of_all.max() - reach <= of_kept.max() <= of_all.max() * (1.0 + 1e-12)
 
 
 @pytest.mark.parametrize("shape", ["ball", "disk", "needle", "box"])
@@ -128,7 +129,7 @@ def test_corners_of_any_shape_of_load_enclose_all_of_it(shape):
     ways /= np.linalg.norm(ways, axis=1)[:, None]
     scaled = points / np.where(largest > 0.0, largest, 1.0)
     assert ((scaled @ ways.T).max(axis=0) - (scaled[rows] @ ways.T).max(axis=0)).max() <= TOLERANCE * 1.001
-    assert len(rows) < {"ball": 1600, "disk": 200, "needle": 20, "box": 1600}[shape]
+    assert len(rows) < {"ball": 3000, "disk": 200, "needle": 4, "box": 1600}[shape]
 
 
 def thinned_samples(cycle):
@@ -205,6 +206,12 @@ def test_an_actuator_on_another_link_is_drawn_there(chosen):
     body = film_of_selection(moved).bodies[-2]
     ends = [body.shapes[0].pose[0] - body.shapes[0].size[1] / 2, body.shapes[1].pose[0] + body.shapes[1].size[1] / 2]
     assert body.name == "link_2" and np.mean(ends) == pytest.approx(0.1) and body.shapes[0].pose[1:3] == (0.2, 0.3)
+
+
+def test_a_replay_of_a_selection_needs_no_report(chosen, tmp_path):
+    page = replay(chosen, tmp_path / "arm.html")
+    text = page.read_text("utf-8")
+    assert "<title>planar_2r: selection</title>" in text and "Motors and gears" in text and 'id="selection"' not in text
 
 
 def test_a_selection_without_its_motions_cannot_be_shown(chosen):

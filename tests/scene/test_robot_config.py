@@ -244,6 +244,10 @@ KEYS = [
     "start",
     "times",
     "positions",
+    "motor",
+    "gear",
+    "assume",
+    "curve",
 ]
 trees = st.recursive(
     leaves,

@@ -31,6 +31,7 @@ MOTOR = Motor(
     resistance=0.5, no_load_current=0.1, rotor_inertia=5e-6, nominal_torque=0.5, nominal_speed=300.0, peak_torque=1.5,
     max_speed=400.0, mass=0.6,
 )  # fmt: skip
+UNRATED = {"peak torque", "rated torque", "torque-speed curve"}
 GEAR = Gear(id="g", maker="B", model="G", kind="planetary", ratio=50.0, efficiency=0.8, inertia=1e-6, mass=0.4)
 
 
@@ -62,7 +63,8 @@ def test_a_complete_motor_is_judged_as_ratings_are() -> None:
         ({"rotor_inertia": None}, {}, {"peak torque", "rated torque", "torque-speed curve"}, "the rotor inertia"),
         ({}, {"inertia": None}, {"peak torque", "rated torque", "torque-speed curve"}, "the gear's inertia"),
         ({"max_speed": None}, {}, {"speed"}, "the largest speed"),
-        ({"peak_torque": None}, {}, {"peak torque", "torque-speed curve"}, "the peak torque"),
+        ({"peak_torque": None, "nominal_torque": None}, {}, UNRATED, "the peak torque"),
+        ({"peak_torque": None, "nominal_torque": 0.2}, {}, {"peak torque", "torque-speed curve"}, "the peak torque"),
         ({"resistance": None}, {}, {"torque-speed curve"}, "the voltage limit"),
         ({"nominal_torque": None}, {}, {"rated torque"}, "the continuous torque"),
     ],
@@ -90,6 +92,15 @@ def test_an_unknown_figure_is_said_everywhere(
     assert sizing.inputs is not None and all(
         "nan" not in cell for cell in actuator_table(sizing.inputs.actuators).rows[0]
     )
+
+
+def test_the_rated_torque_shows_that_a_smaller_load_is_below_an_unknown_peak_torque() -> None:
+    shaft, full = (sized(motor).joint("shoulder").shaft for motor in (replace(MOTOR, peak_torque=None), MOTOR))
+    assert shaft is not None and full is not None and shaft.peak_torque is not None and not shaft.unknown
+    assert shaft.margins["peak torque"] == pytest.approx(1 - shaft.peak_torque.value / 0.5)
+    for name in ("peak torque", "torque-speed curve"):  # lower bounds
+        bound, exact = shaft.margins[name], full.margins[name]
+        assert bound is not None and exact is not None and 0.0 < bound <= exact
 
 
 def test_an_exceeded_limit_stays_exceeded_beside_unknown_ones() -> None:

@@ -65,6 +65,17 @@ class Brute:
         travel = np.sum(self.w * np.abs(self.dq))
         return float((np.sum(self.w * np.abs(self.dq) * np.abs(self.tau) ** p) / travel) ** (1.0 / p))
 
+    def heat_share(self) -> float:
+        """Share of the friction loss in the housing with which the nominal point is a thermal limit; 1 if unknown."""
+        m = self.motor
+        r_wh, r_ha = value(m.resistance_winding_housing), value(m.resistance_housing_ambient)
+        rise, speed = value(m.max_winding_temperature) - 25.0, value(m.nominal_speed)
+        friction = self.tc + self.cv * speed
+        current = (value(m.nominal_torque) + friction) / self.k
+        copper = value(m.resistance) * current**2 * (1.0 + ALPHA * rise)
+        share = (rise - (r_wh + r_ha) * copper) / (r_ha * friction * speed)
+        return 1.0 if math.isnan(share) else min(max(share, 0.0), 1.0)
+
     def s1(self, speed: np.ndarray) -> np.ndarray:
         """Continuous torque at speeds, at 25 °C and sea level."""
         m = self.motor
@@ -75,14 +86,16 @@ class Brute:
         r_wh, r_ha = value(m.resistance_winding_housing), value(m.resistance_housing_ambient)
         rise = value(m.max_winding_temperature) - 25.0
         friction = self.tc * np.sign(speed) + self.cv * speed
-        copper = (rise - r_ha * friction * speed) / (r_wh + r_ha)
+        heat = self.heat_share() * friction * speed
+        copper = (rise - r_ha * heat) / (r_wh + r_ha)
         if m.max_housing_temperature is not None:
-            copper = np.minimum(copper, (m.max_housing_temperature - 25.0) / r_ha - friction * speed)
+            copper = np.minimum(copper, (m.max_housing_temperature - 25.0) / r_ha - heat)
         per_torque = value(m.resistance) / self.k**2 * (1.0 + ALPHA * rise)
         thermal = np.maximum(np.sqrt(np.maximum(copper, 0.0) / per_torque) - friction, 0.0)
         nominal = value(m.nominal_torque)
-        printed = np.where(speed <= value(m.nominal_speed), nominal, math.nan)
-        return np.where(np.isnan(thermal), printed, np.fmin(thermal, nominal))
+        printed = np.where((speed <= value(m.nominal_speed)) | (speed == 0.0), nominal, math.nan)
+        above = np.where(np.isnan(thermal), math.nan, np.fmin(thermal, nominal))
+        return np.where(np.isnan(printed), above, printed)
 
     def in_order(self) -> np.ndarray:
         """Numbers of the samples in the order of the whole cycle, with all passes."""
@@ -137,7 +150,7 @@ class Brute:
             system = np.array(
                 [
                     [(ALPHA * copper - 1.0 / r_wh) / c_w, 1.0 / (r_wh * c_w), copper * factor / c_w],
-                    [1.0 / (r_wh * c_h), -(1.0 / r_wh + 1.0 / r_ha) / c_h, friction / c_h],
+                    [1.0 / (r_wh * c_h), -(1.0 / r_wh + 1.0 / r_ha) / c_h, self.heat_share() * friction / c_h],
                     [0.0, 0.0, 0.0],
                 ]
             )

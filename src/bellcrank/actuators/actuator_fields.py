@@ -34,13 +34,16 @@ _CONDITIONS: tuple[tuple[str, str, float | None, dict[str, Any]], ...] = (  # na
 )
 
 
-def actuators_from_fields(fields: Fields) -> dict[str, Actuator]:
+def catalogue_folder(fields: Fields) -> Path | None:
+    """The folder that the key `catalogue` names; None without it. Raises InputError, naming file and key."""
+    return fields.file("catalogue") if "catalogue" in fields else None
+
+
+def actuators_from_fields(fields: Fields, folder: Path | None = None) -> dict[str, Actuator]:
     """The actuators by joint that the key `actuators` of a robot configuration describes.
 
-    Ids are looked up in the bundled catalogue, and in the files of the folder that the key `catalogue` names. Raises
-    InputError, naming file and key.
+    Ids are looked up in the bundled catalogue and in the files of a folder. Raises InputError, naming file and key.
     """
-    folder = fields.file("catalogue") if "catalogue" in fields else None
     fields.known("catalogue")
 
     @cache

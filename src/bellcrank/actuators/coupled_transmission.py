@@ -41,8 +41,8 @@ class CoupledTransmission:
             accurate inverse.
 
     Example:
-        >>> from bellcrank.actuators.coupled_transmission import CoupledTransmission
-        >>> wrist = CoupledTransmission(("pitch", "roll"), ("left", "right"), ((1.0, 1.0), (1.0, -1.0)))
+        >>> import bellcrank as bc
+        >>> wrist = bc.CoupledTransmission(("pitch", "roll"), ("left", "right"), ((1.0, 1.0), (1.0, -1.0)))
         >>> wrist.motor_torques([4.0, 2.0])
         array([3., 1.])
     """
@@ -91,13 +91,16 @@ class CoupledTransmission:
         Returns:
             θ̇ = C q̇, (k,) or (n, k).
 
+        Raises:
+            InputError: The shape does not fit, or a number is not finite.
+
         Example:
-            >>> from bellcrank.actuators.coupled_transmission import CoupledTransmission
-            >>> belt = CoupledTransmission(("elbow",), ("elbow_motor",), ((2.0,),))
+            >>> import bellcrank as bc
+            >>> belt = bc.CoupledTransmission(("elbow",), ("elbow_motor",), ((2.0,),))
             >>> belt.motor_speeds([3.0])
             array([6.])
         """
-        return np.asarray(np.asarray(joint_speeds, dtype=np.float64) @ np.array(self.matrix).T)
+        return np.asarray(self._rows("joint_speeds", joint_speeds) @ np.array(self.matrix).T)
 
     def motor_torques(self, joint_torques: Sequence[float] | Array) -> Array:
         """The torques at the motors' axes, N m.
@@ -108,13 +111,21 @@ class CoupledTransmission:
         Returns:
             τ_m = C⁻ᵀ τ, (k,) or (n, k).
 
+        Raises:
+            InputError: The shape does not fit, or a number is not finite.
+
         Example:
-            >>> from bellcrank.actuators.coupled_transmission import CoupledTransmission
-            >>> belt = CoupledTransmission(("elbow",), ("elbow_motor",), ((2.0,),))
+            >>> import bellcrank as bc
+            >>> belt = bc.CoupledTransmission(("elbow",), ("elbow_motor",), ((2.0,),))
             >>> belt.motor_torques([3.0])
             array([1.5])
         """
-        return np.asarray(np.asarray(joint_torques, dtype=np.float64) @ np.linalg.inv(np.array(self.matrix)))
+        return np.asarray(self._rows("joint_torques", joint_torques) @ np.linalg.inv(np.array(self.matrix)))
+
+    def _rows(self, name: str, values: Sequence[float] | Array) -> Array:
+        """Numbers (k,) or (n, k), checked."""
+        k, given = len(self.joints), arguments.as_array(name, values, f"{len(self.joints)} numbers, or rows of them")
+        return arguments.array(name, given, (k,) if given.ndim < 2 else (None, k))
 
 
 def _condition(matrix: Array) -> float:

@@ -34,8 +34,7 @@ class Mount:
 
     Example:
         >>> import bellcrank as bc
-        >>> from bellcrank.actuators.mount import Mount
-        >>> Mount(link="base_link", included_mass=2.1).axis is None
+        >>> bc.Mount(link="base_link", included_mass=2.1).axis is None
         True
     """
 

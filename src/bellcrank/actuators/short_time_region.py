@@ -15,6 +15,7 @@ from bellcrank.actuators.product_arrays import MotorArrays
 from bellcrank.actuators.short_time_limits import SpeedTorqueLimit, peak_curve_use, peak_curves, short_time_limits
 
 Array = NDArray[np.float64]
+PEAK = "the peak torque or current"
 SPEEDS = 401  # of an outline, in each direction
 
 
@@ -60,7 +61,7 @@ class ShortTimeRegion:
             return ()
         torque = "peak torque" in self._limits or "peak current" in self._limits
         voltage = "voltage limit" in self._limits
-        return (() if torque else ("the peak torque or current",)) + (() if voltage else ("the voltage limit",))
+        return (() if torque else (PEAK,)) + (() if voltage else ("the voltage limit",))
 
     def use(self, torque: Array, speed: Array) -> Array:
         """The largest share (n,) of the known limits at shaft torques N m and speeds rad/s; NaN where none is known."""

@@ -133,10 +133,11 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.write_card is not None:
         check_file("--write-card", arguments.write_card)
         check_target(arguments.write_card, config)
+    own = [] if config.catalogue is None else [str(config.catalogue)]
     selection = select(
         config,
         arguments.motion or None,
-        products(arguments.catalogue, arguments.exclude, arguments.maker),
+        products([*own, *arguments.catalogue], arguments.exclude, arguments.maker),
         arguments.objective,
         conditions=given,
         keep=kept,

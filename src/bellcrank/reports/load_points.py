@@ -8,6 +8,8 @@ the hull of what is kept, so that no limit is off by more.
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
@@ -42,26 +44,39 @@ def thinned(table: Array, most: int) -> NDArray[np.intp]:
 
 
 def corner_rows(points: Array) -> NDArray[np.intp]:
-    """Rows of points (n, 3) whose convex hull no other point is further outside of than TOLERANCE.
+    """Rows of points (n, 3) of whose convex hull no other point is further outside than TOLERANCE.
 
     The points farthest outside are added until there are none, each column measured by its largest magnitude. Points
     whose hull is too thin to be computed are all kept.
     """
     everything = np.arange(len(points))
-    largest = np.abs(points).max(axis=0)
-    scaled = points / np.where(largest > 0.0, largest, 1.0)
-    signs = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)], dtype=float)
-    kept = np.unique(np.concatenate([thinned(scaled, 2), np.argmax(scaled @ signs.T, axis=0)]))
+    spread = _spread(points)
+    dimensions = spread.shape[1]
+    kept = np.unique(np.concatenate([spread.argmin(axis=0), spread.argmax(axis=0), everything[:1]]))
+    if dimensions < 2:
+        return kept
     if len(points) <= FEW:
         return everything
+    diagonals = np.array(list(product((-1.0, 1.0), repeat=dimensions)))
+    kept = np.union1d(kept, np.argmax(spread @ diagonals.T, axis=0))
     for _ in range(MOST_ROUNDS):
         try:
-            facets = ConvexHull(scaled[kept], qhull_options="QJ").equations  # joggled: loads may lie in a plane
+            facets = ConvexHull(spread[kept]).equations
         except QhullError:
             return everything
-        outside = scaled @ facets[:, :3].T + facets[:, 3]
+        outside = spread @ facets[:, :-1].T + facets[:, -1]
         farther = np.setdiff1d(outside.argmax(axis=0)[outside.max(axis=0) > TOLERANCE], kept)
         if not len(farther):
             return kept
         kept = np.union1d(kept, farther)
     return everything
+
+
+def _spread(points: Array) -> Array:
+    """Points (n, 3), each column over its largest magnitude, in the one to three directions in which they spread."""
+    largest = np.abs(points).max(axis=0)
+    scaled = points / np.where(largest > 0.0, largest, 1.0)
+    centred = scaled - scaled.mean(axis=0)
+    _, sizes, directions = np.linalg.svd(centred, full_matrices=False)
+    rank = max(int(np.sum(sizes > 0.1 * TOLERANCE)), 1)  # no point is further off than the singular value
+    return np.asarray(centred @ directions[:rank].T)

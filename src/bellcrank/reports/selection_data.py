@@ -130,7 +130,8 @@ def title(product: Motor | Gear) -> str:
     if product.maker.casefold() not in text.casefold():
         text = f"{product.maker} {text}"
     if isinstance(product, Gear):
-        apart = f"{product.ratio:.4g}:1" if product.ratio is not None and not product.linear else ""
+        turns = product.ratio is not None and not product.linear and product.kind != "direct"
+        apart = f"{product.ratio:.4g}:1" if turns else ""
     else:
         apart = f"{product.nominal_voltage:g} V" if product.nominal_voltage is not None else ""
     stated = apart.removesuffix(" V").removesuffix(":1") in re.findall(r"\d+(?:\.\d+)?", product.model)

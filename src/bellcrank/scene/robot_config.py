@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.actuators.actuator_fields import actuators_from_fields
+from bellcrank.actuators.actuator_fields import actuators_from_fields, catalogue_folder
 from bellcrank.actuators.coupled_transmission import CoupledTransmission, transmissions_from_fields
 from bellcrank.actuators.mount import Mount, mounts_from_fields
 from bellcrank.config.fields import Fields
@@ -71,6 +71,7 @@ class RobotConfig(Renamed):
         motions: The entries of the motions by name; `motion` computes one.
         actuators: The motor and gear of joints, by joint; of a coupled transmission by motor.
         actuated: The joints with motors, for a mechanism with closed loops; empty: those with actuators.
+        catalogue: The folder with motors and gears of the robot's own; None where there is none.
         transmissions: The coupled transmissions.
         mounts: Where actuators are mounted, by joint or motor, where that is not the joint's parent link.
         duty: The order of motions and pauses in a cycle; empty: each motion repeats by itself.
@@ -95,6 +96,7 @@ class RobotConfig(Renamed):
     motions: Mapping[str, MotionEntry] = field(default_factory=dict)
     actuators: Mapping[str, Actuator] = field(default_factory=dict)
     actuated: tuple[str, ...] = ()
+    catalogue: Path | None = None
     transmissions: tuple[CoupledTransmission, ...] = ()
     mounts: Mapping[str, Mount] = field(default_factory=dict)
     duty: tuple[DutyStep, ...] = ()
@@ -279,7 +281,8 @@ def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
     motions = fields.mapping("motions", {})
     entries = {key: read_motion_entry(key, motions.mapping(key)) for key in motions}
     check_references(entries)
-    actuators = actuators_from_fields(fields)
+    catalogue = catalogue_folder(fields)
+    actuators = actuators_from_fields(fields, catalogue)
     actuated = fields.raw("actuated", ())
     if not isinstance(actuated, (list, tuple)) or not all(isinstance(joint, str) for joint in actuated):
         raise fields.error("actuated", "expected a list of joints, such as [crank]")
@@ -308,6 +311,7 @@ def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
         motions=entries,
         actuators=actuators,
         actuated=tuple(actuated),
+        catalogue=catalogue,
         transmissions=transmissions,
         mounts=mounts_from_fields(fields.mapping("mounts", {})),
         duty=duty,

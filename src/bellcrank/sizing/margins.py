@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from bellcrank.actuators.actuator import Actuator
+from bellcrank.actuators.short_time_region import PEAK
 
 PHRASES = {
     "efficiency": "the gear's efficiency",
@@ -31,17 +32,33 @@ def margins(
 
     `peak_torque` is at the motor shaft, N m, and is multiplied by the actuator's safety factor; `continuous_use` is the
     largest `continuous_use` of a cycle; `speed` is the shaft's, rad/s; `curve_use` is the largest share of those limits
-    of torque over speed that are known.
+    of torque over speed that are known. Where the peak torque is not stated, the rated torque, which is not above it,
+    shows that a smaller load is inside; the margin is then a lower bound.
     """
-    peak_limit, speed_limit = actuator.peak_torque, actuator.max_speed
-    complete = curve_use is not None and (curve_use > 1.0 or not actuator.unknown_limits)
-    known = peak_torque is not None and peak_limit is not None
+    missing, speed_limit = actuator.unknown_limits, actuator.max_speed
+    peak = _peak_margin(actuator, peak_torque)
+    curve = None
+    if curve_use is not None and (curve_use > 1.0 or not missing):
+        curve = 1.0 - curve_use
+    elif missing == (PEAK,) and peak is not None:
+        curve = peak if curve_use is None else min(peak, 1.0 - curve_use)
     return {
-        "peak torque": 1.0 - actuator.safety_factor * peak_torque / peak_limit if known else None,  # type: ignore[operator]
+        "peak torque": peak,
         "rated torque": None if continuous_use is None else 1.0 - continuous_use,
         "speed": None if speed_limit is None else 1.0 - speed / speed_limit,
-        "torque-speed curve": 1.0 - curve_use if complete else None,  # type: ignore[operator]
+        "torque-speed curve": curve,
     }
+
+
+def _peak_margin(actuator: Actuator, torque: float | None) -> float | None:
+    """The margin of the largest torque against the peak torque, or a lower bound of it; None where it is unknown."""
+    if torque is None:
+        return None
+    if actuator.peak_torque is not None:
+        return 1.0 - actuator.safety_factor * torque / actuator.peak_torque
+    if actuator.rated_torque is not None and actuator.safety_factor * torque <= actuator.rated_torque:
+        return 1.0 - actuator.safety_factor * torque / actuator.rated_torque
+    return None
 
 
 def continuous_use(actuator: Actuator, cycles: Iterable[tuple[float | None, float]]) -> float | None:

@@ -164,8 +164,8 @@ def _selection_notes(config: RobotConfig) -> list[str]:
     found = []
     if config.duty:
         found.append(
-            "the duty program of the configuration is not used: each motion is a cycle that repeats; `bellcrank select` "
-            "uses it"
+            "the duty program of the configuration is not used: each motion is a cycle that repeats; "
+            "`bellcrank select` uses it"
         )
     for one in config.transmissions:
         found.append(

@@ -116,16 +116,29 @@ def mean_loss(motor, gear, cycle):
     return cycle.mean(motor.resistance * current**2 + (geared + friction) * n * speed - torque * speed)
 
 
-def continuous(motor, speed, conditions):
-    """S1 torque: both thermal resistances, not above the nominal torque derated by the temperature rise."""
+def heat_share(motor):
+    """Share of the friction loss in the housing with which the nominal point is a thermal limit."""
+    rise, speed = motor.max_winding_temperature - 25.0, motor.nominal_speed
     friction = motor.coulomb_friction + motor.viscous_friction * speed
+    current = (motor.nominal_torque + friction) / motor.torque_constant
+    copper = motor.resistance * current**2 * (1.0 + ALPHA * rise)
+    left = rise - (motor.resistance_winding_housing + motor.resistance_housing_ambient) * copper
+    return np.clip(left / (motor.resistance_housing_ambient * friction * speed), 0.0, 1.0)
+
+
+def continuous(motor, speed, conditions):
+    """S1 torque: the nominal torque up to the nominal speed, above it both thermal resistances; derated where warm."""
+    rise = (motor.max_winding_temperature - conditions.ambient) / (motor.max_winding_temperature - 25.0)
+    if rise >= 1.0 and speed <= motor.nominal_speed:
+        return motor.nominal_torque
+    friction = motor.coulomb_friction + motor.viscous_friction * speed
+    heat = heat_share(motor) * friction * speed
     inner, outer = motor.resistance_winding_housing, motor.resistance_housing_ambient
-    copper = (motor.max_winding_temperature - conditions.ambient - outer * friction * speed) / (inner + outer)
-    copper = min(copper, (motor.max_housing_temperature - conditions.ambient) / outer - friction * speed)
+    copper = (motor.max_winding_temperature - conditions.ambient - outer * heat) / (inner + outer)
+    copper = min(copper, (motor.max_housing_temperature - conditions.ambient) / outer - heat)
     hot = motor.resistance * (1.0 + ALPHA * (motor.max_winding_temperature - 25.0)) / motor.torque_constant**2
     thermal = max(np.sqrt(max(copper, 0.0) / hot) - friction, 0.0)
-    rise = (motor.max_winding_temperature - conditions.ambient) / (motor.max_winding_temperature - 25.0)
-    return min(thermal, motor.nominal_torque * rise)
+    return min(thermal, motor.nominal_torque * min(rise, 1.0))
 
 
 def longest_time(above, weight):
@@ -152,11 +165,12 @@ def temperatures(motors, heats, ambient):
     outer = np.array([motor.resistance_housing_ambient for motor in motors])
     winding = np.array([motor.time_constant_winding for motor in motors]) / inner
     housing = np.array([motor.time_constant_motor for motor in motors]) / outer
+    shares = np.array([heat_share(motor) for motor in motors])
     seconds = heats[0][0]
     matrices, shifts, systems = [], [], []
     for k, duration in enumerate(seconds):
         copper = np.array([heat[1][k] for heat in heats])
-        rubbing = np.array([heat[2][k] for heat in heats])
+        rubbing = shares * np.array([heat[2][k] for heat in heats])
         a = np.empty((len(motors), 2, 2))
         a[:, 0, 0], a[:, 0, 1] = (ALPHA * copper - 1.0 / inner) / winding, 1.0 / (inner * winding)
         a[:, 1, 0], a[:, 1, 1] = 1.0 / (inner * housing), -(1.0 / inner + 1.0 / outer) / housing

@@ -28,12 +28,22 @@ def arm_2r():
     return arm, [bc.waypoints(arm, [0.0, 1.5, 3.0], [{}, {"shoulder": 1.0, "elbow": -0.8}, {}], name="reach")]
 
 
-def ur5_wrist():
-    """Three of UR5's joints: the others are held by kept pairs that influence what they must."""
-    arm = bc.load_robot("ur5")
-    names = [joint.name for joint in arm.joints]
-    pose = dict(zip(names, [0.8, -0.9, 1.2, 0.3, 0.9, 1.5], strict=True))
-    return arm, [bc.waypoints(arm, [0.0, 1.2, 2.4], [{}, pose, {}], name="turn")]
+def arm_3r(folder):
+    """A turning column, an upper arm and a forearm."""
+    links = "".join(
+        f"""<link name="l{k}"><inertial><origin xyz="0 0 {0.0 if k == 1 else 0.2}"/><mass value="{4 - k}"/>
+        <inertia ixx="0.05" iyy="0.05" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+        for k in (1, 2, 3)
+    )
+    joints = "".join(
+        f"""<joint name="j{k}" type="revolute"><parent link="l{k - 1}"/><child link="l{k}"/><origin xyz="0 0 {z}"/>
+        <axis xyz="{axis}"/><limit lower="-3" upper="3" effort="500" velocity="9"/></joint>"""
+        for k, z, axis in ((1, 0.1, "0 0 1"), (2, 0.1, "0 1 0"), (3, 0.4, "0 1 0"))
+    )
+    (folder / "arm.urdf").write_text(f'<robot name="arm"><link name="l0"/>{links}{joints}</robot>')
+    arm = bc.load_robot(folder / "arm.urdf")
+    poses = [{"j2": 0.5, "j3": 0.5}, {"j1": 0.9, "j2": 1.1, "j3": 0.9}, {"j2": 0.5, "j3": 0.5}]
+    return arm, [bc.waypoints(arm, [0.0, 2.0, 4.0], poses, name="reach")]
 
 
 def loaded(loads, rows):
@@ -57,34 +67,33 @@ class Exhaustive:
         known = {}
         for combination in itertools.product(*(range(len(pairs)) for pairs in every)):
             rows = [pairs.rows(pair) for pairs, pair in zip(every, combination, strict=True)]
-            masses = tuple((motor.mass + gear.mass, body(motor, gear)) for motor, gear in rows)
-            reduced = None
             points = []
             for axis, pair in enumerate(combination):
-                key = (axis, pair, tuple(masses[j] for j in np.flatnonzero(loads.influence[axis])))
+                key = (axis, tuple(combination[j] for j in np.flatnonzero(loads.influence[axis])))
                 if key not in known:
-                    reduced = loaded(loads, rows) if reduced is None else reduced
-                    known[key] = self.judged(every[axis].take([pair]), reduced[axis], conditions)
-                if known[key] is None:
+                    known[key] = self.judged(every[axis], loaded(loads, rows)[axis], conditions)
+                if known[key][pair] is None:
                     break
-                points.append(known[key])
+                points.append(known[key][pair])
             else:
                 mass, cost, loss, use = zip(*points, strict=True)
                 self.points.append((math.fsum(mass), max(use), math.fsum(loss), math.fsum(cost)))
                 self.ids.append(tuple(m.id if g.kind == "direct" else f"{m.id}+{g.id}" for m, g in rows))
 
     @staticmethod
-    def judged(pair, loads, conditions):
-        found = judge(pair, loads, conditions)
-        if found.tier[0] != 0:
-            return None
-        motor, gear = pair.rows(0)
-        return (
-            motor.mass + gear.mass,
-            motor.price + (gear.price or 0.0),
-            float(found.loss[0]),
-            float(found.largest_use[0]),
-        )
+    def judged(pairs, loads, conditions):
+        found = judge(pairs, loads, conditions)
+        points = []
+        for number in range(len(pairs)):
+            motor, gear = pairs.rows(number)
+            point = (
+                motor.mass + gear.mass,
+                motor.price + (gear.price or 0.0),
+                found.loss[number],
+                found.largest_use[number],
+            )
+            points.append(point if found.tier[number] == 0 else None)
+        return points
 
     def best(self, objective):
         column = {"mass": 0, "margin": 1, "loss": 2, "cost": 3}[objective]
@@ -100,7 +109,7 @@ def total(selection, objective):
 @pytest.fixture(scope="module")
 def two_joints():
     arm, motions = arm_2r()
-    catalogue = sized_catalogue(3, 10, 5, largest=100.0)
+    catalogue = sized_catalogue(11, 10, 5, largest=100.0)  # one in which the feedback of masses changes the choice
     conditions = Conditions(voltage=48.0)
     return arm, motions, catalogue, conditions, Exhaustive(arm, motions, [catalogue] * 2, conditions)
 
@@ -115,12 +124,33 @@ def test_two_joints_with_50_pairs_equal_the_exhaustive_search(two_joints, object
     assert tuple(one.chosen.id for one in selection.axes) in exhaustive.ids
 
 
+@pytest.fixture(scope="module")
+def three_joints(tmp_path_factory):
+    arm, motions = arm_3r(tmp_path_factory.mktemp("arm"))
+    catalogue = sized_catalogue(3, 5, 3, largest=60.0)
+    conditions = Conditions(voltage=48.0)
+    return arm, motions, catalogue, conditions, Exhaustive(arm, motions, [catalogue] * 3, conditions)
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_three_joints_equal_the_exhaustive_search(three_joints, objective):
+    arm, motions, catalogue, conditions, exhaustive = three_joints
+    assert len(exhaustive.points) > 20
+    selection = bc.select(arm, motions, catalogue, objective, conditions=conditions, effort=10**7, candidates=1)
+    assert selection.proof.startswith("optimal")
+    assert total(selection, objective) == pytest.approx(exhaustive.best(objective), rel=1e-9)
+    assert tuple(one.chosen.id for one in selection.axes) in exhaustive.ids
+
+
 def test_the_masses_matter(two_joints):
     arm, motions, catalogue, conditions, _ = two_joints
     found = [
-        bc.select(arm, motions, catalogue, conditions=conditions, feedback=on).axes[0].chosen for on in (True, False)
+        bc.select(arm, motions, catalogue, "margin", conditions=conditions, feedback=on, candidates=1)
+        for on in (True, False)
     ]
-    assert found[0].mass > found[1].mass
+    heavy, light = ([one.chosen for one in each.axes] for each in found)
+    assert [one.id for one in heavy] != [one.id for one in light]
+    assert heavy[0].largest_use > light[0].largest_use
 
 
 def test_the_pareto_front_equals_that_of_all_combinations(two_joints):

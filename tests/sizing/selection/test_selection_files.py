@@ -297,6 +297,19 @@ def test_the_original_is_not_overwritten(products: Catalogue, tmp_path: Path) ->
     assert not (tmp_path / "other.yaml").exists()
 
 
+def test_a_selection_chooses_from_the_robots_own_catalogue(tmp_path: Path) -> None:
+    write_products(tmp_path / "own")
+    (tmp_path / "robot.yaml").write_text(
+        "urdf: geared_pendulum\ncatalogue: own\n"
+        "motions: {lift: {kind: waypoints, times: [0, 1], positions: [{shoulder: 0}, {shoulder: 1}]}}\n"
+    )
+    found = select(tmp_path / "robot.yaml", makers=["Own"])
+    assert found.axes[0].chosen is not None and found.axes[0].chosen.motor.maker == "Own"
+    (tmp_path / "other").mkdir()
+    again = load_robot_config(found.write_config(tmp_path / "other" / "chosen.yaml"))
+    assert again.catalogue is not None and again.catalogue.resolve() == (tmp_path / "own").resolve()
+
+
 BELT = """
 name: Belt arm
 urdf: planar_2r

@@ -197,7 +197,7 @@ def _changed(terms: CycleTerms, changes: Mapping[int, Array]) -> AxisLoadSamples
             (changed.moment, unit.moment),
             (changed.inertia, unit.inertia),
         ):
-            total[:, unit.axes] += part @ change
+            total[:, unit.axes] += (part.reshape(-1, 3) @ change).reshape(part.shape[:-1])  # one product of matrices
         changed.static_torque[:, unit.axes] += change[0] * unit.static_torque
     return changed
 

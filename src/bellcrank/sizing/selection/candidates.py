@@ -14,7 +14,7 @@ from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.sizing.selection.axis_pairs import AxisPairs
-from bellcrank.sizing.selection.joint_problem import Masses
+from bellcrank.sizing.selection.joint_problem import Masses, best_pairs
 from bellcrank.sizing.selection.judge import (
     CRITERIA,
     EXCEEDED,
@@ -29,7 +29,7 @@ from bellcrank.sizing.selection.judge import (
 from bellcrank.sizing.selection.judged_axes import OF_MOTION, JudgedAxes
 from bellcrank.sizing.selection.load_reductions import ReducedLoads
 from bellcrank.sizing.selection.pairs import Pairs, Products
-from bellcrank.sizing.selection.ranking import RankKeys, failing_order, order_of
+from bellcrank.sizing.selection.ranking import failing_order
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate, CriterionResult, Tier
 
 Indices = NDArray[np.intp]
@@ -45,13 +45,12 @@ def axis_selection(problem: JudgedAxes, axis: int, chosen: int | None, masses: M
         masses: Classes of the chosen actuators.
         most: How many candidates to list.
     """
-    keys = problem.keys(axis, masses)
-    rows = listed_rows(keys, chosen, most)
+    tiers = tiers_of(problem, axis, masses)
+    rows = listed_rows(problem, axis, chosen, masses, most)
     unknown = problem.unknown_masses(axis, masses)
     judgement = completed(problem.judgement(axis, masses, rows))
     under = JudgedUnder(judgement.loads, problem.conditions, tuple(unknown))
     made = [candidate(problem.axes[axis], judgement, place, int(row), under) for place, row in enumerate(rows)]
-    tiers = np.where(keys[:, 0] > 0, 2, keys[:, 1])
     counts: list[tuple[Tier, int]] = [(tier, int(np.sum(tiers == number))) for number, tier in enumerate(TIERS)]
     return AxisSelection(
         axis=problem.axes[axis].axis,
@@ -63,13 +62,18 @@ def axis_selection(problem: JudgedAxes, axis: int, chosen: int | None, masses: M
     )
 
 
-def listed_rows(keys: RankKeys, chosen: int | None, most: int) -> Indices:
+def tiers_of(problem: JudgedAxes, axis: int, masses: Masses) -> NDArray[np.int8]:
+    """The class (m,) of each pair of an axis, an index into `TIERS`."""
+    return problem.judgement(axis, masses, exact=False).tier
+
+
+def listed_rows(problem: JudgedAxes, axis: int, chosen: int | None, masses: Masses, most: int) -> Indices:
     """The chosen pair, the best others, and where these are few, the failing ones nearest to the limits."""
-    order = order_of(keys)
-    passing = order[keys[order, 0] == 0][:most]
-    failing = np.flatnonzero(keys[:, 0] != 0)
-    failing = failing[failing_order(keys[failing])[: most - len(passing)]]
-    rows = np.concatenate([passing, failing])
+    rows = best_pairs(problem, axis, masses, most)
+    if len(rows) < most:
+        keys = problem.keys(axis, masses)
+        failing = np.flatnonzero(keys[:, 0] != 0)
+        rows = np.concatenate([rows, failing[failing_order(keys[failing])[: most - len(rows)]]])
     return rows if chosen is None else np.concatenate([[chosen], rows[rows != chosen][: most - 1]])
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from bellcrank.sizing.selection.ranking import NOTHING, Indices, RankKey, RankKeys, as_key, order_of
 
 UNKNOWN_MASS = -1  # class of an actuator whose mass is not stated, and of an axis without an actuator
+FIRST_BLOCK = 256  # pairs that are judged at once; then twice as many each time
 NO_MASS = -2  # class of an actuator that is not there
 Choice = tuple[int | None, ...]  # number of the pair of each axis; None where nothing can drive it
 Masses = tuple[int, ...]  # class of the actuator of each axis
@@ -64,17 +65,45 @@ def masses_of(problem: JointProblem, choice: Choice) -> Masses:
 
 def best_pair(problem: JointProblem, axis: int, masses: Masses) -> int | None:
     """The best pair of an axis under given masses; None where none passes and none is given."""
-    keys = problem.keys(axis, masses)
-    order = order_of(keys)
-    if len(order) and (keys[order[0], 0] == 0 or problem.kept[axis]):
-        return int(order[0])
-    return None
+    ranked = best_pairs(problem, axis, masses, 1)
+    if len(ranked):
+        return int(ranked[0])
+    return int(order_of(problem.keys(axis, masses))[0]) if problem.kept[axis] else None
+
+
+def best_pairs(problem: JointProblem, axis: int, masses: Masses, most: int) -> Indices:
+    """The best pairs of an axis that pass under given masses, best first, at most so many.
+
+    Pairs are judged in the order of their bounds, until no bound of those that are left is below what was found.
+    """
+    bounds = problem.bounds[axis]
+    order = order_of(bounds)
+    passing, done, block = order[:0], 0, FIRST_BLOCK
+    while done < len(order):
+        rows = np.zeros(len(order), dtype=bool)
+        judged = order[done : done + block]
+        rows[judged] = True
+        keys = problem.keys(axis, masses, rows)
+        passing = np.sort(np.concatenate([passing, judged[keys[judged, 0] == 0]]))  # equal keys: in the order of ids
+        passing = passing[order_of(keys[passing])][:most]
+        done, block = done + block, 2 * block
+        if len(passing) == most and done < len(order) and as_key(bounds[order[done]]) > as_key(keys[passing[-1]]):
+            break
+    return passing
 
 
 def judge_choice(problem: JointProblem, choice: Choice) -> list[RankKey]:
     """The key of each axis where all actuators have the masses of the choice."""
     masses = masses_of(problem, choice)
-    return [NOTHING if pair is None else as_key(problem.keys(axis, masses)[pair]) for axis, pair in enumerate(choice)]
+    keys = []
+    for axis, pair in enumerate(choice):
+        if pair is None:
+            keys.append(NOTHING)
+        else:
+            rows = np.zeros(len(problem.classes[axis]), dtype=bool)
+            rows[pair] = True
+            keys.append(as_key(problem.keys(axis, masses, rows)[pair]))
+    return keys
 
 
 def search_order(influence: NDArray[np.bool_]) -> list[list[int]]:

@@ -20,11 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.sizing.selection.joint_problem import (
+    NO_MASS,
     UNKNOWN_MASS,
     Choice,
     JointProblem,
+    best_pair,
     components,
     is_ordered,
+    judge_choice,
     search_order,
 )
 from bellcrank.sizing.selection.ranking import (
@@ -73,6 +76,9 @@ def best_combination(
     count, limit = 1, problem.effort + effort
     exact = True
     for axes in parts:
+        if accept is None and is_ordered(problem.influence, axes):  # nothing else loads it: its best pair is the best
+            choice[axes[0]] = best_pair(problem, axes[0], (NO_MASS,) * len(choice))
+            continue
         search = _Search(problem, [g for g in groups if g[0] in axes], limit, accept, start)
         search.descend(0, [])
         if search.best is None:
@@ -109,8 +115,8 @@ class _Search:
             self.found = self.start
             for axis in self.axes:
                 self._take(axis, self.start[axis])
-            keys = [NOTHING if (p := self.pairs[a]) is None else as_key(self._keys(a)[p]) for a in self.axes]
-            self.best = total(keys, problem.largest)
+            keys = judge_choice(problem, self.start)
+            self.best = total([keys[axis] for axis in self.axes], problem.largest)
 
     def descend(self, group: int, keys: list[RankKey]) -> None:
         """Choose the axes of a group and of those after it; `keys` are those of the axes before."""

@@ -112,7 +112,7 @@ class Judgement:
         return tuple(each.result(one, self.loads, self.conditions) for each in (*self.criteria, *NOTES))
 
 
-def judge(pairs: Pairs, loads: ReducedLoads, conditions: Conditions) -> Judgement:
+def judge(pairs: Pairs, loads: ReducedLoads, conditions: Conditions, exact: bool = True) -> Judgement:
     """Judge many pairs for one axis by every criterion.
 
     Gear criteria are evaluated once for each gear. A pair that fails one group of criteria is left out of the costlier
@@ -122,6 +122,8 @@ def judge(pairs: Pairs, loads: ReducedLoads, conditions: Conditions) -> Judgemen
         pairs: The motors and gears.
         loads: The cycles of the axis.
         conditions: What is assumed beside the loads.
+        exact: Whether the largest utilisation is wanted. Otherwise only verdicts and losses are right, and a bound that
+            shows that a criterion is inside leaves its utilisation unknown.
 
     Returns:
         Utilisations and verdicts.
@@ -136,7 +138,7 @@ def judge(pairs: Pairs, loads: ReducedLoads, conditions: Conditions) -> Judgemen
         _judge_gears(judgement, row, criterion)
     alive = np.nonzero(~(verdict == EXCEEDED).any(axis=0))[0]
     undecided = np.zeros((len(COSTLY), len(pairs)), dtype=bool)  # groups of costly criteria that bounds do not decide
-    _in_threads(lambda rows: _judge_chunk(judgement, rows, undecided), _chunks(pairs, alive))
+    _in_threads(lambda rows: _judge_chunk(judgement, rows, undecided, exact), _chunks(pairs, alive))
     row = len(GEAR_CRITERIA) + sum(map(len, CHEAP))
     for group, left in zip(COSTLY, undecided, strict=True):
         rows = np.nonzero(left & ~(verdict == EXCEEDED).any(axis=0))[0]
@@ -179,10 +181,10 @@ def _judge_gears(judgement: Judgement, row: int, criterion: Criterion) -> None:
     judgement.verdict[row] = verdict[pairs.gear]
 
 
-def _judge_chunk(judgement: Judgement, rows: Index, undecided: Bools) -> None:
+def _judge_chunk(judgement: Judgement, rows: Index, undecided: Bools, exact: bool) -> None:
     """Judge some pairs by the cheap criteria, group by group; note which costly ones their bounds leave undecided."""
     row, part = len(GEAR_CRITERIA), judgement.pairs.take(rows)
-    level = np.fmax.reduce(judgement.use[:row, rows], axis=0, initial=0.0)  # largest utilisation so far
+    level = np.fmax.reduce(judgement.use[:row, rows], axis=0, initial=0.0 if exact else 1.0)  # largest use so far
     for group in CHEAP:
         passed = np.ones(len(rows), dtype=bool)
         for offset, criterion in enumerate(group):

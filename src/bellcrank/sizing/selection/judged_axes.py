@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.actuators.conditions import Conditions
+from bellcrank.cached_values import cached_property
 from bellcrank.sizing.selection.axis_loads import AddedMass, AxisLoads, LoadCycle
 from bellcrank.sizing.selection.axis_pairs import AxisPairs
 from bellcrank.sizing.selection.joint_problem import NO_MASS, UNKNOWN_MASS, Choice, Masses, masses_of
@@ -29,23 +30,53 @@ MAIN = frozenset(  # a pair of which one of these is unknown may be far too weak
     {"motor speed", "continuous torque", "peak torque", "peak current", "voltage limit", "gear repeated peak torque"}
 )
 MOST_ROWS_KEPT = 2_000_000  # pairs whose ranks are kept for another time: 64 bytes each
+MOST_LOADS_KEPT = 64
 PAIRS_OF_A_JUDGEMENT = 2000  # the effort of loads and their reduction, in pairs
 TINY = 1e-9  # share of the loads at which a criterion that is unknown is unknown under any masses
 
 
 @dataclass(frozen=True, eq=False)
 class AxisRanks:
-    """The keys (m, 6) of an axis's pairs, and their largest known utilisations and losses (m,), NaN where unknown."""
+    """The ranks of some pairs of an axis.
 
+    Attributes:
+        rows: (n,) numbers of the pairs, rising.
+        keys: (n, 6) their keys.
+        use: (n,) their largest known utilisations.
+        loss: (n,) their losses, NaN where unknown.
+    """
+
+    rows: Indices
     keys: RankKeys
     use: Array
     loss: Array
 
     @classmethod
-    def nothing(cls, count: int) -> AxisRanks:
-        """Of pairs that have not been judged."""
+    def nothing(cls) -> AxisRanks:
+        """Of no pairs."""
+        return cls(np.zeros(0, dtype=np.intp), np.zeros((0, 6), dtype=np.int64), np.zeros(0), np.zeros(0))
+
+    def with_others(self, others: AxisRanks) -> AxisRanks:
+        """These pairs and others, in the order of their numbers."""
+        if not len(self.rows):
+            return others
+        rows = np.concatenate([self.rows, others.rows])
+        order = np.argsort(rows)
+        return AxisRanks(
+            rows=rows[order],
+            keys=np.concatenate([self.keys, others.keys])[order],
+            use=np.concatenate([self.use, others.use])[order],
+            loss=np.concatenate([self.loss, others.loss])[order],
+        )
+
+    def of_all(self, count: int) -> AxisRanks:
+        """The ranks of all pairs of the axis; those of the others are `NOT_JUDGED`."""
+        if len(self.rows) == count:
+            return self
         keys = np.tile(np.array(NOT_JUDGED, dtype=np.int64), (count, 1))
-        return cls(keys, np.full(count, np.nan), np.full(count, np.nan))
+        use, loss = np.full(count, np.nan), np.full(count, np.nan)
+        keys[self.rows], use[self.rows], loss[self.rows] = self.keys, self.use, self.loss
+        return AxisRanks(np.arange(count), keys, use, loss)
 
 
 @dataclass(eq=False)
@@ -69,6 +100,7 @@ class JudgedAxes:
     progress: Callable[[int], None] | None = None
     effort: int = field(default=0, init=False)
     _ranks: OrderedDict[tuple[int, Masses], AxisRanks] = field(default_factory=OrderedDict, init=False)
+    _loads: OrderedDict[tuple[int, Masses], ReducedLoads] = field(default_factory=OrderedDict, init=False)
 
     def __post_init__(self) -> None:
         influence = np.asarray(self.loads.influence, dtype=bool)
@@ -79,7 +111,11 @@ class JudgedAxes:
             one.bodies.classes if self.influence[:, number].any() else np.zeros(len(one.pairs), dtype=np.intp)
             for number, one in enumerate(self.axes)
         ]
-        self.bounds = [self._bound(number) for number in range(len(self.axes))]
+
+    @cached_property
+    def bounds(self) -> list[RankKeys]:
+        """Per axis the keys (m, 6) that the pairs' keys do not fall below under any masses."""
+        return [self._bound(number) for number in range(len(self.axes))]
 
     # ---- ranks
 
@@ -93,23 +129,23 @@ class JudgedAxes:
     def ranks(self, axis: int, masses: Masses, rows: NDArray[np.bool_] | None = None) -> AxisRanks:
         """As `keys`, with the utilisations and losses."""
         loading = tuple(one if self.influence[axis, j] else NO_MASS for j, one in enumerate(masses))
-        wanted = np.ones(len(self.axes[axis].pairs), dtype=bool) if rows is None else rows
-        found = self._ranks.pop((axis, loading), None)
-        if found is None or (wanted & (found.keys[:, 0] == NOT_JUDGED[0])).any():
-            found = AxisRanks.nothing(len(wanted))
-            judged = np.flatnonzero(wanted)
-            judgement = self.judgement(axis, masses, judged)
-            found.keys[judged] = self._rank(axis, judgement, judged)
-            found.use[judged], found.loss[judged] = judgement.largest_use, judgement.loss
+        wanted = np.ones(len(self.axes[axis].pairs), dtype=bool) if rows is None else rows.copy()
+        found = self._ranks.pop((axis, loading), None) or AxisRanks.nothing()
+        wanted[found.rows] = False
+        missing = np.flatnonzero(wanted)
+        if len(missing):
+            judgement = self.judgement(axis, masses, missing)
+            keys = self._rank(axis, judgement, missing)
+            found = found.with_others(AxisRanks(missing, keys, judgement.largest_use, judgement.loss))
         self._ranks[axis, loading] = found  # as the latest
-        while len(self._ranks) > 1 and sum(len(one.keys) for one in self._ranks.values()) > MOST_ROWS_KEPT:
+        while len(self._ranks) > 1 and sum(len(one.rows) for one in self._ranks.values()) > MOST_ROWS_KEPT:
             self._ranks.popitem(last=False)
-        return found
+        return found.of_all(len(wanted))
 
-    def judgement(self, axis: int, masses: Masses, rows: Indices | None = None) -> Judgement:
+    def judgement(self, axis: int, masses: Masses, rows: Indices | None = None, exact: bool = True) -> Judgement:
         """The judgement of an axis's pairs, or of some rows of them, where the actuators are of these classes."""
         pairs = self.axes[axis].pairs if rows is None else self.axes[axis].pairs.take(rows)
-        found = judge(pairs, self.axis_loads(axis, masses), self.conditions)
+        found = judge(pairs, self.axis_loads(axis, masses), self.conditions, exact)
         self.effort += len(pairs) + PAIRS_OF_A_JUDGEMENT
         if self.progress is not None:
             self.progress(self.effort)
@@ -144,7 +180,7 @@ class JudgedAxes:
         figures, which a smaller load does not exceed. Mass and cost do not depend on loads; loss and use count as 0.
         """
         tiny = tiny_loads(self.axis_loads(axis, (NO_MASS,) * len(self.axes)))
-        judgement = judge(self.axes[axis].pairs, tiny, self.conditions)
+        judgement = judge(self.axes[axis].pairs, tiny, self.conditions, exact=False)
         of_motion = np.array([criterion.name in OF_MOTION for criterion in judgement.criteria])
         found = self._rank(axis, judgement)
         found[:, 0] = (judgement.verdict[of_motion] == EXCEEDED).any(axis=0)
@@ -166,8 +202,14 @@ class JudgedAxes:
     def axis_loads(self, axis: int, masses: Masses) -> ReducedLoads:
         """The reduced loads of one axis."""
         relevant = tuple(one if self.influence[axis, j] else NO_MASS for j, one in enumerate(masses))
-        cycles = tuple(reduce_cycle(cycle, self.loads.axes, axis) for cycle in self.cycles(relevant))
-        return ReducedLoads(axis=self.axes[axis].axis, cycles=cycles)
+        found = self._loads.pop((axis, relevant), None)
+        if found is None:
+            cycles = tuple(reduce_cycle(cycle, self.loads.axes, axis) for cycle in self.cycles(relevant))
+            found = ReducedLoads(axis=self.axes[axis].axis, cycles=cycles)
+        self._loads[axis, relevant] = found  # as the latest
+        if len(self._loads) > MOST_LOADS_KEPT:
+            self._loads.popitem(last=False)
+        return found
 
     def unknown_masses(self, axis: int, masses: Masses) -> list[str]:
         """Names of the axes whose actuators load this one and have no known mass."""

@@ -14,38 +14,23 @@ and Vandenberghe, Convex Optimization, 2004, exercise 2.5 and section 4.3.)
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.powertrain import PowerTrains
 from bellcrank.cached_values import cached_property
 from bellcrank.sizing.selection.axis_loads import Axis, LoadCycle
+from bellcrank.sizing.selection.extreme_points import extreme_points, not_dominated
+from bellcrank.sizing.selection.sample_blocks import Blocks
 
 Array = NDArray[np.float64]
 STANDSTILL = (
     1e-9  # rad/s (m/s) of the axis: slower counts as at rest, so that rounding does not decide the flow of power
 )
-BLOCK_SIZE = 16  # samples
 DRIVING, DRIVEN, ACCELERATION, DIRECTION, SPEED = range(5)  # the features
-
-
-class Blocks(NamedTuple):
-    """Blocks of samples.
-
-    Attributes:
-        maxima: (b, 5) largest sizes of the features in each block, each feature for itself.
-        weight: Weights (b,), s, of one pass.
-        interval: Number (b,) of the interval of each block.
-    """
-
-    maxima: Array
-    weight: Array
-    interval: NDArray[np.intp]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -122,13 +107,7 @@ class ReducedCycle:
     @cached_property
     def blocks(self) -> Blocks:
         """Every few samples of an interval as one: what a quantity cannot exceed in them."""
-        samples = np.arange(len(self.interval)) - np.searchsorted(self.interval, self.interval)
-        first = np.flatnonzero(samples % BLOCK_SIZE == 0)
-        return Blocks(
-            np.maximum.reduceat(np.abs(self.features), first, axis=0),
-            np.add.reduceat(self.pass_weight, first),
-            self.interval[first],
-        )
+        return Blocks.of(self.features, self.pass_weight, self.interval)
 
     @cached_property
     def interval_moments(self) -> Array:
@@ -154,7 +133,7 @@ class ReducedCycle:
         """Those of the forward features (h, 5) that are extreme points of (τ, q̈, q̇), in each group of samples."""
         rest, driven = self.forward[:, DIRECTION] == 0.0, self.forward[:, DRIVEN] != 0.0
         groups = (self.forward[~rest & ~driven], self.forward[~rest & driven], self.forward[rest])
-        return np.concatenate([group[_extreme_points(_torque_acceleration_speed(group))] for group in groups])
+        return np.concatenate([group[extreme_points(_torque_acceleration_speed(group))] for group in groups])
 
     def extremes(self, torque: int, speed: int) -> Array:
         """Points (h, 5), of which one has the largest c · x of the forward features x for any c of these signs.
@@ -172,7 +151,7 @@ class ReducedCycle:
             kept = []
             for group in np.unique(groups):
                 points = self.hull[groups == group]
-                kept.append(points[_not_dominated(_torque_acceleration_speed(points) * [torque, torque, speed])])
+                kept.append(points[not_dominated(_torque_acceleration_speed(points) * [torque, torque, speed])])
             self._extremes[key] = np.concatenate(kept)
         return self._extremes[key]
 
@@ -310,32 +289,3 @@ def reduce_loads(axes: tuple[Axis, ...], cycles: tuple[LoadCycle, ...]) -> tuple
 def _torque_acceleration_speed(features: Array) -> Array:
     """(τ, q̈, q̇) of features, (n, 3)."""
     return np.column_stack([features[:, DRIVING] + features[:, DRIVEN], features[:, ACCELERATION], features[:, SPEED]])
-
-
-def _not_dominated(points: Array) -> NDArray[np.intp]:
-    """Numbers of the points that no other point equals or exceeds in all coordinates."""
-    order = np.lexsort(-points.T)
-    points = points[order]
-    exceeds = (points[:, None, :] >= points[None, :, :]).all(axis=2)
-    before = np.triu(exceeds, 1)  # of equal points the first stays
-    return np.sort(order[~before.any(axis=0)])
-
-
-def _extreme_points(points: Array) -> NDArray[np.intp]:
-    """Rows of points (n, 3) that are vertices of their convex hull, in however many dimensions they spread."""
-    if len(points) < 5:
-        return np.arange(len(points))
-    points, first = np.unique(points, axis=0, return_index=True)
-    centred = points - points.mean(axis=0)
-    centred /= np.maximum(np.max(np.abs(centred), axis=0), np.finfo(float).tiny)
-    _, sizes, directions = np.linalg.svd(centred, full_matrices=False)
-    rank = int(np.sum(sizes > 1e-13 * len(points) * sizes[0])) if sizes.size and sizes[0] > 0.0 else 0
-    if rank == 0:
-        return np.asarray(first[:1])
-    spread = centred @ directions[:rank].T
-    if rank == 1:
-        return np.asarray(first[[int(np.argmin(spread)), int(np.argmax(spread))]])
-    try:
-        return np.asarray(first[ConvexHull(spread).vertices])
-    except QhullError:  # thinner than Qhull's precision: every sample is kept, which is exact too
-        return np.asarray(first)

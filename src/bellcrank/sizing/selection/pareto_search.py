@@ -10,11 +10,20 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bellcrank.sizing.selection.joint_problem import NO_MASS, Choice, Masses, is_ordered, masses_of, search_order
+from bellcrank.sizing.selection.joint_problem import (
+    NO_MASS,
+    Choice,
+    Masses,
+    is_ordered,
+    judge_choice,
+    masses_of,
+    search_order,
+)
 from bellcrank.sizing.selection.judged_axes import PAIRS_OF_A_JUDGEMENT, JudgedAxes
 from bellcrank.sizing.selection.pareto import Array, Front, Indices, non_dominated
-from bellcrank.sizing.selection.ranking import RankKey, as_key
+from bellcrank.sizing.selection.ranking import RankKeys
 from bellcrank.sizing.selection.selection import ParetoPoint, pair_id
 
 MOST_POINTS = 400  # of a front between axes
@@ -45,7 +54,7 @@ def pareto_front(problem: JudgedAxes, choice: Choice, effort: int) -> tuple[tupl
     search = _FrontSearch(problem, choice)
     if any(key[0] for key in search.chosen):
         return (), "there is none, because a given pair fails"
-    exact = search.exact_effort() <= effort
+    exact = search.exact_effort(effort) <= effort
     front, thinned = (search.exact(0, (NO_MASS,) * len(choice)), False) if exact else search.combined()
     exact = exact or not (problem.influence.any() or thinned)
     places = np.argsort(np.array(search.order))
@@ -61,29 +70,37 @@ class _FrontSearch:
         self.groups = search_order(problem.influence)
         self.order = [axis for group in self.groups for axis in group]
         self.masses = masses_of(problem, choice)
-        self.chosen: list[RankKey] = [
-            as_key(problem.keys(axis, self.masses)[pair]) for axis, pair in enumerate(choice) if pair is not None
-        ]
+        self.chosen = judge_choice(problem, choice)
 
     def rows(self, axis: int, masses: Masses) -> tuple[Array, Indices]:
         """The points of an axis's pairs that count, and their numbers."""
-        ranks, one = self.problem.ranks(axis, masses), self.problem.axes[axis]
-        _, partial, unknown, *_ = self.chosen[axis]
-        keys = ranks.keys
-        known = (keys[:, 1] < partial) | ((keys[:, 1] == partial) & (keys[:, 2] <= unknown))
-        pairs = np.flatnonzero((keys[:, 0] == 0) & known)
+        ranks, one = self.problem.ranks(axis, masses, self.may_count(axis)), self.problem.axes[axis]
+        pairs = np.flatnonzero(self._counts(axis, ranks.keys))
         columns = (one.bodies.mass, ranks.use, ranks.loss, one.cost)
         points = np.column_stack([np.where(np.isnan(column[pairs]), np.inf, column[pairs]) for column in columns])
         return points, pairs
 
-    def exact_effort(self) -> float:
-        """How many pairs an exact front would judge; infinite where axes load each other."""
+    def may_count(self, axis: int) -> NDArray[np.bool_]:
+        """Pairs of an axis that may count, under any masses; others need not be judged."""
+        return self._counts(axis, self.problem.bounds[axis])
+
+    def _counts(self, axis: int, keys: RankKeys) -> NDArray[np.bool_]:
+        """Whether (m,) pairs of these keys pass and are known at least as well as the chosen pair of the axis."""
+        _, partial, unknown, *_ = self.chosen[axis]
+        known = (keys[:, 1] < partial) | ((keys[:, 1] == partial) & (keys[:, 2] <= unknown))
+        return np.asarray((keys[:, 0] == 0) & known)
+
+    def exact_effort(self, most: int) -> float:
+        """How many pairs an exact front would judge; infinite if more than `most`, or where axes load each other."""
         problem, nodes, effort = self.problem, 1, 0
         if not all(is_ordered(problem.influence, group) for group in self.groups):
             return math.inf
         for axis in self.order:
-            effort += nodes * (len(problem.axes[axis].pairs) + PAIRS_OF_A_JUDGEMENT)
-            passing = problem.keys(axis, self.masses)[:, 0] == 0
+            rows = self.may_count(axis)
+            effort += nodes * (int(np.count_nonzero(rows)) + PAIRS_OF_A_JUDGEMENT)
+            if effort > most:
+                return math.inf
+            passing = problem.keys(axis, self.masses, rows)[:, 0] == 0
             nodes *= max(len(np.unique(problem.classes[axis][passing])), 1)
         return effort
 

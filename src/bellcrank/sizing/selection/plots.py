@@ -107,13 +107,12 @@ def pareto_figure(selection: Selection) -> Figure:
             linestyle="none",
             label="mass unknown",
         )
-    chosen = tuple(one.chosen.id if one.chosen else "" for one in selection.axes)
-    for point in known:
-        if tuple(point.pairs) == chosen:
-            axis.plot(
-                _numbers([point.mass]), [point.largest_use], marker="o", markersize=13, markerfacecolor="none",
-                color=LIMIT, linestyle="none", label="chosen",
-            )  # fmt: skip
+    uses = [one.chosen.largest_use for one in selection.axes if one.chosen]
+    if selection.mass is not None and uses:
+        axis.plot(
+            [selection.mass], [max(uses)], marker="o", markersize=13, markerfacecolor="none", color=LIMIT,
+            linestyle="none", label="chosen",
+        )  # fmt: skip
     axis.axhline(1.0, color=LIMIT, linestyle="--", linewidth=1.0, label="limit")
     axis.set_xlabel("mass of all motors and gears [kg]")
     axis.set_ylabel("largest known utilisation")

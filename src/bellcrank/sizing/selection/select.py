@@ -70,7 +70,7 @@ def select(
             configuration or URDF.
         motions: As for `size`.
         catalogue: The products to choose from, or folders and files of products besides those that come with bellcrank;
-            by default the latter alone.
+            by default the latter, and those of the robot configuration's key `catalogue`.
         objective: "mass", "cost" or "loss" (least total), or "margin" (least largest utilisation).
         conditions: Supply, surroundings and safety.
         duty: The cycle: names of motions, and mappings such as {"motion": "pick", "repeat": 3} and {"pause": 2.0}; by
@@ -108,9 +108,10 @@ def select(
     feedback = arguments.flag("feedback", feedback)
     candidates = arguments.whole("candidates", candidates, least=1, most=arguments.MOST_ITEMS)
     effort = arguments.whole("effort", effort, least=0)
-    products = _products(catalogue, makers, exclude)
     conditions = conditions or Conditions()
     subject = sizing_subject(robot, motions, payloads, trust)
+    own = None if subject.config is None else subject.config.catalogue
+    products = _products(own if catalogue is None else catalogue, makers, exclude)
     _refuse_massless(subject, allow_massless)
     given = _given(subject.config, duty, transmissions, mounts)
     loads = axis_loads(subject.mechanism, subject.motions, *given)

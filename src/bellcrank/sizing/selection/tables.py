@@ -13,6 +13,7 @@ from bellcrank.sizing.text_tables import TableContent, html_table, text_table
 UNKNOWN = "unknown"
 NOTHING = "nothing fits"
 WIDTH = 110  # characters of a line of the terminal
+CLASSES = {"all criteria shown": "all shown", "passes what is known": "not all shown", "fails": "fails"}
 AIMS = {"mass": "least mass", "cost": "least cost", "loss": "least loss", "margin": "largest margin"}
 
 
@@ -26,9 +27,7 @@ def table(selection: Selection, top: int = 3) -> str:
         parts += [_wrapped(f"{result.name}: {result.text}", "  ") for result in selection.system]
     parts += ["", _wrapped(f"Choice: {selection.proof} ({_passes(selection)})")]
     if selection.pareto:
-        count = len(selection.pareto)
-        what = "combination that no other one betters" if count == 1 else "combinations that no other one betters"
-        parts.append(_wrapped(f"Pareto front: {count} {what}; {selection.pareto_proof}".removesuffix("; ")))
+        parts.append(_wrapped(f"Pareto front ({len(selection.pareto)}): {selection.pareto_proof or 'combinations'}"))
     return "\n".join(parts)
 
 
@@ -71,7 +70,7 @@ def unknown_criteria(selection: Selection) -> list[tuple[str, list[str]]]:
 
 def chosen_rows(selection: Selection) -> TableContent:
     """What was chosen for each axis, and its binding criterion."""
-    header = ["axis", "motor", "gear", "largest\nuse", "of", "mass\n[kg]", "loss\n[W]", "class"]
+    header = ["axis", "motor", "gear", "largest\nuse", "of", "mass\n[kg]", "loss\n[W]", "criteria"]
     return TableContent(header, [_chosen_row(one) for one in selection.axes])
 
 
@@ -132,7 +131,8 @@ def _chosen_row(one: AxisSelection) -> list[str]:
     gear = "none" if chosen.gear.kind == "direct" else chosen.gear.id
     use = percent(chosen.largest_use)
     return [
-        one.axis.name, chosen.motor.id, gear, use, chosen.binding, figure(chosen.mass), figure(chosen.loss), chosen.tier
+        one.axis.name, chosen.motor.id, gear, use, chosen.binding, figure(chosen.mass), figure(chosen.loss),
+        CLASSES[chosen.tier],
     ]  # fmt: skip
 
 

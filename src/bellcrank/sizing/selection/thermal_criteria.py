@@ -152,7 +152,8 @@ def peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions)
     """
     found = np.full((len(pairs), 4), np.nan)
     resistances = pairs.of_motor("resistance_winding_housing") + pairs.of_motor("resistance_housing_ambient")
-    known = np.nonzero(~np.isnan(resistances + pairs.coefficients[:, 2:].sum(axis=1)))[0]
+    factors = electrical_coefficients(pairs, cycle).sum(axis=1) + loss_per_squared_torque(pairs.motors)
+    known = np.nonzero(~np.isnan(resistances + factors))[0]
     step = max(1, MOST_VALUES // len(cycle.interval_order))
     for start in range(0, len(known), step):
         rows = known[start : start + step]
@@ -163,10 +164,12 @@ def peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions)
 def _peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
     heat = heat_cycle(pairs, cycle)
     model = ThermalModel.of(pairs.motors, conditions)
-    periodic = periodic_temperatures(model, heat)
-    peaks = np.column_stack([periodic.winding_peak, periodic.housing_peak])
     complete = ~np.isnan(heat.copper_loss @ heat.duration + model.winding_capacity + model.housing_capacity)
-    peaks[np.isnan(peaks) & complete[:, None]] = np.inf  # only a runaway overflows
+    periodic = periodic_temperatures(model[complete], heat[complete])
+    settled = np.column_stack([periodic.winding_peak, periodic.housing_peak])
+    settled[np.isnan(settled)] = np.inf  # only a runaway overflows
+    peaks = np.full((len(pairs), 2), np.nan)
+    peaks[complete] = settled
     bounds = model.steady_temperatures(heat.copper_loss.max(axis=1), heat.friction_loss.max(axis=1))
     return np.column_stack([peaks, *bounds])
 
@@ -193,6 +196,7 @@ def temperature_bounds(
         ("means and ranges", cycle), lambda: _means_and_ranges(pairs, cycle)
     ).T
     mean_copper, copper_range = factor * mean_copper, factor * copper_range
+    mean_friction, friction_range = model.friction_share * mean_friction, model.friction_share * friction_range
     base = model.ambient + model.housing_resistance * (mean_copper + mean_friction)
     base = base + friction_range / model.housing_capacity
     return (

@@ -77,7 +77,6 @@ def config_text(selection: Selection, config: RobotConfig, path: Path) -> tuple[
         for one in selection.axes
         if one.chosen is not None
     }
-    data.pop("catalogue", None)
     if payloads:
         data["payloads"] = [*data.get("payloads", []), *payloads]
         data["mounts"] = {**data.get("mounts", {}), **_mounts(selection)}
