@@ -10,6 +10,7 @@ from PIL import Image
 DOCS = Path(__file__).parents[1]
 PICTURES = {  # tutorial: {file that it writes: picture of the page}
     "size-an-arm": {"arm_sizing/over_time_reach.png": "tutorial_over_time.png"},
+    "choose-the-motors": {"arm_selection/motors.png": "tutorial_motors.png"},
     "simulate-and-trust": {"scene_run/run.png": "tutorial_run.png"},
 }
 WIDTH, COLOURS = 1000, 64  # pixels; few colours, so that the files are small

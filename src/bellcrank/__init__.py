@@ -32,8 +32,9 @@ _HOME = {
     "Actuator": "actuators.actuator",
     "Motor": "actuators.motor",
     "Gear": "actuators.gear",
-    "CoupledTransmission": "actuators.coupled_transmission",
+    "Conditions": "actuators.conditions",
     "Mount": "actuators.mount",
+    "CoupledTransmission": "actuators.coupled_transmission",
     "Catalogue": "actuators.catalogue",
     "load_catalogue": "actuators.catalogue",
     "write_catalogue": "actuators.catalogue_writer",
@@ -62,6 +63,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "BellcrankError",
     "Catalogue",
     "CompileError",
+    "Conditions",
     "CoupledTransmission",
     "Gear",
     "InputError",
@@ -111,6 +113,7 @@ if TYPE_CHECKING:
     from bellcrank.actuators.actuator import Actuator
     from bellcrank.actuators.catalogue import Catalogue, load_catalogue
     from bellcrank.actuators.catalogue_writer import write_catalogue
+    from bellcrank.actuators.conditions import Conditions
     from bellcrank.actuators.coupled_transmission import CoupledTransmission
     from bellcrank.actuators.gear import Gear
     from bellcrank.actuators.motor import Motor

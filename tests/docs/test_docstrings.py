@@ -67,7 +67,7 @@ def missing(names=tuple(NAMES)):
         there = sections(text)
         if function is not None:
             signature = inspect.signature(function)
-            wanted = [p.name for p in signature.parameters.values() if p.name != "self"]
+            wanted = [p.name for p in signature.parameters.values() if p.name not in ("self", "cls")]
             told = re.findall(r"^ {4}\*{0,2}(\w+)\b.*?:", there.get("Args", ""), re.MULTILINE)
             found += [f"{name}: argument '{each}' is not documented" for each in wanted if each not in told]
             found += [f"{name}: there is no argument '{each}'" for each in told if each not in wanted]

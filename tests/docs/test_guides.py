@@ -5,15 +5,19 @@ import io
 import re
 import shlex
 from pathlib import Path
+from typing import get_args
 
 import pytest
 import tutorial
 
 import bellcrank as bc
 from bellcrank import cli
+from bellcrank.sizing.selection.judge import CRITERIA, NOTES, TIERS
+from bellcrank.sizing.selection.selection import Objective
+from bellcrank.sizing.selection.system_criteria import REGENERATION, SUPPLY
 
 GUIDES = sorted((Path(tutorial.__file__).parents[1] / "guide").glob("*.md"))
-COMMANDS = "size|simulate|sweep|replay|report|plot|check|catalogue|verify|bench|robots"
+COMMANDS = "size|select|simulate|sweep|replay|report|plot|check|catalogue|verify|bench|robots"
 BELLCRANK = re.compile(rf"bellcrank (?:{COMMANDS})\b[^`\n#&|)]*")
 
 
@@ -71,3 +75,14 @@ def test_the_commands_that_pages_name_have_these_options():
         assert all(option in out.getvalue() for option in options), line
         checked += len(options)
     assert checked > 10
+
+
+def test_the_guide_to_the_selection_has_every_criterion_with_its_formula_and_source():
+    (page,) = [page for page in GUIDES if page.stem == "selection"]
+    rows = [re.split(r" (?<!\\)\| ", line[2:-2]) for line in page.read_text("utf-8").splitlines() if line[:2] == "| "]
+    told = {row[0]: (row[1].replace("\\|", "|"), row[-1]) for row in rows}
+    for criterion in (*CRITERIA, *NOTES):
+        assert told[criterion.name] == (criterion.formula, criterion.source)
+    assert {SUPPLY, REGENERATION} <= told.keys()
+    assert set(TIERS) <= told.keys()
+    assert {f"`{name}`" for name in get_args(Objective)} <= {name.removesuffix(" (default)") for name in told}

@@ -78,8 +78,8 @@ def circle(
 
     Raises:
         InputError: An argument is wrong, or the frame cannot follow so many coordinates.
-        UnreachableError: The path leaves the robot's reach or meets a singular posture; the message names time and
-        place.
+        UnreachableError: The path leaves the robot's reach or meets a singular posture; the message says when
+            and where.
 
     Example:
         >>> import bellcrank as bc
@@ -144,8 +144,8 @@ def line(
 
     Raises:
         InputError: An argument is wrong, or the frame cannot follow so many coordinates.
-        UnreachableError: The path leaves the robot's reach or meets a singular posture; the message names time and
-        place.
+        UnreachableError: The path leaves the robot's reach or meets a singular posture; the message says when
+            and where.
 
     Example:
         >>> import bellcrank as bc
