@@ -11,7 +11,7 @@ from random_catalogue import random_cycles, random_gears, random_motors
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
-from bellcrank.sizing.selection.criteria import lacks, worst
+from bellcrank.sizing.selection.criteria import figure, lacks, worst
 from bellcrank.sizing.selection.judge import CRITERIA, NOTES, judge
 from bellcrank.sizing.selection.load_reductions import ReducedLoads, reduce_loads
 from bellcrank.sizing.selection.pairs import Pairs
@@ -59,6 +59,54 @@ def test_unknown_efficiency_leaves_every_torque_of_the_motor_unknown() -> None:
         assert found[name].verdict == "unknown", name
         assert "the gear's efficiency" in found[name].text, found[name].text
     assert found["motor speed"].verdict == "inside"
+
+
+@pytest.mark.parametrize(
+    "unknown", [("gear", "efficiency"), ("gear", "inertia"), ("motor", "rotor_inertia")], ids=lambda one: one[1]
+)
+def test_far_too_weak_is_exceeded_whatever_the_figures_that_are_not_stated(unknown: tuple[str, str]) -> None:
+    motor, gear, loads = strong_motor(), strong_gear(back_efficiency=None), load().with_safety_factor(300.0)
+    lost = {unknown[1]: None}
+    found = results(
+        replace(motor, **lost) if unknown[0] == "motor" else motor,
+        replace(gear, **lost) if unknown[0] == "gear" else gear,
+        loads,
+    )
+    complete = results(motor, gear, loads)
+    for name in ("continuous torque", "peak torque", "peak current", "voltage limit"):
+        assert found[name].verdict == "exceeded", (name, found[name])
+        assert 1.0 < found[name].use <= complete[name].use  # type: ignore[operator]
+        assert "at least" in found[name].text
+
+
+def test_with_a_curve_of_efficiency_and_no_rated_torque_the_bound_counts() -> None:
+    gear = strong_gear(efficiency=None, back_efficiency=None, efficiency_curve=((0.1, 0.5), (1.0, 0.8)))
+    gear = replace(gear, rated_torque=None)
+    for factor, verdict in ((1.0, "unknown"), (300.0, "exceeded")):
+        found = results(strong_motor(), gear, load().with_safety_factor(factor))["peak torque"]
+        assert found.verdict == verdict, found
+
+
+def test_many_pairs_with_the_bound_are_judged_as_each_alone() -> None:
+    loads = load().with_safety_factor(8.0)
+    pairs = Pairs.possible(random_motors(60, 3, 0.2), random_gears(12, 3, 0.2))
+    assert len(pairs) > 300  # extreme points are used
+    for criterion in CRITERIA:
+        at_once = criterion.use(pairs, loads, CONDITIONS)
+        for row in range(0, len(pairs), 7):
+            alone = criterion.use(pairs.take(slice(row, row + 1)), loads, CONDITIONS)[0]
+            assert at_once[row] == pytest.approx(alone, rel=1e-9, nan_ok=True), (criterion.name, row)
+
+
+def test_of_cycles_with_unknown_use_the_one_of_the_largest_load_is_told() -> None:
+    easy = load(2)
+    hard = replace(load(2).with_safety_factor(2.0).cycles[0], name="hard")
+    both = ReducedLoads(axis=easy.axis, cycles=(easy.cycles[0], hard, easy.cycles[0]))
+    motor = strong_motor(peak_torque=None, peak_current=None, nominal_torque=None, nominal_speed=None)
+    found = results(motor, strong_gear(), both)["peak torque"]
+    assert found.verdict == "unknown" and "in 'hard'" in found.text and "the motor's peak torque" in found.text
+    found = results(motor, strong_gear(efficiency=None, back_efficiency=None), both)["peak torque"]
+    assert found.verdict == "unknown" and "in 'hard'" in found.text and "at least" in found.text
 
 
 @pytest.mark.parametrize("criterion", CRITERIA, ids=lambda one: one.name)
@@ -161,3 +209,7 @@ def test_names_formulas_and_sources_are_there() -> None:
     named = [*CRITERIA, *NOTES]
     assert len({one.name for one in named}) == len(named)
     assert all(one.formula and one.source and one.needs for one in named)
+
+
+def test_what_rounding_leaves_of_a_load_is_written_as_0() -> None:
+    assert [figure(value) for value in (7.1e-17, -2e-15, 3.25e-6, 12.3456)] == ["0", "0", "3.25e-06", "12.35"]

@@ -12,7 +12,7 @@ import numpy as np
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.sizing.selection.axis_loads import Axis
-from bellcrank.sizing.selection.criteria import Array, Bools, LimitCriterion
+from bellcrank.sizing.selection.criteria import Array, Bools, LimitCriterion, figure
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
 from bellcrank.sizing.selection.pairs import Pairs
 
@@ -36,7 +36,7 @@ class BearingCriterion(LimitCriterion):
         if self.judged(pair, cycle.axis, conditions)[0]:
             unknown = f"{self.quantity} unknown: the reaction of a coupled axis is not computed"
             return unknown if math.isnan(load) else super().cycle_text(pair, cycle, conditions)
-        need = "" if math.isnan(load) else f": another bearing must carry {load:.4g} {self.unit}"
+        need = "" if math.isnan(load) else f": another bearing must carry {figure(load)} {self.unit}"
         return f"no limit is stated{need}"
 
     def _stated(self, pairs: Pairs) -> Array:

@@ -7,6 +7,7 @@ bound of the missing limit is stated (the rated torque lies below the peak torqu
 from __future__ import annotations
 
 import itertools
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import ClassVar
@@ -34,6 +35,10 @@ SHAFT = (
 )
 TORQUE_CONSTANT = (("motor.torque_constant", "motor.torque_constant_basis"),)
 FRICTION = ((*TORQUE_CONSTANT[0], "motor.no_load_current"), ("motor.coulomb_friction", "motor.viscous_friction"))
+
+
+AT_LEAST = "whatever the figures are that are not stated"
+ROUNDING = 1e-12  # N m and other SI units: smaller loads are written as 0
 
 
 class Criterion(ABC):
@@ -118,14 +123,22 @@ class Criterion(ABC):
         use = float(worst(uses)[0])
         judged = bool(self.judged(pair, loads.axis, conditions)[0])
         ((_, cycles),) = cycles_of(pair, loads, conditions, of_gear=self.of_gear)
-        number = int(np.argmax(np.where(np.isnan(uses[:, 0]), np.inf if np.isnan(use) else -np.inf, uses[:, 0])))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            loads_of = uses[:, 0]
+            if np.isnan(use):  # of the cycles in which it is unknown, that of the largest load
+                sizes = np.nan_to_num([self.compared(pair, cycle, conditions) for cycle in cycles])
+                loads_of = np.where(np.isnan(uses[:, 0]), sizes, -np.inf)
+            number = int(np.argmax(np.where(np.isnan(loads_of), -np.inf, loads_of)))
             text = self.cycle_text(pair, cycles[number], conditions)
         verdict: Verdict = (
             "note" if not judged else "unknown" if np.isnan(use) else "exceeded" if use > 1.0 else "inside"
         )
         known = judged and not np.isnan(use)
         return CriterionResult(name=self.name, use=use if known else None, verdict=verdict, text=text)
+
+    def compared(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> float:
+        """By what cycles are compared where the utilisation of one pair is unknown; NaN: by nothing."""
+        return math.nan
 
     def missing(self, pair: Pairs) -> str:
         """What the rows of one pair lack for this criterion, in words."""
@@ -155,6 +168,10 @@ class LimitCriterion(Criterion):
     def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """The limit (m,); NaN where unknown."""
 
+    def least_demand(self, pairs: Pairs, cycle: ReducedCycle) -> Array | None:
+        """A load (m,) that an unknown one is not below: it shows a failure."""
+        return None
+
     def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str] | None:
         """A figure (m,) that the limit is not below, with its name: it shows a pass where the limit is unknown."""
         return None
@@ -164,22 +181,36 @@ class LimitCriterion(Criterion):
         return None
 
     def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
-        """Load over limit; over a bound of an unknown limit where that decides."""
+        """Load over limit; where one is unknown, with a bound of it where that decides."""
         demand = self.demand(pairs, cycle, conditions)
-        use = share(demand, self.limit(pairs, cycle, conditions))
+        limit = self.limit(pairs, cycle, conditions)
+        use = share(demand, limit)
         for bound, decides in ((self.at_least(pairs, cycle), np.less_equal), (self.at_most(pairs, cycle), np.greater)):
             if bound is not None:
                 instead = share(demand, bound[0])
                 use = np.where(np.isnan(use) & decides(instead, 1.0), instead, use)
+        rows = np.nonzero(np.isnan(demand))[0]
+        part = pairs.take(rows)
+        least = self.least_demand(part, cycle) if len(rows) else None
+        if least is not None:
+            most = self.at_most(part, cycle)
+            instead = share(least, limit[rows] if most is None else np.fmin(limit[rows], most[0]))
+            use[rows] = np.where(instead > 1.0, instead, use[rows])
         return use
 
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
         """The load and its limit, with units, and the cycle."""
         unit = ("N m" if cycle.axis.kind == "rotary" else "N") if self.unit == "axis torque" else self.unit
         demand = float(self.demand(pair, cycle, conditions)[0])
-        load = f"{self.quantity} {demand:.4g} {unit}"
+        load = f"{self.quantity} {figure(demand)} {unit}"
         if np.isnan(demand):
-            return f"{self.quantity} unknown in '{cycle.name}'; {self.missing(pair)}"
+            least = self.least_demand(pair, cycle)
+            size = math.nan if least is None else float(least[0])
+            if math.isnan(size):
+                return f"{self.quantity} unknown in '{cycle.name}'; {self.missing(pair)}"
+            load = f"{self.quantity} at least {figure(size)} {unit}, {AT_LEAST}"
+            if not self.cycle_use(pair, cycle, conditions)[0] > 1.0:
+                return f"{load}, in '{cycle.name}'; {self.missing(pair)}"
         limit, name = float(self.limit(pair, cycle, conditions)[0]), self.limit_name
         if np.isnan(limit):
             use = float(self.cycle_use(pair, cycle, conditions)[0])
@@ -188,6 +219,17 @@ class LimitCriterion(Criterion):
                 return f"{load} in '{cycle.name}'; {self.missing(pair)}"
             limit, name = float(bound[0][0]), f"{bound[1]} (the {name} is not stated, and not {_side(use)})"
         return f"{load} of {limit:.4g} {unit}, {name}, in '{cycle.name}'"
+
+    def compared(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> float:
+        """The load of one pair, or the bound that an unknown one is not below."""
+        demand = self.demand(pair, cycle, conditions)
+        least = self.least_demand(pair, cycle) if np.isnan(demand[0]) else None
+        return float((demand if least is None else least)[0])
+
+
+def figure(value: float) -> str:
+    """A load as text with four digits; what is left by rounding errors is 0."""
+    return "0" if abs(value) < ROUNDING else f"{value:.4g}"
 
 
 def _side(use: float) -> str:

@@ -187,6 +187,19 @@ class ReducedCycle:
         share = (np.abs(self.torque) / self.max_torque) ** exponent  # so that no power overflows
         return float(self.max_torque * float(travel @ share / total) ** (1.0 / exponent))
 
+    @cached_property
+    def aligned(self) -> ReducedCycle:
+        """The same cycle with only those features in which every part of the torque has the sign of τ, others 0.
+
+        They are the samples where the motor drives (τ q̇ >= 0, standstill included) and τ q̈ >= 0; torques are those of
+        the load, before any gear. See `shaft_loads.least_coefficients`.
+        """
+        aligned = (self.torque * self.speed >= 0.0) & (self.torque * self.features[:, ACCELERATION] >= 0.0)
+        features = self.features * aligned[:, None]
+        features[:, DRIVING] = np.where(aligned, self.torque, 0.0)
+        features[:, DRIVEN] = 0.0
+        return replace(self, features=features, includes_gear=False)
+
     def scaled(self, factor: float) -> ReducedCycle:
         """The same cycle with all loads (torques, forces and moments, but no inertia) times a factor."""
         return replace(

@@ -11,6 +11,7 @@ from bellcrank.actuators.continuous_torque import continuous_torque, continuous_
 from bellcrank.actuators.short_time_limits import voltage_limit_source
 from bellcrank.sizing.selection.axis_loads import Axis
 from bellcrank.sizing.selection.criteria import (
+    AT_LEAST,
     FRICTION,
     SHAFT,
     TORQUE_CONSTANT,
@@ -19,6 +20,7 @@ from bellcrank.sizing.selection.criteria import (
     Criterion,
     LimitCriterion,
     alternatives,
+    figure,
 )
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
 from bellcrank.sizing.selection.pairs import Pairs
@@ -27,6 +29,7 @@ from bellcrank.sizing.selection.shaft_loads import (
     electrical_coefficients,
     largest,
     largest_shaft_torque,
+    least_coefficients,
     root_mean_square,
     shaft_coefficients,
     speed_coefficients,
@@ -84,6 +87,10 @@ class ContinuousTorqueCriterion(LimitCriterion):
         """RMS of the shaft torque."""
         return root_mean_square(shaft_coefficients(pairs, cycle), cycle)
 
+    def least_demand(self, pairs: Pairs, cycle: ReducedCycle) -> Array:
+        """RMS of the bound of the shaft torque in `shaft_loads.least_coefficients`."""
+        return root_mean_square(least_coefficients(pairs, electrical=False), cycle.aligned)
+
     def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Continuous torque at the mean speed."""
         speed = pairs.of_gear("ratio") * cycle.mean_speed
@@ -94,7 +101,12 @@ class ContinuousTorqueCriterion(LimitCriterion):
         motor, gear = pair.rows(0)
         demand = float(self.demand(pair, cycle, conditions)[0])
         speed = math.nan if gear.ratio is None else gear.ratio * cycle.mean_speed
-        load = "RMS torque unknown: " + self.missing(pair) if math.isnan(demand) else f"RMS torque {demand:.4g} N m"
+        load = f"RMS torque {figure(demand)} N m"
+        if math.isnan(demand):
+            least = float(self.least_demand(pair, cycle)[0])
+            shown = bool(self.cycle_use(pair, cycle, conditions)[0] > 1.0)
+            bound = f"RMS torque at least {figure(least)} N m, {AT_LEAST},"
+            load = bound if shown else "RMS torque unknown: " + self.missing(pair)
         limit = "unknown" if math.isnan(speed) else continuous_torque_text(motor, speed, conditions)
         return f"{load} at mean speed {speed * RPM:.4g} rpm in '{cycle.name}'; continuous torque {limit}"
 
@@ -118,6 +130,10 @@ class PeakTorque(LimitCriterion):
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Largest shaft torque."""
         return largest_shaft_torque(pairs, cycle)
+
+    def least_demand(self, pairs: Pairs, cycle: ReducedCycle) -> Array:
+        """Largest bound of the shaft torque in `shaft_loads.least_coefficients`."""
+        return largest(least_coefficients(pairs, electrical=False), cycle.aligned)
 
     def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """The motor's `peak_torque`."""
@@ -146,6 +162,10 @@ class PeakCurrent(LimitCriterion):
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Largest electrical torque."""
         return largest(electrical_coefficients(pairs, cycle), cycle)
+
+    def least_demand(self, pairs: Pairs, cycle: ReducedCycle) -> Array:
+        """Largest bound of the electrical torque in `shaft_loads.least_coefficients`."""
+        return largest(least_coefficients(pairs, electrical=True), cycle.aligned)
 
     def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
         """By the largest shaft torque and the largest friction at once."""
@@ -177,7 +197,28 @@ class VoltageLimit(Criterion):
     )
 
     def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
-        """Largest voltage over the usable one."""
+        """Largest voltage over the usable one; where it is unknown, the bound by `least_coefficients` if it exceeds.
+
+        Torque and speed have the same sign in the samples of that bound, so R/k T_e and k ω add up.
+        """
+        use = self._known_use(pairs, cycle, conditions)
+        rows = np.nonzero(np.isnan(use))[0]
+        if len(rows):
+            least = self._least_use(pairs.take(rows), cycle, conditions)
+            use[rows] = np.where(least > 1.0, least, np.nan)
+        return use
+
+    def _least_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """What the use is not below (m,), of the limits that are known; NaN where none is."""
+        found = np.full(len(pairs), np.nan)
+        for limit in pairs.products.short_time_limits(conditions):
+            if limit.name == "voltage limit":
+                torque, speed = limit.torque[pairs.motor], limit.speed[pairs.motor]
+                factors = torque[:, None] * least_coefficients(pairs, electrical=limit.basis == "electrical")
+                found = np.fmax(found, largest(factors + speed_coefficients(pairs, speed), cycle.aligned))
+        return found
+
+    def _known_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         uses = []
         for limit in pairs.products.short_time_limits(conditions):
             if limit.name == "voltage limit":
@@ -207,8 +248,9 @@ class VoltageLimit(Criterion):
         if math.isnan(use):
             return self.missing(pair)
         bus = motor.nominal_voltage if conditions.voltage is None else conditions.voltage
+        bound = "at least " if math.isnan(self._known_use(pair, cycle, conditions)[0]) else ""
         return (
-            f"{use:.1%} of {bus:.4g} V less {conditions.voltage_reserve:.0%} reserve in '{cycle.name}', "
+            f"{bound}{use:.1%} of {bus:.4g} V less {conditions.voltage_reserve:.0%} reserve in '{cycle.name}', "
             f"from {voltage_limit_source(motor)}"
         )
 

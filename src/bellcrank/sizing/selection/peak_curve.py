@@ -18,6 +18,7 @@ from bellcrank.sizing.selection.shaft_loads import (
     BLOCK,
     largest_shaft_torque,
     largest_signed,
+    least_coefficients,
     shaft_coefficients,
     speed_coefficients,
 )
@@ -53,7 +54,18 @@ class PeakCurve(Criterion):
             torque = shaft_coefficients(part, cycle) @ cycle.features.T
             speed = part.of_gear("ratio")[:, None] * cycle.speed
             use[rows] = np.max(peak_curve_use(part.motors[:, None], conditions, torque, speed), axis=1)
+        unknown = np.nonzero(printed & np.isnan(use))[0]
+        for start in range(0, len(unknown), step):
+            rows = unknown[start : start + step]
+            least = self._least_use(pairs.take(rows), cycle, conditions)
+            use[rows] = np.where(least > 1.0, least, np.nan)
         return use
+
+    def _least_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """Largest use (m,) at the torques of `least_coefficients`: a point above the curve stays so at a larger one."""
+        torque = least_coefficients(pairs, electrical=False) @ cycle.aligned.features.T
+        speed = pairs.of_gear("ratio")[:, None] * cycle.aligned.speed
+        return np.asarray(np.max(peak_curve_use(pairs.motors[:, None], conditions, torque, speed), axis=1))
 
     def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
         """By the largest torque and the largest speed at once, where the region is convex."""
@@ -67,7 +79,10 @@ class PeakCurve(Criterion):
         if not self.judged(pair, cycle.axis, conditions)[0]:
             return "no curve of short-time operation is printed"
         use = float(self.cycle_use(pair, cycle, conditions)[0])
-        return self.missing(pair) if math.isnan(use) else f"{use:.1%} of the printed curve in '{cycle.name}'"
+        if math.isnan(use):
+            return self.missing(pair)
+        unknown = math.isnan(float(shaft_coefficients(pair, cycle).sum()))
+        return f"{'at least ' if unknown else ''}{use:.1%} of the printed curve in '{cycle.name}'"
 
 
 class Sides(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.sizing.selection.load_reductions import SPEED, ReducedCycle
+from bellcrank.sizing.selection.load_reductions import ACCELERATION, DIRECTION, DRIVING, SPEED, ReducedCycle
 from bellcrank.sizing.selection.pairs import Pairs
 
 Array = NDArray[np.float64]
@@ -32,6 +32,31 @@ def coefficients(pairs: Pairs, cycle: ReducedCycle, *, electrical: bool) -> Arra
         factors[:, 3:] = 0.0
     if cycle.includes_gear:
         factors[:, :2] = 1.0 / pairs.of_gear("ratio")[:, None]
+    return factors
+
+
+def least_coefficients(pairs: Pairs, *, electrical: bool) -> Array:
+    """Factors (m, 5) of the features of `ReducedCycle.aligned` whose sum is a lower bound of each pair's torque.
+
+    Where the motor drives and the load's torque τ has the sign of q̈, the parts of the torque,
+
+        T_e = τ/(N η) + (J_rotor + J_gear) N q̈ + T_c sign q̇ + c_v N q̇,
+
+    all have the sign of τ. So |T_e| is the sum of their sizes, each of which is at least its value with η = 1, no
+    inertia and no friction: |T_e| >= |T| >= |τ|/N, because η <= 1 and inertias and friction are not negative. Every
+    figure that is not stated is replaced so; those that are stated count in full. A curve of efficiency counts as 1.
+    Elsewhere the torque counts as 0. (Derived here. Only an unknown ratio leaves the bound unknown.)
+    """
+    ratio = pairs.of_gear("ratio")
+    curved = pairs.products.gear_arrays.efficiency_curve.known[pairs.gear]
+    efficiency = np.where(curved, 1.0, np.nan_to_num(pairs.of_gear("efficiency"), nan=1.0))
+    inertia = np.nan_to_num(pairs.of_motor("rotor_inertia")) + np.nan_to_num(pairs.of_gear("inertia"))
+    factors = np.zeros((len(pairs), 5))
+    factors[:, DRIVING] = 1.0 / (ratio * efficiency)
+    factors[:, ACCELERATION] = inertia * ratio
+    if electrical:
+        factors[:, DIRECTION] = np.nan_to_num(pairs.of_motor("coulomb_torque"))
+        factors[:, SPEED] = np.nan_to_num(pairs.of_motor("viscous_coefficient")) * ratio
     return factors
 
 
