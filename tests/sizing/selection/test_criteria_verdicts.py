@@ -16,6 +16,7 @@ from bellcrank.sizing.selection.judge import CRITERIA, NOTES, judge
 from bellcrank.sizing.selection.load_reductions import ReducedLoads, reduce_loads
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.selection import CriterionResult
+from bellcrank.sizing.selection.shaft_loads import FEW
 
 CONDITIONS = Conditions()
 
@@ -85,6 +86,16 @@ def test_with_a_curve_of_efficiency_and_no_rated_torque_the_bound_counts() -> No
     for factor, verdict in ((1.0, "unknown"), (300.0, "exceeded")):
         found = results(strong_motor(), gear, load().with_safety_factor(factor))["peak torque"]
         assert found.verdict == verdict, found
+
+
+def test_many_motors_with_a_curve_of_efficiency_and_no_rated_torque_are_unknown() -> None:
+    curve = ((0.1, 0.5), (1.0, 0.8))
+    gear = strong_gear(efficiency=None, back_efficiency=None, rated_torque=None, efficiency_curve=curve)
+    pairs = Pairs.possible(random_motors(300, 1), [gear])
+    pairs = pairs.take(pairs.with_gear)
+    assert len(pairs) > FEW
+    judgement = judge(pairs, load(), CONDITIONS)
+    assert not (judgement.tier == 0).any() and (judgement.tier == 1).any()
 
 
 def test_many_pairs_with_the_bound_are_judged_as_each_alone() -> None:

@@ -20,7 +20,13 @@ def not_dominated(points: Array) -> Index:
 
 
 def extreme_points(points: Array) -> Index:
-    """Rows of points (n, 3) that are vertices of their convex hull, in however many dimensions they spread."""
+    """Rows of points (n, 3) that are vertices of their convex hull, in however many dimensions they spread.
+
+    Of points that are not all known (NaN) it is an unknown one, with which every largest value is unknown.
+    """
+    unknown = np.flatnonzero(np.isnan(points).any(axis=1))
+    if len(unknown):
+        return unknown[:1]
     if len(points) < 5:
         return np.arange(len(points))
     points, first = np.unique(points, axis=0, return_index=True)

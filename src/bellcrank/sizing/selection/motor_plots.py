@@ -67,7 +67,7 @@ def _panel(axis: Axes, selection: Selection, k: int, one: AxisSelection) -> None
     for number, cycle in enumerate(selection.cycles):
         load = factor * cycle.torque[:, k]
         speed = actuator.ratio * cycle.speed[:, k]
-        torque = actuator.shaft_torque(load, cycle.speed[:, k], factor * cycle.acceleration[:, k])
+        torque = actuator.shaft_torque(load, cycle.speed[:, k], cycle.acceleration[:, k])
         if not np.isfinite(torque).all():
             continue
         reach = np.maximum(reach, [np.abs(speed).max(), np.abs(torque).max()])
