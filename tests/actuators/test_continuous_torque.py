@@ -148,7 +148,17 @@ def test_the_printed_curve_goes_first_and_ends_at_its_last_speed() -> None:
     one = thermal_motor(RE25, nominal_torque=0.0286, continuous_curve=[(0.0, 0.03), (400.0, 0.02)])
     assert at(one, 200.0) == (pytest.approx(0.025), "printed curve")
     assert at(one, -200.0) == (pytest.approx(0.025), "printed curve")
-    assert at(one, 400.1) == (0.0, "printed curve")
+    assert np.isnan(at(one, 400.1)[0]) and at(one, 400.1)[1] == "unknown"
+    text = continuous_torque_text(one, 400.1, HERE)
+    assert text == "unknown (the printed curve ends at 400 rad/s, below 400.1 rad/s)"
+    stopped = motor(continuous_curve=[(0.0, 0.03), (400.0, 0.0)])
+    assert at(stopped, 400.1) == (0.0, "printed curve")
+    limited = motor(continuous_curve=[(0.0, 0.03), (400.0, 0.02)], max_speed=500.0)
+    assert np.isnan(at(limited, 499.0)[0]) and at(limited, 501.0) == (0.0, "printed curve")
+
+
+def test_a_nominal_torque_at_standstill_leaves_the_heat_of_friction_whole() -> None:
+    assert thermal_motor(RE25, nominal_torque=0.0286, nominal_speed=0.0).friction_heat_share == 1.0
 
 
 def test_the_thermal_limit_is_not_above_the_printed_nominal_torque() -> None:

@@ -82,7 +82,8 @@ class Brute:
         speed = np.abs(np.atleast_1d(np.asarray(speed, dtype=float)))
         if m.continuous_curve:
             x, y = np.array(m.continuous_curve).T
-            return np.interp(speed, x, y, right=0.0)
+            ended = np.where((y[-1] == 0.0) | (speed > value(m.max_speed)), 0.0, math.nan)
+            return np.where(speed > x[-1], ended, np.interp(speed, x, y))
         r_wh, r_ha = value(m.resistance_winding_housing), value(m.resistance_housing_ambient)
         rise = value(m.max_winding_temperature) - 25.0
         friction = self.tc * np.sign(speed) + self.cv * speed

@@ -1,6 +1,7 @@
 """The continuous (S1) torque over speed, derated for ambient temperature and altitude.
 
-In this order: the curve that the maker prints; the nominal torque up to the nominal speed; above it the thermal limit
+In this order: the curve that the maker prints (unknown beyond its end, unless it ends at 0 or the speed is not
+permitted); the nominal torque up to the nominal speed; above it the thermal limit
 from both thermal resistances, which counts up to the nominal torque. Without a nominal torque it is the thermal limit;
 without the thermal figures it is unknown above the nominal speed. Where the nominal torque is reduced for the ambient
 temperature or the altitude, and the thermal limit there is less, the thermal limit counts.
@@ -68,7 +69,7 @@ def continuous_torque(motors: MotorArrays, speed: Array | float, conditions: Con
     """
     speed = np.abs(np.asarray(speed, dtype=np.float64))
     derating = printed_torque_factor(motors, conditions)
-    curve = motors.continuous_curve.at(speed, beyond=0.0) * derating
+    curve = _printed_curve(motors, speed) * derating
     printed = motors.nominal_torque * derating
     thermal = thermal_limit_torque(motors, speed, conditions)
     up_to_nominal = (speed <= motors.nominal_speed) | (speed == 0.0)
@@ -78,6 +79,17 @@ def continuous_torque(motors: MotorArrays, speed: Array | float, conditions: Con
     torque = np.where(has_curve, curve, np.where(by_nominal, printed, by_thermal))
     source = np.where(has_curve, 1, np.where(torque == thermal, 2, 3)) * ~np.isnan(torque)
     return ContinuousTorque(torque, source.astype(np.int8))
+
+
+def _printed_curve(motors: MotorArrays, speed: Array) -> Array:
+    """The torque of the printed curve at speeds of 0 or more, N m; beyond its end unknown.
+
+    It is 0 there where the curve ends at 0, and above the largest permitted speed.
+    """
+    curve = motors.continuous_curve
+    last = curve.last_x
+    stopped = (curve.at(last) == 0.0) | (speed > motors.max_speed)
+    return np.where((speed > last) & ~stopped, np.nan, curve.at(speed, beyond=0.0))
 
 
 def thermal_limit_torque(motors: MotorArrays, speed: Array | float, conditions: Conditions) -> Array:
@@ -156,6 +168,8 @@ def continuous_torque_text(motor: Motor, speed: float, conditions: Conditions) -
 def _lacking(motor: Motor, speed: float, conditions: Conditions) -> str:
     """What a motor does not state, so that its continuous torque at a speed is unknown."""
     reference = UNSTATED_REFERENCE if motor.reference_temperature is None else motor.reference_temperature
+    if motor.continuous_curve is not None and abs(speed) > motor.continuous_curve[-1][0]:
+        return f"the printed curve ends at {motor.continuous_curve[-1][0]:.4g} rad/s, below {abs(speed):.4g} rad/s"
     if motor.continuous_torque is None and motor.continuous_curve is None:
         return "neither a nominal torque nor the figures of the thermal limit are stated"
     if motor.max_winding_temperature is None and conditions.ambient > reference:

@@ -265,7 +265,8 @@ class Motor:
         The nominal point is by its definition one at which the winding reaches its largest temperature (maxon's motor
         data: nominal torque and current at nominal speed and 25 °C). Where the whole loss and the copper loss at this
         point would heat the winding further, only the share that fits counts: loss in the bearings also leaves through
-        shaft and flange. It is 1 where the nominal point or a thermal figure is not stated. For the fast EC-4pole 30
+        shaft and flange. It is 1 where the nominal point or a thermal figure is not stated, and where the nominal
+        speed is 0. For the fast EC-4pole 30
         it is 0.49.
         """
         torque, speed, limit = self.continuous_torque, self.nominal_speed, self.max_winding_temperature
@@ -276,7 +277,7 @@ class Motor:
         if coulomb is None or viscous is None or winding is None or housing is None:
             return 1.0
         friction = coulomb + viscous * speed
-        if friction == 0.0:
+        if friction * speed == 0.0:  # nominal torque at standstill: no such loss
             return 1.0
         reference = UNSTATED_REFERENCE if self.reference_temperature is None else self.reference_temperature
         copper = ((torque + friction) / constant) ** 2 * float(resistance_factor(limit))
