@@ -165,12 +165,12 @@ def test_pictures_are_drawn_also_where_torques_are_unknown(
 
 
 def test_the_load_points_drawn_are_those_of_the_criteria(arm: Selection) -> None:
-    """Torque and speed at the shaft with the safety factor, by the power train directly."""
+    """Torque and speed at the shaft, the safety factor on the load's torque only, by the power train directly."""
     axis = selection_figures(arm)["motors.png"].axes[0]
     one, cycle = arm.axes[0], arm.cycles[0]
     assert one.chosen is not None
     train = PowerTrains.of(one.chosen.motor, one.chosen.gear)
-    expected = 1.1 * train.shaft_torque(cycle.torque[:, 0], cycle.speed[:, 0], cycle.acceleration[:, 0])
+    expected = train.shaft_torque(1.1 * cycle.torque[:, 0], cycle.speed[:, 0], cycle.acceleration[:, 0])
     [points] = [line for line in axis.lines if line.get_label() == "elbow_up"]
     np.testing.assert_allclose(np.asarray(points.get_ydata()), expected, rtol=1e-12)
 

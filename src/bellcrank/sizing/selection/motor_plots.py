@@ -90,7 +90,7 @@ def _panel(axis: Axes, selection: Selection, k: int, one: AxisSelection) -> None
     for line in (axis.axhline, axis.axvline):
         line(0.0, color="0.6", linewidth=0.7, zorder=0)
     axis.set_xlabel("motor speed [rpm]")
-    axis.set_ylabel(f"motor torque{f' × {factor:g}' if factor != 1.0 else ''} [N m]")
+    axis.set_ylabel(f"motor torque{f', load × {factor:g}' if factor != 1.0 else ''} [N m]")
     unknown = "\ntorque unknown" if actuator.unknown_of_torque else ""
     assert one.chosen is not None
     axis.set_title(literal(f"{one.axis.name}: {one.chosen.id}") + unknown, fontsize="small")
