@@ -55,9 +55,8 @@ def verdict(selection: Selection) -> str:
             lines += [wrapped(text, "  - ", "    ") for text in texts]
     weak = maybe_too_weak(selection)
     if weak:
-        lines.append(
-            f"NOT SHOWN: {len(weak)} {'motor' if len(weak) == 1 else 'motors'} may be far too weak or too slow"
-        )
+        motors = "1 motor" if len(weak) == 1 else f"{len(weak)} motors"
+        lines.append(f"NOT SHOWN: {motors} may be far too weak or too slow")
         lines += [wrapped(text, "  - ", "    ") for text in weak]
     if selection.inside:
         lines.append(wrapped(_kept(selection)))
