@@ -52,7 +52,7 @@ def test_a_choice_that_shows_everything_is_ok_and_one_that_does_not_says_what_is
     assert partial.verdict[-1] == "Of the whole robot, supply power is unknown."
     shown = selection_document(dataclasses.replace(chosen, system=chosen.system[1:]), film)
     assert shown.status == "OK" and shown.success and not shown.partial
-    assert shown.verdict == ("2 of 2 joints have a motor and gear.", "All criteria are shown for shoulder, elbow.")
+    assert shown.verdict == ("2 of 2 joints have a motor and gear.", "All criteria are met for shoulder, elbow.")
 
 
 def test_nothing_that_fits_and_a_criterion_of_the_robot_that_is_exceeded_are_no_success(chosen, film):

@@ -46,7 +46,8 @@ def overview(catalogue: Catalogue) -> str:
         parts += [fitted(GEAR_HEADER, rows, width), ""]
     if not catalogue.products:
         return "no product of the catalogue satisfies all of the filters"
-    parts += [_counts(catalogue, len(wrong)), "", "Rows that state what a criterion needs:", _completeness(catalogue)]
+    parts += [_counts(catalogue, len(wrong)), ""]
+    parts += ["Products that state what a criterion needs:", _completeness(catalogue)]
     return "\n".join(parts)
 
 
@@ -145,12 +146,13 @@ def _completeness(catalogue: Catalogue) -> str:
         [one.criterion, _share(one.motors, len(catalogue.motors)), _share(one.gears, len(catalogue.gears)),
          "-" if one.pairs is None else f"{one.pairs:.1%}"]
         for one in completeness(catalogue)
+        if (catalogue.motors and one.motors is not None) or (catalogue.gears and one.gears is not None)
     ]  # fmt: skip
     return text_table(("criterion", "motors", "gears", "pairs"), rows)
 
 
 def _share(count: int | None, of: int) -> str:
-    return "" if count is None else f"{count} of {of}"
+    return "" if count is None or not of else f"{count} of {of}"
 
 
 def product_text(product: Product) -> str:

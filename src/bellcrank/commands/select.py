@@ -11,7 +11,7 @@ from bellcrank.commands.output_files import list_on_failure
 from bellcrank.commands.size import parse_payload
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file, check_folder, default_place
-from bellcrank.messages import format_value
+from bellcrank.messages import format_value, unknown_name
 
 if TYPE_CHECKING:
     from bellcrank.actuators.catalogue import Catalogue
@@ -120,7 +120,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.scene.robot_config import load_robot_config
     from bellcrank.sizing.selection.select import select
     from bellcrank.sizing.selection.selection_files import FILES, REPORT, RESULTS, earlier_files, write_results
-    from bellcrank.sizing.selection.tables import table, verdict
+    from bellcrank.sizing.selection.tables import table, verdict, wrapped
     from bellcrank.sizing.selection.written_config import check_target
     from bellcrank.sizing.sizing_files import remove_stale
 
@@ -134,21 +134,25 @@ def run(arguments: argparse.Namespace) -> int:
         check_file("--write-card", arguments.write_card)
         check_target(arguments.write_card, config)
     own = [] if config.catalogue is None else [str(config.catalogue)]
-    selection = select(
-        config,
-        arguments.motion or None,
-        products([*own, *arguments.catalogue], arguments.exclude, arguments.maker),
-        arguments.objective,
-        conditions=given,
-        keep=kept,
-        feedback=not arguments.no_feedback,
-        candidates=count or 12,
-        payloads=payloads,
-        allow_massless=arguments.allow_massless,
-    )
+    catalogue = products([*own, *arguments.catalogue], arguments.exclude, arguments.maker)
+    try:
+        selection = select(
+            config,
+            arguments.motion or None,
+            catalogue,
+            arguments.objective,
+            conditions=given,
+            keep=kept,
+            feedback=not arguments.no_feedback,
+            candidates=count or 12,
+            payloads=payloads,
+            allow_massless=arguments.allow_massless,
+        )
+    except InputError as error:
+        raise InputError(str(error).replace("argument 'keep'", "--keep", 1)) from None
     print(table(selection))
     for text in selection.warnings:
-        print(f"note: {text}")
+        print(wrapped(f"note: {text}", "", "  "))
     earlier = earlier_files(folder)
     files = write_results(selection, folder)  # first what matters most, in case the disk is full
     with list_on_failure(files, folder):
@@ -224,13 +228,15 @@ def products(folders: list[str], excluded: list[str], makers: list[str]) -> Cata
     catalogue = load_catalogue(*folders)
     left_out: set[str] = set()
     for text in excluded:
-        own = [one.id for one in catalogue.products if one.maker.casefold() == text.casefold()]
-        left_out |= set(own or [text])
+        own = {one.id for one in catalogue.products if text.casefold() in (one.id.casefold(), one.maker.casefold())}
+        if not own:
+            known = [*sorted({one.maker for one in catalogue.products}), *(one.id for one in catalogue.products)]
+            raise InputError(f"--exclude: {unknown_name('product or maker', text, known)}")
+        left_out |= own
     try:
-        catalogue.filtered(exclude=left_out)  # which refuses names that are neither a product's nor a maker's
         chosen = catalogue.filtered(makers=makers)
     except InputError as error:
-        raise InputError(f"--maker, --exclude: {error}") from None
+        raise InputError(f"--maker: {error}") from None
     catalogue = chosen.filtered(exclude=left_out & {one.id for one in chosen.products})
     if not catalogue.motors:
         raise InputError("--maker, --exclude: no motor is left to choose from; name other makers, or exclude less")

@@ -15,6 +15,7 @@ from bellcrank.reports.document_html import document_html, part_html
 from bellcrank.reports.input_tables import about, joint_table, made_with, motion_table, robot_facts
 from bellcrank.reports.selection_data import encoded_selection, title
 from bellcrank.sizing.selection.selection import AxisSelection, Selection
+from bellcrank.sizing.selection.tables import maybe_too_weak
 
 ASSETS = Path(__file__).with_name("assets")
 SCRIPTS = (  # in the order in which they stand in the page
@@ -178,13 +179,14 @@ def _verdict(selection: Selection) -> list[str]:
     lines = [f"{len(found)} of {len(axes)} joints have a motor and gear."]
     lines += [f"Nothing in the catalogue can drive {axis.axis.name}." for axis in axes if axis.chosen is None]
     for tier, text in (
-        ("all criteria shown", "All criteria are shown for"),
+        ("all criteria shown", "All criteria are met for"),
         ("passes what is known", "Some criteria are unknown, and the rest pass, for"),
         ("fails", "A criterion is exceeded for"),
     ):
         names = [axis.axis.name for axis in found if axis.chosen is not None and axis.chosen.tier == tier]
         if names:
             lines.append(f"{text} {', '.join(names)}.")
+    lines += [f"May be far too weak or too slow: {text}." for text in maybe_too_weak(selection)]
     lines += [f"The whole robot: {result.text}" for result in selection.system if result.verdict == "exceeded"]
     unfit = [axis.axis.name for axis in found if axis.chosen is not None and axis.chosen.fit == "fit not checked"]
     if unfit:

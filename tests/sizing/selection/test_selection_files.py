@@ -91,7 +91,11 @@ def test_the_verdict_tells_known_from_shown_and_from_failed(
     assert not failing.inside and verdict(failing).startswith("NOTHING FITS: ") and "nothing fits" in table(failing)
     assert "All inside" not in verdict(failing) and "as far as known" not in verdict(failing)
     text = verdict(unknown)
-    assert unknown.inside and not unknown.shown and text.startswith("Inside as far as known")
+    assert (
+        unknown.inside and not unknown.shown and text.startswith("NOT SHOWN: 1 motor may be far too weak or too slow")
+    )
+    assert "- shoulder: bare+g50: voltage limit unknown" in text and "Inside" not in text
+    assert "No known limit is exceeded" in text and "fit together, of shoulder" in text
     [axis] = unknown.axes
     assert axis.chosen is not None
     names = [each.name for each in axis.chosen.criteria if each.verdict == "unknown"]

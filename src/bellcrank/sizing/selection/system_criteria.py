@@ -207,10 +207,11 @@ def _judged(name: str, use: float, text: str) -> CriterionResult:
 
 def _unknown(name: str, pairs: Sequence[Pairs]) -> CriterionResult:
     """Unknown, because of motors and gears whose losses are unknown."""
-    named = [
+    lossy = [
         pair.rows(0)
         for pair in pairs
         if np.isnan(electrical.loss_per_squared_torque(pair.motors) + pair.coefficients.sum(axis=1)).any()
     ]
-    rows = ", ".join(dict.fromkeys(f"{motor.id} with {gear.id}" for motor, gear in named))
-    return CriterionResult(name=name, use=None, verdict="unknown", text=f"the losses are not known of: {rows}")
+    named = [motor.id if gear.kind == "direct" else f"{motor.id} with {gear.id}" for motor, gear in lossy]
+    text = f"the losses are not known of: {', '.join(dict.fromkeys(named))}"
+    return CriterionResult(name=name, use=None, verdict="unknown", text=text)

@@ -7,27 +7,31 @@ import textwrap
 from html import escape
 
 from bellcrank.actuators.conditions import Conditions
+from bellcrank.sizing.selection.judged_axes import MAIN
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
 from bellcrank.sizing.text_tables import TableContent, html_table, text_table
 
 UNKNOWN = "unknown"
 NOTHING = "nothing fits"
-WIDTH = 110  # characters of a line of the terminal
-CLASSES = {"all criteria shown": "all shown", "passes what is known": "not all shown", "fails": "fails"}
+NOT_CHECKED = "fit not checked"
+WIDTH = 100  # characters of a line of the terminal
+CLASSES = {"all criteria shown": "all met", "passes what is known": "some unknown", "fails": "fails"}
+OF_WIDTH = 16  # characters of the name of a criterion, where the table is too wide
 AIMS = {"mass": "least mass", "cost": "least cost", "loss": "least loss", "margin": "largest margin"}
 
 
 def table(selection: Selection, top: int = 3) -> str:
     """The selection as text: the chosen pairs, for each axis the next best, and the criteria of the whole robot."""
-    parts = [_heading(selection), text_table(chosen_rows(selection), (0, 1, 2, 4, 7)), _totals(selection)]
+    parts = [_heading(selection), _chosen_table(selection), _totals(selection)]
     for one in selection.axes:
         parts += ["", *_axis_lines(one, top)]
     if selection.system:
         parts += ["", "All axes together:", text_table(system_rows(selection), (0, 2))]
-        parts += [_wrapped(f"{result.name}: {result.text}", "  ") for result in selection.system]
-    parts += ["", _wrapped(f"Choice: {selection.proof} ({_passes(selection)})")]
+        parts += [wrapped(f"{result.name}: {result.text}", "  ") for result in selection.system]
+    parts += ["", wrapped(f"Choice: {selection.proof} ({_passes(selection)})")]
     if selection.pareto:
-        parts.append(_wrapped(f"Pareto front ({len(selection.pareto)}): {selection.pareto_proof or 'combinations'}"))
+        front = f"Pareto front of mass, largest use, loss and cost ({len(selection.pareto)} in selection.json)"
+        parts.append(wrapped(f"{front}: {selection.pareto_proof or 'combinations'}"))
     return "\n".join(parts)
 
 
@@ -48,13 +52,21 @@ def verdict(selection: Selection) -> str:
     for title, texts in (("NOTHING FITS", _without_pair(selection)), ("EXCEEDED", _exceeded(selection))):
         if texts:
             lines += [f"{title}: {len(texts)} {_plural(title, len(texts))}"]
-            lines += [_wrapped(text, "  - ", "    ") for text in texts]
+            lines += [wrapped(text, "  - ", "    ") for text in texts]
+    weak = maybe_too_weak(selection)
+    if weak:
+        motors = "1 motor" if len(weak) == 1 else f"{len(weak)} motors"
+        lines.append(f"NOT SHOWN: {motors} may be far too weak or too slow")
+        lines += [wrapped(text, "  - ", "    ") for text in weak]
     if selection.inside:
-        lines.append(_wrapped(_kept(selection)))
+        lines.append(wrapped(_kept(selection)))
+    unchecked = [one.axis.name for one in selection.axes if one.chosen is not None and one.chosen.fit == NOT_CHECKED]
+    if unchecked:
+        lines.append(wrapped(f"Not checked: whether motor and gear fit together, of {', '.join(unchecked)}"))
     unknown = unknown_criteria(selection)
     if unknown:
-        lines.append("Not shown, because what they need is not stated:")
-        lines += [_wrapped(f"{where}: {', '.join(names)}", "  - ", "    ") for where, names in unknown]
+        lines.append("Unknown, because what they need is not stated:")
+        lines += [wrapped(f"{where}: {', '.join(names)}", "  - ", "    ") for where, names in unknown]
     return "\n".join(lines)
 
 
@@ -124,12 +136,48 @@ def percent(use: float) -> str:
     return f"{use:.1%}" if use < 100.0 else f"{100.0 * use:.3g}%"
 
 
+def maybe_too_weak(selection: Selection) -> list[str]:
+    """The chosen pairs of which main criteria are unknown."""
+    found = []
+    for one in selection.axes:
+        if one.chosen is not None and one.chosen.tier == "passes what is known":
+            names = [name for name in one.chosen.unknown if name in MAIN]
+            if names:
+                found.append(f"{one.axis.name}: {one.chosen.id}: {', '.join(names)} unknown")
+    return found
+
+
+def wrapped(text: str, first: str = "", then: str | None = None) -> str:
+    """A text in lines that fit a terminal, the first and the others indented."""
+    then = first if then is None else then
+    return textwrap.fill(
+        text, WIDTH, initial_indent=first, subsequent_indent=then, break_long_words=False, break_on_hyphens=False
+    )
+
+
+def _chosen_table(selection: Selection) -> str:
+    """The chosen pairs; where a line would be too long, the gear is below the motor and names are in two lines."""
+    content = chosen_rows(selection)
+    text = text_table(content, (0, 1, 2, 4, 7))
+    if max(map(len, text.splitlines())) <= WIDTH:
+        return text
+    axis, motor, _, *others = content.header
+    rows = []
+    for name, motor_id, gear_id, use, of, *rest in content.rows:
+        criterion, *below = textwrap.wrap(of, OF_WIDTH) or [""]
+        rows.append([name, motor_id, use, criterion, *rest])
+        gear = f"+ {gear_id}" if gear_id not in ("", "none") else ""
+        if gear or below:
+            rows.append(["", gear, "", " ".join(below), *("" for _ in rest)])
+    return text_table(TableContent([axis, f"{motor}\n+ gear", *others], rows), (0, 1, 3, 6))
+
+
 def _chosen_row(one: AxisSelection) -> list[str]:
     chosen = one.chosen
     if chosen is None:
         return [one.axis.name, NOTHING, "", "", "", "", "", ""]
     gear = "none" if chosen.gear.kind == "direct" else chosen.gear.id
-    use = percent(chosen.largest_use)
+    use = percent(chosen.largest_use) if chosen.binding else UNKNOWN
     return [
         one.axis.name, chosen.motor.id, gear, use, chosen.binding, figure(chosen.mass), figure(chosen.loss),
         CLASSES[chosen.tier],
@@ -139,16 +187,15 @@ def _chosen_row(one: AxisSelection) -> list[str]:
 def _axis_lines(one: AxisSelection, top: int) -> list[str]:
     """How many pairs are in each class, the next best pairs, and what is unknown of the chosen one."""
     counts = ", ".join(f"{count} {tier}" for tier, count in one.counts)
-    lines = [_wrapped(f"{one.axis.name} ({_drive(one)}): pairs: {counts}")]
+    lines = [wrapped(f"{one.axis.name} ({_drive(one)}): pairs: {counts}")]
     if one.unknown_masses:
-        lines.append(_wrapped(f"loads without the unknown masses of: {', '.join(one.unknown_masses)}", "  "))
+        lines.append(wrapped(f"loads without the unknown masses of: {', '.join(one.unknown_masses)}", "  "))
     chosen = one.chosen
     if chosen is not None:
-        lines.append(_wrapped(f"chosen: {_brief(chosen)}; {_sentence(chosen)}", "  ", "    "))
+        lines.append(wrapped(f"chosen: {_brief(chosen)}; {_sentence(chosen)}", "  ", "    "))
     others = [each for each in one.candidates if chosen is None or each.id != chosen.id]
     lines += [
-        _wrapped(f"{'fails' if each.tier == 'fails' else 'next'}: {_brief(each)}", "  ", "    ")
-        for each in others[:top]
+        wrapped(f"{'fails' if each.tier == 'fails' else 'next'}: {_brief(each)}", "  ", "    ") for each in others[:top]
     ]
     return lines
 
@@ -162,24 +209,27 @@ def _brief(one: Candidate) -> str:
     mass = "mass unknown" if one.mass is None else f"{one.mass:.4g} kg"
     loss = "loss unknown" if one.loss is None else f"{one.loss:.4g} W"
     cost = "" if one.cost is None else f", {one.cost:.4g} {one.motor.currency or ''}".rstrip()
-    return f"{one.id}: {percent(one.largest_use)} of {one.binding}, {mass}, {loss}{cost}, {one.fit}" + (
-        "" if one.tier == "fails" else f"; {one.tier}"
-    )
+    return f"{one.id}: {_use(one)}, {mass}, {loss}{cost}, {one.fit}" + ("" if one.tier == "fails" else f"; {one.tier}")
+
+
+def _use(one: Candidate) -> str:
+    return f"{percent(one.largest_use)} of {one.binding}" if one.binding else "no criterion is known"
 
 
 def _sentence(one: Candidate) -> str:
     """The binding criterion in words."""
-    return next((each.text for each in one.criteria if each.name == one.binding), "no criterion is known")
+    return next((each.text for each in one.criteria if each.name == one.binding), "what it needs is not stated")
 
 
 def _heading(selection: Selection) -> str:
-    return _wrapped(_about(selection)) + "\n"
+    return wrapped(_about(selection)) + "\n"
 
 
 def _about(selection: Selection) -> str:
     conditions = "; ".join(f"{name} {value}" for name, value in selected_for(selection.conditions))
     cycles = ", ".join(cycle.name for cycle in selection.cycles)
-    return f"{selection.robot}, {AIMS[selection.objective]}, over {cycles}; {conditions}"
+    masses = f"masses of motors and gears {'added to' if selection.feedback else 'not added to'} the robot's"
+    return f"{selection.robot}, {AIMS[selection.objective]}, over {cycles}; {conditions}; {masses}"
 
 
 def _totals(selection: Selection) -> str:
@@ -221,21 +271,17 @@ def _kept(selection: Selection) -> str:
     uses = [
         (one.chosen.largest_use, f"{one.axis.name}'s {one.chosen.binding}")
         for one in selection.axes
-        if one.chosen is not None
+        if one.chosen is not None and one.chosen.binding
     ]
     uses += [(each.use, f"the {each.name} of all axes") for each in selection.system if each.use is not None]
+    if not uses:
+        return "No criterion is known of any motor."
     use, where = max(uses)
     largest = f"{percent(use)}, {where}"
     if selection.shown:
         return f"All inside: every axis has a motor that keeps all criteria; the largest use is {largest}."
+    if maybe_too_weak(selection):
+        return f"No known limit is exceeded; the largest known use is {largest}."
     return (
         f"Inside as far as known: every axis has a motor that passes what is known; the largest known use is {largest}."
-    )
-
-
-def _wrapped(text: str, first: str = "", then: str | None = None) -> str:
-    """A text in lines that fit a terminal, the first and the others indented."""
-    then = first if then is None else then
-    return textwrap.fill(
-        text, WIDTH, initial_indent=first, subsequent_indent=then, break_long_words=False, break_on_hyphens=False
     )
