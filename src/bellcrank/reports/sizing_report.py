@@ -26,7 +26,7 @@ from bellcrank.sizing.text_tables import TableContent
 def sizing_document(sizing: Sizing, film: Film) -> Document:
     """The report of a sizing, with the film of its motions."""
     parts: list[Facts | Table | Picture] = [_table("At the joints", joint_rows(sizing))]
-    if any(joint.shaft for joint in sizing.joints):
+    if sizing.shafts:
         note = "Margins with the safety factor on torques."
         parts.append(_table("At the motor shafts", shaft_rows(sizing), note))
     parts.append(_table("Structure and energy", structure_rows(sizing)))

@@ -14,6 +14,7 @@ from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
     from bellcrank.sizing.joint_sizing import JointSizing
+    from bellcrank.sizing.shaft_sizing import MotorSizing
 
 Array = NDArray[np.float64]
 REMEDY = "so the motor cannot be sized; check the masses, lengths, forces, actuator and accelerations there"
@@ -49,6 +50,15 @@ def refuse_non_finite_joint(robot: str, joint: JointSizing) -> None:
     ):
         if margin is not None and not math.isfinite(margin) and limit:
             raise InputError(f"sizing of {robot}: the {name} of joint '{joint.name}' is {_found(margin)}, {REMEDY}")
+
+
+def refuse_non_finite_motor(robot: str, motor: MotorSizing) -> None:
+    """InputError naming motor and quantity where a number of the sizing of a coupled transmission's motor is not
+    finite.
+    """
+    for name, value in _numbers(motor, ""):
+        if not math.isfinite(value):
+            raise InputError(f"sizing of {robot}: the {name} of motor '{motor.name}' is {_found(value)}, {REMEDY}")
 
 
 def root_mean_square(weight: Array, rows: Array, duration: float) -> Array:

@@ -109,20 +109,28 @@ class JointLoads:
         nominal = self.nominal_torque(t, q, v, a)
         if self.mass_tolerance == 0.0:
             return nominal, nominal
-        spread = self.mass_tolerance * np.abs(self.mechanism.link_torques(t, q, v, a)).sum(axis=1)
+        spread = self.mass_tolerance * np.abs(self.link_torques(t, q, v, a)).sum(axis=1)
         return nominal - spread, nominal + spread
+
+    def link_torques(self, t: Array, q: Array, v: Array, a: Array) -> Array:
+        """The part (n, links, k) of the torques that each link's mass and inertia cause."""
+        return self.mechanism.link_torques(t, q, v, a)
+
+    def moving(self, values: Array) -> Array:
+        """Positions of the motors' joints, or their derivatives (n, k), as coordinates of what the motors move."""
+        return values
 
     def history(self, t: Array, q: Array, v: Array, a: Array) -> LoadHistory:
         """Torques, speeds and powers at the joints, the shafts and the supply."""
         low, high = self.torque_range(t, q, v, a)
-        speed, rate = v[:, self.columns], a[:, self.columns]
+        speed, rate = self.moving(v[:, self.columns]), self.moving(a[:, self.columns])
         most, least = np.maximum(low * speed, high * speed), np.minimum(low * speed, high * speed)
         supply, back = most.copy(), least.copy()
         shaft, curve = np.zeros_like(low), np.zeros_like(low)
-        for k, joint in enumerate(self.joints):
-            if not self.knows_shaft(joint.name):
+        for k, name in enumerate(self.joint_names):
+            if not self.knows_shaft(name):
                 continue
-            actuator = self.actuators[joint.name]
+            actuator = self.actuators[name]
             turns = actuator.ratio * speed[:, k]
             ends = [actuator.shaft_torque(end[:, k], speed[:, k], rate[:, k]) for end in (low, high)]
             shaft[:, k] = np.maximum(np.abs(ends[0]), np.abs(ends[1]))
@@ -134,7 +142,7 @@ class JointLoads:
         if self.unknown_supply:
             supply, back = np.zeros_like(supply), np.zeros_like(back)
         return LoadHistory(
-            position=q[:, [joint.q for joint in self.joints]],
+            position=self.moving(q[:, [joint.q for joint in self.joints]]),
             speed=speed,
             highest_torque=high,
             lowest_torque=low,

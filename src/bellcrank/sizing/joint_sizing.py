@@ -197,11 +197,7 @@ class JointSizing:
     @property
     def unknown(self) -> tuple[str, ...]:
         """A sentence for each limit of the actuator that could not be compared."""
-        missing = {} if self.shaft is None else self.shaft.unknown
-        return tuple(
-            f"joint '{self.name}': the actuator's {name} margin is unknown; not stated: {what}"
-            for name, what in missing.items()
-        )
+        return () if self.shaft is None else self.shaft.unknown_limits(f"joint '{self.name}'")
 
     @property
     def exceeded(self) -> tuple[str, ...]:
@@ -222,11 +218,7 @@ class JointSizing:
                 f"joint '{self.name}' leaves its position range by {-self.position_margin:.4g} {self.position_unit}"
             )
         if self.shaft is not None:
-            found += [
-                f"joint '{self.name}': the actuator's {name} limit is exceeded by {-margin:.1%}"
-                for name, margin in self.shaft.known_margins.items()
-                if margin < 0.0
-            ]
+            found += self.shaft.exceeded_limits(f"joint '{self.name}'")
         return tuple(found)
 
 

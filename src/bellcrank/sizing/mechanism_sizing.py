@@ -14,18 +14,20 @@ those of the nominal masses.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 
 import numpy as np
 
 from bellcrank.actuators.actuator import Actuator
+from bellcrank.actuators.coupled_transmission import CoupledTransmission
 from bellcrank.dynamics.force_table_breakpoints import with_force_rows
 from bellcrank.dynamics.mechanism import Mechanism, applied_forces, parameter_values
 from bellcrank.dynamics.motion_notes import mechanism_notes, motion_notes
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.motion import Motion, require_joints
-from bellcrank.sizing.finite_checks import refuse_non_finite_joint
+from bellcrank.sizing.coupled_axes import axis_coordinates
+from bellcrank.sizing.finite_checks import refuse_non_finite_joint, refuse_non_finite_motor
 from bellcrank.sizing.holding import holding_torques
 from bellcrank.sizing.holding_search import Holding
 from bellcrank.sizing.joint_loads import JointLoads
@@ -33,7 +35,9 @@ from bellcrank.sizing.joint_sizing import Cycle, JointSizing, Peak, ShaftSizing
 from bellcrank.sizing.margins import PHRASES, continuous_use, margins, unknown_margins
 from bellcrank.sizing.massless_motors import massless_motors, singular_joints
 from bellcrank.sizing.motion_peaks import JointPeaks, MotionPeaks, interpolation_warnings, peaks_along, worst_peaks
+from bellcrank.sizing.motor_loads import MotorLoads
 from bellcrank.sizing.result import Sizing, SizingInputs
+from bellcrank.sizing.shaft_sizing import MotorSizing
 
 
 def size_mechanism(
@@ -42,18 +46,29 @@ def size_mechanism(
     actuators: Mapping[str, Actuator],
     mass_tolerance: float = 0.0,
     allow_massless: Iterable[str] = (),
+    transmissions: Sequence[CoupledTransmission] = (),
 ) -> Sizing:
     """Size every motor of a mechanism over motions of all of its joints; `bellcrank.size` says what is included.
+
+    `actuators` are by joint, those of coupled transmissions by motor.
 
     Raises InputError where there is no motion or a motion is of another robot, where an actuator names no joint or
     gives its rotor another inertia than the robot has, and where a load or margin is not a finite number.
     """
+    coupled = {motor for one in transmissions for motor in one.motors if motor in actuators}
+    at_axes, actuators = actuators, {name: one for name, one in actuators.items() if name not in coupled}
     _check(mechanism, motions, actuators)
     robot = mechanism.robot
     motions = [with_force_rows(mechanism, motion) for motion in motions]
-    loads = JointLoads(mechanism, actuators, mass_tolerance)
+    loads: JointLoads = JointLoads(mechanism, actuators, mass_tolerance)
+    supplied, motors = loads, tuple[MotorSizing, ...]()
     with np.errstate(all="ignore"):  # what overflows or is not a number is refused, with its place
-        each = [_peaks_along(loads, motion) for motion in motions]
+        each = supply = [_peaks_along(loads, motion) for motion in motions]
+        if coupled:
+            coordinates = axis_coordinates(mechanism, transmissions)
+            supplied = MotorLoads(mechanism, at_axes, mass_tolerance, coordinates)
+            supply = [_peaks_along(supplied, motion) for motion in motions]
+            motors = _motor_sizings(supplied, supply, coupled)
         holding = holding_torques(mechanism, motions, mass_tolerance)
     joints = tuple(_joint_sizing(loads, k, each, motions, holding) for k in range(len(loads.joints)))
     for joint in joints:
@@ -65,13 +80,12 @@ def size_mechanism(
         errors += [text for name, text in singular_joints(mechanism).items() if name not in explained]
     warnings = [*errors, *robot.inertia_warnings, *massless.allowed.values()]
     warnings += motion_warnings(mechanism, motions)
-    warnings += [f"actuator of joint '{name}': {text}" for name, one in actuators.items() for text in one.doubts]
-    warnings += [
-        f"joint '{name}': {' and '.join(one.not_compared)} are not compared here; `bellcrank select` does"
-        for name, one in actuators.items()
-        if one.not_compared
-    ]
-    warnings += [f"the power of all joints together is unknown; {text}" for text in _unknown_supply(loads)]
+    for name, one in at_axes.items():
+        what = _what(name, coupled)
+        warnings += [f"actuator of {what}: {text}" for text in one.doubts]
+        if one.not_compared:
+            warnings.append(f"{what}: {' and '.join(one.not_compared)} are not compared here; `bellcrank select` does")
+    warnings += [f"the power of all joints together is unknown; {text}" for text in _unknown_supply(supplied, coupled)]
     warnings += interpolation_warnings(joints)
     warnings += holding.notes
     if others := ", ".join(f"'{joint.name}' ({joint.kind})" for joint in robot.joints if joint.nv != 1):
@@ -81,8 +95,8 @@ def size_mechanism(
         motions=tuple(motion.name for motion in motions),
         mass_tolerance=mass_tolerance,
         joints=joints,
-        supply_peak=_largest(peaks.supply for peaks in each),
-        regeneration_peak=_largest(peaks.regeneration for peaks in each),
+        supply_peak=_largest(peaks.supply for peaks in supply),
+        regeneration_peak=_largest(peaks.regeneration for peaks in supply),
         warnings=tuple(dict.fromkeys(warnings)),
         gravity=tuple(map(float, robot.gravity)),
         payloads=tuple((float(payload.mass), payload.frame) for payload in robot.payloads),
@@ -92,6 +106,7 @@ def size_mechanism(
         unsizable=tuple(massless.refused.values()),
         urdf_errors=tuple(errors),
         allowed_massless=tuple(massless.allowed),
+        motors=motors,
     )
 
 
@@ -171,6 +186,26 @@ def _joint_sizing(
     )
 
 
+def _motor_sizings(loads: MotorLoads, each: Sequence[MotionPeaks], names: Container[str]) -> tuple[MotorSizing, ...]:
+    """The sizing of motors of coupled transmissions from the peaks at their axes along each motion."""
+    found = []
+    for k, name in enumerate(loads.joint_names):
+        if name not in names:
+            continue
+        worst, cycles = worst_peaks([peaks.joints[k] for peaks in each]), tuple(peaks.cycles[k] for peaks in each)
+        motor = MotorSizing(
+            name=name,
+            joints=loads.coordinates.joints[k],
+            peak_torque=max((worst.max_torque, worst.min_torque), key=lambda peak: abs(peak.value)),
+            peak_speed=worst.peak_speed,
+            rms_torque=max(cycle.rms_torque for cycle in cycles),
+            shaft=_shaft_sizing(loads.actuators[name], worst, cycles),
+        )
+        refuse_non_finite_motor(loads.mechanism.robot.name, motor)
+        found.append(motor)
+    return tuple(found)
+
+
 def _friction_share(loads: JointLoads, k: int, peak: Peak, motions: Sequence[Motion]) -> float:
     """Share of a peak torque of the k-th joint that overcomes friction."""
     motion = next(motion for motion in motions if motion.name == peak.motion)
@@ -214,12 +249,17 @@ def _largest(peaks: Iterable[Peak | None]) -> Peak | None:
     return max(known, key=lambda peak: peak.value) if known else None
 
 
-def _unknown_supply(loads: JointLoads) -> list[str]:
-    """A clause for each joint whose power from the supply is unknown."""
+def _unknown_supply(loads: JointLoads, coupled: Container[str]) -> list[str]:
+    """A clause for each actuator whose power from the supply is unknown."""
     return [
-        f"not stated of the actuator of joint '{joint}': {', '.join(PHRASES.get(one, one) for one in missing)}"
-        for joint, missing in loads.unknown_supply.items()
+        f"not stated of the actuator of {_what(name, coupled)}: {', '.join(PHRASES.get(one, one) for one in missing)}"
+        for name, missing in loads.unknown_supply.items()
     ]
+
+
+def _what(name: str, coupled: Container[str]) -> str:
+    """The joint or the motor of a coupled transmission, in words."""
+    return f"{'motor' if name in coupled else 'joint'} '{name}'"
 
 
 def _given(limit: float) -> float | None:

@@ -16,6 +16,7 @@ from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.messages import unknown_name
 from bellcrank.sizing.joint_sizing import JointSizing, Peak
+from bellcrank.sizing.shaft_sizing import MotorSizing, ShaftSizing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -57,6 +58,7 @@ class Sizing(Portable, Renamed):
         unsizable: A sentence for each motor that moves no mass, and so cannot be sized.
         urdf_errors: Errors of the URDF that change torques.
         allowed_massless: Joints that move no mass, as `allow_massless` allowed.
+        motors: The sizing of each motor of a coupled transmission that has an actuator.
 
     Example:
         >>> import bellcrank as bc
@@ -82,6 +84,7 @@ class Sizing(Portable, Renamed):
     unsizable: tuple[str, ...] = ()
     urdf_errors: tuple[str, ...] = ()
     allowed_massless: tuple[str, ...] = ()
+    motors: tuple[MotorSizing, ...] = ()
 
     def __repr__(self) -> str:
         inside = "inside as far as known" if self.unknown else "all inside"
@@ -117,7 +120,7 @@ class Sizing(Portable, Renamed):
             >>> bc.size("geared_pendulum").to_csv("pendulum.csv").name
             'pendulum.csv'
         """
-        from bellcrank.sizing.sizing_files import csv_text
+        from bellcrank.sizing.sizing_csv import csv_text
 
         return _written(path, csv_text(self))
 
@@ -219,8 +222,15 @@ class Sizing(Portable, Renamed):
 
     @property
     def joints_without_actuator(self) -> tuple[str, ...]:
-        """Names of the joints without an actuator, which are compared with the URDF's limits only."""
-        return tuple(joint.name for joint in self.joints if joint.shaft is None)
+        """Names of the joints that no actuator moves, which are compared with the URDF's limits only."""
+        moved = {joint for motor in self.motors for joint in motor.joints}
+        return tuple(joint.name for joint in self.joints if joint.shaft is None and joint.name not in moved)
+
+    @property
+    def shafts(self) -> tuple[tuple[str, ShaftSizing], ...]:
+        """The shaft of each actuator, with the name of its joint or of its motor in a coupled transmission."""
+        joints = [(joint.name, joint.shaft) for joint in self.joints if joint.shaft is not None]
+        return (*joints, *((motor.name, motor.shaft) for motor in self.motors))
 
     @property
     def peak_supply_power(self) -> float | None:
@@ -235,12 +245,16 @@ class Sizing(Portable, Renamed):
     @property
     def exceeded(self) -> tuple[str, ...]:
         """A sentence for each limit that is exceeded."""
-        return tuple(text for joint in self.joints for text in joint.exceeded)
+        return tuple(text for joint in self.joints for text in joint.exceeded) + tuple(
+            text for motor in self.motors for text in motor.exceeded
+        )
 
     @property
     def unknown(self) -> tuple[str, ...]:
         """A sentence for each limit of an actuator that could not be compared, because a figure is not stated."""
-        return tuple(text for joint in self.joints for text in joint.unknown)
+        return tuple(text for joint in self.joints for text in joint.unknown) + tuple(
+            text for motor in self.motors for text in motor.unknown
+        )
 
     @property
     def inside(self) -> bool:

@@ -96,3 +96,49 @@ class ShaftSizing(Renamed):
         notes = [] if self.tightest is None else [f"{self.tightest} {self.tightest_margin:+.1%}"]
         notes += [f"unknown: {', '.join(self.unknown)}"] if self.unknown else []
         return f"{self.state} ({'; '.join(notes)})"
+
+    def exceeded_limits(self, what: str) -> tuple[str, ...]:
+        """A sentence for each limit of the actuator of a joint or motor, such as "joint 'elbow'", that is not kept."""
+        return tuple(
+            f"{what}: the actuator's {name} limit is exceeded by {-margin:.1%}"
+            for name, margin in self.known_margins.items()
+            if margin < 0.0
+        )
+
+    def unknown_limits(self, what: str) -> tuple[str, ...]:
+        """A sentence for each limit of the actuator of a joint or motor that could not be compared."""
+        return tuple(
+            f"{what}: the actuator's {name} margin is unknown; not stated: {missing}"
+            for name, missing in self.unknown.items()
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotorSizing:
+    """What a motor of a coupled transmission must deliver at its axis and shaft, over all motions.
+
+    Attributes:
+        name: Name of the motor.
+        joints: Names of the joints that it moves.
+        peak_torque: Largest torque by magnitude at the motor's axis, signed, N m, without the actuator's own inertia.
+        peak_speed: Largest |speed| of the axis, rad/s.
+        rms_torque: RMS torque at the axis of the motion in which it is largest, N m.
+        shaft: The motor's shaft.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    peak_torque: Peak
+    peak_speed: Peak
+    rms_torque: float
+    shaft: ShaftSizing
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """A sentence for each limit of the actuator that could not be compared."""
+        return self.shaft.unknown_limits(f"motor '{self.name}'")
+
+    @property
+    def exceeded(self) -> tuple[str, ...]:
+        """A sentence for each limit of the actuator that is not kept."""
+        return self.shaft.exceeded_limits(f"motor '{self.name}'")

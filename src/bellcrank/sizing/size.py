@@ -50,7 +50,8 @@ def size(
         robot: A Robot or Linkage; or a RobotConfig, a Scene, or the path or name of a robot configuration or URDF.
         motions: Motions; with a configuration also names of its motions and paths of CSV files, by default all of its
             motions.
-        actuators: Motor and gear by joint name; by default those of the configuration.
+        actuators: Motor and gear by joint name, those of a configuration's coupled transmissions by motor; by default
+            those of the configuration.
         mass_tolerance: A share, such as 0.1: peaks are the worst case with each link as a whole, its mass and inertia
             together, scaled by one factor within 1 ± 0.1.
         payloads: Payloads besides those that the robot carries.
@@ -78,15 +79,11 @@ def size(
     if subject.config is None:
         return size_mechanism(subject.mechanism, subject.motions, subject.actuators, mass_tolerance, links)
     config = subject.config
-    coupled = {name: one for name, one in subject.actuators.items() if name in config.coupled_motors}
-    single = {name: one for name, one in subject.actuators.items() if name not in coupled}
-    sizing = size_mechanism(subject.mechanism, subject.motions, single, mass_tolerance, links)
-    return replace(
-        sizing,
-        robot=config.name,
-        warnings=(*config.deprecations, *_selection_notes(config), *sizing.warnings),
-        unsizable=(*sizing.unsizable, *(_coupled_actuator(name) for name in coupled)),
+    sizing = size_mechanism(
+        subject.mechanism, subject.motions, subject.actuators, mass_tolerance, links, config.transmissions
     )
+    warnings = (*config.deprecations, *_selection_notes(config), *sizing.warnings)
+    return replace(sizing, robot=config.name, warnings=warnings)
 
 
 class SizingSubject(NamedTuple):
@@ -152,15 +149,8 @@ def sizing_subject(
     return SizingSubject(mechanism, _distinct_names(named), config.actuators, config)
 
 
-def _coupled_actuator(name: str) -> str:
-    return (
-        f"motor '{name}' belongs to a coupled transmission: the torques here are those of the joints, and its actuator "
-        "is not compared with its load; `bellcrank select` does"
-    )
-
-
 def _selection_notes(config: RobotConfig) -> list[str]:
-    """What of a configuration only the selection of motors uses."""
+    """What of a configuration only the selection of motors uses, and what a coupled transmission changes."""
     found = []
     if config.duty:
         found.append(
@@ -169,8 +159,8 @@ def _selection_notes(config: RobotConfig) -> list[str]:
         )
     for one in config.transmissions:
         found.append(
-            f"torques and speeds of {', '.join(one.joints)} are those of the joints; their coupled transmission gives "
-            f"{', '.join(one.motors)} others"
+            f"torques and speeds of {', '.join(one.joints)} are those of the joints, also in histories and pictures; "
+            f"their coupled transmission gives {', '.join(one.motors)} others"
         )
     return found
 

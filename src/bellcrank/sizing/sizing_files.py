@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import csv
-import io
 import json
 import math
 import re
@@ -22,12 +20,13 @@ from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.files.access import read_text
-from bellcrank.files.csv_files import guarded
 from bellcrank.motion.csv_file import write_motion
 from bellcrank.motion.motion import Motion
 from bellcrank.sizing.joint_histories import MotionHistory, motion_history
 from bellcrank.sizing.joint_sizing import JointSizing, Peak, ShaftSizing
 from bellcrank.sizing.result import Sizing, sizing_inputs
+from bellcrank.sizing.shaft_sizing import MotorSizing
+from bellcrank.sizing.sizing_csv import csv_text
 from bellcrank.text import file_name
 
 RESULTS = ("sizing.csv", "sizing.json")
@@ -116,16 +115,6 @@ def remove_stale(folder: str | Path, earlier: Iterable[str], written: Iterable[P
     return removed
 
 
-def csv_text(sizing: Sizing) -> str:
-    """The text of sizing.csv: one line a joint, units in the header, empty where there is no limit or no actuator."""
-    rows = [_csv_row(joint) for joint in sizing.joints]
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(rows[0])
-    writer.writerows(guarded(row.values()) for row in rows)
-    return buffer.getvalue()
-
-
 def json_text(sizing: Sizing, files: Iterable[str] = RESULTS) -> str:
     """The text of sizing.json: the whole sizing, with null for an infinite margin (against a limit of 0)."""
     document = {
@@ -164,52 +153,9 @@ def json_text(sizing: Sizing, files: Iterable[str] = RESULTS) -> str:
         "supply": _peak(sizing.supply_peak),
         "regeneration": _peak(sizing.regeneration_peak),
         "joints": [_joint_document(joint) for joint in sizing.joints],
+        **({"motors": [_motor_document(motor) for motor in sizing.motors]} if sizing.motors else {}),
     }
     return json.dumps(_finite(document), indent=1, allow_nan=False) + "\n"
-
-
-def _csv_row(joint: JointSizing) -> dict[str, Any]:
-    """The cells of a joint's line by column; empty where there is no value."""
-    peak, shaft = joint.peaks["peak_torque"], joint.shaft
-    row: dict[str, Any] = {
-        "joint": joint.name,
-        "torque unit": joint.torque_unit,
-        "speed unit": joint.speed_unit,
-        "peak torque [torque unit]": joint.peak_torque,
-        "peak torque at rows [torque unit]": joint.sampled_torque,
-        "min torque [torque unit]": joint.min_torque,
-        "max torque [torque unit]": joint.max_torque,
-        "RMS torque [torque unit]": joint.rms_torque,
-        "holding torque [torque unit]": joint.holding_torque,
-        "peak speed [speed unit]": joint.peak_speed,
-        "mean speed [speed unit]": joint.mean_speed,
-        "peak motoring power [W]": joint.peak_motoring_power,
-        "peak regenerating power [W]": joint.peak_regenerating_power,
-        "motoring energy [J]": joint.motoring_energy,
-        "regenerated energy [J]": joint.regenerated_energy,
-        "friction share of peak [1]": joint.friction_share,
-        "largest inertia [kg m^2 or kg]": joint.largest_inertia,
-        "peak bearing force [N]": joint.peak_bearing_force,
-        "peak tilting moment [N m]": joint.peak_tilting_moment,
-        "peak torque at [s]": peak.time,
-        "peak torque in motion": peak.motion,
-        "effort limit [torque unit]": joint.effort_limit,
-        "effort margin [1]": joint.effort_margin,
-        "velocity limit [speed unit]": joint.velocity_limit,
-        "velocity margin [1]": joint.velocity_margin,
-        "position margin [rad or m]": joint.position_margin,
-        "shaft peak torque [N m]": shaft and shaft.peak_torque and shaft.peak_torque.value,
-        "shaft RMS torque [N m]": shaft and shaft.rms_torque,
-        "shaft peak speed [rad/s]": shaft and shaft.peak_speed.value,
-        "load to rotor inertia [1]": shaft and shaft.inertia_ratio,
-    }
-    for name in ("peak torque", "rated torque", "speed", "torque-speed curve"):
-        row[f"shaft {name} margin [1]"] = shaft and shaft.margins[name]
-    row["shaft verdict"] = shaft and shaft.state
-    return {
-        key: "" if value is None or value != value or value in (math.inf, -math.inf) else value
-        for key, value in row.items()
-    }
 
 
 def _peak(peak: Peak | None) -> dict[str, Any] | None:
@@ -243,6 +189,18 @@ def _joint_document(joint: JointSizing) -> dict[str, Any]:
         "cycles": [vars(cycle) for cycle in joint.cycles],
         "exceeded": list(joint.exceeded),
         "shaft": None if joint.shaft is None else _shaft_document(joint.shaft),
+    }
+
+
+def _motor_document(motor: MotorSizing) -> dict[str, Any]:
+    return {
+        "name": motor.name,
+        "joints": list(motor.joints),
+        "peak_torque": _peak(motor.peak_torque),
+        "peak_speed": _peak(motor.peak_speed),
+        "rms_torque": motor.rms_torque,
+        "exceeded": list(motor.exceeded),
+        "shaft": _shaft_document(motor.shaft),
     }
 
 

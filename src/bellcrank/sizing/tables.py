@@ -16,7 +16,7 @@ UNKNOWN = "unknown"
 def table(sizing: Sizing) -> str:
     """The sizing as text: the joints, the motor shafts and the supply."""
     parts = [_heading(sizing), text_table(joint_rows(sizing)), "", text_table(structure_rows(sizing))]
-    if any(joint.shaft for joint in sizing.joints):
+    if sizing.shafts:
         parts += [
             "",
             "At the motor shaft (margins with the safety factor on torques):",
@@ -48,7 +48,7 @@ def sizing_html(sizing: Sizing) -> str:
     conditions = "; ".join(f"{name} {value}" for name, value in sized_with(sizing))
     about = escape(f"{sizing.robot} over {', '.join(sizing.motions)}; {conditions}")
     tables = [html_table("At the joints", joint_rows(sizing))]
-    if any(joint.shaft for joint in sizing.joints):
+    if sizing.shafts:
         tables.append(html_table("At the motor shafts, margins with the safety factor on torques", shaft_rows(sizing)))
     tables.append(html_table("Structure and energy", structure_rows(sizing)))
     notes = "".join(f"<li>{escape(text)}</li>" for text in sizing.warnings)
@@ -78,6 +78,11 @@ def verdict(sizing: Sizing) -> str:
 def _kept(sizing: Sizing) -> str:
     """That all limits are kept, with the smallest margin."""
     margins = [(margin, f"{joint.name}'s {what}") for joint in sizing.joints for margin, what in _margins(joint)]
+    margins += [
+        (margin, f"{motor.name}'s actuator ({name})")
+        for motor in sizing.motors
+        for name, margin in motor.shaft.known_margins.items()
+    ]
     if not margins:
         if sizing.unknown:
             return "Nothing could be compared: the URDF gives no limit, and the actuators' limits are unknown."
@@ -200,7 +205,7 @@ def structure_rows(sizing: Sizing) -> TableContent:
 def shaft_rows(sizing: Sizing) -> TableContent:
     """What each motor's shaft delivers, and its margins."""
     header = [
-        "joint",
+        "joint or motor" if sizing.motors else "joint",
         "peak\n[N m]",
         "RMS\n[N m]",
         "peak speed\n[rad/s]",
@@ -213,12 +218,10 @@ def shaft_rows(sizing: Sizing) -> TableContent:
         "verdict",
     ]
     rows = []
-    for joint in sizing.joints:
-        if (shaft := joint.shaft) is None:
-            continue
+    for name, shaft in sizing.shafts:
         rows.append(
             [
-                joint.name,
+                name,
                 UNKNOWN if shaft.peak_torque is None else _figures(shaft.peak_torque.value)[0],
                 UNKNOWN if shaft.rms_torque is None else _figures(shaft.rms_torque)[0],
                 *_figures(shaft.peak_speed.value, shaft.peak_speed.value * 30.0 / math.pi),

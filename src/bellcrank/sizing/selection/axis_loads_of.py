@@ -14,11 +14,11 @@ from bellcrank.dynamics.mechanism import Mechanism
 from bellcrank.errors import InputError
 from bellcrank.motion.duty_program import DutyStep
 from bellcrank.motion.motion import Motion, require_joints
+from bellcrank.sizing.coupled_axes import axis_coordinates
 from bellcrank.sizing.finite_checks import refuse_non_finite
 from bellcrank.sizing.motion_grid import STILL
 from bellcrank.sizing.selection.axis_loads import AddedMass, Axis, AxisLoads, CycleTerms, LoadCycle
 from bellcrank.sizing.selection.body_loads import AxisLoadSamples, LoadModel, UnitBodyLoads
-from bellcrank.sizing.selection.coupled_axes import axis_coordinates
 from bellcrank.sizing.selection.cycle_transitions import transition_notes
 from bellcrank.sizing.selection.load_cycles import PlannedCycle, planned_cycles
 from bellcrank.sizing.selection.mounted_bodies import MountedBody, MountKinematics

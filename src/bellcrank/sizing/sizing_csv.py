@@ -1,0 +1,95 @@
+"""The file sizing.csv: one line a joint or motor, with units in the header."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from typing import Any
+
+from bellcrank.files.csv_files import guarded
+from bellcrank.sizing.joint_sizing import JointSizing
+from bellcrank.sizing.result import Sizing
+from bellcrank.sizing.shaft_sizing import MotorSizing, ShaftSizing
+
+
+def csv_text(sizing: Sizing) -> str:
+    """The text of sizing.csv: one line a joint, then one a motor of a coupled transmission, units in the header, empty
+    where there is no limit or no actuator.
+    """
+    rows = [_csv_row(joint) for joint in sizing.joints]
+    rows += [dict.fromkeys(rows[0], "") | _csv_motor_row(motor) for motor in sizing.motors]
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(rows[0])
+    writer.writerows(guarded(row.values()) for row in rows)
+    return buffer.getvalue()
+
+
+def _csv_row(joint: JointSizing) -> dict[str, Any]:
+    """The cells of a joint's line by column; empty where there is no value."""
+    peak = joint.peaks["peak_torque"]
+    row: dict[str, Any] = {
+        "joint": joint.name,
+        "torque unit": joint.torque_unit,
+        "speed unit": joint.speed_unit,
+        "peak torque [torque unit]": joint.peak_torque,
+        "peak torque at rows [torque unit]": joint.sampled_torque,
+        "min torque [torque unit]": joint.min_torque,
+        "max torque [torque unit]": joint.max_torque,
+        "RMS torque [torque unit]": joint.rms_torque,
+        "holding torque [torque unit]": joint.holding_torque,
+        "peak speed [speed unit]": joint.peak_speed,
+        "mean speed [speed unit]": joint.mean_speed,
+        "peak motoring power [W]": joint.peak_motoring_power,
+        "peak regenerating power [W]": joint.peak_regenerating_power,
+        "motoring energy [J]": joint.motoring_energy,
+        "regenerated energy [J]": joint.regenerated_energy,
+        "friction share of peak [1]": joint.friction_share,
+        "largest inertia [kg m^2 or kg]": joint.largest_inertia,
+        "peak bearing force [N]": joint.peak_bearing_force,
+        "peak tilting moment [N m]": joint.peak_tilting_moment,
+        "peak torque at [s]": peak.time,
+        "peak torque in motion": peak.motion,
+        "effort limit [torque unit]": joint.effort_limit,
+        "effort margin [1]": joint.effort_margin,
+        "velocity limit [speed unit]": joint.velocity_limit,
+        "velocity margin [1]": joint.velocity_margin,
+        "position margin [rad or m]": joint.position_margin,
+    }
+    return _csv_cells(row | _csv_shaft(joint.shaft))
+
+
+def _csv_motor_row(motor: MotorSizing) -> dict[str, Any]:
+    """The cells of a line of a motor of a coupled transmission: what is known at its axis, and its shaft."""
+    row = {
+        "joint": motor.name,
+        "torque unit": "N m",
+        "speed unit": "rad/s",
+        "peak torque [torque unit]": abs(motor.peak_torque.value),
+        "RMS torque [torque unit]": motor.rms_torque,
+        "peak speed [speed unit]": motor.peak_speed.value,
+        "peak torque at [s]": motor.peak_torque.time,
+        "peak torque in motion": motor.peak_torque.motion,
+    }
+    return _csv_cells(row | _csv_shaft(motor.shaft))
+
+
+def _csv_shaft(shaft: ShaftSizing | None) -> dict[str, Any]:
+    """The columns of a motor's shaft."""
+    row = {
+        "shaft peak torque [N m]": shaft and shaft.peak_torque and shaft.peak_torque.value,
+        "shaft RMS torque [N m]": shaft and shaft.rms_torque,
+        "shaft peak speed [rad/s]": shaft and shaft.peak_speed.value,
+        "load to rotor inertia [1]": shaft and shaft.inertia_ratio,
+    }
+    for name in ("peak torque", "rated torque", "speed", "torque-speed curve"):
+        row[f"shaft {name} margin [1]"] = shaft and shaft.margins[name]
+    return row | {"shaft verdict": shaft and shaft.state}
+
+
+def _csv_cells(row: dict[str, Any]) -> dict[str, Any]:
+    return {
+        key: "" if value is None or value != value or value in (math.inf, -math.inf) else value
+        for key, value in row.items()
+    }
