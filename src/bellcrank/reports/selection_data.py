@@ -87,7 +87,7 @@ def selection_data(selection: Selection) -> dict[str, Any]:
             "kind": each.axis.kind,
             "mount": readable(each.axis.mount),
             "chosen": chosen_rank(each),
-            "counts": each.counts,
+            "counts": list(each.counts),
             "unknownMasses": list(map(readable, each.unknown_masses)),
             "kept": each.kept,
             "advice": readable(each.advice),

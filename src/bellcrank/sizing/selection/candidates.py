@@ -30,7 +30,8 @@ from bellcrank.sizing.selection.judged_axes import OF_MOTION, JudgedAxes
 from bellcrank.sizing.selection.load_reductions import ReducedLoads
 from bellcrank.sizing.selection.pairs import Pairs, Products
 from bellcrank.sizing.selection.ranking import failing_order
-from bellcrank.sizing.selection.selection import AxisSelection, Candidate, CriterionResult, Tier
+from bellcrank.sizing.selection.selection import AxisSelection, Candidate, CriterionResult
+from bellcrank.sizing.selection.tier_counts import TierCounts
 
 Indices = NDArray[np.intp]
 
@@ -45,26 +46,19 @@ def axis_selection(problem: JudgedAxes, axis: int, chosen: int | None, masses: M
         masses: Classes of the chosen actuators.
         most: How many candidates to list.
     """
-    tiers = tiers_of(problem, axis, masses)
     rows = listed_rows(problem, axis, chosen, masses, most)
     unknown = problem.unknown_masses(axis, masses)
     judgement = completed(problem.judgement(axis, masses, rows))
     under = JudgedUnder(judgement.loads, problem.conditions, tuple(unknown))
     made = [candidate(problem.axes[axis], judgement, place, int(row), under) for place, row in enumerate(rows)]
-    counts: list[tuple[Tier, int]] = [(tier, int(np.sum(tiers == number))) for number, tier in enumerate(TIERS)]
     return AxisSelection(
         axis=problem.axes[axis].axis,
         chosen=None if chosen is None else made[rows.tolist().index(chosen)],
         candidates=tuple(made),
-        counts=tuple(counts),
+        counts=TierCounts(problem.axes[axis].pairs, judgement.loads, problem.conditions, bool(unknown)),
         unknown_masses=tuple(unknown),
         kept=problem.kept[axis],
     )
-
-
-def tiers_of(problem: JudgedAxes, axis: int, masses: Masses) -> NDArray[np.int8]:
-    """The class (m,) of each pair of an axis, an index into `TIERS`."""
-    return problem.judgement(axis, masses, exact=False).tier
 
 
 def listed_rows(problem: JudgedAxes, axis: int, chosen: int | None, masses: Masses, most: int) -> Indices:

@@ -176,7 +176,7 @@ def _judge_gears(judgement: Judgement, row: int, criterion: Criterion) -> None:
         return
     gears = np.arange(len(pairs.products.gears))
     each = Pairs(products=pairs.products, motor=np.zeros_like(gears), gear=gears, fits=np.ones(len(gears), dtype=bool))
-    use, verdict = _verdicts(criterion, each, loads, conditions)
+    use, verdict = verdicts(criterion, each, loads, conditions)
     judgement.use[row] = use[pairs.gear]
     judgement.verdict[row] = verdict[pairs.gear]
 
@@ -219,12 +219,12 @@ def _judge_rows(
     """Judge some pairs exactly by a group of criteria, the first of which has this row."""
     part = judgement.pairs.take(rows) if part is None else part
     for offset, criterion in enumerate(group):
-        use, verdict = _verdicts(criterion, part, judgement.loads, judgement.conditions)
+        use, verdict = verdicts(criterion, part, judgement.loads, judgement.conditions)
         judgement.use[row + offset, rows] = use
         judgement.verdict[row + offset, rows] = verdict
 
 
-def _verdicts(
+def verdicts(
     criterion: Criterion, pairs: Pairs, loads: ReducedLoads, conditions: Conditions
 ) -> tuple[Array, NDArray[np.int8]]:
     """Utilisation (NaN of a note) and verdict of each pair."""

@@ -19,7 +19,7 @@ from bellcrank.cached_values import cached_property
 from bellcrank.sizing.selection.axis_loads import AddedMass, AxisLoads, LoadCycle
 from bellcrank.sizing.selection.axis_pairs import AxisPairs
 from bellcrank.sizing.selection.joint_problem import NO_MASS, UNKNOWN_MASS, Choice, Masses, masses_of
-from bellcrank.sizing.selection.judge import EXCEEDED, INSIDE, UNKNOWN, Judgement, judge
+from bellcrank.sizing.selection.judge import EXCEEDED, INSIDE, UNKNOWN, Judgement, judge, verdicts
 from bellcrank.sizing.selection.load_reductions import ReducedCycle, ReducedLoads, reduce_cycle
 from bellcrank.sizing.selection.ranking import NOT_JUDGED, Indices, RankKeys, Verdicts, rank_keys
 from bellcrank.sizing.selection.selection import Objective
@@ -32,7 +32,7 @@ MAIN = frozenset(  # a pair of which one of these is unknown may be far too weak
 MOST_ROWS_KEPT = 2_000_000  # pairs whose ranks are kept for another time: 64 bytes each
 MOST_LOADS_KEPT = 64
 PAIRS_OF_A_JUDGEMENT = 2000  # the effort of loads and their reduction, in pairs
-TINY = 1e-9  # share of the loads at which a criterion that is unknown is unknown under any masses
+TINY = 1e-9  # N m, N, rad/s or m/s: a criterion that is unknown at loads of this size is unknown under any masses
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +101,7 @@ class JudgedAxes:
     effort: int = field(default=0, init=False)
     _ranks: OrderedDict[tuple[int, Masses], AxisRanks] = field(default_factory=OrderedDict, init=False)
     _loads: OrderedDict[tuple[int, Masses], ReducedLoads] = field(default_factory=OrderedDict, init=False)
+    _tiny: dict[tuple[object, ...], Judgement] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         influence = np.asarray(self.loads.influence, dtype=bool)
@@ -176,18 +177,29 @@ class JudgedAxes:
     def _bound(self, axis: int) -> RankKeys:
         """Keys that the pairs' keys do not fall below under any masses.
 
-        A criterion that is unknown at tiny loads is unknown at all: a missing limit is only bounded from below by other
-        figures, which a smaller load does not exceed. Mass and cost do not depend on loads; loss and use count as 0.
+        A criterion that is unknown at tiny loads and speeds is unknown at all: a missing limit is only bounded from
+        below by other figures, which a smaller load does not exceed. Criteria of the motion alone are judged as they
+        are. Mass and cost do not depend on loads; loss and use count as 0.
         """
-        tiny = tiny_loads(self.axis_loads(axis, (NO_MASS,) * len(self.axes)))
-        judgement = judge(self.axes[axis].pairs, tiny, self.conditions, exact=False)
+        loads = self.axis_loads(axis, (NO_MASS,) * len(self.axes))
+        pairs, judgement = self.axes[axis].pairs, self._at_tiny_loads(axis, tiny_loads(loads))
         of_motion = np.array([criterion.name in OF_MOTION for criterion in judgement.criteria])
+        for row in np.flatnonzero(of_motion):
+            judgement.verdict[row] = verdicts(judgement.criteria[row], pairs, loads, self.conditions)[1]
         found = self._rank(axis, judgement)
         found[:, 0] = (judgement.verdict[of_motion] == EXCEEDED).any(axis=0)
         found[:, 5] = 0
         if self.objective in ("loss", "margin"):
             found[:, 3:5] = 0
         return found
+
+    def _at_tiny_loads(self, axis: int, loads: ReducedLoads) -> Judgement:
+        """The judgement of an axis's pairs at tiny loads; made once for axes of the same pairs and loads."""
+        pairs = self.axes[axis].pairs
+        key = (id(pairs), loads.axis.kind, *(repr(_sizes(cycle)) for cycle in loads.cycles))  # NaN differs from NaN
+        if key not in self._tiny:
+            self._tiny[key] = judge(pairs, loads, self.conditions, exact=False)
+        return replace(self._tiny[key], verdict=self._tiny[key].verdict.copy())
 
     # ---- loads
 
@@ -231,23 +243,29 @@ def without_unknown_masses(judgement: Judgement) -> Judgement:
 
 
 def tiny_loads(loads: ReducedLoads) -> ReducedLoads:
-    """Loads at the same largest and mean speeds, and with 1e-9 of the largest torque: two samples a cycle."""
+    """Loads of which each quantity has the same tiny size, or is 0 or unknown as it was: two samples a cycle."""
     return replace(loads, cycles=tuple(_tiny(cycle) for cycle in loads.cycles))
 
 
 def _tiny(cycle: ReducedCycle) -> ReducedCycle:
-    torque, speed = TINY * cycle.max_torque, cycle.max_speed
-    moving = cycle.mean_speed / speed if speed > 0.0 else 0.0
+    torque, static, speed, axial, tilting = np.minimum(_sizes(cycle), TINY)
+    moving = 0.5 if speed > 0.0 else 0.0
     return replace(
         cycle,
-        time=np.array([0.0, cycle.duration * moving]),
-        weight=np.array([moving, 1.0 - moving]) * cycle.duration,
+        duration=1.0,
+        time=np.array([0.0, moving]),
+        weight=np.array([moving, 1.0 - moving]),
         interval=np.arange(2),
         sequence=((0, 2, 1),),
         features=np.array([[torque, 0.0, 0.0, np.sign(speed), speed], [torque, 0.0, 0.0, 0.0, 0.0]]),
         torque=np.full(2, torque),
-        static_torque=TINY * cycle.static_torque,
+        static_torque=float(static),
         inertia=cycle.inertia[:2],
-        axial_force=TINY * cycle.axial_force,
-        tilting_moment=TINY * cycle.tilting_moment,
+        axial_force=float(axial),
+        tilting_moment=float(tilting),
     )
+
+
+def _sizes(cycle: ReducedCycle) -> tuple[float, ...]:
+    """The largest torque, static torque, speed, axial force and tilting moment; NaN where there is none."""
+    return (cycle.max_torque, cycle.static_torque, cycle.max_speed, cycle.axial_force, cycle.tilting_moment)

@@ -33,6 +33,10 @@ if TYPE_CHECKING:
     from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.scene.scene import Scene
 
+EFFORT = 300_000
+MANY_PAIRS = 100_000  # of all axes together
+EFFORT_OF_MANY_PAIRS = 30_000
+
 
 def select(
     robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
@@ -49,7 +53,7 @@ def select(
     mounts: Mapping[str, Mount] | None = None,
     feedback: bool = True,
     candidates: int = 12,
-    effort: int = 300_000,
+    effort: int | None = None,
     payloads: Iterable[Payload] = (),
     allow_massless: Iterable[str] = (),
     trust: Trust = (),
@@ -84,7 +88,8 @@ def select(
             on the joint's parent link.
         feedback: Whether the masses of actuators are added to those of the robot; False where the URDF contains them.
         candidates: How many pairs of each axis the result lists.
-        effort: How many pairs the search may judge once a first combination is found.
+        effort: How many pairs the search may judge once a first combination is found; by default 300 000, or 30 000
+            where the axes have more than 100 000 pairs together, of which no search tries every combination.
         payloads: Payloads besides those that the robot carries.
         allow_massless: Links without mass that motors may move, as for `size`.
         trust: Folders whose files a robot configuration or URDF may name, besides those near it.
@@ -107,7 +112,8 @@ def select(
         arguments.instance("conditions", conditions, Conditions, "Conditions")
     feedback = arguments.flag("feedback", feedback)
     candidates = arguments.whole("candidates", candidates, least=1, most=arguments.MOST_ITEMS)
-    effort = arguments.whole("effort", effort, least=0)
+    if effort is not None:
+        effort = arguments.whole("effort", effort, least=0)
     conditions = conditions or Conditions()
     subject = sizing_subject(robot, motions, payloads, trust)
     own = None if subject.config is None else subject.config.catalogue
@@ -118,6 +124,8 @@ def select(
     completed = _completed(products, conditions)
     pairs = axis_pairs(loads.axes, completed, _kept(keep))
     check_prices(pairs, objective)
+    if effort is None:
+        effort = EFFORT if sum(len(one.pairs) for one in pairs) <= MANY_PAIRS else EFFORT_OF_MANY_PAIRS
     with counting("select", " pairs") as bar:
         problem = JudgedAxes(loads, pairs, conditions, objective, feedback, lambda done: bar(done, done))
         selection = selection_of(problem, choose(problem, effort), candidates, effort)

@@ -101,7 +101,7 @@ class AxisSelection:
         chosen: What was chosen; None where nothing in the catalogue can drive the axis.
         candidates: The chosen pair and the best others, ranked under the masses of the actuators chosen for the other
             axes; where few pass, the failing ones nearest to the limits come last.
-        counts: Number of pairs in each tier.
+        counts: Number of pairs in each tier, counted when first asked for.
         advice: Where nothing fits: which criterion fails for the nearest pair, by how much, and what would help.
         unknown_masses: Names of the axes whose actuators' masses change this axis's loads and are not stated. Criteria
             that depend on the loads are then unknown, unless they are exceeded without these masses already.
@@ -111,7 +111,7 @@ class AxisSelection:
     axis: Axis
     chosen: Candidate | None
     candidates: tuple[Candidate, ...]
-    counts: tuple[tuple[Tier, int], ...]
+    counts: Sequence[tuple[Tier, int]]
     advice: str = ""
     unknown_masses: tuple[str, ...] = ()
     kept: bool = False
