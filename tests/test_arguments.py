@@ -5,7 +5,9 @@ import inspect
 import io
 import math
 import re
+import shutil
 import traceback
+from dataclasses import fields
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -26,11 +28,26 @@ MADE_BY = {
     "Trajectory": "simulate",
     "Sizing": "size",
     "Sweep": "sweep",
+    "Catalogue": "load_catalogue",
+    "Selection": "select",
 }
 ERRORS = ("BellcrankError", "InputError", "NotSavedError", "UnreachableError", "CompileError")
 # What a message may call an argument, besides its own name.
 WORDS = {
-    "name": ("joint", "frame", "link", "motion", "measure", "constraint", "output", "motor", "column"),
+    "name": (
+        "joint",
+        "frame",
+        "link",
+        "motion",
+        "measure",
+        "constraint",
+        "output",
+        "motor",
+        "column",
+        "gear",
+        "product",
+        "axis",
+    ),
     "link": ("link",),
     "algorithm": ("algorithm",),
     "path_or_name": ("scene", "robot", "robot configuration", "config"),
@@ -77,6 +94,16 @@ WORDS = {
     "set_masses": ("mass",),
     "vary": ("vary", "sweep", "parameter"),
     "frame": ("frame",),
+    "makers": ("maker",),
+    "kinds": ("kind",),
+    "ids": ("product",),
+    "exclude": ("product",),
+    "folders": ("file", "folder", "catalogue"),
+    "folder": ("file", "folder"),
+    "shipped": ("is also at",),
+    "catalogue": ("file", "folder"),
+    "keep": ("axis",),
+    "reference_temperature": ("reference temperature",),
 }
 
 
@@ -165,6 +192,14 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
     run.save("given.npz")
     states = {"q": q, "v": v, "a": a}
     closed_states = {"t": t, "q": tree[0], "v": tree[1], "a": tree[2]}
+    multipliers = linkage.torques(t, *tree)[1]
+    shipped = bc.load_catalogue()
+    small = shipped.only(["maxon_607930", "maxon_397172", "apex_af042_50", "apex_af060_50"])
+    motor, gear = small.motors[0], small.gears[0]
+    selection = bc.select("geared_pendulum", catalogue=small)
+    bc.write_catalogue([motor], [gear], "rows")
+    belt = bc.CoupledTransmission(("swing",), ("belt_motor",), ((2.0,),))
+    chosen = bc.Actuator.of(motor, gear)
     limits = {"duration": 1.0, "samples": 11, "profile": "quintic", "orientation": None, "speed": None,
               "acceleration": None, "jerk": None, "coordinates": ("x", "y"), "name": "own"}  # fmt: skip
     start = {"shoulder": 1.2, "elbow": -1.0}
@@ -248,6 +283,33 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
              robot={"extra_payloads": [payload]}),
         **of(actuator, available_torque={"speed": v}, curve_use={"torque": v, "speed": a},
              electrical_power={"shaft_power": v}, shaft_torque={"load_torque": q, "velocity": v, "acceleration": a}),
+        "Actuator.continuous_torque": (chosen.continuous_torque, {"speed": 1.0}),
+        "Actuator.of": (bc.Actuator.of, {"motor": motor, "gear": gear, "conditions": bc.Conditions()}),
+        "Actuator.supply_power": (chosen.supply_power, {"torque": v, "speed": a}),
+        "Motor": (bc.Motor, {field.name: getattr(motor, field.name) for field in fields(motor)}),
+        "Gear": (bc.Gear, {field.name: getattr(gear, field.name) for field in fields(gear)}),
+        "Conditions": (bc.Conditions, {field.name: field.default for field in fields(bc.Conditions)}),
+        "Mount": (bc.Mount, {"link": "link_1", "axis": (0.0, 0.0, 1.0), "included_mass": 1.0,
+                             "included_axial_inertia": 0.1, "included_transverse_inertia": 0.1}),
+        "CoupledTransmission": (bc.CoupledTransmission, {
+            "joints": ("elbow",), "motors": ("elbow_motor",), "matrix": ((2.0,),)}),
+        "load_catalogue": (lambda folders, shipped, contradicting: bc.load_catalogue(
+            folders, shipped=shipped, contradicting=contradicting),
+            {"folders": "rows", "shipped": False, "contradicting": True}),
+        "write_catalogue": (bc.write_catalogue, {"motors": [motor], "gears": [gear], "folder": "rows"}),
+        "select": (bc.select, {
+            "robot": "geared_pendulum", "motions": None, "catalogue": small, "objective": "mass",
+            "conditions": bc.Conditions(), "duty": None, "keep": None, "exclude": (), "makers": (),
+            "transmissions": None, "mounts": None, "feedback": True, "candidates": 2, "effort": 10, "payloads": (),
+            "allow_massless": (), "trust": ()}),
+        **of(shipped, filtered={"makers": ["maxon"], "kinds": (), "voltage": None, "exclude": ()},
+             gear={"name": "apex_af042_50"}, motor={"name": "maxon_607930"}, only={"ids": ["maxon_607930"]},
+             product={"name": "maxon_607930"}),
+        **of(bc.Conditions(), completed={"row": motor}, filled={"row": motor}),
+        **of(belt, motor_speeds={"joint_speeds": [1.0]}, motor_torques={"joint_torques": [1.0]}),
+        **of(selection, axis={"name": "shoulder"}, plot={"path": None, "what": None},
+             stated={"candidate": selection.axes[0].chosen}, to_csv={"path": "c.csv"}, to_json={"path": "c.json"},
+             write_config={"path": "c.yaml"}),
         **of(sizing, joint={"name": "elbow"}, plot={"path": None, "what": "time", "motion": "waypoints"},
              to_csv={"path": "s.csv"}, to_json={"path": "s.json"}),
         **of(four_bar, motion={"name": "unfold"}, physics_key={}, signals_at={"times": np.array([0.1, 0.2])},
@@ -263,7 +325,9 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
              plot={"path": None, "measures": ["end.time"]}, table={"measures": ["end.time"]}, to_csv={"path": "w.csv"},
              to_json={"path": "w.json"}),
         **of(linkage, along={"motion": "unfold", "independent": ["crank"]},
-             friction={"t": t, "q": tree[0], "v": tree[1]}, inertia={"t": t, "q": tree[0]}, link_torques=closed_states,
+             constraint_wrenches={"t": t, "q": tree[0], "v": tree[1], "multipliers": multipliers},
+             force_maps={"t": t, "q": tree[0]}, friction={"t": t, "q": tree[0], "v": tree[1]},
+             inertia={"t": t, "q": tree[0]}, link_torques=closed_states,
              motion={"motion": "unfold"}, reactions=closed_states, residuals=closed_states, torques=closed_states),
         **of(inverse, constraint_residual={}, equation_residual={}, motor={"name": "swing"}),
     }  # fmt: skip
@@ -315,6 +379,8 @@ def attempt(name: str, argument: str, odd: str) -> str | None:
         place = traceback.extract_tb(error.__traceback__)[-2:]
         return f"{type(error).__name__} at {[f'{Path(f.filename).name}:{f.lineno}' for f in place]}: {str(error)[:200]}"
     finally:
+        if Path("x").is_dir():
+            shutil.rmtree("x")
         Path("x").unlink(missing_ok=True)  # what was written under that name is no scene
     return None if finite(result) or odd in ("nan", "inf", "nan list") else "NaN in the result"
 
@@ -340,7 +406,7 @@ def test_every_public_function_has_an_example() -> None:
     known = public()
     assert set(examples()) == set(known)
     for name, (function, arguments) in examples().items():
-        if name != "join" and name != "show":
+        if name not in ("join", "show", "load_catalogue"):
             assert set(arguments) == set(inspect.signature(function).parameters), name
 
 

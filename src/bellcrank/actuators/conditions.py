@@ -92,6 +92,9 @@ class Conditions:
         Returns:
             The row, unchanged where nothing was missing.
 
+        Raises:
+            InputError: For something else.
+
         Example:
             >>> from bellcrank.actuators.conditions import Conditions
             >>> from bellcrank.actuators.gear import Gear
@@ -111,12 +114,16 @@ class Conditions:
         Returns:
             Pairs of the field and the value.
 
+        Raises:
+            InputError: For something else.
+
         Example:
             >>> from bellcrank.actuators.conditions import Conditions
             >>> from bellcrank.actuators.gear import DIRECT
             >>> Conditions(assumed={"gear.efficiency": 0.7}).filled(DIRECT)
             ()
         """
+        arguments.instance("row", row, (Motor, Gear), "a Motor or a Gear")
         room = "motor" if isinstance(row, Motor) else "gear"
         if isinstance(row, Gear) and row.kind == "direct":
             return ()

@@ -157,7 +157,8 @@ class MotorWithGear(Actuator):
         """
         torque, speed = arguments.alike(torque=torque, speed=speed)
         motors = self._train.motors
-        return electrical_power(motors, electrical_torque(motors, torque, speed), speed)
+        with np.errstate(over="ignore", invalid="ignore"):  # infinite and NaN stay so
+            return electrical_power(motors, electrical_torque(motors, torque, speed), speed)
 
     def continuous_torque(self, speed: float) -> float | None:
         """The torque that the motor can deliver continuously at a constant speed.

@@ -293,6 +293,7 @@ class Linkage:
             InputError: An array does not fit.
         """
         t, q, v = self._rows(t=t, q=q, v=v)
+        multipliers = arguments.array("multipliers", multipliers, (len(t), len(self.multiplier_names)))
         rest = np.zeros_like(v)
         return self._wrenches(t, q, v, rest, multipliers) - self._wrenches(t, q, v, rest, np.zeros_like(multipliers))
 

@@ -77,7 +77,7 @@ def _step(fields: Fields, key: str, entry: Any, number: int) -> DutyStep:
         return DutyStep(entry)
     place = f"{fields.path}.{key}[{number}]" if fields.path else f"{key}[{number}]"
     if not isinstance(entry, Mapping):
-        raise fields.error(key, f"{_EXPECTED}, found {format_value(entry)} as entry {number}")
+        raise fields.error(key, f"{_EXPECTED}, found {arguments.found(entry)} as entry {number}")
     step = Fields(entry, fields.where, place, fields.access)
     if "pause" in step:
         found = DutyStep(pause=step.number("pause", "s", positive=True))

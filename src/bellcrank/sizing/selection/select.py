@@ -172,7 +172,15 @@ def _given(
     transmissions: Iterable[CoupledTransmission] | None,
     mounts: Mapping[str, Mount] | None,
 ) -> tuple[Any, Any, Any]:
-    """Duty program, transmissions and mounts, those of the configuration where none are given."""
+    """Duty program, transmissions and mounts, those of the configuration where none are given. Raises InputError."""
+    if transmissions is not None:
+        transmissions = arguments.several(
+            "transmissions", transmissions, CoupledTransmission, "CoupledTransmissions", alone=True
+        )
+    if mounts is not None:
+        mounts = arguments.mapping("mounts", mounts, "a mapping of names of axes to Mounts")
+        for name, mount in mounts.items():
+            arguments.instance(f'mounts["{name:.80}"]', mount, Mount, "a Mount")
     if config is not None:
         duty = config.duty or None if duty is None else duty
         transmissions = config.transmissions if transmissions is None else transmissions

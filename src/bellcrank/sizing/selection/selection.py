@@ -236,7 +236,11 @@ class Selection(Portable):
 
         Returns:
             The rows of the catalogue.
+
+        Raises:
+            InputError: For something else.
         """
+        arguments.instance("candidate", candidate, Candidate, "a Candidate")
         motor, gear = candidate.motor, candidate.gear
         if self.inputs is None or self.inputs.catalogue is None:
             return motor, gear
