@@ -24,7 +24,8 @@ MOST_ROWS = 100_000  # of one file
 MOST_COLUMNS = 200
 LONGEST_TEXT = 4000  # letters of a cell
 _OTHERS = ((";", "semicolons"), ("\t", "tabs"))
-_HEADER = re.compile(r"\A([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?\Z")
+_HEADER = re.compile(r"\A([^\[\]]*)(?:\[([^\[\]]*)\])?\Z")
+_DECIMAL_COMMA = re.compile(r"\A[-+]?\d+,\d+\Z")
 
 
 @dataclass(frozen=True)
@@ -162,7 +163,7 @@ def number(row: Row, header: Header) -> float | None:
     try:
         written = decimal_number(cell)
     except ValueError:
-        comma = "; write '.' for the decimal comma" if re.fullmatch(r"[-+]?\d+,\d+", cell) else ""
+        comma = "; write '.' for the decimal comma" if _DECIMAL_COMMA.match(cell) else ""
         raise row.error(
             header.title,
             f"expected a number (its unit is in the header), or an empty cell where the value is unknown, found "

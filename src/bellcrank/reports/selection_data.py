@@ -38,6 +38,7 @@ from bellcrank.text import readable
 Array = NDArray[np.float64]
 MOST_TEMPERATURES = 80  # of a cycle
 DIGITS = 5
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 class Numbering:
@@ -134,7 +135,7 @@ def title(product: Motor | Gear) -> str:
         apart = f"{product.ratio:.4g}:1" if turns else ""
     else:
         apart = f"{product.nominal_voltage:g} V" if product.nominal_voltage is not None else ""
-    stated = apart.removesuffix(" V").removesuffix(":1") in re.findall(r"\d+(?:\.\d+)?", product.model)
+    stated = apart.removesuffix(" V").removesuffix(":1") in _NUMBER.findall(product.model)
     return readable(text if stated or not apart else f"{text}, {apart}")
 
 
