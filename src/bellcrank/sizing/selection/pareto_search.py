@@ -2,7 +2,8 @@
 
 On small catalogues it is exact: the front of an axis and of all axes after it follows from those with each mass that
 its actuator can have, because a pair adds to masses, losses and costs, and can only raise the largest utilisation.
-Elsewhere the fronts of the axes under the masses of the chosen actuators are combined.
+Elsewhere the fronts of the axes under the masses of the chosen actuators are combined; of an axis with very many pairs
+a sample over the range of masses, and the best pairs, stand for all.
 """
 
 from __future__ import annotations
@@ -23,11 +24,12 @@ from bellcrank.sizing.selection.joint_problem import (
 )
 from bellcrank.sizing.selection.judged_axes import PAIRS_OF_A_JUDGEMENT, JudgedAxes
 from bellcrank.sizing.selection.pareto import Array, Front, Indices, non_dominated
-from bellcrank.sizing.selection.ranking import RankKeys
+from bellcrank.sizing.selection.ranking import RankKeys, order_of
 from bellcrank.sizing.selection.selection import ParetoPoint, pair_id
 
-MOST_POINTS = 400  # of a front between axes
-MOST_OF_AN_AXIS = 60
+MOST_POINTS = 200  # of a front between axes
+MOST_OF_AN_AXIS = 40
+MOST_JUDGED = 6_000  # pairs of an axis whose utilisations a front is made of, where it is not exact
 EXACT = "all combinations that no other one betters, of pairs that are known as well as the chosen ones"
 PER_AXIS = (
     "approximate: combined from the best pairs of each axis under the masses of the chosen actuators, of pairs that "
@@ -66,15 +68,16 @@ class _FrontSearch:
     """The fronts of the axes, from the tip to the base."""
 
     def __init__(self, problem: JudgedAxes, choice: Choice) -> None:
-        self.problem = problem
+        self.problem, self.choice = problem, choice
         self.groups = search_order(problem.influence)
         self.order = [axis for group in self.groups for axis in group]
         self.masses = masses_of(problem, choice)
         self.chosen = judge_choice(problem, choice)
 
-    def rows(self, axis: int, masses: Masses) -> tuple[Array, Indices]:
-        """The points of an axis's pairs that count, and their numbers."""
-        ranks, one = self.problem.ranks(axis, masses, self.may_count(axis)), self.problem.axes[axis]
+    def rows(self, axis: int, masses: Masses, sampled: bool = False) -> tuple[Array, Indices]:
+        """The points of an axis's pairs that count, or of a sample of them, and their numbers."""
+        wanted = self.sample(axis) if sampled else self.may_count(axis)
+        ranks, one = self.problem.ranks(axis, masses, wanted), self.problem.axes[axis]
         pairs = np.flatnonzero(self._counts(axis, ranks.keys))
         columns = (one.bodies.mass, ranks.use, ranks.loss, one.cost)
         points = np.column_stack([np.where(np.isnan(column[pairs]), np.inf, column[pairs]) for column in columns])
@@ -83,6 +86,20 @@ class _FrontSearch:
     def may_count(self, axis: int) -> NDArray[np.bool_]:
         """Pairs of an axis that may count, under any masses; others need not be judged."""
         return self._counts(axis, self.problem.bounds[axis])
+
+    def sample(self, axis: int) -> NDArray[np.bool_]:
+        """Those pairs that may count, or if they are too many, some evenly over the order of their bounds."""
+        may = self.may_count(axis)
+        count = np.count_nonzero(may)
+        if count <= MOST_JUDGED:
+            return may
+        order = order_of(self.problem.bounds[axis])
+        order = order[may[order]]
+        chosen = np.zeros(len(may), dtype=bool)
+        chosen[order[np.linspace(0, count - 1, MOST_JUDGED).astype(np.intp)]] = True
+        if (pair := self.choice[axis]) is not None:
+            chosen[pair] = True
+        return chosen
 
     def _counts(self, axis: int, keys: RankKeys) -> NDArray[np.bool_]:
         """Whether (m,) pairs of these keys pass and are known at least as well as the chosen pair of the axis."""
@@ -124,7 +141,8 @@ class _FrontSearch:
         """The fronts of all axes under the masses of the chosen actuators, combined; whether any was thinned out."""
         front, thinned = Front.empty(), False
         for axis in self.order:
-            points, pairs = self.rows(axis, self.masses)
+            points, pairs = self.rows(axis, self.masses, sampled=True)
+            thinned |= int(np.count_nonzero(self.may_count(axis))) > MOST_JUDGED
             own = Front(points, pairs[:, None]).non_dominated()
             front = front.with_front(own.thinned(MOST_OF_AN_AXIS)).non_dominated()
             thinned |= len(own.points) > MOST_OF_AN_AXIS or len(front.points) > MOST_POINTS
