@@ -111,6 +111,7 @@ def test_samples_that_do_not_fit_are_refused_with_how_many_do_and_so_many_do(tmp
         "    said = str(error)\n"
         "most = int(re.search(r'at most (\\d+) fit', said)[1])\n"
         "print(said)\n"
+        "most -= most // 100\n"  # the process itself may grow by some 100 kB between the two runs
         "print(most, len(bc.simulate(scene, samples=most, duration=0.1)))\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
