@@ -1,0 +1,42 @@
+"""The rows of many designs as columns: a status, measures as arrays, and reasons where there are some."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Columns:
+    """Results of n designs.
+
+    Attributes:
+        statuses: The names that `status` numbers: "finished", "event", …, "infeasible", "unknown".
+        status: (n,) numbers of `statuses`.
+        measures: (n,) a measure by name, SI units; NaN where a design does not have it.
+        reasons: Why a design did not reach its target, by its row; none where it did.
+    """
+
+    statuses: tuple[str, ...]
+    status: NDArray[np.int8]
+    measures: Mapping[str, Array]
+    reasons: Mapping[int, str] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Columns]) -> Columns:
+        """The rows of several parts, which have the same statuses and measures, one after another."""
+        first, reasons, at = parts[0], dict[int, str](), 0
+        for part in parts:
+            reasons |= {at + row: reason for row, reason in part.reasons.items()}
+            at += len(part)
+        measures = {name: np.concatenate([part.measures[name] for part in parts]) for name in first.measures}
+        status = np.concatenate([part.status for part in parts])
+        return cls(statuses=first.statuses, status=status, measures=measures, reasons=reasons)

@@ -1,0 +1,39 @@
+"""What a study does with each design: the protocol that simulation and sizing of many designs share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.studies.columns import Columns
+
+Array = NDArray[np.float64]
+
+
+class DesignRunner(Protocol):
+    """Computes the measures of designs. It can be pickled, so that other processes and machines can run it."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Every measure by name with its unit, in the order of columns; known before any design is run."""
+        ...
+
+    @property
+    def identity(self) -> Mapping[str, str]:
+        """What the results depend on, by a name that a user understands: scene, files, settings, version, lane width.
+
+        Results of two runners may be mixed only where these are equal.
+        """
+        ...
+
+    def run(self, values: Array, *, threads: int = 1, progress: Callable[[int], object] | None = None) -> Columns:
+        """The columns of designs whose values (n, axes) are given in the units of the axes.
+
+        A row depends on its own values alone, to the last bit: not on its neighbours or on `threads`. A design that
+        cannot be built is a row "infeasible" with its reason. `progress` is called with the number of designs done.
+        Raises KeyboardInterrupt on Ctrl-C.
+        """
+        ...
