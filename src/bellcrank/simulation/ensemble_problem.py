@@ -76,7 +76,7 @@ class EnsembleProblem:
     settings: dict[str, Array] = field(default_factory=dict)
     signals: Sequence[Signal] = ()
     stops: Array = field(default_factory=lambda: np.empty(0))
-    events: EventSearch = EventSearch()
+    events: EventSearch = field(default_factory=EventSearch)
     observed: int = 0
     observed_within: int = 0
     observe: int = 0
