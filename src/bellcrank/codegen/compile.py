@@ -20,7 +20,7 @@ from bellcrank._step import evaluate
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.expression_graph import Graph, graph_of
-from bellcrank.codegen.kernels import batch_ir, scalar_ir
+from bellcrank.codegen.kernels import KINDS
 from bellcrank.codegen.locks import making
 from bellcrank.errors import CompileError, InputError
 
@@ -66,11 +66,9 @@ class Compiled:
         return self._graph()
 
     def ir(self, kind: str) -> str:
-        """The LLVM IR, `kind` being "scalar" or "batch"."""
+        """The LLVM IR, `kind` being "scalar", "lanes" or "batch" (kernels.py)."""
         chosen = machine.target()
-        if kind == "scalar":
-            return scalar_ir(self.graph, chosen.lanes, chosen.fused)
-        return batch_ir(self.graph, chosen.lanes, chosen.fused)
+        return KINDS[kind](self.graph, chosen.lanes, chosen.fused)
 
     def address(self, kind: str) -> int:
         """The address of the machine code; kernels.py describes its signature."""

@@ -1,9 +1,14 @@
-"""The compiled functions of an expression graph, as LLVM IR: `evaluate` for one sample, and for a batch.
+"""The compiled functions of an expression graph, as LLVM IR: `evaluate` of three kinds.
 
-    i32 evaluate(const double *const *inputs, double *const *outputs)
-    i32 evaluate(const double *const *inputs, double *const *outputs, const int64_t *strides, int64_t samples)
+    scalar, lanes:  i32 evaluate(const double *const *inputs, double *const *outputs)
+    batch:          i32 evaluate(const double *const *inputs, double *const *outputs, const int64_t *strides,
+                                 int64_t samples)
 
-In a batch, sample i of input k begins at inputs[k] + i strides[k] (a stride of 0 repeats one sample); outputs are
+"scalar" is for one sample. "lanes" is for as many samples as there are SIMD lanes, stored as structure of arrays: entry
+i of lane l is at [i * width + l] of an array that begins at a multiple of 64 bytes. The result of a lane depends on the
+inputs in that lane alone, to the last bit.
+
+In a "batch", sample i of input k begins at inputs[k] + i strides[k] (a stride of 0 repeats one sample); outputs are
 contiguous rows. There are at least as many samples as SIMD lanes, with one sample a lane; the last block of samples
 overlaps the one before it. Each block is transposed
 into a buffer with one vector an entry, so that the body reads and writes whole vectors.
@@ -186,7 +191,17 @@ def scalar_ir(graph: Graph, width: int, fused: bool) -> str:
 
     Angles share vectors of up to `width` lanes, at most 4: 512-bit operations would take a port from the scalar ones.
     """
-    lanes = Lanes(1)
+    return _direct_ir(graph, Lanes(1), fused, min(width, 4))
+
+
+def lanes_ir(graph: Graph, width: int, fused: bool) -> str:
+    """LLVM IR that evaluates the graph for `width` samples, stored as structure of arrays."""
+    return _direct_ir(graph, Lanes(width), fused, 1)
+
+
+def _direct_ir(graph: Graph, lanes: Lanes, fused: bool, packed: int) -> str:
+    """LLVM IR whose loads and stores are those of the caller's arrays; `packed` is that of `operations`."""
+    d = lanes.double
     pointers, entry = [], []
     for kind, count in (("in", len(graph.input_sizes)), ("out", len(graph.outputs))):
         for k in range(count):
@@ -197,11 +212,15 @@ def scalar_ir(graph: Graph, width: int, fused: bool) -> str:
             ]
     code = operations(
         graph, lanes, fused,
-        "{name}.p = getelementptr double, ptr %in{k}, i64 {i}\n  {name} = load double, ptr {name}.p, !noalias !1",
-        "%out{k}.{i}.p = getelementptr double, ptr %out{k}, i64 {i}\n"
-        "  store double {name}, ptr %out{k}.{i}.p, !alias.scope !1",
-        pointers, min(width, 4),
+        "{name}.p = getelementptr " + d + ", ptr %in{k}, i64 {i}\n"
+        "  {name} = load " + d + ", ptr {name}.p, !noalias !1",
+        "%out{k}.{i}.p = getelementptr " + d + ", ptr %out{k}, i64 {i}\n"
+        "  store " + d + " {name}, ptr %out{k}.{i}.p, !alias.scope !1",
+        pointers, packed,
     )  # fmt: skip
     text = ["define i32 @evaluate(ptr noalias %in, ptr noalias %out) {", "entry:", *code.allocas, *entry]
     text += ["  br label %body", "body:", *code.lines, "  ret i32 0", "}"]
     return "\n".join(code.before + text) + METADATA
+
+
+KINDS = {"scalar": scalar_ir, "lanes": lanes_ir, "batch": batch_ir}

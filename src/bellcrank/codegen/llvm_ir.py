@@ -115,24 +115,27 @@ class Body:
         return whole
 
     def _wave(self, angles: tuple[int, ...]) -> None:
-        """Sines and cosines of several angles; if one is too large, all are computed by the C library."""
+        """Sines and cosines of several angles; those of angles that are too large are the C library's.
+
+        The result of a lane depends on the angle in that lane alone.
+        """
         tag = f"w{angles[0]}"
         groups = self._groups(angles)
         count = sum(lanes.width for lanes, _ in groups)
         region = -(-count // 8) * 8  # the buffer holds angles, sines and cosines, in regions of whole vectors
         self.allocas.append(f"  %{tag} = alloca [{3 * region} x double], align 64")
-        packs: list[tuple[int, Lanes, str, tuple[int, ...], tuple[str, str]]] = []
+        packs: list[tuple[int, Lanes, str, tuple[int, ...], tuple[str, str], str]] = []
         beyond: dict[int, str] = {}  # by width
         at = 0
         for lanes, members in groups:
             x = self._pack(lanes, f"{tag}.x{at}", members)
             lines, sine, cosine, flag = sincos(lanes, f"{tag}.t{at}", x, self.fused)
             self.lines += lines
+            packs.append((at, lanes, x, members, (sine, cosine), flag))
             if lanes.width in beyond:
                 self._put(f"%{tag}.any{at} = or {lanes.bit} {beyond[lanes.width]}, {flag}")
                 flag = f"%{tag}.any{at}"
             beyond[lanes.width] = flag
-            packs.append((at, lanes, x, members, (sine, cosine)))
             at += lanes.width
         slow = "false"
         for w, flag in beyond.items():
@@ -144,19 +147,21 @@ class Body:
         before, self.label = self.label, f"{tag}.done"
         self._put(f"br i1 {slow}, label %{tag}.exact, label %{self.label}, !prof !2")
         self.lines.append(f"{tag}.exact:")
-        for at, lanes, x, _, _ in packs:
+        for at, lanes, x, *_ in packs:
             self._put(f"store {lanes.double} {x}, ptr {self._buffer(tag, at)}")
         self._put(f"call void @exact_sincos(ptr %{tag}, i64 {count}, i64 {region})")
-        for at, lanes, *_ in packs:
-            for offset in (at + region, at + 2 * region):
-                self._put(f"%{tag}.e{offset} = load {lanes.double}, ptr {self._buffer(tag, offset)}")
+        for at, lanes, _, _, fast, flag in packs:
+            for offset, value in zip((at + region, at + 2 * region), fast, strict=True):
+                self._put(f"%{tag}.c{offset} = load {lanes.double}, ptr {self._buffer(tag, offset)}")
+                both = f"{lanes.double} %{tag}.c{offset}, {lanes.double} {value}"
+                self._put(f"%{tag}.e{offset} = select {lanes.bit} {flag}, {both}")
         self._put(f"br label %{self.label}")
         self.lines.append(f"{self.label}:")
-        for at, lanes, _, _, fast in packs:
+        for at, lanes, _, _, fast, _ in packs:
             for offset, value in zip((at + region, at + 2 * region), fast, strict=True):
                 exact = f"[ %{tag}.e{offset}, %{tag}.exact ]"
                 self._put(f"%{tag}.r{offset} = phi {lanes.double} [ {value}, %{before} ], {exact}")
-        for at, lanes, _, members, _ in packs:
+        for at, lanes, _, members, *_ in packs:
             for j, angle in enumerate(members):
                 for kind, node in enumerate(self.plan.sines[angle]):
                     if node >= 0:
