@@ -73,7 +73,7 @@ def integrate_scene(scene: Scene, settings: Settings, parameters: Array, wanted:
     x0 = np.zeros(system.size)
     q0, v0 = consistent_start(scene)
     x0[: system.nq], x0[system.nq : system.nq + system.nv] = q0, v0
-    _refuse_open_contact(scene, parameters, x0)
+    refuse_open_contact(scene, parameters, x0)
     # code for many states at once pays off where an evaluation is cheap beside it
     batched = (
         projected
@@ -118,7 +118,7 @@ def integrate_scene(scene: Scene, settings: Settings, parameters: Array, wanted:
     if status is Status.FINISHED and duration < settings.duration:
         status = Status.PRESCRIBED_MOTION_ENDED
     if status is Status.NON_FINITE and result.accepted == 0:
-        _refuse_infinite_start(scene, parameters, x0)
+        refuse_infinite_start(scene, parameters, x0)
     time, state = result.time, result.state
     if not len(time) or (status is not Status.FINISHED and time[-1] < result.end_time):
         time, state = np.append(time, result.end_time), np.vstack([state, result.end_state[None]])
@@ -213,7 +213,7 @@ def _event_search(scene: Scene) -> EventSearch:
 # ---- starts that are refused
 
 
-def _refuse_open_contact(scene: Scene, parameters: Array, x0: Array) -> None:
+def refuse_open_contact(scene: Scene, parameters: Array, x0: Array) -> None:
     """Name a rolling contact whose plane would have to pull at the start already (InputError)."""
     places = _contact_events(scene)
     if not places:
@@ -236,7 +236,7 @@ def _contact_events(scene: Scene) -> tuple[int, ...]:
     return tuple(k for k, rule in enumerate(scene.events) if rule.stop and isinstance(rule.when, ContactLost))
 
 
-def _refuse_infinite_start(scene: Scene, parameters: Array, x0: Array) -> None:
+def refuse_infinite_start(scene: Scene, parameters: Array, x0: Array) -> None:
     """Name the joint whose acceleration is not finite at the start, and the remedies (InputError)."""
     system = system_of(scene)
     u = scene.signals_at(np.zeros(1))[0]
