@@ -15,6 +15,7 @@ from bellcrank.dynamics.assembly import Assembly, assemble
 from bellcrank.dynamics.constraint_derivatives import time_derivative
 from bellcrank.dynamics.kkt import ConstrainedSolution
 from bellcrank.dynamics.latch_impact import latch_impact
+from bellcrank.dynamics.observed_quantities import ObservedLayout, observed_quantities
 from bellcrank.dynamics.system_layout import Sizes, SystemLayout, entries
 
 if TYPE_CHECKING:
@@ -277,6 +278,21 @@ class System:
             )
 
         return self._compiled("observation", build, seldom=True)
+
+    @cached_property
+    def observe(self) -> Compiled:
+        """(t, x, u, p) -> the quantities whose extremes an ensemble of runs finds (observed_quantities.py)."""
+
+        def build() -> casadi.Function:
+            observed = observed_quantities(self._scene, self.assembly, self.multiplier_names)
+            return self._state_function("observe", [observed])
+
+        return self._compiled("observe", build)
+
+    @cached_property
+    def observed_layout(self) -> ObservedLayout:
+        """Where these quantities are in the vector."""
+        return ObservedLayout.of(self._scene, self.observe.output_sizes[0])
 
     @cached_property
     def residual(self) -> Compiled:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.cached_values import computed_once
-from bellcrank.dynamics.constraint_alignment import alignment_cosines, alignment_residual, sine_rows
+from bellcrank.dynamics.aligned_constraints import sine_rows
+from bellcrank.dynamics.constraint_alignment import alignment_cosines, alignment_residual
 from bellcrank.dynamics.constraint_rows import rows_of, velocity_units
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.errors import InputError
@@ -255,7 +256,8 @@ def _position_residual(scene: Scene, q: Array) -> tuple[Array, Array]:
 def _aligned_residual(scene: Scene, q: Array) -> tuple[Array, Array]:
     """The same with the alignment residual of welds and hinges in place of their sines."""
     residual, jacobian = _position_residual(scene, q)
-    others = np.setdiff1d(np.arange(len(residual)), [row for rows in sine_rows(scene).values() for row in rows])
+    sines = sine_rows(scene, system_of(scene).multiplier_names)
+    others = np.setdiff1d(np.arange(len(residual)), [row for rows in sines.values() for row in rows])
     alignment, slope = alignment_residual(scene, q)
     aligned = slope * velocity_units(scene)
     return np.concatenate([residual[others], alignment]), np.vstack([jacobian[others], aligned])

@@ -7,27 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.dynamics.aligned_constraints import aligned_constraints, sine_rows
 from bellcrank.dynamics.system import system_of, system_parameters
-from bellcrank.elements.loop_constraints import Hinge, Weld
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
-
-
-def aligned_constraints(scene: Scene) -> tuple[str, ...]:
-    """The constraints, in the order of the scene, whose residuals vanish at half a turn too: welds and hinges."""
-    return tuple(constraint.name for constraint in scene.constraints if isinstance(constraint, (Weld, Hinge)))
-
-
-def sine_rows(scene: Scene) -> dict[str, list[int]]:
-    """The kept rows of φ that are sines of angles, by constraint."""
-    names = system_of(scene).multiplier_names
-    return {
-        constraint: [k for k, (name, label) in enumerate(names) if name == constraint and label.endswith("[N m]")]
-        for constraint in aligned_constraints(scene)
-    }
 
 
 def alignment_cosines(scene: Scene, q: Array) -> dict[str, float]:
@@ -56,7 +42,7 @@ def alignment_residual(scene: Scene, q: Array) -> tuple[Array, Array]:
 def full_angle_residuals(scene: Scene, residual: Array, cosine: Array) -> Array:
     """|φ| (n, h) with angles in place of their sines, from φ (n, h) and the cosines (n, constraints)."""
     absolute = np.abs(residual)
-    for k, rows in enumerate(sine_rows(scene).values()):
+    for k, rows in enumerate(sine_rows(scene, system_of(scene).multiplier_names).values()):
         if not rows:
             continue
         sine = np.linalg.norm(residual[:, rows], axis=1)

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.cached_values import cached_property
+from bellcrank.dynamics.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.consistent_start import consistent_start, displaced
-from bellcrank.dynamics.constraint_alignment import aligned_constraints, alignment_cosines_along
+from bellcrank.dynamics.constraint_alignment import alignment_cosines_along
 from bellcrank.dynamics.constraint_derivatives import SymbolicRows, differentiate_constraints
 from bellcrank.dynamics.constraint_rows import characteristic_length, rows_of, velocity_units
 from bellcrank.dynamics.system import system_of, system_parameters

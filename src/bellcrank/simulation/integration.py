@@ -14,9 +14,10 @@ from bellcrank._step import integrate
 from bellcrank.cached_values import computed_once
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import make_ready
+from bellcrank.dynamics.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.compiled_equations import LARGEST_STAGED, System
 from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.constraint_alignment import aligned_constraints, alignment_cosines_along
+from bellcrank.dynamics.constraint_alignment import alignment_cosines_along
 from bellcrank.dynamics.constraint_rows import coordinate_weights
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end, signals_until
 from bellcrank.dynamics.singular_mass_matrix import refuse_singular_mass_matrix

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.constraint_alignment import aligned_constraints
+from bellcrank.dynamics.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
 from bellcrank.files.npz_archive import brief
 from bellcrank.robot.joints import unit_vectors

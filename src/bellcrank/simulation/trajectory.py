@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.cached_values import cached_property
-from bellcrank.dynamics.constraint_alignment import aligned_constraints, alignment_cosines_along
+from bellcrank.dynamics.aligned_constraints import aligned_constraints
+from bellcrank.dynamics.constraint_alignment import alignment_cosines_along
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
 from bellcrank.dynamics.system import system_of
 from bellcrank.errors import InputError
