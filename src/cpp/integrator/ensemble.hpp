@@ -1,0 +1,71 @@
+// Input and output of the ensemble engine: many runs of the same equations, in SIMD lanes. As in problem.hpp, plain data
+// and virtual functions: the engine is compiled once for each instruction set.
+#pragma once
+
+#include "problem.hpp"
+
+namespace bellcrank {
+
+// Functions of as many states as there are lanes, as structure of arrays (codegen/kernels.py, kind "lanes").
+struct LaneKernels {
+  int width;
+  Kernel rhs, events, project, observe;
+};
+
+// What differs between runs, one row a run; null: all runs take what `common` says.
+struct Designs {
+  std::int64_t count;
+  int np;
+  const double *t1, *x0, *p;
+  const double *rtol, *atol, *step, *first_step, *max_step, *max_evaluations;
+};
+
+// What is found of each run, one row a run; E event functions, m observed quantities.
+struct Columns {
+  bool *done, *single;
+  std::int64_t *status, *stopped_by, *accepted, *rejected, *evaluations;
+  double *end_time, *end_state;                     // (N), (N, n)
+  std::int64_t *event_count, *unresolved, *undefined;  // (N, E)
+  double *event_time, *event_state;                 // (N, E), (N, E, n): of the first, NaN before
+  double *least, *largest;                          // (N, m)
+};
+
+struct Ensemble {
+  Problem common;  // its t1, x0, p, stops and latest are not used
+  LaneKernels lanes;
+  Designs designs;
+  Columns columns;
+  Kernel observe;  // for one state; or 0
+  int observed, observed_within;
+  const double* jumps;  // times at which stages end: stops, and breaks of kinked signals, sorted
+  int jump_count;
+};
+
+// What a thread's engine asks of the outside.
+class Worker {
+ public:
+  // The next designs to be done, at most `most`: their number; `first` becomes the first of them.
+  virtual int take(int most, std::int64_t* first) = 0;
+  virtual void single(std::int64_t design) = 0;  // runs a design from its start by the integrator of single runs
+  virtual void report(int designs) = 0;          // so many more are done
+  virtual bool stopped() = 0;                    // whether the runs have to end at once
+
+ protected:
+  ~Worker() = default;
+};
+
+// The stops of a run from 0 to t1: those of the jumps strictly within it, apart by more than rounding; their number.
+// `latest` becomes the last time at which stages are evaluated: just before a jump at t1, else infinite.
+int stops_within(const double* jumps, int count, double t1, double* kept, double* latest);
+
+namespace baseline {
+void run_lanes(const char* method, const Ensemble& ensemble, Worker& worker);
+}
+namespace avx2 {
+void run_lanes(const char* method, const Ensemble& ensemble, Worker& worker);
+}
+namespace avx512 {
+void run_lanes(const char* method, const Ensemble& ensemble, Worker& worker);
+}
+
+}  // namespace bellcrank

@@ -1,0 +1,89 @@
+// A block: one step of one run in each lane, with all that its equations take, as structure of arrays. Blocks hold the
+// runs that are stepped, those that are about to start, and steps that are kept to look for events in later; a lane of
+// one block can be copied to a lane of another.
+#pragma once
+
+#include "ensemble.hpp"
+#include "lane_vector.hpp"
+
+namespace bellcrank {
+namespace BELLCRANK_ISA {
+
+// Of the run in each lane. Counts and numbers are whole, and exact as doubles.
+struct LaneNumbers {
+  Vec design;                // the row of the run
+  Vec t_old, t, latest;      // the step; stages are evaluated up to `latest`, just before a jump
+  Vec t1, bound, stop;       // the end of the run; the next stop, or the end; the number of that stop
+  Vec rtol, atol, step, max_step, max_evaluations;
+  Vec next;                  // the step size to try; with a fixed step the number of the next point of its grid
+  Vec tried, bad;            // 1: the step was tried with another size; and that was not finite
+  Vec evaluations, accepted, rejected;
+};
+
+// A signal's piece in each lane.
+struct LanePiece {
+  Vec low, high;     // it holds for low <= t < high
+  Vec origin, held;  // its beginning; NaN, or the signal is constant: its value at `held` after the beginning
+  Vec* coefficients() { return &held + 1; }  // (powers, width)
+  static int size(const Signal& s) { return 4 + s.powers * s.width; }
+};
+
+class LaneBlock : public LaneNumbers {
+ public:
+  LaneBlock(const Ensemble& e, int rows) : LaneNumbers{}, n(e.common.n), data_(total(e, rows)) {
+    Vec* next = data_;
+    p = take(next, e.designs.np);
+    old = take(next, n);
+    g = take(next, e.common.event_count);
+    least = take(next, e.observed);
+    largest = take(next, e.observed);
+    pieces_ = next;
+    for (int s = 0; s < e.common.signal_count; ++s) next += LanePiece::size(e.common.signals[s]);
+    k = take(next, static_cast<std::size_t>(n) * rows);
+    begun_ = static_cast<int>(k + n - data_);
+    x = take(next, n);
+    size_ = static_cast<int>(next - data_);
+  }
+
+  const int n;
+  Vec *p, *old;          // parameters; state at t_old
+  Vec* g;                // event functions at t_old, for LaneEvents
+  Vec *least, *largest;  // of the observed quantities, for LaneObservation
+  Vec* k;                // (rows, n): slopes of the stages; row 0 at t_old, row Method::stages at t
+  Vec* x;                // state at t
+
+  // The pieces of all signals, one after the other.
+  LanePiece* pieces() { return reinterpret_cast<LanePiece*>(pieces_); }
+
+  // Copies a lane of another block of the same ensemble: all of it, or only what a step begins with.
+  void copy(int to, const LaneBlock& from, int lane) { copy(to, from, lane, size_); }
+  void copy_start(int to, const LaneBlock& from, int lane) { copy(to, from, lane, begun_); }
+
+ private:
+  Vectors data_;
+  Vec* pieces_;
+  int begun_, size_;
+
+  static Vec* take(Vec*& next, std::size_t count) {
+    Vec* const first = next;
+    next += count;
+    return first;
+  }
+  static std::size_t total(const Ensemble& e, int rows) {
+    std::size_t sum = e.designs.np + e.common.event_count + 2 * e.observed;
+    for (int s = 0; s < e.common.signal_count; ++s) sum += LanePiece::size(e.common.signals[s]);
+    return sum + static_cast<std::size_t>(e.common.n) * (2 + rows);
+  }
+  void copy(int to, const LaneBlock& from, int lane, int count) {
+    copy_column(&design + 0, &from.design, to, lane, sizeof(LaneNumbers) / sizeof(Vec));
+    copy_column(data_, from.data_, to, lane, count);
+  }
+  static void copy_column(Vec* to_vectors, const Vec* from_vectors, int to, int from, std::size_t count) {
+    double* const a = reinterpret_cast<double*>(to_vectors) + to;
+    const double* const b = reinterpret_cast<const double*>(from_vectors) + from;
+    for (std::size_t i = 0; i < count; ++i) a[i * width] = b[i * width];
+  }
+};
+
+}  // namespace BELLCRANK_ISA
+}  // namespace bellcrank

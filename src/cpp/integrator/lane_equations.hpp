@@ -1,0 +1,163 @@
+// The equations for all lanes of a block at once: signals, right-hand side, event functions, observed quantities, unit
+// vectors and projection. The formulas are those of right_hand_side.hpp. A lane whose constraints lose rank is told to
+// the caller: its run is one for the integrator of single runs.
+#pragma once
+
+#include "lane_block.hpp"
+
+namespace bellcrank {
+namespace BELLCRANK_ISA {
+
+class LaneEquations {
+ public:
+  explicit LaneEquations(const Ensemble& e)
+      : ensemble(e), problem(e.common), u_(problem.signal_entries), correction_(problem.nq + problem.nv) {}
+
+  const Ensemble& ensemble;
+  const Problem& problem;
+
+  // x' (n) at (time, x) with a block's signals and parameters; false in lanes whose constraints lose rank.
+  BELLCRANK_INLINE Mask rhs(LaneBlock& block, Vec time, const Vec* x, Vec* rate) {
+    return call(ensemble.lanes.rhs, block, time, x, rate, problem.fallback != nullptr);
+  }
+  // The event functions (E); false where they cannot be evaluated.
+  Mask events(LaneBlock& block, Vec time, const Vec* x, Vec* g) {
+    return call(ensemble.lanes.events, block, time, x, g, false);
+  }
+  // The observed quantities (m); false where they cannot be evaluated.
+  Mask observe(LaneBlock& block, Vec time, const Vec* x, Vec* y) {
+    return call(ensemble.lanes.observe, block, time, x, y, false);
+  }
+
+  // Normalises unit vectors, unless their length is 1 to the last digit.
+  BELLCRANK_INLINE void normalise(Vec* x) const {
+    if (problem.unit_count) make_unit(x);
+  }
+
+  // Normalises and projects states at the ends of steps, in the lanes of `wanted`; those where constraints lose rank, or
+  // where the projection does not converge, are returned.
+  BELLCRANK_INLINE Mask settle(LaneBlock& block, Vec time, Vec* x, Mask wanted) {
+    normalise(x);
+    return problem.project ? project(block, time, x, wanted) : Mask{};
+  }
+
+  // Chooses the pieces of kinked signals in a lane for the steps between two stops.
+  void pin(LaneBlock& block, int lane, double from, double to) {
+    LanePiece* piece = block.pieces();
+    for (int g = 0; g < problem.signal_count; ++g, piece = after(piece, g)) {
+      const Signal& s = problem.signals[g];
+      load(s, piece, lane, found(s, s.kinked ? 0.5 * (from + to) : from));
+      if (s.kinked) piece->low[lane] = -INFINITY, piece->high[lane] = INFINITY;
+    }
+  }
+
+ private:
+  static constexpr int most_corrections = 8;
+
+  Vectors u_, correction_;
+
+  BELLCRANK_INLINE Mask call(Kernel kernel, LaneBlock& block, Vec time, const Vec* x, Vec* result, bool guarded) {
+    const Vec t = smaller(time, block.latest);
+    if (problem.signal_count) signals(block, t);
+    Vec guard = {};
+    const double* const in[] = {first(&t), first(x), first(u_), first(block.p)};
+    double* const out[] = {first(result), first(&guard)};
+    if (kernel(in, out) != 0) return Mask{};
+    return guarded ? guard > 0.0 : Mask{} == 0;
+  }
+  static const double* first(const Vec* v) { return reinterpret_cast<const double*>(v); }
+  static double* first(Vec* v) { return reinterpret_cast<double*>(v); }
+
+  // Newton's method on the constraints and their velocities, while it converges.
+  __attribute__((noinline)) Mask project(LaneBlock& block, Vec time, Vec* x, Mask wanted) {
+    Mask failed = {};
+    Vec before = splat(INFINITY);
+    for (int i = 0; i < most_corrections && bits(wanted); ++i) {
+      failed |= wanted & ~call(ensemble.lanes.project, block, time, x, correction_, true);
+      const Vec now = size(correction_);
+      failed |= wanted & ~(now < 0.5 * before);
+      wanted &= ~failed;
+      for (int j = 0; j < problem.nq + problem.nv; ++j) x[j] = wanted ? x[j] + correction_[j] : x[j];
+      normalise(x);
+      wanted &= now > Rhs::exact;
+      before = now;
+    }
+    return failed;
+  }
+
+  Vec size(const Vec* correction) const {
+    Vec sum = {};
+    for (int j = 0; j < problem.nq; ++j)
+      sum += magnitude(problem.weights ? problem.weights[j] * correction[j] : correction[j]);
+    return sum;
+  }
+
+  __attribute__((noinline)) void make_unit(Vec* x) const {
+    for (int i = 0; i < problem.unit_count; ++i) {
+      Vec* part = x + problem.units[i].start;
+      Vec square = {};
+      for (int j = 0; j < problem.units[i].length; ++j) square += part[j] * part[j];
+      const Mask kept = magnitude(square - 1.0) <= 4.5e-16 | ~(square > 0.0);
+      const Vec scale = kept ? splat(1) : 1.0 / root(square);
+      for (int j = 0; j < problem.units[i].length; ++j) part[j] *= scale;
+    }
+  }
+
+  // ---- signals
+
+  LanePiece* after(LanePiece* piece, int g) const {
+    return reinterpret_cast<LanePiece*>(&piece->low + LanePiece::size(problem.signals[g]));
+  }
+
+  // u at a time.
+  __attribute__((noinline)) void signals(LaneBlock& block, Vec t) {
+    LanePiece* piece = block.pieces();
+    Vec* u = u_;
+    for (int g = 0; g < problem.signal_count; ++g, piece = after(piece, g)) {
+      const Signal& s = problem.signals[g];
+      each(bits(~(piece->low <= t & t < piece->high)), [&](int l) { load(s, piece, l, found(s, t[l])); });
+      const Mask held = piece->held == piece->held;
+      const Vec d = held ? piece->held : t - piece->origin;
+      const Vec* c = piece->coefficients();
+      for (int j = 0; j < s.width; ++j) {
+        Vec value = {}, slope = {}, curve = {};  // curve: half the second derivative
+        for (int i = s.powers - 1; i >= 0; --i) {
+          curve = curve * d + slope;
+          slope = slope * d + value;
+          value = value * d + c[i * s.width + j];
+        }
+        u[j] = value;
+        if (s.derivatives > 0) u[s.width + j] = held ? Vec{} : slope;
+        if (s.derivatives > 1) u[2 * s.width + j] = held ? Vec{} : 2.0 * curve;
+      }
+      u += s.width * (s.derivatives + 1);
+    }
+  }
+
+  // The piece at a time: -1 before the breaks, `pieces` after them.
+  static int found(const Signal& s, double t) {
+    if (!(t >= s.breaks[0])) return -1;
+    if (t >= s.breaks[s.pieces]) return t > s.breaks[s.pieces] ? s.pieces : s.pieces - 1;
+    int low = 0, high = s.pieces;
+    while (high - low > 1) {
+      const int middle = (low + high) / 2;
+      (t < s.breaks[middle] ? high : low) = middle;
+    }
+    return low;
+  }
+
+  static void load(const Signal& s, LanePiece* to, int lane, int piece) {
+    const bool before = piece < 0, beyond = piece >= s.pieces;
+    const int number = before ? 0 : beyond ? s.pieces - 1 : piece;
+    const double begin = s.breaks[number], end = s.breaks[number + 1];
+    to->low[lane] = before ? -INFINITY : beyond ? std::nextafter(end, INFINITY) : begin;
+    to->high[lane] = before ? begin : beyond ? INFINITY : end;
+    to->origin[lane] = begin;
+    to->held[lane] = before ? 0 : beyond ? end - begin : NAN;
+    const double* c = s.coefficients + static_cast<std::size_t>(number) * s.powers * s.width;
+    for (int i = 0; i < s.powers * s.width; ++i) to->coefficients()[i][lane] = c[i];
+  }
+};
+
+}  // namespace BELLCRANK_ISA
+}  // namespace bellcrank

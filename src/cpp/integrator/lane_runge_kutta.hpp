@@ -1,0 +1,98 @@
+// The explicit Runge-Kutta methods of runge_kutta_tableaus.hpp for one step in each lane of a block.
+#pragma once
+
+#include "lane_equations.hpp"
+#include "runge_kutta_tableaus.hpp"
+
+namespace bellcrank {
+namespace BELLCRANK_ISA {
+
+// sum over j <= J of table(j) k_j, whose rows are `stride` vectors apart
+template <class Table, int J>
+BELLCRANK_INLINE Vec weighted_lanes(const Vec* k, std::size_t stride) {
+  constexpr double weight = Table::at(J);
+  if constexpr (weight == 0) return weighted_lanes<Table, J - 1>(k, stride);
+  else if constexpr (Table::first(J)) return weight * k[J * stride];
+  else return weighted_lanes<Table, J - 1>(k, stride) + weight * k[J * stride];
+}
+
+template <class Method>
+class LaneRungeKutta {
+ public:
+  static constexpr int last = Method::stages;  // row of the slope at the end of a step
+  static constexpr int rows = Method::rows;
+
+  explicit LaneRungeKutta(LaneEquations& equations) : equations_(equations), n_(equations.problem.n), argument_(n_) {}
+
+  // A step of size h from (t_old, old) with the slope in row 0: fills rows 1 to stages - 1 and the new state x, which is
+  // not settled yet. False in lanes whose constraints lose rank at a stage.
+  Mask stages(LaneBlock& block, Vec h, Vec* x) {
+    const Mask sound = all(block, h, std::make_integer_sequence<int, Method::stages - 1>{});
+    sum<last>(block, h, x);
+    return sound;
+  }
+
+  // Stage S >= 1 alone, such as those of a dense output.
+  template <int S>
+  BELLCRANK_INLINE Mask stage(LaneBlock& block, Vec h) {
+    sum<S>(block, h, argument_);
+    return equations_.rhs(block, block.t_old + Method::c[S] * h, argument_, block.k + S * n_);
+  }
+
+  // The slope at the end of a step, into row `last`.
+  Mask slope(LaneBlock& block, Vec time, const Vec* x) { return equations_.rhs(block, time, x, block.k + last * n_); }
+
+  // Square of the error norm of a step of size h.
+  Vec error_square(const LaneBlock& block, Vec h) const {
+    const std::size_t n = n_;
+    const int size = equations_.problem.norm_size;
+    Vec fifth = {}, third = {};
+    for (int i = 0; i < size; ++i) {
+      const Vec scale = 1.0 / (block.atol + block.rtol * larger(magnitude(block.old[i]), magnitude(block.x[i])));
+      if constexpr (Method::fsal) {
+        const Vec e = scale * weighted_lanes<Weights<ErrorOf<Method>>, last>(block.k + i, n);
+        fifth += e * e;
+      } else if constexpr (Method::extra == 3) {
+        const Vec e = scale * weighted_lanes<Weights<Error5Of<Method>>, last - 1>(block.k + i, n);
+        const Vec g = scale * weighted_lanes<Weights<Error3Of<Method>>, last - 1>(block.k + i, n);
+        fifth += e * e;
+        third += g * g;
+      }
+    }
+    const Vec e = h * h * fifth / static_cast<double>(size);
+    if constexpr (Method::fsal) return e;
+    const Vec both = fifth + 0.01 * third;
+    return both == 0.0 ? Vec{} : e * (fifth / both);
+  }
+
+  // Repeats accepted steps with other sizes, so that the states at t_old + h are ends of steps; they are settled in the
+  // lanes of `wanted`. Rows 1 to stages - 1 of the block are written anew. False where that fails.
+  Mask redo(LaneBlock& block, Vec h, Vec* x, Mask wanted) {
+    Mask sound = stages(block, h, x);
+    sound &= ~equations_.settle(block, block.t_old + h, x, wanted & sound);
+    for (int i = 0; i < n_; ++i) sound &= finite(x[i]);
+    return sound;
+  }
+
+ private:
+  LaneEquations& equations_;
+  const int n_;
+  Vectors argument_;
+
+  template <int S>
+  BELLCRANK_INLINE void sum(const LaneBlock& block, Vec h, Vec* to) const {
+    const std::size_t n = n_;
+    const Vec *k = block.k, *old = block.old;
+    for (std::size_t i = 0; i < n; ++i) to[i] = old[i] + h * weighted_lanes<Weights<RowOf<Method, S>>, S - 1>(k + i, n);
+  }
+
+  template <int... S>
+  BELLCRANK_INLINE Mask all(LaneBlock& block, Vec h, std::integer_sequence<int, S...>) {
+    Mask sound = Mask{} == 0;
+    ((sound &= stage<S + 1>(block, h)), ...);
+    return sound;
+  }
+};
+
+}  // namespace BELLCRANK_ISA
+}  // namespace bellcrank

@@ -1,0 +1,109 @@
+// SIMD lanes: one double a lane, as many lanes as a register has. Nothing here lets one lane's value reach another lane.
+#pragma once
+
+#include <immintrin.h>
+
+#include <cstddef>
+#include <cstdint>
+
+#include "right_hand_side.hpp"
+
+namespace bellcrank {
+namespace BELLCRANK_ISA {
+
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
+constexpr int width = 8;
+#elif defined(__AVX2__)
+constexpr int width = 4;
+#else
+constexpr int width = 2;
+#endif
+
+typedef double Vec __attribute__((vector_size(8 * width)));
+typedef std::int64_t Mask __attribute__((vector_size(8 * width)));  // a comparison: all bits of a lane, or none
+using Bits = unsigned;                                             // one bit a lane
+
+constexpr Bits all_lanes = (1u << width) - 1;
+
+BELLCRANK_INLINE Vec splat(double v) { return v - Vec{}; }
+BELLCRANK_INLINE Vec larger(Vec a, Vec b) { return a > b ? a : b; }
+BELLCRANK_INLINE Vec smaller(Vec a, Vec b) { return a < b ? a : b; }
+BELLCRANK_INLINE Vec magnitude(Vec v) { return (Vec)((Mask)v & INT64_MAX); }
+
+BELLCRANK_INLINE Bits bits(Mask m) {
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
+  return _mm512_movepi64_mask((__m512i)m);
+#elif defined(__AVX2__)
+  return static_cast<Bits>(_mm256_movemask_pd((__m256d)m));
+#else
+  return static_cast<Bits>(_mm_movemask_pd((__m128d)m));
+#endif
+}
+BELLCRANK_INLINE Mask mask(Bits lanes) {
+  Mask m;
+  for (int l = 0; l < width; ++l) m[l] = std::int64_t{1} << l;
+  return (m & static_cast<std::int64_t>(lanes)) != 0;
+}
+BELLCRANK_INLINE Mask finite(Vec v) { return v * 0.0 == 0.0; }
+
+// Calls f(lane) for each lane of `lanes`.
+template <class Function>
+BELLCRANK_INLINE void each(Bits lanes, Function f) {
+  for (; lanes; lanes &= lanes - 1) f(__builtin_ctz(lanes));
+}
+
+BELLCRANK_INLINE Vec root(Vec v) {
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
+  return (Vec)_mm512_sqrt_pd((__m512d)v);
+#elif defined(__AVX2__)
+  return (Vec)_mm256_sqrt_pd((__m256d)v);
+#else
+  return (Vec)_mm_sqrt_pd((__m128d)v);
+#endif
+}
+
+// From |t| to the next double.
+inline Vec spacing(Vec t) {
+  const Vec from = magnitude(t);
+  return (Vec)((Mask)from + 1) - from;
+}
+
+// x^y to 1e-9, for step sizes: |y log2 x| < 1000, and x positive and normal.
+inline Vec power(Vec x, double y) {
+  // x = 2^e m with m between sqrt(1/2) and sqrt(2); log2 m = 2 / ln 2 artanh((m - 1) / (m + 1))
+  constexpr std::int64_t half = 0x3fe6a09e667f3bcd, bias = std::int64_t{2048} << 52, round = 0x4338000000000000;
+  constexpr double to_nearest = 6755399441055744.0;  // 1.5 2^52: adding it leaves an integer in the low bits
+  typedef std::uint64_t Unsigned __attribute__((vector_size(8 * width)));
+  const Mask whole = (Mask)((Unsigned)((Mask)x - half + (bias >> 1)) >> 52) - 1024;
+  const Vec e = (Vec)(whole + round) - to_nearest;
+  const Vec m = (Vec)((Mask)x - (whole << 52));
+  const Vec s = (m - 1) / (m + 1), z = s * s;
+  const Vec artanh = s * (1 + z * (1. / 3 + z * (1. / 5 + z * (1. / 7 + z * (1. / 9 + z * (1. / 11))))));
+  const Vec a = y * (e + 2.8853900817779268 * artanh);
+  const Vec shifted = a + to_nearest, r = 0.6931471805599453 * (a - (shifted - to_nearest));
+  Vec sum = splat(1. / 362880);
+  for (double c : {1. / 40320, 1. / 5040, 1. / 720, 1. / 120, 1. / 24, 1. / 6, 0.5, 1., 1.}) sum = sum * r + c;
+  return (Vec)((Mask)sum + ((Mask)shifted << 52));
+}
+
+// Zeroed vectors.
+class Vectors {
+ public:
+  explicit Vectors(std::size_t size) {
+    const std::size_t bytes = (size + 1) * 64;
+    data_ = static_cast<Vec*>(std::aligned_alloc(64, bytes));
+    if (!data_) throw std::bad_alloc();
+    std::memset(static_cast<void*>(data_), 0, bytes);
+  }
+  ~Vectors() { std::free(data_); }
+  Vectors(const Vectors&) = delete;
+  Vectors& operator=(const Vectors&) = delete;
+  operator Vec*() { return data_; }
+  operator const Vec*() const { return data_; }
+
+ private:
+  Vec* data_;
+};
+
+}  // namespace BELLCRANK_ISA
+}  // namespace bellcrank
