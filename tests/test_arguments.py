@@ -241,7 +241,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
             "motor_efficiency": 0.9, "curve": ((0.0, 2.0), (400.0, 0.0))}),
         "size": (bc.size, {"robot": robot, "motions": [motion], "actuators": {"shoulder": actuator},
                            "mass_tolerance": 0.1,
-                           "payloads": [payload], "allow_massless": [], "trust": []}),
+                           "payloads": [payload], "allow_massless": [], "overrides": None, "trust": []}),
         "load_scene": (bc.load_scene, {"path_or_name": "pendulum", "overrides": {"simulate.rtol": 1e-6},
                                        "trust": ["."]}),
         "Settings": (bc.Settings, {
@@ -301,7 +301,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
             "robot": "geared_pendulum", "motions": None, "catalogue": small, "objective": "mass",
             "conditions": bc.Conditions(), "duty": None, "keep": None, "exclude": (), "makers": (),
             "transmissions": None, "mounts": None, "feedback": True, "candidates": 2, "effort": 10, "payloads": (),
-            "allow_massless": (), "trust": ()}),
+            "allow_massless": (), "overrides": {"payloads": []}, "trust": ()}),
         **of(shipped, filtered={"makers": ["maxon"], "kinds": (), "voltage": None, "exclude": ()},
              gear={"name": "apex_af042_50"}, motor={"name": "maxon_607930"}, only={"ids": ["maxon_607930"]},
              product={"name": "maxon_607930"}),

@@ -12,6 +12,7 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.cli import main
 from bellcrank.commands.select import conditions, parse_assumed, parse_kept, products
 from bellcrank.errors import InputError
+from bellcrank.scene.robot_config import load_robot_config
 
 
 @pytest.fixture
@@ -171,3 +172,15 @@ def test_what_to_choose_from(own: str) -> None:
     assert all(one.maker != "maxon" for one in products([own], ["maxon"], []).products)
     with pytest.raises(InputError, match="gone"):
         products([f"{own}/gone"], [], [])
+
+
+def test_the_written_configuration_holds_the_values_that_were_set(
+    own: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    written, folder = tmp_path / "chosen.yaml", tmp_path / "out"
+    given = ["--catalogue", own, "--set", "gravity=[0, 0, -1.62]", "--write-card", str(written), "--no-plots"]
+    assert main(["select", "geared_pendulum", *given, "--out", str(folder)]) == 0
+    assert "differ from those of geared_pendulum.yaml: gravity = [0, 0, -1.62]" in " ".join(
+        capsys.readouterr().out.split()
+    )
+    assert load_robot_config(written).gravity == (0.0, 0.0, -1.62)

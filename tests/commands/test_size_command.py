@@ -255,3 +255,38 @@ def test_errors_of_the_urdf_are_printed_and_stand_in_the_verdict(
     assert "error: link 'tip' is heavier than lead\n" in text
     assert "`bellcrank check` lists" in text.partition("All inside")[2] and text.count("heavier than lead") == 2
     assert "link 'tip' is heavier than lead" in json.loads((tmp_path / "sizing.json").read_text())["warnings"]
+
+
+def test_set_changes_a_value_before_sizing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two kilograms on the rod of 0.5 m need 9.81 N m (the configuration's comment), three times the gravity thrice
+    that; the changed value stands among the notes."""
+    changed = ["--set", "gravity=[0, 0, -29.43]"]
+    main(["size", "geared_pendulum", *changed, "--out", str(tmp_path / "out"), "--no-plots"])
+    assert "geared_pendulum.yaml: gravity = [0, 0, -29.43]" in capsys.readouterr().out
+    document = json.loads((tmp_path / "out" / "sizing.json").read_text())
+    assert document["joints"][0]["peaks"]["max_torque"]["value"] == pytest.approx(3.0 * 9.81, rel=1e-9)
+    same = size("geared_pendulum", overrides={"gravity": [0.0, 0.0, -29.43]})
+    assert same.joint("shoulder").max_torque == document["joints"][0]["peaks"]["max_torque"]["value"]
+    assert "gravity" in same.warnings[0]
+
+
+def test_set_of_size_speaks_as_simulate_does(capsys: pytest.CaptureFixture[str]) -> None:
+    for change, message in (
+        ("actuatorz=3", "unknown key or parameter 'actuatorz'; did you mean 'actuators'?"),
+        ("gravity", "expected PATH=VALUE"),
+        ("link.bob.mass=3", "declare a parameter in the scene"),
+    ):
+        said = []
+        for command in ("size", "select", "simulate"):
+            assert main([command, "geared_pendulum", "--set", change]) == 2
+            said.append(capsys.readouterr().err)
+        assert message in said[0] and len(set(said)) == 1
+
+
+def test_overrides_of_size_need_a_file() -> None:
+    config = load_robot_config("geared_pendulum")
+    for robot in (config, config.robot()):
+        with pytest.raises(InputError, match="argument 'overrides': it changes values of a scene"):
+            size(robot, overrides={"name": "other"})
+    with pytest.raises(InputError, match="overrides"):
+        size("geared_pendulum", overrides=3)  # type: ignore[arg-type]

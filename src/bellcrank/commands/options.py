@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from bellcrank.config.fields import parse_number
 from bellcrank.config.numbers import whole_number
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value
+
+if TYPE_CHECKING:
+    from bellcrank.scene.robot_config import RobotConfig
+    from bellcrank.scene.scene import Scene
 
 
 def add_trust(parser: argparse.ArgumentParser) -> None:
@@ -20,6 +25,27 @@ def add_trust(parser: argparse.ArgumentParser) -> None:
         help="a folder from which files that the scene, robot or run names may be read, its subfolders included; may "
         "be repeated",
     )
+
+
+def add_set(parser: argparse.ArgumentParser, example: str) -> None:
+    """--set, values of the scene to change; `example` is a KEY=VALUE."""
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", dest="changes",
+        help=f"change a value of the scene, such as {example}; may be repeated",
+    )  # fmt: skip
+
+
+def config_with_changes(robot: str, changes: list[str], trust: list[str]) -> RobotConfig | Scene:
+    """The configuration of a path or name; where values are changed by --set, the changed scene. Raises InputError."""
+    from bellcrank.scene.overrides import parse_assignment
+    from bellcrank.scene.robot_config import load_robot_config
+    from bellcrank.scene.scene import load_scene
+    from bellcrank.sizing.size import changed_scene
+
+    assigned = dict(parse_assignment(text) for text in changes)
+    if not assigned:
+        return load_robot_config(robot, trust=trust)
+    return changed_scene(load_scene(robot, trust=trust), assigned)
 
 
 def add_allow_massless(parser: argparse.ArgumentParser) -> None:

@@ -6,7 +6,14 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bellcrank.commands.options import add_allow_massless, add_trust, number_option, whole_option
+from bellcrank.commands.options import (
+    add_allow_massless,
+    add_set,
+    add_trust,
+    config_with_changes,
+    number_option,
+    whole_option,
+)
 from bellcrank.commands.output_files import list_on_failure
 from bellcrank.commands.size import parse_payload
 from bellcrank.errors import InputError
@@ -62,6 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _repeated(parser, "--exclude", "ID|MAKER", "leave out a product or a maker; may be repeated")
     _repeated(parser, "--maker", "MAKER", "choose from the products of this maker only; may be repeated")
     _add_conditions(parser)
+    add_set(parser, "payloads.1.mass='5 kg'")
     parser.add_argument(
         "--no-feedback",
         action="store_true",
@@ -117,7 +125,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Select motors and gears. Exit code 0: every axis has a pair that passes what is known; 1: an axis has none, or a
     limit of the whole robot is exceeded. Raises BellcrankError for invalid input.
     """
-    from bellcrank.scene.robot_config import load_robot_config
+    from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.sizing.selection.select import select
     from bellcrank.sizing.selection.selection_files import FILES, REPORT, RESULTS, earlier_files, write_results
     from bellcrank.sizing.selection.tables import table, verdict, wrapped
@@ -129,7 +137,8 @@ def run(arguments: argparse.Namespace) -> int:
     given = conditions(arguments)
     folder = arguments.out or default_place(f"{Path(arguments.robot).stem}_selection")
     check_folder("--out", folder, FILES)
-    config = load_robot_config(arguments.robot, trust=arguments.trust)
+    robot = config_with_changes(arguments.robot, arguments.changes, arguments.trust)
+    config = robot if isinstance(robot, RobotConfig) else robot.config
     if arguments.write_card is not None:
         check_file("--write-card", arguments.write_card)
         check_target(arguments.write_card, config)
@@ -137,7 +146,7 @@ def run(arguments: argparse.Namespace) -> int:
     catalogue = products([*own, *arguments.catalogue], arguments.exclude, arguments.maker)
     try:
         selection = select(
-            config,
+            robot,
             arguments.motion or None,
             catalogue,
             arguments.objective,

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bellcrank.commands.options import add_keep_every, add_trust, keep_every, number_option, whole_option
+from bellcrank.commands.options import add_keep_every, add_set, add_trust, keep_every, number_option, whole_option
 from bellcrank.commands.output_files import list_on_failure, write_each
 from bellcrank.errors import InputError, NotSavedError
 from bellcrank.files.atomic_write import check_folder, default_place
@@ -38,10 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--step", metavar="S", help="fixed step, s, instead of tolerances")
     parser.add_argument("--samples", metavar="N", help="number of rows of the result, equally spaced in time")
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", dest="changes",
-        help="change a value of the scene, such as initial.shoulder='10 deg'; may be repeated",
-    )  # fmt: skip
+    add_set(parser, "initial.shoulder='10 deg'")
     add_trust(parser)
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="output folder (default: SCENE_run in the current folder)"

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank.commands.options import add_allow_massless, add_trust, number_option
+from bellcrank.commands.options import add_allow_massless, add_set, add_trust, config_with_changes, number_option
 from bellcrank.commands.output_files import list_on_failure
 from bellcrank.config.fields import parse_number
 from bellcrank.errors import InputError
@@ -49,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="size for the worst case in which mass and inertia of each link are off by one factor of up to this "
         "share, such as 10%%",
     )
+    add_set(parser, "payloads.1.mass='5 kg'")
     add_allow_massless(parser)
     add_trust(parser)
     parser.add_argument(
@@ -62,7 +63,6 @@ def run(arguments: argparse.Namespace) -> int:
     BellcrankError for invalid input.
     """
     from bellcrank.commands.result_argument import remarks_of
-    from bellcrank.scene.robot_config import load_robot_config
     from bellcrank.sizing.size import size
     from bellcrank.sizing.sizing_files import (
         FILES,
@@ -83,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
     tolerance = parse_share(arguments.mass_tolerance)
     folder = arguments.out or default_place(f"{Path(arguments.robot).stem}_sizing")
     check_folder("--out", folder, FILES)
-    config = load_robot_config(arguments.robot, trust=arguments.trust)
+    config = config_with_changes(arguments.robot, arguments.changes, arguments.trust)
     sizing = size(
         config, arguments.motion or None, None, tolerance, payloads=payloads, allow_massless=arguments.allow_massless
     )

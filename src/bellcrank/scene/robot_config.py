@@ -18,7 +18,7 @@ import difflib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
@@ -77,6 +77,7 @@ class RobotConfig(Renamed):
         duty: The order of motions and pauses in a cycle; empty: each motion repeats by itself.
         access: The rule which files the configuration may name.
         deprecations: A note on each key of the file that was renamed in 0.5.
+        overrides: The values that sizing or a selection changed in the file, by dotted path.
 
     Example:
         >>> import bellcrank as bc
@@ -102,6 +103,7 @@ class RobotConfig(Renamed):
     duty: tuple[DutyStep, ...] = ()
     access: FileAccess | None = field(default=None, repr=False, compare=False)
     deprecations: tuple[str, ...] = field(default=(), repr=False, compare=False)
+    overrides: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     renamed: ClassVar[Mapping[str, str]] = {"drives": "actuators"}
 

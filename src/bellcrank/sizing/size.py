@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
@@ -18,8 +18,10 @@ from bellcrank.messages import unknown_name
 from bellcrank.motion.motion import Motion
 from bellcrank.robot.payload import Payload
 from bellcrank.robot.robot import Robot
+from bellcrank.scene.overrides import EXPECTED_OVERRIDES
 from bellcrank.sizing.mechanism_sizing import size_mechanism
 from bellcrank.sizing.result import Sizing
+from bellcrank.text import one_line
 
 if TYPE_CHECKING:
     from bellcrank.scene.robot_config import RobotConfig
@@ -38,6 +40,7 @@ def size(
     *,
     payloads: Iterable[Payload] = (),
     allow_massless: Iterable[str] = (),
+    overrides: Mapping[str, Any] | None = None,
     trust: Trust = (),
 ) -> Sizing:
     """Size the motors of a robot over one or several motions.
@@ -57,6 +60,8 @@ def size(
         payloads: Payloads besides those that the robot carries.
         allow_massless: Links without mass that motors may move. A motor that moves no mass is otherwise not sized, and
             `Sizing.unsizable` says why.
+        overrides: Values of a scene, configuration or URDF to change, by dotted path, such as {"payloads.1.mass": 5.0};
+            see `Scene.with_overrides`.
         trust: Folders whose files a robot configuration or URDF may name, besides those near it.
 
     Returns:
@@ -75,14 +80,14 @@ def size(
     mass_tolerance = _mass_tolerance(mass_tolerance)
     links = arguments.several("allow_massless", allow_massless, str, "names of links", alone=True)
     given = None if actuators is None else _actuators(actuators)
-    subject = sizing_subject(robot, motions, payloads, trust, given)
+    subject = sizing_subject(robot, motions, payloads, trust, given, overrides)
     if subject.config is None:
         return size_mechanism(subject.mechanism, subject.motions, subject.actuators, mass_tolerance, links)
     config = subject.config
     sizing = size_mechanism(
         subject.mechanism, subject.motions, subject.actuators, mass_tolerance, links, config.transmissions
     )
-    warnings = (*config.deprecations, *_selection_notes(config), *sizing.warnings)
+    warnings = (*config.deprecations, *override_notes(config), *_selection_notes(config), *sizing.warnings)
     return replace(sizing, robot=config.name, warnings=warnings)
 
 
@@ -101,6 +106,7 @@ def sizing_subject(
     payloads: Iterable[Payload] = (),
     trust: Trust = (),
     actuators: Mapping[str, Actuator] | None = None,
+    overrides: Mapping[str, Any] | None = None,
 ) -> SizingSubject:
     """The mechanism and motions that the arguments of `bellcrank.size` and `bellcrank.select` stand for.
 
@@ -110,6 +116,7 @@ def sizing_subject(
         payloads: Payloads besides those that the robot carries.
         trust: Folders whose files a configuration or URDF may name.
         actuators: Actuators by joint; None: those of the configuration.
+        overrides: Values of a scene, configuration or URDF to change, by dotted path.
 
     Returns:
         The subject.
@@ -124,7 +131,7 @@ def sizing_subject(
         ['lift_and_return']
     """
     from bellcrank.scene.robot_config import RobotConfig, load_robot_config
-    from bellcrank.scene.scene import Scene
+    from bellcrank.scene.scene import Scene, load_scene
 
     loads = arguments.several("payloads", payloads, Payload, "Payloads", alone=True)
     folders = arguments.several("trust", [trust] if isinstance(trust, (str, Path)) else trust, object, "folders")
@@ -132,6 +139,13 @@ def sizing_subject(
         raise InputError(
             "argument 'trust': it is for files, and 'robot' is read already; give it where the robot is loaded"
         )
+    if overrides is not None and arguments.mapping("overrides", overrides, EXPECTED_OVERRIDES):
+        if not isinstance(robot, (Scene, str, Path)):
+            raise InputError(
+                "argument 'overrides': it changes values of a scene, configuration or URDF; give 'robot' as a path, a "
+                "name, or a Scene of bc.load_scene"
+            )
+        robot = changed_scene(robot if isinstance(robot, Scene) else load_scene(robot, trust=folders), overrides)
     if not isinstance(robot, (RobotConfig, Scene, str, Path)):
         if loads and not isinstance(robot, Robot):
             raise InputError("argument 'payloads': they belong to the robot of a Linkage; load it with them")
@@ -142,11 +156,23 @@ def sizing_subject(
         config = robot
     else:
         config = robot.config if isinstance(robot, Scene) else load_robot_config(robot, trust=trust)
-    scene = robot if isinstance(robot, Scene) else None
+    given = robot if isinstance(robot, Scene) else None
     if actuators is not None:
         config = replace(config, actuators=actuators)
-    mechanism, named = mechanism_and_motions(config, config.robot(loads), motions, scene)
+    mechanism, named = mechanism_and_motions(config, config.robot(loads), motions, given)
     return SizingSubject(mechanism, _distinct_names(named), config.actuators, config)
+
+
+def changed_scene(scene: Scene, overrides: Mapping[str, Any]) -> Scene:
+    """The scene with overrides, which its configuration keeps for the notes of a sizing. Raises InputError."""
+    changed = scene.with_overrides(overrides)
+    return replace(changed, config=replace(changed.config, overrides={**scene.config.overrides, **overrides}))
+
+
+def override_notes(config: RobotConfig) -> list[str]:
+    """A sentence on the values of a configuration's file that were changed; none where there are none."""
+    changed = ", ".join(f"{path} = {one_line(str(value)):.80}" for path, value in config.overrides.items())
+    return [f"values that differ from those of {config.source.name}: {changed}"] if changed else []
 
 
 def _selection_notes(config: RobotConfig) -> list[str]:

@@ -24,7 +24,7 @@ from bellcrank.sizing.selection.choose import choose
 from bellcrank.sizing.selection.judged_axes import JudgedAxes
 from bellcrank.sizing.selection.selection import Objective, Selection, SelectionInputs
 from bellcrank.sizing.selection.selection_of import selection_of
-from bellcrank.sizing.size import OneMotion, SizingSubject, sizing_subject
+from bellcrank.sizing.size import OneMotion, SizingSubject, override_notes, sizing_subject
 from bellcrank.terminal.progress import counting
 
 if TYPE_CHECKING:
@@ -56,6 +56,7 @@ def select(
     effort: int | None = None,
     payloads: Iterable[Payload] = (),
     allow_massless: Iterable[str] = (),
+    overrides: Mapping[str, Any] | None = None,
     trust: Trust = (),
 ) -> Selection:
     """Choose the motor and gear of every axis from a catalogue.
@@ -92,6 +93,7 @@ def select(
             where the axes have more than 100 000 pairs together, of which no search tries every combination.
         payloads: Payloads besides those that the robot carries.
         allow_massless: Links without mass that motors may move, as for `size`.
+        overrides: Values of a scene, configuration or URDF to change, by dotted path, as for `size`.
         trust: Folders whose files a robot configuration or URDF may name, besides those near it.
 
     Returns:
@@ -115,7 +117,7 @@ def select(
     if effort is not None:
         effort = arguments.whole("effort", effort, least=0)
     conditions = conditions or Conditions()
-    subject = sizing_subject(robot, motions, payloads, trust)
+    subject = sizing_subject(robot, motions, payloads, trust, overrides=overrides)
     own = None if subject.config is None else subject.config.catalogue
     products = _products(own if catalogue is None else catalogue, makers, exclude)
     _refuse_massless(subject, allow_massless)
@@ -219,6 +221,6 @@ def _assumed_notes(catalogue: Catalogue, conditions: Conditions) -> list[str]:
 
 def _subject_warnings(subject: SizingSubject) -> list[str]:
     robot = subject.mechanism.robot
-    deprecations = () if subject.config is None else subject.config.deprecations
-    found = [*deprecations, *robot.findings, *robot.inertia_warnings]
+    notes = () if subject.config is None else (*subject.config.deprecations, *override_notes(subject.config))
+    found = [*notes, *robot.findings, *robot.inertia_warnings]
     return found + motion_warnings(subject.mechanism, subject.motions)

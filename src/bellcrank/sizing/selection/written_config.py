@@ -19,9 +19,10 @@ from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.files.access import FileAccess
 from bellcrank.robot import catalog
+from bellcrank.scene.overrides import apply_overrides
 from bellcrank.scene.renamed_keys import read_scene_data
 from bellcrank.scene.robot_config import RobotConfig, read_config
-from bellcrank.scene.source_mapping import plain
+from bellcrank.scene.source_mapping import plain, source_mapping
 from bellcrank.sizing.selection.actuator_masses import bodies_of
 from bellcrank.sizing.selection.tables import percent, selected_for
 from bellcrank.text import file_name_here, one_line
@@ -85,11 +86,13 @@ def config_text(selection: Selection, config: RobotConfig, path: Path) -> tuple[
 
 
 def _original(config: RobotConfig, folder: Path) -> dict[str, Any]:
-    """The keys of the original file, with paths relative to a folder."""
+    """The keys of the original file with the overrides of the selection, and with paths relative to a folder."""
     if config.source == config.urdf:
         named = next((name for name, urdf in catalog.names().items() if urdf == config.urdf), None)
-        return {"name": config.name, "urdf": named or _relative(config.urdf, folder)}
-    data: dict[str, Any] = _moved(plain(read_scene_data(config.source)[0]), config.source.resolve().parent, folder)
+        written = {"name": config.name, "urdf": named or _relative(config.urdf, folder)}
+        return plain(apply_overrides(source_mapping(written), config.overrides, str(config.source))[0])
+    original = apply_overrides(read_scene_data(config.source)[0], config.overrides, str(config.source))[0]
+    data: dict[str, Any] = _moved(plain(original), config.source.resolve().parent, folder)
     return {"name": config.name} | data
 
 
