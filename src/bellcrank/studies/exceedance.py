@@ -85,7 +85,7 @@ class Exceedance:
         if not self.missing:
             return text
         return (
-            f"{text}; {missing_text(self.missing)}: with all of them on either side, {interval_text(self.bounds)} holds"
+            f"{text}; {missing_text(self.missing)}: between none and all of them exceed, {interval_text(self.bounds)}"
         )
 
 

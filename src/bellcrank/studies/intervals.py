@@ -86,7 +86,7 @@ class SampleLayout:
 
     def sums(self, values: NDArray[np.generic]) -> Array:
         """The sums (replicates,) of values (rows,) over each replicate."""
-        return np.asarray(values, dtype=np.float64).reshape(self.replicates, -1).sum(axis=1)
+        return np.asarray(np.asarray(values, dtype=np.float64).reshape(self.replicates, -1).sum(axis=1))
 
 
 def ratio_interval(upper: Array, lower: Array) -> tuple[float, float]:

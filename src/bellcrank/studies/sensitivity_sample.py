@@ -70,7 +70,7 @@ class SensitivitySample(Portable):
         return format_value(f"sensitivity {self.replicates} x {self.size} x {self.block}, seed {self.seed}")
 
     def points(self, first: int, last: int, dimensions: int) -> Array:
-        """Points `first` to `last` (excluded) as an array (points, dimensions) of numbers between 0 and 1 (excluded)."""
+        """Points `first`, …, `last` - 1 as an array (points, dimensions) of numbers between 0 and 1, ends excluded."""
         if dimensions != self.dimensions:
             raise ValueError(f"expected {self.dimensions} dimensions, found {dimensions}")
         rows = np.arange(first, last)

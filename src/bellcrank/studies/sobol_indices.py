@@ -20,7 +20,7 @@ import numpy as np
 
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.exceedance import missing_by_status
-from bellcrank.studies.intervals import Array, ratio_interval
+from bellcrank.studies.intervals import Array, Mask, ratio_interval
 from bellcrank.studies.sensitivity_sample import SensitivitySample
 from bellcrank.studies.tolerance import Estimate
 
@@ -74,7 +74,7 @@ def measure_indices(
     values = columns.measures[measure]
     there = np.isfinite(values)
     blocks = values.reshape(sample.replicates, sample.size, sample.block)
-    whole = there.reshape(blocks.shape).all(axis=2)
+    whole: Mask = np.all(there.reshape(blocks.shape), axis=2)
     first, total = block_indices(blocks, whole)
     return SobolIndices(
         measure=measure,
@@ -87,7 +87,7 @@ def measure_indices(
     )
 
 
-def block_indices(blocks: Array, whole: np.ndarray) -> tuple[tuple[Estimate, ...], tuple[Estimate, ...]]:
+def block_indices(blocks: Array, whole: Mask) -> tuple[tuple[Estimate, ...], tuple[Estimate, ...]]:
     """First-order and total indices with their intervals.
 
     Args:
