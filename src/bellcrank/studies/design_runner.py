@@ -13,12 +13,35 @@ from bellcrank.studies.columns import Columns
 Array = NDArray[np.float64]
 
 
+class StudyInterrupted(KeyboardInterrupt):
+    """Ctrl-C ended a run of designs; those that are done are kept.
+
+    Attributes:
+        rows: (k,) the designs that are done, increasing, as numbers of the rows of `values`.
+        columns: Their results, k rows.
+    """
+
+    def __init__(self, rows: NDArray[np.intp], columns: Columns) -> None:
+        super().__init__()
+        self.rows, self.columns = rows, columns
+
+
 class DesignRunner(Protocol):
     """Computes the measures of designs. It can be pickled, so that other processes and machines can run it."""
 
     @property
     def units(self) -> Mapping[str, str]:
         """Every measure by name with its unit, in the order of columns; known before any design is run."""
+        ...
+
+    @property
+    def default_measures(self) -> tuple[str, ...]:
+        """The measures that tables and plots show if they vary, the most telling first."""
+        ...
+
+    @property
+    def noise(self) -> tuple[float, float]:
+        """Differences of a measure up to absolute + relative × its magnitude are errors of the computation."""
         ...
 
     @property
@@ -33,7 +56,8 @@ class DesignRunner(Protocol):
         """The columns of designs whose values (n, axes) are given in the units of the axes.
 
         A row depends on its own values alone, to the last bit: not on its neighbours or on `threads`. A design that
-        cannot be built is a row "infeasible" with its reason. `progress` is called with the number of designs done.
-        Raises KeyboardInterrupt on Ctrl-C.
+        cannot be built is a row "infeasible" with its reason. `progress` is called with the number of designs done, at
+        least every second; it may raise KeyboardInterrupt.
+        Raises StudyInterrupted on Ctrl-C, with the designs that are done.
         """
         ...
