@@ -14,10 +14,11 @@ from bellcrank.cached_values import Portable, cached_property
 from bellcrank.errors import InputError
 from bellcrank.memory import check_memory
 from bellcrank.studies.axes import Axis
-from bellcrank.studies.samples import MOST_DIMENSIONS, Sample
+from bellcrank.studies.samples import PointSet
 
 Array = NDArray[np.float64]
 MOST_DESIGNS = 10**7
+MOST_DIMENSIONS = 21_201  # of SciPy's Sobol points
 BYTES_PER_NUMBER, BYTES_PER_DESIGN = 8.0, 400.0  # of a design with its measures, of which a small scene has 35
 
 
@@ -36,7 +37,7 @@ class DesignSpace(Portable):
     """
 
     axes: tuple[Axis, ...]
-    sample: Sample | None = None
+    sample: PointSet | None = None
 
     def __post_init__(self) -> None:
         drawn = [axis.path for axis in self.axes if axis.distribution is not None]
@@ -60,6 +61,11 @@ class DesignSpace(Portable):
         return grid if self.sample is None else (*grid, self.sample.count)
 
     def __len__(self) -> int:
+        return self.count
+
+    @property
+    def count(self) -> int:
+        """The number of designs."""
         return math.prod(self.shape)
 
     def values(self, first: int = 0, last: int | None = None) -> Array:
@@ -104,5 +110,5 @@ class DesignSpace(Portable):
             digest = hashlib.sha256(axis.numbers.tobytes() + repr(axis.choices).encode("utf-8", "replace")).hexdigest()
             found[axis.path] = f"{len(axis)} values from {ends[0]} to {ends[1]} {axis.unit}".strip() + f" ({digest[:12]})"
         if self.sample is not None:
-            found["sample"] = f"{self.sample.count} points, method {self.sample.method}, seed {self.sample.seed}"
+            found["sample"] = self.sample.identity
         return found
