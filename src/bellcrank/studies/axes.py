@@ -201,9 +201,7 @@ def _range(where: str, parts: list[str]) -> Numbers:
     if None in ends or count is None:
         raise InputError(f"{where}: {EXPECTED}")
     if not 1 <= count <= MOST_VALUES:
-        raise InputError(
-            f"{where}: expected a count from 1 to {MOST_VALUES}, found {format_value(parts[2].strip())}"
-        )
+        raise InputError(f"{where}: expected a count from 1 to {MOST_VALUES}, found {format_value(parts[2].strip())}")
     (first, before), (last, after) = (end for end in ends if end is not None)
     if before and after and before != after:
         raise InputError(f"{where}: the ends are in '{before}' and in '{after}'; write one unit")

@@ -18,8 +18,8 @@ class Columns:
     Attributes:
         statuses: The names that `status` numbers: "finished", "event", …, "infeasible", "unknown".
         status: (n,) numbers of `statuses`.
-        measures: (n,) a measure by name, SI units; NaN where a design does not have it, infinite where it has it and it is
-            not a finite number.
+        measures: (n,) a measure by name, SI units; NaN where a design does not have it, infinite where it has it
+            and it is not a finite number.
         reasons: Why a design did not reach its target, by its row; none where it did.
     """
 

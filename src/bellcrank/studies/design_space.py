@@ -44,7 +44,7 @@ class DesignSpace(Portable):
         if drawn and self.sample is None:
             raise InputError(f"'{drawn[0]}' has a distribution: say how many designs are drawn, such as sample 1024")
         if self.sample is not None and not drawn:
-            raise InputError("a sample needs a parameter with a distribution, such as normal(1.241 m, 1 mm); none has one")
+            raise InputError("a sample needs a parameter with a distribution, such as normal(1.241 m, 1 mm)")
         if len(drawn) > MOST_DIMENSIONS:
             raise InputError(f"expected at most {MOST_DIMENSIONS} parameters with distributions, found {len(drawn)}")
         if len(self) > MOST_DESIGNS:
@@ -108,7 +108,8 @@ class DesignSpace(Portable):
                 continue
             ends = [axis.shown(axis.numbers[0]), axis.shown(axis.numbers[-1])]
             digest = hashlib.sha256(axis.numbers.tobytes() + repr(axis.choices).encode("utf-8", "replace")).hexdigest()
-            found[axis.path] = f"{len(axis)} values from {ends[0]} to {ends[1]} {axis.unit}".strip() + f" ({digest[:12]})"
+            values = f"{len(axis)} values from {ends[0]} to {ends[1]} {axis.unit}".strip()
+            found[axis.path] = f"{values} ({digest[:12]})"
         if self.sample is not None:
             found["sample"] = self.sample.identity
         return found

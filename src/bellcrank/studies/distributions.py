@@ -49,7 +49,7 @@ def _truncated(u: Array, mean: float, sd: float, low: float, high: float) -> Arr
     if a + b > 0.0:  # reflected
         return 2.0 * mean - _truncated(1.0 - u, mean, sd, 2.0 * mean - high, 2.0 * mean - low)
     first, last = ndtr(a), ndtr(b)
-    return np.clip(mean + sd * ndtri(first + u * (last - first)), low, high)
+    return np.asarray(np.clip(mean + sd * ndtri(first + u * (last - first)), low, high))
 
 
 def _truncation_is_likely(mean: float, sd: float, low: float, high: float) -> bool:
@@ -144,25 +144,27 @@ def read_distribution(text: str, unit: str | None) -> Distribution:
         InputError: The text is none, or its numbers do not fit the distribution.
     """
     match = _CALL.match(text)
+    shown = format_value(text.strip())
     if match is None:
-        raise InputError(f"expected a distribution, one of {EXPECTED}; found {format_value(text)}")
-    if match[1] not in FAMILIES:
-        raise InputError(unknown_name("distribution", match[1], FAMILIES))
+        raise InputError(f"expected a distribution, one of {EXPECTED}; found {shown}")
+    name = match[1]
+    if name not in FAMILIES:
+        raise InputError(unknown_name("distribution", name, FAMILIES))
     parts = [part.strip() for part in match[2].split(",")]
     split = [split_number(part) for part in parts]
     if any(pair is None for pair in split):
-        raise InputError(f"expected {match[1]}({', '.join(FAMILIES[match[1]].names)}) with numbers, found {text.strip()!r:.80}")
+        raise InputError(f"expected {name}({', '.join(FAMILIES[name].names)}) with numbers, found {shown}")
     pairs = [pair for pair in split if pair is not None]
     written = [its_unit for number, its_unit in pairs if number != 0.0 or its_unit]
     if len({bool(its_unit) for its_unit in written}) > 1:
-        raise InputError(f"{text.strip()!r:.80}: a unit is behind some of the numbers only; write it behind all of them, or none")
+        raise InputError(f"{shown}: some of the numbers have a unit and others none; write it behind all, or none")
     try:
         if unit is not None:
-            return Distribution(match[1], tuple(parse_number(part, unit) for part in parts), unit)
+            return Distribution(name, tuple(parse_number(part, unit) for part in parts), unit)
         own = written[0] if written else ""
-        return Distribution(match[1], tuple(_in_unit(number, its_unit, own) for number, its_unit in pairs), own)
+        return Distribution(name, tuple(_in_unit(number, its_unit, own) for number, its_unit in pairs), own)
     except ValueError as error:
-        raise InputError(f"{text.strip()!r:.80}: {error}") from None
+        raise InputError(f"{shown}: {error}") from None
 
 
 def _in_unit(number: float, written: str, unit: str) -> float:

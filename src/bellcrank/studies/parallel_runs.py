@@ -37,7 +37,7 @@ class ParallelRuns:
 
     def run(self, progress: Callable[[int, int], None] | None, keep: RegularCall | None) -> Sweep:
         """Run all designs; Ctrl-C ends the sweep with those that are done."""
-        count = math.prod(len(axis.values) for axis in self.axes)
+        count = math.prod(len(axis) for axis in self.axes)
         combinations = enumerate(itertools.product(*(axis.values for axis in self.axes)))
         done: list[Design] = []
         waiting: set[Future[Design | None]] = set()

@@ -90,7 +90,7 @@ class Sample(Portable):
         return f"{self.count} points{parts}, method {self.method}, seed {self.seed}"
 
     def points(self, first: int, last: int, dimensions: int) -> Array:
-        """Points `first` to `last` (excluded) as an array (points, dimensions) of numbers between 0 and 1 (excluded)."""
+        """Points `first` to `last` (excluded) as an array (points, dimensions) with numbers between 0 and 1."""
         if self.method == "random":
             bits = np.random.PCG64(self.seed).advance(first * dimensions)
             found = np.random.Generator(bits).random((last - first, dimensions))

@@ -25,7 +25,7 @@ SETTINGS = ("rtol", "atol", "step", "first_step", "max_step", "max_evaluations")
 
 
 class DesignAxis(Protocol):
-    """What is needed of an axis of a study; an axis whose values are not numbers has them in `values`."""
+    """What is needed of an axis of a study."""
 
     @property
     def path(self) -> str:
@@ -34,6 +34,9 @@ class DesignAxis(Protocol):
     @property
     def unit(self) -> str:
         """The unit of its numbers."""
+
+    def value(self, number: float) -> Any:
+        """The value for which a number stands, in the form that the scene accepts."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -102,7 +105,7 @@ class SceneDesigns:
 
     def overrides(self, numbers: Sequence[float]) -> dict[str, Any]:
         """The overrides of the scene that make the design with these values (axes,)."""
-        return {axis.path: _written(axis, number) for axis, number in zip(self.axes, numbers, strict=True)}
+        return {axis.path: axis.value(number) for axis, number in zip(self.axes, numbers, strict=True)}
 
     def _variant(self, numbers: Sequence[float]) -> tuple[float, ...]:
         """The values of the axes that are not plain numbers of the equations, the start or the step control."""
@@ -144,11 +147,3 @@ def _is_plain(scene: Scene, path: str) -> bool:
         return True
     first, _, rest = path.partition(".")
     return first == "initial" or (first == "simulate" and (rest == "duration" or rest in SETTINGS))
-
-
-def _written(axis: DesignAxis, number: float) -> Any:
-    """A value of an axis as the scene takes it."""
-    values, numbers = getattr(axis, "values", ()), getattr(axis, "numbers", ())
-    if number in numbers:
-        return values[numbers.index(number)]
-    return f"{number!r} {axis.unit}" if axis.unit else number

@@ -76,7 +76,7 @@ def sweep(
     if not vary:
         raise InputError(f"sweep of {scene.name}: expected at least one parameter to vary, found none")
     axes = tuple(read_axis(scene, path, values) for path, values in vary.items())
-    _check_count(math.prod(len(axis.values) for axis in axes))
+    _check_count(math.prod(len(axis) for axis in axes))
     for axis in axes:
         _check(scene, axis, checking)
     check_keep_every(keep_every)

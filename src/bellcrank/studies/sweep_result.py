@@ -77,7 +77,7 @@ class Sweep(Portable, Renamed):
     @property
     def shape(self) -> tuple[int, ...]:
         """The number of values along each axis."""
-        return tuple(len(axis.values) for axis in self.axes)
+        return tuple(len(axis) for axis in self.axes)
 
     @property
     def complete(self) -> bool:
@@ -88,7 +88,7 @@ class Sweep(Portable, Renamed):
     def values(self) -> Array:
         """The values (designs, axes) of the axes, in their units."""
         place = np.unravel_index(np.array([design.index for design in self.designs], dtype=np.intp), self.shape)
-        return np.column_stack([np.array(axis.numbers)[k] for axis, k in zip(self.axes, place, strict=True)])
+        return np.column_stack([axis.numbers[k] for axis, k in zip(self.axes, place, strict=True)])
 
     def column(self, measure: str) -> Array:
         """Get a measure of each design.

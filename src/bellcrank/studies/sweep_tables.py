@@ -73,7 +73,7 @@ def write_json(sweep: Sweep, path: str | Path) -> Path:
         "scene": sweep.scene.name,
         "source": sweep.scene.source.name,
         "complete": sweep.complete,
-        "axes": [{"path": a.path, "unit": a.unit or "1", "values": list(a.values)} for a in sweep.axes],
+        "axes": [{"path": a.path, "unit": a.unit or "1", "values": a.values} for a in sweep.axes],
         "units": dict(sweep.units),
         "designs": [
             {
@@ -93,8 +93,8 @@ def _values(sweep: Sweep, design: Design) -> list[Any]:
     """The values of a design: numbers in the axes' units, or the values themselves where they are not numbers."""
     found, rest = [], design.index
     for axis in reversed(sweep.axes):
-        rest, k = divmod(rest, len(axis.values))
-        found.append(axis.numbers[k] if axis.numeric else axis.values[k])
+        rest, k = divmod(rest, len(axis))
+        found.append(axis.shown(axis.numbers[k]))
     return found[::-1]
 
 
