@@ -36,10 +36,15 @@ def true_ranges(mask: NDArray[np.bool_]) -> list[DesignRange]:
 
 
 class UndoneDesigns:
-    """Gives out the designs that are still to be run, as ranges in increasing order."""
+    """Gives out the designs that are still to be run, as ranges in increasing order.
+
+    Attributes:
+        count: How many are not given out.
+    """
 
     def __init__(self, done: NDArray[np.bool_]) -> None:
         self._left = true_ranges(~done)[::-1]
+        self.count = int((~done).sum())
 
     def take(self, most: int) -> DesignRange | None:
         """The next range, of at most `most` designs; None where all are given out."""
@@ -49,6 +54,7 @@ class UndoneDesigns:
         if stop - first > most:
             self._left.append(DesignRange(first + most, stop))
             stop = first + most
+        self.count -= stop - first
         return DesignRange(first, stop)
 
 

@@ -18,6 +18,10 @@ from bellcrank.codegen.compile import sources
 from bellcrank.version import version
 
 TARGET, FEATURES = "processor target", "NumPy's processor features"
+TARGETS_ALIKE = (
+    "results would differ in their last digits: start every worker with the same versions of the packages, and where "
+    "processors differ with BELLCRANK_TARGET=avx2 (or baseline) and NPY_DISABLE_CPU_FEATURES naming what not all have"
+)
 
 
 def environment() -> dict[str, str]:

@@ -1,0 +1,208 @@
+"""Runs the designs of a study on Dask: on a cluster of processes that it starts, or on the one of a scheduler."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import pickle
+import queue
+import time
+import uuid
+from collections.abc import Iterator, Mapping
+from typing import Any, Self
+
+from bellcrank.errors import BellcrankError, InputError
+from bellcrank.studies.columns import Columns
+from bellcrank.studies.dask_worker import RangeTask, run_range
+from bellcrank.studies.design_ranges import DesignRange, RangeSize
+from bellcrank.studies.environment import TARGETS_ALIKE, differences, environment
+from bellcrank.studies.execution import Part, Work
+from bellcrank.studies.local_execution import DESIGNS_A_THREAD
+from bellcrank.terminal import interruption
+
+IN_FLIGHT = 2  # ranges a thread of a worker: one runs, one waits
+ALLOWED_DEATHS = 6  # of workers that run one range, on a cluster of our own; more are the range's fault
+POLL = 0.1  # s between checks for Ctrl-C
+LOOK = 1.0  # s between counts of the workers
+PATIENCE = 60.0  # s until the first worker of a scheduler
+_SETTINGS = {
+    "distributed.scheduler.allowed-failures": ALLOWED_DEATHS,
+    "distributed.worker.memory.terminate": False,  # the system knows better what memory is left
+    "distributed.worker.memory.pause": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.target": False,
+}
+
+
+class DaskExecutor:
+    """Runs designs on Dask workers.
+
+    Args:
+        workers: Start so many processes on this machine.
+        scheduler: Or use the workers of this scheduler, such as "tcp://10.0.0.1:8786".
+        threads: In each worker.
+    """
+
+    def __init__(self, *, workers: int | None = None, scheduler: str | None = None, threads: int = 1) -> None:
+        self.workers, self.scheduler, self.threads = workers, scheduler, threads
+        self._open = contextlib.ExitStack()
+        self._client: Any = None
+        self._slots, self._looked = 1, -LOOK
+
+    def __enter__(self) -> Self:
+        """Raises InputError where Dask is not installed, or no worker answers."""
+        dask, distributed = _dask()
+        with contextlib.ExitStack() as opened:
+            opened.enter_context(_quiet())
+            self._client = self._connect(dask, distributed, opened)
+            self._environment = self._common_environment()
+            self._open = opened.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with interruption.unbroken():
+            self._open.close()
+
+    @property
+    def environment(self) -> Mapping[str, str]:
+        """Versions and processor of the workers, which are the same."""
+        return self._environment
+
+    def run(self, work: Work) -> Iterator[Part]:
+        """Run ranges of designs on the workers; parts come as they are done."""
+        done: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        running: dict[Any, DesignRange] = {}
+        size = RangeSize(DESIGNS_A_THREAD * self.threads)
+        key, pickled = uuid.uuid4().hex, pickle.dumps(work.runner)
+        try:
+            while True:
+                while len(running) < IN_FLIGHT * self._slots_now():
+                    fair = max(work.undone.count // (IN_FLIGHT * self._slots), size.least)  # all end at the same time
+                    designs = work.undone.take(min(size.count, fair))
+                    if designs is None:
+                        break
+                    task = RangeTask(
+                        key=key, runner=pickled, values=work.space.values(*designs), threads=self.threads,
+                        environment=self._environment,
+                    )  # fmt: skip
+                    name = f"bellcrank-{key[:8]}-{designs.first}"
+                    future = self._client.submit(run_range, task, key=name, pure=False)
+                    running[future] = designs
+                    future.add_done_callback(done.put)
+                if not running:
+                    return
+                try:
+                    future = done.get(timeout=POLL)
+                except queue.Empty:
+                    work.progress(0)
+                    self._check_alive()
+                    continue
+                columns, seconds = _rows(future, running[future])
+                designs = running.pop(future)
+                future.release()
+                size.learn(designs.size, seconds)
+                yield Part(designs, columns)
+        finally:
+            if running and self._client.status == "running":
+                self._client.cancel(list(running))
+
+    def _connect(self, dask: Any, distributed: Any, opened: contextlib.ExitStack) -> Any:
+        """A client of the cluster; what is opened is closed with `opened`."""
+        if self.scheduler is None:
+            opened.enter_context(dask.config.set(_SETTINGS))
+            cluster = distributed.LocalCluster(
+                n_workers=self.workers, threads_per_worker=1, processes=True, dashboard_address=None,
+                silence_logs=logging.CRITICAL, memory_limit=0, preload=["bellcrank.studies.dask_worker"],
+            )  # fmt: skip
+            opened.callback(cluster.close)
+            return opened.enter_context(distributed.Client(cluster, set_as_default=False, direct_to_workers=True))
+        try:
+            client = opened.enter_context(distributed.Client(self.scheduler, timeout=10, set_as_default=False))
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"no Dask scheduler answers at {self.scheduler!r} ({str(error)[:120]}); start one with 'dask "
+                "scheduler', and workers with 'dask worker ADDRESS'"
+            ) from None
+        try:
+            client.wait_for_workers(1, timeout=PATIENCE)
+        except OSError:  # the base of time-outs
+            raise InputError(
+                f"the Dask scheduler {self.scheduler} has no worker; start some with 'dask worker {self.scheduler}'"
+            ) from None
+        return client
+
+    def _common_environment(self) -> dict[str, str]:
+        """The environment of all workers. Raises InputError where they differ."""
+        try:
+            found: dict[str, dict[str, str]] = self._client.run(environment)
+        except ModuleNotFoundError as error:
+            raise InputError(f"Dask workers cannot import {error.name}; install bellcrank where they run") from None
+        first = next(iter(found))
+        for address, other in found.items():
+            differing = differences(found[first], other, (first, address))
+            if differing:
+                raise InputError(f"Dask workers differ in {differing}; {TARGETS_ALIKE}")
+        return found[first]
+
+    def _slots_now(self) -> int:
+        """How many ranges the workers can run at once."""
+        now = time.monotonic()
+        if now - self._looked >= LOOK:
+            self._looked = now
+            self._slots = max(sum(self._client.nthreads().values()), 1)
+        return self._slots
+
+    def _check_alive(self) -> None:
+        if self._client.status not in ("running", "connecting"):
+            raise BellcrankError("the connection to the Dask scheduler was lost; run again to go on from what is kept")
+
+
+def _rows(future: Any, designs: DesignRange) -> tuple[Columns, float]:
+    """The result of a range. Raises BellcrankError where there is none."""
+    from distributed import CancelledError
+    from distributed.scheduler import KilledWorker
+
+    try:
+        found: tuple[Columns, float] = future.result()
+        return found
+    except KilledWorker as error:
+        raise BellcrankError(
+            f"designs {designs.first + 1} to {designs.stop}: {error.allowed_failures + 1} workers that ran them died, "
+            "one after the other; they may need more memory than the workers have, or be killed by the system; run "
+            "these designs alone, without workers, to see why"
+        ) from None
+    except ModuleNotFoundError as error:
+        raise InputError(f"Dask workers cannot import {error.name}; install bellcrank where they run") from None
+    except (CancelledError, OSError) as error:
+        why = str(error)[:120] or type(error).__name__
+        raise BellcrankError(
+            f"the Dask scheduler lost the designs {designs.first + 1} to {designs.stop} ({why}); run again to go on "
+            "from what is kept"
+        ) from None
+
+
+def _dask() -> tuple[Any, Any]:
+    try:
+        import dask
+        import distributed
+    except ImportError as error:
+        raise InputError(
+            f"--workers and --scheduler need Dask ({error}); install it with: pip install 'bellcrank[cluster]'"
+        ) from None
+    return dask, distributed
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """In the block Dask reports only what is fatal, and what it sets in the environment is undone at the end."""
+    logger, before = logging.getLogger("distributed"), dict(os.environ)
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+        for name in set(os.environ) - set(before):
+            del os.environ[name]
+        os.environ.update(before)

@@ -1,0 +1,37 @@
+"""Chooses what runs the designs of a study: threads, processes of this machine, or a cluster."""
+
+from __future__ import annotations
+
+from bellcrank import arguments
+from bellcrank.errors import InputError
+from bellcrank.studies.execution import Executor
+from bellcrank.studies.local_execution import LocalExecutor
+
+MOST_THREADS = 1024
+MOST_WORKERS = 1024
+
+
+def choose_executor(threads: int | None, workers: int | None = None, scheduler: str | None = None) -> Executor:
+    """The executor of the arguments `threads`, `workers` and `scheduler` of a study.
+
+    Args:
+        threads: By default one a processor, and one in each worker.
+        workers: Processes that Dask starts on this machine.
+        scheduler: The address of a Dask scheduler.
+
+    Raises:
+        InputError: An argument is not as expected, or both `workers` and `scheduler` are given.
+    """
+    if threads is not None:
+        threads = arguments.whole("threads", threads, least=1, most=MOST_THREADS)
+    if workers is not None:
+        workers = arguments.whole("workers", workers, least=1, most=MOST_WORKERS)
+    if scheduler is not None:
+        scheduler = arguments.text("scheduler", scheduler, "an address such as 'tcp://10.0.0.1:8786'")
+    if workers is not None and scheduler is not None:
+        raise InputError("workers and scheduler were given; expected one: workers starts a cluster, scheduler uses one")
+    if workers is None and scheduler is None:
+        return LocalExecutor(threads)
+    from bellcrank.studies.dask_execution import DaskExecutor
+
+    return DaskExecutor(workers=workers, scheduler=scheduler, threads=threads or 1)
