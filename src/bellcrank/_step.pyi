@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.simulation.ensemble_problem import EnsembleProblem, EnsembleResult
 from bellcrank.simulation.integration_problem import IntegrationProblem
 
 def evaluate(
@@ -125,3 +126,6 @@ def integrate(problem: IntegrationProblem) -> StepResult:
     Raises TypeError where an attribute has the wrong type, ValueError where attributes do not fit together, and what
     `progress` and `checkpoint` raise; Ctrl-C ends the run (status 5).
     """
+
+def integrate_ensemble(problem: EnsembleProblem) -> EnsembleResult:
+    """Step many runs at once, in SIMD lanes and threads."""

@@ -83,14 +83,14 @@ def integrate_scene(scene: Scene, settings: Settings, parameters: Array, wanted:
         and system.size <= LARGEST_STAGED
         and len(times) >= BATCH_OUTPUTS
     )
-    kernels = _kernels(scene, system, settings.solver == "Radau", projected, batched)
+    kernels = scene_kernels(scene, system, settings.solver == "Radau", projected, batched)
     checkpoints = wanted.checkpoints
     if checkpoints is not None:
         checkpoints.begin(scene, settings, parameters, signals)
     result = integrate(
         IntegrationProblem(
             kernels=kernels,
-            layout=_state_layout(scene),
+            layout=state_layout(scene),
             control=StepControl(
                 method=settings.solver,
                 rtol=settings.rtol,
@@ -105,7 +105,7 @@ def integrate_scene(scene: Scene, settings: Settings, parameters: Array, wanted:
             parameters=parameters,
             signals=signals,
             stops=scene.stops,
-            events=_event_search(scene),
+            events=event_search(scene),
             times=times,
             every_step=wanted.every_step,
             progress=wanted.progress,
@@ -170,7 +170,7 @@ def until_turned_over(run: Trajectory) -> Trajectory:
 # ---- the integrator's records
 
 
-def _kernels(scene: Scene, system: System, implicit: bool, projected: bool, batched: bool) -> Kernels:
+def scene_kernels(scene: Scene, system: System, implicit: bool, projected: bool, batched: bool) -> Kernels:
     """The compiled functions that a run calls; those that are missing are compiled."""
     staged = not implicit and system.size <= LARGEST_STAGED
     code = {"rhs": (system.stage if staged else system.rhs, "scalar")}
@@ -191,7 +191,8 @@ def _kernels(scene: Scene, system: System, implicit: bool, projected: bool, batc
 
 
 @computed_once
-def _state_layout(scene: Scene) -> StateLayout:
+def state_layout(scene: Scene) -> StateLayout:
+    """The parts of the state of a scene."""
     system = system_of(scene)
     prescribed = any(constraint.source is not None for constraint in scene.constraints)
     return StateLayout(
@@ -203,7 +204,8 @@ def _state_layout(scene: Scene) -> StateLayout:
 
 
 @computed_once
-def _event_search(scene: Scene) -> EventSearch:
+def event_search(scene: Scene) -> EventSearch:
+    """How the events of a scene are looked for."""
     return EventSearch(
         terminal=[event.stop for event in scene.events],
         direction=[event.direction for event in scene.events],

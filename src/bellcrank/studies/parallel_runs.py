@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.simulation.simulate import simulate
 from bellcrank.simulation.status import Status
-from bellcrank.studies.measures import run_measures, start_measures, target_events
+from bellcrank.studies.lone_measures import run_measures, start_measures
+from bellcrank.studies.measures import target_events
 from bellcrank.studies.sweep_result import INFEASIBLE, UNKNOWN, Design, Sweep
 
 if TYPE_CHECKING:

@@ -1,0 +1,94 @@
+"""The statuses of many runs, and why those that did not reach their target did not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.simulation.statistics import Statistics
+from bellcrank.simulation.status import Status
+from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.studies.measures import target_events
+
+if TYPE_CHECKING:
+    from bellcrank.studies.measures import Measure
+    from bellcrank.studies.runs import Runs
+
+INFEASIBLE: Final = "infeasible"  # the design cannot be built
+UNKNOWN: Final = "unknown"  # its run finished, but a measure of it is not a finite number
+STATUSES: Final = (*map(str, Status), INFEASIBLE, UNKNOWN)
+_NUMBER: Final = {status: k for k, status in enumerate(Status)}
+
+
+def outcomes(runs: Runs, measures: Sequence[Measure]) -> tuple[NDArray[np.int8], dict[int, str]]:
+    """The numbers (n,) of the STATUSES of runs with these measures, and reasons by row; none where all is well."""
+    status = runs.result.status.astype(np.int8)
+    reasons = _reasons(runs)
+    count, first = _not_finite(measures, len(runs))
+    clauses = {row: f"'{measures[first[row]].name}'" for row in np.flatnonzero(count).tolist()}
+    wanted = target_events(runs.scene)
+    for k, event in enumerate(runs.scene.events):
+        if event.name in wanted:
+            for row in np.flatnonzero(runs.result.undefined[:, k]).tolist():
+                clauses.setdefault(row, f"the function of event '{event.name}'")
+                count[row] += 1
+    success = np.isin(status, [_NUMBER[each] for each in Status if each.success])
+    for row, clause in clauses.items():
+        if success[row]:
+            more = f" and {count[row] - 1} more" if count[row] > 1 else ""
+            blank = f"{clause}{more} not a finite number"
+            reasons[row] = "; ".join(filter(None, [reasons.get(row, ""), blank]))
+            status[row] = STATUSES.index(UNKNOWN)
+    return status, reasons
+
+
+def _not_finite(measures: Sequence[Measure], runs: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """How many measures of each run are not finite, and the number of the first of them."""
+    count, first = np.zeros(runs, dtype=np.int64), np.zeros(runs, dtype=np.int64)
+    for k, measure in enumerate(measures):
+        bad = ~np.isfinite(measure.values)
+        if measure.present is not None:
+            bad &= measure.present
+        if bad.any():
+            first[bad & (count == 0)] = k
+            count += bad
+    return count, first
+
+
+def _reasons(runs: Runs) -> dict[int, str]:
+    """Why runs did not reach their target, by row."""
+    found, wanted, reasons = runs.result, target_events(runs.scene), dict[int, str]()
+    for number in np.unique(found.status).tolist():
+        status, rows = tuple(Status)[number], np.flatnonzero(found.status == number).tolist()
+        if status is Status.FINISHED and wanted:
+            names = " nor ".join(map(repr, wanted))
+            reasons |= {row: f"no event {names} within {runs.duration[row]:g} s" for row in rows}
+        elif status is Status.EVENT:
+            for row in rows:
+                end = runs.scene.events[found.stopped_by[row]].name
+                if end not in wanted:
+                    reasons[row] = f"event '{end}' ended the run at {found.end_time[row]:.6g} s"
+        elif not status.success:
+            reasons |= {row: _state_reason(runs, row, status) for row in rows}
+    return reasons
+
+
+def _state_reason(runs: Runs, row: int, status: Status) -> str:
+    """Why a run ended early and what to do about it, as its last state tells."""
+    found = runs.result
+    last = Trajectory(
+        scene=runs.scene,
+        settings=runs.settings(row),
+        time=found.end_time[row : row + 1],
+        state=found.end_state[row : row + 1],
+        parameters=runs.parameters[row],
+        signals=runs.signals,
+        status=status,
+        events=(),
+        statistics=Statistics(steps=0, rejected=0, evaluations=0, jacobians=0, factorisations=0, kernel_time=0.0),
+        steps=found.end_time[row : row + 1],
+    )
+    return last.reason
