@@ -12,7 +12,7 @@ A joint with several coordinates has one measure for each.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -53,12 +53,22 @@ def target_events(scene: Scene) -> list[str]:
     return [event.name for event in scene.events if event.stop and not isinstance(event.when, losses)]
 
 
+def default_measures(scene: Scene, names: Iterable[str]) -> tuple[str, ...]:
+    """The measures that tables and plots show: of events that end a run, else of all events, else of the end."""
+    events = target_events(scene) or [event.name for event in scene.events]
+    prefixes = tuple(f"{name}." for name in events) or ("end.",)
+    return tuple(
+        name for name in names if name.startswith(prefixes) and not name.endswith(".velocity") and ".force." not in name
+    )
+
+
 def start_measures(robot: Robot, position: Array) -> Iterator[Measure]:
     """The positions (n, nq) of the joints at the start, which tell apart the ways in which a linkage can be assembled.
 
     A design without a start has NaN there.
     """
-    yield from _positions("start", robot, position)
+    present: Mask = ~np.isnan(position).any(axis=1)
+    yield from (measure._replace(present=present) for measure in _positions("start", robot, position))
 
 
 def run_measures(runs: Runs) -> Iterator[Measure]:

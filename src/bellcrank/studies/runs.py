@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -56,6 +56,21 @@ class Runs:
             parameters=np.zeros((0, len(p))),
             start=start,
             result=empty_result(0, system.size, len(scene.events), system.observed_layout.size),
+        )
+
+    def part(self, rows: NDArray[np.int64]) -> Self:
+        """Some of the runs, by their numbers."""
+        arrays = {
+            each.name: value[rows]
+            for each in fields(self.result)
+            if isinstance(value := getattr(self.result, each.name), np.ndarray)
+        }
+        return replace(
+            self,
+            duration=self.duration[rows],
+            parameters=self.parameters[rows],
+            start=self.start[rows],
+            result=replace(self.result, **arrays),
         )
 
     def settings(self, row: int) -> Settings:

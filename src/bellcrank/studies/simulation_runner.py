@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.codegen import cache as disk
-from bellcrank.codegen import llvm as machine
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end, signals_until
 from bellcrank.dynamics.system import system_of
 from bellcrank.errors import InputError
@@ -19,15 +18,17 @@ from bellcrank.simulation.ensemble_problem import EnsembleResult
 from bellcrank.simulation.simulate import simulate
 from bellcrank.simulation.status import Status
 from bellcrank.studies.columns import Columns
-from bellcrank.studies.measures import Measure, run_measures, start_measures
-from bellcrank.studies.run_outcomes import INFEASIBLE, STATUSES, outcomes
+from bellcrank.studies.design_runner import StudyInterrupted
+from bellcrank.studies.measures import default_measures, run_measures, start_measures
+from bellcrank.studies.result_table import ResultTable
+from bellcrank.studies.run_outcomes import outcomes
 from bellcrank.studies.runs import Runs
 from bellcrank.studies.scene_designs import DesignAxis, DesignGroup, SceneDesigns
 from bellcrank.studies.single_runs import store_run
-from bellcrank.version import version
 
 Array = NDArray[np.float64]
 Progress = Callable[[int], object]
+NOISE = 100.0  # of the tolerances: the error of a run, which is the sum of those of its steps
 
 
 class SimulationRunner(Portable):
@@ -54,43 +55,51 @@ class SimulationRunner(Portable):
         start = start_measures(self.scene.robot, none.start[:, : self.scene.robot.nq])
         return {measure.name: measure.unit for measure in (*start, *run_measures(none))}
 
+    @property
+    def default_measures(self) -> tuple[str, ...]:
+        """The measures that tables and plots show if they vary."""
+        return default_measures(self.scene, self.units)
+
+    @property
+    def noise(self) -> tuple[float, float]:
+        """Absolute and relative differences of a measure up to which they are errors of the integration."""
+        return NOISE * self.scene.settings.atol, NOISE * self.scene.settings.rtol
+
     @cached_property
     def identity(self) -> Mapping[str, str]:
         """What the results depend on, by a name that a user understands."""
-        scene, target = self.scene, machine.target()
+        scene = self.scene
         return {
-            "scene": disk.digest(repr(scene.data)),
-            "files of the scene": disk.digest(repr(sorted(scene.files.items()))),
-            "robot": disk.digest(scene.robot.key),
-            "equations": scene.structure_key,
+            "scene": f"{scene.name} ({disk.digest(repr(scene.data))[:12]})",
+            "files of the scene": disk.digest(repr(sorted(scene.files.items())))[:12],
+            "robot": f"{scene.robot.urdf.name} ({disk.digest(scene.robot.key)[:12]})",
+            "equations": scene.structure_key[:12],
             "solver settings": repr(scene.settings),
-            "axes": ", ".join(f"{axis.path} [{axis.unit or '1'}]" for axis in self.axes),
-            "bellcrank": version(),
-            "processor": f"{target.lanes} SIMD lanes, {'with' if target.fused else 'without'} fused multiply-add",
         }
 
     def run(self, values: Array, *, threads: int = 1, progress: Progress | None = None) -> Columns:
         """The columns of designs with values (n, axes); see DesignRunner."""
-        count = len(values)
-        block = self.designs.block(values, threads=threads)
-        columns = {name: np.full(count, np.nan) for name in self.units}
-        status = np.full(count, STATUSES.index(INFEASIBLE), dtype=np.int8)
-        reasons = dict(block.infeasible)
-        _fill(columns, slice(None), list(start_measures(self.scene.robot, block.start_position)))
-        done = len(reasons)
-        for group in block.groups:
-            runs = self._runs(group, values, threads, _shifted(progress, done))
-            measures = list(run_measures(runs))
-            began = start_measures(self.scene.robot, group.start[:, : self.scene.robot.nq])
-            own, why = outcomes(runs, [*began, *measures])
-            status[group.rows] = own
-            reasons |= {int(group.rows[row]): reason for row, reason in why.items()}
-            _fill(columns, group.rows, measures)
-            done += len(group.rows)
-        return Columns(statuses=STATUSES, status=status, measures=columns, reasons=reasons)
+        table = ResultTable(self.units, len(values))
+        try:
+            block = self.designs.block(values, threads=threads)
+            table.fill(slice(None), list(start_measures(self.scene.robot, block.start_position)))
+            table.refuse(block.infeasible)
+            for group in block.groups:
+                runs, rows = self._runs(group, values, threads, _beyond(table.count, progress))
+                measures = list(run_measures(runs))
+                began = start_measures(self.scene.robot, runs.start[:, : self.scene.robot.nq])
+                table.fill(rows, measures)
+                table.settle(rows, *outcomes(runs, [*began, *measures]))
+                if len(rows) < len(group.rows):
+                    raise KeyboardInterrupt
+        except KeyboardInterrupt:
+            raise StudyInterrupted(*table.settled()) from None
+        return table.columns()
 
-    def _runs(self, group: DesignGroup, values: Array, threads: int, progress: Progress | None) -> Runs:
-        """The runs of a group of designs. Raises KeyboardInterrupt where they were interrupted."""
+    def _runs(
+        self, group: DesignGroup, values: Array, threads: int, progress: Progress | None
+    ) -> tuple[Runs, NDArray[np.int64]]:
+        """The runs of a group of designs and their rows: all, or those that were done before an interruption."""
         scene, signals, duration = group.scene, group.scene.signals, group.duration
         end = prescribed_motion_end(scene)
         if end is not None:
@@ -103,12 +112,10 @@ class SimulationRunner(Portable):
             signals=signals,
         )
         result = integrate_ensemble(scene, starts, threads=threads, progress=progress)
-        if not result.done.all():
-            raise KeyboardInterrupt
         early = (result.status == list(Status).index(Status.FINISHED)) & (duration < group.duration)
         result.status[early] = list(Status).index(Status.PRESCRIBED_MOTION_ENDED)
         self._simulate_turned_over(group, values, result)
-        return Runs(
+        runs = Runs(
             scene=scene,
             signals=signals,
             duration=group.duration,
@@ -116,25 +123,26 @@ class SimulationRunner(Portable):
             start=group.start,
             result=result,
         )
+        if result.done.all():
+            return runs, group.rows
+        done = np.flatnonzero(result.done)
+        return runs.part(done), group.rows[done]
 
     def _simulate_turned_over(self, group: DesignGroup, values: Array, result: EnsembleResult) -> None:
         """Simulate designs one by one in which a weld or hinge turned over; such a run ends before that."""
         cosines = system_of(group.scene).observed_layout.cosines
-        for row in np.flatnonzero(~(result.least[:, cosines] > 0.0).all(axis=1)).tolist():
+        turned = result.done & ~(result.least[:, cosines] > 0.0).all(axis=1)
+        for row in np.flatnonzero(turned).tolist():
             scene = self.scene.with_overrides(self.designs.overrides(values[group.rows[row]].tolist()))
             run = simulate(scene)
             if run.status is not Status.TURNED_OVER:  # between its rows
                 run = simulate(scene, times="steps")
             if run.status is Status.INTERRUPTED:
-                raise KeyboardInterrupt
+                result.done[row:] = False
+                return
             store_run(result, row, run)
 
 
-def _fill(columns: dict[str, Array], rows: NDArray[np.int64] | slice, measures: Sequence[Measure]) -> None:
-    for measure in measures:
-        if measure.name in columns:
-            columns[measure.name][rows] = measure.values
-
-
-def _shifted(progress: Progress | None, done: int) -> Progress | None:
+def _beyond(done: int, progress: Progress | None) -> Progress | None:
+    """A function that reports so many more designs."""
     return None if progress is None else lambda count: progress(done + count)
