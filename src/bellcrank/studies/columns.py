@@ -41,3 +41,9 @@ class Columns:
         measures = {name: np.concatenate([part.measures[name] for part in parts]) for name in first.measures}
         status = np.concatenate([part.status for part in parts])
         return cls(statuses=first.statuses, status=status, measures=measures, reasons=reasons)
+
+    def take(self, rows: NDArray[np.intp]) -> Columns:
+        """Some of the rows, by their numbers (n,), in that order."""
+        reasons = {k: self.reasons[row] for k, row in enumerate(rows.tolist()) if row in self.reasons}
+        measures = {name: values[rows] for name, values in self.measures.items()}
+        return Columns(statuses=self.statuses, status=self.status[rows], measures=measures, reasons=reasons)

@@ -66,11 +66,16 @@ class SampleLayout:
     def sobol(cls, rows: int, replicates: int, dimension: int) -> SampleLayout:
         """Scrambled Sobol sequences of 2^m designs: the gain is at most 2^(t + d - 1) for d parameters.
 
+        Of another number of designs no bound is known, so that only the number of replicates counts for rare events.
         Z. Pan, A. B. Owen, The nonzero gain coefficients of Sobol's sequences are always powers of two, J. Complexity
         75 (2023) 101700. Random linear scrambling, as SciPy's, has the variance of Owen's nested scrambling (A. B.
         Owen, Variance with alternative scramblings of digital nets, ACM TOMACS 13 (2003) 363-378).
         """
-        return cls(rows, replicates, 2.0 ** min(_sobol_quality(dimension) + dimension - 1, 1000))
+        size = rows // replicates
+        balanced = size & (size - 1) == 0
+        return cls(
+            rows, replicates, 2.0 ** min(_sobol_quality(dimension) + dimension - 1, 1000) if balanced else math.inf
+        )
 
     @property
     def independent(self) -> bool:
@@ -154,7 +159,7 @@ def _rare(replicates_hit: int, layout: SampleLayout, size: float) -> Interval:
     """
     low, high = clopper_pearson(replicates_hit, layout.replicates)
     odds = layout.gain * high / ((1.0 - high) * size)
-    return low / size, min(odds / (1.0 + odds), high)
+    return low / size, high if math.isinf(odds) else min(odds / (1.0 + odds), high)
 
 
 def quantile(values: Array, level: float, layout: SampleLayout) -> tuple[float, Interval]:

@@ -1,12 +1,10 @@
-"""Pictures of a sample: the distribution of each measure with its limits, and a measure over each parameter."""
+"""A picture of a sample: the distribution of each measure, its limits, and the probability to exceed them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from bellcrank.files.atomic_write import writing
 from bellcrank.plot_style import DPI, PALETTE, literal, new_figure, plain, save_figure
@@ -22,7 +20,6 @@ if TYPE_CHECKING:
 
 BODY, BEYOND, MIDDLE = PALETTE[5], PALETTE[1], PALETTE[6]
 MOST_PANELS = 12
-MOST_POINTS = 4000  # of a scatter plot: more are a blot
 WIDTH, PANEL = 5.6, 3.2  # inches
 
 
@@ -49,36 +46,6 @@ def plot_distributions(
     figure, panels = _panels(min(len(distributions), MOST_PANELS), title)
     for place, (one, values) in zip(panels, distributions, strict=False):
         _histogram(place, one, values, [found for found in exceedances if found.limit.measure == one.measure])
-    return _written(figure, path)
-
-
-def plot_scatter(
-    values: Mapping[str, Array], measure: Array, label: str, title: str, path: Path | None = None
-) -> Figure:
-    """Draw a measure over each parameter: what depends on a parameter shows as a trend.
-
-    Args:
-        values: The values (designs,) of each parameter by its label; at most `MOST_PANELS` are drawn.
-        measure: The measure (designs,); NaN is not drawn.
-        label: The label of the measure.
-        title: The title of the figure.
-        path: Where the picture is written (PNG); None: nowhere.
-
-    Returns:
-        A matplotlib figure; of many designs every k-th is drawn.
-
-    Raises:
-        InputError: The file cannot be written.
-    """
-    figure, panels = _panels(min(len(values), MOST_PANELS), title)
-    some = np.flatnonzero(np.isfinite(measure))
-    some = some[:: max(1, -(-len(some) // MOST_POINTS))]
-    size = 3.0 if len(some) > 1000 else 8.0
-    for place, (name, column) in zip(panels, values.items(), strict=False):
-        place.scatter(column[some], measure[some], s=size, color=PALETTE[0], alpha=0.4, linewidths=0.0)
-        place.set_xlabel(literal(name))
-        place.set_ylabel(literal(label))
-        plain(place)
     return _written(figure, path)
 
 
