@@ -72,6 +72,11 @@ struct Shape {
   bool keeps_off(int i, const double* v, double caution) const {
     return smaller(std::fabs(v[i]), std::fabs(v[i + 1])) > arc(i) + caution * miss;
   }
+  // Whether the function may lie below `least` or above `largest` between samples i and i + 1.
+  bool may_leave(int i, const double* v, double least, double largest, double caution) const {
+    const double lower = smaller(v[i], v[i + 1]), upper = larger(v[i], v[i + 1]), room = arc(i) + caution * miss;
+    return lower - room < least || upper + room > largest;
+  }
   // Whether the samples alternate more than a jump or kink can make them.
   static bool oscillates(const double* v) {
     int turns = 0;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "event_detection.hpp"
+#include "observed_extremes.hpp"
 #include "outputs.hpp"
 
 namespace bellcrank {
@@ -12,7 +13,7 @@ class IntegrationLoop {
  public:
   IntegrationLoop(const Problem& problem, Record& record, Counts& counts)
       : p_(problem), record_(record), counts_(counts), rhs_(problem), stepper_(rhs_), events_(rhs_, stepper_),
-        outputs_(rhs_, record), between_(problem.n + 16) {}
+        observed_(rhs_, stepper_, record), outputs_(rhs_, record), between_(problem.n + 16) {}
 
   Status operator()() {
     const Status status = p_.step > 0 ? intervals<true>() : intervals<false>();
@@ -29,6 +30,7 @@ class IntegrationLoop {
   Rhs rhs_;
   Stepper stepper_;
   Events<Stepper> events_;
+  ObservedExtremes<Stepper> observed_;
   Outputs outputs_;
   Buffer between_;  // an interpolated state, padded
   std::size_t next_output_ = 0;
@@ -43,6 +45,7 @@ class IntegrationLoop {
       rhs_.pin(stepper_.t, bound);
       rhs_.latest = i < p_.stop_count ? std::nextafter(bound, p_.t0) : p_.latest;
       if (!stepper_.begin()) return Status::non_finite;
+      observed_.begin();
       if (i == 0) {
         if (!events_.begin(stepper_.t, stepper_.state())) return Status::non_finite;
         if (!Fixed) stepper_.choose_step(bound);
@@ -57,6 +60,7 @@ class IntegrationLoop {
           if (found == Found::failed) return Status::non_finite;
           if (found == Found::terminal) return end_at_event();
         }
+        observed_.step();
         step(stepper_.t);
         output_step(stepper_.t);
         until_look_ -= 1 + stepper_.rejected - rejected + events_.effort / 8;
@@ -90,6 +94,7 @@ class IntegrationLoop {
 
   Status end_at_event() {
     const double end = events_.end_time();
+    observed_.part(end, events_.end_state());
     step(end);
     if (!p_.every_step) output_step(end);
     record_.end(end, events_.end_state());

@@ -50,6 +50,8 @@ struct Problem {
   const bool* terminal;
   const int* direction;
   int event_count, event_samples;
+  Kernel observe;  // the quantities whose extremes are wanted; or 0
+  int observed, observed_within;  // how many they are; how many of the first are looked at within steps too
   std::int64_t max_evaluations;
 };
 
@@ -61,6 +63,7 @@ struct Counts {
 class Record {
  public:
   double *next_step = nullptr, *steps_end = nullptr;              // room for the ends of accepted steps
+  double *least = nullptr, *largest = nullptr;                    // room for the extremes of what is observed
   virtual void more_steps() = 0;                                  // called where there is none
   virtual void output(double t, const double* x) = 0;
   virtual void event(int index, double t, const double* x) = 0;
