@@ -3,8 +3,8 @@
 // All are evaluated at the ends of steps. The first `observed_within` are also sampled within each step, at the places of
 // event detection on the same cheap polynomial. Where these samples cannot rule out that an extremum lies beyond the
 // least and largest values so far, the step is sampled again on the dense output, with states projected as those of
-// outputs are, and each extremum is found by successive polynomials through five samples; where those do not fit, the
-// interval is sampled more densely. So an extremum is always the value at a state that an output could have.
+// outputs are, and each extremum is found by successive polynomials through the samples near it; where those do not fit,
+// the interval is sampled more densely. So an extremum is always the value at a state that an output could have.
 #pragma once
 
 #include "event_sampling.hpp"
@@ -13,14 +13,33 @@
 namespace bellcrank {
 namespace BELLCRANK_ISA {
 
+// What is known of a quantity from the steps before. One that is constant but for the error of the cheap polynomial, such
+// as the energy of a conservative system, leaves the extremes in every step there, and not on the dense output: where
+// that was found twice, such steps are no longer sampled again.
+struct ObservedHistory {
+  double noise = 0;      // the error of the cheap polynomial in such steps
+  double calm = 0;       // such steps one after another in which the dense output kept to the extremes
+  double exhausted = 0;  // steps in which all samples allowed were used
+
+  static constexpr int enough = 2, patience = 8;
+  bool explains(double span) const { return calm >= enough && span <= 4 * noise; }
+  // A step whose samples lie `span` apart was sampled again: they were off by up to `gap`, and the dense output kept to
+  // the extremes or not.
+  void learn(double span, double gap, bool kept) {
+    if (!(span <= 4 * gap)) return;
+    noise = larger(noise, gap);
+    calm = kept ? calm + 1 : 0;
+  }
+};
+
 template <class Stepper>
 class ObservedExtremes {
  public:
   ObservedExtremes(Rhs& rhs, Stepper& stepper, Record& record)
       : rhs_(rhs), p_(rhs.problem), stepper_(stepper), count_(p_.observe ? p_.observed : 0),
         within_(count_ ? p_.observed_within : 0), least_(record.least), largest_(record.largest),
-        x_(count_ ? p_.n + 16 : 0), value_(count_), y_((parts + 1) * count_), exhausted_(within_), in_(x_, rhs),
-        exactness_(larger(1e-14, p_.step > 0 ? 0 : 0.01 * p_.rtol)) {
+        x_(count_ ? p_.n + 16 : 0), value_(count_), y_((parts + 1) * count_), cheap_(within_ ? (parts + 1) * count_ : 0),
+        history_(within_), in_(x_, rhs) {
     for (int j = 0; j < count_; ++j) least_[j] = INFINITY, largest_[j] = -INFINITY;
   }
 
@@ -39,20 +58,21 @@ class ObservedExtremes {
     if (count_) look(t, x, length() > 0 ? (t - stepper_.t_old) / length() : 1);
   }
 
+  ObservedHistory& history(int j) { return history_[j]; }
+
  private:
-  static constexpr int deepest = 9;  // levels of intervals within intervals: a kink is found to 1e-9 of a step
-  static constexpr int most_values = 300, patience = 8;  // of one quantity in a step; how many steps may need them all
+  static constexpr int deepest = 9;        // levels of intervals within intervals
+  static constexpr int most_values = 300;  // of one quantity in a step, beyond the usual
 
   Rhs& rhs_;
   const Problem& p_;
   Stepper& stepper_;
   const int count_, within_;
   double *least_, *largest_;
-  Buffer x_, value_, y_;  // y_: a row for each place; the first is the end of the step before
-  Array<int> exhausted_;
+  Buffer x_, value_, y_, cheap_;  // rows y_: at each place, the first at the step's start; cheap_: of the cheap polynomial
+  Array<ObservedHistory> history_;
   Inputs in_;
-  const double exactness_;  // of an extremum, relative to the larger of both: far below the error of the run
-  double end_ = 1;          // of the part of the step that counts, as a fraction of it
+  double end_ = 1;  // of the part of the step that counts, as a fraction of it
   int spent_ = 0;
 
   double length() const { return stepper_.t - stepper_.t_old; }
@@ -93,28 +113,41 @@ class ObservedExtremes {
     if (!clear) search();
   }
 
+  // The error that the run's tolerances allow in a quantity.
+  double tolerance(int j) const { return p_.atol + p_.rtol * larger(std::fabs(least_[j]), std::fabs(largest_[j])); }
+
   // Whether quantity j surely has no extremum in this step beyond those so far.
   bool stays_within(int j) const {
-    if (least_[j] != least_[j] || largest_[j] != largest_[j]) return true;
+    if (least_[j] != least_[j]) return true;
     double v[parts + 1];
-    for (int i = 0; i <= parts; ++i) v[i] = y_[i * count_ + j];
+    const double span = samples(y_, j, v);
     const Shape shape(v);
     if (!(shape.miss < INFINITY)) return false;
+    if (history_[j].explains(span)) return true;
     for (int i = 0; i < parts; ++i)
-      if (may_exceed(shape, i, v, j, 2)) return false;
+      if (may_exceed(shape, i, v, j)) return false;
     return true;
   }
 
-  bool may_exceed(const Shape& shape, int i, const double* v, int j, double caution) const {
-    const double margin = negligible(j);
-    return !shape.runs(i, v) && shape.may_leave(i, v, least_[j] - margin, largest_[j] + margin, caution);
+  // The samples of quantity j among rows of samples, and how far apart they lie.
+  double samples(const double* rows, int j, double* v) const {
+    double least = INFINITY, largest = -INFINITY;
+    for (int i = 0; i <= parts; ++i) {
+      v[i] = rows[i * count_ + j];
+      least = smaller(v[i], least), largest = larger(v[i], largest);
+    }
+    return largest - least;
   }
 
-  double negligible(int j) const { return exactness_ * larger(std::fabs(least_[j]), std::fabs(largest_[j])); }
+  bool may_exceed(const Shape& shape, int i, const double* v, int j) const {
+    const double margin = 0.1 * tolerance(j);
+    return !shape.runs(i, v) && shape.may_leave(i, v, least_[j] - margin, largest_[j] + margin, 2);
+  }
 
-  // The value of quantity j, and of the others, at a state of the dense output.
+  // The value of quantity j at a state of the dense output; the others are taken as well.
   double along(int j, double s) {
     between(s, value_);
+    take(value_, within_);
     ++spent_;
     return value_[j];
   }
@@ -124,29 +157,44 @@ class ObservedExtremes {
     stepper_.sketch(s, x_);  // the dense output, where it could be prepared
     rhs_.settle(t, x_);
     evaluate(t, x_, values);
-    take(values, within_);
   }
 
   void search() {
     stepper_.prepare();
+    std::memcpy(cheap_, y_, (parts + 1) * count_ * sizeof(double));
     for (int i = 1; i < parts; ++i) between(end_ * place[i], y_ + i * count_);
+    for (int j = 0; j < within_; ++j) learn(j);
+    for (int i = 1; i < parts; ++i) take(y_ + i * count_, within_);
     for (int j = 0; j < within_; ++j) {
       double v[parts + 1];
-      for (int i = 0; i <= parts; ++i) v[i] = y_[i * count_ + j];
+      samples(y_, j, v);
       spent_ = 0;
       search_interval(j, 0, end_, v, 0);
-      exhausted_[j] += spent_ >= most_values;
+      history_[j].exhausted += spent_ >= most_values;
     }
+  }
+
+  void learn(int j) {
+    double cheap[parts + 1], v[parts + 1], gap = 0, beyond = 0;
+    const double span = samples(cheap_, j, cheap);
+    samples(y_, j, v);
+    for (int i = 1; i < parts; ++i) {
+      gap = larger(gap, std::fabs(cheap[i] - v[i]));
+      beyond = larger(beyond, larger(least_[j] - v[i], v[i] - largest_[j]));
+    }
+    history_[j].learn(span, gap, beyond <= 10 * tolerance(j));
   }
 
   void search_interval(int j, double a, double b, const double* v, int depth) {
     const Shape shape(v);
     if (!(shape.miss < INFINITY)) return;
     for (int i = 0; i < parts; ++i) {
-      if (!may_exceed(shape, i, v, j, 2)) continue;
+      if (!may_exceed(shape, i, v, j)) continue;
       const double left = a + (b - a) * place[i], right = i + 1 == parts ? b : a + (b - a) * place[i + 1];
-      if (shape.parabola(i)) climb(j, a, b, i, v);
-      else if (depth + 1 < deepest && spent_ < most_values && exhausted_[j] < patience) again(j, left, v[i], right, v[i + 1], depth + 1);
+      const bool smooth = shape.parabola(i) || shape.miss <= tolerance(j);
+      if (smooth) climb(j, a, b, i, v);
+      else if (depth + 1 < deepest && spent_ < most_values && history_[j].exhausted < ObservedHistory::patience)
+        again(j, left, v[i], right, v[i + 1], depth + 1);
     }
   }
 
@@ -162,7 +210,7 @@ class ObservedExtremes {
     ExtremumPolynomial polynomial(i, v);
     double s;
     for (int k = 0; k < 6 && polynomial.extremum(&s); ++k) {
-      const double expected = polynomial(s), margin = negligible(j);
+      const double expected = polynomial(s), margin = 0.1 * tolerance(j);
       if (expected >= least_[j] - margin && expected <= largest_[j] + margin) return;
       polynomial.add(s, along(j, a + (b - a) * s));
     }
