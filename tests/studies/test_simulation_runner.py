@@ -1,20 +1,17 @@
 """Simulations of many designs in columns against `simulate` of each design alone."""
 
-import math
 import pickle
 
 import numpy as np
 import pytest
 import single_ensemble
+from lone_designs import check, runner, statuses
 
 import bellcrank as bc
 from bellcrank import _step
-from bellcrank.studies.axes import read_axis
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.design_runner import StudyInterrupted
 from bellcrank.studies.lone_measures import run_measures, start_measures
-from bellcrank.studies.parallel_runs import _reason, _unknown_measures
-from bellcrank.studies.simulation_runner import SimulationRunner
 
 
 @pytest.fixture(autouse=True)
@@ -22,50 +19,10 @@ def single_runs(monkeypatch):
     monkeypatch.setattr(_step, "integrate_ensemble", single_ensemble.integrate, raising=False)
 
 
-def runner(scene, **vary):
-    """A runner, and the values of the designs along one axis a path, given as equally long lists."""
-    scene = bc.load_scene(scene) if isinstance(scene, str) else scene
-    axes = tuple(read_axis(scene, path.replace("__", "."), values) for path, values in vary.items())
-    return SimulationRunner(scene, axes), np.column_stack([axis.numbers for axis in axes])
-
-
-def lone(found, values):
-    """(status, reason, measures) of a design by `simulate`."""
-    changes = found.designs.overrides(values.tolist())
-    measures = {}
-    try:
-        scene = found.scene.with_overrides(changes)
-        measures |= {name: value for name, _, value in start_measures(scene)}
-        run = bc.simulate(scene)
-        measures |= {name: value for name, _, value in run_measures(run)}
-    except bc.BellcrankError as error:
-        return "infeasible", str(error).removeprefix(f"{found.scene.source}: "), measures
-    reason, status = _reason(run), str(run.status)
-    if run.success and (blank := _unknown_measures(run, measures)):
-        status, reason = "unknown", "; ".join(filter(None, [reason, blank]))
-    return status, reason, measures
-
-
-def check(found, values, tolerance):
-    """Compare every design with its lone run; extremes contain those of the rows."""
-    columns = found.run(values)
-    assert list(columns.measures) == list(found.units)
-    for k, row in enumerate(values):
-        status, reason, measures = lone(found, row)
-        assert (columns.statuses[columns.status[k]], columns.reasons.get(k, "")) == (status, reason)
-        assert {name for name, values in columns.measures.items() if not math.isnan(values[k])} == set(measures) | {
-            name for name in found.units if name == "end.work" and "end.time" in measures
-        }
-        for name, value in measures.items():
-            if not name.startswith(("least.", "largest.", "energy_drift", "constraint_residual")):
-                assert columns.measures[name][k] == pytest.approx(value, rel=tolerance, abs=tolerance), name
-    return columns
-
-
 def test_four_bars_that_lock_that_do_not_and_that_cannot_be_built():
     found, values = runner("four_bar", crank_length=[1.0, 1.158, 1.16, 1.22, 1.241, 2.0, 4.0])
     columns = check(found, values, 1e-12)
-    assert [columns.statuses[k] for k in columns.status] == ["finished"] * 2 + ["event"] * 4 + ["infeasible"]
+    assert statuses(columns) == ["finished"] * 2 + ["event"] * 4 + ["infeasible"]
     assert set(columns.reasons) == {0, 1, 6}
 
 

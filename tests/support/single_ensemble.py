@@ -20,7 +20,10 @@ def integrate(problem, rows=ROWS):
 
 
 def _row(problem, k, rows):
-    control = replace(problem.control, **{name: values[k] for name, values in problem.settings.items()})
+    settings = {name: float(values[k]) for name, values in problem.settings.items()}
+    if "max_evaluations" in settings:
+        settings["max_evaluations"] = int(settings["max_evaluations"])
+    control = replace(problem.control, **settings)
     x0, p, t1 = problem.x0[k].copy(), problem.parameters[k].copy(), float(problem.t1[k])
     found = _step.integrate(
         IntegrationProblem(

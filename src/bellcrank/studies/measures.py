@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from bellcrank.dynamics.system import system_of
 from bellcrank.motion.coordinates import position_labels, velocity_labels
-from bellcrank.scene.constraint_conditions import ContactLost, FrictionDemand, SingularConstraint
+from bellcrank.scene.constraint_conditions import ContactLost, FrictionDemand, LiesFlat, SingularConstraint
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -49,7 +49,7 @@ class Measure(NamedTuple):
 
 def target_events(scene: Scene) -> list[str]:
     """The events that a run is meant to reach: those that end it, unless they say that a constraint no longer holds."""
-    losses = (ContactLost, FrictionDemand, SingularConstraint)
+    losses = (ContactLost, FrictionDemand, LiesFlat, SingularConstraint)
     return [event.name for event in scene.events if event.stop and not isinstance(event.when, losses)]
 
 
@@ -67,7 +67,7 @@ def start_measures(robot: Robot, position: Array) -> Iterator[Measure]:
 
     A design without a start has NaN there.
     """
-    present: Mask = ~np.isnan(position).any(axis=1)
+    present = np.asarray(np.isfinite(position).all(axis=1))
     yield from (measure._replace(present=present) for measure in _positions("start", robot, position))
 
 

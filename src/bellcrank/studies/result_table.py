@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.errors import BellcrankError
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.run_outcomes import INFEASIBLE, STATUSES
 
@@ -45,7 +46,10 @@ class ResultTable:
         """The measures of some rows. What a run has and is not a finite number becomes infinite."""
         for measure in measures:
             if measure.name not in self._measures:
-                continue
+                raise BellcrankError(
+                    f"measure '{measure.name}' of a design is not one of the study (a fault of bellcrank); vary around "
+                    "a design that has it"
+                )
             values, undefined = measure.values, np.isnan(measure.values)
             if measure.present is not None:
                 undefined &= measure.present

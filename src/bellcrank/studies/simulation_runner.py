@@ -11,8 +11,9 @@ from bellcrank.cached_values import Portable, cached_property
 from bellcrank.codegen import cache as disk
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end, signals_until
 from bellcrank.dynamics.system import system_of
-from bellcrank.errors import InputError
+from bellcrank.errors import BellcrankError, InputError
 from bellcrank.scene.scene import Scene
+from bellcrank.simulation.baumgarte_gains import automatic_gains
 from bellcrank.simulation.ensemble import EnsembleStarts, integrate_ensemble
 from bellcrank.simulation.ensemble_problem import EnsembleResult
 from bellcrank.simulation.simulate import simulate
@@ -51,9 +52,25 @@ class SimulationRunner(Portable):
     @cached_property
     def units(self) -> Mapping[str, str]:
         """Every measure by name with its unit, in the order of the columns."""
-        none = Runs.none(self.scene)
-        start = start_measures(self.scene.robot, none.start[:, : self.scene.robot.nq])
-        return {measure.name: measure.unit for measure in (*start, *run_measures(none))}
+        found: dict[str, str] = {}
+        for scene in filter(None, (self.scene, self._nearby)):
+            none = Runs.none(scene)
+            start = start_measures(scene.robot, none.start[:, : scene.robot.nq])
+            found = {measure.name: measure.unit for measure in (*start, *run_measures(none))} | found
+        return found
+
+    @property
+    def _nearby(self) -> Scene | None:
+        """A design in whose equations no row of a constraint vanishes by chance, which may have more multipliers."""
+        parameters = {axis.path: self.scene.parameters.get(axis.path) for axis in self.axes}
+        nudged = {path: 1.001 * known.value + 1e-3 for path, known in parameters.items() if known is not None}
+        if not nudged or not self.scene.constraints:
+            return None
+        try:
+            scene = self.scene.with_overrides(nudged)
+            return None if system_of(scene) is system_of(self.scene) else scene
+        except BellcrankError:
+            return None
 
     @property
     def default_measures(self) -> tuple[str, ...]:
@@ -104,8 +121,11 @@ class SimulationRunner(Portable):
         end = prescribed_motion_end(scene)
         if end is not None:
             signals, duration = signals_until(scene, end.time), np.minimum(duration, end.time)
+        parameters = group.parameters
+        if scene.settings.stabilisation.auto:
+            parameters = self._with_gains(group, values)
         starts = EnsembleStarts(
-            parameters=group.parameters,
+            parameters=parameters,
             start=group.start,
             duration=duration,
             settings=group.settings,
@@ -119,7 +139,7 @@ class SimulationRunner(Portable):
             scene=scene,
             signals=signals,
             duration=group.duration,
-            parameters=group.parameters,
+            parameters=parameters,
             start=group.start,
             result=result,
         )
@@ -128,12 +148,24 @@ class SimulationRunner(Portable):
         done = np.flatnonzero(result.done)
         return runs.part(done), group.rows[done]
 
+    def _with_gains(self, group: DesignGroup, values: Array) -> Array:
+        """The parameters of a group with Baumgarte gains that a pilot run of each design gives."""
+        parameters, first = group.parameters.copy(), len(group.scene.parameters)
+        for k, row in enumerate(group.rows.tolist()):
+            gains = automatic_gains(self._scene(values[row]))
+            parameters[k, first : first + 2] = gains.alpha, gains.beta
+        return parameters
+
+    def _scene(self, values: Array) -> Scene:
+        """The scene of a design with values (axes,)."""
+        return self.scene.with_overrides(self.designs.overrides(values.tolist()))
+
     def _simulate_turned_over(self, group: DesignGroup, values: Array, result: EnsembleResult) -> None:
         """Simulate designs one by one in which a weld or hinge turned over; such a run ends before that."""
         cosines = system_of(group.scene).observed_layout.cosines
         turned = result.done & ~(result.least[:, cosines] > 0.0).all(axis=1)
         for row in np.flatnonzero(turned).tolist():
-            scene = self.scene.with_overrides(self.designs.overrides(values[group.rows[row]].tolist()))
+            scene = self._scene(values[group.rows[row]])
             run = simulate(scene)
             if run.status is not Status.TURNED_OVER:  # between its rows
                 run = simulate(scene, times="steps")
