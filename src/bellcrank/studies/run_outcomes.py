@@ -62,17 +62,18 @@ def _reasons(runs: Runs) -> dict[int, str]:
     """Why runs did not reach their target, by row."""
     found, wanted, reasons = runs.result, target_events(runs.scene), dict[int, str]()
     for number in np.unique(found.status).tolist():
-        status, rows = tuple(Status)[number], np.flatnonzero(found.status == number).tolist()
+        status, rows = tuple(Status)[number], np.flatnonzero(found.status == number)
         if status is Status.FINISHED and wanted:
-            names = " nor ".join(map(repr, wanted))
-            reasons |= {row: f"no event {names} within {runs.duration[row]:g} s" for row in rows}
+            names, durations = " nor ".join(map(repr, wanted)), runs.duration[rows].tolist()
+            texts = {duration: f"no event {names} within {duration:g} s" for duration in set(durations)}
+            reasons |= zip(rows.tolist(), map(texts.__getitem__, durations), strict=True)
         elif status is Status.EVENT:
-            for row in rows:
-                end = runs.scene.events[found.stopped_by[row]].name
-                if end not in wanted:
-                    reasons[row] = f"event '{end}' ended the run at {found.end_time[row]:.6g} s"
+            for k in np.unique(found.stopped_by[rows]).tolist():
+                if (name := runs.scene.events[k].name) not in wanted:
+                    for row in rows[found.stopped_by[rows] == k].tolist():
+                        reasons[row] = f"event '{name}' ended the run at {found.end_time[row]:.6g} s"
         elif not status.success:
-            reasons |= {row: _state_reason(runs, row, status) for row in rows}
+            reasons |= {row: _state_reason(runs, row, status) for row in rows.tolist()}
     return reasons
 
 
