@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import single_ensemble
 from lone_designs import check, runner, statuses
+from lone_measures import run_measures, start_measures
 
 import bellcrank as bc
 from bellcrank import _step
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.design_runner import StudyInterrupted
-from bellcrank.studies.lone_measures import run_measures, start_measures
 
 
 @pytest.fixture(autouse=True)

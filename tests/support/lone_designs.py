@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from lone_measures import reason, run_measures, start_measures, unknown_measures
 
 import bellcrank as bc
 from bellcrank.studies.axes import read_axis
-from bellcrank.studies.lone_measures import run_measures, start_measures
-from bellcrank.studies.parallel_runs import _reason, _unknown_measures
 from bellcrank.studies.simulation_runner import SimulationRunner
 
 EXTREMES = ("least.", "largest.", "energy_drift", "constraint_residual")  # they depend on where one looks
@@ -37,10 +36,10 @@ def lone(found, values):
         measures |= {name: value for name, _, value in run_measures(run)}
     except bc.BellcrankError as error:
         return "infeasible", str(error).removeprefix(f"{found.scene.source}: "), measures
-    reason, status = _reason(run), str(run.status)
-    if run.success and (blank := _unknown_measures(run, measures)):
-        status, reason = "unknown", "; ".join(filter(None, [reason, blank]))
-    return status, reason, measures
+    why, status = reason(run), str(run.status)
+    if run.success and (blank := unknown_measures(run, measures)):
+        status, why = "unknown", "; ".join(filter(None, [why, blank]))
+    return status, why, measures
 
 
 def check(found, values, tolerance):
