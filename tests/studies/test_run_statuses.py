@@ -43,6 +43,19 @@ def test_designs_whose_accelerations_become_infinite():
     assert columns.measures["end.time"][0] == pytest.approx(measures["end.time"], abs=1.0)
 
 
+def test_the_cause_of_every_run_that_is_no_longer_finite_is_named(tmp_path):
+    scene = scene_of(
+        tmp_path,
+        "initial: {shoulder: 0.3, elbow: 0.4}\nsimulate: {duration: 0.2}\nconstraints: [{kind: expression, name: own, "
+        "unit: rad, expression: sqrt(0.05 - t) * (shoulder.position - 0.3)}]\n",
+    )
+    found, values = runner(scene, simulate__duration=["0.02 s", "0.1 s", "0.2 s"], initial__elbow=[0.4, 0.4, 0.5])
+    columns = check_statuses(found, values)
+    assert statuses(columns) == ["finished", "non_finite", "non_finite"]
+    assert all(text.startswith("constraint 'own' is not finite") for text in columns.reasons.values())
+    np.testing.assert_allclose(columns.measures["end.time"][1:], 0.05, rtol=0, atol=1e-6)
+
+
 def test_a_measure_that_is_not_a_number_makes_the_design_unknown(tmp_path):
     scene = scene_of(
         tmp_path,

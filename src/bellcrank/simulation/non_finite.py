@@ -15,7 +15,11 @@ from bellcrank.elements.signals import values_at
 from bellcrank.simulation.status import Status
 
 if TYPE_CHECKING:
-    from bellcrank.simulation.trajectory import Array, Trajectory
+    from bellcrank.elements.signals import Signal
+    from bellcrank.scene.scene import Scene
+    from bellcrank.simulation.trajectory import Trajectory
+
+Array = NDArray[np.float64]
 
 EACH = 8  # reported one by one; the others are listed in one clause
 AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-2)  # of the duration: how far behind the last state a cause is looked for
@@ -126,28 +130,39 @@ def cause(run: Trajectory) -> str:
     good = np.flatnonzero(np.isfinite(run.state).all(axis=1))
     if run.status is not Status.NON_FINITE or not len(good):
         return ""
-    system, row = system_of(run.scene), int(good[-1])
-    ahead = np.array(AHEAD) * run.settings.duration
-    time = run.time[row] + ahead
+    last = slice(good[-1], good[-1] + 1)
+    ahead = np.array([AHEAD]) * run.settings.duration
+    return causes(run.scene, (run.time[last], run.state[last], run.parameters[None]), run.signals, ahead)[0]
+
+
+def causes(scene: Scene, last: tuple[Array, Array, Array], signals: tuple[Signal, ...], ahead: Array) -> list[str]:
+    """The causes of n runs, from the times (n,), states (n, size) and parameters (n, np) of their `last` finite rows.
+
+    They are looked for at times `ahead` (n, k), s, of these.
+    """
+    system, (time, state, p) = system_of(scene), last
+    count, steps = ahead.shape
     with np.errstate(all="ignore"):
-        here = run.time[row : row + 1], run.state[row], values_at(run.signals, run.time[row : row + 1])[0]
-        rate = (system.fallback if run.scene.constraints else system.rhs)(*here, run.parameters)
-        rate = np.where(np.isfinite(rate[: system.size]), rate[: system.size], 0.0)
-        state = run.state[row] + ahead[:, None] * rate
-        arguments = time[:, None], state, values_at(run.signals, time), run.parameters
-        if run.scene.constraints:
+        rhs = system.fallback if scene.constraints else system.rhs
+        rate = rhs(time[:, None], state, values_at(signals, time), p)
+        rate = np.where(np.isfinite(rate), rate, 0.0)
+        times = (time[:, None] + ahead).ravel()
+        states = (state[:, None] + ahead[:, :, None] * rate[:, None]).reshape(count * steps, -1)
+        arguments = times[:, None], states, values_at(signals, times), np.repeat(p, steps, axis=0)
+        found: list[tuple[NDArray[np.bool_], list[str]]] = []
+        if scene.constraints:
             _, gap, speed = system.constraint(*arguments)
             bad = ~np.isfinite(speed)
             bad[:, : gap.shape[1]] |= ~np.isfinite(gap)
-            if bad.any():
-                k = int(bad[bad.any(axis=1).argmax()].argmax())
-                return f"constraint '{system.multiplier_names[k][0]}' is not finite there or just after"
+            found.append((bad, [f"constraint '{name}'" for name, _ in system.multiplier_names]))
         acceleration, _, actuator, passive, *_ = system.observation(*arguments)
-        found = {"actuator force": actuator, "passive force": passive, "acceleration": acceleration}
-        for what, rows in found.items():
-            bad = ~np.isfinite(rows)
-            if bad.any():
-                first = bad[bad.any(axis=1).argmax()]
-                joint = next(j for j in run.robot.joints if first[j.v : j.v + j.nv].any())
-                return f"the {what} of joint '{joint.name}' is not finite there or just after"
-    return ""
+        joints = [joint.name for joint in scene.robot.joints for _ in range(joint.nv)]
+        for what, rows in (("actuator force", actuator), ("passive force", passive), ("acceleration", acceleration)):
+            found.append((~np.isfinite(rows), [f"the {what} of joint '{name}'" for name in joints]))
+    texts = [""] * count
+    for bad, names in found:
+        by_run = bad.reshape(count, steps, -1)
+        for row in np.flatnonzero(by_run.any(axis=(1, 2))).tolist():
+            first = by_run[row][by_run[row].any(axis=1).argmax()]
+            texts[row] = texts[row] or f"{names[int(first.argmax())]} is not finite there or just after"
+    return texts

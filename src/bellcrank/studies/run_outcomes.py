@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
+from bellcrank.simulation.non_finite import AHEAD, causes
 from bellcrank.simulation.statistics import Statistics
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
@@ -73,23 +76,36 @@ def _reasons(runs: Runs) -> dict[int, str]:
                     for row in rows[found.stopped_by[rows] == k].tolist():
                         reasons[row] = f"event '{name}' ended the run at {found.end_time[row]:.6g} s"
         elif not status.success:
-            reasons |= {row: _state_reason(runs, row, status) for row in rows.tolist()}
+            reasons |= zip(rows.tolist(), _reasons_of_ends(runs, rows, status), strict=True)
     return reasons
 
 
-def _state_reason(runs: Runs, row: int, status: Status) -> str:
-    """Why a run ended early and what to do about it, as its last state tells."""
+def _reasons_of_ends(runs: Runs, rows: NDArray[np.intp], status: Status) -> Sequence[str]:
+    """Why these runs ended early and what to do about it, as `Trajectory.reason` says."""
+    if status is Status.PRESCRIBED_MOTION_ENDED and (end := prescribed_motion_end(runs.scene)) is not None:
+        return [end.sentence] * len(rows)
+    if status is Status.TURNED_OVER:
+        return [_last_row(runs, row, status).reason for row in rows.tolist()]
+    if status is not Status.NON_FINITE:
+        return [status.advice] * len(rows)
     found = runs.result
-    last = Trajectory(
+    last = found.end_time[rows], found.end_state[rows], runs.parameters[rows]
+    clauses = causes(runs.scene, last, runs.signals, np.multiply.outer(runs.duration[rows], AHEAD))
+    return ["; ".join(filter(None, [clause, status.advice])) for clause in clauses]
+
+
+def _last_row(runs: Runs, row: int, status: Status) -> Trajectory:
+    """The last state of a run."""
+    time = runs.result.end_time[row : row + 1]
+    return Trajectory(
         scene=runs.scene,
-        settings=runs.settings(row),
-        time=found.end_time[row : row + 1],
-        state=found.end_state[row : row + 1],
+        settings=replace(runs.scene.settings, duration=float(runs.duration[row])),
+        time=time,
+        state=runs.result.end_state[row : row + 1],
         parameters=runs.parameters[row],
         signals=runs.signals,
         status=status,
         events=(),
         statistics=Statistics(steps=0, rejected=0, evaluations=0, jacobians=0, factorisations=0, kernel_time=0.0),
-        steps=found.end_time[row : row + 1],
+        steps=time,
     )
-    return last.reason

@@ -15,7 +15,6 @@ from bellcrank.simulation.ensemble_problem import EnsembleResult
 if TYPE_CHECKING:
     from bellcrank.codegen.compile import Compiled
     from bellcrank.scene.scene import Scene
-    from bellcrank.scene.settings import Settings
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -72,10 +71,6 @@ class Runs:
             start=self.start[rows],
             result=replace(self.result, **arrays),
         )
-
-    def settings(self, row: int) -> Settings:
-        """The solver's settings of one of them, as far as reasons depend on them."""
-        return replace(self.scene.settings, duration=float(self.duration[row]))
 
     def at(self, present: Mask | None, time: Array, state: Array) -> StatesOfRuns:
         """States (n, size) of all runs, or of those that have them, at times (n,) s."""
