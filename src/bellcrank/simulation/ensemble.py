@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-import bellcrank._step as step
+from bellcrank import _step
 from bellcrank.codegen import llvm as machine
-from bellcrank.codegen.compile import Compiled, make_ready
+from bellcrank.codegen.compile import make_ready
 from bellcrank.dynamics.system import system_of
 from bellcrank.simulation.ensemble_problem import EnsembleProblem, EnsembleResult, LaneKernels
 from bellcrank.simulation.integration import LEAST_ATOL, event_search, scene_kernels, state_layout
 from bellcrank.simulation.integration_problem import StepControl
 
 if TYPE_CHECKING:
+    from bellcrank.dynamics.compiled_equations import System
     from bellcrank.elements.signals import Signal
     from bellcrank.scene.scene import Scene
 
@@ -48,37 +49,34 @@ class EnsembleStarts:
 
 
 def integrate_ensemble(
-    scene: Scene, starts: EnsembleStarts, *, threads: int = 1, progress: Callable[[int], object] | None = None
+    scene: Scene,
+    starts: EnsembleStarts,
+    *,
+    observe: bool = True,
+    threads: int = 1,
+    progress: Callable[[int], object] | None = None,
 ) -> EnsembleResult:
     """Integrate many runs of a scene, each as `simulate` does, and find the extremes of its observed quantities.
 
-    `progress` is called with the number of runs that are done. After Ctrl-C the result says which are done.
+    Explicit methods step as many runs at once as the processor has SIMD lanes; Radau steps one by one. A row of the
+    result depends on its own start, parameters and settings alone, to the last bit.
+
+    Args:
+        scene: What the runs have in common: equations, signals, events, solver, and settings where `starts` has none.
+        starts: What differs between them.
+        observe: Whether the extremes of the observed quantities (`System.observe`) are wanted.
+        threads: The number of threads.
+        progress: Called with the number of runs that are done about every 0.1 s.
+
+    Returns:
+        The columns; after Ctrl-C they say which runs are done.
     """
     system, settings = system_of(scene), scene.settings
     implicit = settings.solver == "Radau"
     projected = bool(scene.constraints) and settings.stabilisation.kind == "projection"
-    layout = system.observed_layout
-    kernels = scene_kernels(scene, system, implicit, projected, batched=False)
-    code: dict[str, tuple[Compiled, str]] = {"observe": (system.observe, "scalar")}
-    if not implicit:
-        code |= {"lane_rhs": (system.rhs, "lanes"), "lane_observe": (system.observe, "lanes")}
-        if scene.events:
-            code["lane_events"] = (system.events, "lanes")
-        if projected:
-            code["lane_project"] = (system.project, "lanes")
-    address = dict(zip(code, make_ready(tuple(code.values())), strict=True))
-    lanes = None
-    if not implicit:
-        lanes = LaneKernels(
-            width=machine.target().lanes,
-            rhs=address["lane_rhs"],
-            events=address.get("lane_events", 0),
-            project=address.get("lane_project", 0),
-            observe=address["lane_observe"],
-        )
     problem = EnsembleProblem(
-        kernels=kernels,
-        lanes=lanes,
+        kernels=scene_kernels(scene, system, implicit, projected, batched=False),
+        lanes=None if implicit else _lane_kernels(scene, system, projected, observe),
         layout=state_layout(scene),
         control=StepControl(
             method=settings.solver,
@@ -96,10 +94,26 @@ def integrate_ensemble(
         signals=starts.signals,
         stops=scene.stops,
         events=event_search(scene),
-        observed=layout.size,
-        observed_within=layout.outputs,
-        observe=address["observe"],
+        observed=system.observed_layout.size if observe else 0,
+        observed_within=system.observed_layout.outputs if observe else 0,
+        observe=system.observe.address("scalar") if observe else 0,
         threads=threads,
         progress=progress,
     )
-    return step.integrate_ensemble(problem)
+    return EnsembleResult(**_step.integrate_ensemble(problem))
+
+
+def _lane_kernels(scene: Scene, system: System, projected: bool, observe: bool) -> LaneKernels | None:
+    """The compiled functions for as many states as there are SIMD lanes; None where `_step` cannot use so many."""
+    width = machine.target().lanes
+    if not _step.has_lanes(width):
+        return None
+    code = {"rhs": system.rhs}
+    if scene.events:
+        code["events"] = system.events
+    if projected:
+        code["project"] = system.project
+    if observe:
+        code["observe"] = system.observe
+    addresses = make_ready([(function, "lanes") for function in code.values()])
+    return LaneKernels(width=width, **dict(zip(code, addresses, strict=True)))

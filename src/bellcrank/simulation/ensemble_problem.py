@@ -22,14 +22,13 @@ Whole = NDArray[np.int64]
 class LaneKernels:
     """Addresses of compiled functions that evaluate `width` states at once; 0 where there is none.
 
-    Each takes (t, x, u, p) or, if `staged`, (t, x, u, p, k, s). Entry i of an input or output is a vector of `width`
+    Each takes (t, x, u, p). Entry i of an input or output is a vector of `width`
     doubles, one a lane, at 8 · width · i bytes from its 64-byte aligned beginning.
 
     Attributes:
         width: The number of lanes, the doubles of a SIMD register.
         rhs: The state's rate; with constraints a guard as well, and a lane where it is not positive is finished by the
             integrator of single runs, with its fallback.
-        staged: `rhs` evaluates at x + s k, s having one entry.
         events: The event functions.
         project: The Newton correction of (q, v) onto the constraints, and a guard.
         observe: The quantities whose extremes are wanted.
@@ -37,7 +36,6 @@ class LaneKernels:
 
     width: int
     rhs: int
-    staged: bool = False
     events: int = 0
     project: int = 0
     observe: int = 0
@@ -86,7 +84,7 @@ class EnsembleProblem:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class EnsembleResult:
-    """What `bellcrank._step.integrate_ensemble` returns: columns, one row a run, E event functions.
+    """What `bellcrank._step.integrate_ensemble` finds: columns, one row a run, E event functions.
 
     Attributes:
         done: Whether the run was done (N,); False after Ctrl-C for those that were not, whose other entries are NaN.

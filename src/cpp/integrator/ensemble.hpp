@@ -37,7 +37,7 @@ struct Ensemble {
   Columns columns;
   Kernel observe;  // for one state; or 0
   int observed, observed_within;
-  const double* jumps;  // times at which stages end: stops, and breaks of kinked signals, sorted
+  const double* jumps;  // times of stops and of breaks of kinked signals, sorted
   int jump_count;
 };
 
@@ -53,10 +53,6 @@ class Worker {
  protected:
   ~Worker() = default;
 };
-
-// The stops of a run from 0 to t1: those of the jumps strictly within it, apart by more than rounding; their number.
-// `latest` becomes the last time at which stages are evaluated: just before a jump at t1, else infinite.
-int stops_within(const double* jumps, int count, double t1, double* kept, double* latest);
 
 namespace baseline {
 void run_lanes(const char* method, const Ensemble& ensemble, Worker& worker);

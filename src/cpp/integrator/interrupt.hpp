@@ -24,11 +24,18 @@ class Watch {
     *attempts = count_;
     if (seconds(now - last_call_) < 0.05) return false;
     last_call_ = now;
+    return call(t);
+  }
+
+  // Handles Ctrl-C, and calls `progress` with what is reached if it was not called in the last 0.1 s.
+  template <class T>
+  bool call(T reached) {
     nanobind::gil_scoped_acquire gil;
     if (PyErr_CheckSignals() != 0) return failed();
+    const auto now = Clock::now();
     if (progress_.is_none() || seconds(now - last_progress_) < 0.1) return false;
     last_progress_ = now;
-    PyObject* answer = PyObject_CallFunction(progress_.ptr(), "d", t);
+    PyObject* answer = PyObject_CallOneArg(progress_.ptr(), nanobind::cast(reached).ptr());
     if (!answer) return failed();
     Py_DECREF(answer);
     return false;

@@ -13,8 +13,8 @@ namespace BELLCRANK_ISA {
 struct LaneNumbers {
   Vec design;                // the row of the run
   Vec t_old, t, latest;      // the step; stages are evaluated up to `latest`, just before a jump
-  Vec t1, bound, stop;       // the end of the run; the next stop, or the end; the number of that stop
-  Vec rtol, atol, step, max_step, max_evaluations;
+  Vec t1, bound;             // the end of the run; the next stop, or the end
+  Vec rtol, atol, step, first_step, max_step, max_evaluations;
   Vec next;                  // the step size to try; with a fixed step the number of the next point of its grid
   Vec tried, bad;            // 1: the step was tried with another size; and that was not finite
   Vec evaluations, accepted, rejected;
@@ -75,7 +75,7 @@ class LaneBlock : public LaneNumbers {
     return sum + static_cast<std::size_t>(e.common.n) * (2 + rows);
   }
   void copy(int to, const LaneBlock& from, int lane, int count) {
-    copy_column(&design + 0, &from.design, to, lane, sizeof(LaneNumbers) / sizeof(Vec));
+    copy_column(&design, &from.design, to, lane, sizeof(LaneNumbers) / sizeof(Vec));
     copy_column(data_, from.data_, to, lane, count);
   }
   static void copy_column(Vec* to_vectors, const Vec* from_vectors, int to, int from, std::size_t count) {

@@ -63,7 +63,7 @@ class LaneEquations {
     const double* const in[] = {first(&t), first(x), first(u_), first(block.p)};
     double* const out[] = {first(result), first(&guard)};
     if (kernel(in, out) != 0) return Mask{};
-    return guarded ? guard > 0.0 : Mask{} == 0;
+    return guarded ? ~(guard <= 0.0) : Mask{} == 0;  // where it is not a number, the rate is none either
   }
   static const double* first(const Vec* v) { return reinterpret_cast<const double*>(v); }
   static double* first(Vec* v) { return reinterpret_cast<double*>(v); }
@@ -88,7 +88,7 @@ class LaneEquations {
   Vec size(const Vec* correction) const {
     Vec sum = {};
     for (int j = 0; j < problem.nq; ++j)
-      sum += magnitude(problem.weights ? problem.weights[j] * correction[j] : correction[j]);
+      sum += absolute(problem.weights ? problem.weights[j] * correction[j] : correction[j]);
     return sum;
   }
 
@@ -97,7 +97,7 @@ class LaneEquations {
       Vec* part = x + problem.units[i].start;
       Vec square = {};
       for (int j = 0; j < problem.units[i].length; ++j) square += part[j] * part[j];
-      const Mask kept = magnitude(square - 1.0) <= 4.5e-16 | ~(square > 0.0);
+      const Mask kept = (absolute(square - 1.0) <= 4.5e-16) | ~(square > 0.0);
       const Vec scale = kept ? splat(1) : 1.0 / root(square);
       for (int j = 0; j < problem.units[i].length; ++j) part[j] *= scale;
     }
@@ -115,7 +115,7 @@ class LaneEquations {
     Vec* u = u_;
     for (int g = 0; g < problem.signal_count; ++g, piece = after(piece, g)) {
       const Signal& s = problem.signals[g];
-      each(bits(~(piece->low <= t & t < piece->high)), [&](int l) { load(s, piece, l, found(s, t[l])); });
+      each(bits(~((piece->low <= t) & (t < piece->high))), [&](int l) { load(s, piece, l, found(s, t[l])); });
       const Mask held = piece->held == piece->held;
       const Vec d = held ? piece->held : t - piece->origin;
       const Vec* c = piece->coefficients();

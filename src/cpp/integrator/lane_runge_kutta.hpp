@@ -48,7 +48,7 @@ class LaneRungeKutta {
     const int size = equations_.problem.norm_size;
     Vec fifth = {}, third = {};
     for (int i = 0; i < size; ++i) {
-      const Vec scale = 1.0 / (block.atol + block.rtol * larger(magnitude(block.old[i]), magnitude(block.x[i])));
+      const Vec scale = 1.0 / (block.atol + block.rtol * larger(absolute(block.old[i]), absolute(block.x[i])));
       if constexpr (Method::fsal) {
         const Vec e = scale * weighted_lanes<Weights<ErrorOf<Method>>, last>(block.k + i, n);
         fifth += e * e;

@@ -1,10 +1,8 @@
-// Steps runs in lanes: every pass attempts one step in each lane, at the lane's own time and step size. Steps that are
-// rejected are tried again in the next pass while other lanes go on; a lane whose run has ended takes the next run.
+// Steps runs in lanes: every pass tries one step in each lane, at the lane's own time and step size. Steps that are
+// rejected are tried again in the next pass while other lanes go on; a lane whose run has ended takes the next run. The
+// rules are those of explicit_runge_kutta.hpp and integration_loop.hpp.
 #pragma once
 
-#include "lane_events.hpp"
-#include "lane_observation.hpp"
-#include "lane_rows.hpp"
 #include "lane_starts.hpp"
 #include "step_size_control.hpp"
 
@@ -16,21 +14,23 @@ class LaneStepper {
  public:
   LaneStepper(const Ensemble& e, Worker& worker)
       : ensemble_(e), worker_(worker), equations_(e), method_(equations_), block_(e, Method::rows),
-        events_(equations_, method_, worker), observation_(equations_, method_), starts_(equations_, events_,
-        observation_, worker) {}
+        events_(equations_, method_, worker), observation_(equations_, method_),
+        starts_(equations_, events_, observation_, worker), slope_(e.common.n) {}
 
   // Runs designs until there are none left, or the worker is stopped.
   void operator()() {
-    for (int l = 0; l < width; ++l) refill(l);
+    each(all_lanes, [&](int l) { refill(l); });
     while (active_ && !worker_.stopped()) {
-      resume();
+      if (jumped_) resume();
       give_up();
       if (active_) attempt();
     }
-    if (!active_) events_.finish();
+    if (!worker_.stopped()) events_.finish();
   }
 
  private:
+  static constexpr int last = Method::stages;
+
   const Ensemble& ensemble_;
   Worker& worker_;
   LaneEquations equations_;
@@ -39,13 +39,152 @@ class LaneStepper {
   LaneEvents<Method> events_;
   LaneObservation<Method> observation_;
   LaneStarts<Method> starts_;
+  Vectors slope_;
   Bits active_ = 0, jumped_ = 0;  // lanes that hold a run; that have passed a stop and need their first stage anew
 
-  // The next run into a lane; an idle lane keeps harmless numbers.
+  // The next run into a lane; one without keeps the last good state of its former run.
   void refill(int lane) {
-    active_ &= ~(1u << lane);
-    if (!starts_.next(block_, lane)) return;
-    active_ |= 1u << lane;
+    const Bits bit = 1u << lane;
+    jumped_ &= ~bit;
+    active_ = starts_.next(block_, lane) ? active_ | bit : active_ & ~bit;
+  }
+
+  void end(Bits lanes, Status status) {
+    each(lanes, [&](int l) {
+      write_end(ensemble_, worker_, block_, l, status, block_.t_old[l], block_.old);
+      refill(l);
+    });
+  }
+
+  void leave(Bits lanes) {
+    each(lanes, [&](int l) {
+      worker_.single(static_cast<std::int64_t>(block_.design[l]));
+      refill(l);
+    });
+  }
+
+  // The first stage anew after a stop, from the side after the jump.
+  void resume() {
+    LaneBlock& b = block_;
+    const Mask wanted = mask(jumped_);
+    jumped_ = 0;
+    const Mask sound = equations_.rhs(b, b.t_old, b.old, slope_);
+    Mask real = Mask{} == 0;
+    for (int i = 0; i < b.n; ++i) {
+      real &= finite(slope_[i]);
+      b.k[i] = wanted & real ? slope_[i] : b.k[i];
+    }
+    b.evaluations += wanted ? splat(1) : Vec{};
+    const Bits left = bits(wanted & ~sound), undefined = bits(wanted & sound & ~real);
+    leave(left);
+    end(undefined, Status::non_finite);
+  }
+
+  // Ends runs whose steps have become too small, or whose evaluations are spent.
+  void give_up() {
+    for (;;) {
+      const LaneBlock& b = block_;
+      const Mask small = ~(b.step > 0.0) & (b.next < 10.0 * spacing(b.t_old));
+      const Bits bad = active_ & bits(small & (b.bad != 0.0)), too_small = active_ & bits(small) & ~bad;
+      const Bits spent = active_ & bits(~small & (b.evaluations >= b.max_evaluations));
+      if (!(bad | too_small | spent)) return;
+      end(bad, Status::non_finite);
+      end(too_small, Status::step_too_small);
+      end(spent, Status::evaluations_spent);
+    }
+  }
+
+  // One step in each lane.
+  void attempt() {
+    LaneBlock& b = block_;
+    const Mask active = mask(active_), fixed = b.step > 0.0;
+    const Vec until = active ? step_end(fixed) : b.t_old, h = until - b.t_old, proposed = b.next;
+    Mask sound = method_.stages(b, h, b.x), unsettled = {};
+    if constexpr (Method::fsal) {
+      unsettled = equations_.settle(b, until, b.x, active & sound);
+      sound &= method_.slope(b, until, b.x);
+    }
+    const Vec error = fixed ? Vec{} : method_.error_square(b, h);
+    Mask good = active & sound & (error < 1.0);
+    if constexpr (!Method::fsal) {
+      if (bits(good)) {
+        unsettled = equations_.settle(b, until, b.x, good);
+        const Mask whole = method_.slope(b, until, b.x);
+        sound &= whole | ~good;
+      }
+    }
+    b.evaluations += active ? splat(Method::stages - 1) + (Method::fsal | good ? splat(1) : Vec{}) : Vec{};
+    const Mask leaving = active & (~sound | (good & unsettled));
+    good &= ~leaving & all_finite();
+    adapt(h, proposed, until, error, active & ~leaving, good);
+    const Bits failed = bits(active & fixed & ~good & ~leaving), left = bits(leaving);
+    proceed(bits(good), until);
+    leave(left);
+    end(failed, Status::non_finite);
+  }
+
+  // Where the steps end: at the size to try, or at the next point of the grid of a fixed step; at stops at the latest.
+  Vec step_end(Mask fixed) {
+    LaneBlock& b = block_;
+    const Vec end = smaller(b.t_old + b.next, b.bound);
+    if (!bits(fixed)) return end;
+    b.next += fixed & (b.next * b.step <= b.t_old + 1e-6 * b.step) ? splat(1) : Vec{};
+    const Vec point = b.next * b.step;
+    return fixed ? (point > b.bound - 1e-6 * b.step ? b.bound : point) : end;
+  }
+
+  Mask all_finite() const {
+    const Vec *f = block_.k + last * block_.n, *x = block_.x;
+    Vec sum = {};
+    for (int i = 0; i < block_.n; ++i) sum += f[i] * 0.0 + x[i] * 0.0;
+    return sum == 0.0;
+  }
+
+  // Counts the steps, and chooses the next sizes after steps of size h that were `good`, or were not.
+  void adapt(Vec h, Vec proposed, Vec until, Vec error, Mask tried, Mask good) {
+    LaneBlock& b = block_;
+    const Mask rejected = tried & ~good, bad = ~(error < INFINITY) | (error < 1.0);
+    b.accepted += good ? splat(1) : Vec{};
+    b.rejected += rejected ? splat(1) : Vec{};
+    if constexpr (Method::estimator > 0) {
+      const Vec within = smaller(larger(error, splat(1e-290)), splat(1e290));
+      const Vec factor = safety * power(within, -0.5 / (Method::estimator + 1));
+      const Mask again = b.tried != 0.0;
+      Vec longer = error == 0.0 ? splat(largest_factor) : smaller(splat(largest_factor), factor);
+      longer = again ? smaller(splat(1), longer) : longer;
+      Vec next = h * longer;
+      next = (until == b.bound) & ~again ? larger(next, proposed) : next;
+      next = larger(smaller(next, b.max_step), 10.0 * spacing(until));
+      const Vec less = h * (bad ? splat(least_factor) : larger(splat(least_factor), factor));
+      const Mask free = ~(b.step > 0.0);
+      b.next = free & good ? next : free & rejected ? less : b.next;
+    }
+    b.tried = rejected ? splat(1) : good ? Vec{} : b.tried;
+    b.bad = rejected & bad ? splat(1) : tried ? Vec{} : b.bad;
+  }
+
+  // Events and observations of the accepted steps; then the next step begins, after a stop, or in another run.
+  void proceed(Bits good, Vec until) {
+    LaneBlock& b = block_;
+    if (!good) return;
+    const Mask accepted = mask(good);
+    b.t = accepted ? until : b.t_old;
+    const Bits ended = ensemble_.common.event_count ? events_.search(b, good) : 0;
+    if (ensemble_.observed) observation_.add(b, good & ~ended);
+    b.t_old = accepted ? b.t : b.t_old;
+    const Vec* f = b.k + last * b.n;
+    for (int i = 0; i < b.n; ++i) {
+      b.old[i] = accepted ? b.x[i] : b.old[i];
+      b.k[i] = accepted ? f[i] : b.k[i];
+    }
+    const Bits at_stop = good & ~ended & bits(b.t_old == b.bound), finished = at_stop & bits(b.bound == b.t1);
+    each(at_stop & ~finished, [&](int l) {
+      next_stop(ensemble_, b, l, b.t_old[l]);
+      equations_.pin(b, l, b.t_old[l], b.bound[l]);
+      jumped_ |= 1u << l;
+    });
+    end(finished, Status::finished);
+    each(ended, [&](int l) { refill(l); });
   }
 };
 

@@ -28,7 +28,7 @@ constexpr Bits all_lanes = (1u << width) - 1;
 BELLCRANK_INLINE Vec splat(double v) { return v - Vec{}; }
 BELLCRANK_INLINE Vec larger(Vec a, Vec b) { return a > b ? a : b; }
 BELLCRANK_INLINE Vec smaller(Vec a, Vec b) { return a < b ? a : b; }
-BELLCRANK_INLINE Vec magnitude(Vec v) { return (Vec)((Mask)v & INT64_MAX); }
+BELLCRANK_INLINE Vec absolute(Vec v) { return (Vec)((Mask)v & INT64_MAX); }
 
 BELLCRANK_INLINE Bits bits(Mask m) {
 #if defined(__AVX512F__) && defined(__AVX512DQ__)
@@ -64,25 +64,26 @@ BELLCRANK_INLINE Vec root(Vec v) {
 
 // From |t| to the next double.
 inline Vec spacing(Vec t) {
-  const Vec from = magnitude(t);
+  const Vec from = absolute(t);
   return (Vec)((Mask)from + 1) - from;
 }
 
 // x^y to 1e-9, for step sizes: |y log2 x| < 1000, and x positive and normal.
 inline Vec power(Vec x, double y) {
   // x = 2^e m with m between sqrt(1/2) and sqrt(2); log2 m = 2 / ln 2 artanh((m - 1) / (m + 1))
-  constexpr std::int64_t half = 0x3fe6a09e667f3bcd, bias = std::int64_t{2048} << 52, round = 0x4338000000000000;
+  constexpr std::int64_t half = 0x3fe6a09e667f3bcd, bias = std::int64_t{1024} << 52, round = 0x4338000000000000;
   constexpr double to_nearest = 6755399441055744.0;  // 1.5 2^52: adding it leaves an integer in the low bits
   typedef std::uint64_t Unsigned __attribute__((vector_size(8 * width)));
-  const Mask whole = (Mask)((Unsigned)((Mask)x - half + (bias >> 1)) >> 52) - 1024;
+  const Mask whole = (Mask)((Unsigned)((Mask)x - half + bias) >> 52) - 1024;
   const Vec e = (Vec)(whole + round) - to_nearest;
   const Vec m = (Vec)((Mask)x - (whole << 52));
   const Vec s = (m - 1) / (m + 1), z = s * s;
   const Vec artanh = s * (1 + z * (1. / 3 + z * (1. / 5 + z * (1. / 7 + z * (1. / 9 + z * (1. / 11))))));
   const Vec a = y * (e + 2.8853900817779268 * artanh);
   const Vec shifted = a + to_nearest, r = 0.6931471805599453 * (a - (shifted - to_nearest));
-  Vec sum = splat(1. / 362880);
-  for (double c : {1. / 40320, 1. / 5040, 1. / 720, 1. / 120, 1. / 24, 1. / 6, 0.5, 1., 1.}) sum = sum * r + c;
+  constexpr double taylor[] = {1. / 362880, 1. / 40320, 1. / 5040, 1. / 720, 1. / 120, 1. / 24, 1. / 6, 0.5, 1, 1};
+  Vec sum = {};
+  for (double c : taylor) sum = sum * r + c;
   return (Vec)((Mask)sum + ((Mask)shifted << 52));
 }
 

@@ -51,5 +51,6 @@ NB_MODULE(_step, m) {
   nb::set_leak_warnings(false);  // an error that ends the program may hold a result until after the interpreter
   m.def("evaluate", &evaluate);
   bellcrank::bind_integrate(m);
+  bellcrank::bind_ensemble(m);
   bellcrank::bind_tableaus(m);
 }

@@ -1,0 +1,193 @@
+// Reads the parts that the records IntegrationProblem and EnsembleProblem have in common.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include "problem.hpp"
+
+namespace bellcrank {
+
+namespace nb = nanobind;
+
+using Vector = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Matrix = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Cube = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+
+inline void require(bool holds, const char* text) {
+  if (!holds) throw std::invalid_argument(text);
+}
+
+// An attribute of a Python record. Arrays of another type are converted, as arguments of a function are.
+template <class T>
+T get(nb::handle record, const char* name) {
+  T value;
+  if (!nb::try_cast(record.attr(name), value))
+    throw nb::type_error((std::string("integrate: '") + name + "' has the wrong type").c_str());
+  return value;
+}
+
+template <class Function>
+Function function(nb::handle record, const char* name) {
+  return reinterpret_cast<Function>(get<std::uintptr_t>(record, name));
+}
+
+
+// The times at which stages end, whatever the run's end: stops, and breaks of kinked signals; sorted.
+inline std::vector<double> all_jumps(const Vector& stops, const std::vector<Signal>& signals) {
+  std::vector<double> found(stops.data(), stops.data() + stops.shape(0));
+  for (const Signal& s : signals)
+    if (s.kinked) found.insert(found.end(), s.breaks, s.breaks + s.pieces + 1);
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
+// The jumps inside a run; those closer than rounding are one. `latest` becomes the time just before the first that is t1
+// itself, to rounding, so that the last step sees the side before it.
+inline std::vector<double> stops_within(const std::vector<double>& jumps, double t0, double t1, double* latest) {
+  std::vector<double> kept;
+  const double least = 1e-14 * std::max(std::fabs(t0), std::fabs(t1));
+  *latest = HUGE_VAL;
+  for (double t : jumps) {
+    if (std::fabs(t - t1) <= least) *latest = std::min(*latest, std::nextafter(std::min(t, t1), t0));
+    if (t > t0 + least && t < t1 - least && (kept.empty() || t > kept.back() + least)) kept.push_back(t);
+  }
+  return kept;
+}
+
+// What the record refers to is kept alive here, and `plain` points to it for the engine.
+struct ProblemReading {
+  Problem plain{};
+  std::string method;
+  std::vector<double> jumps;
+
+  ProblemReading() = default;
+  ProblemReading(const ProblemReading&) = delete;
+
+ protected:
+  // Reads all but the span, for states of `n` entries; `stepped`: fixed steps are given elsewhere.
+  void read(nb::handle record, int n, bool stepped = false) {
+    plain.n = n;
+    read_kernels(record.attr("kernels"));
+    read_layout(record.attr("layout"));
+    read_control(record.attr("control"), stepped);
+    read_events(record.attr("events"));
+    for (nb::handle signal : record.attr("signals")) read_signal(signal);
+    plain.signals = signals_.data(), plain.signal_count = static_cast<int>(signals_.size());
+    jumps = all_jumps(get<Vector>(record, "stops"), signals_);
+  }
+
+ private:
+  Vector weights_;
+  std::vector<std::pair<Vector, Cube>> pieces_;  // of the signals
+  std::vector<Signal> signals_;
+  std::vector<Unit> units_;
+  std::vector<int> direction_;
+  std::unique_ptr<bool[]> terminal_;
+
+  void read_kernels(nb::handle kernels) {
+    plain.rhs = function<Kernel>(kernels, "rhs");
+    plain.staged = get<bool>(kernels, "staged");
+    plain.fallback = function<Kernel>(kernels, "fallback");
+    plain.jacobian = function<Kernel>(kernels, "jacobian");
+    plain.tangent = function<BatchKernel>(kernels, "tangent");
+    plain.lanes = std::max(1, get<int>(kernels, "lanes"));
+    plain.events = function<Kernel>(kernels, "events");
+    plain.project = function<Kernel>(kernels, "project");
+    plain.project_fallback = function<Kernel>(kernels, "project_fallback");
+    plain.project_batch = function<BatchKernel>(kernels, "project_batch");
+    require(plain.rhs != nullptr, "integrate: no right-hand side");
+  }
+
+  void read_layout(nb::handle layout) {
+    plain.norm_size = get<int>(layout, "norm_size"), plain.nq = get<int>(layout, "nq");
+    plain.nv = plain.norm_size - plain.nq;
+    require(plain.n > 0 && plain.norm_size > 0 && plain.norm_size <= plain.n,
+            "integrate: norm_size must be between 1 and the number of states");
+    require(plain.nq >= 0 && plain.nq <= plain.norm_size, "integrate: nq must be between 0 and norm_size");
+    for (auto [start, length] : get<std::vector<std::pair<int, int>>>(layout, "unit_parts")) {
+      require(start >= 0 && length > 0 && start + length <= plain.n, "integrate: unit part outside the state");
+      units_.push_back({start, length});
+    }
+    plain.units = units_.data(), plain.unit_count = static_cast<int>(units_.size());
+    if (!layout.attr("weights").is_none()) {
+      weights_ = get<Vector>(layout, "weights");
+      require(static_cast<int>(weights_.shape(0)) == plain.nq, "integrate: one weight a position");
+      plain.weights = weights_.data();
+    }
+  }
+
+  void read_control(nb::handle control, bool stepped) {
+    method = get<std::string>(control, "method");
+    plain.rtol = get<double>(control, "rtol"), plain.atol = get<double>(control, "atol");
+    plain.step = get<double>(control, "step"), plain.first_step = get<double>(control, "first_step");
+    plain.max_step = get<double>(control, "max_step");
+    plain.max_evaluations = get<std::int64_t>(control, "max_evaluations");
+    require(method == "RK4" || method == "RK45" || method == "DOP853" || method == "Radau",
+            "integrate: unknown method");
+    require(stepped || plain.step > 0 || method != "RK4", "integrate: RK4 needs a step");
+    require(stepped || plain.step > 0 || (plain.rtol >= 0 && plain.atol >= 0 && plain.rtol + plain.atol > 0),
+            "integrate: rtol and atol must not be negative or both zero");
+    require(plain.max_step > 0 && plain.first_step >= 0 && plain.step >= 0, "integrate: steps must be positive");
+    require(method != "Radau" || plain.jacobian || plain.tangent, "integrate: Radau needs a Jacobian or a tangent");
+  }
+
+  void read_events(nb::handle events) {
+    const auto terminal = get<std::vector<bool>>(events, "terminal");
+    direction_ = get<std::vector<int>>(events, "direction");
+    plain.event_samples = get<int>(events, "samples");
+    require(terminal.size() == direction_.size() && (plain.events || terminal.empty()),
+            "integrate: one terminal flag and one direction an event");
+    require(plain.event_samples >= 2, "integrate: events need two samples a step or more");
+    terminal_ = std::make_unique<bool[]>(terminal.size() + 1);
+    std::copy(terminal.begin(), terminal.end(), terminal_.get());
+    plain.terminal = terminal_.get(), plain.direction = direction_.data();
+    plain.event_count = static_cast<int>(terminal.size());
+  }
+
+  void read_signal(nb::handle signal) {
+    const Vector breaks = get<Vector>(signal, "breaks");
+    const Cube c = get<Cube>(signal, "coefficients");
+    const int derivatives = get<int>(signal, "derivatives");
+    require(c.shape(0) > 0 && breaks.shape(0) == c.shape(0) + 1 && c.shape(1) > 0,
+            "integrate: a signal has one break more than pieces, and at least one piece");
+    require(derivatives >= 0 && derivatives <= 2, "integrate: signals give up to two derivatives");
+    const int pieces = static_cast<int>(c.shape(0)), powers = static_cast<int>(c.shape(1));
+    const int width = static_cast<int>(c.shape(2));
+    signals_.push_back(
+        {breaks.data(), c.data(), pieces, powers, width, derivatives, get<bool>(signal, "kinked")});
+    plain.signal_entries += width * (derivatives + 1);
+    pieces_.emplace_back(breaks, c);
+  }
+};
+
+inline bool has_avx2() {
+#ifdef BELLCRANK_AVX2
+  static const bool answer = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+  return answer;
+#else
+  return false;
+#endif
+}
+
+// The engine of single runs for this machine.
+inline Status run_single(const char* method, const Problem& problem, Record& record, Counts& counts) {
+#ifdef BELLCRANK_AVX2
+  if (has_avx2()) return avx2::run(method, problem, record, counts);
+#endif
+  return baseline::run(method, problem, record, counts);
+}
+
+}  // namespace bellcrank
