@@ -12,6 +12,19 @@ def evaluate(
     address: int, inputs: tuple[Any, ...], input_sizes: tuple[int, ...], output_sizes: tuple[int, ...]
 ) -> tuple[NDArray[np.float64], ...] | None: ...
 
+class SampleCall:
+    """A compiled function of one sample with one output, of this address.
+
+    A call takes up to three vectors of doubles; inputs after them have size 0. It returns a new array of the shape, or
+    None where an input is not a finite contiguous numpy.ndarray of its size, or the answer is not finite: the caller
+    then converts it, or says what is wrong.
+    """
+
+    def __init__(
+        self, address: int, input_sizes: tuple[int, ...], shape: tuple[int, ...], array: type, empty: Any
+    ) -> None: ...
+    def __call__(self, *inputs: Any) -> NDArray[np.float64] | None: ...
+
 class StepResult:
     """What a run found; arrays are views that keep it alive.
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank._step import evaluate
+from bellcrank._step import SampleCall, evaluate
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.expression_graph import Graph, graph_of
@@ -129,6 +129,14 @@ class Compiled:
         rows = outputs[0].shape[0]
         held = (self, arrays, outputs)
         return lambda: int(call(ins, outs, strides, rows)) if held else 0
+
+    def sample_call(self, shape: tuple[int, ...]) -> SampleCall:
+        """A call for one sample that costs little more than its evaluation, with an array of this shape as answer.
+
+        It returns None where this object's own call has to convert its arguments or to refuse them. It is for the
+        target of this moment. Keep this object while you use it.
+        """
+        return SampleCall(self.address("scalar"), self.input_sizes, shape, np.ndarray, np.empty)
 
     def __call__(self, *arrays: Any) -> Any:
         """Evaluate. Raises InputError where an array has a wrong shape or batches differ in length."""

@@ -10,6 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank._step import SampleCall
+from bellcrank.cached_values import cached_property
+from bellcrank.codegen.compile import Compiled
 from bellcrank.errors import InputError
 from bellcrank.robot.compiled_robot import NO_PARAMETERS, CompiledRobot
 from bellcrank.robot.joints import RobotJoint
@@ -83,6 +86,9 @@ class Robot(CompiledRobot):
             >>> robot.inverse_dynamics([0.0, 0.0], [0.0, 0.0], [0.0, 0.0])
             array([0., 0.])
         """
+        sample = self._sample_inverse_dynamics(q, v, a)
+        if sample is not None:
+            return sample
         torque: Array = self.dynamics("inverse_dynamics")(*self._check.states(QVA, q, v, a))
         if not all_finite(torque) and not np.isfinite(torque).all():
             raise InputError(f"{self.name}: a torque overflows: the motion is too fast; check its units")
@@ -111,6 +117,9 @@ class Robot(CompiledRobot):
             >>> robot.forward_dynamics([0.3, 0.1], [0.0, 0.0], tau).round(9)
             array([1., 2.])
         """
+        sample = self._sample_forward_dynamics(q, v, tau)
+        if sample is not None:
+            return sample
         acceleration: Array = self.dynamics("forward_dynamics")(*self._check.states(QVTAU, q, v, tau))
         if not all_finite(acceleration) and not np.isfinite(acceleration).all():
             bad = np.argwhere(~np.isfinite(np.atleast_2d(acceleration)))[0]
@@ -139,8 +148,10 @@ class Robot(CompiledRobot):
             >>> bc.load_robot("planar_2r", gravity=(0, 0, 0)).gravity_torque([0.5, 0.5])
             array([0., 0.])
         """
-        code = self._code("gravity_torque", self.equations.gravity_torque)
-        return self._check.answer("a torque", code(*self._check.states(QVA, q)))
+        sample = self._sample_gravity_torque(q)
+        if sample is not None:
+            return sample
+        return self._check.answer("a torque", self._gravity_torque(*self._check.states(QVA, q)))
 
     def friction_torque(self, v: Any) -> Array:
         """Joint friction: viscous v + coulomb v / sqrt(v² + width²).
@@ -268,6 +279,9 @@ class Robot(CompiledRobot):
             >>> m.shape, bool(abs(m - m.T).max() < 1e-12)
             ((2, 2), True)
         """
+        sample = None if self.nv > LARGEST_WHOLE else self._sample_mass_matrix(q)
+        if sample is not None:
+            return sample
         (q,) = self._check.states(QVA, q)
         if self.nv > LARGEST_WHOLE:
             whole = np.stack([self._mass_by_columns(row) for row in q]) if q.ndim == 2 else self._mass_by_columns(q)
@@ -325,6 +339,9 @@ class Robot(CompiledRobot):
             >>> float(kinetic)
             0.0
         """
+        sample = self._sample_energy(q, v)
+        if sample is not None:
+            return sample[0], sample[1]
         states = self._check.states(QVA, q, v)
         both = self._check.answer("an energy", self._algorithm("energy")(*states, NO_PARAMETERS))
         return both[..., 0], both[..., 1]
@@ -355,6 +372,30 @@ class Robot(CompiledRobot):
         return robot
 
     # ---- internals
+
+    @property
+    def _gravity_torque(self) -> Compiled:
+        return self._code("gravity_torque", self.equations.gravity_torque)
+
+    @cached_property
+    def _sample_inverse_dynamics(self) -> SampleCall:
+        return self.dynamics("inverse_dynamics").sample_call((self.nv,))
+
+    @cached_property
+    def _sample_forward_dynamics(self) -> SampleCall:
+        return self.dynamics("forward_dynamics").sample_call((self.nv,))
+
+    @cached_property
+    def _sample_gravity_torque(self) -> SampleCall:
+        return self._gravity_torque.sample_call((self.nv,))
+
+    @cached_property
+    def _sample_mass_matrix(self) -> SampleCall:
+        return self._algorithm("mass_matrix").sample_call((self.nv, self.nv))
+
+    @cached_property
+    def _sample_energy(self) -> SampleCall:
+        return self._algorithm("energy").sample_call((2,))
 
     def _mass_by_columns(self, q: Array) -> Array:
         code = self._code("inertial_torque", self.equations.inertial_torque)

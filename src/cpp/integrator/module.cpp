@@ -8,6 +8,7 @@
 #include <nanobind/ndarray.h>
 
 #include "integrate.hpp"
+#include "sample_call.hpp"
 
 namespace nb = nanobind;
 
@@ -50,6 +51,7 @@ nb::object evaluate(std::uintptr_t address, nb::tuple inputs, nb::tuple input_si
 NB_MODULE(_step, m) {
   nb::set_leak_warnings(false);  // an error that ends the program may hold a result until after the interpreter
   m.def("evaluate", &evaluate);
+  bellcrank::bind_sample_call(m);
   bellcrank::bind_integrate(m);
   bellcrank::bind_ensemble(m);
   bellcrank::bind_tableaus(m);
