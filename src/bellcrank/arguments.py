@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import numbers
 import os
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from decimal import Decimal
 from pathlib import Path
@@ -27,6 +28,16 @@ T = TypeVar("T")
 LONGEST_PATH = 4096  # bytes; limits of file systems
 LONGEST_NAME = 255
 MOST_ITEMS = 10**6  # of a list of names or objects, so that an endless generator is refused
+
+
+def is_masked_array(value: object) -> bool:
+    """Whether it is a masked array; numpy.ma, which takes long to import, is imported where there is one."""
+    return "numpy.ma" in sys.modules and np.ma.isMaskedArray(value)
+
+
+def is_masked(value: object) -> bool:
+    """Whether it is a masked array with a masked entry."""
+    return is_masked_array(value) and bool(np.ma.is_masked(value))
 
 
 def refuse(name: str, expected: str, value: object, where: str = "", remedy: str = "") -> NoReturn:
@@ -52,7 +63,7 @@ def found(value: object) -> str:
         return str(value) if abs(value) < 10**20 else f"a whole number beyond {'-' if value < 0 else ''}1e20"
     if isinstance(value, np.ndarray):
         held = "" if value.dtype == np.float64 else f" ({value.dtype})"
-        return f"{'a masked' if np.ma.isMaskedArray(value) else 'an'} array of shape {value.shape}{held}"
+        return f"{'a masked' if is_masked_array(value) else 'an'} array of shape {value.shape}{held}"
     if isinstance(value, np.generic):
         return f"{format_value(value.item())} ({kind.__name__})"
     article = "an" if kind.__name__[:1].lower() in "aeiou" else "a"
@@ -94,7 +105,7 @@ def number(
 def is_number(value: object) -> bool:
     """Whether a value is a real number by type, or a 0-d array of one; a bool is not."""
     if isinstance(value, np.ndarray):
-        return value.ndim == 0 and value.dtype.kind in "fiu" and not np.ma.is_masked(value)
+        return value.ndim == 0 and value.dtype.kind in "fiu" and not is_masked(value)
     return isinstance(value, (numbers.Real, Decimal)) and not isinstance(value, (bool, np.bool_))
 
 
@@ -146,7 +157,7 @@ def as_array(name: str, value: object, expected: str = "an array of numbers", wh
     if type(value) is np.ndarray and value.dtype == np.float64:
         return value
     try:
-        if isinstance(value, (str, bytes, Mapping, set, frozenset)) or np.ma.is_masked(value):
+        if isinstance(value, (str, bytes, Mapping, set, frozenset)) or is_masked(value):
             refuse(name, expected, value, where)
         given = np.asarray(value)
         if given.dtype.kind == "O" and isinstance(value, (list, tuple)):  # fractions, decimals, long integers

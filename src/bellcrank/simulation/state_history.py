@@ -78,7 +78,7 @@ class StateHistory(Portable, Renamed):
         if not isinstance(rows, slice):
             expected = "a slice, or a list of rows of the run"
             numbers = arguments.instance("rows", rows, np.ndarray, expected)
-            known = numbers.dtype.kind == "i" and numbers.ndim == 1 and not np.ma.is_masked(numbers)
+            known = numbers.dtype.kind == "i" and numbers.ndim == 1 and not arguments.is_masked(numbers)
             if not known or numbers.min(initial=0) < 0 or numbers.max(initial=0) >= len(self):
                 arguments.refuse("rows", expected, rows)
         found = replace(self, time=self.time[rows], state=self.state[rows])
