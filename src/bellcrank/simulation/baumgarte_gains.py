@@ -61,7 +61,7 @@ import numpy as np
 from bellcrank.dynamics.system import system_parameters
 from bellcrank.errors import InputError
 from bellcrank.scene.settings import Settings, Stabilisation
-from bellcrank.simulation.integration import Wanted, integrate_scene
+from bellcrank.simulation.integration import Rows, prepared_integration
 from bellcrank.simulation.status import Status
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def automatic_gains(scene: Scene, settings: Settings | None = None) -> Automatic
     pilot = pilot_settings(settings)
     scene = replace(scene, settings=pilot)
     times = np.linspace(0.0, pilot.duration, pilot.samples)
-    run = integrate_scene(scene, pilot, system_parameters(scene), Wanted(times=times), projected=True)
+    run = prepared_integration(scene, pilot, system_parameters(scene), Rows(times), projected=True).run()
     if run.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
     return gains_from(run, settings)

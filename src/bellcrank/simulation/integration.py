@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank._step import integrate
+from bellcrank._step import PreparedProblem
 from bellcrank.cached_values import computed_once
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import make_ready
@@ -22,7 +22,7 @@ from bellcrank.dynamics.constraint_rows import coordinate_weights
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end, signals_until
 from bellcrank.dynamics.singular_mass_matrix import refuse_singular_mass_matrix
 from bellcrank.dynamics.system import system_of
-from bellcrank.elements.signals import values_at
+from bellcrank.elements.signals import Signal, values_at
 from bellcrank.errors import InputError
 from bellcrank.robot.joints import unit_vectors
 from bellcrank.scene.constraint_conditions import ContactLost
@@ -44,29 +44,76 @@ LEAST_ATOL = 1e-100  # a smaller one changes nothing, and squares of its fractio
 BATCH_OUTPUTS = 32  # from so many outputs on they are projected many at a time
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Wanted:
-    """What of a run is wanted.
-
-    Attributes:
-        times: Times (m,) s of the rows.
-        every_step: Rows at the ends of the solver's steps instead.
-        progress: Called with the time reached.
-        checkpoints: Keeps the run on disk while it is computed.
-    """
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """The rows of a run that are wanted: at `times` (m,) s or, if `every_step`, at the ends of the solver's steps."""
 
     times: Array
     every_step: bool = False
-    progress: Callable[[float], None] | None = None
-    checkpoints: CheckpointWriter | None = None
 
 
-def integrate_scene(scene: Scene, settings: Settings, parameters: Array, wanted: Wanted, projected: bool) -> Trajectory:
-    """Integrate a scene with other settings and parameters of its equations; `projected`: onto its constraints.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Integration:
+    """An integration of a scene whose kernels are compiled and whose start is known: `run` costs little more than
+    stepping.
 
-    Raises InputError where the start is none: accelerations that are not finite, massless motion, an open contact.
+    Attributes:
+        scene: The scene.
+        settings: The solver's settings.
+        parameters: Parameters of its equations.
+        signals: Its signals, until a prescribed motion ends.
+        duration: s; shorter than that of the settings where a prescribed motion ends.
+        x0: The state at the start.
+        stepper: The integrator's problem.
     """
-    system, signals, duration, times = system_of(scene), scene.signals, settings.duration, wanted.times
+
+    scene: Scene
+    settings: Settings
+    parameters: Array
+    signals: tuple[Signal, ...]
+    duration: float
+    x0: Array
+    stepper: PreparedProblem
+
+    def run(
+        self, progress: Callable[[float], None] | None = None, checkpoints: CheckpointWriter | None = None
+    ) -> Trajectory:
+        """Integrate. `progress` is called with the time reached; `checkpoints` keeps the run on disk meanwhile.
+
+        Raises InputError where the accelerations at the start are not finite.
+        """
+        if checkpoints is None:
+            result = self.stepper.run(progress)
+        else:
+            checkpoints.begin(self.scene, self.settings, self.parameters, self.signals)
+            result = self.stepper.run(progress, checkpoints.add, checkpoints.every)
+        status = _STATUSES[result.status]
+        if status is Status.INTERRUPTED:
+            interruption.cut_short()
+        if status is Status.FINISHED and self.duration < self.settings.duration:
+            status = Status.PRESCRIBED_MOTION_ENDED
+        if status is Status.NON_FINITE and result.accepted == 0:
+            refuse_infinite_start(self.scene, self.parameters, self.x0)
+        scene, time, state = self.scene, result.time, result.state
+        events = _events(scene, result, self.parameters) if scene.events else ()
+        statistics = statistics_of(scene, result, None if result.events_complete else result.event_index)
+        if not result.finite:
+            time, state, status = _finite_rows(time, state, status)
+        run = Trajectory(
+            scene, self.settings, time, state, self.parameters, self.signals, status, events, statistics, result.steps
+        )
+        return until_turned_over(run)
+
+
+def prepared_integration(
+    scene: Scene, settings: Settings, parameters: Array, rows: Rows, projected: bool
+) -> Integration:
+    """Prepare to integrate a scene with other settings and parameters of its equations.
+
+    `projected`: the states are projected onto its constraints. Raises InputError where the start is none: massless
+    motion, an open contact.
+    """
+    system, signals, duration, times = system_of(scene), scene.signals, settings.duration, rows.times
     end = prescribed_motion_end(scene)
     if end is not None and end.time <= duration:
         duration, signals, times = end.time, signals_until(scene, end.time), times[times <= end.time]
@@ -78,57 +125,33 @@ def integrate_scene(scene: Scene, settings: Settings, parameters: Array, wanted:
     # code for many states at once pays off where an evaluation is cheap beside it
     batched = (
         projected
-        and not wanted.every_step
+        and not rows.every_step
         and not signals
         and system.size <= LARGEST_STAGED
         and len(times) >= BATCH_OUTPUTS
     )
     kernels = scene_kernels(scene, system, settings.solver == "Radau", projected, batched)
-    checkpoints = wanted.checkpoints
-    if checkpoints is not None:
-        checkpoints.begin(scene, settings, parameters, signals)
-    result = integrate(
-        IntegrationProblem(
-            kernels=kernels,
-            layout=state_layout(scene),
-            control=StepControl(
-                method=settings.solver,
-                rtol=settings.rtol,
-                atol=max(settings.atol, LEAST_ATOL),
-                step=settings.step or 0.0,
-                first_step=settings.first_step or 0.0,
-                max_step=settings.max_step or math.inf,
-                max_evaluations=settings.max_evaluations,
-            ),
-            t1=duration,
-            x0=x0,
-            parameters=parameters,
-            signals=signals,
-            stops=scene.stops,
-            events=event_search(scene),
-            times=times,
-            every_step=wanted.every_step,
-            progress=wanted.progress,
-            checkpoint=None if checkpoints is None else checkpoints.add,
-            checkpoint_interval=0.0 if checkpoints is None else checkpoints.every,
-        )
+    problem = IntegrationProblem(
+        kernels=kernels,
+        layout=state_layout(scene),
+        control=step_control(settings),
+        t1=duration,
+        x0=x0,
+        parameters=parameters,
+        signals=signals,
+        stops=scene.stops,
+        events=event_search(scene),
+        times=times,
+        every_step=rows.every_step,
     )
-    status = _STATUSES[result.status]
-    if status is Status.INTERRUPTED:
-        interruption.cut_short()
-    if status is Status.FINISHED and duration < settings.duration:
-        status = Status.PRESCRIBED_MOTION_ENDED
-    if status is Status.NON_FINITE and result.accepted == 0:
-        refuse_infinite_start(scene, parameters, x0)
-    time, state = result.time, result.state
-    if not len(time) or (status is not Status.FINISHED and time[-1] < result.end_time):
-        time, state = np.append(time, result.end_time), np.vstack([state, result.end_state[None]])
-    events = _events(scene, result, parameters) if scene.events else ()
-    statistics = statistics_of(scene, result, result.event_index)
-    if not np.isfinite(state).all():
-        time, state, status = _finite_rows(time, state, status)
-    return until_turned_over(
-        Trajectory(scene, settings, time, state, parameters, signals, status, events, statistics, result.steps)
+    return Integration(
+        scene=scene,
+        settings=settings,
+        parameters=parameters,
+        signals=signals,
+        duration=duration,
+        x0=x0,
+        stepper=PreparedProblem(problem),
     )
 
 
@@ -151,7 +174,7 @@ def _events(scene: Scene, result: StepResult, parameters: Array) -> tuple[Event,
 
 def repeat_run(run: Trajectory, settings: Settings, times: Array, parameters: Array) -> Trajectory:
     """Integrate a run's scene again, projected onto its constraints, with rows at `times` (m,) s."""
-    return integrate_scene(run.scene, settings, parameters, Wanted(times=times), projected=bool(run.scene.constraints))
+    return prepared_integration(run.scene, settings, parameters, Rows(times), projected=bool(run.scene.constraints)).run()
 
 
 def until_turned_over(run: Trajectory) -> Trajectory:
@@ -200,6 +223,19 @@ def state_layout(scene: Scene) -> StateLayout:
         nq=system.nq,
         unit_parts=[(part.start, part.stop - part.start) for part in unit_vectors(scene.robot.joints)],
         weights=coordinate_weights(scene) if scene.constraints else None,
+    )
+
+
+def step_control(settings: Settings) -> StepControl:
+    """The method of the settings and its step sizes."""
+    return StepControl(
+        method=settings.solver,
+        rtol=settings.rtol,
+        atol=max(settings.atol, LEAST_ATOL),
+        step=settings.step or 0.0,
+        first_step=settings.first_step or 0.0,
+        max_step=settings.max_step or math.inf,
+        max_evaluations=settings.max_evaluations,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from bellcrank._step import StepBlock
     from bellcrank.elements.signals import Signal
 
 Array = NDArray[np.float64]
@@ -118,9 +117,6 @@ class IntegrationProblem:
         events: How events are looked for.
         times: Times, s, at which the state is wanted, increasing.
         every_step: The state is wanted at the end of every step instead.
-        progress: Called with the time about every 0.1 s.
-        checkpoint: Called with what was found since it was called before; returns the seconds until the next call.
-        checkpoint_interval: Seconds of computing until the first call of it.
     """
 
     kernels: Kernels
@@ -135,6 +131,3 @@ class IntegrationProblem:
     events: EventSearch = EventSearch()
     times: Array = field(default_factory=lambda: np.empty(0))
     every_step: bool = False
-    progress: Callable[[float], object] | None = None
-    checkpoint: Callable[[StepBlock], float] | None = None
-    checkpoint_interval: float = 0.0

@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bellcrank import arguments
-from bellcrank.dynamics.system import system_parameters
-from bellcrank.errors import InputError
 from bellcrank.scene.overrides import EXPECTED_OVERRIDES
 from bellcrank.scene.scene import Scene, load_scene
-from bellcrank.scene.settings import SOLVERS, Settings, Stabilisation, check_rows
-from bellcrank.simulation.baumgarte_gains import automatic_gains
+from bellcrank.scene.settings import Stabilisation
 from bellcrank.simulation.checkpoints import KEEP_EVERY, CheckpointWriter
-from bellcrank.simulation.integration import Wanted, integrate_scene
+from bellcrank.simulation.prepare_integration import prepare_integration
 
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 def simulate(
@@ -92,66 +83,17 @@ def simulate(
         scene = load_scene(arguments.subject("scene", scene, "a scene"))
     if overrides is not None and (changed := arguments.mapping("overrides", overrides, EXPECTED_OVERRIDES)):
         scene = scene.with_overrides(changed)
-    if solver is not None:
-        arguments.text("solver", solver, f"one of {', '.join(SOLVERS)}")
     if progress is not None:
         arguments.function("progress", progress, "a function of the time reached")
-    if not scene.robot.nv:
-        raise InputError(
-            f"{scene.source}: {scene.robot.urdf.name} has no movable joint, so there is nothing to simulate; "
-            "floating_base: true in a scene frees its base"
-        )
     given = {
         "duration": duration, "solver": solver, "rtol": rtol, "atol": atol, "step": step, "samples": samples,
         "first_step": first_step, "max_step": max_step, "max_evaluations": max_evaluations,
         "stabilisation": stabilisation,
     }  # fmt: skip
-    changes: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
-    every_step = isinstance(times, str)
-    if every_step and times != "steps":
-        arguments.refuse("times", 'increasing numbers (s) or "steps"', times)
-    wanted = None if times is None or every_step else _checked_times(times)
-    if wanted is not None and duration is None:
-        changes["duration"] = float(wanted[-1]) or scene.settings.duration
-    adaptive = changes.get("solver", scene.settings.solver) != "RK4"
-    if adaptive and scene.settings.step and step is None and not {"solver", "rtol", "atol"}.isdisjoint(changes):
-        changes["step"] = None  # tolerances that are given must be kept
-    settings = replace(scene.settings, **changes) if changes else scene.settings
-    if settings.stabilisation.auto:
-        gains = automatic_gains(scene, settings)
-        chosen = replace(settings.stabilisation, alpha=gains.alpha, beta=gains.beta)
-        settings = replace(settings, stabilisation=chosen)
-    if settings.stabilisation != scene.settings.stabilisation:
-        scene = replace(scene, settings=settings)  # gains are parameters of its equations
-    wanted = _result_times(scene, settings, wanted)
-    projected = bool(scene.constraints) and settings.stabilisation.kind == "projection"
-    checkpoints = None
-    if keep is not None:
-        checkpoints = CheckpointWriter(arguments.path("keep", keep, "the path of a run (.npz)"), keep_every)
-    run = integrate_scene(
-        scene,
-        settings,
-        system_parameters(scene),
-        Wanted(times=wanted, every_step=every_step, progress=progress, checkpoints=checkpoints),
-        projected,
-    )
-    if checkpoints is not None:
-        checkpoints.finish(run)
+    integration = prepare_integration(scene, given, times)
+    if keep is None:
+        return integration.run(progress)
+    checkpoints = CheckpointWriter(arguments.path("keep", keep, "the path of a run (.npz)"), keep_every)
+    run = integration.run(progress, checkpoints)
+    checkpoints.finish(run)
     return run
-
-
-def _checked_times(times: Any) -> Array:
-    array = arguments.increasing("times", times, "s")
-    if array[0] < 0.0:
-        arguments.refuse("times", "increasing numbers (s) from 0 on", float(array[0]))
-    return array.copy()
-
-
-def _result_times(scene: Scene, settings: Settings, given: Array | None) -> Array:
-    """The times at which results are wanted, none of them beyond the duration (InputError)."""
-    if given is None:
-        check_rows(settings.samples, scene.robot.nq + scene.robot.nv)
-        return np.linspace(0.0, settings.duration, settings.samples)
-    if given[-1] > settings.duration * (1.0 + 1e-15):
-        raise InputError(f"times reach {given[-1]:.17g} s, beyond the duration of {settings.duration:.17g} s")
-    return np.minimum(given, settings.duration)

@@ -61,11 +61,14 @@ class Statistics:
     omitted_events: Mapping[str, int] = field(default_factory=dict)
 
 
-def statistics_of(scene: Scene, found: StepResult | StepBlock, kept: NDArray[np.int32]) -> Statistics:
-    """Statistics from what the integrator found so far; `kept` are the event functions of the events that are kept."""
+def statistics_of(scene: Scene, found: StepResult | StepBlock, kept: NDArray[np.int32] | None) -> Statistics:
+    """Statistics from what the integrator found so far.
+
+    `kept` are the event functions of the events that are kept; None: all are, and no crossing may have been missed.
+    """
     unresolved: tuple[Unresolved, ...] = ()
     omitted: dict[str, int] = {}
-    if scene.events:
+    if kept is not None and scene.events:
         unresolved = (
             *_unresolved(scene, found.unresolved_count, found.unresolved_time),
             *_unresolved(scene, found.undefined_count, found.undefined_time, undefined=True),
