@@ -1,5 +1,6 @@
 """Calls compiled functions and integrates them over time (src/cpp/integrator)."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -29,12 +30,14 @@ class StepResult:
     """What a run found; arrays are views that keep it alive.
 
     `status`: 0 finished, 1 event, 2 step too small, 3 not finite, 4 evaluations spent, 5 interrupted.
-    `time` (k,) s and `state` (k, n) are the requested outputs that were reached, `steps` the start and the ends of the
-    accepted steps, `event_*` the events in the order of time. Of more than 100,000 steps every 2nd, 4th, 8th, … end and
-    the last are kept, so that there are 50,000 to 100,002; `longest_step` is that of all. Of more than 100,000 events
-    each event function keeps at least its first 100 and its last; `event_counts` (events,) counts all.
-    `unresolved_count` (events,) says in how many steps crossings may have been missed, `unresolved_time` when the first
-    of these began; `undefined_count` in how many steps an event function was not a number, `undefined_time` when first.
+    `time` (k,) s and `state` (k, n) are the requested outputs that were reached and, where the run ended early, its
+    end; `finite`: all of them are finite. `steps` are the start and the ends of the accepted steps, `event_*` the
+    events in the order of time. Of more than 100,000 steps every 2nd, 4th, 8th, … end and the last are kept, so that
+    there are 50,000 to 100,002; `longest_step` is that of all. Of more than 100,000 events each event function keeps at
+    least its first 100 and its last; `event_counts` (events,) counts all. `unresolved_count` (events,) says in how many
+    steps crossings may have been missed, `unresolved_time` when the first of these began; `undefined_count` in how many
+    steps an event function was not a number, `undefined_time` when first.
+    `events_complete`: none was omitted or may have been missed.
     """
 
     @property
@@ -45,6 +48,10 @@ class StepResult:
     def state(self) -> NDArray[np.float64]: ...
     @property
     def end_time(self) -> float: ...
+    @property
+    def finite(self) -> bool: ...
+    @property
+    def events_complete(self) -> bool: ...
     @property
     def end_state(self) -> NDArray[np.float64]: ...
     @property
@@ -133,19 +140,27 @@ def methods() -> dict[str, int]:
 def tableau(method: str) -> dict[str, Any]:
     """Order and coefficients a, b, c of a method; for Radau the transformation and the eigenvalues of inverse a too."""
 
-def integrate(problem: IntegrationProblem) -> StepResult:
-    """Step x' = rhs(t, x, u, p) from t0 to t1 (s).
+class PreparedProblem:
+    """x' = rhs(t, x, u, p) from t0 to t1 (s), read once and integrated again and again, from several threads too.
 
-    Raises TypeError where an attribute has the wrong type, ValueError where attributes do not fit together, and what
-    `progress` and `checkpoint` raise; Ctrl-C ends the run (status 5).
+    Raises TypeError where an attribute has the wrong type, ValueError where attributes do not fit together.
     """
 
-def has_lanes(width: int) -> bool:
-    """Whether this machine can step runs in so many SIMD lanes."""
+    def __init__(self, problem: IntegrationProblem) -> None: ...
+    def run(
+        self,
+        progress: Callable[[float], object] | None = None,
+        checkpoint: Callable[[StepBlock], float] | None = None,
+        interval: float = 0.0,
+        x0: NDArray[np.float64] | None = None,
+        parameters: NDArray[np.float64] | None = None,
+    ) -> StepResult:
+        """Integrate, from another start or with other parameters where they are given.
 
-def integrate_ensemble(problem: EnsembleProblem) -> dict[str, Any]:
-    """Step many runs at once, in SIMD lanes and threads: the entries of an EnsembleResult.
+        `progress` is called with the time about every 0.1 s; `checkpoint` with what was found since it was called
+        before, first after `interval` seconds of computing, and returns the seconds until its next call. Raises what
+        they raise; Ctrl-C ends the run (status 5).
+        """
 
-    Raises TypeError where an attribute has the wrong type, ValueError where attributes do not fit together, and what
-    `progress` raises; Ctrl-C ends the runs.
-    """
+def integrate_ensemble(problem: EnsembleProblem) -> EnsembleResult:
+    """Step many runs at once, in SIMD lanes and threads."""

@@ -95,6 +95,8 @@ class Integration:
         if status is Status.NON_FINITE and result.accepted == 0:
             refuse_infinite_start(self.scene, self.parameters, self.x0)
         scene, time, state = self.scene, result.time, result.state
+        if status is Status.PRESCRIBED_MOTION_ENDED and (not len(time) or time[-1] < result.end_time):
+            time, state = np.append(time, result.end_time), np.vstack([state, result.end_state[None]])
         events = _events(scene, result, self.parameters) if scene.events else ()
         statistics = statistics_of(scene, result, None if result.events_complete else result.event_index)
         if not result.finite:
@@ -174,7 +176,9 @@ def _events(scene: Scene, result: StepResult, parameters: Array) -> tuple[Event,
 
 def repeat_run(run: Trajectory, settings: Settings, times: Array, parameters: Array) -> Trajectory:
     """Integrate a run's scene again, projected onto its constraints, with rows at `times` (m,) s."""
-    return prepared_integration(run.scene, settings, parameters, Rows(times), projected=bool(run.scene.constraints)).run()
+    return prepared_integration(
+        run.scene, settings, parameters, Rows(times), projected=bool(run.scene.constraints)
+    ).run()
 
 
 def until_turned_over(run: Trajectory) -> Trajectory:

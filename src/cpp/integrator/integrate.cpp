@@ -1,9 +1,11 @@
-// integrate(): reads the record of a problem, runs the engine for this machine without the GIL, wraps the result.
+// PreparedProblem: reads the record of a problem once; each run calls the engine for this machine without the GIL and
+// wraps the result.
 #include "integrate.hpp"
 
 #include <chrono>
 #include <cmath>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "problem_reading.hpp"
@@ -14,19 +16,14 @@ namespace {
 
 // The record IntegrationProblem (simulation/integration_problem.py).
 struct Reading : ProblemReading {
-  nb::object progress, checkpoint;
-  double checkpoint_interval;
-
   explicit Reading(nb::handle record) {
     read_span(record);
     read(record, static_cast<int>(x0_.shape(0)));
     stops_ = stops_within(jumps, plain.t0, plain.t1, &plain.latest);
     plain.stops = stops_.data(), plain.stop_count = static_cast<int>(stops_.size());
-    progress = record.attr("progress");
-    checkpoint = record.attr("checkpoint");
-    checkpoint_interval = get<double>(record, "checkpoint_interval");
-    require(checkpoint.is_none() || checkpoint_interval > 0, "integrate: checkpoints need a time between them");
   }
+
+  std::size_t parameter_count() const { return parameters_.shape(0); }
 
  private:
   Vector x0_, parameters_, times_;
@@ -46,27 +43,35 @@ struct Reading : ProblemReading {
   }
 };
 
-nb::object integrate(nb::object record) {
-  Reading reading(record);
-  const Problem& problem = reading.plain;
-  auto made = std::make_unique<StepResult>(problem.n, problem.t0, problem.event_count, reading.progress,
-                                           reading.checkpoint, reading.checkpoint_interval);
-  StepResult& result = *made;
-  if (!problem.every_step) {
-    result.time.reserve(problem.time_count);
-    result.state.reserve(problem.time_count * problem.n);
-  }
-  {
-    nb::gil_scoped_release released;
-    const auto begun = result.begun = std::chrono::steady_clock::now();
-    result.status = run_single(reading.method.c_str(), problem, result, result.counts);
-    result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
-  }
-  result.finish_steps();
-  result.finish_events();
-  result.watch.raise();
-  return nb::cast(made.release(), nb::rv_policy::take_ownership);
-}
+// A problem that was read once and can be integrated again and again, from several threads too.
+class PreparedProblem {
+ public:
+  explicit PreparedProblem(nb::object record) : reading_(record) {}
+
+  // `progress` is called with the time, `checkpoint` with what was found; `interval`: seconds until its first call.
+  // A start or parameters that are given replace those of the problem.
+  nb::object run(nb::object progress, nb::object checkpoint, double interval, nb::object x0, nb::object p) const {
+    require(checkpoint.is_none() || interval > 0, "integrate: checkpoints need a time between them");
+    Problem problem = reading_.plain;
+    Vector start, parameters;
+    if (!x0.is_none()) problem.x0 = given(x0, &start, static_cast<std::size_t>(problem.n));
+    if (!p.is_none()) problem.p = given(p, &parameters, reading_.parameter_count());
+    auto made = std::make_unique<StepResult>(problem.n, problem.t0, problem.event_count, std::move(progress),
+                                             std::move(checkpoint), interval);
+    StepResult& result = *made;
+    if (!problem.every_step) {
+      result.time.reserve(problem.time_count + 1);
+      result.state.reserve((problem.time_count + 1) * problem.n);
+    }
+    {
+      nb::gil_scoped_release released;
+      const auto begun = result.begun = std::chrono::steady_clock::now();
+      result.status = run_single(reading_.method.c_str(), problem, result, result.counts);
+      result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+    }
+    result.finish();
+    result.watch.raise();
+    return nb::cast(made.release(), nb::rv_policy::take_ownership);
 
 // A view of a result's numbers, which keeps the result alive.
 template <class T>
@@ -96,6 +101,8 @@ void bind_integrate(nb::module_& m) {
       .def_prop_ro("time", [](nb::handle h) { return view(h, nb::cast<StepResult&>(h).time); })
       .def_prop_ro("state", [](nb::handle h) { auto& r = nb::cast<StepResult&>(h); return view(h, r.state, r.n); })
       .def_ro("end_time", &StepResult::end_time)
+      .def_ro("finite", &StepResult::finite)
+      .def_ro("events_complete", &StepResult::events_complete)
       .def_prop_ro("end_state", [](nb::handle h) { return view(h, nb::cast<StepResult&>(h).end_state); })
       .def_prop_ro("status", [](const StepResult& r) { return static_cast<int>(r.status); })
       .def_ro("seconds", &StepResult::seconds)
@@ -127,7 +134,10 @@ void bind_integrate(nb::module_& m) {
       .def_ro("unresolved_time", &StepBlock::unresolved_time)
       .def_ro("undefined_count", &StepBlock::undefined_count)
       .def_ro("undefined_time", &StepBlock::undefined_time);
-  m.def("integrate", &integrate, "problem"_a);
+  nb::class_<PreparedProblem>(m, "PreparedProblem")
+      .def(nb::init<nb::object>())
+      .def("run", &PreparedProblem::run, "progress"_a = nb::none(), "checkpoint"_a = nb::none(), "interval"_a = 0.0,
+           "x0"_a = nb::none(), "parameters"_a = nb::none());
 }
 
 }  // namespace bellcrank

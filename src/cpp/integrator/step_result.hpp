@@ -71,6 +71,20 @@ class StepResult final : public Record {
     take_steps();
     if (steps.back() != last) steps.push_back(last);
   }
+  // After the run. The state at its end is one more row where it ended early.
+  void finish() {
+    finish_steps();
+    finish_events();
+    if (time.empty() || (status != Status::finished && time.back() < end_time)) output(end_time, end_state.data());
+    double sum = 0;
+    for (double x : state) sum += x * 0.0;
+    finite = sum == 0;
+    std::int64_t found = 0, doubtful = 0;
+    for (std::int64_t count : event_counts) found += count;
+    for (std::int64_t count : unresolved_count) doubtful += count;
+    for (std::int64_t count : undefined_count) doubtful += count;
+    events_complete = doubtful == 0 && found == static_cast<std::int64_t>(event_index.size());
+  }
   void output(double t, const double* x) override {
     time.push_back(t);
     state.insert(state.end(), x, x + n);
@@ -123,6 +137,8 @@ class StepResult final : public Record {
   std::vector<double> time, state, end_state, steps, event_time, event_state;
   std::vector<int> event_index;
   double end_time = 0, seconds = 0, longest_step = 0;
+  bool finite = true;           // all states
+  bool events_complete = true;  // all events are kept, and no crossing may have been missed
   std::chrono::steady_clock::time_point begun;
   Status status = Status::finished;
   Counts counts;
