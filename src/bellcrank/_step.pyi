@@ -162,5 +162,12 @@ class PreparedProblem:
         they raise; Ctrl-C ends the run (status 5).
         """
 
-def integrate_ensemble(problem: EnsembleProblem) -> EnsembleResult:
-    """Step many runs at once, in SIMD lanes and threads."""
+def has_lanes(width: int) -> bool:
+    """Whether this machine can step runs in so many SIMD lanes."""
+
+def integrate_ensemble(problem: EnsembleProblem) -> dict[str, Any]:
+    """Step many runs at once, in SIMD lanes and threads: the entries of an EnsembleResult.
+
+    Raises TypeError where an attribute has the wrong type, ValueError where attributes do not fit together, and what
+    `progress` raises; Ctrl-C ends the runs.
+    """

@@ -72,6 +72,17 @@ class PreparedProblem {
     result.finish();
     result.watch.raise();
     return nb::cast(made.release(), nb::rv_policy::take_ownership);
+  }
+
+ private:
+  Reading reading_;
+
+  static const double* given(nb::handle array, Vector* held, std::size_t size) {
+    if (!nb::try_cast(array, *held)) throw nb::type_error("integrate: expected a vector of doubles");
+    require(held->shape(0) == size, "integrate: a start or parameters of another size");
+    return held->data();
+  }
+};
 
 // A view of a result's numbers, which keeps the result alive.
 template <class T>
