@@ -420,3 +420,21 @@ def test_a_robot_remembers_what_is_wrong_with_its_file(tmp_path):
     path.write_text((JOINT % ("j", "0 0 0")).replace('izz="0.25"', 'izz="0.5"'))
     assert any("triangle" in finding or "inertia" in finding for finding in bc.load_robot(path).findings)
     assert bc.load_robot("ur5").findings == ()
+
+
+@pytest.mark.parametrize("name", ["ur5", "planar_2r"])
+def test_the_call_for_one_sample_gives_the_bits_of_the_checked_call(name):
+    """Vectors of doubles take one C++ call; lists and views take the call that converts them."""
+    robot, random = bc.load_robot(name), np.random.default_rng(3)
+    for _ in range(20):
+        q, v, a = random.normal(size=(3, robot.nv))
+        for function, inputs in (
+            (robot.inverse_dynamics, (q, v, a)),
+            (robot.forward_dynamics, (q, v, a)),
+            (robot.gravity_torque, (q,)),
+            (robot.mass_matrix, (q,)),
+            (robot.energy, (q, v)),
+        ):
+            quick, checked = function(*inputs), function(*[list(x) for x in inputs])
+            strided = function(*[np.repeat(x, 2)[::2] for x in inputs])
+            assert np.array_equal(quick, checked) and np.array_equal(quick, strided)

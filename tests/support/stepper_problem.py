@@ -37,7 +37,8 @@ class Problem:
     def run(self, method, tolerance=1e-6, **changes):
         """Integrate a problem with these changes."""
         changes = {k: np.asarray(v, float) if k in ("times", "stops", "x0") else v for k, v in changes.items()}
-        return _step.integrate(self.problem(method, tolerance, **changes))
+        progress = changes.pop("progress", None)
+        return _step.PreparedProblem(self.problem(method, tolerance, **changes)).run(progress)
 
     def problem(self, method, tolerance=1e-6, **changes):
         """The record; `changes` are attributes of it or its parts, signals as tuples of a Signal's fields."""
