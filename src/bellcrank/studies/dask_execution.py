@@ -25,7 +25,8 @@ IN_FLIGHT = 2  # ranges a thread of a worker: one runs, one waits
 ALLOWED_DEATHS = 6  # of workers that run one range, on a cluster of our own; more are the range's fault
 POLL = 0.1  # s between checks for Ctrl-C
 LOOK = 1.0  # s between counts of the workers
-PATIENCE = 60.0  # s until the first worker of a scheduler
+CONNECTING, PATIENCE = 10.0, 60.0  # s until a scheduler answers, and until its first worker is there
+HERE = "127.0.0.1:0"  # any free port, for this machine only
 _SETTINGS = {
     "distributed.scheduler.allowed-failures": ALLOWED_DEATHS,
     "distributed.worker.memory.terminate": False,  # the system knows better what memory is left
@@ -112,18 +113,13 @@ class DaskExecutor:
         if self.scheduler is None:
             opened.enter_context(dask.config.set(_SETTINGS))
             cluster = distributed.LocalCluster(
-                n_workers=self.workers, threads_per_worker=1, processes=True, dashboard_address=None,
+                n_workers=self.workers, threads_per_worker=1, processes=True,
+                dashboard_address=HERE, worker_dashboard_address=HERE, scheduler_kwargs={"dashboard": False},
                 silence_logs=logging.CRITICAL, memory_limit=0, preload=["bellcrank.studies.dask_worker"],
             )  # fmt: skip
             opened.callback(cluster.close)
             return opened.enter_context(distributed.Client(cluster, set_as_default=False, direct_to_workers=True))
-        try:
-            client = opened.enter_context(distributed.Client(self.scheduler, timeout=10, set_as_default=False))
-        except (OSError, ValueError) as error:
-            raise InputError(
-                f"no Dask scheduler answers at {self.scheduler!r} ({str(error)[:120]}); start one with 'dask "
-                "scheduler', and workers with 'dask worker ADDRESS'"
-            ) from None
+        client = opened.enter_context(_client(distributed, self.scheduler))
         try:
             client.wait_for_workers(1, timeout=PATIENCE)
         except OSError:  # the base of time-outs
@@ -156,6 +152,30 @@ class DaskExecutor:
     def _check_alive(self) -> None:
         if self._client.status not in ("running", "connecting"):
             raise BellcrankError("the connection to the Dask scheduler was lost; run again to go on from what is kept")
+
+
+def _client(distributed: Any, address: str) -> Any:
+    """A client of the scheduler at an address. Raises InputError where none answers."""
+    try:
+        protocol, place = distributed.comm.parse_address(address)
+        distributed.comm.parse_host_port(place)
+        distributed.comm.registry.get_backend(protocol)
+        if protocol == "inproc":
+            raise ValueError("'inproc' is for one process")
+    except ValueError as error:
+        raise InputError(
+            f"{address!r} is not the address of a Dask scheduler ({error}); expected one such as 'tcp://10.0.0.1:8786'"
+        ) from None
+    client = distributed.Client.__new__(distributed.Client)
+    try:
+        client.__init__(address, timeout=CONNECTING, set_as_default=False)
+    except Exception as error:  # of many kinds, if it is not a scheduler that answers
+        client.status = "closed"  # or Dask tries to close it when it is freed, and complains
+        raise InputError(
+            f"no Dask scheduler answers at {address!r} ({str(error)[:120]}); start one with 'dask scheduler', and "
+            "workers with 'dask worker ADDRESS'"
+        ) from None
+    return client
 
 
 def _rows(future: Any, designs: DesignRange) -> tuple[Columns, float]:
