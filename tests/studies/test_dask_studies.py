@@ -16,7 +16,7 @@ import small_study
 from small_study import SmallRunner, SmallSpace, expected_columns, same_columns
 
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.studies import dask_execution
+from bellcrank.studies import dask_execution, local_cluster
 from bellcrank.studies.dask_execution import DaskExecutor
 from bellcrank.studies.dask_worker import RangeTask, run_range
 from bellcrank.studies.environment import environment
@@ -135,7 +135,7 @@ def test_without_dask_the_remedy_is_said(monkeypatch):
 
 
 def test_designs_that_kill_every_worker_are_said(monkeypatch, tmp_path):
-    monkeypatch.setitem(dask_execution._SETTINGS, "distributed.scheduler.allowed-failures", 1)
+    monkeypatch.setitem(local_cluster._SETTINGS, "distributed.scheduler.allowed-failures", 1)
     said = r"designs \d+ to \d+: 2 workers that ran them died, one after the other"
     with StudyFolder(tmp_path) as place, pytest.raises(BellcrankError, match=said):
         run_study(SmallSpace(COUNT), SmallRunner(deadly=9.9), DaskExecutor(workers=2), folder=place)

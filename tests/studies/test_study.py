@@ -186,7 +186,7 @@ def test_progress_counts_all_designs(tmp_path):
             progress=lambda done, of: seen.append((done, of)),
         )  # fmt: skip
     assert seen[0] == (2000, COUNT) and seen[-1] == (COUNT, COUNT) and seen == sorted(seen)
-    assert len({done for done, _ in seen}) > 20
+    assert len({done for done, _ in seen}) > 4  # ranges, and progress within them
 
 
 # ---- what is refused
