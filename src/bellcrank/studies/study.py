@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.errors import InputError
-from bellcrank.simulation.checkpoints import KEEP_EVERY, SPACING
+from bellcrank.simulation.checkpoints import KEEP_EVERY
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.design_ranges import UndoneDesigns
 from bellcrank.studies.design_runner import DesignRunner
@@ -18,6 +18,8 @@ from bellcrank.studies.execution import Designs, Executor, Work
 from bellcrank.studies.local_execution import LocalExecutor
 from bellcrank.studies.study_folder import StudyFolder
 from bellcrank.studies.study_rows import StudyRows
+
+SPACING = 20.0  # times as long as writing takes: at most a twentieth of the time is spent on it
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
