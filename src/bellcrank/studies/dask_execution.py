@@ -117,7 +117,7 @@ class DaskExecutor:
             client = opened.enter_context(_client(distributed, self.scheduler))
         try:
             client.wait_for_workers(1, timeout=PATIENCE)
-        except OSError:  # the base of time-outs
+        except TimeoutError:
             if self._local is not None:
                 raise InputError(f"no Dask worker began to work within {PATIENCE:g} s") from None
             raise InputError(
@@ -143,7 +143,8 @@ class DaskExecutor:
         now = time.monotonic()
         if now - self._looked >= LOOK:
             self._looked = now
-            self._slots = max(sum(self._client.nthreads().values()), 1)
+            with contextlib.suppress(OSError):  # that the connection is lost, the results say
+                self._slots = max(sum(self._client.nthreads().values()), 1)
         return self._slots
 
     def _rows(self, future: Any, designs: DesignRange) -> tuple[Columns, float] | None:
@@ -229,11 +230,13 @@ def _dask() -> tuple[Any, Any]:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """In the block Dask reports only what is fatal."""
-    logger = logging.getLogger("distributed")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL)
+    """In the block Dask logs nothing: what the user has to know is an error of the study."""
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]
+    levels = {name: logging.getLogger(name).level for name in names}
+    for name in names:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         yield
     finally:
-        logger.setLevel(level)
+        for name, level in levels.items():
+            logging.getLogger(name).setLevel(level)

@@ -2,7 +2,8 @@
 
 FOLDER/checkpoints/study.json holds what the study is. 000001.npz, 000002.npz, … hold the rows that were computed in a
 few seconds each, without compression: compressed they take 96 % of the room, because most digits are random, and ten
-times as long. Every file is written under another name, flushed to the disk and renamed; each of its arrays has a checksum.
+times as long. Every file is written under another name, flushed to the disk and renamed; each of its arrays has a
+checksum.
 """
 
 from __future__ import annotations
