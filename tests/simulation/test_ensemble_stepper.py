@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from ensemble_runs import assert_equal_rows, integrate_ensemble, lone_runs, rows_of
+from scipy.interpolate import CubicSpline
 from stepper_problem import Problem
 
 FINISHED, EVENT, TOO_SMALL, NON_FINITE, SPENT, INTERRUPTED = range(6)
@@ -107,7 +108,7 @@ def test_the_order_of_each_method_in_lanes(oscillator):
             np.abs(integrate_ensemble(oscillator, method, 1, x0, p=p, step=s).end_state[:, :2] - exact).max()
             for s in (step, step / 2)
         ]
-        assert order - 0.6 < np.log2(errors[0] / errors[1]) < order + 1.5
+        assert order - 0.6 < np.log2(errors[0] / errors[1]) < order + 2
 
 
 @pytest.mark.parametrize("method", ("RK45", "DOP853"))
@@ -138,7 +139,9 @@ def test_stops_and_signals_are_those_of_lone_runs():
     """A signal with kinks, one that begins late and ends early, and jumps of the slope at stops."""
     random = np.random.default_rng(8)
     kinked = (np.array([0.4, 1.0, 1.7, 2.6]), random.normal(size=(3, 4, 1)), 2, True)
-    smooth = (np.array([0.3, 0.9, 1.1, 2.2, 2.4]), random.normal(size=(4, 6, 2)), 1, False)
+    places = np.array([0.3, 0.9, 1.1, 2.2, 2.4])
+    spline = CubicSpline(places, random.normal(size=(5, 2)), bc_type="clamped")
+    smooth = (places, spline.c[::-1].transpose(1, 0, 2).copy(), 1, False)
     problem = Problem("driven", lambda t, x, u, p: [x[1], u[0] + 0.1 * u[1] - u[2] + u[3] * u[5] - x[0] + u[4] * p[0]
                                                     + ca.if_else(t < 1.3, 1, -1)],
                       [1, 0], 3, inputs=7, parameters=[1])  # fmt: skip
@@ -151,7 +154,7 @@ def test_stops_and_signals_are_those_of_lone_runs():
         found = integrate_ensemble(problem, method, 1e-9, x0, p=p, t1=t1, **more)
         runs = lone_runs(problem, method, 1e-9, x0, p=p, t1=t1, **more)
         assert (found.status == FINISHED).all()
-        np.testing.assert_allclose(found.end_state, [run.end_state for run in runs], atol=3e-9)
+        np.testing.assert_allclose(found.end_state, [run.end_state for run in runs], atol=3e-9, err_msg=method)
         np.testing.assert_allclose(found.evaluations, [run.evaluations for run in runs], rtol=0.15)
 
 
