@@ -6,12 +6,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.dynamics.consistent_starts import StartEquations
+from bellcrank.dynamics.design_parameters import RowSampling
 from bellcrank.simulation.ensemble_problem import EnsembleProblem
 from bellcrank.simulation.integration_problem import IntegrationProblem
 
 def evaluate(
     address: int, inputs: tuple[Any, ...], input_sizes: tuple[int, ...], output_sizes: tuple[int, ...]
 ) -> tuple[NDArray[np.float64], ...] | None: ...
+def evaluate_rows(
+    address: int, inputs: list[NDArray[np.float64]], output_sizes: list[int], samples: int
+) -> tuple[NDArray[np.float64], ...]:
+    """The code for one sample, row by row; an input (1, m) holds for all samples."""
 
 class SampleCall:
     """A compiled function of one sample with one output, of this address.
@@ -171,3 +177,31 @@ def integrate_ensemble(problem: EnsembleProblem) -> dict[str, Any]:
     Raises TypeError where an attribute has the wrong type, ValueError where attributes do not fit together, and what
     `progress` raises; Ctrl-C ends the runs.
     """
+
+def consistent_postures(
+    equations: StartEquations,
+    parameters: NDArray[np.float64],
+    units: NDArray[np.float64],
+    lengths: NDArray[np.float64],
+    q: NDArray[np.float64],
+    held: NDArray[np.bool_],
+    threads: int,
+) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]:
+    """The consistent positions (n, nq) of designs, and for each a StartCode with its index and value."""
+
+def consistent_velocities(
+    equations: StartEquations,
+    parameters: NDArray[np.float64],
+    units: NDArray[np.float64],
+    lengths: NDArray[np.float64],
+    q: NDArray[np.float64],
+    v: NDArray[np.float64],
+    held: NDArray[np.bool_],
+    threads: int,
+) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]:
+    """The consistent velocities (n, nv) of designs, and for each a StartCode with its index and value."""
+
+def row_sizes(
+    sampling: RowSampling, parameters: NDArray[np.float64], threads: int
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Scale, square and unit of the kept rows and L (designs, 3 rows + 1), and which designs are clearly regular."""

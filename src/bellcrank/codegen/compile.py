@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank._step import SampleCall, evaluate
+from bellcrank._step import SampleCall, evaluate, evaluate_rows
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.expression_graph import Graph, graph_of
@@ -165,6 +165,19 @@ class Compiled:
         if one is None:
             raise CompileError(f"{self.name} could not be evaluated at this sample")
         return one[0] if len(one) == 1 else one
+
+    def rows(self, *arrays: Array) -> list[Array]:
+        """The outputs (n, k) for inputs (n, m), some of which may be (m,), by the code for one sample.
+
+        This spares compiling the code for batches of a function that is called for each row once.
+        """
+        values = [np.atleast_2d(np.ascontiguousarray(a, dtype=np.float64)) for a in arrays]
+        address = self.address("scalar")
+        for k, (value, size) in enumerate(zip(values, self.input_sizes, strict=True)):
+            if value.shape[1] != size:
+                raise InputError(f"{self.name}: argument {k + 1} has shape {value.shape}, expected (n, {size})")
+        samples = max((len(value) for value, a in zip(values, arrays, strict=True) if a.ndim == 2), default=1)
+        return list(evaluate_rows(address, values, list(self.output_sizes), samples))
 
     def _many(self, values: list[Array], rows: int) -> list[Array]:
         lanes = machine.target().lanes

@@ -16,7 +16,7 @@ from bellcrank.dynamics.constraint_derivatives import time_derivative
 from bellcrank.dynamics.kkt import ConstrainedSolution
 from bellcrank.dynamics.latch_impact import latch_impact
 from bellcrank.dynamics.observed_quantities import ObservedLayout, observed_quantities
-from bellcrank.dynamics.system_layout import Sizes, SystemLayout, entries
+from bellcrank.dynamics.system_layout import Sizes, SparsityPattern, SystemLayout, entries
 
 if TYPE_CHECKING:
     import casadi
@@ -206,11 +206,16 @@ class System:
 
     def linearised_constraints(self, t: Array, x: Array, u: Array, p: Array) -> tuple[Array, Array, Array]:
         """φ (h), (φ̇, ψ) (rows) and J (rows, nv) at a state, or at each state of a batch."""
-        position, velocity, numbers = self._linearised(t, x, u, p)
-        return position, velocity, self._layout.sparsity["jacobian"].matrix(numbers)
+        position, velocity, numbers = self.linearised(t, x, u, p)
+        return position, velocity, self.jacobian_pattern.matrix(numbers)
+
+    @property
+    def jacobian_pattern(self) -> SparsityPattern:
+        """Where the entries of J are that are not always zero."""
+        return self._layout.sparsity["jacobian"]
 
     @cached_property
-    def _linearised(self) -> Compiled:
+    def linearised(self) -> Compiled:
         """(t, x, u, p) -> φ, (φ̇, ψ), and the entries of J that are not always zero."""
 
         def build() -> casadi.Function:

@@ -33,12 +33,6 @@ def alignment_cosines_along(scene: Scene, time: Array, state: Array, inputs: Arr
     return np.asarray(found).reshape(len(time), -1)
 
 
-def alignment_residual(scene: Scene, q: Array) -> tuple[Array, Array]:
-    """A residual (m,) that vanishes only where all these cosines are 1, and its derivative (m, nv) by v."""
-    found, flat = system_of(scene).alignment_residual(*_at_rest(scene, q))
-    return found, flat.reshape(scene.robot.nv, len(found)).T
-
-
 def full_angle_residuals(scene: Scene, residual: Array, cosine: Array) -> Array:
     """|φ| (n, h) with angles in place of their sines, from φ (n, h) and the cosines (n, constraints)."""
     absolute = np.abs(residual)

@@ -44,6 +44,8 @@ CLOSED = 1e-9  # the largest residual of a constraint whose frames cannot move a
 SPREAD = 1e3  # bound of a row's J M⁻¹ Jᵀ, which light links raise, relative to its value while the others hold
 MEMORY = 4096  # values of parameters remembered
 RECENT = 64  # structures remembered
+LEAST_POWER = -323
+POWERS = np.array([float(f"1e{exponent}") for exponent in range(LEAST_POWER, 309)])  # the same on every processor
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -111,10 +113,7 @@ def rows_of(scene: Scene) -> ConstraintRows:
     """The kept rows of a scene's constraints at its parameters. Raises InputError where a row can never hold."""
     key = scene.structure_key
     with making:
-        sampler = _samplers.pop(key, None) or ConstraintSampler(scene, key)
-        _samplers[key] = sampler
-        if len(_samplers) > RECENT:
-            del _samplers[next(iter(_samplers))]
+        sampler = sampler_of(scene)
         values = scene.parameter_values if sampler.parametric else np.zeros(0)
         place = key, values.tobytes()
         if place not in _known:
@@ -122,6 +121,17 @@ def rows_of(scene: Scene) -> ConstraintRows:
                 del _known[next(iter(_known))]
             _known[place] = _rows_at(sampler, scene)
         return _known[place]
+
+
+def sampler_of(scene: Scene) -> ConstraintSampler:
+    """What samples a scene's constraints and mass matrix, shared by scenes of one structure."""
+    key = scene.structure_key
+    with making:
+        sampler = _samplers.pop(key, None) or ConstraintSampler(scene, key)
+        _samplers[key] = sampler
+        if len(_samplers) > RECENT:
+            del _samplers[next(iter(_samplers))]
+        return sampler
 
 
 def _rows_at(sampler: ConstraintSampler, scene: Scene) -> ConstraintRows:
@@ -197,7 +207,7 @@ def _binding_rows(
     for constraint in scene.constraints:
         mine = np.array([name == constraint.name for name, _ in names])
         largest, widest = size[mine].max(initial=0.0), (apart / unit)[mine].max(initial=0.0)
-        rigid = largest <= RIGID or _on_one_body(scene.robot, constraint)
+        rigid = largest <= RIGID or on_one_body(scene.robot, constraint)
         if not rigid:
             binds |= mine & (size > DEAD * largest)
         allowed = CLOSED if rigid else max(IMPOSSIBLE * widest, CLOSED)
@@ -209,7 +219,7 @@ def _binding_rows(
     return binds, tuple(left_out)
 
 
-def _on_one_body(robot: Robot, constraint: Constraint) -> bool:
+def on_one_body(robot: Robot, constraint: Constraint) -> bool:
     """Whether both frames of a loop are on links with no joint between them."""
     if not isinstance(constraint, Loop):
         return False
@@ -272,7 +282,8 @@ def _power_of_ten(values: Array) -> Array:
     """The nearest powers of ten, so that no rounding of a factorisation enters the equations; 1 where there is no
     mass.
     """
-    return np.asarray(10.0 ** np.round(np.log10(np.where(values > 0.0, values, 1.0))))
+    exponents = np.round(np.log10(np.where(values > 0.0, values, 1.0)))
+    return np.asarray(POWERS[np.clip(exponents, LEAST_POWER, 308).astype(np.intp) - LEAST_POWER])
 
 
 def _unit(label: str, length: float, most: float) -> float:

@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 POSTURES = 8  # in which J and φ are evaluated
 MORE_POSTURES = 512  # tried where constraints have no value in all of the first ones
 MEANT = 1e-7  # of the robot's largest dimension: shorter lever arms are rounding
+_FUNCTIONS = ("rows", "inertia")
 _FACTS = {"parametric": bool, "names": [(str, str)], "places": ([int], [int]), "signals": int}
 
 
@@ -57,7 +58,7 @@ class ConstraintSampler:
         facts: dict[str, Any] = disk.load_data(self.name, _FACTS) or self._find_facts(scene)
         self.parametric: bool = facts["parametric"]  # whether J, φ or M depends on parameters
         self.names = [(str(name), str(label)) for name, label in facts["names"]]  # of all rows
-        self._places, self._inputs = facts["places"], facts["signals"]
+        self.places, self._inputs = facts["places"], facts["signals"]
 
     def _find_facts(self, scene: Scene) -> dict[str, Any]:
         import casadi
@@ -98,12 +99,12 @@ class ConstraintSampler:
 
         L is the characteristic length, which follows from values at the same postures with coordinates in m at 0.
         """
-        robot, names, (down, across) = scene.robot, self.names, self._places
+        robot, names, (down, across) = scene.robot, self.names, self.places
         many = len(down)
         units = np.array([in_metres(label) for _, label in names], dtype=bool)
         far = lengths_in_velocity(robot)
         turns = units[down] & ~far[across] if names else np.zeros(0, dtype=bool)
-        moves, t, u = self._drawn(robot, count)
+        moves, t, u = self.drawn(robot, count)
         length, entries, q = 0.0, np.zeros((count, 0)), postures(robot, moves, 0.0)
         for first in (True, False):  # with every coordinate in m at 0, which gives L, then with them within 1.5 L
             if names and (first or lengths_in_position(robot).any()):
@@ -154,7 +155,7 @@ class ConstraintSampler:
             "that it is defined there, and divide it by a constant where it is too large"
         )
 
-    def _drawn(self, robot: Robot, count: int) -> tuple[Array, Array, Array]:
+    def drawn(self, robot: Robot, count: int) -> tuple[Array, Array, Array]:
         """The random displacements, times and signals (count, …), the same at all parameters."""
         if self._draws is None or len(self._draws[0]) != count:
             random = np.random.default_rng(0)
@@ -178,14 +179,17 @@ class ConstraintSampler:
     def _tree_is_constant(scene: Scene) -> bool:
         return not any(parameter.places for parameter in scene.parameters.values())
 
+    def code(self, scene: Scene, what: str) -> Compiled:
+        """One of the functions, "rows" or "inertia", compiled."""
+        if what not in self._codes:
+            made = scene.robot.compiled(f"{what} {self.key}", lambda: self._functions(scene)[_FUNCTIONS.index(what)])
+            self._codes[what] = made
+        return self._codes[what]
+
     def _called(self, scene: Scene, which: int) -> Callable[..., Array]:
         """One of the functions on rows of arguments; compiled where parameters change its values."""
         if self.parametric:
-            what = ("rows", "inertia")[which]
-            if what not in self._codes:
-                made = scene.robot.compiled(f"{what} {self.key}", lambda: self._functions(scene)[which])
-                self._codes[what] = made
-            return self._codes[what]
+            return self.code(scene, _FUNCTIONS[which])
         f = self._functions(scene)[which]
 
         def call(*given: Array) -> Array:
@@ -197,10 +201,8 @@ class ConstraintSampler:
 
 def _characteristic_length(scene: Scene, found: Array, parametric: bool) -> float:
     """The root mean square of the lengths found, m; where these are rounding, the largest dimension, or 1 m."""
-    tree = scene.robot.equations.tree
-    placed = [joint.placement.translation for joint in tree.joints] + [f.in_parent.translation for f in tree.frames]
-    set_here = [p.value for p in scene.parameters.values() if p.unit == "m" and parametric]
-    longest = max((abs(x) for x in (*np.ravel(placed), *set_here)), default=0.0)
+    set_here = [abs(p.value) for p in scene.parameters.values() if p.unit == "m" and parametric]
+    longest = max(largest_dimension(scene.robot), *set_here, 0.0)
     if longest > LARGEST:
         raise InputError(
             f"{scene.source}: '{scene.robot.name}' has lengths of {longest:.3g} m; expected at most {LARGEST:g} m, so "
@@ -215,6 +217,13 @@ def _characteristic_length(scene: Scene, found: Array, parametric: bool) -> floa
             f"underflow"
         )
     return float(np.sqrt((meant * meant).mean())) if meant.size else float(longest) or 1.0
+
+
+def largest_dimension(robot: Robot) -> float:
+    """The largest coordinate, m, of a joint or frame of the robot in the frame before it."""
+    tree = robot.equations.tree
+    placed = [joint.placement.translation for joint in tree.joints] + [f.in_parent.translation for f in tree.frames]
+    return float(np.abs(np.ravel(placed)).max(initial=0.0))
 
 
 def in_metres(label: str) -> bool:

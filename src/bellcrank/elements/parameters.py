@@ -11,12 +11,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from bellcrank.config.fields import Fields
-from bellcrank.elements.element import ANY, NONNEGATIVE, Element, Settable
+from bellcrank.elements.element import ANY, NONNEGATIVE, Bound, Element, Settable
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.robot.pinocchio_model import LEAST_MASS
@@ -81,17 +81,48 @@ def read_parameters(read: Fields, robot: Robot, parts: Sequence[Element]) -> dic
     return parameters
 
 
+class LinkInertia(NamedTuple):
+    """The moments xx, xy, yy, xz, yz, zz of a link, some of which parameters set.
+
+    Attributes:
+        link: The name of the link.
+        names: The parameter that sets each moment; empty where none does.
+        numbers: kg m²: the value of the parameter, or that of the robot's file.
+    """
+
+    link: str
+    names: tuple[str, ...]
+    numbers: tuple[float, ...]
+
+
+def inertias_set(parameters: Mapping[str, Parameter], robot: Robot) -> list[LinkInertia]:
+    """The inertias of links that parameters set."""
+    given = {place: p for p in parameters.values() for place in p.places if 10 <= place[1] < 16}
+    found = []
+    for index in dict.fromkeys(frame for frame, _ in given):
+        frame = robot.equations.tree.frames[index]
+        setters = [given.get((index, 10 + k)) for k in range(6)]
+        names = tuple("" if p is None else p.name for p in setters)
+        numbers = tuple(x if p is None else p.value for p, x in zip(setters, frame.inertia, strict=True))
+        found.append(LinkInertia(frame.name, names, numbers))
+    return found
+
+
+def parameter_bounds(parameter: Parameter, robot: Robot, parts: Sequence[Element]) -> list[Bound]:
+    """The bounds of a parameter's targets."""
+    return [_resolve(target, robot, parts)[0].bound for target in parameter.sets]
+
+
 def _check_inertias(table: Fields, parameters: Mapping[str, Parameter], robot: Robot) -> None:
     """Raise InputError if parameters give a link a negative principal moment of inertia."""
-    given = {place: (p.value, name) for name, p in parameters.items() for place in p.places if 10 <= place[1] < 16}
-    for frame, name in {frame: name for (frame, _), (_, name) in given.items()}.items():
-        data = robot.equations.tree.frames[frame]
-        xx, xy, yy, xz, yz, zz = (given.get((frame, 10 + k), (x,))[0] for k, x in enumerate(data.inertia))
+    for link in inertias_set(parameters, robot):
+        xx, xy, yy, xz, yz, zz = link.numbers
         moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         if moments[0] < -1e-9 * abs(moments[2]):
-            raise table.mapping(name).error(
+            last = [name for name in parameters if name in link.names][-1]
+            raise table.mapping(last).error(
                 "value",
-                f"with {parameters[name].value:g} kg m^2 the link '{data.name}' has a principal moment of inertia "
+                f"with {parameters[last].value:g} kg m^2 the link '{link.link}' has a principal moment of inertia "
                 f"of {moments[0]:.4g} kg m^2, expected 0 or more",
             )
 

@@ -73,13 +73,14 @@ class FreeJointStart:
             q[middle : joint.q + joint.nq] = self.rotation
 
     def move(self, joint: RobotJoint, q: Array, v: Array) -> None:
-        """Write the velocity into v (nv,), with the body's axes at the position q (nq,)."""
+        """Write the velocity into v (…, nv), with the body's axes at the position q (…, nq)."""
         middle = joint.v + len(self.linear.values)
         for part, entry in ((slice(joint.v, middle), self.linear), (slice(middle, joint.v + joint.nv), self.angular)):
             if not any(entry.given):
                 continue
             turn = np.eye(len(entry.given)) if self.in_body or len(entry.given) == 1 else body_axes(joint, q)
-            v[part] = turn.T @ entry.over(turn @ v[part])
+            there = entry.over((turn @ v[..., part, None])[..., 0])
+            v[..., part] = (np.swapaxes(turn, -1, -2) @ there[..., None])[..., 0]
 
     def hold(self, joint: RobotJoint, held_q: Mask, held_v: Mask) -> None:
         """Mark the degrees of freedom (nv) whose positions and velocities are kept.
@@ -122,11 +123,11 @@ def read_free_joint_start(read: Fields, joint: RobotJoint, axes: str = "parent")
 
 
 def body_axes(joint: RobotJoint, q: Array) -> Array:
-    """The rotation matrix, body to parent, of a floating joint (3, 3) or of a planar one in its plane (2, 2)."""
+    """Rotation matrices, body to parent, of a floating joint (…, 3, 3) or of a planar one in its plane (…, 2, 2)."""
     if joint.kind == "planar":
-        cos, sin = q[joint.q + 2 : joint.q + 4]
-        return np.array([[cos, -sin], [sin, cos]])
-    return rotation_matrix(q[joint.q + 3 : joint.q + 7])
+        cos, sin = q[..., joint.q + 2], q[..., joint.q + 3]
+        return _matrices([[cos, -sin], [sin, cos]])
+    return rotation_matrix(q[..., joint.q + 3 : joint.q + 7])
 
 
 def _components(read: Fields, key: str, names: str, unit: str, guess: bool = False) -> Components:
@@ -217,12 +218,16 @@ def quaternion_of(rpy: tuple[float, ...]) -> Array:
 
 
 def rotation_matrix(quaternion: Array) -> Array:
-    """The rotation matrix (3, 3) of a unit quaternion x y z w."""
-    x, y, z, w = quaternion
-    return np.array(
+    """The rotation matrices (…, 3, 3) of unit quaternions x y z w (…, 4)."""
+    x, y, z, w = np.moveaxis(np.asarray(quaternion), -1, 0)
+    return _matrices(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
             [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
+
+
+def _matrices(entries: list[list[Array]]) -> Array:
+    return np.moveaxis(np.array(entries), (0, 1), (-2, -1))

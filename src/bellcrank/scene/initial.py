@@ -73,7 +73,7 @@ class Initial:
         return q
 
     def rates(self, robot: Robot, q: Array, motion: Motion | None = None) -> Array:
-        """The given velocity (nv,), with the axes of free joints' bodies at the position q (nq,)."""
+        """The given velocity (…, nv), with the axes of free joints' bodies at the position q (…, nq)."""
         v = np.zeros(robot.nv)
         if self.saved is not None:
             self.saved.write_velocity(robot, v)
@@ -84,6 +84,7 @@ class Initial:
                     v[j.v] = rate[j.v]
         for name, value in self.velocity.items():
             v[robot.joint(name).v] = value
+        v = np.broadcast_to(v, (*q.shape[:-1], robot.nv)).copy()
         for name, start in self.free.items():
             start.move(robot.joint(name), q, v)
         return v

@@ -264,12 +264,17 @@ class Scene(Portable, Renamed):
 
         return digest(self.robot.key, self.physics_key(), sources())
 
+    @property
+    def elements(self) -> tuple[Element, ...]:
+        """The forces, controllers and constraints."""
+        return (*self.forces, *self.control, *self.constraints)
+
     # ---- signals
 
     @property
     def signal_sources(self) -> tuple[SignalSource, ...]:
         """The sources of the signals u(t), in the order of their entries in u."""
-        found = [part.source for part in (*self.forces, *self.control, *self.constraints)]
+        found = [part.source for part in self.elements]
         return tuple(dict.fromkeys(source for source in found if source is not None))
 
     @cached_property
@@ -317,7 +322,7 @@ class Scene(Portable, Renamed):
     @property
     def frames(self) -> tuple[str, ...]:
         """The names of the frames that forces, controllers, constraints, events and outputs use, each once."""
-        groups = [p.frames for p in (*self.forces, *self.control, *self.constraints)]
+        groups = [p.frames for p in self.elements]
         groups += [e.frames for e in self.events] + [o.frames for o in self.outputs.values()]
         return tuple(dict.fromkeys(name for group in groups for name in group))
 

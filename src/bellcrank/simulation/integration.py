@@ -258,19 +258,29 @@ def event_search(scene: Scene) -> EventSearch:
 
 def refuse_open_contact(scene: Scene, parameters: Array, x0: Array) -> None:
     """Name a rolling contact whose plane would have to pull at the start already (InputError)."""
+    opened = open_contacts(scene, parameters[None], x0[None])
+    for text in opened.values():
+        raise InputError(f"{scene.source}: {text}")
+
+
+def open_contacts(scene: Scene, parameters: Array, x0: Array) -> dict[int, str]:
+    """The designs with parameters (n, np) and starts (n, size) in which a rolling contact is open, and which one."""
     places = _contact_events(scene)
     if not places:
-        return
-    normal = system_of(scene).events(np.zeros(1), x0, values_at(scene.signals, np.zeros(1))[0], parameters)
-    for k in places:
+        return {}
+    u = values_at(scene.signals, np.zeros(1))[0]
+    normal = system_of(scene).events.rows(np.zeros(1), x0, u, parameters)[0]
+    found = dict[int, str]()
+    for k in reversed(places):  # so that the first is named
         rule = scene.events[k].when
         assert isinstance(rule, ContactLost)
-        if normal[k] < 0.0:
-            raise InputError(
-                f"{scene.source}: constraints: '{rule.constraint}' is not in contact at the start: its plane would "
-                f"have to pull by {-normal[k]:.6g} N; change the start or the forces, or write two_sided: true if the "
-                "plane can pull"
+        for row in np.flatnonzero(normal[:, k] < 0.0).tolist():
+            found[row] = (
+                f"constraints: '{rule.constraint}' is not in contact at the start: its plane would have to pull by "
+                f"{-normal[row, k]:.6g} N; change the start or the forces, or write two_sided: true if the plane can "
+                "pull"
             )
+    return found
 
 
 @computed_once
@@ -281,15 +291,31 @@ def _contact_events(scene: Scene) -> tuple[int, ...]:
 
 def refuse_infinite_start(scene: Scene, parameters: Array, x0: Array) -> None:
     """Name the joint whose acceleration is not finite at the start, and the remedies (InputError)."""
-    system = system_of(scene)
-    u = scene.signals_at(np.zeros(1))[0]
-    rhs = system.fallback if scene.constraints else system.rhs
-    rate = rhs(np.zeros(1), x0, u, parameters)[system.nq : system.nq + system.nv]
-    bad = np.flatnonzero(~np.isfinite(rate))
-    if len(bad):
-        where = next(j.name for j in reversed(scene.robot.joints) if j.v <= bad[0])
-        raise InputError(
-            f"{scene.source}: the acceleration of joint '{where}' is not finite at the start: either the links beyond "
-            "it have no inertia about its axis (give them mass), or a force, gain or parameter is undefined or too "
-            "large there"
-        )
+    for text in infinite_starts(scene, parameters[None], x0[None]).values():
+        raise InputError(f"{scene.source}: {text}")
+
+
+def infinite_starts(scene: Scene, parameters: Array, x0: Array) -> dict[int, str]:
+    """The designs with parameters (n, np) and starts (n, size) in which an acceleration is not finite, and which."""
+    system, u = system_of(scene), scene.signals_at(np.zeros(1))[0]
+    staged = scene.settings.solver != "Radau" and system.size <= LARGEST_STAGED  # what a run calls is compiled
+    more = (np.zeros(system.size), np.zeros(1)) if staged else ()
+    plain, *guard = (system.stage if staged else system.rhs).rows(np.zeros(1), x0, u, parameters, *more)
+    odd = ~np.isfinite(plain).all(axis=1)
+    if guard:
+        odd |= ~(guard[0][:, 0] > 0.0)
+    rows = np.flatnonzero(odd)
+    rates = plain[rows]
+    if guard and len(rows):
+        fallback = system.fallback_stage if staged else system.fallback
+        rates = fallback.rows(np.zeros(1), x0[rows], u, parameters[rows], *more)[0]
+    found = dict[int, str]()
+    for row, rate in zip(rows.tolist(), rates[:, system.nq : system.nq + system.nv], strict=True):
+        bad = np.flatnonzero(~np.isfinite(rate))
+        if len(bad):
+            where = next(j.name for j in reversed(scene.robot.joints) if j.v <= bad[0])
+            found[row] = (
+                f"the acceleration of joint '{where}' is not finite at the start: either the links beyond it have no "
+                "inertia about its axis (give them mass), or a force, gain or parameter is undefined or too large there"
+            )
+    return found

@@ -31,6 +31,12 @@ class Columns:
     def __len__(self) -> int:
         return len(self.status)
 
+    def rows(self, first: int, stop: int) -> Columns:
+        """The rows `first`, …, `stop` − 1, without a copy."""
+        reasons = {row - first: reason for row, reason in self.reasons.items() if first <= row < stop}
+        measures = {name: values[first:stop] for name, values in self.measures.items()}
+        return Columns(statuses=self.statuses, status=self.status[first:stop], measures=measures, reasons=reasons)
+
     @classmethod
     def joined(cls, parts: Sequence[Columns]) -> Columns:
         """The rows of several parts, which have the same statuses and measures, one after another."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import os
-import pickle
 import queue
 import time
 import uuid
@@ -16,23 +14,18 @@ from bellcrank.errors import BellcrankError, InputError
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.dask_worker import RangeTask, run_range
 from bellcrank.studies.design_ranges import DesignRange, RangeSize
+from bellcrank.studies.design_runner import DesignRunner
 from bellcrank.studies.environment import TARGETS_ALIKE, differences, environment
 from bellcrank.studies.execution import Part, Work
+from bellcrank.studies.local_cluster import LocalCluster
 from bellcrank.studies.local_execution import DESIGNS_A_THREAD
 from bellcrank.terminal import interruption
 
 IN_FLIGHT = 2  # ranges a thread of a worker: one runs, one waits
-ALLOWED_DEATHS = 6  # of workers that run one range, on a cluster of our own; more are the range's fault
 POLL = 0.1  # s between checks for Ctrl-C
+FETCHING = 2.0  # s that a result may take before Ctrl-C is looked for; twice as long after each time that it does not
 LOOK = 1.0  # s between counts of the workers
-PATIENCE = 60.0  # s until the first worker of a scheduler
-_SETTINGS = {
-    "distributed.scheduler.allowed-failures": ALLOWED_DEATHS,
-    "distributed.worker.memory.terminate": False,  # the system knows better what memory is left
-    "distributed.worker.memory.pause": False,
-    "distributed.worker.memory.spill": False,
-    "distributed.worker.memory.target": False,
-}
+CONNECTING, PATIENCE = 10.0, 60.0  # s until a scheduler answers, and until its first worker is there
 
 
 class DaskExecutor:
@@ -48,7 +41,9 @@ class DaskExecutor:
         self.workers, self.scheduler, self.threads = workers, scheduler, threads
         self._open = contextlib.ExitStack()
         self._client: Any = None
+        self._local: LocalCluster | None = None
         self._slots, self._looked = 1, -LOOK
+        self._fetching = FETCHING
 
     def __enter__(self) -> Self:
         """Raises InputError where Dask is not installed, or no worker answers."""
@@ -74,7 +69,7 @@ class DaskExecutor:
         done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         running: dict[Any, DesignRange] = {}
         size = RangeSize(DESIGNS_A_THREAD * self.threads)
-        key, pickled = uuid.uuid4().hex, pickle.dumps(work.runner)
+        key, pickled = uuid.uuid4().hex, _pickled(work.runner)
         try:
             while True:
                 while len(running) < IN_FLIGHT * self._slots_now():
@@ -98,7 +93,12 @@ class DaskExecutor:
                     work.progress(0)
                     self._check_alive()
                     continue
-                columns, seconds = _rows(future, running[future])
+                rows = self._rows(future, running[future])
+                if rows is None:  # its worker died since
+                    work.progress(0)
+                    done.put(future)
+                    continue
+                columns, seconds = rows
                 designs = running.pop(future)
                 future.release()
                 size.learn(designs.size, seconds)
@@ -110,23 +110,16 @@ class DaskExecutor:
     def _connect(self, dask: Any, distributed: Any, opened: contextlib.ExitStack) -> Any:
         """A client of the cluster; what is opened is closed with `opened`."""
         if self.scheduler is None:
-            opened.enter_context(dask.config.set(_SETTINGS))
-            cluster = distributed.LocalCluster(
-                n_workers=self.workers, threads_per_worker=1, processes=True, dashboard_address=None,
-                silence_logs=logging.CRITICAL, memory_limit=0, preload=["bellcrank.studies.dask_worker"],
-            )  # fmt: skip
-            opened.callback(cluster.close)
-            return opened.enter_context(distributed.Client(cluster, set_as_default=False, direct_to_workers=True))
-        try:
-            client = opened.enter_context(distributed.Client(self.scheduler, timeout=10, set_as_default=False))
-        except (OSError, ValueError) as error:
-            raise InputError(
-                f"no Dask scheduler answers at {self.scheduler!r} ({str(error)[:120]}); start one with 'dask "
-                "scheduler', and workers with 'dask worker ADDRESS'"
-            ) from None
+            self._local = opened.enter_context(LocalCluster(dask, distributed, self.workers or 1))
+            client = distributed.Client(self._local.cluster, set_as_default=False, direct_to_workers=True)
+            opened.enter_context(client)
+        else:
+            client = opened.enter_context(_client(distributed, self.scheduler))
         try:
             client.wait_for_workers(1, timeout=PATIENCE)
-        except OSError:  # the base of time-outs
+        except TimeoutError:
+            if self._local is not None:
+                raise InputError(f"no Dask worker began to work within {PATIENCE:g} s") from None
             raise InputError(
                 f"the Dask scheduler {self.scheduler} has no worker; start some with 'dask worker {self.scheduler}'"
             ) from None
@@ -137,7 +130,7 @@ class DaskExecutor:
         try:
             found: dict[str, dict[str, str]] = self._client.run(environment)
         except ModuleNotFoundError as error:
-            raise InputError(f"Dask workers cannot import {error.name}; install bellcrank where they run") from None
+            raise _missing(error) from None
         first = next(iter(found))
         for address, other in found.items():
             differing = differences(found[first], other, (first, address))
@@ -150,36 +143,78 @@ class DaskExecutor:
         now = time.monotonic()
         if now - self._looked >= LOOK:
             self._looked = now
-            self._slots = max(sum(self._client.nthreads().values()), 1)
+            with contextlib.suppress(OSError):  # that the connection is lost, the results say
+                self._slots = max(sum(self._client.nthreads().values()), 1)
         return self._slots
+
+    def _rows(self, future: Any, designs: DesignRange) -> tuple[Columns, float] | None:
+        """The result of a range; None where it does not come soon. Raises BellcrankError where there is none."""
+        from distributed import CancelledError
+        from distributed.scheduler import KilledWorker
+
+        try:
+            found: tuple[Columns, float] = future.result(timeout=self._fetching)
+            return found
+        except TimeoutError:
+            self._fetching *= 2.0  # or a slow network would never bring it
+            return None
+        except KilledWorker as error:
+            raise BellcrankError(
+                f"designs {designs.first + 1} to {designs.stop}: {error.allowed_failures + 1} workers that ran them "
+                "died, one after the other; they may need more memory than the workers have, or be killed by the "
+                "system; run these designs alone, without workers, to see why"
+            ) from None
+        except ModuleNotFoundError as error:
+            raise _missing(error) from None
+        except (CancelledError, OSError) as error:
+            why = str(error)[:120] or type(error).__name__
+            raise BellcrankError(
+                f"the Dask scheduler lost the designs {designs.first + 1} to {designs.stop} ({why}); run again to go "
+                "on from what is kept"
+            ) from None
 
     def _check_alive(self) -> None:
         if self._client.status not in ("running", "connecting"):
             raise BellcrankError("the connection to the Dask scheduler was lost; run again to go on from what is kept")
 
 
-def _rows(future: Any, designs: DesignRange) -> tuple[Columns, float]:
-    """The result of a range. Raises BellcrankError where there is none."""
-    from distributed import CancelledError
-    from distributed.scheduler import KilledWorker
+def _client(distributed: Any, address: str) -> Any:
+    """A client of the scheduler at an address. Raises InputError where none answers."""
+    try:
+        protocol, place = distributed.comm.parse_address(address)
+        distributed.comm.parse_host_port(place)
+        distributed.comm.registry.get_backend(protocol)
+        if protocol == "inproc":
+            raise ValueError("'inproc' is for one process")
+    except ValueError as error:
+        raise InputError(
+            f"{address!r} is not the address of a Dask scheduler ({error}); expected one such as 'tcp://10.0.0.1:8786'"
+        ) from None
+    client = distributed.Client.__new__(distributed.Client)
+    try:
+        client.__init__(address, timeout=CONNECTING, set_as_default=False)
+    except Exception as error:  # of many kinds, if it is not a scheduler that answers
+        client.status = "closed"  # or Dask tries to close it when it is freed, and complains
+        raise InputError(
+            f"no Dask scheduler answers at {address!r} ({str(error)[:120]}); start one with 'dask scheduler', and "
+            "workers with 'dask worker ADDRESS'"
+        ) from None
+    return client
+
+
+def _pickled(runner: DesignRunner) -> bytes:
+    """The pickle of a runner, with what the user's program defines itself. Raises InputError where there is none."""
+    import cloudpickle
 
     try:
-        found: tuple[Columns, float] = future.result()
-        return found
-    except KilledWorker as error:
-        raise BellcrankError(
-            f"designs {designs.first + 1} to {designs.stop}: {error.allowed_failures + 1} workers that ran them died, "
-            "one after the other; they may need more memory than the workers have, or be killed by the system; run "
-            "these designs alone, without workers, to see why"
-        ) from None
-    except ModuleNotFoundError as error:
-        raise InputError(f"Dask workers cannot import {error.name}; install bellcrank where they run") from None
-    except (CancelledError, OSError) as error:
-        why = str(error)[:120] or type(error).__name__
-        raise BellcrankError(
-            f"the Dask scheduler lost the designs {designs.first + 1} to {designs.stop} ({why}); run again to go on "
-            "from what is kept"
-        ) from None
+        data: bytes = cloudpickle.dumps(runner)
+        return data
+    except Exception as error:  # whatever an object in the scene says
+        raise InputError(f"the study cannot be sent to other processes ({error}); run it without workers") from None
+
+
+def _missing(error: ModuleNotFoundError) -> InputError:
+    return InputError(f"Dask workers cannot import {error.name}; install bellcrank where they run")
 
 
 def _dask() -> tuple[Any, Any]:
@@ -195,14 +230,13 @@ def _dask() -> tuple[Any, Any]:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """In the block Dask reports only what is fatal, and what it sets in the environment is undone at the end."""
-    logger, before = logging.getLogger("distributed"), dict(os.environ)
-    level = logger.level
-    logger.setLevel(logging.CRITICAL)
+    """In the block Dask logs nothing: what the user has to know is an error of the study."""
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]
+    levels = {name: logging.getLogger(name).level for name in names}
+    for name in names:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         yield
     finally:
-        logger.setLevel(level)
-        for name in set(os.environ) - set(before):
-            del os.environ[name]
-        os.environ.update(before)
+        for name, level in levels.items():
+            logging.getLogger(name).setLevel(level)

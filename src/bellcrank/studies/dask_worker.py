@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import pickle
-import signal
 import threading
 import time
 from collections.abc import Mapping
@@ -54,8 +53,3 @@ def run_range(task: RangeTask) -> tuple[Columns, float]:
         runner = _kept[task.key]
     columns = runner.run(task.values, threads=task.threads)
     return columns, time.monotonic() - begun
-
-
-def dask_setup(worker: object) -> None:
-    """Called by Dask in a worker of a local cluster: Ctrl-C is for the process that started it, which ends it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)

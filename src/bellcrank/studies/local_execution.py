@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import time
 from collections.abc import Iterator, Mapping
 from typing import Self
 
-from bellcrank.studies.design_ranges import RangeSize
+import numpy as np
+
+from bellcrank.studies.design_ranges import DesignRange, RangeSize
+from bellcrank.studies.design_runner import StudyInterrupted
 from bellcrank.studies.environment import environment
 from bellcrank.studies.execution import Part, Work
 
@@ -32,11 +36,25 @@ class LocalExecutor:
         return environment()
 
     def run(self, work: Work) -> Iterator[Part]:
-        """Run one range of designs after another."""
+        """Run one range of designs after another; after Ctrl-C, those of the last one that are done are a part too."""
         size = RangeSize(DESIGNS_A_THREAD * self.threads)
         while (designs := work.undone.take(size.count)) is not None:
             begun = time.monotonic()
             values = work.space.values(*designs)
-            columns = work.runner.run(values, threads=self.threads, progress=work.progress)
+            try:
+                columns = work.runner.run(values, threads=self.threads, progress=work.progress)
+            except StudyInterrupted as stopped:
+                yield from _done(designs, stopped)
+                raise
             size.learn(designs.size, time.monotonic() - begun)
             yield Part(designs, columns)
+
+
+def _done(designs: DesignRange, stopped: StudyInterrupted) -> Iterator[Part]:
+    """The parts of a range that were done when it was interrupted."""
+    rows, columns = stopped.rows, stopped.columns
+    cuts = [0, *(np.flatnonzero(np.diff(rows) != 1) + 1).tolist(), len(rows)]
+    for first, stop in itertools.pairwise(cuts):
+        if first < stop:
+            begin = designs.first + int(rows[first])
+            yield Part(DesignRange(begin, begin + stop - first), columns.rows(first, stop))

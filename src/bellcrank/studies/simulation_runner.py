@@ -13,7 +13,6 @@ from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end, sign
 from bellcrank.dynamics.system import system_of
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.scene.scene import Scene
-from bellcrank.simulation.baumgarte_gains import automatic_gains
 from bellcrank.simulation.ensemble import EnsembleStarts, integrate_ensemble
 from bellcrank.simulation.ensemble_problem import EnsembleResult
 from bellcrank.simulation.simulate import simulate
@@ -21,10 +20,11 @@ from bellcrank.simulation.status import Status
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.design_runner import StudyInterrupted
 from bellcrank.studies.measures import default_measures, run_measures, start_measures
+from bellcrank.studies.plain_axes import DesignAxis
 from bellcrank.studies.result_table import ResultTable
 from bellcrank.studies.run_outcomes import outcomes
 from bellcrank.studies.runs import Runs
-from bellcrank.studies.scene_designs import DesignAxis, DesignGroup, SceneDesigns
+from bellcrank.studies.scene_designs import DesignGroup, SceneDesigns
 from bellcrank.studies.single_runs import store_run
 
 Array = NDArray[np.float64]
@@ -121,11 +121,8 @@ class SimulationRunner(Portable):
         end = prescribed_motion_end(scene)
         if end is not None:
             signals, duration = signals_until(scene, end.time), np.minimum(duration, end.time)
-        parameters = group.parameters
-        if scene.settings.stabilisation.auto:
-            parameters = self._with_gains(group, values)
         starts = EnsembleStarts(
-            parameters=parameters,
+            parameters=group.parameters,
             start=group.start,
             duration=duration,
             settings=group.settings,
@@ -139,7 +136,7 @@ class SimulationRunner(Portable):
             scene=scene,
             signals=signals,
             duration=group.duration,
-            parameters=parameters,
+            parameters=group.parameters,
             start=group.start,
             result=result,
         )
@@ -147,14 +144,6 @@ class SimulationRunner(Portable):
             return runs, group.rows
         done = np.flatnonzero(result.done)
         return runs.part(done), group.rows[done]
-
-    def _with_gains(self, group: DesignGroup, values: Array) -> Array:
-        """The parameters of a group with Baumgarte gains that a pilot run of each design gives."""
-        parameters, first = group.parameters.copy(), len(group.scene.parameters)
-        for k, row in enumerate(group.rows.tolist()):
-            gains = automatic_gains(self._scene(values[row]))
-            parameters[k, first : first + 2] = gains.alpha, gains.beta
-        return parameters
 
     def _scene(self, values: Array) -> Scene:
         """The scene of a design with values (axes,)."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.errors import InputError
-from bellcrank.simulation.checkpoints import KEEP_EVERY, SPACING
+from bellcrank.simulation.checkpoints import KEEP_EVERY
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.design_ranges import UndoneDesigns
 from bellcrank.studies.design_runner import DesignRunner
@@ -18,6 +18,8 @@ from bellcrank.studies.execution import Designs, Executor, Work
 from bellcrank.studies.local_execution import LocalExecutor
 from bellcrank.studies.study_folder import StudyFolder
 from bellcrank.studies.study_rows import StudyRows
+
+SPACING = 20.0  # times as long as writing takes: at most a twentieth of the time is spent on it
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -64,9 +66,9 @@ def run_study(
     """
     rows = StudyRows(space.count, list(runner.units))
     with executor or LocalExecutor() as running:
-        keeper = _Keeper(rows, folder, keep_every)
         if folder is not None:
             folder.resume({**runner.identity, **space.identity, **running.environment}, rows)
+        keeper = _Keeper(rows, folder, keep_every)
         found = done = int(rows.done.sum())
         complete = True
 
@@ -80,7 +82,7 @@ def run_study(
             for part in running.run(work):
                 rows.add(*part)
                 done += part.designs.size
-                keeper.added(part.designs.first, part.designs.stop)
+                keeper.look()
                 report(0)
         except KeyboardInterrupt:
             complete = False
@@ -101,23 +103,24 @@ class _Keeper:
 
     def __init__(self, rows: StudyRows, folder: StudyFolder | None, every: float) -> None:
         self.rows, self.folder, self.every = rows, folder, every
-        self.unsaved = np.zeros(len(rows), dtype=np.bool_)
+        self.saved = rows.done.copy()
         self.next = time.monotonic() + every
         self._warned = False
 
-    def added(self, first: int, stop: int) -> None:
-        """The rows `first`, …, `stop` − 1 were added."""
-        self.unsaved[first:stop] = True
+    def look(self) -> None:
+        """Write if it is time."""
         if time.monotonic() >= self.next:
             self.write()
 
     def write(self) -> None:
         """Write what is not yet written; what cannot be written now is written with the next."""
-        if self.folder is None or not self.unsaved.any():
+        unsaved = self.rows.done & ~self.saved
+        if self.folder is None or not unsaved.any():
             return
         begun = time.monotonic()
         try:
-            self.folder.write(self.rows, self.unsaved)
+            self.folder.write(self.rows, unsaved)
+            self.saved |= unsaved
         except InputError as error:
             if not self._warned:
                 self._warned = True

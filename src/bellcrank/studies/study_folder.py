@@ -1,8 +1,9 @@
 """The output folder of a study while it runs: rows that are done are kept there, and found by the next process.
 
 FOLDER/checkpoints/study.json holds what the study is. 000001.npz, 000002.npz, … hold the rows that were computed in a
-few seconds each, without compression (compressed, random digits take nine tenths of the room and twenty times as
-long). Every file is written under another name, flushed to the disk and renamed; each of its arrays has a checksum.
+few seconds each, without compression: compressed they take 96 % of the room, because most digits are random, and ten
+times as long. Every file is written under another name, flushed to the disk and renamed; each of its arrays has a
+checksum.
 """
 
 from __future__ import annotations
@@ -50,10 +51,13 @@ class StudyFolder:
         self.checkpoints = self.path / CHECKPOINTS
         self._lock = FolderLock(self.path)
         self._about: dict[str, Any] = {}
+        self._described = False  # whether _ABOUT is that of this study
         self._next = 1
 
     def __enter__(self) -> Self:
         """Raises InputError where another process uses the folder, or it cannot be written."""
+        if self.checkpoints.is_symlink():
+            raise InputError(f"{self.checkpoints}: is a link; remove it, or choose another output folder")
         self._lock.__enter__()
         return self
 
@@ -75,6 +79,7 @@ class StudyFolder:
         if not files:
             return
         self._check_same()
+        self._described = True
         for path in files:
             try:
                 _read(path, rows)
@@ -86,17 +91,16 @@ class StudyFolder:
         self.notify(f"{int(rows.done.sum())} of {len(rows)} designs were done before, in {self.checkpoints}")
 
     def write(self, rows: StudyRows, unsaved: np.ndarray[Any, np.dtype[np.bool_]]) -> None:
-        """Keep the rows that the mask `unsaved` names, and clear it. Raises InputError where they cannot be written."""
-        if not self._about_written():
+        """Keep the rows that the mask `unsaved` names. Raises InputError where they cannot be written."""
+        if not self._described:
             text = json.dumps(self._about, ensure_ascii=False, indent=1)
             with writing(self.checkpoints / _ABOUT, lasting=True) as temporary:
                 temporary.write_text(text, encoding="utf-8", errors="surrogateescape")
+            self._described = True
         for ranges in _batches(true_ranges(unsaved)):
             path = self.checkpoints / f"{self._next:06d}.npz"
             _write(path, rows, ranges)
             self._next += 1
-            for first, stop in ranges:
-                unsaved[first:stop] = False
 
     def remove_checkpoints(self) -> None:
         """Remove what was kept, once the final files are written: they hold the same numbers."""
@@ -109,14 +113,12 @@ class StudyFolder:
 
     def _files(self) -> list[Path]:
         try:
-            return sorted(path for path in self.checkpoints.iterdir() if _FILE.fullmatch(path.name))
+            files = [path for path in self.checkpoints.iterdir() if _FILE.fullmatch(path.name)]
+            return sorted(files, key=lambda path: int(path.stem))
         except (FileNotFoundError, NotADirectoryError):
             return []
         except OSError as error:
             raise InputError(f"{self.checkpoints}: cannot be read: {error.strerror}; {_REMEDY}") from None
-
-    def _about_written(self) -> bool:
-        return (self.checkpoints / _ABOUT).exists()
 
     def _check_same(self) -> None:
         """Refuse checkpoints of another study. Raises InputError."""
@@ -171,7 +173,7 @@ def _batches(ranges: Sequence[DesignRange]) -> list[list[DesignRange]]:
 
 def _write(path: Path, rows: StudyRows, ranges: Sequence[DesignRange]) -> None:
     chosen = np.concatenate([np.arange(first, stop) for first, stop in ranges])
-    reasons = {int(design): rows.reasons[design] for design in chosen.tolist() if design in rows.reasons}
+    reasons = {design: rows.reasons[design] for design in chosen.tolist() if design in rows.reasons}
     texts = {text: k for k, text in enumerate(dict.fromkeys(reasons.values()))}
     about = {"format": FORMAT, "statuses": list(rows.statuses), "reasons": list(texts)}
     arrays = {

@@ -258,6 +258,21 @@ T* column(nb::dict& columns, const char* name, std::vector<std::size_t> shape, T
   return data;
 }
 
+// Rows of runs that were interrupted keep nothing of what was found of them.
+void clear_unfinished(const Ensemble& e) {
+  const Columns& c = e.columns;
+  const std::int64_t n = e.common.n, events = e.common.event_count, m = e.observed;
+  for (std::int64_t row = 0; row < e.designs.count; ++row) {
+    if (c.done[row]) continue;
+    c.end_time[row] = NAN;
+    std::fill_n(c.end_state + row * n, n, NAN);
+    for (std::int64_t* counts : {c.event_count, c.unresolved, c.undefined}) std::fill_n(counts + row * events, events, 0);
+    std::fill_n(c.event_time + row * events, events, NAN);
+    std::fill_n(c.event_state + row * events * n, events * n, NAN);
+    for (double* extremes : {c.least, c.largest}) std::fill_n(extremes + row * m, m, NAN);
+  }
+}
+
 nb::dict columns_of(Ensemble& e) {
   nb::dict d;
   const auto rows = static_cast<std::size_t>(e.designs.count), n = static_cast<std::size_t>(e.common.n);
@@ -290,6 +305,7 @@ nb::dict integrate_ensemble(nb::object record) {
   }
   columns["seconds"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   crew.raise();
+  clear_unfinished(reading.ensemble);
   return columns;
 }
 

@@ -44,7 +44,7 @@ class LaneEquations {
   // Chooses the pieces of kinked signals in a lane for the steps between two stops.
   void pin(LaneBlock& block, int lane, double from, double to) {
     LanePiece* piece = block.pieces();
-    for (int g = 0; g < problem.signal_count; ++g, piece = after(piece, g)) {
+    for (int g = 0; g < problem.signal_count; piece = after(piece, g++)) {
       const Signal& s = problem.signals[g];
       load(s, piece, lane, found(s, s.kinked ? 0.5 * (from + to) : from));
       if (s.kinked) piece->low[lane] = -INFINITY, piece->high[lane] = INFINITY;
@@ -113,7 +113,7 @@ class LaneEquations {
   __attribute__((noinline)) void signals(LaneBlock& block, Vec t) {
     LanePiece* piece = block.pieces();
     Vec* u = u_;
-    for (int g = 0; g < problem.signal_count; ++g, piece = after(piece, g)) {
+    for (int g = 0; g < problem.signal_count; piece = after(piece, g++)) {
       const Signal& s = problem.signals[g];
       each(bits(~((piece->low <= t) & (t < piece->high))), [&](int l) { load(s, piece, l, found(s, t[l])); });
       const Mask held = piece->held == piece->held;

@@ -2,11 +2,14 @@
 // cache loads neither Pinocchio nor casadi.
 #include <cstdint>
 #include <memory>
+#include <stdexcept>
 #include <vector>
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/vector.h>
 
+#include "consistent_starts.hpp"
 #include "integrate.hpp"
 #include "sample_call.hpp"
 
@@ -46,13 +49,44 @@ nb::object evaluate(std::uintptr_t address, nb::tuple inputs, nb::tuple input_si
   return nb::tuple(list);
 }
 
+using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+// A sample a row, one after another: a tuple of new matrices. An input of one row holds for all samples.
+nb::tuple evaluate_rows(std::uintptr_t address, std::vector<Rows> inputs, std::vector<std::size_t> output_sizes,
+                        std::size_t samples) {
+  std::vector<const double*> in(inputs.size());
+  std::vector<double*> out(output_sizes.size());
+  std::vector<std::unique_ptr<double[]>> memory;
+  for (const Rows& rows : inputs)
+    if (rows.shape(0) != 1 && rows.shape(0) != samples) throw std::invalid_argument("evaluate_rows: rows differ");
+  for (std::size_t size : output_sizes) memory.push_back(std::make_unique<double[]>(samples * size + 1));
+  {
+    nb::gil_scoped_release released;
+    for (std::size_t i = 0; i < samples; ++i) {
+      for (std::size_t k = 0; k < in.size(); ++k)
+        in[k] = inputs[k].data() + (inputs[k].shape(0) > 1 ? i * inputs[k].shape(1) : 0);
+      for (std::size_t k = 0; k < out.size(); ++k) out[k] = memory[k].get() + i * output_sizes[k];
+      reinterpret_cast<Evaluate>(address)(in.data(), out.data());
+    }
+  }
+  nb::list list;
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    double* data = memory[k].release();
+    nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<double*>(p); });
+    list.append(nb::ndarray<nb::numpy, double, nb::ndim<2>>(data, {samples, output_sizes[k]}, owner));
+  }
+  return nb::tuple(list);
+}
+
 }  // namespace
 
 NB_MODULE(_step, m) {
   nb::set_leak_warnings(false);  // an error that ends the program may hold a result until after the interpreter
   m.def("evaluate", &evaluate);
+  m.def("evaluate_rows", &evaluate_rows);
   bellcrank::bind_sample_call(m);
   bellcrank::bind_integrate(m);
   bellcrank::bind_ensemble(m);
   bellcrank::bind_tableaus(m);
+  bellcrank::bind_consistent_starts(m);
 }

@@ -1,0 +1,8 @@
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+namespace bellcrank {
+// Adds consistent_postures(), consistent_velocities() and row_sizes() to the module.
+void bind_consistent_starts(nanobind::module_& m);
+}  // namespace bellcrank

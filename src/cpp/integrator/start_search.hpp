@@ -1,0 +1,374 @@
+// The search for a start that satisfies a scene's constraints, of one design; dynamics/consistent_start.py states the
+// rules. Corrections are damped Gauss-Newton steps of minimum norm, lengths in units of the characteristic length.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "least_squares.hpp"
+#include "problem.hpp"
+
+namespace bellcrank {
+
+enum class JointKind { one, planar, floating };
+
+struct StartJoint {
+  JointKind kind;
+  int q, v;
+  bool position_in_parent, velocity_in_parent;  // its vectors are held or left along the parent's axes, not the body's
+};
+
+// What the designs share.
+struct StartModel {
+  int nq, nv, size, heights, rows;  // of q, v, x; of φ; of (φ̇, ψ)
+  Kernel linearised;                // (t, x, u, p) -> φ, (φ̇, ψ), entries of J
+  std::vector<int> entry_row, entry_column;
+  Kernel cosines, aligned;  // of welds and hinges: cosines; their alignment residual and its derivative by v; or 0
+  int cosine_count, aligned_count;
+  std::vector<bool> sine;  // (heights) rows that `aligned` replaces
+  std::vector<bool> far;   // (nv) in metres
+  std::vector<StartJoint> joints;
+  const double* u;
+};
+
+// A design: its parameters, the unit of each row, and the characteristic length.
+struct StartDesign {
+  const double *p, *unit;
+  double length;
+};
+
+enum class StartCode : int { consistent, undefined, unsatisfied, turned_around, violated };
+
+// Which row or constraint is to blame, and its value.
+struct StartVerdict {
+  StartCode code = StartCode::consistent;
+  int index = 0;
+  double value = 0;
+};
+
+class StartSearch {
+ public:
+  explicit StartSearch(const StartModel& model)
+      : m_(model), x_(model.size), phi_(model.heights), psi_(model.rows), entries_(model.entry_row.size() + 1),
+        cosines_(model.cosine_count), found_(model.aligned_count), slope_(model.aligned_count * model.nv),
+        step_(model.nv), there_(model.nq), reduced_(model.nv) {}
+
+  // Moves q (nq) to the nearest posture that satisfies φ = 0 with the degrees of freedom `held` (nv) held.
+  StartVerdict posture(const StartDesign& design, const bool* held, double* q) {
+    design_ = &design;
+    linearise(q, nullptr);
+    StartVerdict verdict = undefined(phi_.data(), m_.heights);
+    if (verdict.code != StartCode::consistent) return verdict;
+    free_.assign(m_.nv, false);
+    for (int j = 0; j < m_.nv; ++j) free_[j] = !held[j];
+    double largest = closed(q);
+    if (largest > CLOSED && largest <= ROUNDED) {
+      free_.assign(m_.nv, true);
+      largest = closed(q);
+    }
+    if (largest > 1e3 * CLOSED) return worst_row(q);
+    return turned_around(q);
+  }
+
+  // Changes v (nv) to the nearest velocity at q that satisfies φ̇ = 0 and ψ = 0 with the components `held` held.
+  StartVerdict velocity(const StartDesign& design, const bool* held, const double* q, double* v) {
+    design_ = &design;
+    linearise(q, v);
+    StartVerdict verdict = undefined(psi_.data(), m_.rows);
+    if (verdict.code != StartCode::consistent) return verdict;
+    free_.assign(m_.nv, false);
+    for (int j = 0; j < m_.nv; ++j) free_[j] = !held[j];
+    residual_.resize(m_.rows);
+    for (int i = 0; i < m_.rows; ++i) residual_[i] = psi_[i] / design.unit[i];
+    jacobian_.assign(static_cast<std::size_t>(m_.rows) * m_.nv, 0.0);
+    for (std::size_t e = 0; e < m_.entry_row.size(); ++e)
+      jacobian(m_.entry_row[e], m_.entry_column[e]) = scaled(e);
+    minimum_norm_step(q, false);
+    double most = 1;
+    for (int i = 0; i < m_.rows; ++i)
+      for (int j = 0; j < m_.nv; ++j) residual_[i] += jacobian(i, j) * step_[j];
+    const int worst = worst_of(residual_);
+    const double left = m_.rows ? std::fabs(residual_[worst]) : 0;
+    for (int j = 0; j < m_.nv; ++j) most = std::max(most, std::fabs(v[j] / column(j)));
+    for (int j = 0; j < m_.nv; ++j) v[j] += column(j) * step_[j];
+    if (!(left <= 1e-9 * most)) return {StartCode::violated, worst, left * design.unit[worst]};
+    return {};
+  }
+
+ private:
+  static constexpr double CLOSED = 1e-13;   // rad, or of the characteristic length: the search ends below it
+  static constexpr double ROUNDED = 1e-6;   // the residual that rounded digits of held values may leave; then all move
+  static constexpr double ASIDE = 0.05;     // a step away from half a turn, where both ways back are equally long
+  static constexpr double LARGEST = 1e100;  // of a value that counts as defined
+  static constexpr double RANK = 1e-10;     // of the largest singular value
+  static constexpr double LONGEST = 0.5;    // rad: a longer step may reach another branch
+  static constexpr int STEPS = 200, HALVINGS = 30;
+
+  const StartModel& m_;
+  const StartDesign* design_ = nullptr;
+  std::vector<double> x_, phi_, psi_, entries_, cosines_, found_, slope_;  // arguments and values of the kernels
+  std::vector<double> residual_, jacobian_;                               // of the search, in its units
+  std::vector<double> step_, there_, reduced_, right_;
+  std::vector<int> place_;
+  std::vector<bool> free_;
+  LeastSquares least_squares_;
+
+  double& jacobian(int row, int column) { return jacobian_[static_cast<std::size_t>(row) * m_.nv + column]; }
+  double column(int j) const { return m_.far[j] ? design_->length : 1; }
+  double scaled(std::size_t e) const {
+    return entries_[e] / design_->unit[m_.entry_row[e]] * column(m_.entry_column[e]);
+  }
+
+  void evaluate(Kernel kernel, const double* q, const double* v, double* const* out) {
+    const double t = 0;
+    std::fill(x_.begin(), x_.end(), 0.0);
+    std::copy(q, q + m_.nq, x_.begin());
+    if (v) std::copy(v, v + m_.nv, x_.begin() + m_.nq);
+    const double* in[] = {&t, x_.data(), m_.u, design_->p};
+    kernel(in, out);
+  }
+
+  void linearise(const double* q, const double* v) {
+    double* out[] = {phi_.data(), psi_.data(), entries_.data()};
+    evaluate(m_.linearised, q, v, out);
+  }
+
+  static bool defined(double value) { return std::fabs(value) <= LARGEST; }
+
+  // The first row of `values`, or of J, that is undefined or too large.
+  StartVerdict undefined(const double* values, int count) const {
+    if (std::all_of(values, values + count, defined) && std::all_of(entries_.begin(), entries_.end(), defined)) return {};
+    for (int i = 0; i < count; ++i) {
+      bool wrong = !defined(values[i]);
+      double value = values[i];
+      if (!wrong)
+        for (std::size_t e = 0; e < m_.entry_row.size(); ++e)
+          if (m_.entry_row[e] == i && !defined(entries_[e])) wrong = true, value = entries_[e];
+      if (wrong) return {StartCode::undefined, i, value};
+    }
+    return {};
+  }
+
+  // The position residual at q, which also vanishes where a weld or hinge is turned by half a turn; or else the
+  // alignment residual in place of its sines.
+  void residual_at(const double* q, bool aligned) {
+    linearise(q, nullptr);
+    residual_.clear();
+    jacobian_.clear();
+    place_.assign(m_.rows, -1);  // which row of the residual each row of φ is
+    for (int i = 0; i < m_.heights; ++i) {
+      if (aligned && m_.sine[i]) continue;
+      place_[i] = static_cast<int>(residual_.size());
+      residual_.push_back(phi_[i] / design_->unit[i]);
+    }
+    jacobian_.assign((residual_.size() + (aligned ? m_.aligned_count : 0)) * m_.nv, 0.0);
+    for (std::size_t e = 0; e < m_.entry_row.size(); ++e) {
+      const int row = place_[m_.entry_row[e]];
+      if (row >= 0) jacobian(row, m_.entry_column[e]) = scaled(e);
+    }
+    if (!aligned) return;
+    double* out[] = {found_.data(), slope_.data()};
+    evaluate(m_.aligned, q, nullptr, out);
+    const int first = static_cast<int>(residual_.size());
+    residual_.insert(residual_.end(), found_.begin(), found_.end());
+    for (int k = 0; k < m_.aligned_count; ++k)
+      for (int j = 0; j < m_.nv; ++j) jacobian(first + k, j) = slope_[j * m_.aligned_count + k] * column(j);
+  }
+
+  static bool finite(const std::vector<double>& values) {
+    for (double value : values)
+      if (!std::isfinite(value)) return false;
+    return true;
+  }
+
+  // The entry that is not a number, or else the largest in size.
+  static int worst_of(const std::vector<double>& values) {
+    std::size_t worst = 0;
+    for (std::size_t i = 1; i < values.size(); ++i)
+      if (!std::isnan(values[worst]) && !(std::fabs(values[i]) <= std::fabs(values[worst]))) worst = i;
+    return static_cast<int>(worst);
+  }
+
+  double largest_residual() const {
+    const double largest = residual_.empty() ? 0 : std::fabs(residual_[worst_of(residual_)]);
+    return std::isfinite(largest) ? largest : INFINITY;
+  }
+
+  // The Euclidean norm, without overflow or underflow of squares; NaN where an entry is.
+  static double norm(const std::vector<double>& values) {
+    const double largest = values.empty() ? 0 : std::fabs(values[worst_of(values)]);
+    if (!(largest > 0) || !std::isfinite(largest)) return largest;
+    const double scale = largest < 1e-100 || largest > LARGEST ? largest : 1;
+    double sum = 0;
+    for (double value : values) sum += (value / scale) * (value / scale);
+    return scale * std::sqrt(sum);
+  }
+
+  // The posture nearest to q with the smallest residual, welds and hinges the right way round, and that residual. Where
+  // the sines lead to half a turn, or from beyond a quarter turn to no solution, the search starts again from the
+  // posture that minimises a residual that does not vanish there.
+  double closed(double* q) {
+    const std::vector<double> begun(q, q + m_.nq);
+    double largest = gauss_newton(q, false);
+    const double* astray = largest <= ROUNDED ? q : begun.data();
+    if (!m_.cosine_count || least_cosine(astray) > 0) return largest;
+    const double least = least_cosine(begun.data());
+    std::copy(begun.begin(), begun.end(), q);
+    if (least < -1 + ASIDE * ASIDE) {
+      for (int j = 0; j < m_.nv; ++j) step_[j] = free_[j] ? ASIDE * std::cos(1.0 + 2.0 * j * j) : 0;
+      into_body_axes(begun.data(), true);
+      displace(begun.data(), 1, q);
+    }
+    gauss_newton(q, true);
+    return gauss_newton(q, false);
+  }
+
+  // Damped steps from q; the largest residual that is left.
+  double gauss_newton(double* q, bool aligned) {
+    residual_at(q, aligned);
+    for (int count = 0; count < STEPS; ++count) {
+      if (largest_residual() <= CLOSED || !any_free() || !finite(residual_) || !finite(jacobian_)) break;
+      minimum_norm_step(q, true);
+      double longest = 1e-300;
+      for (double value : step_) longest = std::max(longest, std::fabs(value));
+      double factor = std::min(1.0, LONGEST / longest);
+      const double before = norm(residual_);
+      bool better = false;
+      for (int halving = 0; halving < HALVINGS && !better; ++halving, factor *= 0.5) {
+        displace(q, factor, there_.data());
+        residual_at(there_.data(), aligned);
+        better = norm(residual_) < before;
+      }
+      if (!better) {
+        residual_at(q, aligned);
+        break;
+      }
+      std::copy(there_.begin(), there_.end(), q);
+    }
+    return largest_residual();
+  }
+
+  bool any_free() const {
+    for (bool one : free_)
+      if (one) return true;
+    return false;
+  }
+
+  // The step (nv) of least norm among the free components that takes the linearised residual to 0 or near it.
+  void minimum_norm_step(const double* q, bool of_position) {
+    const int rows = static_cast<int>(residual_.size());
+    int free = 0;
+    for (int j = 0; j < m_.nv; ++j) free += free_[j];
+    least_squares_.resize(rows, free);
+    for (int i = 0; i < rows; ++i) {
+      std::copy_n(&jacobian_[static_cast<std::size_t>(i) * m_.nv], m_.nv, reduced_.begin());
+      rotate(q, of_position, reduced_.data(), false);
+      for (int j = 0, k = 0; j < m_.nv; ++j)
+        if (free_[j]) least_squares_.a(i, k++) = reduced_[j];
+    }
+    right_.resize(rows);
+    for (int i = 0; i < rows; ++i) right_[i] = -residual_[i];
+    reduced_.assign(m_.nv, 0.0);
+    least_squares_.solve(right_.data(), reduced_.data(), RANK);
+    for (int j = 0, k = 0; j < m_.nv; ++j) step_[j] = free_[j] ? reduced_[k++] : 0;
+    into_body_axes(q, of_position);
+  }
+
+  void into_body_axes(const double* q, bool of_position) { rotate(q, of_position, step_.data(), true); }
+
+  // Rotates the parts of a vector (nv) that are meant along the parents' axes: from the bodies' axes to the parents', or
+  // back. Rows of a Jacobian transform as velocities do.
+  void rotate(const double* q, bool of_position, double* v, bool back) const {
+    for (const StartJoint& joint : m_.joints) {
+      if (joint.kind == JointKind::one || !(of_position ? joint.position_in_parent : joint.velocity_in_parent)) continue;
+      const int size = joint.kind == JointKind::planar ? 2 : 3;
+      double r[9];
+      rotation(joint, q, r);
+      turn(r, size, v + joint.v, back);
+      if (!of_position && size == 3) turn(r, size, v + joint.v + 3, back);
+    }
+  }
+
+  static void turn(const double* r, int size, double* v, bool back) {
+    double turned[3];
+    for (int i = 0; i < size; ++i) {
+      turned[i] = 0;
+      for (int j = 0; j < size; ++j) turned[i] += (back ? r[j * size + i] : r[i * size + j]) * v[j];
+    }
+    std::copy(turned, turned + size, v);
+  }
+
+  // Body to parent, row by row.
+  static void rotation(const StartJoint& joint, const double* q, double* r) {
+    if (joint.kind == JointKind::planar) {
+      const double cosine = q[joint.q + 2], sine = q[joint.q + 3];
+      r[0] = cosine, r[1] = -sine, r[2] = sine, r[3] = cosine;
+      return;
+    }
+    const double x = q[joint.q + 3], y = q[joint.q + 4], z = q[joint.q + 5], w = q[joint.q + 6];
+    r[0] = 1 - 2 * (y * y + z * z), r[1] = 2 * (x * y - w * z), r[2] = 2 * (x * z + w * y);
+    r[3] = 2 * (x * y + w * z), r[4] = 1 - 2 * (x * x + z * z), r[5] = 2 * (y * z - w * x);
+    r[6] = 2 * (x * z - w * y), r[7] = 2 * (y * z + w * x), r[8] = 1 - 2 * (x * x + y * y);
+  }
+
+  // there = q + E(q) factor step, step in units of the search, with rotations normalised.
+  void displace(const double* q, double factor, double* there) const {
+    for (const StartJoint& joint : m_.joints) {
+      const double* at = q + joint.q;
+      double *to = there + joint.q, d[6], r[9];
+      const int freedoms = joint.kind == JointKind::one ? 1 : joint.kind == JointKind::planar ? 3 : 6;
+      for (int k = 0; k < freedoms; ++k) d[k] = column(joint.v + k) * (factor * step_[joint.v + k]);
+      if (joint.kind == JointKind::one) {
+        to[0] = at[0] + d[0];
+        continue;
+      }
+      const int size = joint.kind == JointKind::planar ? 2 : 3;
+      rotation(joint, q, r);
+      turn(r, size, d, false);
+      for (int k = 0; k < size; ++k) to[k] = at[k] + d[k];
+      const double *from = at + size, *o = d + size;
+      double* unit = to + size;
+      if (joint.kind == JointKind::planar) {
+        unit[0] = from[0] - from[1] * o[0], unit[1] = from[1] + from[0] * o[0];
+      } else {  // ½ q ⊗ ω
+        const double x = from[0], y = from[1], z = from[2], w = from[3];
+        unit[0] = x + 0.5 * (w * o[0] + y * o[2] - z * o[1]), unit[1] = y + 0.5 * (w * o[1] + z * o[0] - x * o[2]);
+        unit[2] = z + 0.5 * (w * o[2] + x * o[1] - y * o[0]), unit[3] = w - 0.5 * (x * o[0] + y * o[1] + z * o[2]);
+      }
+      double square = 0;
+      const int entries = joint.kind == JointKind::planar ? 2 : 4;
+      for (int k = 0; k < entries; ++k) square += unit[k] * unit[k];
+      for (int k = 0; k < entries; ++k) unit[k] /= std::sqrt(square);
+    }
+  }
+
+  void cosines_at(const double* q) {
+    double* out[] = {cosines_.data()};
+    evaluate(m_.cosines, q, nullptr, out);
+  }
+
+  double least_cosine(const double* q) {
+    cosines_at(q);
+    double least = INFINITY;
+    for (double cosine : cosines_)
+      if (!(cosine >= least)) least = cosine;
+    return least;
+  }
+
+  StartVerdict worst_row(const double* q) {
+    residual_at(q, false);
+    const int worst = worst_of(residual_);
+    return {StartCode::unsatisfied, worst, std::fabs(residual_[worst]) * design_->unit[worst]};
+  }
+
+  StartVerdict turned_around(const double* q) {
+    if (!m_.cosine_count) return {};
+    cosines_at(q);
+    for (int k = 0; k < m_.cosine_count; ++k)
+      if (!(cosines_[k] > 0)) return {StartCode::turned_around, k, cosines_[k]};
+    return {};
+  }
+};
+
+}  // namespace bellcrank
