@@ -41,9 +41,7 @@ class MotorTorques:
         independent: Of a closed linkage, the joints that the motion of the others follows from.
     """
 
-    def __init__(
-        self, scene: Scene, motors: tuple[RobotJoint, ...], independent: tuple[RobotJoint, ...] = ()
-    ) -> None:
+    def __init__(self, scene: Scene, motors: tuple[RobotJoint, ...], independent: tuple[RobotJoint, ...] = ()) -> None:
         loops = tuple(c for c in scene.constraints if not isinstance(c, PrescribedMotion))
         bare = replace(scene, constraints=loops, control=(), events=(), outputs={})
         self.scene = replace(bare, initial=replace(scene.initial, clock=0.0))

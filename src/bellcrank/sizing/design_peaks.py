@@ -19,7 +19,6 @@ from bellcrank.actuators.actuator_designs import ActuatorDesigns
 from bellcrank.dynamics.force_table_breakpoints import force_breaks
 from bellcrank.dynamics.mechanism import Mechanism, coulomb_widths
 from bellcrank.motion.motion import Motion
-from bellcrank.sizing.finite_checks import root_mean_square
 from bellcrank.sizing.motion_grid import Grid, coarse_grid_along, reversal_times, with_probes
 from bellcrank.sizing.series_maxima import Brackets, brackets_of, refined
 
@@ -77,9 +76,7 @@ class DesignMotion:
         representative: Parameters (m, np) of designs for which the grid is made.
     """
 
-    def __init__(
-        self, mechanism: Mechanism, motion: Motion, torques: Torques, representative: Sequence[Array]
-    ) -> None:
+    def __init__(self, mechanism: Mechanism, motion: Motion, torques: Torques, representative: Sequence[Array]) -> None:
         self.motion, self.torques = motion, torques
         self.columns = [joint.v for joint in mechanism.motors]
 
@@ -135,7 +132,9 @@ class DesignMotion:
         if not found:
             return
         count, k, shafts = top.shape[1], len(self.columns), len(designs.joints)
-        every = Brackets(*(np.concatenate([getattr(one, name) for one in found]) for name in ("series", "time", "value")))
+        every = Brackets(
+            *(np.concatenate([getattr(one, name) for one in found]) for name in ("series", "time", "value"))
+        )
         design, series = np.divmod(every.series, count)
         kind = np.searchsorted(np.cumsum([k, k, k, shafts]), series, side="right")
         place = series - np.array([0, k, 2 * k, 3 * k, 3 * k + shafts])[kind]
@@ -161,7 +160,7 @@ class DesignMotion:
                 load = designs.actuators.shaft_torque(*of, torque[on], (speed[on], rate[on]))
                 use = designs.actuators.curve_use(*of, load, speed[on])
                 line[on] = np.where(what[on] == 3, np.abs(load), use)
-            return line.reshape(times.shape)
+            return np.asarray(line.reshape(times.shape))
 
         np.maximum.at(top, (design, series), refined(every, values))
 

@@ -7,8 +7,10 @@ rows of several designs are improved together, each with the parameters of its d
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +21,13 @@ from bellcrank.sizing.holding_search import THIRD_OF_TURN, at_or_above, dependen
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.intp]
-Gravity = Callable[[Array, Array], Array]  # (q (n, nq), p (np,) or (n, np)) -> (n, nv)
+
+
+class Gravity(Protocol):
+    """The gravity torques (n, nv) of an open chain at q (n, nq), with parameters p (np,) or (n, np)."""
+
+    def __call__(self, q: Array, p: Array) -> Array:
+        """The torques."""
 
 
 class HoldingSearch:
@@ -44,10 +52,10 @@ class HoldingSearch:
         samples = np.tile(robot.neutral, (len(range(0, len(self.target), max(1, len(self.target) // 8))), 1))
         samples[:, self.places] = random[:: max(1, len(self.target) // 8)]
         columns = np.array([joint.v for joint in self.joints])
-        matters = np.any(
-            [dependence(lambda q, p=p: gravity(q, p), self.places, samples, 1e-12) for p in representative],  # type: ignore[misc]
-            axis=0,
-        )[columns][self.target]
+        depend = [
+            dependence(functools.partial(gravity, p=p), self.places, samples, 1e-12) for p in representative
+        ]  # of the torques of each design
+        matters = np.any(depend, axis=0)[columns][self.target]
         self.start = np.tile(np.asarray(robot.neutral, dtype=np.float64), (len(self.target), 1))
         here = np.clip(self.start[:, self.places], self.lower, self.upper)
         self.start[:, self.places] = np.where(matters, random, here)
@@ -77,7 +85,8 @@ class HoldingSearch:
             for k in range(len(self.joints)):
                 of = np.flatnonzero(active & free[:, k])
                 if of.size:
-                    q[of, self.places[k]], value[of] = self._improved(k, q[of], value[of], lambda x, of=of: torque(x, of))  # type: ignore[misc]
+                    at = functools.partial(torque, of=of)
+                    q[of, self.places[k]], value[of] = self._improved(k, q[of], value[of], at)
             active &= value - before > SETTINGS.settled * np.maximum(1.0, np.abs(value))
             if sweep == SETTINGS.rough - 1:
                 order = np.argsort(-value.reshape(-1, 2 * STARTS), axis=1, kind="stable")[:, SETTINGS.kept :]

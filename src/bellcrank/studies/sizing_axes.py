@@ -89,7 +89,10 @@ class Change:
         whats = {what for _, what in self.places}
         if whats & {MASS, SCALE}:
             inside &= values > max(SMALLEST, LEAST_MASS)
-        if self.kind in ("rating", "duration") and self.path.rpartition(".")[2] not in ("rotor_inertia", "gear_inertia"):
+        if self.kind in ("rating", "duration") and self.path.rpartition(".")[2] not in (
+            "rotor_inertia",
+            "gear_inertia",
+        ):
             inside &= values > SMALLEST
         return inside
 

@@ -296,7 +296,9 @@ class SizingBatch(Portable):
         """Compute what all designs share, before threads use it."""
         _ = self._motions, self._speeds, self.holding
 
-    def _joint_measures(self, values: Array, each: Sequence[DesignPeaks], stretches: Sequence[Array]) -> dict[str, Array]:
+    def _joint_measures(
+        self, values: Array, each: Sequence[DesignPeaks], stretches: Sequence[Array]
+    ) -> dict[str, Array]:
         """The measures at the joints."""
         robot, names = self.mechanism.robot, self._subject[2].joint_names
         highest = np.max([peaks.max_torque for peaks in each], axis=0)
@@ -355,7 +357,8 @@ class SizingBatch(Portable):
                 curve = np.stack([peaks.curve_use[:, at] for peaks in each], axis=1)
         speed = ratio * self._peak_speed(k, stretches)
         mean = np.stack(
-            [ratio * speeds["mean"][k] / stretch for speeds, stretch in zip(self._speeds, stretches, strict=True)], axis=1
+            [ratio * speeds["mean"][k] / stretch for speeds, stretch in zip(self._speeds, stretches, strict=True)],
+            axis=1,
         )
         peaks = {"torque": torque.max(axis=1), "speed": speed, "curve": curve.max(axis=1)}
         margins = margin_arrays(actuators, place, peaks, rms, mean)

@@ -56,7 +56,9 @@ class Judged:
         """The measures that are margins of a joint or motor, as shares of limits."""
         return [f"{joint}.{name}" for name in WORDS if f"{joint}.{name}" in self.units]
 
-    def columns(self, measures: dict[str, Array], infeasible: Mapping[int, str], unsizable: Mapping[int, str]) -> Columns:
+    def columns(
+        self, measures: dict[str, Array], infeasible: Mapping[int, str], unsizable: Mapping[int, str]
+    ) -> Columns:
         """Rows with their smallest margins and verdicts.
 
         `infeasible` and `unsizable` say why a design cannot be built, and why a motor of it cannot be sized, by row.
@@ -67,9 +69,7 @@ class Judged:
         for joint in self.joints:
             measures[f"{joint}.margin"] = _smallest([measures[name] for name in self.margins(joint)], count)
         measures["margin"] = _smallest([every[:, k] for k in range(len(listed))], count)
-        outside = {
-            joint: measures[f"{joint}.position_margin"] < -slack for joint, slack in self.position_slack.items()
-        }
+        outside = {joint: measures[f"{joint}.position_margin"] < -slack for joint, slack in self.position_slack.items()}
         left = reduce(np.logical_or, outside.values(), np.zeros(count, dtype=bool))
         negative, unknown = every < 0.0, np.isnan(every)
         status = np.where(unknown.any(axis=1) | (not listed and not outside), STATUSES.index(UNKNOWN), 0)
@@ -164,7 +164,7 @@ def _shaft_measures(one: JointSizing | MotorSizing) -> dict[str, float | None]:
     if shaft is None:
         return {}
     found: dict[str, float | None] = {
-        "motor_torque": shaft.peak_torque and shaft.peak_torque.value,
+        "motor_torque": None if shaft.peak_torque is None else shaft.peak_torque.value,
         "motor_rms_torque": shaft.rms_torque,
         "motor_speed": shaft.peak_speed.value,
     }

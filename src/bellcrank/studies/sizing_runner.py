@@ -106,7 +106,9 @@ class SizingRunner(Portable):
         numbers = values * factors(self.axes, self.changes)
         if not self.batch.single_reason and len(values):
             together = self.batch.certain(numbers)
-            together[np.flatnonzero(together)] = self._together(numbers, np.flatnonzero(together), measures, threads, progress)
+            together[np.flatnonzero(together)] = self._together(
+                numbers, np.flatnonzero(together), measures, threads, progress
+            )
             if self.batch.unsizable:
                 unsizable = dict.fromkeys(np.flatnonzero(together).tolist(), self.batch.unsizable)
         for row in np.flatnonzero(~together).tolist():
@@ -125,7 +127,12 @@ class SizingRunner(Portable):
         return self.judged.columns(measures, infeasible, unsizable)
 
     def _together(
-        self, numbers: Array, rows: NDArray[np.intp], measures: Mapping[str, Array], threads: int, progress: Progress | None
+        self,
+        numbers: Array,
+        rows: NDArray[np.intp],
+        measures: Mapping[str, Array],
+        threads: int,
+        progress: Progress | None,
     ) -> NDArray[np.bool_]:
         """Fill in the measures of rows in blocks, and return which of them have finite loads."""
         blocks = [rows[first : first + BLOCK] for first in range(0, len(rows), BLOCK)]
