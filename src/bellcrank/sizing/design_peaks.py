@@ -1,10 +1,10 @@
-"""Peak loads of many designs of one mechanism along a motion that all of them follow, perhaps at different speeds.
+"""Peak loads of many designs of one mechanism along a motion.
 
 The points are those of one grid, made for the mechanism itself and for designs in which one parameter differs at a
 time, so that torques are integrated as `bellcrank.size` does (sizing/motion_grid.py). Torques come from a compiled
 function with the parameters of each design; peaks between the points are refined for many designs at once
-(sizing/series_maxima.py). In a design that needs s times the time, velocities are those of the motion divided by s and
-accelerations by s².
+(sizing/series_maxima.py). Designs follow the motion, perhaps in other times, or motions of their own that are as smooth
+(sizing/motion_states.py).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from bellcrank.dynamics.force_table_breakpoints import force_breaks
 from bellcrank.dynamics.mechanism import Mechanism, coulomb_widths
 from bellcrank.motion.motion import Motion
 from bellcrank.sizing.motion_grid import Grid, coarse_grid_along, reversal_times, with_probes
+from bellcrank.sizing.motion_states import MotionStates
 from bellcrank.sizing.series_maxima import Brackets, brackets_of, refined
 
 Array = NDArray[np.float64]
@@ -34,14 +35,14 @@ class DesignInputs:
 
     Attributes:
         parameters: The values (n, np) of the scene's parameters.
-        stretch: The factors (n,) on the duration of the motion.
+        states: Their states along the motion.
         actuators: The actuators of those motors whose shaft torque is known.
         joints: Which of the k motors these are.
         rotor_inertia: Inertias (k,) that the torques of the mechanism contain and that count at the shaft.
     """
 
     parameters: Array
-    stretch: Array
+    states: MotionStates
     actuators: ActuatorDesigns
     joints: NDArray[np.intp]
     rotor_inertia: Array
@@ -95,9 +96,8 @@ class DesignMotion:
         rms, rms_shaft = np.zeros((n, k)), np.zeros((n, len(designs.joints)))
         found: list[Brackets] = []
         for d in range(n):
-            stretch = designs.stretch[d]
-            v, a = grid.velocity / stretch, grid.acceleration / stretch**2
-            torque = self.torques(grid.force_time, grid.position, v, a, designs.parameters[d]).T
+            q, v, a = designs.states.on_grid(d)
+            torque = self.torques(grid.force_time, q, v, a, designs.parameters[d]).T
             torque = np.ascontiguousarray(torque - designs.rotor_inertia[:, None] * a.T[self.columns])
             if not (np.abs(torque) < LARGEST).all():
                 continue
@@ -145,9 +145,7 @@ class DesignMotion:
         def values(which: NDArray[np.intp], times: Array) -> Array:
             rows = np.repeat(which, times.shape[1])
             own, column = design[rows], joint[rows]
-            q, v, a = self.motion.at(times.ravel())
-            stretch = designs.stretch[own]
-            v, a = v / stretch[:, None], a / (stretch**2)[:, None]
+            q, v, a = designs.states.between(own, times.ravel())
             forces = np.minimum(times.ravel(), self.grid.force_time[-1])  # the motion ends before a jump at its end
             each = np.arange(len(rows))
             speed, rate = (x[each, np.array(self.columns)[column]] for x in (v, a))

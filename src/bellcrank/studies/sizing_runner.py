@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,21 +12,26 @@ from numpy.typing import NDArray
 
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.codegen import cache as disk
-from bellcrank.codegen import llvm as machine
-from bellcrank.errors import BellcrankError
+from bellcrank.elements.frame_joints import path_frames
+from bellcrank.errors import BellcrankError, InputError
 from bellcrank.motion.stretching import stretched
 from bellcrank.scene.scene import Scene
 from bellcrank.sizing.mechanism_sizing import size_mechanism
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.size import sizing_subject
 from bellcrank.studies.columns import Columns
+from bellcrank.studies.design_runner import StudyInterrupted
+from bellcrank.studies.shared_sizing import SharedSizing
 from bellcrank.studies.sizing_axes import DesignAxis, changes_of, factors
-from bellcrank.studies.sizing_batch import BLOCK, SizingBatch
+from bellcrank.studies.sizing_batch import SizingBatch, certain
 from bellcrank.studies.sizing_measures import Judged, judged, measures_of
-from bellcrank.version import version
 
 Array = NDArray[np.float64]
+Whole = NDArray[np.intp]
 Progress = Callable[[int], object]
+BLOCK = 64  # designs whose peaks are refined together
+BLOCK_OF_LINKAGES = 256  # designs whose motions are made together
+NOISE = 1e-9  # of a measure: how far peaks and RMS values of a design may be from those of `bellcrank.size`
 
 
 class SizingRunner(Portable):
@@ -57,14 +63,14 @@ class SizingRunner(Portable):
         return self._sized({}, {})
 
     @cached_property
-    def batch(self) -> SizingBatch:
-        """The sizing of many designs at once."""
-        return SizingBatch(self.scene, self.changes, self.motions)
+    def shared(self) -> SharedSizing:
+        """What designs share."""
+        return SharedSizing(self.scene, self.changes, self.motions)
 
     @cached_property
     def judged(self) -> Judged:
         """The measures, and what they are compared with."""
-        return judged(self.base, self.batch.reports_holding)
+        return judged(self.base, self.shared.reports_holding)
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -72,95 +78,115 @@ class SizingRunner(Portable):
         return self.judged.units
 
     @property
+    def default_measures(self) -> tuple[str, ...]:
+        """The measures that tables and plots show if they vary: the smallest margin, and those of joints."""
+        joints = [name for name in self.units if name.endswith(".margin")]
+        torques = [name for name in self.units if name.endswith(".peak_torque")]
+        return ("margin", *torques, *joints)
+
+    @property
+    def noise(self) -> tuple[float, float]:
+        """Absolute and relative differences of a measure up to which they are errors of the computation."""
+        return NOISE, NOISE
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Sentences about what to look at: those of the sizing of the configuration, and how designs are sized."""
         found = list(self.base.warnings)
-        if reason := self.batch.single_reason:
+        if reason := self.shared.single_reason:
             found.append(f"designs are sized one by one, because {reason}")
-        if not self.batch.reports_holding:
+        if not self.shared.reports_holding:
             found.append("holding torques are not among the measures; `bellcrank size` gives them for one design")
-        return tuple(dict.fromkeys(found))
+        return tuple(dict.fromkeys([*found, *self._path_notes()]))
+
+    def _path_notes(self) -> list[str]:
+        """A sentence for each motion of an open chain that is made from a frame's path while lengths are varied."""
+        entries = self.scene.config.motions
+        moved = [axis.path for axis, change in zip(self.axes, self.changes, strict=True) if change.moves]
+        if self.shared.mechanism.closed or not moved:
+            return []
+        return [
+            f"motion '{name}' was made from a frame's path with the lengths of the configuration, and its joints move "
+            f"alike in all designs: where {', '.join(moved)} differ, the frame moves along another path"
+            for name in self.base.motions
+            if name in entries and any(path_frames(entries[name], entries))
+        ]
 
     @cached_property
     def identity(self) -> Mapping[str, str]:
         """What the results depend on, by a name that a user understands."""
-        target = machine.target()
+        scene = self.scene
         return {
-            "scene": disk.digest(repr(self.scene.data)),
-            "files of the scene": disk.digest(repr(sorted(self.scene.files.items()))),
-            "robot": disk.digest(self.scene.robot.key),
-            "sizing": f"over {', '.join(self.base.motions)}",
-            "axes": ", ".join(f"{axis.path} [{axis.unit or '1'}]" for axis in self.axes),
-            "bellcrank": version(),
-            "processor": f"{target.lanes} SIMD lanes, {'with' if target.fused else 'without'} fused multiply-add",
+            "scene": f"{scene.name} ({disk.digest(repr(scene.data))[:12]})",
+            "files of the scene": disk.digest(repr(sorted(scene.files.items())))[:12],
+            "robot": f"{scene.robot.urdf.name} ({disk.digest(scene.robot.key)[:12]})",
+            "sizing over": ", ".join(self.base.motions),
         }
 
     # ---- designs
 
     def run(self, values: Array, *, threads: int = 1, progress: Progress | None = None) -> Columns:
         """The columns of designs with values (n, axes), in the axes' units; see DesignRunner."""
-        measures = {name: np.full(len(values), np.nan) for name in self.units}
-        infeasible: dict[int, str] = {}
-        unsizable: dict[int, str] = {}
-        together = np.zeros(len(values), dtype=bool)
+        rows = _Rows({name: np.full(len(values), np.nan) for name in self.units}, np.zeros(len(values), dtype=bool))
         numbers = values * factors(self.axes, self.changes)
-        if not self.batch.single_reason and len(values):
-            together = self.batch.certain(numbers)
-            together[np.flatnonzero(together)] = self._together(
-                numbers, np.flatnonzero(together), measures, threads, progress
-            )
-            if self.batch.unsizable:
-                unsizable = dict.fromkeys(np.flatnonzero(together).tolist(), self.batch.unsizable)
-        for row in np.flatnonzero(~together).tolist():
-            try:
-                sizing = self._design(values[row].tolist())
-            except BellcrankError as error:
-                infeasible[row] = str(error).removeprefix(f"{self.scene.source}: ")
-            else:
-                for name, value in measures_of(sizing).items():
-                    if name in measures:
-                        measures[name][row] = value
-                if sizing.unsizable:
-                    unsizable[row] = "; ".join(sizing.unsizable)
-            if progress is not None:
-                progress(1)
-        return self.judged.columns(measures, infeasible, unsizable)
+        try:
+            if not self.shared.single_reason and len(values):
+                self._together(numbers, np.flatnonzero(certain(self.shared, numbers)), rows, threads, progress)
+            for row in np.flatnonzero(~rows.done).tolist():
+                self._single(values[row].tolist(), row, rows)
+                if progress is not None:
+                    progress(int(rows.done.sum()))
+        except KeyboardInterrupt:
+            done = np.flatnonzero(rows.done)
+            raise StudyInterrupted(done, self._columns(rows).take(done)) from None
+        return self._columns(rows)
 
-    def _together(
-        self,
-        numbers: Array,
-        rows: NDArray[np.intp],
-        measures: Mapping[str, Array],
-        threads: int,
-        progress: Progress | None,
-    ) -> NDArray[np.bool_]:
-        """Fill in the measures of rows in blocks, and return which of them have finite loads."""
-        blocks = [rows[first : first + BLOCK] for first in range(0, len(rows), BLOCK)]
-        good = [np.zeros(0, dtype=bool)]
-        if blocks:
-            self.batch.prepare()
+    def _columns(self, rows: _Rows) -> Columns:
+        return self.judged.columns(dict(rows.measures), rows.infeasible, rows.unsizable)
+
+    def _together(self, numbers: Array, wanted: Whole, rows: _Rows, threads: int, progress: Progress | None) -> None:
+        """Fill in the rows `wanted` in blocks, but for those of designs that cannot follow a motion."""
+        shared = self.shared
+        size = BLOCK if shared.dependent is None else BLOCK_OF_LINKAGES
+        blocks = [wanted[first : first + size] for first in range(0, len(wanted), size)]
+        _ = shared.design_motions, shared.speeds, shared.holding  # before threads use them
         with ThreadPoolExecutor(max(1, min(threads, len(blocks)))) as pool:
             try:
-                found = pool.map(lambda block: self.batch.measures(numbers[block]), blocks)
-                for block, (columns, finite) in zip(blocks, found, strict=True):
+                found = pool.map(lambda block: SizingBatch(shared, numbers[block]).measures(), blocks)
+                for block, (columns, good) in zip(blocks, found, strict=True):
                     for name, column in columns.items():
-                        measures[name][block[finite]] = column[finite]
-                    good.append(finite)
+                        rows.measures[name][block[good]] = column[good]
+                    rows.done[block[good]] = True
+                    if shared.unsizable:
+                        rows.unsizable |= dict.fromkeys(block[good].tolist(), shared.unsizable)
                     if progress is not None:
-                        progress(int(finite.sum()))
+                        progress(int(rows.done.sum()))
             except BaseException:
                 pool.shutdown(cancel_futures=True)
                 raise
-        return np.concatenate(good)
+
+    def _single(self, numbers: Sequence[float], row: int, rows: _Rows) -> None:
+        """Fill in a row by `bellcrank.size`."""
+        try:
+            sizing = self._design(numbers)
+        except BellcrankError as error:
+            rows.infeasible[row] = str(error).removeprefix(f"{self.scene.source}: ")
+        else:
+            for name, value in measures_of(sizing).items():
+                if name in rows.measures:
+                    rows.measures[name][row] = value
+            if sizing.unsizable:
+                rows.unsizable[row] = "; ".join(sizing.unsizable)
+        rows.done[row] = True
 
     def _design(self, numbers: Sequence[float]) -> Sizing:
         """The sizing of one design by `bellcrank.size`. Raises BellcrankError where it cannot be built or sized."""
         overrides: dict[str, Any] = {}
         durations: dict[str, float] = {}
         si = np.array(numbers) * factors(self.axes, self.changes)
-        for axis, change, number, value in zip(self.axes, self.changes, numbers, si, strict=True):
+        for axis, change, number, value in zip(self.axes, self.changes, numbers, si.tolist(), strict=True):
             if change.kind == "duration":
-                durations[change.owner] = float(value)
+                durations[change.owner] = value
             else:
                 overrides[change.path] = axis.value(number)
         return self._sized(overrides, durations)
@@ -169,9 +195,22 @@ class SizingRunner(Portable):
         """The sizing with changed values, and motions that take other durations, s."""
         scene = self.scene.with_overrides(overrides) if overrides else self.scene
         subject = sizing_subject(scene, self.motions)
+        for name, duration in durations.items():
+            if not 0.0 < duration < np.inf:
+                raise InputError(f"motions.{name}.duration: expected more than 0 s, found {duration:g} s")
         motions = [
             stretched(motion, durations[motion.name] / motion.duration) if motion.name in durations else motion
             for motion in subject.motions
         ]
         transmissions = scene.config.transmissions
         return size_mechanism(subject.mechanism, motions, subject.actuators, transmissions=transmissions)
+
+
+@dataclass(eq=False)
+class _Rows:
+    """The rows of designs while they are filled in."""
+
+    measures: dict[str, Array]
+    done: NDArray[np.bool_]
+    infeasible: dict[int, str] = field(default_factory=dict)
+    unsizable: dict[int, str] = field(default_factory=dict)
