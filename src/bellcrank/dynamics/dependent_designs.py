@@ -68,7 +68,7 @@ class DependentDesigns:
         That of a design depends on its own numbers alone, to the last bit.
         """
         designs, rows = len(start), len(motion)
-        good = np.isfinite(start).all(axis=1)
+        good: Mask = np.array(np.isfinite(start).all(axis=1))
         here = np.where(good[:, None], start, 0.0)
         q = np.zeros((designs, rows, self.robot.nq))
         wanted = motion.position[:, self.lead]

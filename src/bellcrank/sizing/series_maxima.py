@@ -21,7 +21,8 @@ Values = Callable[[Whole, Array], Array]  # (brackets (b,), times (b, 3)) -> the
 CANDIDATES = 6  # local maxima of a series that are refined
 TOP = 0.02  # of a series' range: lower local maxima are not refined
 NARROW = 0.05  # of a bracket: how far from the vertex it is narrowed to
-INWARD = 1e-5  # of a bracket whose largest value is at an end: a point so close decides whether the maximum is there
+INWARD = 1e-3  # of a bracket whose largest value is at an end: how far from the end it is narrowed to
+LEVEL = 1e-6  # of the value at an end: so little less next to it says that there is no jump, and the maximum is there
 FLAT = 1e-12  # of the value: a bracket in which it changes by less is narrow enough
 GAIN = 1e-14  # of the value: a vertex that is higher by less is not looked at, where the bracket is
 ALMOST_FLAT = 1e-8  # by this share
@@ -91,7 +92,8 @@ def refined(brackets: Brackets, values: Values) -> Array:
         time, value = _narrowed(np.concatenate([time, probes], axis=1), np.concatenate([value, found], axis=1))
         even = time[:, 2] - time[:, 0] > 0.5 * width
         best[which] = np.maximum(best[which], value[:, 1])
-        stays = at_end & ((time[:, 1] == time[:, 0]) | (time[:, 1] == time[:, 2]))  # the maximum is at the end itself
+        stays = at_end & ((time[:, 1] == time[:, 0]) | (time[:, 1] == time[:, 2]))
+        stays &= value[:, 1] - value.min(axis=1) <= LEVEL * np.abs(value[:, 1])  # the maximum is at the end itself
         which, time, value, even = which[~stays], time[~stays], value[~stays], even[~stays]
     return best
 
