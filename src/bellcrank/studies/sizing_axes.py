@@ -20,7 +20,7 @@ from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.actuator_designs import RATINGS
 from bellcrank.config.fields import parse_number
 from bellcrank.elements.element import Bound
-from bellcrank.elements.parameters import target_of
+from bellcrank.elements.parameters import parameter_bounds, target_of
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.entry_kinds import DwellEntry, JoinEntry
@@ -153,7 +153,7 @@ def _change(scene: Scene, path: str) -> tuple[Change, str]:
     parts = (*scene.forces, *scene.control, *scene.constraints)
     if name in scene.parameters:
         parameter = scene.parameters[name]
-        bounds = tuple(target_of(target, scene.robot, parts)[0].bound for target in parameter.sets)
+        bounds = tuple(parameter_bounds(parameter, scene.robot, parts))
         moves = any(what < len(ORIGIN) for _, what in parameter.places) or any(
             target.startswith("constraint.") for target in parameter.sets
         )
