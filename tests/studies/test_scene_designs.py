@@ -207,16 +207,40 @@ def test_every_design_has_the_parameters_the_start_or_the_reason_that_it_has_alo
             assert given == getattr(settings, name)
 
 
-def test_the_designs_of_these_scenes_are_mostly_made_at_once(monkeypatch):
-    """Only what they share is read anew: with_overrides is called once a variant, and for designs that it refuses."""
-    for case in ("four-bar, lengths", "hinges in space", "a disk in six coordinates", "a spring"):
-        scene, axes, values = designs_of(case)
-        designs = SceneDesigns(scene, axes)
-        read = []
-        monkeypatch.setattr(SceneDesigns, "_add_alone", lambda self, row, *rest, read=read: read.append(row))
-        designs.block(values)
-        assert not read, case
-        monkeypatch.undo()
+@pytest.mark.parametrize(
+    "case",
+    [
+        "four-bar, lengths",
+        "hinges in space",
+        "a disk in six coordinates",
+        "two wheels, whose side forces are redundant",
+    ],
+)
+def test_plain_numbers_are_treated_at_once(monkeypatch, case):
+    scene, axes, values = designs_of(case)
+    designs = SceneDesigns(scene, axes)
+    read = []
+    monkeypatch.setattr(SceneDesigns, "_add_alone", lambda self, row, *rest: read.append(row))
+    designs.block(values)
+    assert not read
+
+
+def test_sizes_of_rows_in_cpp_are_those_of_each_design_to_the_bit(monkeypatch):
+    scene, _, values = designs_of("four-bar, lengths", 200)
+    called, one, whole = [], by_parameters._other_rows, by_parameters.row_sizes
+    monkeypatch.setattr(by_parameters, "_other_rows", lambda *design: called.append(design) or one(*design))
+    found = by_parameters.design_parameters(scene, values)
+    assert not called and found.alike.all()
+
+    def never(*arguments):
+        sizes, clear = whole(*arguments)
+        return np.zeros_like(sizes), np.zeros_like(clear)
+
+    monkeypatch.setattr(by_parameters, "row_sizes", never)
+    expected = by_parameters.design_parameters(scene, values)
+    assert len(called) == 200 and expected.alike.all()
+    for have, want in zip(found.constrained, expected.constrained, strict=True):
+        np.testing.assert_array_equal(have, want)
 
 
 def test_a_design_does_not_depend_on_its_neighbours_or_on_threads():
@@ -235,14 +259,14 @@ def test_a_design_does_not_depend_on_its_neighbours_or_on_threads():
             np.testing.assert_array_equal(some.start, group.start[at])
 
 
-def test_designs_whose_constraints_are_not_clearly_regular_are_made_alone(monkeypatch):
+def test_designs_with_other_equations_are_made_alone(monkeypatch):
     scene, axes, values = designs_of("four-bar, lengths", 40)
     expected = SceneDesigns(scene, axes).block(values)
     whole = by_parameters.design_parameters
 
     def doubtful(scene, own, threads):
         found = whole(scene, own, threads)
-        return found._replace(regular=np.arange(len(own)) % 3 == 0)
+        return found._replace(alike=np.arange(len(own)) % 3 == 0)
 
     monkeypatch.setattr("bellcrank.studies.variant_designs.design_parameters", doubtful)
     found = SceneDesigns(scene, axes).block(values)

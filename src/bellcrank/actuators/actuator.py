@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator_checks import check_ratings
+from bellcrank.actuators.shaft_load import shaft_torque
 from bellcrank.actuators.torque_speed_curve import Points, four_quadrants, share_of_curve, torque_below
 
 if TYPE_CHECKING:
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from bellcrank.actuators.motor_with_gear import MotorWithGear
 
 Array = NDArray[np.float64]
-STANDSTILL = 1e-6  # rad/s of the shaft: slower counts as at rest, so that rounding does not decide the flow of power
 FASTEST = 1500.0  # rad/s: few motors turn faster, while many speeds in rpm are larger numbers
 
 
@@ -216,17 +216,10 @@ class Actuator:
         load_torque, velocity, acceleration = arguments.alike(
             load_torque=load_torque, velocity=velocity, acceleration=acceleration
         )
+        efficiency = math.nan if self.efficiency is None else self.efficiency
+        inertia = math.nan if self.shaft_inertia is None else self.shaft_inertia
         with np.errstate(over="ignore", invalid="ignore"):  # infinite and NaN stay so
-            motoring = (load_torque * velocity >= 0.0) | (self.ratio * np.abs(velocity) <= STANDSTILL)
-            driving, driven = self._efficiencies(load_torque)
-            through_gear = np.where(motoring, 1.0 / (self.ratio * driving), driven / self.ratio)
-            inertia = math.nan if self.shaft_inertia is None else self.shaft_inertia
-            return np.asarray(load_torque * through_gear + inertia * self.ratio * acceleration)
-
-    def _efficiencies(self, load_torque: Array) -> tuple[Array | float, Array | float]:
-        """The gear's efficiency while it drives the load, and while the load drives it; NaN where unknown."""
-        eta = math.nan if self.efficiency is None else self.efficiency
-        return eta, eta
+            return shaft_torque(load_torque, (velocity, acceleration), self.ratio, efficiency, inertia)
 
     def electrical_power(self, shaft_power: Array) -> Array:
         """The electrical power: shaft power divided by the motor's efficiency, or multiplied by it where negative.

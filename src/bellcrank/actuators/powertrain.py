@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.actuators import electrical
-from bellcrank.actuators.actuator import STANDSTILL
 from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.product_arrays import Array, GearArrays, MotorArrays
+from bellcrank.actuators.shaft_load import STANDSTILL
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,8 +56,16 @@ def share_of_curve(points: Points, torque: Array, speed: Array) -> Array:
     A point is inside exactly when its share is at most 1, because the region under a curve that does not rise is
     star-shaped about the origin. NaN where an argument is NaN.
     """
-    torque, speed = np.abs(torque), np.abs(speed)
     speeds, torques = np.array(points).T
+    return share_of_curves(speeds, torques, torque, speed)
+
+
+def share_of_curves(speeds: Array, torques: Array, torque: Array, speed: Array) -> Array:
+    """As `share_of_curve`, of curves whose points have speeds (m, …) and torques (m, …) that broadcast with the load.
+
+    Points of one speed count once.
+    """
+    torque, speed = np.abs(torque), np.abs(speed)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         reach = np.where(speed > 0.0, speeds[-1] / speed, np.inf)  # factor to the last speed
         for k in range(len(speeds) - 1):

@@ -1,14 +1,15 @@
 """The parameters p of the equations for many designs of a scene, each as `system_parameters` gives them.
 
 With constraints, p contains the usual sizes of their rows (constraint_rows.py), which may depend on parameters such as
-lengths. src/cpp/integrator/row_sizes.hpp computes them for designs whose mass matrix and constraints are clearly
-regular and whose rows are those of the scene; `regular` marks these, and the others have to be treated one by one.
+lengths. src/cpp/integrator/row_sizes.hpp computes them where the mass matrix and the constraints are clearly regular;
+`rows_of` computes them for the other designs one by one. A design whose equations are others than the scene's, or that
+has none, is marked.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -22,12 +23,14 @@ from bellcrank.dynamics.constraint_rows import (
     FACTORISED,
     LEAST_POWER,
     POWERS,
+    ConstraintRows,
     on_one_body,
     rows_of,
     sampler_of,
 )
 from bellcrank.dynamics.constraint_sampling import POSTURES, in_metres, largest_dimension
 from bellcrank.dynamics.kkt import REGULARISATION
+from bellcrank.errors import InputError
 from bellcrank.robot.joints import lengths_in_position, lengths_in_velocity, postures
 
 if TYPE_CHECKING:
@@ -40,27 +43,44 @@ LENGTH, ANGLE, OTHER = range(3)  # units of rows, as in row_sizes.hpp
 
 
 class DesignParameters(NamedTuple):
-    """p of designs with the units of their constraints' rows, and which designs are regular (n,)."""
+    """p of designs with the units of their constraints' rows, and which designs (n,) have the scene's equations.
+
+    A design whose mass matrix may be singular along a motion that the constraints allow is not among these.
+    """
 
     constrained: Constrained
-    regular: Mask
+    alike: Mask
 
 
 def design_parameters(scene: Scene, own: Array, threads: int = 1) -> DesignParameters:
     """The parameters of designs of a scene from `Scene.own_parameters` of each (n, …)."""
     rows, count = rows_of(scene), len(own)
-    regular = np.full(count, not rows.massless and not (rows.parametric and rows.singular))
-    units, lengths = rows.unit[None], np.array([rows.length])
     if not rows.parametric:
         parts = [own, np.full((count, 1), REGULARISATION)] if scene.constraints else [own]
-        return DesignParameters(Constrained(np.hstack(parts), units, lengths), regular)
-    sizes, clear = row_sizes(_row_sampling(scene), np.ascontiguousarray(own), threads)
-    regular &= clear
-    if not scene.constraints:
-        return DesignParameters(Constrained(own, units, lengths), regular)
+        constrained = Constrained(np.hstack(parts), rows.unit[None], np.array([rows.length]))
+        return DesignParameters(constrained, np.full(count, not rows.massless))
+    sizes, alike = row_sizes(_row_sampling(scene), np.ascontiguousarray(own), threads)
+    if rows.singular:
+        alike[:] = False
+    for design in np.flatnonzero(~alike).tolist():
+        other = _other_rows(scene, own[design])
+        if other is not None and other.signature == rows.signature and not other.massless:
+            sizes[design], alike[design] = other.parameters, True
     kept = len(rows.kept)
-    p = np.hstack([own, sizes, np.full((count, 1), REGULARISATION)])
-    return DesignParameters(Constrained(p, sizes[:, 2 * kept : 3 * kept].copy(), sizes[:, -1].copy()), regular)
+    parts = [own, sizes, np.full((count, 1), REGULARISATION)] if scene.constraints else [own]
+    units, lengths = sizes[:, 2 * kept : 3 * kept].copy(), sizes[:, -1].copy()
+    return DesignParameters(Constrained(np.hstack(parts), units, lengths), alike)
+
+
+def _other_rows(scene: Scene, own: Array) -> ConstraintRows | None:
+    """The rows of the scene at other parameters; None where a row can never hold."""
+    given = zip(scene.parameters.items(), own.tolist(), strict=False)
+    other = replace(scene, parameters={name: replace(parameter, value=value) for (name, parameter), value in given})
+    vars(other)["structure_key"] = scene.structure_key  # in which values of parameters have no part
+    try:
+        return rows_of(other)
+    except InputError:
+        return None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -113,6 +113,15 @@ def parameter_bounds(parameter: Parameter, robot: Robot, parts: Sequence[Element
     return [_resolve(target, robot, parts)[0].bound for target in parameter.sets]
 
 
+def target_of(target: str, robot: Robot, parts: Sequence[Element]) -> tuple[Settable, tuple[int, int] | None]:
+    """The unit and bound of what a parameter may set, and its (frame, quantity) if the tracer sets it.
+
+    Raises InputError for anything that no parameter can set.
+    """
+    kind, dot, rest = target.partition(".")
+    return _resolve(PLURAL.get(kind, kind) + dot + rest, robot, parts)
+
+
 def _check_inertias(table: Fields, parameters: Mapping[str, Parameter], robot: Robot) -> None:
     """Raise InputError if parameters give a link a negative principal moment of inertia."""
     for link in inertias_set(parameters, robot):

@@ -145,7 +145,7 @@ def sizing_subject(
                 "argument 'overrides': it changes values of a scene, configuration or URDF; give 'robot' as a path, a "
                 "name, or a Scene of bc.load_scene"
             )
-        robot = changed_scene(robot if isinstance(robot, Scene) else load_scene(robot, trust=folders), overrides)
+        robot = changed_scene(robot if isinstance(robot, Scene) else load_scene(robot, trust=trust), overrides)
     if not isinstance(robot, (RobotConfig, Scene, str, Path)):
         if loads and not isinstance(robot, Robot):
             raise InputError("argument 'payloads': they belong to the robot of a Linkage; load it with them")

@@ -132,7 +132,7 @@ class SceneDesigns(Portable):
                 if good.any():
                     members[variant.system] = _Members(variant.scene)
                     members[variant.system].add(some[good], found.parameters[good], found.start[good])
-                alone = np.sort(np.concatenate([rows[~accepted[rows]], some[~found.regular]]))
+                alone = np.sort(np.concatenate([rows[~accepted[rows]], some[~found.alike]]))
             for row in alone.tolist():
                 self._add_alone(row, values[row].tolist(), members, positions, infeasible)
             groups += [self._group(found, values) for found in members.values()]

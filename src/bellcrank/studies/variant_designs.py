@@ -15,7 +15,6 @@ from bellcrank.dynamics.consistent_starts import (
     consistent_velocities,
     reason,
 )
-from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.design_parameters import design_parameters
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
 from bellcrank.dynamics.system import system_of
@@ -35,14 +34,14 @@ class Starts:
     Attributes:
         parameters: p (n, np).
         start: x (n, size).
-        regular: Which designs (n,) were treated; the others have to be treated one by one.
+        alike: Which designs (n,) have the variant's equations; the others have to be made one by one.
         consistent: Which of them have a consistent start (n,).
-        reasons: Why a treated design cannot be run, by its number.
+        reasons: Why one of them cannot be run, by its number.
     """
 
     parameters: Array
     start: Array
-    regular: Mask
+    alike: Mask
     consistent: Mask
     reasons: dict[int, str]
 
@@ -67,7 +66,7 @@ class VariantDesigns:
         found = {(axis.kind, axis.name) for axis in self.axes}
         joints = {Kind.POSITION: self.scene.initial.position, Kind.VELOCITY: self.scene.initial.velocity}
         there = all(name in joints[kind] for kind, name in found if kind in joints)
-        return there and not rows_of(self.scene).massless and not self.scene.settings.stabilisation.auto
+        return there and not self.scene.settings.stabilisation.auto
 
     def starts(self, values: Array, threads: int) -> Starts:
         """Parameters and consistent starts of designs with values (n, axes) that the scene accepts."""
@@ -75,7 +74,7 @@ class VariantDesigns:
         system, count = self.system, len(values)
         x = np.zeros((count, system.size))
         reasons = dict[int, str]()
-        consistent = found.regular.copy()
+        consistent = found.alike.copy()
         rows = np.flatnonzero(consistent)
         designs = _picked(found.constrained, rows)
         q = self._positions(values[rows])
@@ -97,7 +96,7 @@ class VariantDesigns:
         return Starts(
             parameters=found.constrained.parameters,
             start=x,
-            regular=found.regular,
+            alike=found.alike,
             consistent=consistent,
             reasons=reasons,
         )
@@ -150,6 +149,8 @@ class VariantDesigns:
 
 def _picked(designs: Constrained, rows: NDArray[np.intp]) -> Constrained:
     """Some of the designs."""
+    if len(rows) == len(designs.parameters):
+        return designs
     one_unit, one_length = len(designs.units) == 1, len(designs.lengths) == 1
     return Constrained(
         designs.parameters[rows],

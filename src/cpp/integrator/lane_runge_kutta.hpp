@@ -27,16 +27,24 @@ class LaneRungeKutta {
   // A step of size h from (t_old, old) with the slope in row 0: fills rows 1 to stages - 1 and the new state x, which is
   // not settled yet. False in lanes whose constraints lose rank at a stage.
   Mask stages(LaneBlock& block, Vec h, Vec* x) {
-    const Mask sound = all(block, h, std::make_integer_sequence<int, Method::stages - 1>{});
-    sum<last>(block, h, x);
-    return sound;
+    switch (n_) {
+      case 1: return stages_of<1>(block, h, x);
+      case 2: return stages_of<2>(block, h, x);
+      case 3: return stages_of<3>(block, h, x);
+      case 4: return stages_of<4>(block, h, x);
+      case 5: return stages_of<5>(block, h, x);
+      case 6: return stages_of<6>(block, h, x);
+      case 7: return stages_of<7>(block, h, x);
+      case 8: return stages_of<8>(block, h, x);
+      default: return stages_of<0>(block, h, x);
+    }
   }
 
-  // Stage S >= 1 alone, such as those of a dense output.
-  template <int S>
+  // Stage S >= 1 alone, such as those of a dense output. N: the number of states; 0: any.
+  template <int S, int N = 0>
   BELLCRANK_INLINE Mask stage(LaneBlock& block, Vec h) {
-    sum<S>(block, h, argument_);
-    return equations_.rhs(block, block.t_old + Method::c[S] * h, argument_, block.k + S * n_);
+    sum<S, N>(block, h, argument_);
+    return equations_.rhs(block, block.t_old + Method::c[S] * h, argument_, block.k + S * (N ? N : n_));
   }
 
   // The slope at the end of a step, into row `last`.
@@ -79,17 +87,24 @@ class LaneRungeKutta {
   const int n_;
   Vectors argument_;
 
-  template <int S>
+  template <int N>
+  Mask stages_of(LaneBlock& block, Vec h, Vec* x) {
+    const Mask sound = all<N>(block, h, std::make_integer_sequence<int, Method::stages - 1>{});
+    sum<last, N>(block, h, x);
+    return sound;
+  }
+
+  template <int S, int N>
   BELLCRANK_INLINE void sum(const LaneBlock& block, Vec h, Vec* to) const {
-    const std::size_t n = n_;
+    const std::size_t n = N ? N : n_;
     const Vec *k = block.k, *old = block.old;
     for (std::size_t i = 0; i < n; ++i) to[i] = old[i] + h * weighted_lanes<Weights<RowOf<Method, S>>, S - 1>(k + i, n);
   }
 
-  template <int... S>
+  template <int N, int... S>
   BELLCRANK_INLINE Mask all(LaneBlock& block, Vec h, std::integer_sequence<int, S...>) {
     Mask sound = Mask{} == 0;
-    ((sound &= stage<S + 1>(block, h)), ...);
+    ((sound &= stage<S + 1, N>(block, h)), ...);
     return sound;
   }
 };

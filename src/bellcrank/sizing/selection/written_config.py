@@ -90,7 +90,10 @@ def _original(config: RobotConfig, folder: Path) -> dict[str, Any]:
     if config.source == config.urdf:
         named = next((name for name, urdf in catalog.names().items() if urdf == config.urdf), None)
         written = {"name": config.name, "urdf": named or _relative(config.urdf, folder)}
-        return plain(apply_overrides(source_mapping(written), config.overrides, str(config.source))[0])
+        changed: dict[str, Any] = plain(
+            apply_overrides(source_mapping(written), config.overrides, str(config.source))[0]
+        )
+        return changed
     original = apply_overrides(read_scene_data(config.source)[0], config.overrides, str(config.source))[0]
     data: dict[str, Any] = _moved(plain(original), config.source.resolve().parent, folder)
     return {"name": config.name} | data

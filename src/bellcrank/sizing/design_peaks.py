@@ -1,0 +1,170 @@
+"""Peak loads of many designs of one mechanism along a motion.
+
+The points are those of one grid, made for the mechanism itself and for designs in which one parameter differs at a
+time, so that torques are integrated as `bellcrank.size` does (sizing/motion_grid.py). Torques come from a compiled
+function with the parameters of each design; peaks between the points are refined for many designs at once
+(sizing/series_maxima.py). Designs follow the motion, perhaps in other times, or motions of their own that are as smooth
+(sizing/motion_states.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.actuators.actuator_designs import ActuatorDesigns
+from bellcrank.dynamics.force_table_breakpoints import force_breaks
+from bellcrank.dynamics.mechanism import Mechanism, coulomb_widths
+from bellcrank.motion.motion import Motion
+from bellcrank.sizing.motion_grid import Grid, coarse_grid_along, reversal_times, with_probes
+from bellcrank.sizing.motion_states import MotionStates
+from bellcrank.sizing.series_maxima import Brackets, brackets_of, refined
+
+Array = NDArray[np.float64]
+Torques = Callable[[Array, Array, Array, Array, Array], Array]  # (t, q, v, a, p) -> (n, k)
+LARGEST = 1e100  # N m or N, as in inverse dynamics: larger torques are not used
+SERIES = ("max_torque", "min_torque", "power", "shaft_torque", "curve_use")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DesignInputs:
+    """What differs between n designs of a mechanism with k motors.
+
+    Attributes:
+        parameters: The values (n, np) of the scene's parameters.
+        states: Their states along the motion.
+        actuators: The actuators of those motors whose shaft torque is known.
+        joints: Which of the k motors these are.
+        rotor_inertia: Inertias (k,) that the torques of the mechanism contain and that count at the shaft.
+    """
+
+    parameters: Array
+    states: MotionStates
+    actuators: ActuatorDesigns
+    joints: NDArray[np.intp]
+    rotor_inertia: Array
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DesignPeaks:
+    """Peaks of n designs at k motors, and at the shafts of those with known shaft torque; all at least 0 but
+    `min_torque`. `finite` (n,) says where torques are numbers below 1e100.
+    """
+
+    max_torque: Array
+    min_torque: Array
+    power: Array
+    shaft_torque: Array
+    curve_use: Array
+    rms_torque: Array
+    rms_shaft_torque: Array
+    finite: NDArray[np.bool_]
+
+
+class DesignMotion:
+    """A motion along which many designs of a mechanism are sized.
+
+    Args:
+        mechanism: The mechanism.
+        motion: A motion of all of its joints.
+        torques: The torques of its motors, of samples with parameters of their own.
+        representative: Parameters (m, np) of designs for which the grid is made.
+    """
+
+    def __init__(self, mechanism: Mechanism, motion: Motion, torques: Torques, representative: Sequence[Array]) -> None:
+        self.motion, self.torques = motion, torques
+        self.columns = [joint.v for joint in mechanism.motors]
+
+        def loads(t: Array, q: Array, v: Array, a: Array) -> Array:
+            return np.concatenate([torques(t, q, v, a, p) for p in representative], axis=1)
+
+        probes = reversal_times(motion, coulomb_widths(mechanism))
+        coarse = coarse_grid_along(motion, force_breaks(mechanism), loads)
+        self.grid: Grid = with_probes(motion, coarse, probes)
+
+    def peaks(self, designs: DesignInputs) -> DesignPeaks:
+        """The peaks of designs. Those of one do not depend on the others, to the last bit."""
+        grid, k, n = self.grid, len(self.columns), len(designs)
+        count = 3 * k + 2 * len(designs.joints)
+        top, finite = np.zeros((n, count)), np.zeros(n, dtype=bool)
+        rms, rms_shaft = np.zeros((n, k)), np.zeros((n, len(designs.joints)))
+        found: list[Brackets] = []
+        for d in range(n):
+            q, v, a = designs.states.on_grid(d)
+            torque = self.torques(grid.force_time, q, v, a, designs.parameters[d]).T
+            torque = np.ascontiguousarray(torque - designs.rotor_inertia[:, None] * a.T[self.columns])
+            if not (np.abs(torque) < LARGEST).all():
+                continue
+            table = self._series(designs, d, torque, (v.T[self.columns], a.T[self.columns]))
+            finite[d] = np.isfinite(table).all()
+            if not finite[d]:
+                continue
+            top[d] = table.max(axis=1)
+            rms[d] = _root_mean_square(grid.weight, torque, self.motion.duration)
+            shaft = table[3 * k : 3 * k + len(designs.joints)]
+            rms_shaft[d] = _root_mean_square(grid.weight, shaft, self.motion.duration)
+            brackets = brackets_of(grid.time, table)
+            found.append(Brackets(brackets.series + d * count, brackets.time, brackets.value))
+        self._refine(designs, top, found)
+        cuts = np.cumsum([k, k, k, len(designs.joints)])
+        parts = dict(zip(SERIES, np.split(top, cuts, axis=1), strict=True))
+        parts["min_torque"] = -parts["min_torque"]
+        return DesignPeaks(**parts, rms_torque=rms, rms_shaft_torque=rms_shaft, finite=finite)
+
+    def _series(self, designs: DesignInputs, d: int, torque: Array, motion: tuple[Array, Array]) -> Array:
+        """All series (c, n) of one design, in the order of `SERIES`."""
+        of, here = designs.joints, np.arange(len(designs.joints))[:, None]
+        speed, rate = motion[0][of], motion[1][of]
+        shaft = designs.actuators.shaft_torque(d, here, torque[of], (speed, rate))
+        use = designs.actuators.curve_use(d, here, shaft, speed)
+        limited = np.array([one.has_limits for one in designs.actuators.actuators], dtype=bool)
+        use[~limited] = 0.0
+        return np.concatenate([torque, -torque, np.abs(torque * motion[0]), np.abs(shaft), use])
+
+    def _refine(self, designs: DesignInputs, top: Array, found: Sequence[Brackets]) -> None:
+        """Raise the largest values `top` (n, c) to those between the points of the grid."""
+        if not found:
+            return
+        count, k, shafts = top.shape[1], len(self.columns), len(designs.joints)
+        every = Brackets(
+            *(np.concatenate([getattr(one, name) for one in found]) for name in ("series", "time", "value"))
+        )
+        design, series = np.divmod(every.series, count)
+        kind = np.searchsorted(np.cumsum([k, k, k, shafts]), series, side="right")
+        place = series - np.array([0, k, 2 * k, 3 * k, 3 * k + shafts])[kind]
+        at_shaft = kind >= 3
+        joint = np.where(at_shaft, designs.joints[np.where(at_shaft, place, 0)] if shafts else 0, place)
+        shaft = np.where(at_shaft, place, 0)
+
+        def values(which: NDArray[np.intp], times: Array) -> Array:
+            rows = np.repeat(which, times.shape[1])
+            own, column = design[rows], joint[rows]
+            q, v, a = designs.states.between(own, times.ravel())
+            forces = np.minimum(times.ravel(), self.grid.force_time[-1])  # the motion ends before a jump at its end
+            each = np.arange(len(rows))
+            speed, rate = (x[each, np.array(self.columns)[column]] for x in (v, a))
+            torque = self.torques(forces, q, v, a, designs.parameters[own])[each, column]
+            torque = torque - designs.rotor_inertia[column] * rate
+            what = kind[rows]
+            line = np.where(what == 1, -torque, np.where(what == 2, np.abs(torque * speed), torque))
+            if (on := np.flatnonzero(what >= 3)).size:
+                of = own[on], shaft[rows[on]]
+                load = designs.actuators.shaft_torque(*of, torque[on], (speed[on], rate[on]))
+                use = designs.actuators.curve_use(*of, load, speed[on])
+                line[on] = np.where(what[on] == 3, np.abs(load), use)
+            return np.asarray(line.reshape(times.shape))
+
+        np.maximum.at(top, (design, series), refined(every, values))
+
+
+def _root_mean_square(weight: Array, rows: Array, duration: float) -> Array:
+    """The RMS (k,) of rows (k, n) with weights (n,), s, over a duration, s; its rounding does not depend on BLAS."""
+    size = np.abs(rows).max(axis=1, initial=0.0)
+    size = np.where(size > 1e100, size, 1.0)
+    return np.asarray(size * np.sqrt(np.add.reduce(weight * (rows / size[:, None]) ** 2, axis=1) / duration))

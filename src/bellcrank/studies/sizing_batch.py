@@ -1,0 +1,214 @@
+"""Sizings of many designs at once, from compiled torques in which what the designs vary is an input."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.actuators.actuator_designs import ActuatorDesigns
+from bellcrank.sizing.design_peaks import DesignInputs, DesignPeaks
+from bellcrank.sizing.margin_arrays import margin_arrays
+from bellcrank.sizing.motion_states import MotionStates, OwnStates, SharedStates
+from bellcrank.studies.scene_designs import SceneDesigns
+from bellcrank.studies.shared_sizing import SharedSizing
+from bellcrank.studies.sizing_measures import MARGINS
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class SizingBatch:
+    """The sizings of n designs that certainly can be built.
+
+    Args:
+        shared: What they share.
+        values: What they differ in (n, axes), in SI units.
+    """
+
+    def __init__(self, shared: SharedSizing, values: Array) -> None:
+        self.shared, self.values = shared, values
+        self.parameters = parameters_of(shared, values)
+        self.actuators = actuators_of(shared, values)
+        self.stretches = [self._stretch(motion.name, motion.duration) for motion in shared.motions]
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def _stretch(self, motion: str, duration: float) -> Array:
+        """The factors (n,) on the duration of a motion, s."""
+        for change, column in zip(self.shared.changes, self.values.T, strict=True):
+            if change.kind == "duration" and change.owner == motion:
+                return np.asarray(column / duration)
+        return np.ones(len(self))
+
+    def measures(self) -> tuple[dict[str, Array], Mask]:
+        """The measures (n,) but for smallest margins, and which designs have them: those that can follow the motions,
+        with finite loads. A row depends on its own values alone, to the last bit.
+        """
+        shared = self.shared
+        places = [shared.with_actuator.index(k) for k in shared.known]
+        each: list[DesignPeaks] = []
+        good = np.ones(len(self), dtype=bool)
+        for states, motion in zip(self._states(good), shared.design_motions, strict=True):
+            inputs = DesignInputs(
+                parameters=self.parameters,
+                states=states,
+                actuators=self.actuators.only(places),
+                joints=np.array(shared.known, dtype=np.intp),
+                rotor_inertia=shared.loads.rotor_inertia,
+            )
+            each.append(motion.peaks(inputs))
+            good &= each[-1].finite
+        found = self._joint_measures(each)
+        for place, k in enumerate(shared.with_actuator):
+            found |= self._shaft_measures(place, k, each)
+        return found, good
+
+    def _states(self, good: Mask) -> list[MotionStates]:
+        """The states of the designs along each motion; `good` (n,) becomes False where a design cannot follow one."""
+        shared, dependent = self.shared, self.shared.dependent
+        motions = zip(shared.design_motions, self.stretches, strict=True)
+        if dependent is None:
+            return [SharedStates(one.motion, one.grid, stretch) for one, stretch in motions]
+        varied = [k for k, change in enumerate(shared.changes) if change.kind == "parameter"]
+        designs = SceneDesigns(shared.scene, [_ParameterAxis(shared.changes[k].path) for k in varied])
+        start = designs.block(self.values[:, varied]).start_position
+        found: list[MotionStates] = []
+        for one, stretch in motions:
+            followed = dependent.follow(one.motion, start, self.parameters)
+            good &= followed.followed
+            found.append(
+                OwnStates(
+                    motion=one.motion,
+                    grid=one.grid,
+                    position=followed.position,
+                    velocity=followed.velocity,
+                    acceleration=followed.acceleration,
+                    stretch=stretch,
+                )
+            )
+        return found
+
+    def _joint_measures(self, each: Sequence[DesignPeaks]) -> dict[str, Array]:
+        """The measures at the joints."""
+        shared, robot = self.shared, self.shared.mechanism.robot
+        highest = np.max([peaks.max_torque for peaks in each], axis=0)
+        lowest = np.min([peaks.min_torque for peaks in each], axis=0)
+        torque = np.maximum(np.abs(highest), np.abs(lowest))
+        rms = np.max([peaks.rms_torque for peaks in each], axis=0)
+        power = np.max([peaks.power for peaks in each], axis=0)
+        holding = None if shared.holding is None else shared.holding.torques(self.parameters)
+        found: dict[str, Array] = {}
+        for k, joint in enumerate(shared.mechanism.motors):
+            speed = self._peak_speed(k)
+            own = {
+                "peak_torque": torque[:, k],
+                "rms_torque": rms[:, k],
+                "peak_speed": speed,
+                "peak_power": power[:, k],
+            }
+            if holding is not None:
+                own["holding_torque"] = holding[:, k]
+            for limit, used, margin in (
+                (float(robot.effort_limit[joint.v]), torque[:, k], "effort_margin"),
+                (float(robot.velocity_limit[joint.v]), speed, "velocity_margin"),
+            ):
+                if np.isfinite(limit):
+                    own[margin] = 1.0 - used / limit if limit else np.where(used == 0.0, 0.0, -np.inf)
+            lower, upper = (float(limits[joint.q]) for limits in (robot.lower, robot.upper))
+            low, high = (max(speeds[name][k] for speeds in shared.speeds) for name in ("lowest", "highest"))
+            distance = min(-low - lower, upper - high)
+            if np.isfinite(distance):
+                own["position_margin"] = np.full(len(self), distance)
+            found |= {f"{joint.name}.{name}": column for name, column in own.items()}
+        return found
+
+    def _peak_speed(self, k: int) -> Array:
+        """The peak speed (n,) of the k-th joint over all motions."""
+        pairs = zip(self.shared.speeds, self.stretches, strict=True)
+        return np.asarray(np.max([speeds["peak"][k] / stretch for speeds, stretch in pairs], axis=0))
+
+    def _shaft_measures(self, place: int, k: int, each: Sequence[DesignPeaks]) -> dict[str, Array]:
+        """The measures at the shaft of the k-th motor, whose actuator is that at a place among all."""
+        shared, ratio = self.shared, self.actuators.ratings["ratio"][:, place]
+        torque = rms = curve = np.full((len(self), len(each)), np.nan)
+        if k in shared.known:
+            at = shared.known.index(k)
+            torque = np.stack([peaks.shaft_torque[:, at] for peaks in each], axis=1)
+            rms = np.stack([peaks.rms_shaft_torque[:, at] for peaks in each], axis=1)
+            if self.actuators.actuators[place].has_limits:
+                curve = np.stack([peaks.curve_use[:, at] for peaks in each], axis=1)
+        speed = ratio * self._peak_speed(k)
+        pairs = zip(shared.speeds, self.stretches, strict=True)
+        mean = np.stack([ratio * speeds["mean"][k] / stretch for speeds, stretch in pairs], axis=1)
+        peaks = {"torque": torque.max(axis=1), "speed": speed, "curve": curve.max(axis=1)}
+        margins = margin_arrays(self.actuators, place, peaks, rms, mean)
+        found = {"motor_torque": peaks["torque"], "motor_rms_torque": rms.max(axis=1), "motor_speed": speed}
+        found |= {MARGINS[criterion][0]: margin for criterion, margin in margins.items()}
+        return {f"{shared.loads.joint_names[k]}.{measure}": column for measure, column in found.items()}
+
+
+def certain(shared: SharedSizing, values: Array) -> Mask:
+    """Whether each design (n, axes), in SI units, is one that certainly can be built; others are checked singly."""
+    good = np.ones(len(values), dtype=bool)
+    for change, column in zip(shared.changes, values.T, strict=True):
+        good &= change.certain(column)
+    ratings = actuators_of(shared, values).ratings
+    with np.errstate(invalid="ignore"):  # NaN is unknown, and accepted
+        for low, high in (("rated_torque", "peak_torque"), ("rated_speed", "max_speed")):
+            good &= ~(ratings[low] > ratings[high]).any(axis=1)
+        good &= ~(ratings["efficiency"] > 1.0).any(axis=1) & ~(ratings["safety_factor"] < 1.0).any(axis=1)
+    return good & _bodies(shared, values)
+
+
+def _bodies(shared: SharedSizing, values: Array) -> Mask:
+    """Whether the inertias (n,) that are varied are those of bodies: principal moments above 0."""
+    frames, good = shared.mechanism.robot.equations.tree.frames, np.ones(len(values), dtype=bool)
+    parameters, names = parameters_of(shared, values), list(shared.scene.parameters)
+    places = {place: k for k, one in enumerate(shared.scene.parameters.values()) for place in one.places}
+    varied = {names.index(change.path) for change in shared.changes if change.kind == "parameter"}
+    for frame in {frame for (frame, what), k in places.items() if 10 <= what < 16 and k in varied}:
+        xx, xy, yy, xz, yz, zz = (
+            parameters[:, places[frame, 10 + k]] if (frame, 10 + k) in places else np.full(len(values), number)
+            for k, number in enumerate(frames[frame].inertia)
+        )
+        moments = np.linalg.eigvalsh(np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=1).reshape(-1, 3, 3))
+        good &= moments[:, 0] > 0.0
+    return good
+
+
+def parameters_of(shared: SharedSizing, values: Array) -> Array:
+    """The parameters (n, np) of designs (n, axes)."""
+    names = list(shared.scene.parameters)
+    found = np.tile(shared.scene.parameter_values, (len(values), 1))
+    for change, column in zip(shared.changes, values.T, strict=True):
+        if change.kind == "parameter":
+            found[:, names.index(change.path)] = column
+    return found
+
+
+def actuators_of(shared: SharedSizing, values: Array) -> ActuatorDesigns:
+    """The actuators of the motors that have one, in designs (n, axes)."""
+    names = [shared.loads.joint_names[k] for k in shared.with_actuator]
+    varied = {
+        (names.index(change.owner), change.path.rpartition(".")[2]): column
+        for change, column in zip(shared.changes, values.T, strict=True)
+        if change.kind == "rating" and change.owner in names
+    }
+    return ActuatorDesigns.of([shared.loads.actuators[name] for name in names], varied, len(values))
+
+
+class _ParameterAxis:
+    """A parameter as an axis of designs, in its SI unit."""
+
+    unit, numeric = "", True
+
+    def __init__(self, name: str) -> None:
+        self.path = name
+
+    def value(self, number: float) -> Any:
+        """The number."""
+        return number
