@@ -101,7 +101,7 @@ def test_equations_of_a_row_of_loops_grow_with_the_number_of_loops():
         system = system_of(n_four_bar(loops))
         for name in ("rhs", "fallback", "project"):
             counts[name].append(getattr(system, name).graph.operations)
-        counts["entries"].append(sum(system._linearised.output_sizes))
+        counts["entries"].append(sum(system.linearised.output_sizes))
     assert all(affine(each) for each in counts.values()), counts
     assert counts["entries"][-1] < 13 * 16  # φ, φ̇ and the few entries of J of each loop, not 2 N (2 N + 1)
 
