@@ -26,6 +26,16 @@ def test_four_bars_that_lock_that_do_not_and_that_cannot_be_built():
     assert set(columns.reasons) == {0, 1, 6}
 
 
+def test_solvers_and_ways_to_stabilise_are_variants_of_the_scene():
+    found, values = runner(
+        bc.load_scene("four_bar", {"simulate.duration": 3.0}),
+        simulate__solver=["DOP853", "RK45", "Radau", "DOP853"],
+        simulate__stabilisation=["projection", "none", "projection", "none"],
+        simulate__rtol=[1e-9, 1e-7, 1e-7, 1e-8],
+    )
+    check(found, values, 1e-11)
+
+
 def test_names_and_units_are_those_of_a_run_in_its_order():
     found, _ = runner("four_bar", crank_length=[1.241])
     scene = found.scene
