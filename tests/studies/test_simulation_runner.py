@@ -4,7 +4,6 @@ import pickle
 
 import numpy as np
 import pytest
-import single_ensemble
 from lone_designs import check, runner, statuses
 from lone_measures import run_measures, start_measures
 
@@ -12,11 +11,6 @@ import bellcrank as bc
 from bellcrank import _step
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.design_runner import StudyInterrupted
-
-
-@pytest.fixture(autouse=True)
-def single_runs(monkeypatch):
-    monkeypatch.setattr(_step, "integrate_ensemble", single_ensemble.integrate, raising=False)
 
 
 def test_four_bars_that_lock_that_do_not_and_that_cannot_be_built():
@@ -74,12 +68,14 @@ def test_ctrl_c_hands_over_the_designs_that_are_done(monkeypatch):
     found, values = runner("four_bar", crank_length=[4.0, 1.1, 1.2, 1.22, 1.24])
     whole = found.run(values)
 
+    engine = _step.integrate_ensemble
+
     def interrupted(problem):
-        result = single_ensemble.integrate(problem)
-        result.done[[0, 3]] = False
+        result = engine(problem)
+        result["done"][[0, 3]] = False
         return result
 
-    monkeypatch.setattr(_step, "integrate_ensemble", interrupted, raising=False)
+    monkeypatch.setattr(_step, "integrate_ensemble", interrupted)
     with pytest.raises(StudyInterrupted) as stopped:
         found.run(values)
     rows, columns = stopped.value.rows, stopped.value.columns
