@@ -4,7 +4,6 @@ import pickle
 
 import numpy as np
 import pytest
-import single_ensemble
 from lone_designs import check, runner, statuses
 from lone_measures import run_measures, start_measures
 
@@ -14,16 +13,21 @@ from bellcrank.studies.columns import Columns
 from bellcrank.studies.design_runner import StudyInterrupted
 
 
-@pytest.fixture(autouse=True)
-def single_runs(monkeypatch):
-    monkeypatch.setattr(_step, "integrate_ensemble", single_ensemble.integrate, raising=False)
-
-
 def test_four_bars_that_lock_that_do_not_and_that_cannot_be_built():
     found, values = runner("four_bar", crank_length=[1.0, 1.158, 1.16, 1.22, 1.241, 2.0, 4.0])
     columns = check(found, values, 1e-12)
     assert statuses(columns) == ["finished"] * 2 + ["event"] * 4 + ["infeasible"]
     assert set(columns.reasons) == {0, 1, 6}
+
+
+def test_solvers_and_ways_to_stabilise_are_variants_of_the_scene():
+    found, values = runner(
+        bc.load_scene("four_bar", {"simulate.duration": 3.0}),
+        simulate__solver=["DOP853", "RK45", "Radau", "DOP853"],
+        simulate__stabilisation=["projection", "none", "projection", "none"],
+        simulate__rtol=[1e-9, 1e-7, 1e-7, 1e-8],
+    )
+    check(found, values, 1e-11)
 
 
 def test_names_and_units_are_those_of_a_run_in_its_order():
@@ -64,12 +68,14 @@ def test_ctrl_c_hands_over_the_designs_that_are_done(monkeypatch):
     found, values = runner("four_bar", crank_length=[4.0, 1.1, 1.2, 1.22, 1.24])
     whole = found.run(values)
 
+    engine = _step.integrate_ensemble
+
     def interrupted(problem):
-        result = single_ensemble.integrate(problem)
-        result.done[[0, 3]] = False
+        result = engine(problem)
+        result["done"][[0, 3]] = False
         return result
 
-    monkeypatch.setattr(_step, "integrate_ensemble", interrupted, raising=False)
+    monkeypatch.setattr(_step, "integrate_ensemble", interrupted)
     with pytest.raises(StudyInterrupted) as stopped:
         found.run(values)
     rows, columns = stopped.value.rows, stopped.value.columns

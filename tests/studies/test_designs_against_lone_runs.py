@@ -1,0 +1,100 @@
+"""Every design of an ensemble against `simulate` of that design alone, in units of what the run may be wrong by.
+
+The error of a measure is taken to be the largest difference, over the designs, between runs at the scene's tolerances
+and at a hundredth of them.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from lone_designs import EXTREMES, lone, statuses
+from study_scenes import STUDY_SCENES
+
+import bellcrank as bc
+
+TIMES = 5.0  # the error: runs of the same tolerances whose steps differ, each with an error of its own
+ROUNDING = 1e-12  # of a measure's largest value
+LEFT = 0.25  # of what a tenfold number of rows adds to an extreme: at a kink the rows miss an amount of first order
+
+
+def finer(scene):
+    settings = scene.settings
+    changed = {"simulate.rtol": max(settings.rtol / 100, 1e-13), "simulate.atol": settings.atol / 100}
+    return scene.with_overrides(changed | {"simulate.samples": 10 * (settings.samples - 1) + 1})
+
+
+def compared(study, count, seed):
+    """The columns, and those of lone runs at the scene's tolerances and at finer ones, by measure."""
+    found, values = study.runner(), study.designs(count, seed)
+    columns = found.run(values, threads=2)
+    better = study.runner()
+    better.__dict__["scene"] = finer(found.scene)
+    rows = [lone(found, row) for row in values]
+    assert [(status, reason) for status, reason, _ in rows] == [
+        (status, columns.reasons.get(k, "")) for k, status in enumerate(statuses(columns))
+    ]
+    exact = [lone(better, row) for row in values]
+    assert [status for status, _, _ in exact] == statuses(columns)
+    tables = [
+        {name: np.array([row[2].get(name, math.nan) for row in each]) for name in found.units} for each in (rows, exact)
+    ]
+    return columns.measures, *tables
+
+
+def ratios(columns, alone, exact):
+    """By measure the largest difference from the lone runs in units of their error."""
+    found = {}
+    for name, column in columns.items():
+        if name == "end.work":
+            continue
+        np.testing.assert_array_equal(np.isnan(column), np.isnan(alone[name]), err_msg=name)
+        if not np.isfinite(column).any():
+            continue
+        error = np.nanmax(np.abs(alone[name] - exact[name])) + ROUNDING * np.nanmax(np.abs(alone[name])) + 1e-15
+        difference = np.abs(column - (exact if name.startswith(EXTREMES[:2]) else alone)[name])
+        if name.startswith(EXTREMES[:2]):
+            difference = np.maximum(difference - LEFT * np.abs(exact[name] - alone[name]), 0.0)
+        elif name == "energy_drift" or name == "constraint_residual":
+            difference, error = column, np.nanmax(alone[name]) + ROUNDING
+        found[name] = float(np.nanmax(difference) / error)
+    return found
+
+
+@pytest.mark.parametrize("name", STUDY_SCENES)
+def test_designs_agree_with_their_lone_runs(name):
+    found = ratios(*compared(STUDY_SCENES[name], 12, seed=1))
+    assert max(found.values()) <= TIMES, {key: value for key, value in found.items() if value > TIMES}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", STUDY_SCENES)
+def test_a_thousand_designs_agree_with_their_lone_runs(name):
+    found = ratios(*compared(STUDY_SCENES[name], 1000, seed=2))
+    assert max(found.values()) <= TIMES, {key: value for key, value in found.items() if value > TIMES}
+
+
+@pytest.mark.parametrize("name", STUDY_SCENES)
+def test_threads_and_blocks_change_no_bit(name):
+    found, values = STUDY_SCENES[name].runner(), STUDY_SCENES[name].designs(37, seed=3)
+    whole = found.run(values)
+    for threads in (2, 3):
+        assert_same(found.run(values, threads=threads), whole, slice(None))
+    for part in (slice(0, 1), slice(1, 20), slice(20, 37)):
+        assert_same(found.run(values[part], threads=2), whole, part)
+
+
+def assert_same(columns, whole, part):
+    np.testing.assert_array_equal(columns.status, whole.status[part])
+    first = part.start or 0
+    assert columns.reasons == {k - first: text for k, text in whole.reasons.items() if 0 <= k - first < len(columns)}
+    for name, column in columns.measures.items():
+        np.testing.assert_array_equal(column, whole.measures[name][part], err_msg=name)
+
+
+def test_the_error_that_differences_are_measured_by_is_that_of_the_run():
+    """The estimate of `error_estimate` and the difference from a finer run are of one size."""
+    run = bc.simulate(STUDY_SCENES["planar_2r_swing"].load())
+    better = bc.simulate(finer(run.scene), samples=run.settings.samples)
+    difference = np.abs(run.position - better.position).max()
+    assert 0.3 < difference / run.error_estimate() < 3.0
