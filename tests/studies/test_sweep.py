@@ -106,8 +106,11 @@ def test_threads_change_no_bit_of_any_row_and_each_row_is_the_run_of_its_design(
     assert [d.measures for d in one.designs] == [d.measures for d in many.designs]
     assert one.shape == (3, 2) and [d.index for d in many.designs] == list(range(6))
     run = bc.simulate(four_bar.with_overrides({"crank_length": 1.3, "preload": 1.8}))
-    assert one.grid("lock.time")[2, 0] == run.events[0].time
-    assert one.grid("largest.crank_speed")[2, 0] == run.output("crank_speed").max()
+    # the error estimates of runs at 1e-10 are above 1e-9 s
+    np.testing.assert_allclose(one.grid("lock.time")[2, 0], run.events[0].time, rtol=0, atol=1e-8)
+    # extremes are those of the whole run, which 100,001 rows hold to h²/8 of the second derivative
+    run = bc.simulate(run.scene, samples=100_001)
+    np.testing.assert_allclose(one.grid("largest.crank_speed")[2, 0], run.output("crank_speed").max(), atol=1e-7)
     # a weaker spring locks later, at the same angle
     assert np.all(np.diff(one.grid("lock.time"), axis=1) < 0.0)
     np.testing.assert_allclose(np.diff(one.grid("lock.crank"), axis=1), 0.0, atol=1e-11)

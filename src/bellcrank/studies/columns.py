@@ -38,6 +38,11 @@ class Columns:
         return Columns(statuses=self.statuses, status=self.status[first:stop], measures=measures, reasons=reasons)
 
     @classmethod
+    def none(cls) -> Columns:
+        """No rows, of no measures."""
+        return cls(statuses=(), status=np.zeros(0, dtype=np.int8), measures={})
+
+    @classmethod
     def joined(cls, parts: Sequence[Columns]) -> Columns:
         """The rows of several parts, which have the same statuses and measures, one after another."""
         first, reasons, at = parts[0], dict[int, str](), 0

@@ -20,6 +20,7 @@ MOST_MEASURES, MOST_AXES = 8, 4
 MOST_DOTS = 3000  # designs; more are drawn as their number in cells
 CELLS = 120  # along an edge
 MOST_BINS = 60
+CONSTANT = "constant within the errors of the runs"
 RANKED = 20_000  # designs that decide which parameters are drawn
 
 
@@ -42,26 +43,29 @@ def plot_sample(sweep: Sweep, measures: Sequence[str]) -> Figure:
             text = f"none, or unknown: {int((~there).sum())} of {len(values)}"
             line[0].set_title(text, fontsize="small", color=PALETTE[1])
         for place, k in zip(line[1:], _most_correlated(sweep, values, there, across), strict=True):
-            _against(place, sweep.values[there, k], values[there])
-            place.set_xlabel(literal(sweep.axes[k].label))
+            axis = sweep.axes[k]
+            _against(place, sweep.values[there, k], values[there], "loguniform" in str(axis.distribution))
+            place.set_xlabel(literal(axis.label))
             place.set_ylabel(label)
-            if sweep.axes[k].choices:
-                axis = sweep.axes[k]
+            if axis.choices:
                 place.set_xticks(axis.numbers.tolist(), [literal(str(choice)) for choice in axis.choices])
             if len(values[there]) and not varies(values, sweep.noise):
-                place.set_ylim(*_limits(values[there]))
+                place.set_ylim(*constant_limits(values[there]))
     return figure
 
 
 def _histogram(place: Axes, known: Array, noise: tuple[float, float]) -> None:
     if len(known):
         constant = not varies(known, noise)
-        edges = np.array(_limits(known)) if constant else np.histogram_bin_edges(known, _bins(known))
+        edges = np.array(constant_limits(known)) if constant else np.histogram_bin_edges(known, _bins(known))
         counts, edges = np.histogram(known, edges)
         place.stairs(100.0 * counts / len(known), edges, fill=True, color=PALETTE[5], edgecolor=PALETTE[0])
-        place.ticklabel_format(axis="x", useOffset=False) if constant else None
+        if constant:
+            place.ticklabel_format(axis="x", useOffset=False)
+            place.set_title(CONSTANT, fontsize="small")
     place.set_ylabel("% of designs")
     place.locator_params(axis="x", nbins=5)
+    place.set_axisbelow(True)
     plain(place)
 
 
@@ -72,19 +76,33 @@ def _bins(known: Array) -> int:
     return MOST_BINS if width <= 0.0 else int(np.clip(np.ceil(np.ptp(known) / width), 4, MOST_BINS))
 
 
-def _against(place: Axes, x: Array, y: Array) -> None:
+def _against(place: Axes, x: Array, y: Array, logarithmic: bool) -> None:
     """Designs as dots, or as their number in the cells of a grid."""
     if len(x) <= MOST_DOTS:
-        place.plot(x, y, linestyle="none", marker=".", markersize=3.0, color=PALETTE[0], alpha=0.6, markeredgewidth=0)
+        size = 5.0 if len(x) <= MOST_DOTS // 5 else 3.0
+        place.plot(x, y, linestyle="none", marker=".", markersize=size, color=PALETTE[0], alpha=0.6, markeredgewidth=0)
         plain(place)
     else:
-        counts, horizontal, vertical = np.histogram2d(x, y, CELLS)
-        cells: Any = np.ma.masked_equal(counts.T, 0.0)
-        place.pcolormesh(horizontal, vertical, cells, cmap="viridis", norm="log", rasterized=True)
-    place.locator_params(axis="x", nbins=4)
+        place.pcolormesh(*_cells(x, y, logarithmic), cmap="viridis", norm="log", rasterized=True)
+    if logarithmic:
+        place.set_xscale("log")
+    else:
+        place.locator_params(axis="x", nbins=4)
 
 
-def _limits(known: Array) -> tuple[float, float]:
+def _cells(x: Array, y: Array, logarithmic: bool) -> tuple[Array, Array, Any]:
+    """The edges of a grid of cells and the number of designs in each, masked where there is none."""
+    places, edges = [], []
+    for values in (np.log(x) if logarithmic else x, y):
+        least, largest = float(values.min()), float(values.max())
+        width = max(largest - least, 1e-12 * max(abs(least), abs(largest), 1e-290))
+        edges.append(np.linspace(least, least + width, CELLS + 1))
+        places.append(np.minimum((values - least) * (CELLS / width), CELLS - 1).astype(np.int64))
+    counts = np.bincount(places[1] * CELLS + places[0], minlength=CELLS * CELLS).reshape(CELLS, CELLS)
+    return np.exp(edges[0]) if logarithmic else edges[0], edges[1], np.ma.masked_equal(counts, 0)
+
+
+def constant_limits(known: Array) -> tuple[float, float]:
     """Limits in which differences within the errors of the runs are not seen."""
     middle = 0.5 * (float(known.min()) + float(known.max()))
     half = max(0.05 * abs(middle), 1e3 * float(np.ptp(known)), 1e-12)

@@ -22,7 +22,7 @@ from bellcrank.text import ERRORS, utf8
 from bellcrank.version import version
 
 if TYPE_CHECKING:
-    from bellcrank.studies.sweep_result import Array, Sweep
+    from bellcrank.studies.sweep_result import Sweep
 
 BLOCK = 8192  # rows converted to text at a time
 ROW_GROUP = 2**17  # rows of a Parquet file that are written at a time
@@ -139,7 +139,9 @@ def write_parquet(sweep: Sweep, path: str | Path) -> Path:
 
     def texts(codes: NDArray[Any], known: list[str], absent: NDArray[np.bool_] | None = None) -> Any:
         numbers = pyarrow.array(codes.astype(np.int32), mask=absent)
-        return pyarrow.DictionaryArray.from_arrays(numbers, pyarrow.array([utf8(name).decode() for name in known], pyarrow.string()))
+        return pyarrow.DictionaryArray.from_arrays(
+            numbers, pyarrow.array([utf8(name).decode() for name in known], pyarrow.string())
+        )
 
     with writing(path) as temporary, parquet.ParquetWriter(temporary, schema, use_dictionary=names) as file:
         for first in range(0, len(sweep), ROW_GROUP):
@@ -208,5 +210,17 @@ def _axes(sweep: Sweep, values: bool) -> list[dict[str, Any]]:
             facts["distribution"] = str(axis.distribution)
         elif values:
             facts["values"] = axis.values
+        else:
+            facts |= {"count": len(axis), "first": axis.shown(axis.numbers[0]), "last": axis.shown(axis.numbers[-1])}
         found.append(facts)
     return found
+
+
+def file_note(sweep: Sweep) -> str:
+    """Why the designs are in a file of another kind; empty where they are in CSV and JSON."""
+    if len(sweep) <= MOST_JSON:
+        return ""
+    if len(sweep) <= MOST_CSV:
+        return f" (JSON is written of at most {MOST_JSON} designs)"
+    more = "" if has_pyarrow() else f"; for Parquet: {INSTALL}"
+    return f" (CSV is written of at most {MOST_CSV} designs{more})"

@@ -11,7 +11,7 @@ import numpy as np
 from bellcrank.files.atomic_write import writing
 from bellcrank.plot_style import DPI, PALETTE, literal, new_figure, plain, save_figure
 from bellcrank.studies.default_measures import varies
-from bellcrank.studies.sample_plot import plot_sample
+from bellcrank.studies.sample_plot import CONSTANT, constant_limits, plot_sample
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -104,10 +104,9 @@ def _extremes(values: Array) -> Any:
 
 def _show_as_constant(place: Axes, known: Array) -> None:
     """Choose limits in which differences within the errors of the runs are not seen as a trend."""
-    middle = 0.5 * (float(known.min()) + float(known.max()))
-    half = max(0.05 * abs(middle), float(np.ptp(known)) * 1e3, 1e-12)
-    place.set_ylim(middle - half, middle + half)
+    place.set_ylim(*constant_limits(known))
     place.ticklabel_format(axis="y", useOffset=False)
+    place.set_title(CONSTANT, fontsize="small")
 
 
 def _map(figure: Figure, place: Axes, sweep: Sweep, name: str) -> None:
@@ -117,8 +116,7 @@ def _map(figure: Figure, place: Axes, sweep: Sweep, name: str) -> None:
     place.set_facecolor("0.8")
     mesh = place.pcolormesh(x, y, np.ma.masked_invalid(values), cmap="viridis", rasterized=True)
     if values.size and np.isfinite(values).any() and not varies(values, sweep.noise):
-        middle = float(np.nanmean(values[np.isfinite(values)]))
-        mesh.set_clim(middle - max(0.05 * abs(middle), 1e-12), middle + max(0.05 * abs(middle), 1e-12))
+        mesh.set_clim(*constant_limits(values[np.isfinite(values)]))
     figure.colorbar(mesh, ax=place, label=literal(f"{name} [{sweep.units[name]}]"))
     place.set_xlabel(literal(first.label))
     place.set_ylabel(literal(second.label))

@@ -28,20 +28,18 @@ if TYPE_CHECKING:
 __all__ = ["Design", "Sweep"]
 
 Array = NDArray[np.float64]
-INFEASIBLE = "infeasible"  # the design cannot be built
-UNKNOWN = "unknown"  # its run finished, but a measure of it is not a finite number
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sweep(Portable, Renamed):
-    """The result of `sweep`: designs over the grid of all combinations of values, the last axis fastest, or of a sample.
+    """The result of `sweep`: designs over the grid of all combinations of values (the last axis fastest) or a sample.
 
     Attributes:
         scene: The scene that was varied.
         space: The designs: what is varied, with its values or its distribution.
+        units: The measures by name, with their SI units.
         columns: The results of the designs that were run.
         index: (n,) their numbers, increasing: all, unless the sweep was interrupted.
-        units: The measures by name, with their SI units.
         candidates: The measures that are shown by default if they vary.
         noise: Differences of a measure up to absolute + relative × magnitude are errors of the computation.
 
@@ -55,9 +53,9 @@ class Sweep(Portable, Renamed):
 
     scene: Scene
     space: DesignSpace
-    columns: Columns
-    index: NDArray[np.int64]
     units: Mapping[str, str] = field(repr=False)
+    columns: Columns = field(default_factory=lambda: Columns.none())
+    index: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     candidates: tuple[str, ...] = ()
     noise: tuple[float, float] = (0.0, 1e-12)
 
@@ -237,8 +235,8 @@ class Sweep(Portable, Renamed):
     def to_parquet(self, path: str | Path) -> Path:
         """Write one row a design as an Apache Parquet file, with the columns of `to_csv`: for very many designs.
 
-        The metadata of its schema hold, under the key "bellcrank", a JSON text with the scene, the axes, the sample with
-        its seed, and the units.
+        The metadata of its schema hold, under the key "bellcrank", a JSON text with the scene, the axes, the sample
+        with its seed, and the units.
 
         Args:
             path: The file, which is replaced in one step.

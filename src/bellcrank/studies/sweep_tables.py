@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bellcrank.studies.sweep_result import UNKNOWN
+from bellcrank.studies.run_outcomes import UNKNOWN
 
 if TYPE_CHECKING:
     from bellcrank.studies.sweep_result import Array, Sweep
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 MOST_LINES = 20  # designs: the first and the last
 SUMMARISED = 10  # designs, above which there is a summary
 LONGEST_REASON = 110
-MOST_AXES = 3  # whose values say where a measure is least and largest
+MOST_AXES = 2  # whose values say where a measure is least and largest
 
 
 def text_table(sweep: Sweep, measures: Sequence[str]) -> str:
@@ -73,7 +73,10 @@ def _aligned(lines: list[list[str]], texts: int) -> list[str]:
     right = len(widths) - texts
     made = []
     for line in lines:
-        cells = [f"{cell:>{w}}" if k < right else f"{cell:<{w}}" for k, (cell, w) in enumerate(zip(line, widths, strict=True))]
+        cells = [
+            f"{cell:>{w}}" if k < right else f"{cell:<{w}}"
+            for k, (cell, w) in enumerate(zip(line, widths, strict=True))
+        ]
         made.append("  ".join(cells).rstrip())
     rule = "-" * (sum(widths[:-1]) + 2 * len(widths) - 4)
     return [made[0], rule, *made[1:]]
