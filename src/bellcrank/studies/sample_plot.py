@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bellcrank.plot_style import PALETTE, literal, new_figure, plain
-from bellcrank.studies.default_measures import varies
+from bellcrank.studies.columns import varies
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

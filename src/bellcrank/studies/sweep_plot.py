@@ -10,7 +10,7 @@ import numpy as np
 
 from bellcrank.files.atomic_write import writing
 from bellcrank.plot_style import DPI, PALETTE, literal, new_figure, plain, save_figure
-from bellcrank.studies.default_measures import varies
+from bellcrank.studies.columns import varies
 from bellcrank.studies.sample_plot import CONSTANT, constant_limits, plot_sample
 
 if TYPE_CHECKING:

@@ -17,8 +17,7 @@ from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.axes import Axis
-from bellcrank.studies.columns import Columns
-from bellcrank.studies.default_measures import varies
+from bellcrank.studies.columns import Columns, varies
 from bellcrank.studies.design_rows import Design, DesignRows
 from bellcrank.studies.design_space import DesignSpace
 
