@@ -146,7 +146,8 @@ def test_a_grid_too_large_to_keep_is_refused_before_it_is_made(tmp_path, monkeyp
         InputError, match=r"5000000 designs need about 2.08 GB of memory, 1 GB are free; at most 2403846 fit"
     ):
         sweep(
-            "four_bar", {"crank_length": np.linspace(1.2, 1.3, 50_000), "initial.crank": [f"{k} deg" for k in range(100)]}
+            "four_bar",
+            {"crank_length": np.linspace(1.2, 1.3, 50_000), "initial.crank": [f"{k} deg" for k in range(100)]},
         )
     assert list(tmp_path.iterdir()) == []
 

@@ -16,6 +16,7 @@ from bellcrank.terminal.progress import counting
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
+    from bellcrank.studies.sweep_plan import SweepPlan
     from bellcrank.studies.sweep_result import Sweep
 
 
@@ -63,60 +64,53 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the designs. Exit code 0: at least one design finished; 1: none did; 130: interrupted. What was computed is
     written in any case. Raises BellcrankError for invalid input.
     """
+    from bellcrank.studies.executors import MOST_THREADS, MOST_WORKERS, choose_executor
     from bellcrank.studies.study_folder import StudyFolder
-    from bellcrank.studies.sweep import sweep
+    from bellcrank.studies.sweep import run_sweep
     from bellcrank.studies.sweep_files import NAMES, write_tables
     from bellcrank.terminal import interruption
 
     folder = arguments.out or default_place(f"{Path(arguments.scene).stem}_sweep")
-    options = _options(arguments)
+    threads = whole_option("--threads", arguments.threads, 1, MOST_THREADS)
+    workers = whole_option("--workers", arguments.workers, 1, MOST_WORKERS)
+    executor, every = choose_executor(threads, workers, arguments.scheduler), keep_every(arguments)
     check_folder("--out", folder, [*NAMES, "sweep.png"])
-    scene = _scene(arguments)
-    with StudyFolder(folder, restart=arguments.restart, notify=lambda text: print(f"note: {text}")) as study:
-        with (
-            counting("check", " values") as checking,
-            counting("sweep", " designs") as bar,
-            interruption.held() as check,
-        ):
+    plan = _plan(arguments)
+    study = StudyFolder(folder, restart=arguments.restart, notify=lambda text: print(f"note: {text}"))
+    with study, counting("sweep", " designs") as bar, interruption.held() as check:
 
-            def progress(done: int, count: int) -> None:
-                check()
-                bar(done, count)
+        def progress(done: int, count: int) -> None:
+            check()
+            bar(done, count)
 
-            result = sweep(scene, folder=study, progress=progress, checking=checking, **options)
-            try:
-                files = write_tables(result, folder) if len(result) else []
-            except InputError:
-                print(result.table())  # at least on the screen
-                raise
-            if result.complete:
-                study.remove_checkpoints()
-        return _show(result, arguments, folder, files)
+        result = run_sweep(plan, executor, folder=study, progress=progress, keep_every=every)
+        try:
+            files = write_tables(result, folder) if len(result) else []
+        except InputError:
+            print(result.table())  # at least on the screen
+            raise
+        if result.complete:
+            study.remove_checkpoints()
+    return _show(result, arguments, folder, files)
 
 
-def _options(arguments: argparse.Namespace) -> dict[str, Any]:
-    """The arguments of `sweep`. Raises InputError."""
+def _plan(arguments: argparse.Namespace) -> SweepPlan:
+    """What the arguments ask for. Raises InputError."""
     from bellcrank.scene.study import MOST_POINTS
     from bellcrank.studies.axes import parse_axis
-    from bellcrank.studies.executors import MOST_THREADS, MOST_WORKERS
     from bellcrank.studies.samples import LARGEST_SEED
+    from bellcrank.studies.sweep_plan import plan_sweep
 
-    vary = {}
+    vary: dict[str, Any] = {}
     for text in arguments.axes:
         path, values = parse_axis(text)
         if path in vary:
             raise InputError(f"--vary {text!r}: '{path}' is varied already")
         vary[path] = values
-    return {
-        "vary": vary or None,
-        "sample": whole_option("--sample", arguments.sample, 1, MOST_POINTS),
-        "method": arguments.method,
-        "seed": whole_option("--seed", arguments.seed, 0, LARGEST_SEED),
-        "threads": whole_option("--threads", arguments.threads, 1, MOST_THREADS),
-        "workers": whole_option("--workers", arguments.workers, 1, MOST_WORKERS),
-        "scheduler": arguments.scheduler,
-        "keep_every": keep_every(arguments),
-    }
+    sample = whole_option("--sample", arguments.sample, 1, MOST_POINTS)
+    seed = whole_option("--seed", arguments.seed, 0, LARGEST_SEED)
+    with counting("check", " values") as checking:
+        return plan_sweep(_scene(arguments), vary or None, sample, arguments.method, seed, checking)
 
 
 def _scene(arguments: argparse.Namespace) -> Scene:

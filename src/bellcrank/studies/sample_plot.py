@@ -39,9 +39,9 @@ def plot_sample(sweep: Sweep, measures: Sequence[str]) -> Figure:
         label = literal(f"{name} [{sweep.units[name]}]")
         _histogram(line[0], values[there], sweep.noise)
         line[0].set_xlabel(label)
-        if not there.all():
-            text = f"none, or unknown: {int((~there).sum())} of {len(values)}"
-            line[0].set_title(text, fontsize="small", color=PALETTE[1])
+        titles = [CONSTANT] if there.any() and not varies(values, sweep.noise) else []
+        titles += [] if there.all() else [f"none, or unknown: {int((~there).sum())} of {len(values)}"]
+        line[0].set_title("\n".join(titles), fontsize="small", color="black" if there.all() else PALETTE[1])
         for place, k in zip(line[1:], _most_correlated(sweep, values, there, across), strict=True):
             axis = sweep.axes[k]
             _against(place, sweep.values[there, k], values[there], "loguniform" in str(axis.distribution))
@@ -62,7 +62,6 @@ def _histogram(place: Axes, known: Array, noise: tuple[float, float]) -> None:
         place.stairs(100.0 * counts / len(known), edges, fill=True, color=PALETTE[5], edgecolor=PALETTE[0])
         if constant:
             place.ticklabel_format(axis="x", useOffset=False)
-            place.set_title(CONSTANT, fontsize="small")
     place.set_ylabel("% of designs")
     place.locator_params(axis="x", nbins=5)
     place.set_axisbelow(True)

@@ -11,11 +11,12 @@ from typing import Any
 from bellcrank import arguments
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.simulation.checkpoints import KEEP_EVERY, check_keep_every
+from bellcrank.studies.execution import Executor
 from bellcrank.studies.executors import choose_executor
 from bellcrank.studies.partial_sweeps import WatchedExecutor
 from bellcrank.studies.study import run_study
 from bellcrank.studies.study_folder import StudyFolder
-from bellcrank.studies.sweep_plan import plan_sweep
+from bellcrank.studies.sweep_plan import SweepPlan, plan_sweep
 from bellcrank.studies.sweep_result import Sweep
 
 
@@ -30,7 +31,7 @@ def sweep(
     threads: int | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
-    folder: str | Path | StudyFolder | None = None,
+    folder: str | Path | None = None,
     progress: Callable[[int, int], None] | None = None,
     checking: Callable[[int, int], None] | None = None,
     keep: Callable[[Sweep], object] | None = None,
@@ -91,9 +92,25 @@ def sweep(
             arguments.function(name, called)
     check_keep_every(keep_every)
     executor = choose_executor(threads, workers, scheduler)
+    if folder is not None:
+        folder = arguments.path("folder", folder, "the path of a folder")
     plan = plan_sweep(scene, vary, sample, method, seed, checking)
+    with contextlib.nullcontext() if folder is None else StudyFolder(folder) as opened:
+        return run_sweep(plan, executor, folder=opened, progress=progress, keep=keep, keep_every=keep_every)
+
+
+def run_sweep(
+    plan: SweepPlan,
+    executor: Executor,
+    *,
+    folder: StudyFolder | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    keep: Callable[[Sweep], object] | None = None,
+    keep_every: float = KEEP_EVERY,
+) -> Sweep:
+    """Run the designs of a plan; the caller has opened the folder. Raises InputError as `sweep`."""
     runner = plan.runner
-    part = Sweep(
+    sweep_of = Sweep(
         scene=plan.scene,
         space=plan.space,
         units=runner.units,
@@ -101,9 +118,6 @@ def sweep(
         noise=runner.noise,
     )
     if keep is not None:
-        executor = WatchedExecutor(executor, part, keep, keep_every)
-    with contextlib.ExitStack() as opened:
-        if folder is not None and not isinstance(folder, StudyFolder):  # else the caller has opened it
-            folder = opened.enter_context(StudyFolder(arguments.path("folder", folder, "the path of a folder")))
-        found = run_study(plan.space, runner, executor, folder=folder, progress=progress, keep_every=keep_every)
-    return replace(part, columns=found.columns, index=found.designs)
+        executor = WatchedExecutor(executor, sweep_of, keep, keep_every)
+    found = run_study(plan.space, runner, executor, folder=folder, progress=progress, keep_every=keep_every)
+    return replace(sweep_of, columns=found.columns, index=found.designs)

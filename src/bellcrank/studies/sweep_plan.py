@@ -125,9 +125,10 @@ def _check(scene: Scene, axis: Axis, checking: Checking | None) -> None:
 
 def _tried(axis: Axis) -> list[float]:
     """The values that are tried: all, or some with equal spacing; of a distribution at equal steps of probability."""
+    numbers = axis.numbers
     if axis.distribution is not None:
-        return axis.distribution.quantiles((np.arange(MOST_TRIED) + 0.5) / MOST_TRIED).tolist()
-    if len(axis) <= MOST_TRIED or axis.choices:
-        return axis.numbers.tolist()
-    places = np.linspace(0, len(axis) - 1, MOST_TRIED).round().astype(int)
-    return axis.numbers[places].tolist()
+        numbers = axis.distribution.quantiles((np.arange(MOST_TRIED) + 0.5) / MOST_TRIED)
+    elif len(axis) > MOST_TRIED and not axis.choices:
+        numbers = numbers[np.linspace(0, len(axis) - 1, MOST_TRIED).round().astype(int)]
+    tried: list[float] = numbers.tolist()
+    return tried
