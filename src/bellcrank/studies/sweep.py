@@ -32,6 +32,7 @@ def sweep(
     workers: int | None = None,
     scheduler: str | None = None,
     folder: str | Path | None = None,
+    restart: bool = False,
     progress: Callable[[int, int], None] | None = None,
     checking: Callable[[int, int], None] | None = None,
     keep: Callable[[Sweep], object] | None = None,
@@ -60,7 +61,8 @@ def sweep(
         workers: How many processes Dask starts on this machine to run designs, instead of threads.
         scheduler: The address of a Dask scheduler whose workers run the designs.
         folder: A folder in which the designs that are done are kept while the sweep goes on. The same sweep with the
-            same folder goes on where an earlier process was stopped.
+            same folder goes on where an earlier process was stopped; another sweep is refused.
+        restart: Set an earlier sweep in the folder aside, instead of going on with it.
         progress: Called with the number of designs done and the number of all.
         checking: Called before, with the number of values of an axis that are checked and the number of all.
         keep: Called with the sweep of the designs that are done about every `keep_every` s; less often where that takes
@@ -95,7 +97,8 @@ def sweep(
     if folder is not None:
         folder = arguments.path("folder", folder, "the path of a folder")
     plan = plan_sweep(scene, vary, sample, method, seed, checking)
-    with contextlib.nullcontext() if folder is None else StudyFolder(folder) as opened:
+    restart = arguments.flag("restart", restart)
+    with contextlib.nullcontext() if folder is None else StudyFolder(folder, restart=restart) as opened:
         return run_sweep(plan, executor, folder=opened, progress=progress, keep=keep, keep_every=keep_every)
 
 
