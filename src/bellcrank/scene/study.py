@@ -37,6 +37,8 @@ def read_study(read: Fields) -> Study:
     place = read.mapping("vary", {})
     vary = {path: place.raw(path) for path in place}
     for path, values in vary.items():
+        if isinstance(values, str) and values.count("(") != values.count(")"):
+            raise place.error(path, f"put {format_value(values)}… in quotes: between {{ and }} a comma ends an entry")
         if not isinstance(values, (str, list)) or not values:
             raise place.error(
                 path,

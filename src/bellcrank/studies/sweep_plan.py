@@ -69,7 +69,7 @@ def _written_axis(scene: Scene, study: Study, path: str) -> Axis:
         return read_axis(scene, path, parse_values(values, "") if isinstance(values, str) else values)
     except InputError as error:
         assert study.place is not None
-        raise study.place.error(path, str(error).removeprefix(": ")) from None
+        raise study.place.error(path, str(error).removeprefix(": ").removeprefix(f"sweep over '{path}': ")) from None
 
 
 def _sample(
