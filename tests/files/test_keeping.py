@@ -23,7 +23,10 @@ from bellcrank.commands import simulate as simulate_command
 from bellcrank.errors import InputError, NotSavedError
 from bellcrank.files import atomic_write, temporaries
 from bellcrank.simulation import checkpoints
-from bellcrank.studies import parallel_runs
+from bellcrank.studies import partial_sweeps
+from bellcrank.studies.columns import Columns
+from bellcrank.studies.design_ranges import DesignRange
+from bellcrank.studies.execution import Part
 from bellcrank.terminal import interruption
 
 LONG = ["--duration", "1e6", "--samples", "1000001", "--set", "simulate.max_step=1e-3", "--no-plots"]
@@ -330,36 +333,49 @@ def test_what_the_disk_takes_is_written_what_matters_most_first_and_the_rest_is_
 
 def test_a_sweep_hands_over_what_is_done_ever_so_often(monkeypatch):
     seen = []
-    vary = {"crank_length": np.linspace(1.2, 1.3, 40)}
-    whole = bc.sweep("four_bar", vary, threads=2, keep=seen.append, keep_every=1e-3)
-    counts = [len(part.designs) for part in seen]
-    assert counts == sorted(set(counts)) and 0 < counts[0] < 40 and not seen[0].complete
+    vary = {"crank_length": np.linspace(1.2, 1.3, 400)}
+    whole = bc.sweep("four_bar", vary, threads=1, keep=seen.append, keep_every=1e-3)
+    counts = [len(part) for part in seen]
+    assert counts == sorted(set(counts)) and 0 < counts[0] < 400 and not seen[0].complete
     for part in seen:
-        for design in part.designs:
-            assert design == whole.designs[design.index]
-    clock = iter([0.0, 5.0, 6.0, 50.0, 55.5, 55.6, 60.0])  # keeping takes 1 s: it waits for 50
-    monkeypatch.setattr(parallel_runs.time, "monotonic", lambda: next(clock))
+        assert np.array_equal(part.index, np.arange(len(part)))
+        for name in whole.units:
+            assert np.array_equal(part.column(name), whole.column(name)[: len(part)], equal_nan=True)
+
+    class ThreeParts:
+        def run(self, work):
+            for k in range(3):
+                yield Part(
+                    DesignRange(k, k + 1), Columns(statuses=("event",), status=np.zeros(1, np.int8), measures={})
+                )
+
+    clock = iter([0.0, 5.0, 6.0, 55.5, 56.5, 56.6])  # keeping takes 1 s: it waits for 50
+    monkeypatch.setattr(partial_sweeps.time, "monotonic", lambda: next(clock))
     told = []
-    often = parallel_runs.RegularCall(told.append, 4.0)
-    for count in (1, 2, 3):
-        often(count, lambda count=count: count)
-    assert told == [1] and often.next == 56.0
+    watched = partial_sweeps.WatchedExecutor(ThreeParts(), whole, told.append, 4.0)
+    assert len(list(watched.run(None))) == 3 and [len(part) for part in told] == [1, 3]
 
 
-def test_a_sweep_that_is_killed_keeps_its_table_and_the_next_one_renames_it(tmp_path):
-    command = ["sweep", "planar_2r_swing", "--vary", "initial.elbow=0.1:1.0:2000", "--no-plots", "--threads", "1"]
-    process = begun(*command, "--keep-every", "0.05", "--out", str(tmp_path))
-    wait_for(process, tmp_path / "sweep.partial.json")
+SLOW = ["--set", "simulate.max_step=1e-3", "--no-plots"]
+
+
+def test_a_sweep_that_is_killed_keeps_its_designs_and_the_same_command_goes_on(tmp_path, capsys):
+    command = ["sweep", "planar_2r_swing", "--vary", "initial.elbow=0.1:1.0:3000", *SLOW, "--out", str(tmp_path)]
+    process = begun(*command, "--threads", "1", "--keep-every", "0.05")
+    wait_for(process, tmp_path / "checkpoints" / "000001.npz")
     process.kill()
     process.communicate()
-    table = json.loads((tmp_path / "sweep.partial.json").read_text())
-    assert not table["complete"] and 0 < len(table["designs"]) < 2_000
-    assert len((tmp_path / "sweep.partial.csv").read_text().splitlines()) >= 1 + len(table["designs"])
-    few = ["sweep", "planar_2r_swing", "--vary", "initial.elbow=0.1,0.2", "--no-plots", "--out", str(tmp_path)]
-    assert main(few) == 0
-    names = {"sweep.csv", "sweep.json", "sweep.partial.1.csv", "sweep.partial.1.json"}
-    assert {path.name for path in tmp_path.iterdir()} == names
-    assert json.loads((tmp_path / "sweep.json").read_text())["complete"]
+    other = [*command[:3], "initial.elbow=0.1:1.0:3001", *command[4:]]
+    assert main(other) == 2
+    said = capsys.readouterr().err
+    assert "unfinished study that differs in initial.elbow" in said and "--restart" in said
+    assert main(command) == 0
+    said = capsys.readouterr().out
+    assert "of 3000 designs were done before" in said and "3000 designs, 3000 finished" in said
+    assert {path.name for path in tmp_path.iterdir()} == {"sweep.csv", "sweep.json"}
+    fresh = tmp_path / "fresh"
+    assert main([*command[:-1], str(fresh)]) == 0
+    assert (fresh / "sweep.csv").read_bytes() == (tmp_path / "sweep.csv").read_bytes()
 
 
 # ---- signals
@@ -371,7 +387,7 @@ def test_a_sweep_that_is_killed_keeps_its_table_and_the_next_one_renames_it(tmp_
         (signal.SIGTERM, [*SWING, *LONG, "--keep-every", "0.1"], "run.npz", 143),
         (
             signal.SIGHUP,
-            ["sweep", "four_bar", "--vary", "crank_length=1.21:1.24:100001", "--no-plots", "--keep-every", "0.05"],
+            ["sweep", "four_bar", "--vary", "crank_length=1.21:1.24:100001", *SLOW, "--keep-every", "0.05"],
             "sweep.json",
             129,
         ),
@@ -379,7 +395,7 @@ def test_a_sweep_that_is_killed_keeps_its_table_and_the_next_one_renames_it(tmp_
 )
 def test_a_signal_keeps_what_was_computed_and_says_so(tmp_path, number, command, result, status):
     process = begun(*command, "--out", str(tmp_path))
-    wait_for(process, tmp_path / ("run.blocks" if result == "run.npz" else "sweep.partial.json"))
+    wait_for(process, tmp_path / ("run.blocks" if result == "run.npz" else "checkpoints"))
     process.send_signal(number)
     process.send_signal(number)  # as timeout(1) does
     out, err = process.communicate(timeout=100)
@@ -393,36 +409,6 @@ def test_a_signal_keeps_what_was_computed_and_says_so(tmp_path, number, command,
         table = json.loads((tmp_path / result).read_text())
         assert not table["complete"] and table["designs"]
         assert f"{len(table['designs'])} of 100001 designs were run" in out
-
-
-def test_a_sweep_is_ended_by_a_signal_though_a_thread_is_in_what_cannot_be_stopped(tmp_path):
-    marker = tmp_path / "stuck"
-    script = (
-        "import itertools, pathlib, runpy, sys, time\n"
-        "import bellcrank.studies.parallel_runs as m\n"
-        "whole, calls = m.simulate, itertools.count(1)\n"
-        "def simulate(scene, **rest):\n"
-        "    if next(calls) == 4:\n"
-        f"        pathlib.Path({str(marker)!r}).touch()\n"
-        "        time.sleep(1000.0)\n"  # as a compiler does, it looks at nothing
-        "    return whole(scene, **rest)\n"
-        "m.simulate = simulate\n"
-        "sys.argv = 'bellcrank sweep planar_2r_swing --vary initial.elbow=0.1,0.2,0.3,0.4 --out sw'.split()\n"
-        "runpy.run_module('bellcrank', run_name='__main__')\n"
-    )
-    process = subprocess.Popen(
-        [sys.executable, "-c", script], cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
-    wait_for(process, marker)
-    time.sleep(0.5)
-    process.terminate()
-    try:
-        out, err = process.communicate(timeout=60)
-    finally:
-        process.kill()
-    assert process.returncode == 143 and "3 of 4 designs were run" in out and not err, (out, err)
-    # tables, and no picture, which whoever asks to stop would have to wait for
-    assert sorted(path.name for path in (tmp_path / "sw").iterdir()) == ["sweep.csv", "sweep.json"]
 
 
 @pytest.fixture
@@ -553,7 +539,12 @@ def test_targets_that_cannot_be_files_are_refused_before_anything_is_computed(tm
     def compute(*_, **__):
         raise AssertionError("computed first")
 
-    for where in ("simulation.simulate.simulate", "studies.sweep.sweep", "sizing.size.size", "scene.scene.load_scene"):
+    for where in (
+        "simulation.simulate.simulate",
+        "studies.sweep.run_sweep",
+        "sizing.size.size",
+        "scene.scene.load_scene",
+    ):
         monkeypatch.setattr(f"bellcrank.{where}", compute)
     commands = [
         [*SWING, "--out", "out"],
@@ -637,7 +628,7 @@ def test_no_kill_at_any_moment_leaves_half_a_file_and_the_next_run_cleans_up(tmp
     dice = random.Random(11)
     commands = [
         ([*SWING, *LONG, "--keep-every", "0.05", "--out", "run"], 1.8),
-        (["sweep", "planar_2r_swing", "--vary", "initial.elbow=0.1:1:999", "--no-plots", "--keep-every", "0.05",
+        (["sweep", "planar_2r_swing", "--vary", "initial.elbow=0.1:1:999", *SLOW, "--keep-every", "0.05",
           "--out", "sweep"], 1.6),
         (["replay", "planar_2r_swing", "--out", "page.html"], 1.2),
     ]  # fmt: skip

@@ -1,10 +1,11 @@
-"""`bellcrank sweep`: a table on screen; sweep.csv, sweep.json and a picture in a folder."""
+"""`bellcrank sweep`: a table on screen; files with every design and a picture in a folder."""
 
 from __future__ import annotations
 
 import argparse
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from bellcrank.commands.options import add_keep_every, add_trust, keep_every, whole_option
 from bellcrank.commands.output_files import list_on_failure
@@ -13,6 +14,11 @@ from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.messages import unknown_name
 from bellcrank.terminal.progress import counting
 
+if TYPE_CHECKING:
+    from bellcrank.scene.scene import Scene
+    from bellcrank.studies.sweep_plan import SweepPlan
+    from bellcrank.studies.sweep_result import Sweep
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The scene, what to vary, and where to write."""
@@ -20,10 +26,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "scene", metavar="SCENE", help="a scene or robot configuration: a path, or a name that `bellcrank robots` lists"
     )
     parser.add_argument(
-        "--vary", action="append", required=True, metavar="PATH=FIRST:LAST:COUNT", dest="axes",
-        help="vary a parameter of the scene, initial.JOINT or simulate.KEY over equally spaced values, or over listed "
-        "ones with PATH=A,B,C; may be repeated for all combinations",
+        "--vary", action="append", default=[], metavar="PATH=VALUES", dest="axes",
+        help="vary a parameter of the scene, initial.JOINT or simulate.KEY: over equally spaced values "
+        "(PATH=FIRST:LAST:COUNT), listed ones (PATH=A,B,C), or drawn ones (PATH='normal(MEAN, SD)', also uniform, "
+        "truncnormal, triangular, loguniform); may be repeated for all combinations (default: the scene's study)",
     )  # fmt: skip
+    parser.add_argument("--sample", metavar="N", help="number of designs that are drawn from the distributions")
+    parser.add_argument(
+        "--method", metavar="NAME", help="how they are drawn: sobol (default), latin (Latin hypercube) or random"
+    )
+    parser.add_argument("--seed", metavar="N", help="seed of the random numbers (default: 0)")
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="changes",
         help="change a value of the scene first, such as simulate.duration='20 s'; may be repeated",
@@ -32,12 +44,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--measure", action="append", default=[], metavar="NAME", dest="measures",
         help="a measure that the table and the picture show, such as lock.time; may be repeated (the files hold all)",
     )  # fmt: skip
-    parser.add_argument(
-        "--threads", metavar="N", help="number of designs that run at the same time (default: the machine's threads)"
-    )
+    parser.add_argument("--threads", metavar="N", help="number of threads that run designs (default: the machine's)")
+    parser.add_argument("--workers", metavar="N", help="run designs in N processes of a Dask cluster on this machine")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="run designs on the workers of a Dask scheduler")
     add_trust(parser)
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="output folder (default: SCENE_sweep in the current folder)"
+    )
+    parser.add_argument(
+        "--restart",
+        action="store_true",
+        help="set an unfinished sweep in the folder aside, instead of going on with it",
     )
     parser.add_argument("--no-plots", action="store_true", help="do not write a picture")
     add_keep_every(parser)
@@ -47,63 +64,95 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the designs. Exit code 0: at least one design finished; 1: none did; 130: interrupted. What was computed is
     written in any case. Raises BellcrankError for invalid input.
     """
-    from bellcrank.scene.overrides import parse_assignment
-    from bellcrank.scene.scene import load_scene
-    from bellcrank.studies.axes import parse_axis
-    from bellcrank.studies.sweep import MOST_THREADS, sweep
-    from bellcrank.studies.sweep_result import UNKNOWN
-    from bellcrank.studies.sweep_tables import PartialTables
+    from bellcrank.studies.executors import MOST_THREADS, MOST_WORKERS, choose_executor
+    from bellcrank.studies.study_folder import StudyFolder
+    from bellcrank.studies.sweep import run_sweep
+    from bellcrank.studies.sweep_files import NAMES, write_tables
     from bellcrank.terminal import interruption
 
-    vary = {}
-    for text in arguments.axes:
-        path, values = parse_axis(text)
-        if path in vary:
-            raise InputError(f"--vary {text!r}: '{path}' is varied already")
-        vary[path] = values
-    threads = whole_option("--threads", arguments.threads, 1, MOST_THREADS)
-    changes = dict(parse_assignment(text) for text in arguments.changes)
     folder = arguments.out or default_place(f"{Path(arguments.scene).stem}_sweep")
-    every = keep_every(arguments)
-    check_folder("--out", folder, ["sweep.csv", "sweep.json", "sweep.png"])
-    scene = load_scene(arguments.scene, trust=arguments.trust)
-    tables = PartialTables(folder)
-    for left in tables.earlier:
-        print(f"note: an earlier sweep into {folder} did not finish; its partial results are now in {left}")
-    with counting("check", " values") as checking, counting("sweep", " designs") as bar, interruption.held() as check:
+    threads = whole_option("--threads", arguments.threads, 1, MOST_THREADS)
+    workers = whole_option("--workers", arguments.workers, 1, MOST_WORKERS)
+    executor, every = choose_executor(threads, workers, arguments.scheduler), keep_every(arguments)
+    check_folder("--out", folder, [*NAMES, "sweep.png"])
+    plan = _plan(arguments)
+    study = StudyFolder(folder, restart=arguments.restart, notify=lambda text: print(f"note: {text}"))
+    with study, counting("sweep", " designs") as bar, interruption.held() as check:
 
         def progress(done: int, count: int) -> None:
             check()
             bar(done, count)
 
-        result = sweep(
-            scene, vary, overrides=changes, threads=threads, progress=progress, checking=checking, keep=tables.write,
-            keep_every=every,
-        )  # fmt: skip
+        result = run_sweep(plan, executor, folder=study, progress=progress, keep_every=every)
         try:
-            files = tables.finish(result) if result.designs else []
+            files = write_tables(result, folder) if len(result) else []
         except InputError:
             print(result.table())  # at least on the screen
             raise
+        if result.complete:
+            study.remove_checkpoints()
+    return _show(result, arguments, folder, files)
+
+
+def _plan(arguments: argparse.Namespace) -> SweepPlan:
+    """What the arguments ask for. Raises InputError."""
+    from bellcrank.scene.study import MOST_POINTS
+    from bellcrank.studies.axes import parse_axis
+    from bellcrank.studies.samples import LARGEST_SEED
+    from bellcrank.studies.sweep_plan import plan_sweep
+
+    vary: dict[str, Any] = {}
+    for text in arguments.axes:
+        path, values = parse_axis(text)
+        if path in vary:
+            raise InputError(f"--vary {text!r}: '{path}' is varied already")
+        vary[path] = values
+    sample = whole_option("--sample", arguments.sample, 1, MOST_POINTS)
+    seed = whole_option("--seed", arguments.seed, 0, LARGEST_SEED)
+    with counting("check", " values") as checking:
+        return plan_sweep(_scene(arguments), vary or None, sample, arguments.method, seed, checking)
+
+
+def _scene(arguments: argparse.Namespace) -> Scene:
+    from bellcrank.scene.overrides import parse_assignment
+    from bellcrank.scene.scene import load_scene
+
+    scene = load_scene(
+        arguments.scene, dict(parse_assignment(text) for text in arguments.changes), trust=arguments.trust
+    )
+    if arguments.axes and scene.study.vary:
+        print("note: --vary replaces what the scene varies under 'study'")
+    return scene
+
+
+def _show(result: Sweep, arguments: argparse.Namespace, folder: Path, files: list[Path]) -> int:
+    """Print the table, write the picture; returns the exit code."""
+    from bellcrank.studies.run_outcomes import UNKNOWN
+    from bellcrank.studies.sweep_files import file_note
+
     measures = arguments.measures or None
     unknown = [name for name in arguments.measures if name not in result.units]
-    if unknown and result.designs:  # after the files, so that results are not lost for a typing error
+    if unknown and files:  # after the files, so that results are not lost for a typing error
         raise InputError(
             f"--measure: {unknown_name('measure', unknown[0], result.units)}; all of them are in {files[0]}"
         )
+    files = list(files)
     drawn = result.complete and not arguments.no_plots  # no picture after an interruption
     if (measures or result.default_measures) and files and drawn:
         with list_on_failure(files, folder):
             result.plot(folder / "sweep.png", measures)
         files.append(folder / "sweep.png")
-    if result.designs:
+    if len(result):
         print(result.table(measures))
-    count, ended = len(result.designs), [d for d in result.designs if not d.reason]
     if not result.complete:
-        print(f"\ninterrupted: {count} of {math.prod(result.shape)} designs were run")
-    unclear = sum(design.status == UNKNOWN for design in result.designs)
+        print(f"\ninterrupted: {len(result)} of {math.prod(result.shape)} designs were run; the same command goes on")
+    unclear = int((result.status == UNKNOWN).sum())
     unknown_part = f", {unclear} unknown (see their reasons)" if unclear else ""
-    failed = count - len(ended) - unclear
-    print(f"\n{scene.name}: {count} designs, {len(ended)} finished, {failed} did not{unknown_part}")
-    print(f"wrote {', '.join(path.name for path in files) or 'nothing'} in {folder}")
-    return (0 if ended else 1) if result.complete else 130
+    failed = len(result) - result.finished - unclear
+    print(f"\n{result.scene.name}: {len(result)} designs, {result.finished} finished, {failed} did not{unknown_part}")
+    if result.space.sample is not None:
+        print(f"sample: {result.space.sample.identity}")
+        if result.space.sample.note:
+            print(f"note: {result.space.sample.note}")
+    print(f"wrote {', '.join(path.name for path in files) or 'nothing'} in {folder}{file_note(result)}")
+    return (0 if result.finished else 1) if result.complete else 130

@@ -47,7 +47,9 @@ CONFIG_KEYS = (
     "name", "urdf", "gravity", "floating_base", "friction", "payloads", "frames", "motions", "actuators", "actuated",
     "catalogue", "transmissions", "mounts", "duty",
 )  # fmt: skip
-SCENE_KEYS = ("constraints", "forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate")
+SCENE_KEYS = (
+    "constraints", "forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate", "study",
+)  # fmt: skip
 
 Frame = tuple[str, tuple[float, ...], tuple[float, ...]]
 

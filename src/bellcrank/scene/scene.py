@@ -3,7 +3,7 @@
 One YAML file serves sizing and simulation. A scene adds these keys to those of a robot configuration
 (robot_config.py), all of them optional: constraints, forces and control (bellcrank.elements: constraints.py, forces.py,
 controllers.py), parameters (elements/parameters.py), initial and base (initial.py), events (events.py), outputs
-(outputs.py) and simulate (settings.py).
+(outputs.py), simulate (settings.py) and study (study.py).
 """
 
 from __future__ import annotations
@@ -46,6 +46,7 @@ from bellcrank.scene.robot_config import SCENE_KEYS, RobotConfig, config_from_fi
 from bellcrank.scene.saved_state import RunScene
 from bellcrank.scene.settings import Settings, check_rows, read_settings
 from bellcrank.scene.source_mapping import plain, source_mapping
+from bellcrank.scene.study import Study, read_study
 
 if TYPE_CHECKING:
     from bellcrank.elements.symbols import Symbols
@@ -72,6 +73,7 @@ class Scene(Portable, Renamed):
         events: The conditions that are watched for during a simulation.
         outputs: The quantities that are recorded besides positions and velocities, by name.
         settings: The solver settings.
+        study: What a sweep varies unless it is told something else.
         motion_of: Function that returns a motion of the configuration by its name.
         source_data: The YAML mapping, with the line of each key and the override that set it.
         access: The rule which files the scene may name.
@@ -96,6 +98,7 @@ class Scene(Portable, Renamed):
     events: tuple[EventRule, ...]
     outputs: Mapping[str, Output]
     settings: Settings
+    study: Study
     motion_of: Callable[[str], Motion] = field(repr=False)
     source_data: Mapping[str, Any] = field(repr=False)
     access: FileAccess = field(repr=False)
@@ -441,6 +444,7 @@ def _read(
         check_rows(settings.samples, robot.nq + robot.nv)
     except InputError as error:
         raise read.mapping("simulate").error("samples", str(error)) from None
+    study = read_study(read.mapping("study", {}))
     read.done()
     return Scene(
         config=config,
@@ -453,6 +457,7 @@ def _read(
         events=events,
         outputs=outputs,
         settings=settings,
+        study=study,
         motion_of=motion_of,
         source_data=data,
         access=access,

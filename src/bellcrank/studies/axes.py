@@ -99,17 +99,22 @@ def parse_axis(text: str) -> tuple[str, Any]:
     where = f"--vary {format_value(text)}"
     if not equals or not path.strip() or not given.strip():
         raise InputError(f"{where}: {EXPECTED}")
+    return path.strip(), parse_values(given, where)
+
+
+def parse_values(given: str, where: str) -> Any:
+    """The values that a text describes, as in `parse_axis`; `where` begins messages. Raises InputError."""
     if is_distribution(given):
-        return path.strip(), given.strip()
+        return given.strip()
     if ":" in given:
-        return path.strip(), _range(where, given.split(":"))
+        return _range(where, given.split(":"))
     parts = given.split(",")
     if len(parts) > MOST_VALUES:
         raise InputError(f"{where}: expected at most {MOST_VALUES} values, found {len(parts)}")
     values = tuple(read_value(part, f"{where}: {format_value(part)}") for part in parts)
     if any(value is None or isinstance(value, (list, dict)) for value in values):
         raise InputError(f"{where}: {EXPECTED}")
-    return path.strip(), values
+    return values
 
 
 def read_axis(scene: Scene, path: str, values: Any) -> Axis:

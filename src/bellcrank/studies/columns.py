@@ -38,6 +38,11 @@ class Columns:
         return Columns(statuses=self.statuses, status=self.status[first:stop], measures=measures, reasons=reasons)
 
     @classmethod
+    def none(cls) -> Columns:
+        """No rows, of no measures."""
+        return cls(statuses=(), status=np.zeros(0, dtype=np.int8), measures={})
+
+    @classmethod
     def joined(cls, parts: Sequence[Columns]) -> Columns:
         """The rows of several parts, which have the same statuses and measures, one after another."""
         first, reasons, at = parts[0], dict[int, str](), 0
@@ -53,3 +58,12 @@ class Columns:
         reasons = {k: self.reasons[row] for k, row in enumerate(rows.tolist()) if row in self.reasons}
         measures = {name: values[rows] for name, values in self.measures.items()}
         return Columns(statuses=self.statuses, status=self.status[rows], measures=measures, reasons=reasons)
+
+
+def varies(values: Array, noise: tuple[float, float]) -> bool:
+    """Whether the finite values (n,) of a measure differ by more than absolute + relative × magnitude (`noise`)."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return False
+    least, largest = float(known.min()), float(known.max())
+    return largest - least > noise[0] + noise[1] * max(abs(least), abs(largest))

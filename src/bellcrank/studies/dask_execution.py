@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Self
 
 from bellcrank.errors import BellcrankError, InputError
+from bellcrank.messages import format_value
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.dask_worker import RangeTask, run_range
 from bellcrank.studies.design_ranges import DesignRange, RangeSize
@@ -188,7 +189,8 @@ def _client(distributed: Any, address: str) -> Any:
             raise ValueError("'inproc' is for one process")
     except ValueError as error:
         raise InputError(
-            f"{address!r} is not the address of a Dask scheduler ({error}); expected one such as 'tcp://10.0.0.1:8786'"
+            f"scheduler: {format_value(address)} is not the address of a Dask scheduler ({str(error)[:120]}); expected "
+            "one such as 'tcp://10.0.0.1:8786'"
         ) from None
     client = distributed.Client.__new__(distributed.Client)
     try:
@@ -196,8 +198,8 @@ def _client(distributed: Any, address: str) -> Any:
     except Exception as error:  # of many kinds, if it is not a scheduler that answers
         client.status = "closed"  # or Dask tries to close it when it is freed, and complains
         raise InputError(
-            f"no Dask scheduler answers at {address!r} ({str(error)[:120]}); start one with 'dask scheduler', and "
-            "workers with 'dask worker ADDRESS'"
+            f"no Dask scheduler answers at {format_value(address)} ({str(error)[:120]}); start one with "
+            "'dask scheduler', and workers with 'dask worker ADDRESS'"
         ) from None
     return client
 

@@ -171,7 +171,7 @@ def _in_unit(number: float, written: str, unit: str) -> float:
     """A number in another unit of the same kind; ValueError where there is none such."""
     if written in ("", unit):
         return number
-    for known in UNITS.values():
-        if written in known and unit in known:
+    for asked, known in UNITS.items():
+        if " or " not in asked and written in known and unit in known:
             return number * known[written] / known[unit]
     raise ValueError(f"the units '{unit}' and '{written}' are not of one kind")

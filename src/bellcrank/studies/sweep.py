@@ -2,116 +2,125 @@
 
 from __future__ import annotations
 
-import math
-import os
-from collections.abc import Callable, Iterable, Mapping
+import contextlib
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from bellcrank import arguments
-from bellcrank.errors import InputError
-from bellcrank.memory import check_memory
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.simulation.checkpoints import KEEP_EVERY, check_keep_every
-from bellcrank.studies.axes import Axis, read_axis
-from bellcrank.studies.parallel_runs import ParallelRuns, RegularCall
+from bellcrank.studies.execution import Executor
+from bellcrank.studies.executors import choose_executor
+from bellcrank.studies.partial_sweeps import WatchedExecutor
+from bellcrank.studies.study import run_study
+from bellcrank.studies.study_folder import StudyFolder
+from bellcrank.studies.sweep_plan import SweepPlan, plan_sweep
 from bellcrank.studies.sweep_result import Sweep
-
-MOST_DESIGNS = 10**7
-MOST_THREADS = 1024
-DESIGN_BYTES = 3000  # of a design with its measures, of which a small scene has 35
 
 
 def sweep(
     scene: Scene | str | Path,
-    vary: Mapping[str, Iterable[Any]],
+    vary: Mapping[str, Any] | None = None,
     *,
+    sample: int | None = None,
+    method: str | None = None,
+    seed: int | None = None,
     overrides: Mapping[str, Any] | None = None,
     threads: int | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    folder: str | Path | None = None,
+    restart: bool = False,
     progress: Callable[[int, int], None] | None = None,
     checking: Callable[[int, int], None] | None = None,
     keep: Callable[[Sweep], object] | None = None,
     keep_every: float = KEEP_EVERY,
 ) -> Sweep:
-    """Simulate a scene for all combinations of values of its parameters.
+    """Simulate a scene for all combinations of values of its parameters, or for a sample of their distributions.
 
-    Parameters are inputs of the compiled equations, so that nothing is compiled for a design; designs run in threads. A
-    design that cannot be built, or whose run does not reach its target, is a row with its reason.
+    Parameters are inputs of the compiled equations, so that nothing is compiled for a design; many designs are
+    integrated at once. A design that cannot be built, or whose run does not reach its target, is a row with its reason.
 
     Args:
         scene: A scene, or the path or name of a scene file.
-        vary: Parameters of the scene, or other dotted paths such as "initial.crank" and "simulate.rtol", with their
-            values: numbers in SI units, or texts such as "1 deg". Only what leaves the equations unchanged can be
-            varied: parameters, the start and the solver's settings.
+        vary: Parameters of the scene, or other dotted paths such as "initial.crank" and "simulate.rtol". Each has
+            values (numbers in SI units, or texts such as "1 deg"), a range "FIRST:LAST:COUNT", or a distribution:
+            "normal(MEAN, SD)", "uniform(LOW, HIGH)", "truncnormal(MEAN, SD, LOW, HIGH)", "triangular(LOW, MODE,
+            HIGH)", "loguniform(LOW, HIGH)", with units as in "normal(1.241 m, 1 mm)". Only what leaves the equations
+            unchanged can be varied: parameters, the start and the solver's settings. None: as the scene says under
+            `study`.
+        sample: How many designs are drawn from the distributions; each point of a grid of other values gets all of
+            them. By default as the scene says.
+        method: "sobol" (scrambled Sobol points, the default; a power of two is best), "latin" (a Latin hypercube) or
+            "random" (independent points).
+        seed: Of the random numbers, by default 0. A sample is the same for the same seed and version of SciPy.
         overrides: Changes of the scene beforehand, by dotted path.
-        threads: How many designs run at once; by default as many as the machine has processors.
+        threads: How many threads run designs; by default as many as the machine has processors.
+        workers: How many processes Dask starts on this machine to run designs, instead of threads.
+        scheduler: The address of a Dask scheduler whose workers run the designs.
+        folder: A folder in which the designs that are done are kept while the sweep goes on. The same sweep with the
+            same folder goes on where an earlier process was stopped; another sweep is refused.
+        restart: Set an earlier sweep in the folder aside, instead of going on with it.
         progress: Called with the number of designs done and the number of all.
         checking: Called before, with the number of values of an axis that are checked and the number of all.
-        keep: Called with the sweep of the designs that are done about every `keep_every` s, such as to write it to a
-            file; less often where that takes long.
-        keep_every: s.
+        keep: Called with the sweep of the designs that are done about every `keep_every` s; less often where that takes
+            long.
+        keep_every: s between two calls of `keep`, and between two checkpoints in `folder`.
 
     Returns:
         One row a design. Ctrl-C ends the sweep and keeps the designs that are done (`complete` is then false).
 
     Raises:
-        InputError: A path does not exist, accepts none of its values, or changes the equations.
+        InputError: A path does not exist, accepts none of its values, or changes the equations; a distribution or the
+            folder is not as expected.
 
     Example:
         >>> import bellcrank as bc
         >>> result = bc.sweep("four_bar", {"crank_length": [1.22, 1.23, 1.24]})
-        >>> [design.status for design in result.designs]
-        ['event', 'event', 'event']
+        >>> result.column("lock.time").round(2)
+        array([18.56, 16.13, 12.11])
+        >>> result = bc.sweep("four_bar", {"crank_length": "normal(1.23 m, 1 mm)"}, sample=64, seed=1)
+        >>> bool(16.0 < result.column("lock.time").mean() < 16.2)
+        True
     """
     if not isinstance(scene, Scene):
         scene = load_scene(arguments.subject("scene", scene, "a scene"))
     if overrides is not None:
         scene = scene.with_overrides(overrides)
-    vary = arguments.mapping("vary", vary, "a mapping of parameters to their values")
-    if threads is not None:
-        threads = arguments.whole("threads", threads, least=1, most=MOST_THREADS)
     for name, called in (("progress", progress), ("checking", checking), ("keep", keep)):
         if called is not None:
             arguments.function(name, called)
-    if not vary:
-        raise InputError(f"sweep of {scene.name}: expected at least one parameter to vary, found none")
-    axes = tuple(read_axis(scene, path, values) for path, values in vary.items())
-    _check_count(math.prod(len(axis) for axis in axes))
-    for axis in axes:
-        _check(scene, axis, checking)
     check_keep_every(keep_every)
-    runs = ParallelRuns(scene, axes, threads or len(os.sched_getaffinity(0)))
-    return runs.run(progress, None if keep is None else RegularCall(keep, keep_every))
+    executor = choose_executor(threads, workers, scheduler)
+    if folder is not None:
+        folder = arguments.path("folder", folder, "the path of a folder")
+    plan = plan_sweep(scene, vary, sample, method, seed, checking)
+    restart = arguments.flag("restart", restart)
+    with contextlib.nullcontext() if folder is None else StudyFolder(folder, restart=restart) as opened:
+        return run_sweep(plan, executor, folder=opened, progress=progress, keep=keep, keep_every=keep_every)
 
 
-def _check_count(count: int) -> None:
-    """Refuse a grid of more designs than can be kept, before any list of them is made (InputError)."""
-    if count > MOST_DESIGNS:
-        raise InputError(f"the grid has {count} designs, and a sweep takes at most {MOST_DESIGNS}; vary fewer values")
-    check_memory(count, DESIGN_BYTES, "designs")
-
-
-def _check(scene: Scene, axis: Axis, checking: Callable[[int, int], None] | None) -> None:
-    """Refuse a path that accepts none of its values or changes the equations (InputError).
-
-    A parameter is an input of the equations, whatever its value, so that one value that the scene takes is enough.
-    """
-    parameter = axis.path.removeprefix("parameters.") in scene.parameters
-    refused: list[InputError] = []
-    for k, value in enumerate(axis.values):
-        if checking is not None:
-            checking(k, len(axis.values))
-        try:
-            design = scene.with_overrides({axis.path: value})
-        except InputError as error:
-            refused.append(error)
-            continue
-        if design.structure_key != scene.structure_key:
-            raise InputError(
-                f"sweep over '{axis.path}': it changes the equations, which would be compiled for every value; make it "
-                f"a parameter of the scene (parameters: {{NAME: {{value: …, sets: […]}}}}) and vary that"
-            )
-        if parameter:
-            return
-    if len(refused) == len(axis.values):
-        raise refused[0]
+def run_sweep(
+    plan: SweepPlan,
+    executor: Executor,
+    *,
+    folder: StudyFolder | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    keep: Callable[[Sweep], object] | None = None,
+    keep_every: float = KEEP_EVERY,
+) -> Sweep:
+    """Run the designs of a plan; the caller has opened the folder. Raises InputError as `sweep`."""
+    runner = plan.runner
+    sweep_of = Sweep(
+        scene=plan.scene,
+        space=plan.space,
+        units=runner.units,
+        candidates=runner.default_measures,
+        noise=runner.noise,
+    )
+    if keep is not None:
+        executor = WatchedExecutor(executor, sweep_of, keep, keep_every)
+    found = run_study(plan.space, runner, executor, folder=folder, progress=progress, keep_every=keep_every)
+    return replace(sweep_of, columns=found.columns, index=found.designs)

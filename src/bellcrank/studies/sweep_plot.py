@@ -1,4 +1,4 @@
-"""Plots of a sweep: one panel a measure; a line over one axis, a map over two."""
+"""Plots of a sweep: one panel a measure; a line over one axis, a map over two. Samples: sample_plot.py."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bellcrank.files.atomic_write import writing
-from bellcrank.plot_style import DPI, literal, new_figure, save_figure
+from bellcrank.plot_style import DPI, PALETTE, literal, new_figure, plain, save_figure
+from bellcrank.studies.columns import varies
+from bellcrank.studies.sample_plot import CONSTANT, constant_limits, plot_sample
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,8 +20,11 @@ if TYPE_CHECKING:
     from bellcrank.studies.axes import Axis
     from bellcrank.studies.sweep_result import Array, Sweep
 
-LINE, FAILED = "#0072B2", "#D55E00"
+LINE, FAILED = PALETTE[0], PALETTE[1]
 MOST = 12  # panels
+MOST_POINTS = 4000  # of a line; of more, the least and the largest of equal parts are drawn
+MOST_MARKS = 400  # designs without a value
+MOST_CELLS = 1000  # of a map, along an axis
 
 
 def plot_sweep(sweep: Sweep, measures: Sequence[str], path: str | Path | None = None) -> Figure:
@@ -29,64 +34,98 @@ def plot_sweep(sweep: Sweep, measures: Sequence[str], path: str | Path | None = 
     more the horizontal axis is the number of the design. Raises InputError for an unknown measure, and where the file
     cannot be written.
     """
-    shown = [(name, sweep.column(name)) for name in list(measures)[:MOST]]
-    columns = 1 if len(shown) < 4 else 2
-    rows = -(-len(shown) // columns)
-    maps = len(sweep.axes) == 2 and min(sweep.shape) > 1 and all(axis.numeric for axis in sweep.axes)
-    figure = new_figure((7.5 if columns == 1 else 11.0), 0.8 + (3.4 if maps else 2.6) * rows)
-    axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    for place, (name, values) in zip(axes, shown, strict=False):
-        if maps:
-            _map(figure, place, sweep, name)
-        else:
-            _line(place, sweep, values)
-            place.set_ylabel(literal(f"{name}\n[{sweep.units[name]}]"))
-    for place in axes[len(shown) :]:
-        place.set_visible(False)
-    figure.suptitle(literal(f"{sweep.scene.name}: {len(sweep.designs)} designs", 90))
+    for name in measures:
+        sweep.column(name)  # refuses an unknown one
+    figure = plot_sample(sweep, measures) if sweep.space.sample is not None else _plot_grid(sweep, measures)
+    figure.suptitle(literal(f"{sweep.scene.name}: {len(sweep)} designs", 90))
     if path is not None:
         with writing(path) as temporary:
             save_figure(figure, temporary, "png", dpi=DPI)
     return figure
 
 
+def _plot_grid(sweep: Sweep, measures: Sequence[str]) -> Figure:
+    shown = [(name, sweep.column(name)) for name in list(measures)[:MOST]]
+    columns = 1 if len(shown) < 4 else 2
+    rows = -(-len(shown) // columns)
+    maps = len(sweep.axes) == 2 and min(sweep.shape) > 1 and all(axis.numeric for axis in sweep.axes)
+    figure = new_figure((7.5 if columns == 1 else 11.0), 0.8 + (3.4 if maps else 2.6) * rows)
+    places = figure.subplots(rows, columns, squeeze=False).ravel()
+    for place, (name, values) in zip(places, shown, strict=False):
+        if maps:
+            _map(figure, place, sweep, name)
+        else:
+            _line(place, sweep, values)
+            place.set_ylabel(literal(f"{name}\n[{sweep.units[name]}]"))
+    for place in places[len(shown) :]:
+        place.set_visible(False)
+    return figure
+
+
 def _line(place: Axes, sweep: Sweep, values: Array) -> None:
     axis = sweep.axes[0]
     one = len(sweep.axes) == 1
-    x = sweep.values[:, 0] if one else np.array([float(design.index) for design in sweep.designs])
+    x = sweep.values[:, 0] if one else sweep.index.astype(np.float64)
     order = np.argsort(x, kind="stable")
     x, values = x[order], values[order]
     there = np.isfinite(values)
-    marker = "o" if len(x) <= 80 else ""
-    place.plot(x, np.where(there, values, np.nan), color=LINE, linewidth=1.3, marker=marker, markersize=3.0)
+    drawn = _extremes(values) if len(x) > MOST_POINTS else np.arange(len(x))
+    shown = np.where(there, values, np.nan)[drawn]
+    place.plot(x[drawn], shown, color=LINE, linewidth=1.3, marker="o" if len(x) <= 80 else "", markersize=3.0)
+    if there.any() and not varies(values, sweep.noise):
+        _show_as_constant(place, values[there])
     if not there.all():
+        absent = np.flatnonzero(~there)
+        marks = absent[:: -(-len(absent) // MOST_MARKS)]
         below: Any = place.get_xaxis_transform()
-        none = int(np.count_nonzero(~there))
         place.plot(
-            x[~there], np.full(none, 0.02), transform=below, color=FAILED, marker="x", markersize=5.0, linestyle="none",
-            clip_on=False, label=f"none, or unknown ({none} of {len(x)})",
+            x[marks], np.full(len(marks), 0.02), transform=below, color=FAILED, marker="x", markersize=5.0,
+            linestyle="none", clip_on=False, label=f"none, or unknown ({len(absent)} of {len(x)})",
         )  # fmt: skip
         place.legend(frameon=False, fontsize="small")
     place.set_xlabel(literal(axis.label) if one else "design")
     if one and not axis.numeric:
-        place.set_xticks(axis.numbers, [str(value) for value in axis.values])
-    place.grid(visible=True, color="0.9", linewidth=0.6)
-    place.spines[["top", "right"]].set_visible(False)
+        place.set_xticks(axis.numbers.tolist(), [literal(str(value)) for value in axis.choices])
+    plain(place)
+
+
+def _extremes(values: Array) -> Any:
+    """The numbers of the least and the largest value in each of equal parts, in order; absent values between them."""
+    parts = np.array_split(np.arange(len(values)), MOST_POINTS // 4)
+    found = []
+    for part in parts:
+        known = part[np.isfinite(values[part])]
+        if len(known):
+            found += [known[np.argmin(values[known])], known[np.argmax(values[known])]]
+        if len(known) < len(part):  # one of those that are absent, so that the line is broken there
+            found.append(part[~np.isfinite(values[part])][0])
+    return np.unique(found)
+
+
+def _show_as_constant(place: Axes, known: Array) -> None:
+    """Choose limits in which differences within the errors of the runs are not seen as a trend."""
+    place.set_ylim(*constant_limits(known))
+    place.ticklabel_format(axis="y", useOffset=False)
+    place.set_title(CONSTANT, fontsize="small")
 
 
 def _map(figure: Figure, place: Axes, sweep: Sweep, name: str) -> None:
     first, second = sweep.axes
-    table = np.ma.masked_invalid(sweep.grid(name).T)
+    (x, across), (y, along) = _rising(first), _rising(second)
+    values = sweep.grid(name).T[np.ix_(along, across)]
     place.set_facecolor("0.8")
-    mesh = place.pcolormesh(*_rising(first, second), table[_order(second)][:, _order(first)], cmap="viridis")
+    mesh = place.pcolormesh(x, y, np.ma.masked_invalid(values), cmap="viridis", rasterized=True)
+    if values.size and np.isfinite(values).any() and not varies(values, sweep.noise):
+        mesh.set_clim(*constant_limits(values[np.isfinite(values)]))
     figure.colorbar(mesh, ax=place, label=literal(f"{name} [{sweep.units[name]}]"))
     place.set_xlabel(literal(first.label))
     place.set_ylabel(literal(second.label))
+    left_out = max(-(-len(axis) // MOST_CELLS) for axis in sweep.axes)
+    if left_out > 1:
+        place.set_title(f"every {left_out}th value is drawn", fontsize="small")
 
 
-def _rising(*axes: Axis) -> list[Array]:
-    return [np.sort(np.array(axis.numbers)) for axis in axes]
-
-
-def _order(axis: Axis) -> Any:
-    return np.argsort(np.array(axis.numbers), kind="stable")
+def _rising(axis: Axis) -> tuple[Array, Any]:
+    """The values of an axis in rising order and their numbers, of very many every k-th."""
+    order = np.argsort(axis.numbers, kind="stable")[:: -(-len(axis) // MOST_CELLS)]
+    return axis.numbers[order], order

@@ -1,8 +1,7 @@
-"""The result of a sweep: one row a design, with its measures."""
+"""The result of a sweep: one row a design, with its measures as columns."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,43 +17,30 @@ from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.axes import Axis
-from bellcrank.studies.measures import target_events
+from bellcrank.studies.columns import Columns, varies
+from bellcrank.studies.design_rows import Design, DesignRows
+from bellcrank.studies.design_space import DesignSpace
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+__all__ = ["Design", "Sweep"]
+
 Array = NDArray[np.float64]
-INFEASIBLE = "infeasible"  # the design cannot be built
-UNKNOWN = "unknown"  # its run finished, but a measure of it is not a finite number
 
 
-@dataclass(frozen=True)
-class Design:
-    """One row of a sweep.
-
-    Attributes:
-        index: Its number in the grid.
-        status: The status of its run, "infeasible" where it cannot be built, or "unknown" where a measure is not a
-            finite number.
-        reason: Why it did not reach its target; empty where it did.
-        measures: Its measures by name.
-    """
-
-    index: int
-    status: str
-    reason: str
-    measures: Mapping[str, float]
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Sweep(Portable, Renamed):
-    """The result of `sweep`: designs over the grid of all combinations of values, the last axis fastest.
+    """The result of `sweep`: designs over the grid of all combinations of values (the last axis fastest) or a sample.
 
     Attributes:
         scene: The scene that was varied.
-        axes: The parameters that were varied, with their values.
-        designs: The designs that were run, in the order of the grid: all, unless the sweep was interrupted.
+        space: The designs: what is varied, with its values or its distribution.
         units: The measures by name, with their SI units.
+        columns: The results of the designs that were run.
+        index: (n,) their numbers, increasing: all, unless the sweep was interrupted.
+        candidates: The measures that are shown by default if they vary.
+        noise: Differences of a measure up to absolute + relative × magnitude are errors of the computation.
 
     Example:
         >>> import bellcrank as bc
@@ -65,30 +51,60 @@ class Sweep(Portable, Renamed):
     renamed: ClassVar[Mapping[str, str]] = {"telling": "default_measures"}
 
     scene: Scene
-    axes: tuple[Axis, ...]
-    designs: tuple[Design, ...]
+    space: DesignSpace
     units: Mapping[str, str] = field(repr=False)
+    columns: Columns = field(default_factory=lambda: Columns.none())
+    index: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    candidates: tuple[str, ...] = ()
+    noise: tuple[float, float] = (0.0, 1e-12)
 
     def __repr__(self) -> str:
-        finished = sum(not design.reason for design in self.designs)
         axes = ", ".join(axis.path for axis in self.axes)
-        return f"Sweep('{self.scene.name}' over {axes}: {len(self.designs)} designs, {finished} finished)"
+        return f"Sweep('{self.scene.name}' over {axes}: {len(self)} designs, {self.finished} finished)"
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """What was varied, with its values or its distribution."""
+        return self.space.axes
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """The number of values along each axis."""
-        return tuple(len(axis) for axis in self.axes)
+        """The number of values along each axis, then the number of points of the sample if there is one."""
+        return self.space.shape
 
     @property
     def complete(self) -> bool:
-        """Whether every design of the grid was run."""
-        return len(self.designs) == math.prod(self.shape)
+        """Whether every design was run."""
+        return len(self) == len(self.space)
+
+    @property
+    def finished(self) -> int:
+        """The number of designs that reached their target."""
+        return len(self) - len(self.columns.reasons)
+
+    @property
+    def designs(self) -> Sequence[Design]:
+        """The designs that were run as objects, which are made when they are asked for; columns are much faster."""
+        return DesignRows(self.columns, self.index)
 
     @cached_property
     def values(self) -> Array:
         """The values (designs, axes) of the axes, in their units."""
-        place = np.unravel_index(np.array([design.index for design in self.designs], dtype=np.intp), self.shape)
-        return np.column_stack([axis.numbers[k] for axis, k in zip(self.axes, place, strict=True)])
+        values = self.space.values()
+        return values if self.complete else values[self.index]
+
+    @cached_property
+    def status(self) -> NDArray[np.str_]:
+        """The status (designs,) of each design."""
+        return np.array(self.columns.statuses or ("",))[self.columns.status]
+
+    @property
+    def reasons(self) -> Mapping[int, str]:
+        """Why a design did not reach its target, by its row; none where it did."""
+        return self.columns.reasons
 
     def column(self, measure: str) -> Array:
         """Get a measure of each design.
@@ -97,7 +113,8 @@ class Sweep(Portable, Renamed):
             measure: The name of a measure, one of `units`.
 
         Returns:
-            Values (designs,) in SI units; NaN where a design does not have it.
+            Values (designs,) in SI units; NaN where a design does not have it, infinite where it has it and it is not a
+            finite number.
 
         Raises:
             InputError: There is no such measure; the message lists the names.
@@ -109,7 +126,7 @@ class Sweep(Portable, Renamed):
         """
         if arguments.text("measure", measure, "the name of a measure") not in self.units:
             raise InputError(f"sweep of {self.scene.name}: {unknown_name('measure', measure, self.units)}")
-        return np.array([design.measures.get(measure, math.nan) for design in self.designs])
+        return self.columns.measures[measure]
 
     def grid(self, measure: str) -> Array:
         """Get a measure over the grid.
@@ -118,7 +135,8 @@ class Sweep(Portable, Renamed):
             measure: The name of a measure, one of `units`.
 
         Returns:
-            Values in the shape of the grid, one dimension an axis; NaN where a design was not run.
+            Values in the shape of the grid, one dimension an axis and one for the sample; NaN where a design was not
+            run.
 
         Raises:
             InputError: There is no such measure; the message lists the names.
@@ -130,18 +148,19 @@ class Sweep(Portable, Renamed):
             (2, 3)
         """
         column = self.column(measure)
-        table = np.full(math.prod(self.shape), math.nan)
-        table[[design.index for design in self.designs]] = column
+        if self.complete:
+            return column.reshape(self.shape)
+        table = np.full(len(self.space), np.nan)
+        table[self.index] = column
         return table.reshape(self.shape)
 
-    @property
+    @cached_property
     def default_measures(self) -> tuple[str, ...]:
-        """The measures that tables and plots show: of events that end a run, else of all events, else of the end."""
-        events = target_events(self.scene) or [event.name for event in self.scene.events]
-        prefixes = tuple(f"{name}." for name in events) or ("end.",)
-        found = [name for name in self.units if name.startswith(prefixes)]
-        chosen = tuple(name for name in found if not name.endswith(".velocity") and ".force." not in name)
-        return chosen or tuple(name for name in ("end.time",) if name in self.units)
+        """The measures that tables and plots show: those of events that end a run, else of all events, else of the end,
+        as far as they vary by more than the errors of the runs.
+        """
+        chosen = tuple(name for name in self.candidates if varies(self.columns.measures[name], self.noise))
+        return chosen or self.candidates
 
     def table(self, measures: Sequence[str] | None = None) -> str:
         """Format the designs as text.
@@ -150,7 +169,8 @@ class Sweep(Portable, Renamed):
             measures: Names of measures; by default `default_measures`.
 
         Returns:
-            One line a design: axes, measures, status and reason, with units in the header.
+            One line a design: axes, measures, status and reason, with units in the header. Of many designs the first
+            and the last, and a summary: how many have which status, and the distribution of each measure.
 
         Raises:
             InputError: A measure is unknown.
@@ -171,7 +191,8 @@ class Sweep(Portable, Renamed):
             path: The file, which is replaced in one step.
 
         Returns:
-            The path of the file. The header names units.
+            The path of the file. The header names units. Numbers are read back exactly; a cell is empty where a design
+            does not have the measure, or it is not a finite number (status "unknown").
 
         Raises:
             InputError: The file cannot be written.
@@ -183,7 +204,7 @@ class Sweep(Portable, Renamed):
             >>> path.read_text().split(",")[:2]
             ['crank_length [m]', 'status']
         """
-        from bellcrank.studies.sweep_tables import write_csv
+        from bellcrank.studies.sweep_files import write_csv
 
         return write_csv(self, arguments.path("path", path, "the path of a file"))
 
@@ -206,12 +227,65 @@ class Sweep(Portable, Renamed):
             >>> list(json.loads(path.read_text()))
             ['scene', 'source', 'complete', 'axes', 'units', 'designs']
         """
-        from bellcrank.studies.sweep_tables import write_json
+        from bellcrank.studies.sweep_files import write_json
 
         return write_json(self, arguments.path("path", path, "the path of a file"))
 
+    def to_parquet(self, path: str | Path) -> Path:
+        """Write one row a design as an Apache Parquet file, with the columns of `to_csv`: for very many designs.
+
+        The metadata of its schema hold, under the key "bellcrank", a JSON text with the scene, the axes, the sample
+        with its seed, and the units.
+
+        Args:
+            path: The file, which is replaced in one step.
+
+        Returns:
+            The path of the file. Values that are not finite are null.
+
+        Raises:
+            InputError: The package pyarrow is not installed, or the file cannot be written.
+
+        Example:
+            >>> import bellcrank as bc, pathlib, tempfile
+            >>> result = bc.sweep("four_bar", {"crank_length": [1.22, 1.24]})
+            >>> path = result.to_parquet(pathlib.Path(tempfile.mkdtemp()) / "sweep.parquet")
+            >>> import pyarrow.parquet
+            >>> pyarrow.parquet.read_table(path).column_names[:3]
+            ['design', 'crank_length [m]', 'status']
+        """
+        from bellcrank.studies.sweep_files import write_parquet
+
+        return write_parquet(self, arguments.path("path", path, "the path of a file"))
+
+    def to_npz(self, path: str | Path) -> Path:
+        """Write the columns as NumPy arrays, for very many designs where pyarrow is not installed.
+
+        Args:
+            path: The file, which is replaced in one step.
+
+        Returns:
+            The path of the file: arrays by the names of the columns of `to_csv`; "status" and "reason" are numbers of
+            the texts "statuses" and "reasons" (reason 0 is none), and "about" is the JSON text of `to_parquet`. Values
+            that are not finite are NaN.
+
+        Raises:
+            InputError: The file cannot be written.
+
+        Example:
+            >>> import bellcrank as bc, numpy as np, pathlib, tempfile
+            >>> result = bc.sweep("four_bar", {"crank_length": [1.22, 1.24]})
+            >>> with np.load(result.to_npz(pathlib.Path(tempfile.mkdtemp()) / "sweep.npz")) as file:
+            ...     file["crank_length [m]"]
+            array([1.22, 1.24])
+        """
+        from bellcrank.studies.sweep_files import write_npz
+
+        return write_npz(self, arguments.path("path", path, "the path of a file"))
+
     def plot(self, path: str | Path | None = None, measures: Sequence[str] | None = None) -> Figure:
-        """Draw one panel a measure: a line over one axis, a map over two.
+        """Draw measures: over one axis as a line, over two as a map; of a sample as a histogram, and against each
+        parameter.
 
         Args:
             path: Where the picture is written (PNG); None: nowhere.

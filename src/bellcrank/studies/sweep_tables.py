@@ -1,154 +1,126 @@
-"""Tables of a sweep as text, CSV and JSON, with units; while a sweep runs, as sweep.partial.csv and .json."""
+"""The table of a sweep on the screen: designs line by line, the first and the last of many, and a summary."""
 
 from __future__ import annotations
 
-import contextlib
-import csv
-import io
-import json
 import math
-import os
 import textwrap
 from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from bellcrank.errors import InputError
-from bellcrank.files.atomic_write import write_text
-from bellcrank.files.csv_files import guarded
+import numpy as np
+
+from bellcrank.studies.run_outcomes import UNKNOWN
 
 if TYPE_CHECKING:
-    from bellcrank.studies.sweep_result import Design, Sweep
+    from bellcrank.studies.sweep_result import Array, Sweep
 
-MOST_LINES = 64  # designs on the screen: the first and the last
+MOST_LINES = 20  # designs: the first and the last
+SUMMARISED = 10  # designs, above which there is a summary
 LONGEST_REASON = 110
+MOST_AXES = 2  # whose values say where a measure is least and largest
 
 
 def text_table(sweep: Sweep, measures: Sequence[str]) -> str:
-    """One line a design: axes, measures with units, status, reason; of many designs only the first and the last."""
-    columns = [sweep.column(name) for name in measures]
-    head = [axis.label for axis in sweep.axes] + [f"{name} [{sweep.units[name]}]" for name in measures]
-    lines = [[*head, "status", "reason"]]
-    for k, design in enumerate(sweep.designs):
-        figures = [
-            "unknown" if name in design.measures and not math.isfinite(column[k]) else _figure(float(column[k]))
-            for name, column in zip(measures, columns, strict=True)
-        ]
-        lines.append([*_place(sweep, design), *figures, design.status, design.reason])
-    hidden = len(lines) - 1 - MOST_LINES
+    """One line a design: axes, measures with units, status, reason; of many only the first and the last, with a
+    summary.
+    """
+    for name in measures:
+        sweep.column(name)  # refuses an unknown one
+    head = [axis.label for axis in sweep.axes] + _labels(sweep, measures)
+    lines = _aligned([[*head, "status", "reason"], *(_line(sweep, measures, row) for row in _rows(sweep))], texts=2)
+    hidden = len(sweep) - MOST_LINES
     if hidden > 0:
-        del lines[MOST_LINES // 2 + 1 : -(MOST_LINES // 2)]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(head) + 1)]
-    rows = []
+        lines.insert(2 + MOST_LINES // 2, f"… {hidden} more …")
+    if len(sweep) > SUMMARISED:
+        lines += ["", *_summary(sweep, measures)]
+    return "\n".join(lines)
+
+
+def _rows(sweep: Sweep) -> list[int]:
+    """The rows that are shown."""
+    if len(sweep) <= MOST_LINES:
+        return list(range(len(sweep)))
+    half = MOST_LINES // 2
+    return [*range(half), *range(len(sweep) - half, len(sweep))]
+
+
+def _line(sweep: Sweep, measures: Sequence[str], row: int) -> list[str]:
+    status = sweep.columns.statuses[sweep.columns.status[row]]
+    figures = [_figure(float(sweep.column(name)[row]), status) for name in measures]
+    reason = textwrap.shorten(sweep.reasons.get(row, ""), LONGEST_REASON, placeholder="…")
+    return [*_place(sweep, row), *figures, status, reason]
+
+
+def _place(sweep: Sweep, row: int) -> list[str]:
+    """The values of a design along the axes."""
+    shown = (axis.shown(number) for axis, number in zip(sweep.axes, sweep.values[row].tolist(), strict=True))
+    return [f"{value:.9g}" if isinstance(value, float) else str(value) for value in shown]
+
+
+def _labels(sweep: Sweep, measures: Sequence[str]) -> list[str]:
+    return [f"{name} [{sweep.units[name]}]" for name in measures]
+
+
+def _figure(value: float, status: str) -> str:
+    if math.isfinite(value):
+        return f"{value:.9g}"
+    return "unknown" if status == UNKNOWN and math.isinf(value) else "-"
+
+
+def _aligned(lines: list[list[str]], texts: int) -> list[str]:
+    """Lines of cells in columns, the last `texts` of them to the left, with a rule below the first line."""
+    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+    right = len(widths) - texts
+    made = []
     for line in lines:
-        cells = [f"{text:>{width}}" for text, width in zip(line[:-2], widths[:-1], strict=True)]
-        reason = textwrap.shorten(line[-1], LONGEST_REASON, placeholder="…")
-        rows.append("  ".join([*cells, f"{line[-2]:{widths[-1]}}", reason]).rstrip())
-    if hidden > 0:
-        rows.insert(MOST_LINES // 2 + 1, f"… {hidden} more …")
-    return "\n".join([rows[0], "-" * (sum(widths) + 2 * len(widths) - 2), *rows[1:]])
+        cells = [
+            f"{cell:>{w}}" if k < right else f"{cell:<{w}}"
+            for k, (cell, w) in enumerate(zip(line, widths, strict=True))
+        ]
+        made.append("  ".join(cells).rstrip())
+    rule = "-" * (sum(widths[:-1]) + 2 * len(widths) - 4)
+    return [made[0], rule, *made[1:]]
 
 
-def write_csv(sweep: Sweep, path: str | Path) -> Path:
-    """Write one row a design; a cell is empty where there is no measure, or it is not finite (status "unknown").
-
-    The file is written atomically.
-    """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    labels = [f"{name} [{unit}]" for name, unit in sweep.units.items()]
-    writer.writerow(guarded([*(axis.label for axis in sweep.axes), "status", *labels, "reason"]))
-    for design in sweep.designs:
-        figures = [design.measures.get(name, math.nan) for name in sweep.units]
-        cells = [repr(value) if math.isfinite(value) else "" for value in figures]
-        texts = guarded([*_values(sweep, design), design.status]), guarded([design.reason])
-        writer.writerow([*texts[0], *cells, *texts[1]])
-    write_text(path, text.getvalue())
-    return Path(path)
-
-
-def write_json(sweep: Sweep, path: str | Path) -> Path:
-    """Write axes, units, and designs with their measures; numbers that are not finite are null."""
-    document = {
-        "scene": sweep.scene.name,
-        "source": sweep.scene.source.name,
-        "complete": sweep.complete,
-        "axes": [{"path": a.path, "unit": a.unit or "1", "values": a.values} for a in sweep.axes],
-        "units": dict(sweep.units),
-        "designs": [
-            {
-                "values": _values(sweep, design),
-                "status": design.status,
-                "reason": design.reason,
-                "measures": {k: v if math.isfinite(v) else None for k, v in design.measures.items()},
-            }
-            for design in sweep.designs
-        ],
-    }
-    write_text(path, json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-    return Path(path)
+def _summary(sweep: Sweep, measures: Sequence[str]) -> list[str]:
+    """How many designs have which status with an example of a reason, and the distribution of each measure."""
+    statuses = sweep.columns.statuses
+    counts = np.bincount(sweep.columns.status, minlength=len(statuses)).tolist()
+    parts = [f"{count} {name}" for name, count in zip(statuses, counts, strict=True) if count]
+    lines = [f"{len(sweep)} designs: {', '.join(parts)}"]
+    examples: dict[str, int] = {}
+    for row in sweep.reasons:
+        examples.setdefault(statuses[sweep.columns.status[row]], row)
+    for name, row in examples.items():
+        reason = textwrap.shorten(sweep.reasons[row], LONGEST_REASON, placeholder="…")
+        lines.append(f"  {name}, such as design {sweep.index[row]}: {reason}")
+    table = [["measure", "designs", "least", "median", "mean", "largest", "least at", "largest at"]]
+    for name, label in zip(measures, _labels(sweep, measures), strict=True):
+        table.append([label, *_distribution(sweep, sweep.column(name))])
+    widths = [max(len(line[k]) for line in table) for k in range(8)]
+    for line in table:
+        cells = [f"{line[0]:<{widths[0]}}"]
+        cells += [f"{cell:>{width}}" for cell, width in zip(line[1:6], widths[1:6], strict=True)]
+        cells += [f"{cell:<{width}}" for cell, width in zip(line[6:], widths[6:], strict=True)]
+        lines.append("  ".join(cells).rstrip())
+    return lines
 
 
-def _values(sweep: Sweep, design: Design) -> list[Any]:
-    """The values of a design: numbers in the axes' units, or the values themselves where they are not numbers."""
-    found, rest = [], design.index
-    for axis in reversed(sweep.axes):
-        rest, k = divmod(rest, len(axis))
-        found.append(axis.shown(axis.numbers[k]))
-    return found[::-1]
+def _distribution(sweep: Sweep, values: Array) -> list[str]:
+    there = np.flatnonzero(np.isfinite(values))
+    if not len(there):
+        return ["0", *["-"] * 6]
+    known = values[there]
+    low, high = int(there[np.argmin(known)]), int(there[np.argmax(known)])
+    least, largest = float(values[low]), float(values[high])
+    mean = float(np.clip(np.mean(known / (scale := max(abs(least), abs(largest), 1e-300))) * scale, least, largest))
+    figures = (least, float(np.median(known)), mean, largest)
+    return [str(len(known)), *(f"{figure:.6g}" for figure in figures), _where(sweep, low), _where(sweep, high)]
 
 
-def _place(sweep: Sweep, design: Design) -> list[str]:
-    return [f"{value:.9g}" if isinstance(value, float) else str(value) for value in _values(sweep, design)]
-
-
-def _figure(value: float) -> str:
-    return f"{value:.9g}" if math.isfinite(value) else "-"
-
-
-_SUFFIXES = (".csv", ".json")
-
-
-class PartialTables:
-    """Writes the tables of a sweep into a folder.
-
-    Tables that an earlier, unfinished sweep left there are renamed to sweep.partial.1.csv and so on; `earlier` are
-    their new paths. Raises InputError where they cannot be renamed.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.paths = [folder / f"sweep.partial{suffix}" for suffix in _SUFFIXES]
-        self.earlier = [_set_aside(path) for path in self.paths if os.path.lexists(path)]
-
-    def write(self, sweep: Sweep) -> None:
-        """Write the designs that are done; an error of the disk is ignored here and raised at the end."""
-        with contextlib.suppress(InputError):
-            sweep.to_csv(self.paths[0])
-            sweep.to_json(self.paths[1])
-
-    def finish(self, sweep: Sweep) -> list[Path]:
-        """Write the final tables; returns their paths. Raises InputError, which says what is kept."""
-        files: list[Path] = []
-        try:
-            files.append(sweep.to_csv(self.folder / "sweep.csv"))
-            files.append(sweep.to_json(self.folder / "sweep.json"))
-        except InputError as error:
-            kept = [path.name for path in self.paths if path.exists()]
-            left = f"the designs that were done before are kept in {' and '.join(kept)}" if kept else "nothing is kept"
-            if files:
-                left = f"all designs are in {files[0].name}"
-            raise InputError(f"{error}; {left}") from None
-        for path in self.paths:
-            path.unlink(missing_ok=True)
-        return files
-
-
-def _set_aside(path: Path) -> Path:
-    number = 1
-    while os.path.lexists(aside := path.with_suffix(f".{number}{path.suffix}")):
-        number += 1
-    try:
-        return path.rename(aside)
-    except OSError as error:
-        raise InputError(f"cannot rename {path}: {error.strerror}; choose another folder") from None
+def _where(sweep: Sweep, row: int) -> str:
+    if len(sweep.axes) > MOST_AXES:
+        return f"design {sweep.index[row]}"
+    shown = (axis.shown(number) for axis, number in zip(sweep.axes, sweep.values[row].tolist(), strict=True))
+    values = [f"{value:.6g}" if isinstance(value, float) else str(value) for value in shown]
+    return ", ".join(f"{axis.path} {value}" for axis, value in zip(sweep.axes, values, strict=True))

@@ -1,0 +1,134 @@
+"""What a sweep runs: a scene, its designs, and what is done with each, checked before the first one is run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bellcrank import arguments
+from bellcrank.errors import InputError
+from bellcrank.scene.scene import Scene
+from bellcrank.scene.study import METHODS, MOST_POINTS, Study
+from bellcrank.studies.axes import Axis, parse_values, read_axis
+from bellcrank.studies.design_runner import DesignRunner
+from bellcrank.studies.design_space import DesignSpace
+from bellcrank.studies.samples import LARGEST_SEED, Sample
+from bellcrank.studies.simulation_runner import SimulationRunner
+
+MOST_TRIED = 64  # values of an axis that are tried before a sweep: all of them, or as many with equal spacing
+Checking = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class SweepPlan:
+    """What a sweep runs."""
+
+    scene: Scene
+    space: DesignSpace
+    runner: DesignRunner
+
+
+def plan_sweep(
+    scene: Scene,
+    vary: Mapping[str, Any] | None,
+    sample: int | None,
+    method: str | None,
+    seed: int | None,
+    checking: Checking | None = None,
+) -> SweepPlan:
+    """The designs of a sweep; what is None is taken from the scene's study.
+
+    Raises InputError for a path that does not exist, accepts none of its values or changes the equations.
+    """
+    study = scene.study
+    if vary is None:
+        if not study.vary:
+            raise InputError(
+                f"sweep of {scene.name}: nothing is varied; give parameters with their values, or write them in the "
+                "scene under study: {vary: …}"
+            )
+        axes = tuple(_written_axis(scene, study, path) for path in study.vary)
+    else:
+        given = arguments.mapping("vary", vary, "a mapping of parameters to their values")
+        if not given:
+            raise InputError(f"sweep of {scene.name}: expected at least one parameter to vary, found none")
+        axes = tuple(read_axis(scene, path, values) for path, values in given.items())
+    space = DesignSpace(axes, _sample(axes, study, sample, method, seed))
+    for axis in axes:
+        _check(scene, axis, checking)
+    return SweepPlan(scene, space, SimulationRunner(scene, axes))
+
+
+def _written_axis(scene: Scene, study: Study, path: str) -> Axis:
+    """The axis that the scene's study describes. Raises InputError, which names file, line and key."""
+    values = study.vary[path]
+    try:
+        return read_axis(scene, path, parse_values(values, "") if isinstance(values, str) else values)
+    except InputError as error:
+        assert study.place is not None
+        raise study.place.error(path, str(error).removeprefix(": ").removeprefix(f"sweep over '{path}': ")) from None
+
+
+def _sample(
+    axes: tuple[Axis, ...], study: Study, sample: int | None, method: str | None, seed: int | None
+) -> Sample | None:
+    """The sample that is asked for; that of the scene is for distributions, wherever these are written."""
+    if sample is not None:
+        sample = arguments.whole("sample", sample, least=1, most=MOST_POINTS)
+    if method is not None:
+        method = arguments.one_of("method", method, METHODS)
+    if seed is not None:
+        seed = arguments.whole("seed", seed, least=0, most=LARGEST_SEED)
+    if sample is None and any(axis.distribution is not None for axis in axes):
+        sample = study.sample
+    if sample is None:
+        for name, value in (("method", method), ("seed", seed)):
+            if value is not None:
+                raise InputError(f"{name}: belongs to a sample; say how many designs are drawn, such as sample 1024")
+        return None
+    method = method or study.method or METHODS[0]
+    return Sample.of(sample, method, study.seed or 0 if seed is None else seed)
+
+
+def _check(scene: Scene, axis: Axis, checking: Checking | None) -> None:
+    """Refuse a path that accepts none of its values or changes the equations (InputError).
+
+    A parameter is an input of the equations, whatever its value, so that one value that the scene takes is enough.
+    """
+    parameter = axis.path.removeprefix("parameters.") in scene.parameters
+    tried = _tried(axis)
+    refused: list[InputError] = []
+    for k, number in enumerate(tried):
+        if checking is not None:
+            checking(k, len(tried))
+        try:
+            design = scene.with_overrides({axis.path: axis.value(number)})
+        except InputError as error:
+            refused.append(error)
+            continue
+        if design.structure_key != scene.structure_key:
+            raise InputError(
+                f"sweep over '{axis.path}': it changes the equations, which would be compiled for every value; make it "
+                f"a parameter of the scene (parameters: {{NAME: {{value: …, sets: […]}}}}) and vary that"
+            )
+        if parameter:
+            return
+    if len(refused) == len(tried):
+        some = (
+            "" if len(tried) == len(axis) else f" ({len(tried)} values of this axis were tried, and none is accepted)"
+        )
+        raise InputError(f"{refused[0]}{some}")
+
+
+def _tried(axis: Axis) -> list[float]:
+    """The values that are tried: all, or some with equal spacing; of a distribution at equal steps of probability."""
+    numbers = axis.numbers
+    if axis.distribution is not None:
+        numbers = axis.distribution.quantiles((np.arange(MOST_TRIED) + 0.5) / MOST_TRIED)
+    elif len(axis) > MOST_TRIED and not axis.choices:
+        numbers = numbers[np.linspace(0, len(axis) - 1, MOST_TRIED).round().astype(int)]
+    tried: list[float] = numbers.tolist()
+    return tried
