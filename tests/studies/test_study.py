@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+import zipfile
 
 import numpy as np
 import pytest
@@ -401,3 +402,36 @@ def test_a_study_that_is_killed_loses_nothing_that_was_kept(tmp_path, kills, see
     assert found and found[0] > 0
     assert lines[-1] == f"digest {small_study.digest(expected_columns(40000))}"
     assert list(tmp_path.iterdir()) == []  # no half file either
+
+
+@pytest.mark.slow
+def test_a_sweep_command_that_is_killed_fifty_times_gives_the_same_table(tmp_path):
+    command = [
+        sys.executable, "-m", "bellcrank", "sweep", "planar_2r_swing", "--vary", "initial.elbow=0.1:1.0:3000",
+        "--set", "simulate.max_step=1e-3", "--no-plots", "--threads", "1", "--keep-every", "0.05", "--out",
+    ]  # fmt: skip
+    begun = time.monotonic()
+    subprocess.run([*command, str(tmp_path / "whole")], check=True, capture_output=True)
+    whole, chance, ranges = time.monotonic() - begun, random.Random(5), {}
+    for _ in range(50):
+        process = subprocess.Popen([*command, str(tmp_path / "killed")], stdout=subprocess.PIPE, text=True)
+        time.sleep(chance.uniform(0.0, 0.6 * whole))
+        process.send_signal(signal.SIGKILL)
+        process.communicate()
+        assert process.returncode == -signal.SIGKILL
+        kept = {}
+        for path in (tmp_path / "killed" / "checkpoints").glob("[0-9]*.npz"):
+            with zipfile.ZipFile(path) as archive:
+                assert archive.testzip() is None
+            with np.load(path) as arrays:
+                kept[path.name] = arrays["ranges"].tolist()
+        assert kept.items() >= ranges.items()
+        ranges = kept
+        if sum(stop - first for found in kept.values() for first, stop in found) > 2500:
+            shutil.rmtree(tmp_path / "killed")  # or the next process might finish
+            ranges = {}
+    last = subprocess.run([*command, str(tmp_path / "killed")], check=True, capture_output=True, text=True)
+    assert "damaged" not in last.stdout
+    assert {path.name for path in (tmp_path / "killed").iterdir()} == {"sweep.csv", "sweep.json"}
+    for name in ("sweep.csv", "sweep.json"):
+        assert (tmp_path / "killed" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
