@@ -59,9 +59,10 @@ struct EnsembleReading : ProblemReading {
     ensemble.common = plain;
     ensemble.jumps = jumps.data(), ensemble.jump_count = static_cast<int>(jumps.size());
     ensemble.observed = get<int>(record, "observed"), ensemble.observed_within = get<int>(record, "observed_within");
-    ensemble.observe = function<Kernel>(record, "observe");
+    ensemble.common.observe = ensemble.observed ? function<Kernel>(record, "observe") : nullptr;
+    ensemble.common.observed = ensemble.observed, ensemble.common.observed_within = ensemble.observed_within;
     require(ensemble.observed >= ensemble.observed_within && ensemble.observed_within >= 0 &&
-                (ensemble.observed == 0 || ensemble.observe),
+                (ensemble.observed == 0 || ensemble.common.observe),
             "integrate_ensemble: observed quantities need a function");
     read_lanes(record.attr("lanes"));
     threads = std::max(1, get<int>(record, "threads"));
@@ -114,6 +115,12 @@ class Row final : public Record {
       : c_(e.columns), terminal_(e.common.terminal), n_(e.common.n), row_(row), first_(row * e.common.event_count),
         stop_(stop) {
     more_steps();
+    least = c_.least + row * e.observed, largest = c_.largest + row * e.observed;
+    for (std::int64_t at = first_; at < first_ + e.common.event_count; ++at) {  // the lanes may have found some before
+      c_.event_count[at] = c_.unresolved[at] = c_.undefined[at] = 0;
+      c_.event_time[at] = NAN;
+      std::fill_n(c_.event_state + at * n_, n_, NAN);
+    }
   }
   void more_steps() override { next_step = steps_, steps_end = steps_ + sizeof steps_ / sizeof *steps_; }
   void output(double, const double*) override {}

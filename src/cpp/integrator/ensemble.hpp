@@ -35,7 +35,6 @@ struct Ensemble {
   LaneKernels lanes;
   Designs designs;
   Columns columns;
-  Kernel observe;  // for one state; or 0
   int observed, observed_within;
   const double* jumps;  // times of stops and of breaks of kinked signals, sorted
   int jump_count;

@@ -15,6 +15,23 @@ namespace BELLCRANK_ISA {
 
 enum class Found { nothing, terminal, failed };
 
+inline int sign(double v) { return v > 0 ? 1 : v < 0 ? -1 : 0; }
+inline double caution(int depth) { return depth ? 4 : 2; }
+
+// Whether a function surely has no zero between three samples of the same sign, at both ends and the middle of a step.
+template <class T>
+auto halves_keep_off(const T* v) {
+  return smaller(absolute(v[0]), smaller(absolute(v[1]), absolute(v[2]))) > absolute(v[0] - 2.0 * v[1] + v[2]);
+}
+
+// Whether there may be more crossings between samples i and i + 1 than their signs show. Where samples or their
+// differences are not finite, only the signs are used.
+inline bool doubtful(const Shape& shape, int i, const double* v, int depth) {
+  if (!(shape.miss < INFINITY) || (v[i] == 0 && v[i + 1] == 0 && shape.miss == 0)) return false;
+  if (sign(v[i]) != sign(v[i + 1])) return !shape.runs(i, v);
+  return !shape.keeps_off(i, v, caution(depth)) && (depth < 2 || !shape.parabola(i));
+}
+
 template <class Stepper>
 class Events {
  public:
@@ -29,6 +46,13 @@ class Events {
     for (int e = 0; e < count_; ++e) sign_[e] = sign(g_[samples * count_ + e]);
     return true;
   }
+
+  // What is kept of an event function from step to step, for a run that goes on elsewhere.
+  struct Memory {
+    int sign, hint, unresolved;
+  };
+  Memory memory(int e) const { return {sign_[e], hint_[e], unresolved_[e]}; }
+  void remember(int e, Memory m) { sign_[e] = m.sign, hint_[e] = m.hint, unresolved_[e] = m.unresolved; }
 
   // The events of the step just taken.
   Found search(Record& record) {
@@ -48,6 +72,7 @@ class Events {
 
   double end_time() const { return crossings_[terminal_].time; }
   const double* end_state() const { return states_ + crossings_[terminal_].state * p_.n; }
+  int end_event() const { return crossings_[terminal_].event; }
 
  private:
   struct Crossing {
@@ -76,7 +101,6 @@ class Events {
   bool failed_ = false, missed_ = false, done_ = false;
   double blank_ = INFINITY;  // the first time in this step at which the event scanned is not a number
 
-  static int sign(double v) { return v > 0 ? 1 : v < 0 ? -1 : 0; }
   double length() const { return stepper_.t - stepper_.t_old; }
   double g(int sample, int e) const { return g_[sample * count_ + e]; }
 
@@ -117,7 +141,6 @@ class Events {
 
   double at(int i) const { return samples == 2 ? 0.5 * i : place[i]; }
 
-  static double caution(int depth) { return depth ? 4 : 2; }
 
   // Whether one event surely has no crossing in this step, by its samples.
   bool keeps_off(int e) const {
@@ -132,9 +155,6 @@ class Events {
     for (int i = 0; i < parts; ++i)
       if (!shape.keeps_off(i, v, caution(0))) return false;
     return true;
-  }
-  static bool halves_keep_off(const double* v) {
-    return smaller(std::fabs(v[0]), smaller(std::fabs(v[1]), std::fabs(v[2]))) > std::fabs(v[0] - 2 * v[1] + v[2]);
   }
 
   // All crossings of one event in this step.
@@ -181,14 +201,6 @@ class Events {
       else
         part(e, left, v[i], right, v[i + 1], !shape.keeps_off(i, v, caution(depth)));
     }
-  }
-
-  // Whether there may be more crossings between samples i and i + 1 than their signs show. Where samples or their
-  // differences are not finite, only the signs are used.
-  static bool doubtful(const Shape& shape, int i, const double* v, int depth) {
-    if (!(shape.miss < INFINITY) || (v[i] == 0 && v[i + 1] == 0 && shape.miss == 0)) return false;
-    if (sign(v[i]) != sign(v[i + 1])) return !shape.runs(i, v);
-    return !shape.keeps_off(i, v, caution(depth)) && (depth < 2 || !shape.parabola(i));
   }
 
   void again(int e, double a, double at_a, double b, double at_b, int depth) {

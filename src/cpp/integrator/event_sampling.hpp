@@ -47,46 +47,56 @@ struct SampleWeights {
 };
 inline constexpr SampleWeights sample_weights;
 
-// Bounds on a function between nine samples.
-struct Shape {
-  double miss;                // how far samples are from cubics through their neighbours, at most
-  double bend[parts + 1];     // how far the arc may lie off its chord, at each sample
+inline double absolute(double v) { return std::fabs(v); }
 
-  explicit Shape(const double* v) {
-    miss = 0;
+// Bounds on a function between nine samples. `T`: double, or a vector with a function in each lane; a comparison is then
+// one a lane.
+template <class T>
+struct ShapeOf {
+  T miss;             // how far samples are from cubics through their neighbours, at most
+  T bend[parts + 1];  // how far the arc may lie off its chord, at each sample
+
+  explicit ShapeOf(const T* v) {
+    miss = T{};
     for (int k = 0; k + 4 <= parts; ++k) {
       const double* w = sample_weights.miss[k];
-      const double d = std::fabs(w[0] * v[k] + w[1] * v[k + 1] + w[2] * v[k + 2] + w[3] * v[k + 3] + w[4] * v[k + 4]);
-      miss = d > miss || d != d ? d : miss;
+      const T d = absolute(w[0] * v[k] + w[1] * v[k + 1] + w[2] * v[k + 2] + w[3] * v[k + 3] + w[4] * v[k + 4]);
+      miss = (d > miss) | (d != d) ? d : miss;
     }
     for (int i = 1; i < parts; ++i) {
       const double* w = sample_weights.bend[i - 1];
-      bend[i] = std::fabs(w[0] * v[i - 1] + w[1] * v[i] + w[2] * v[i + 1]);
+      bend[i] = absolute(w[0] * v[i - 1] + w[1] * v[i] + w[2] * v[i + 1]);
     }
     bend[0] = bend[1], bend[parts] = bend[parts - 1];
   }
 
-  double arc(int i) const { return larger(bend[i], bend[i + 1]); }
+  T arc(int i) const { return larger(bend[i], bend[i + 1]); }
   // Whether the function certainly keeps its sign between samples i and i + 1, which have the same sign. `caution` is
   // larger where it is known to oscillate.
-  bool keeps_off(int i, const double* v, double caution) const {
-    return smaller(std::fabs(v[i]), std::fabs(v[i + 1])) > arc(i) + caution * miss;
+  auto keeps_off(int i, const T* v, double caution) const {
+    return smaller(absolute(v[i]), absolute(v[i + 1])) > arc(i) + caution * miss;
   }
   // Whether the function may lie below `least` or above `largest` between samples i and i + 1.
-  bool may_leave(int i, const double* v, double least, double largest, double caution) const {
-    const double lower = smaller(v[i], v[i + 1]), upper = larger(v[i], v[i + 1]), room = arc(i) + caution * miss;
-    return lower - room < least || upper + room > largest;
+  auto may_leave(int i, const T* v, T least, T largest, double caution) const {
+    const T lower = smaller(v[i], v[i + 1]), upper = larger(v[i], v[i + 1]), room = arc(i) + caution * miss;
+    return (lower - room < least) | (upper + room > largest);
   }
+  // Whether it is monotonic between samples i and i + 1.
+  auto runs(int i, const T* v) const { return absolute(v[i + 1] - v[i]) > 4.0 * (arc(i) + miss); }
+  // Whether it is approximately a parabola between samples i and i + 1.
+  auto parabola(int i) const { return miss <= 0.1 * arc(i); }
+};
+
+// Of one function.
+struct Shape : ShapeOf<double> {
+  using ShapeOf<double>::ShapeOf;
+
   // Whether the samples alternate more than a jump or kink can make them.
   static bool oscillates(const double* v) {
     int turns = 0;
     for (int i = 1; i < parts; ++i) turns += (v[i] - v[i - 1]) * (v[i + 1] - v[i]) < 0;
     return turns >= 3;
   }
-  // Whether it is monotonic between samples i and i + 1.
-  bool runs(int i, const double* v) const { return std::fabs(v[i + 1] - v[i]) > 4 * (arc(i) + miss); }
-  // Whether it is approximately a parabola between samples i and i + 1.
-  bool parabola(int i) const { return miss <= 0.1 * arc(i); }
 };
 
 }  // namespace BELLCRANK_ISA

@@ -41,6 +41,16 @@ class ExplicitRungeKutta {
                               : first_step(rhs_, t, x_, main_.k + last * lanes(), bound, Method::estimator);
   }
 
+  // Takes over a step that was made elsewhere: its ends, and the slopes of its stages (last + 1 rows of n).
+  void take_over(double from, double to, const double* old, const double* x, const double* slopes) {
+    const std::size_t bytes = p_.n * sizeof(double);
+    t_old = from, t = to;
+    dense_ready_ = stage_polynomial_ready_ = false;
+    std::memcpy(old_, old, bytes), std::memcpy(x_, x, bytes);
+    for (int s = 0; s <= last; ++s) std::memcpy(main_.k + s * lanes(), slopes + s * p_.n, bytes);
+    main_.first = main_.k;
+  }
+
   // One accepted step that does not cross `bound`.
   Outcome advance(double bound) {
     begin_step();

@@ -18,6 +18,7 @@ struct LaneNumbers {
   Vec next;                  // the step size to try; with a fixed step the number of the next point of its grid
   Vec tried, bad;            // 1: the step was tried with another size; and that was not finite
   Vec evaluations, accepted, rejected;
+  Vec eventful;              // 1: the step may have an event
 };
 
 // A signal's piece in each lane.
@@ -34,9 +35,11 @@ class LaneBlock : public LaneNumbers {
     Vec* next = data_;
     p = take(next, e.designs.np);
     old = take(next, n);
-    g = take(next, e.common.event_count);
-    least = take(next, e.observed);
-    largest = take(next, e.observed);
+    g = take(next, e.common.event_count), sign = take(next, e.common.event_count);
+    hint = take(next, e.common.event_count), unresolved = take(next, e.common.event_count);
+    y = take(next, e.observed), least = take(next, e.observed), largest = take(next, e.observed);
+    noise = take(next, e.observed_within), calm = take(next, e.observed_within);
+    exhausted = take(next, e.observed_within);
     pieces_ = next;
     for (int s = 0; s < e.common.signal_count; ++s) next += LanePiece::size(e.common.signals[s]);
     k = take(next, static_cast<std::size_t>(n) * rows);
@@ -47,8 +50,9 @@ class LaneBlock : public LaneNumbers {
 
   const int n;
   Vec *p, *old;          // parameters; state at t_old
-  Vec* g;                // event functions at t_old, for LaneEvents
-  Vec *least, *largest;  // of the observed quantities, for LaneObservation
+  Vec *g, *sign, *hint, *unresolved;  // event functions at t_old, and what event_detection.hpp keeps of them
+  Vec *y, *least, *largest;           // observed quantities at t_old, and their extremes
+  Vec *noise, *calm, *exhausted;      // what observed_extremes.hpp keeps of those that are looked at within steps
   Vec* k;                // (rows, n): slopes of the stages; row 0 at t_old, row Method::stages at t
   Vec* x;                // state at t
 
@@ -58,6 +62,11 @@ class LaneBlock : public LaneNumbers {
   // Copies a lane of another block of the same ensemble: all of it, or only what a step begins with.
   void copy(int to, const LaneBlock& from, int lane) { copy(to, from, lane, size_); }
   void copy_start(int to, const LaneBlock& from, int lane) { copy(to, from, lane, begun_); }
+  // What all steps of another block begin with.
+  void copy_starts(const LaneBlock& from) {
+    static_cast<LaneNumbers&>(*this) = from;
+    for (int i = 0; i < begun_; ++i) data_[i] = from.data_[i];
+  }
 
  private:
   Vectors data_;
@@ -70,7 +79,7 @@ class LaneBlock : public LaneNumbers {
     return first;
   }
   static std::size_t total(const Ensemble& e, int rows) {
-    std::size_t sum = e.designs.np + e.common.event_count + 2 * e.observed;
+    std::size_t sum = e.designs.np + 4 * e.common.event_count + 3 * (e.observed + e.observed_within);
     for (int s = 0; s < e.common.signal_count; ++s) sum += LanePiece::size(e.common.signals[s]);
     return sum + static_cast<std::size_t>(e.common.n) * (2 + rows);
   }

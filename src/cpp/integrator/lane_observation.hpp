@@ -1,7 +1,10 @@
-// Extremes of observed quantities in lanes.
+// Extremes of observed quantities in lanes. The rules are those of observed_extremes.hpp: in most steps samples show that
+// no quantity leaves its extremes. In the others, extrema between samples that a polynomial fits are found in all lanes
+// at once; a step that needs more samples goes to the integrator of single runs.
 #pragma once
 
-#include "lane_runge_kutta.hpp"
+#include "lane_dense_output.hpp"
+#include "lane_single_step.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
@@ -9,17 +12,203 @@ namespace BELLCRANK_ISA {
 template <class Method>
 class LaneObservation {
  public:
-  LaneObservation(LaneEquations& equations, LaneRungeKutta<Method>& method) : equations_(equations), method_(method) {}
+  LaneObservation(LaneEquations& equations, LaneDenseOutput<Method>& dense)
+      : ensemble_(equations.ensemble), equations_(equations), dense_(dense), count_(ensemble_.observed),
+        within_(ensemble_.observed_within), y_((parts + 1) * count_), cheap_(within_ ? (parts + 1) * count_ : 0),
+        value_(count_), x_(ensemble_.common.n) {}
 
-  // The extremes at the starts (t_old, old) of a block's runs, into its least and largest.
-  void begin(LaneBlock&) {}
+  bool within() const { return within_ > 0; }
 
-  // The steps just accepted in `lanes`, which no event has ended.
-  void add(LaneBlock&, Bits) {}
+  // The quantities at the starts (t_old, old) of a block's runs; after a jump of forces `again`.
+  void begin(LaneBlock& starts) {
+    equations_.observe(starts, starts.t_old, starts.old, starts.y);
+    for (int j = 0; j < count_; ++j) starts.least[j] = starts.largest[j] = starts.y[j];
+    for (int j = 0; j < within_; ++j) starts.noise[j] = starts.calm[j] = starts.exhausted[j] = Vec{};
+  }
+  void begin_again(LaneBlock& block, Mask lanes) {
+    equations_.observe(block, block.t_old, block.old, value_);
+    take(block, value_, count_, lanes);
+    for (int j = 0; j < count_; ++j) block.y[j] = lanes ? value_[j] : block.y[j];
+  }
+
+  // Samples of steps that end at a time and state: at both ends, and at place i between them.
+  void sample_ends(LaneBlock& block, Vec time, const Vec* x) {
+    for (int j = 0; j < count_; ++j) y_[j] = block.y[j];
+    sample(block, parts, time, x);
+  }
+  void sample(LaneBlock& block, int i, Vec time, const Vec* x) { equations_.observe(block, time, x, y_ + i * count_); }
+
+  // Whether surely no quantity leaves its extremes between the ends of the step, by these samples.
+  Mask stays_within(const LaneBlock& block) const {
+    Mask clear = Mask{} == 0;
+    for (int j = 0; j < within_; ++j) {
+      Vec v[parts + 1], end = y_[parts * count_ + j];
+      const Vec span = samples(y_, j, v), least = smaller(block.least[j], end), largest = larger(block.largest[j], end);
+      const Vec margin = 0.1 * tolerance(block, least, largest);
+      const ShapeOf<Vec> shape(v);
+      Mask may = Mask{};
+      for (int i = 0; i < parts; ++i)
+        may |= ~shape.runs(i, v) & shape.may_leave(i, v, least - margin, largest + margin, 2);
+      const Mask explained = (block.calm[j] >= ObservedHistory::enough) & (span <= 4.0 * block.noise[j]);
+      may = (may & ~explained) | ~(shape.miss < INFINITY);
+      clear &= ~may | (block.least[j] != block.least[j]);
+    }
+    return clear;
+  }
+
+  // The steps are done with: the next ones begin where these end.
+  void accept(LaneBlock& block, Mask lanes) {
+    const Vec* end = y_ + parts * count_;
+    take(block, end, count_, lanes);
+    for (int j = 0; j < count_; ++j) block.y[j] = lanes ? end[j] : block.y[j];
+  }
+
+  // The extremes in the steps in `lanes` of a block up to a time and state, whose dense output is prepared.
+  void search(LaneBlock& block, Bits lanes, Vec time, const Vec* x) {
+    sample_ends(block, time, x);
+    const Vec h = block.t - block.t_old, part = (time - block.t_old) / h;
+    for (int i = 1; i < parts && within_; ++i) {
+      dense_.sketch(block, part * place[i], x_, i % 2 == 0);
+      sample(block, i, block.t_old + part * place[i] * h, x_);
+    }
+    const Bits doubtful = within_ ? lanes & ~bits(stays_within(block)) : 0;
+    take(block, y_ + parts * count_, count_, mask(lanes));
+    if (!doubtful) return;
+    for (int i = 0; i < (parts + 1) * count_; ++i) cheap_[i] = y_[i];
+    Bits hard = 0;
+    for (int i = 1; i < parts; ++i) hard |= between(block, part * place[i], y_ + i * count_, doubtful);
+    each(doubtful & ~hard, [&](int l) { hard |= list(block, l) ? 0 : 1u << l; });
+    each(hard, [&](int l) { LaneSingleStep<Method>(ensemble_, block, l).observe(time[l], x); });
+    const Bits easy = doubtful & ~hard;
+    learn(block, mask(easy));
+    for (int i = 1; i < parts; ++i) take(block, y_ + i * count_, within_, mask(easy));
+    climb(block, part, easy);
+  }
 
  private:
+  // The search for an extremum of quantity `j` between samples i and i + 1.
+  struct Climb {
+    int j, i;
+  };
+
+  const Ensemble& ensemble_;
   LaneEquations& equations_;
-  LaneRungeKutta<Method>& method_;
+  LaneDenseOutput<Method>& dense_;
+  const int count_, within_;
+  Vectors y_, cheap_, value_, x_;  // y_: a row for each sample; cheap_: those that are not on the dense output
+  Growing<Climb> jobs_[width];
+  int jobs_count_[width] = {};
+
+  static Vec tolerance(const LaneBlock& block, Vec least, Vec largest) {
+    return block.atol + block.rtol * larger(absolute(least), absolute(largest));
+  }
+  double tolerance(const LaneBlock& block, int j, int l) const {
+    return block.atol[l] + block.rtol[l] * larger(absolute(block.least[j][l]), absolute(block.largest[j][l]));
+  }
+
+  // The samples of quantity j, and how far apart they lie.
+  Vec samples(const Vec* rows, int j, Vec* v) const {
+    Vec least = splat(INFINITY), largest = splat(-INFINITY);
+    for (int i = 0; i <= parts; ++i) {
+      v[i] = rows[i * count_ + j];
+      least = smaller(v[i], least), largest = larger(v[i], largest);
+    }
+    return largest - least;
+  }
+
+  // Extremes that are not numbers stay so.
+  static void take(LaneBlock& block, const Vec* values, int count, Mask lanes) {
+    for (int j = 0; j < count; ++j) {
+      const Vec v = values[j], least = block.least[j], largest = block.largest[j];
+      block.least[j] = lanes & ~(v >= least) & (least == least) ? v : least;
+      block.largest[j] = lanes & ~(v <= largest) & (largest == largest) ? v : largest;
+    }
+  }
+
+  // Quantities at states of the dense output, projected as those of outputs. Returns lanes where that fails.
+  Bits between(LaneBlock& block, Vec s, Vec* values, Bits lanes) {
+    const Vec time = block.t_old + s * (block.t - block.t_old);
+    dense_.interpolate(block, s, x_);
+    const Bits failed = bits(equations_.settle(block, time, x_, mask(lanes))) & lanes;
+    equations_.observe(block, time, x_, values);
+    return failed;
+  }
+
+  // What the steps show of quantities that are constant but for the error of the cheap polynomial.
+  void learn(LaneBlock& block, Mask lanes) {
+    for (int j = 0; j < within_; ++j) {
+      Vec cheap[parts + 1], v[parts + 1], gap = {}, beyond = {};
+      const Vec span = samples(cheap_, j, cheap);
+      samples(y_, j, v);
+      for (int i = 1; i < parts; ++i) {
+        gap = larger(gap, absolute(cheap[i] - v[i]));
+        beyond = larger(beyond, larger(block.least[j] - v[i], v[i] - block.largest[j]));
+      }
+      const Mask flat = lanes & (span <= 4.0 * gap);
+      const Mask kept = beyond <= 10.0 * tolerance(block, block.least[j], block.largest[j]);
+      block.noise[j] = flat ? larger(block.noise[j], gap) : block.noise[j];
+      block.calm[j] = flat ? (kept ? block.calm[j] + 1.0 : Vec{}) : block.calm[j];
+    }
+  }
+
+  bool may_exceed(const LaneBlock& block, const Shape& shape, int i, const double* v, int j, int l) const {
+    const double margin = 0.1 * tolerance(block, j, l);
+    return !shape.runs(i, v) && shape.may_leave(i, v, block.least[j][l] - margin, block.largest[j][l] + margin, 2);
+  }
+
+  // Lists the intervals of a lane's step that may hold an extremum; false where one needs more samples.
+  bool list(const LaneBlock& block, int l) {
+    int& count = jobs_count_[l] = 0;
+    for (int j = 0; j < within_; ++j) {
+      double v[parts + 1];
+      for (int i = 0; i <= parts; ++i) v[i] = y_[i * count_ + j][l];
+      const Shape shape(v);
+      if (!(shape.miss < INFINITY)) continue;
+      for (int i = 0; i < parts; ++i) {
+        if (!may_exceed(block, shape, i, v, j, l)) continue;
+        const bool smooth = shape.parabola(i) || shape.miss <= tolerance(block, j, l);
+        if (!smooth) return false;
+        jobs_[l].reserve(count + 1);
+        jobs_[l][count++] = {j, i};
+      }
+    }
+    return true;
+  }
+
+  // Finds the extrema that are listed, one of each lane at a time.
+  void climb(LaneBlock& block, Vec part, Bits lanes) {
+    alignas(64) unsigned char room[width * sizeof(ExtremumPolynomial)];
+    auto* const polynomials = reinterpret_cast<ExtremumPolynomial*>(room);
+    int next[width] = {}, tries[width] = {};
+    for (;;) {
+      Bits busy = 0;
+      Vec s = {};
+      each(lanes, [&](int l) {
+        for (; next[l] < jobs_count_[l]; ++next[l], tries[l] = 0) {
+          const Climb job = jobs_[l][next[l]];
+          if (tries[l] == 0) {
+            double v[parts + 1];
+            for (int i = 0; i <= parts; ++i) v[i] = y_[i * count_ + job.j][l];
+            new (&polynomials[l]) ExtremumPolynomial(job.i, v);
+          }
+          double where;
+          if (tries[l]++ == 6 || !polynomials[l].extremum(&where)) continue;
+          const double expected = polynomials[l](where), margin = 0.1 * tolerance(block, job.j, l);
+          const double least = block.least[job.j][l] - margin, largest = block.largest[job.j][l] + margin;
+          if (expected >= least && expected <= largest) continue;
+          s[l] = where, busy |= 1u << l;
+          return;
+        }
+      });
+      if (!busy) return;
+      const Bits failed = between(block, part * s, value_, busy);
+      take(block, value_, within_, mask(busy & ~failed));
+      each(busy, [&](int l) {
+        if (failed >> l & 1) tries[l] = 6;
+        else polynomials[l].add(s[l], value_[jobs_[l][next[l]].j][l]);
+      });
+    }
+  }
 };
 
 }  // namespace BELLCRANK_ISA

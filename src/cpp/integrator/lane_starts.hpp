@@ -2,9 +2,7 @@
 // a run whose first slope and step size are known.
 #pragma once
 
-#include "lane_events.hpp"
-#include "lane_observation.hpp"
-#include "lane_rows.hpp"
+#include "lane_search.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
@@ -29,9 +27,9 @@ inline void next_stop(const Ensemble& e, LaneBlock& block, int lane, double t) {
 template <class Method>
 class LaneStarts {
  public:
-  LaneStarts(LaneEquations& equations, LaneEvents<Method>& events, LaneObservation<Method>& observation, Worker& worker)
-      : ensemble_(equations.ensemble), problem_(equations.problem), equations_(equations), events_(events),
-        observation_(observation), worker_(worker), block_(ensemble_, 1), moved_(problem_.n), slope_(problem_.n) {}
+  LaneStarts(LaneEquations& equations, LaneSearch<Method>& search, Worker& worker)
+      : ensemble_(equations.ensemble), problem_(equations.problem), equations_(equations), search_(search),
+        worker_(worker), block_(ensemble_, 1), moved_(problem_.n), slope_(problem_.n) {}
 
   // Puts the next run into a lane of a block; false where there is none left.
   bool next(LaneBlock& block, int lane) {
@@ -45,7 +43,6 @@ class LaneStarts {
     const int from = __builtin_ctz(ready_);
     ready_ &= ready_ - 1;
     block.copy_start(lane, block_, from);
-    events_.start(block, lane);
     return true;
   }
 
@@ -53,8 +50,7 @@ class LaneStarts {
   const Ensemble& ensemble_;
   const Problem& problem_;
   LaneEquations& equations_;
-  LaneEvents<Method>& events_;
-  LaneObservation<Method>& observation_;
+  LaneSearch<Method>& search_;
   Worker& worker_;
   LaneBlock block_;
   Vectors moved_, slope_;
@@ -65,14 +61,13 @@ class LaneStarts {
     for (int l = 0; l < width; ++l) read(l, first + (l < count ? l : 0));
     const Bits taken = (1u << count) - 1;
     equations_.normalise(block_.old);
-    observation_.begin(block_);
+    search_.begin(block_);
     const Bits moving = taken & bits(block_.t1 > 0.0);
     end(taken & ~moving, Status::finished);
     block_.evaluations += 1.0;
     Mask sound = equations_.rhs(block_, block_.t_old, block_.old, block_.k);
     Mask real = Mask{} == 0;
     for (int i = 0; i < problem_.n; ++i) real &= finite(block_.k[i]);
-    if (problem_.event_count) events_.begin(block_);
     sound &= choose_step(mask(moving) & sound & real);
     each(moving & bits(~sound), [&](int l) { worker_.single(static_cast<std::int64_t>(block_.design[l])); });
     end(moving & bits(sound & ~real), Status::non_finite);

@@ -14,8 +14,7 @@ class LaneStepper {
  public:
   LaneStepper(const Ensemble& e, Worker& worker)
       : ensemble_(e), worker_(worker), equations_(e), method_(equations_), block_(e, Method::rows),
-        events_(equations_, method_, worker), observation_(equations_, method_),
-        starts_(equations_, events_, observation_, worker), slope_(e.common.n) {}
+        search_(equations_, method_, worker), starts_(equations_, search_, worker), slope_(e.common.n) {}
 
   // Runs designs until there are none left, or the worker is stopped.
   void operator()() {
@@ -25,7 +24,6 @@ class LaneStepper {
       give_up();
       if (active_) attempt();
     }
-    if (!worker_.stopped()) events_.finish();
   }
 
  private:
@@ -36,8 +34,7 @@ class LaneStepper {
   LaneEquations equations_;
   LaneRungeKutta<Method> method_;
   LaneBlock block_;
-  LaneEvents<Method> events_;
-  LaneObservation<Method> observation_;
+  LaneSearch<Method> search_;
   LaneStarts<Method> starts_;
   Vectors slope_;
   Bits active_ = 0, jumped_ = 0;  // lanes that hold a run; that have passed a stop and need their first stage anew
@@ -45,8 +42,13 @@ class LaneStepper {
   // The next run into a lane; one without keeps the last good state of its former run.
   void refill(int lane) {
     const Bits bit = 1u << lane;
-    jumped_ &= ~bit;
-    active_ = starts_.next(block_, lane) ? active_ | bit : active_ & ~bit;
+    active_ |= bit, jumped_ &= ~bit;
+    if (!search_.give_back(block_, lane)) {
+      if (starts_.next(block_, lane)) return;
+      if (search_.waiting()) search_.work();
+      if (!search_.give_back(block_, lane)) return void(active_ &= ~bit);
+    }
+    end_steps(bit);
   }
 
   void end(Bits lanes, Status status) {
@@ -76,6 +78,7 @@ class LaneStepper {
     }
     b.evaluations += wanted ? splat(1) : Vec{};
     const Bits left = bits(wanted & ~sound), undefined = bits(wanted & sound & ~real);
+    search_.begin_again(b, bits(wanted & sound & real));
     leave(left);
     end(undefined, Status::non_finite);
   }
@@ -163,28 +166,36 @@ class LaneStepper {
     b.bad = rejected & bad ? splat(1) : tried ? Vec{} : b.bad;
   }
 
-  // Events and observations of the accepted steps; then the next step begins, after a stop, or in another run.
+  // Searches the steps in `good` lanes, which were accepted and end at `until`; then the next steps begin there.
   void proceed(Bits good, Vec until) {
     LaneBlock& b = block_;
     if (!good) return;
-    const Mask accepted = mask(good);
-    b.t = accepted ? until : b.t_old;
-    const Bits ended = ensemble_.common.event_count ? events_.search(b, good) : 0;
-    if (ensemble_.observed) observation_.add(b, good & ~ended);
+    b.t = mask(good) ? until : b.t_old;
+    const Bits doubtful = search_.look(b, good);
+    end_steps(good & ~doubtful);
+    each(doubtful, [&](int l) {
+      search_.park(b, l);
+      refill(l);
+    });
+  }
+
+  // The next steps begin where those in `lanes` end, maybe after a stop, or in another run.
+  void end_steps(Bits lanes) {
+    LaneBlock& b = block_;
+    const Mask accepted = mask(lanes);
     b.t_old = accepted ? b.t : b.t_old;
     const Vec* f = b.k + last * b.n;
     for (int i = 0; i < b.n; ++i) {
       b.old[i] = accepted ? b.x[i] : b.old[i];
       b.k[i] = accepted ? f[i] : b.k[i];
     }
-    const Bits at_stop = good & ~ended & bits(b.t_old == b.bound), finished = at_stop & bits(b.bound == b.t1);
+    const Bits at_stop = lanes & bits(b.t_old == b.bound), finished = at_stop & bits(b.bound == b.t1);
     each(at_stop & ~finished, [&](int l) {
       next_stop(ensemble_, b, l, b.t_old[l]);
       equations_.pin(b, l, b.t_old[l], b.bound[l]);
       jumped_ |= 1u << l;
     });
     end(finished, Status::finished);
-    each(ended, [&](int l) { refill(l); });
   }
 };
 

@@ -58,6 +58,8 @@ class ObservedExtremes {
     if (count_) look(t, x, length() > 0 ? (t - stepper_.t_old) / length() : 1);
   }
 
+  // A run that was begun elsewhere goes on with the step that the stepper has taken over.
+  void resume() { evaluate(stepper_.t_old, stepper_.old_state(), y_ + parts * count_); }
   ObservedHistory& history(int j) { return history_[j]; }
 
  private:

@@ -21,7 +21,7 @@ class Array {
     const std::size_t bytes = (size * sizeof(T) / 64 + 1) * 64;
     data_ = reinterpret_cast<T*>(bytes <= sizeof own_ ? own_ : std::aligned_alloc(64, bytes));
     if (!data_) throw std::bad_alloc();
-    std::memset(data_, 0, bytes);
+    std::memset(static_cast<void*>(data_), 0, bytes);
   }
   ~Array() {
     if (static_cast<void*>(data_) != own_) std::free(data_);
