@@ -62,6 +62,12 @@ class LaneBlock : public LaneNumbers {
   // Copies a lane of another block of the same ensemble: all of it, or only what a step begins with.
   void copy(int to, const LaneBlock& from, int lane) { copy(to, from, lane, size_); }
   void copy_start(int to, const LaneBlock& from, int lane) { copy(to, from, lane, begun_); }
+  // The same, and the end of the step: its state, and its slope, which is in row `last`.
+  void copy_ends(int to, const LaneBlock& from, int lane, int last) {
+    copy_start(to, from, lane);
+    copy_column(k + last * n, from.k + last * n, to, lane, n);
+    copy_column(x, from.x, to, lane, n);
+  }
   // What all steps of another block begin with.
   void copy_starts(const LaneBlock& from) {
     static_cast<LaneNumbers&>(*this) = from;

@@ -15,7 +15,8 @@ class LaneObservation {
   LaneObservation(LaneEquations& equations, LaneDenseOutput<Method>& dense)
       : ensemble_(equations.ensemble), equations_(equations), dense_(dense), count_(ensemble_.observed),
         within_(ensemble_.observed_within), y_((parts + 1) * count_), cheap_(within_ ? (parts + 1) * count_ : 0),
-        value_(count_), x_(ensemble_.common.n) {}
+        value_(count_), x_(ensemble_.common.n),
+        noise_(within_), calm_(within_), constant_(within_) {}
 
   bool within() const { return within_ > 0; }
 
@@ -77,12 +78,16 @@ class LaneObservation {
     for (int i = 0; i < (parts + 1) * count_; ++i) cheap_[i] = y_[i];
     Bits hard = 0;
     for (int i = 1; i < parts; ++i) hard |= between(block, part * place[i], y_ + i * count_, doubtful);
+    learn(block);
     each(doubtful & ~hard, [&](int l) { hard |= list(block, l) ? 0 : 1u << l; });
     each(hard, [&](int l) { LaneSingleStep<Method>(ensemble_, block, l).observe(time[l], x); });
-    const Bits easy = doubtful & ~hard;
-    learn(block, mask(easy));
-    for (int i = 1; i < parts; ++i) take(block, y_ + i * count_, within_, mask(easy));
-    climb(block, part, easy);
+    const Mask easy = mask(doubtful & ~hard);
+    for (int j = 0; j < within_; ++j) {
+      block.noise[j] = easy ? noise_[j] : block.noise[j];
+      block.calm[j] = easy ? calm_[j] : block.calm[j];
+    }
+    for (int i = 1; i < parts; ++i) take(block, y_ + i * count_, within_, easy);
+    climb(block, part, doubtful & ~hard);
   }
 
  private:
@@ -96,6 +101,8 @@ class LaneObservation {
   LaneDenseOutput<Method>& dense_;
   const int count_, within_;
   Vectors y_, cheap_, value_, x_;  // y_: a row for each sample; cheap_: those that are not on the dense output
+  Vectors noise_, calm_;    // what the steps show of quantities that are constant but for the error of that polynomial
+  Array<Bits> constant_;    // in which lanes they are
   Growing<Climb> jobs_[width];
   int jobs_count_[width] = {};
 
@@ -134,8 +141,8 @@ class LaneObservation {
     return failed;
   }
 
-  // What the steps show of quantities that are constant but for the error of the cheap polynomial.
-  void learn(LaneBlock& block, Mask lanes) {
+  // ObservedHistory::learn
+  void learn(const LaneBlock& block) {
     for (int j = 0; j < within_; ++j) {
       Vec cheap[parts + 1], v[parts + 1], gap = {}, beyond = {};
       const Vec span = samples(cheap_, j, cheap);
@@ -144,16 +151,20 @@ class LaneObservation {
         gap = larger(gap, absolute(cheap[i] - v[i]));
         beyond = larger(beyond, larger(block.least[j] - v[i], v[i] - block.largest[j]));
       }
-      const Mask flat = lanes & (span <= 4.0 * gap);
+      const Mask flat = span <= 4.0 * gap;
       const Mask kept = beyond <= 10.0 * tolerance(block, block.least[j], block.largest[j]);
-      block.noise[j] = flat ? larger(block.noise[j], gap) : block.noise[j];
-      block.calm[j] = flat ? (kept ? block.calm[j] + 1.0 : Vec{}) : block.calm[j];
+      noise_[j] = flat ? larger(block.noise[j], gap) : block.noise[j];
+      calm_[j] = flat ? (kept ? block.calm[j] + 1.0 : Vec{}) : block.calm[j];
+      constant_[j] = bits(flat & kept);
     }
   }
 
+  // Whether quantity j may leave its extremes and the samples between samples i and i + 1.
   bool may_exceed(const LaneBlock& block, const Shape& shape, int i, const double* v, int j, int l) const {
+    double least = block.least[j][l], largest = block.largest[j][l];
+    for (int k = 1; k < parts; ++k) least = smaller(v[k], least), largest = larger(v[k], largest);
     const double margin = 0.1 * tolerance(block, j, l);
-    return !shape.runs(i, v) && shape.may_leave(i, v, block.least[j][l] - margin, block.largest[j][l] + margin, 2);
+    return !shape.runs(i, v) && shape.may_leave(i, v, least - margin, largest + margin, 2);
   }
 
   // Lists the intervals of a lane's step that may hold an extremum; false where one needs more samples.
@@ -163,7 +174,7 @@ class LaneObservation {
       double v[parts + 1];
       for (int i = 0; i <= parts; ++i) v[i] = y_[i * count_ + j][l];
       const Shape shape(v);
-      if (!(shape.miss < INFINITY)) continue;
+      if ((constant_[j] >> l & 1) || !(shape.miss < INFINITY)) continue;
       for (int i = 0; i < parts; ++i) {
         if (!may_exceed(block, shape, i, v, j, l)) continue;
         const bool smooth = shape.parabola(i) || shape.miss <= tolerance(block, j, l);

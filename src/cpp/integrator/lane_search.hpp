@@ -49,7 +49,7 @@ class LaneSearch {
     if (!ready_) return false;
     const int from = __builtin_ctz(ready_);
     ready_ &= ready_ - 1;
-    block.copy(lane, searched_, from);
+    block.copy_ends(lane, searched_, from, Method::stages);
     return true;
   }
 
@@ -81,7 +81,7 @@ class LaneSearch {
       write_end(ensemble_, worker_, b, l, Status::event, ends.time[l], x_);
     });
     ready_ = lanes & ~lost & ~ends.ended;
-    each(ready_, [&](int l) { searched_.copy(l, b, l); });
+    each(ready_, [&](int l) { searched_.copy_ends(l, b, l, Method::stages); });
   }
 
  private:

@@ -75,7 +75,7 @@ class LaneSingleStep {
     for (int j = 0; j < e_.observed; ++j)
       record_.least[j] = block_.least[j][lane_], record_.largest[j] = block_.largest[j][lane_];
     for (int j = 0; j < e_.observed_within; ++j)
-      observed_.history(j) = {block_.noise[j][lane_], block_.calm[j][lane_], block_.exhausted[j][lane_]};
+      observed_.history(j) = {block_.noise[j][lane_], block_.calm[j][lane_], block_.exhausted[j][lane_], false};
     observed_.resume();
     observed_.part(t, read(x, block_.n));
     for (int j = 0; j < e_.observed; ++j)

@@ -20,13 +20,16 @@ struct ObservedHistory {
   double noise = 0;      // the error of the cheap polynomial in such steps
   double calm = 0;       // such steps one after another in which the dense output kept to the extremes
   double exhausted = 0;  // steps in which all samples allowed were used
+  bool constant = false; // in the last step that was sampled again
 
   static constexpr int enough = 2, patience = 8;
   bool explains(double span) const { return calm >= enough && span <= 4 * noise; }
   // A step whose samples lie `span` apart was sampled again: they were off by up to `gap`, and the dense output kept to
   // the extremes or not.
   void learn(double span, double gap, bool kept) {
-    if (!(span <= 4 * gap)) return;
+    const bool flat = span <= 4 * gap;
+    constant = flat && kept;
+    if (!flat) return;
     noise = larger(noise, gap);
     calm = kept ? calm + 1 : 0;
   }
@@ -168,6 +171,7 @@ class ObservedExtremes {
     for (int j = 0; j < within_; ++j) learn(j);
     for (int i = 1; i < parts; ++i) take(y_ + i * count_, within_);
     for (int j = 0; j < within_; ++j) {
+      if (history_[j].constant) continue;
       double v[parts + 1];
       samples(y_, j, v);
       spent_ = 0;
