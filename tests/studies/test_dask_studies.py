@@ -3,6 +3,7 @@
 import contextlib
 import logging
 import os
+import pickle
 import random
 import signal
 import subprocess
@@ -11,15 +12,20 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 import small_study
 from small_study import SmallRunner, SmallSpace, expected_columns, same_columns
 
+import bellcrank as bc
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.studies import dask_execution, local_cluster
+from bellcrank.studies.axes import read_axis
 from bellcrank.studies.dask_execution import DaskExecutor
 from bellcrank.studies.dask_worker import RangeTask, run_range
+from bellcrank.studies.design_space import DesignSpace
 from bellcrank.studies.environment import environment
+from bellcrank.studies.simulation_runner import SimulationRunner
 from bellcrank.studies.study import run_study
 from bellcrank.studies.study_folder import StudyFolder
 
@@ -57,6 +63,16 @@ def test_rows_are_those_without_dask(cluster, tmp_path):
         again = run_study(SmallSpace(COUNT), SmallRunner(), folder=place)
     assert again.found > 0 and "were done before" in notes[-1]
     assert same_columns(again.columns, expected_columns(COUNT))
+
+
+def test_rows_of_a_scene_are_those_without_dask(cluster):
+    scene = bc.load_scene("four_bar")
+    space = DesignSpace((read_axis(scene, "crank_length", np.linspace(1.2, 1.3, 300)),))  # some cannot be built
+    runner = SimulationRunner(scene, space.axes)
+    here, there = run_study(space, runner), run_study(space, runner, cluster)
+    assert same_columns(here.columns, there.columns) and here.columns.reasons
+    assert np.isfinite(here.columns.measures["lock.time"]).any()
+    assert len(pickle.dumps(runner)) < 100_000  # recipes and graphs
 
 
 def test_what_threads_began_workers_go_on_with(cluster, tmp_path):
@@ -171,6 +187,7 @@ def test_two_of_four_workers_are_killed_and_nothing_is_lost(seed):
 
 SCRIPT = """
 from small_study import SmallRunner, SmallSpace
+from bellcrank.studies.axes import read_axis
 from bellcrank.studies.dask_execution import DaskExecutor
 from bellcrank.studies.study import run_study
 

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+import zipfile
 
 import numpy as np
 import pytest
@@ -401,3 +402,48 @@ def test_a_study_that_is_killed_loses_nothing_that_was_kept(tmp_path, kills, see
     assert found and found[0] > 0
     assert lines[-1] == f"digest {small_study.digest(expected_columns(40000))}"
     assert list(tmp_path.iterdir()) == []  # no half file either
+
+
+@pytest.mark.slow
+def test_a_sweep_command_that_is_killed_again_and_again_gives_the_same_table(tmp_path):
+    command = [
+        sys.executable, "-m", "bellcrank", "sweep", "planar_2r_swing", "--vary", "initial.elbow=0.1:1.0:1000",
+        "--set", "simulate.max_step=1e-3", "--no-plots", "--threads", "1", "--keep-every", "0.05", "--out",
+    ]  # fmt: skip
+    for name in ("compiled", "whole"):
+        begun = time.monotonic()
+        subprocess.run([*command, str(tmp_path / name)], check=True, capture_output=True)
+        takes = time.monotonic() - begun
+    chance, killed, folder = random.Random(5), 0, tmp_path / "killed"
+    kept = {}
+    while killed < 12:
+        process = subprocess.Popen([*command, str(folder)], stdout=subprocess.PIPE, text=True)
+        time.sleep(chance.uniform(0.0, takes))
+        process.send_signal(signal.SIGKILL)
+        out, _ = process.communicate()
+        assert "damaged" not in out
+        if process.returncode == 0:  # it had ended before
+            assert_same_tables(folder, tmp_path / "whole")
+            shutil.rmtree(folder)
+            kept = {}
+            continue
+        killed += 1
+        if (folder / "sweep.csv").exists():  # its end had begun: it is finished by the next
+            kept = {}
+            continue
+        before, kept = kept, {}
+        for path in (folder / "checkpoints").glob("[0-9]*.npz"):
+            with zipfile.ZipFile(path) as archive:
+                assert archive.testzip() is None
+            with np.load(path) as arrays:
+                kept[path.name] = arrays["ranges"].tolist()
+        assert kept.items() >= before.items()
+    last = subprocess.run([*command, str(folder)], check=True, capture_output=True, text=True)
+    assert "damaged" not in last.stdout
+    assert_same_tables(folder, tmp_path / "whole")
+
+
+def assert_same_tables(folder, other):
+    assert {path.name for path in folder.iterdir()} == {"sweep.csv", "sweep.json"}
+    for name in ("sweep.csv", "sweep.json"):
+        assert (folder / name).read_bytes() == (other / name).read_bytes()
