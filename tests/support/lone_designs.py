@@ -4,12 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from lone_measures import reason, run_measures, start_measures, unknown_measures
+from lone_measures import measure_name, reason, run_measures, start_measures, unknown_measures
 
 import bellcrank as bc
 from bellcrank.studies.axes import read_axis
 from bellcrank.studies.simulation_runner import SimulationRunner
 
+ROWS, WINDOW = 20_001, 1001  # in which extremes are looked for, and again around them
 EXTREMES = ("least.", "largest.", "energy_drift", "constraint_residual")  # they depend on where one looks
 
 
@@ -40,6 +41,32 @@ def lone(found, values):
     if run.success and (blank := unknown_measures(run, measures)):
         status, why = "unknown", "; ".join(filter(None, [why, blank]))
     return status, why, measures
+
+
+def lone_extremes(found, values):
+    """Least and largest outputs of a design simulated alone, by measure, and how much may be missing of each.
+
+    Many rows, and again many around the extreme ones; between two of these a value may be as much larger than both as
+    one is larger than its neighbour.
+    """
+    try:
+        scene = found.scene.with_overrides(found.designs.overrides(values.tolist()))
+        run = bc.simulate(scene, samples=ROWS)
+    except bc.BellcrankError:
+        return {}, {}
+    extremes, missing = {}, {}
+    for name, output in scene.outputs.items():
+        rows = run.output(name).reshape(len(run), -1)
+        for c, label in enumerate(output.quantity.suffixes()):
+            for what, sign in (("least", -1.0), ("largest", 1.0)):
+                k = int(np.argmax(sign * rows[:, c]))
+                ends = run.time[max(k - 1, 0)], run.time[min(k + 1, len(run) - 1)]
+                near = bc.simulate(scene, times=np.linspace(*ends, WINDOW), duration=scene.settings.duration)
+                column = sign * near.output(name).reshape(len(near), -1)[:, c]
+                k, measure = int(np.argmax(column)), measure_name(f"{what}.{name}", label)
+                extremes[measure] = sign * max(column[k], (sign * rows[:, c]).max())
+                missing[measure] = np.max(column[k] - column[[max(k - 1, 0), min(k + 1, len(column) - 1)]])
+    return extremes, missing
 
 
 def check(found, values, tolerance):

@@ -68,6 +68,11 @@ def _velocities(prefix, robot, velocity):
             yield ".".join(part for part in (prefix, joint.name, what, "velocity") if part), unit, value
 
 
+def measure_name(prefix, label):
+    """The name of the measure of a column with this label."""
+    return _named(prefix, label)[0]
+
+
 def _named(prefix, label):
     """Name and unit of "x [m]", or of "[N m]"."""
     title, _, unit = label.removesuffix("]").rpartition("[")

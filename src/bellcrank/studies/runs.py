@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +59,7 @@ class Runs:
 
     def part(self, rows: NDArray[np.int64]) -> Self:
         """Some of the runs, by their numbers."""
-        arrays = {
+        arrays: dict[str, Any] = {
             each.name: value[rows]
             for each in fields(self.result)
             if isinstance(value := getattr(self.result, each.name), np.ndarray)
