@@ -253,7 +253,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
             "times": [0.0, 0.01], "samples": 3, "first_step": 1e-3, "max_step": 0.01, "stabilisation": "none",
             "progress": print, "keep": "kept.npz", "keep_every": 5.0, **simulated}),
         "load_run": (bc.load_run, {"path": "given.npz", "trust": ["."]}),
-        "sweep": (bc.sweep, {"scene": pendulum, "vary": {"simulate.rtol": "uniform(1e-6, 1e-5)"}, "sample": 4,
+        "sweep": (bc.sweep, {"scene": pendulum, "vary": {"simulate.rtol": "uniform(1e-6, 1e-5)"}, "sample": 4, "size": False,
                              "method": "random", "seed": 1, "threads": 1, "workers": None, "scheduler": None,
                              "folder": "study", "restart": True, "overrides": {"simulate.duration": 0.01},
                              "progress": None, "checking": None, "keep": None, "keep_every": 5.0}),

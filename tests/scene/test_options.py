@@ -18,7 +18,7 @@ from bellcrank.scene.overrides import parse_assignment
 from bellcrank.scene.robot_config import load_robot_config
 from bellcrank.studies.axes import parse_axis
 from bellcrank.studies.sweep import sweep
-from bellcrank.studies.sweep_plan import plan_sweep
+from bellcrank.studies.sweep_plan import SampleRequest, plan_sweep
 
 FOREIGN = ["²", "٣", "１２", "1_000", "½", "Ⅷ", "一", "0x10", "1e", "1..2", "--1", "+-1", "", " ", "e5", "1,5"]
 
@@ -174,9 +174,7 @@ def test_one_value_of_a_parameter_is_enough_to_check_it_and_the_values_of_other_
     sweep(scene, {"simulate.rtol": [1e-6, 1e-7, 1e-8]}, checking=lambda done, of: seen.append((done, of)))
     assert seen == [(0, 3), (1, 3), (2, 3)]
     seen.clear()
-    plan_sweep(
-        scene, {"initial.crank": "0.01:0.02:1000000"}, None, None, None, lambda done, of: seen.append((done, of))
-    )
+    plan_sweep(scene, {"initial.crank": "0.01:0.02:1000000"}, SampleRequest(), lambda done, of: seen.append((done, of)))
     assert seen[-1] == (63, 64)  # of very many values some are tried
     with pytest.raises(InputError, match=r"rtol.*\(64 values of this axis were tried, and none is accepted\)"):
         sweep(scene, {"simulate.rtol": "2:3:100000"})

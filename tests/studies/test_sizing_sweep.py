@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 import pickle
 import time
@@ -13,6 +14,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import bellcrank as bc
+from bellcrank.cli import main
 from bellcrank.errors import InputError
 from bellcrank.motion.stretching import stretched
 from bellcrank.scene.scene import Scene, load_scene
@@ -392,3 +395,28 @@ def test_many_designs_cost_much_less_than_as_many_sizings() -> None:
     one, began = (time.perf_counter() - began) / 3.0, time.perf_counter()
     study.run(values)
     assert (time.perf_counter() - began) / len(values) < one / 10.0
+
+
+def test_the_command_sizes_the_designs_of_a_sweep(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    vary = ["--vary", "link.pendulum.mass=1:4:4", "--vary", "actuators.shoulder.ratio=30,80"]
+    assert main(["sweep", "geared_pendulum", "--size", *vary, "--out", str(tmp_path), "--no-plots"]) == 0
+    text = capsys.readouterr().out
+    assert "8 designs, 6 pass, 2 do not" in text and "link.pendulum.mass [kg]" in text
+    with (tmp_path / "sweep.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["status"] for row in rows].count("fail") == 2
+    for row in rows:
+        weight = float(row["link.pendulum.mass [kg]"]) * G * 0.5
+        assert float(row["shoulder.peak_torque [N m]"]) == pytest.approx(weight, rel=1e-12)
+
+
+def test_a_sweep_of_sizings_in_python(capsys: pytest.CaptureFixture[str]) -> None:
+    result = bc.sweep("planar_2r", {"joint.elbow.origin.x": "normal(1 m, 10 mm)"}, sample=16, size=True)
+    assert len(result) == 16 and result.axes[0].unit == "m" and "another path" in result.notes[-1]
+    assert set(result.status) <= {"pass", "fail"} and (result.column("shoulder.peak_torque") > 200.0).all()
+    with pytest.raises(InputError, match="there is no payload"):
+        bc.sweep("planar_2r", {"payload.mass": [1.0]}, size=True)
+    with pytest.raises(InputError, match="unknown key or parameter 'actuatorz'"):
+        bc.sweep("planar_2r", {"actuatorz.elbow.ratio": [1.0]}, size=True)
+    assert main(["sweep", "planar_2r", "--vary", "link.link_2.mass=1,2", "--no-plots"]) == 2
+    assert "declare a parameter" in capsys.readouterr().err

@@ -31,6 +31,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(PATH=FIRST:LAST:COUNT), listed ones (PATH=A,B,C), or drawn ones (PATH='normal(MEAN, SD)', also uniform, "
         "truncnormal, triangular, loguniform); may be repeated for all combinations (default: the scene's study)",
     )  # fmt: skip
+    parser.add_argument(
+        "--size", action="store_true",
+        help="size the motors over the configuration's motions instead of simulating; lengths, masses, payload.mass, "
+        "actuators.JOINT.ratio, motions.NAME.duration and the like can then be varied too",
+    )  # fmt: skip
     parser.add_argument("--sample", metavar="N", help="number of designs that are drawn from the distributions")
     parser.add_argument(
         "--method", metavar="NAME", help="how they are drawn: sobol (default), latin (Latin hypercube) or random"
@@ -61,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the designs. Exit code 0: at least one design finished; 1: none did; 130: interrupted. What was computed is
+    """Run the designs. Exit code 0: at least one design finished, or passes where designs are sized; 1: none did; 130: interrupted. What was computed is
     written in any case. Raises BellcrankError for invalid input.
     """
     from bellcrank.studies.executors import MOST_THREADS, MOST_WORKERS, choose_executor
@@ -99,7 +104,7 @@ def _plan(arguments: argparse.Namespace) -> SweepPlan:
     from bellcrank.scene.study import MOST_POINTS
     from bellcrank.studies.axes import parse_axis
     from bellcrank.studies.samples import LARGEST_SEED
-    from bellcrank.studies.sweep_plan import plan_sweep
+    from bellcrank.studies.sweep_plan import SampleRequest, plan_sizings, plan_sweep
 
     vary: dict[str, Any] = {}
     for text in arguments.axes:
@@ -110,7 +115,8 @@ def _plan(arguments: argparse.Namespace) -> SweepPlan:
     sample = whole_option("--sample", arguments.sample, 1, MOST_POINTS)
     seed = whole_option("--seed", arguments.seed, 0, LARGEST_SEED)
     with counting("check", " values") as checking:
-        return plan_sweep(_scene(arguments), vary or None, sample, arguments.method, seed, checking)
+        plan = plan_sizings if arguments.size else plan_sweep
+        return plan(_scene(arguments), vary or None, SampleRequest(sample, arguments.method, seed), checking)
 
 
 def _scene(arguments: argparse.Namespace) -> Scene:
@@ -149,7 +155,12 @@ def _show(result: Sweep, arguments: argparse.Namespace, folder: Path, files: lis
     unclear = int((result.status == UNKNOWN).sum())
     unknown_part = f", {unclear} unknown (see their reasons)" if unclear else ""
     failed = len(result) - result.finished - unclear
-    print(f"\n{result.scene.name}: {len(result)} designs, {result.finished} finished, {failed} did not{unknown_part}")
+    did = ("pass", "do") if arguments.size else ("finished", "did")
+    print(
+        f"\n{result.scene.name}: {len(result)} designs, {result.finished} {did[0]}, {failed} {did[1]} not{unknown_part}"
+    )
+    for note in result.notes:
+        print(f"note: {note}")
     if result.space.sample is not None:
         print(f"sample: {result.space.sample.identity}")
         if result.space.sample.note:

@@ -117,19 +117,20 @@ def parse_values(given: str, where: str) -> Any:
     return values
 
 
-def read_axis(scene: Scene, path: str, values: Any) -> Axis:
+def read_axis(scene: Scene, path: str, values: Any, unit: str | None = None) -> Axis:
     """The axis of a path, in the unit of the parameter that it names.
 
     Args:
         scene: The scene that has the path.
         path: A parameter, or a dotted path.
         values: A distribution, as a text or a `Distribution`; a range "FIRST:LAST:COUNT"; or the values.
+        unit: The SI unit of a path that is no parameter, where it is known.
 
     Raises:
         InputError: There are no values, or they do not fit the parameter.
     """
     parameter = scene.parameters.get(path.removeprefix("parameters."))
-    unit = None if parameter is None else parameter.unit
+    unit = unit if parameter is None else parameter.unit
     where = f"sweep over {format_value(path)}"
     if isinstance(values, str) and is_distribution(values):
         try:

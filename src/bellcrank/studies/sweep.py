@@ -16,7 +16,7 @@ from bellcrank.studies.executors import choose_executor
 from bellcrank.studies.partial_sweeps import WatchedExecutor
 from bellcrank.studies.study import run_study
 from bellcrank.studies.study_folder import StudyFolder
-from bellcrank.studies.sweep_plan import SweepPlan, plan_sweep
+from bellcrank.studies.sweep_plan import SampleRequest, SweepPlan, plan_sizings, plan_sweep
 from bellcrank.studies.sweep_result import Sweep
 
 
@@ -24,6 +24,7 @@ def sweep(
     scene: Scene | str | Path,
     vary: Mapping[str, Any] | None = None,
     *,
+    size: bool = False,
     sample: int | None = None,
     method: str | None = None,
     seed: int | None = None,
@@ -38,7 +39,7 @@ def sweep(
     keep: Callable[[Sweep], object] | None = None,
     keep_every: float = KEEP_EVERY,
 ) -> Sweep:
-    """Simulate a scene for all combinations of values of its parameters, or for a sample of their distributions.
+    """Simulate or size a scene for all combinations of values of its parameters, or for a sample of distributions.
 
     Parameters are inputs of the compiled equations, so that nothing is compiled for a design; many designs are
     integrated at once. A design that cannot be built, or whose run does not reach its target, is a row with its reason.
@@ -51,6 +52,9 @@ def sweep(
             HIGH)", "loguniform(LOW, HIGH)", with units as in "normal(1.241 m, 1 mm)". Only what leaves the equations
             unchanged can be varied: parameters, the start and the solver's settings. None: as the scene says under
             `study`.
+        size: Whether designs are sized over the motions of the configuration, as `size` does, instead of simulated.
+            Then link lengths and masses (such as "link.forearm_link.mass" and "joint.elbow.origin.x"), "payload.mass",
+            ratings of actuators ("actuators.elbow.ratio") and durations ("motions.pick.duration") can be varied too.
         sample: How many designs are drawn from the distributions; each point of a grid of other values gets all of
             them. By default as the scene says.
         method: "sobol" (scrambled Sobol points, the default; a power of two is best), "latin" (a Latin hypercube) or
@@ -96,7 +100,8 @@ def sweep(
     executor = choose_executor(threads, workers, scheduler)
     if folder is not None:
         folder = arguments.path("folder", folder, "the path of a folder")
-    plan = plan_sweep(scene, vary, sample, method, seed, checking)
+    planned = plan_sizings if arguments.flag("size", size) else plan_sweep
+    plan = planned(scene, vary, SampleRequest(sample, method, seed), checking)
     restart = arguments.flag("restart", restart)
     with contextlib.nullcontext() if folder is None else StudyFolder(folder, restart=restart) as opened:
         return run_sweep(plan, executor, folder=opened, progress=progress, keep=keep, keep_every=keep_every)
@@ -119,6 +124,7 @@ def run_sweep(
         units=runner.units,
         candidates=runner.default_measures,
         noise=runner.noise,
+        notes=plan.notes,
     )
     if keep is not None:
         executor = WatchedExecutor(executor, sweep_of, keep, keep_every)

@@ -17,6 +17,8 @@ from bellcrank.studies.design_runner import DesignRunner
 from bellcrank.studies.design_space import DesignSpace
 from bellcrank.studies.samples import LARGEST_SEED, Sample
 from bellcrank.studies.simulation_runner import SimulationRunner
+from bellcrank.studies.sizing_axes import unit_of
+from bellcrank.studies.sizing_runner import SizingRunner
 
 MOST_TRIED = 64  # values of an axis that are tried before a sweep: all of them, or as many with equal spacing
 Checking = Callable[[int, int], None]
@@ -29,20 +31,50 @@ class SweepPlan:
     scene: Scene
     space: DesignSpace
     runner: DesignRunner
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class SampleRequest:
+    """How designs are drawn; what is None is as the scene's study says."""
+
+    count: int | None = None
+    method: str | None = None
+    seed: int | None = None
 
 
 def plan_sweep(
-    scene: Scene,
-    vary: Mapping[str, Any] | None,
-    sample: int | None,
-    method: str | None,
-    seed: int | None,
-    checking: Checking | None = None,
+    scene: Scene, vary: Mapping[str, Any] | None, sample: SampleRequest, checking: Checking | None = None
 ) -> SweepPlan:
-    """The designs of a sweep; what is None is taken from the scene's study.
+    """The simulations of a sweep; what is None is taken from the scene's study.
 
     Raises InputError for a path that does not exist, accepts none of its values or changes the equations.
     """
+    axes = _axes(scene, vary, lambda path: None)
+    space = DesignSpace(axes, _sample(axes, scene.study, sample))
+    for axis in axes:
+        _check(scene, axis, checking)
+    return SweepPlan(scene, space, SimulationRunner(scene, axes))
+
+
+def plan_sizings(
+    scene: Scene, vary: Mapping[str, Any] | None, sample: SampleRequest, checking: Checking | None = None
+) -> SweepPlan:
+    """The sizings of a sweep; what is None is taken from the scene's study.
+
+    Raises InputError for a path that does not exist or accepts none of its values.
+    """
+    axes = _axes(scene, vary, lambda path: unit_of(scene, path))
+    space = DesignSpace(axes, _sample(axes, scene.study, sample))
+    runner = SizingRunner(scene, axes)
+    for axis, change in zip(axes, runner.changes, strict=True):
+        if change.kind == "override":
+            _check(scene, axis, checking, equations=False)
+    return SweepPlan(scene, space, runner, runner.notes)
+
+
+def _axes(scene: Scene, vary: Mapping[str, Any] | None, unit: Callable[[str], str | None]) -> tuple[Axis, ...]:
+    """What is varied; `unit` gives the unit of a path that is no parameter, where it is known. Raises InputError."""
     study = scene.study
     if vary is None:
         if not study.vary:
@@ -50,32 +82,26 @@ def plan_sweep(
                 f"sweep of {scene.name}: nothing is varied; give parameters with their values, or write them in the "
                 "scene under study: {vary: …}"
             )
-        axes = tuple(_written_axis(scene, study, path) for path in study.vary)
-    else:
-        given = arguments.mapping("vary", vary, "a mapping of parameters to their values")
-        if not given:
-            raise InputError(f"sweep of {scene.name}: expected at least one parameter to vary, found none")
-        axes = tuple(read_axis(scene, path, values) for path, values in given.items())
-    space = DesignSpace(axes, _sample(axes, study, sample, method, seed))
-    for axis in axes:
-        _check(scene, axis, checking)
-    return SweepPlan(scene, space, SimulationRunner(scene, axes))
+        return tuple(_written_axis(scene, study, path, unit(path)) for path in study.vary)
+    given = arguments.mapping("vary", vary, "a mapping of parameters to their values")
+    if not given:
+        raise InputError(f"sweep of {scene.name}: expected at least one parameter to vary, found none")
+    return tuple(read_axis(scene, path, values, unit(path)) for path, values in given.items())
 
 
-def _written_axis(scene: Scene, study: Study, path: str) -> Axis:
+def _written_axis(scene: Scene, study: Study, path: str, unit: str | None) -> Axis:
     """The axis that the scene's study describes. Raises InputError, which names file, line and key."""
     values = study.vary[path]
     try:
-        return read_axis(scene, path, parse_values(values, "") if isinstance(values, str) else values)
+        return read_axis(scene, path, parse_values(values, "") if isinstance(values, str) else values, unit)
     except InputError as error:
         assert study.place is not None
         raise study.place.error(path, str(error).removeprefix(": ").removeprefix(f"sweep over '{path}': ")) from None
 
 
-def _sample(
-    axes: tuple[Axis, ...], study: Study, sample: int | None, method: str | None, seed: int | None
-) -> Sample | None:
+def _sample(axes: tuple[Axis, ...], study: Study, asked: SampleRequest) -> Sample | None:
     """The sample that is asked for; that of the scene is for distributions, wherever these are written."""
+    sample, method, seed = asked.count, asked.method, asked.seed
     if sample is not None:
         sample = arguments.whole("sample", sample, least=1, most=MOST_POINTS)
     if method is not None:
@@ -93,8 +119,8 @@ def _sample(
     return Sample.of(sample, method, study.seed or 0 if seed is None else seed)
 
 
-def _check(scene: Scene, axis: Axis, checking: Checking | None) -> None:
-    """Refuse a path that accepts none of its values or changes the equations (InputError).
+def _check(scene: Scene, axis: Axis, checking: Checking | None, equations: bool = True) -> None:
+    """Refuse a path that accepts none of its values or, with `equations`, changes the equations (InputError).
 
     A parameter is an input of the equations, whatever its value, so that one value that the scene takes is enough.
     """
@@ -109,6 +135,8 @@ def _check(scene: Scene, axis: Axis, checking: Checking | None) -> None:
         except InputError as error:
             refused.append(error)
             continue
+        if not equations:
+            return
         if design.structure_key != scene.structure_key:
             raise InputError(
                 f"sweep over '{axis.path}': it changes the equations, which would be compiled for every value; make it "

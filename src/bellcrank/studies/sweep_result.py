@@ -41,6 +41,7 @@ class Sweep(Portable, Renamed):
         index: (n,) their numbers, increasing: all, unless the sweep was interrupted.
         candidates: The measures that are shown by default if they vary.
         noise: Differences of a measure up to absolute + relative × magnitude are errors of the computation.
+        notes: Sentences about what to look at in all designs.
 
     Example:
         >>> import bellcrank as bc
@@ -57,6 +58,7 @@ class Sweep(Portable, Renamed):
     index: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     candidates: tuple[str, ...] = ()
     noise: tuple[float, float] = (0.0, 1e-12)
+    notes: tuple[str, ...] = field(default=(), repr=False)
 
     def __repr__(self) -> str:
         axes = ", ".join(axis.path for axis in self.axes)
