@@ -66,8 +66,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the designs. Exit code 0: at least one design finished, or passes where designs are sized; 1: none did; 130: interrupted. What was computed is
-    written in any case. Raises BellcrankError for invalid input.
+    """Run the designs. Exit code 0: at least one design finished (passes, where designs are sized); 1: none did; 130:
+    interrupted. What was computed is written in any case. Raises BellcrankError for invalid input.
     """
     from bellcrank.studies.executors import MOST_THREADS, MOST_WORKERS, choose_executor
     from bellcrank.studies.study_folder import StudyFolder
