@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank import _step
+from bellcrank._step import has_lanes
+from bellcrank._step import integrate_ensemble as integrate_in_lanes
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import make_ready
 from bellcrank.dynamics.system import system_of
@@ -100,13 +101,13 @@ def integrate_ensemble(
         threads=threads,
         progress=progress,
     )
-    return EnsembleResult(**_step.integrate_ensemble(problem))
+    return EnsembleResult(**integrate_in_lanes(problem))
 
 
 def _lane_kernels(scene: Scene, system: System, projected: bool, observe: bool) -> LaneKernels | None:
     """The compiled functions for as many states as there are SIMD lanes; None where `_step` cannot use so many."""
     width = machine.target().lanes
-    if not _step.has_lanes(width):
+    if not has_lanes(width):
         return None
     code = {"rhs": system.rhs}
     if scene.events:
