@@ -26,6 +26,8 @@ MADE_BY = {
     "Scene": "load_scene",
     "RobotConfig": "load_robot_config",
     "Trajectory": "simulate",
+    "PreparedSimulation": "prepare",
+    "PreparedRun": "prepare",
     "Sizing": "size",
     "Sweep": "sweep",
     "Catalogue": "load_catalogue",
@@ -207,6 +209,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
     one_motor = {"scene": pendulum, "motion": bc.dwell(pendulum.robot, [0.1], 1.0), "actuated": ["swing"],
                  "independent": ["swing"], "overrides": None}  # fmt: skip
     simulated = {"overrides": None, "max_evaluations": 3000}
+    prepared = bc.prepare(four_bar, samples=3)
 
     def of(thing: Any, **methods: dict[str, Any]) -> dict[str, tuple[Any, dict[str, Any]]]:
         kind = type(thing).__name__
@@ -252,6 +255,11 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
             "scene": pendulum, "duration": 0.01, "solver": "RK45", "rtol": 1e-6, "atol": 1e-6, "step": None,
             "times": [0.0, 0.01], "samples": 3, "first_step": 1e-3, "max_step": 0.01, "stabilisation": "none",
             "progress": print, "keep": "kept.npz", "keep_every": 5.0, **simulated}),
+        "prepare": (bc.prepare, {
+            "scene": pendulum, "duration": 0.01, "solver": "RK45", "rtol": 1e-6, "atol": 1e-6, "step": None,
+            "samples": 3, "first_step": 1e-3, "max_step": 0.01, "stabilisation": "none", **simulated}),
+        "PreparedSimulation.trajectory": (prepared.trajectory, {"values": {"crank_length": 1.22}}),
+        "PreparedRun.trajectory": (prepared().trajectory, {}),
         "load_run": (bc.load_run, {"path": "given.npz", "trust": ["."]}),
         "sweep": (bc.sweep, {"scene": pendulum, "vary": {"simulate.rtol": "uniform(1e-6, 1e-5)"}, "sample": 4,
                              "size": False, "method": "random", "seed": 1, "threads": 1, "workers": None,

@@ -46,6 +46,9 @@ _HOME = {
     "load_scene": "scene.scene",
     "Settings": "scene.settings",
     "simulate": "simulation.simulate",
+    "prepare": "simulation.prepared_simulation",
+    "PreparedSimulation": "simulation.prepared_simulation",
+    "PreparedRun": "simulation.prepared_simulation",
     "Trajectory": "simulation.trajectory",
     "load_run": "simulation.load_run",
     "sweep": "studies.sweep",
@@ -73,6 +76,8 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "Mount",
     "NotSavedError",
     "Payload",
+    "PreparedRun",
+    "PreparedSimulation",
     "Robot",
     "RobotConfig",
     "Scene",
@@ -94,6 +99,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "load_run",
     "load_scene",
     "plot",
+    "prepare",
     "read_motion",
     "replay",
     "report",
@@ -135,6 +141,7 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene, load_scene
     from bellcrank.scene.settings import Settings
     from bellcrank.simulation.load_run import load_run
+    from bellcrank.simulation.prepared_simulation import PreparedRun, PreparedSimulation, prepare
     from bellcrank.simulation.run_plot import plot_run as plot
     from bellcrank.simulation.simulate import simulate
     from bellcrank.simulation.trajectory import Trajectory

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
+NO_SIGNALS: Array = np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -78,8 +79,9 @@ class Event:
 def event_at(scene: Scene, k: int, time: float, position: Array, velocity: Array, parameters: Array) -> Event:
     """Event number k of a scene at a time (s) and a state, with multipliers and the impact of its latch."""
     system, rule = system_of(scene), scene.events[k]
-    x = np.concatenate([position, velocity, np.zeros(system.size - system.nq - system.nv)])
-    arguments = (np.array([time]), x, values_at(scene.signals, np.array([time]))[0], parameters)
+    x, t = np.zeros(system.size), np.array([time])
+    x[: system.nq], x[system.nq : system.nq + system.nv] = position, velocity
+    arguments = (t, x, values_at(scene.signals, t)[0] if scene.signals else NO_SIGNALS, parameters)
     multipliers = system.constraint(*arguments)[0] if scene.constraints else np.zeros(0)
     latch = None
     if rule.latch:
