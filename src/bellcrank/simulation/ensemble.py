@@ -117,6 +117,6 @@ def _lane_kernels(scene: Scene, system: System, projected: bool, observe: bool) 
     if projected:
         code["project"], code["project_fallback"] = system.project, system.project_fallback
     if observe:
-        code["observe"] = system.observe
+        code["observe"] = system.plain_observe
     addresses = make_ready([(function, "lanes") for function in code.values()])
     return LaneKernels(width=width, **dict(zip(code, addresses, strict=True)))
