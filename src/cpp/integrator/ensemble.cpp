@@ -6,6 +6,7 @@
 #include <cstring>
 #include <exception>
 #include <mutex>
+#include <system_error>
 #include <thread>
 
 #include "ensemble.hpp"
@@ -181,7 +182,7 @@ class Crew {
     std::vector<std::thread> threads;
     const std::int64_t most = (ensemble_.designs.count + block - 1) / block;
     left_ = static_cast<int>(std::min<std::int64_t>(reading_.threads, most));
-    for (int i = 0, count = left_; i < count; ++i) threads.emplace_back([this] { work(); });
+    start(threads);
     std::unique_lock<std::mutex> lock(mutex_);
     while (!ended_.wait_for(lock, std::chrono::milliseconds(50), [this] { return left_ == 0; })) {
       lock.unlock();
@@ -210,6 +211,21 @@ class Crew {
   std::condition_variable ended_;
   int left_ = 0;              // threads at work
   std::exception_ptr error_;  // the first that ended a thread
+
+  // Where the system has no room for all threads, those that it starts do all the work; where for none, this one does.
+  void start(std::vector<std::thread>& threads) {
+    const int count = left_;
+    threads.reserve(count);
+    try {
+      while (static_cast<int>(threads.size()) < count) threads.emplace_back([this] { work(); });
+    } catch (const std::system_error&) {
+      {
+        const std::lock_guard<std::mutex> lock(mutex_);
+        left_ -= count - std::max(1, static_cast<int>(threads.size()));
+      }
+      if (threads.empty()) work();
+    }
+  }
 
   class Hand final : public Worker {
    public:
