@@ -52,3 +52,13 @@ def test_rotation_residuals_are_whole_angles():
     found = np.abs(y[:, system.observed_layout.residuals]).max(axis=1)
     np.testing.assert_allclose(found, torn._position_residuals.max(axis=1), rtol=1e-12)
     assert found[-1] > 1.1 and y[-1, system.observed_layout.cosines].min() < 0.0
+
+
+@pytest.mark.parametrize("name", ["four_bar", "rolling_disk", "five_bar"])
+def test_the_plain_solution_gives_the_same_quantities_where_its_guard_holds(name):
+    run = bc.simulate(name, samples=101)
+    system = system_of(run.scene)
+    guard = system.rhs(*run._arguments)[1][:, 0] > 0.0
+    assert guard.mean() > 0.9
+    exact, plain = (function(*run._arguments)[guard] for function in (system.observe, system.plain_observe))
+    np.testing.assert_allclose(plain, exact, rtol=1e-8, atol=1e-12 * np.abs(exact).max())

@@ -3,6 +3,8 @@
 import itertools
 import math
 import random
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -180,6 +182,23 @@ def test_one_value_of_a_parameter_is_enough_to_check_it_and_the_values_of_other_
         sweep(scene, {"simulate.rtol": "2:3:100000"})
     with pytest.raises(InputError, match="changes the equations"):
         sweep(scene, {"gravity": [[0, 0, 0], [0, 0, -9.81]]})
+
+
+def test_where_the_system_starts_few_threads_these_run_all_designs():
+    """A thread takes 8 MB of addresses for its stack, and std::thread throws where there is no room for them."""
+    script = (
+        "import resource, bellcrank as bc\n"
+        "scene = bc.load_scene('four_bar', {'simulate.duration': 0.01, 'simulate.samples': 2})\n"
+        "vary = {'crank_length': '1.2:1.3:20000'}\n"
+        "known = bc.sweep(scene, vary, threads=1)\n"
+        "size = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()\n"
+        "resource.setrlimit(resource.RLIMIT_AS, (size + 500_000_000,) * 2)\n"
+        "found = bc.sweep(scene, vary, threads=1000)\n"
+        "assert (found.column('end.crank') == known.column('end.crank')).all()\n"
+        "print(len(found))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
+    assert (done.returncode, done.stdout) == (0, "20000\n"), done.stderr[-2000:]
 
 
 def test_values_of_a_grid_are_all_combinations_the_last_axis_fastest():

@@ -7,9 +7,9 @@ import pytest
 from lone_designs import check, check_statuses, lone, runner, statuses
 
 import bellcrank as bc
-from bellcrank import _step
 from bellcrank.motion.csv_file import write_motion
 from bellcrank.motion.motion import Motion
+from bellcrank.simulation import ensemble
 
 ARM = "urdf: planar_2r\ngravity: [0, -9.81, 0]\n"
 
@@ -110,7 +110,7 @@ def test_a_design_whose_hinge_turns_over_is_its_run_until_then(monkeypatch):
     scene = bc.load_scene("bricard", {"simulate.duration": 0.5, "simulate.samples": 7})
     cosines = slice(*found_cosines(scene))
 
-    engine = _step.integrate_ensemble
+    engine = ensemble.integrate_in_lanes
 
     def turned(problem):
         result = engine(problem)
@@ -118,7 +118,7 @@ def test_a_design_whose_hinge_turns_over_is_its_run_until_then(monkeypatch):
         return result
 
     over = np.where(np.arange(7) < 4, 1.0, -1.0)[:, None]
-    monkeypatch.setattr(_step, "integrate_ensemble", turned)
+    monkeypatch.setattr(ensemble, "integrate_in_lanes", turned)
     monkeypatch.setattr("bellcrank.simulation.integration.alignment_cosines_along", lambda *_: over)
     found, values = runner(scene, simulate__rtol=[1e-8, 1e-9, 1e-10])
     columns = found.run(values)

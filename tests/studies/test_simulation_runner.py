@@ -8,7 +8,7 @@ from lone_designs import check, runner, statuses
 from lone_measures import run_measures, start_measures
 
 import bellcrank as bc
-from bellcrank import _step
+from bellcrank.simulation import ensemble
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.design_runner import StudyInterrupted
 
@@ -68,14 +68,14 @@ def test_ctrl_c_hands_over_the_designs_that_are_done(monkeypatch):
     found, values = runner("four_bar", crank_length=[4.0, 1.1, 1.2, 1.22, 1.24])
     whole = found.run(values)
 
-    engine = _step.integrate_ensemble
+    engine = ensemble.integrate_in_lanes
 
     def interrupted(problem):
         result = engine(problem)
         result["done"][[0, 3]] = False
         return result
 
-    monkeypatch.setattr(_step, "integrate_ensemble", interrupted)
+    monkeypatch.setattr(ensemble, "integrate_in_lanes", interrupted)
     with pytest.raises(StudyInterrupted) as stopped:
         found.run(values)
     rows, columns = stopped.value.rows, stopped.value.columns

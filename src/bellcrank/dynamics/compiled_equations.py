@@ -288,11 +288,15 @@ class System:
     def observe(self) -> Compiled:
         """(t, x, u, p) -> the quantities whose extremes an ensemble of runs finds (observed_quantities.py)."""
 
-        def build() -> casadi.Function:
-            observed = observed_quantities(self._scene, self.assembly, self.multiplier_names)
-            return self._state_function("observe", [observed])
+        return self._compiled("observe", lambda: self._state_function("observe", [self._observed(plain=False)]))
 
-        return self._compiled("observe", build)
+    @cached_property
+    def plain_observe(self) -> Compiled:
+        """The same by the plain solution of the constraints, for states where the guard of `rhs` is positive."""
+        return self._compiled("plain observe", lambda: self._state_function("observe", [self._observed(plain=True)]))
+
+    def _observed(self, *, plain: bool) -> casadi.SX:
+        return observed_quantities(self._scene, self.assembly, self.multiplier_names, plain=plain)
 
     @cached_property
     def observed_layout(self) -> ObservedLayout:

@@ -15,10 +15,11 @@ N = T − V + |W|. Since |a| = max(a, −a), the extremes of B, P and N and the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from bellcrank.dynamics.aligned_constraints import aligned_constraints, sine_rows
+from bellcrank.dynamics.reactions import ConstraintReactions
 from bellcrank.robot.joints import unit_vectors
 
 if TYPE_CHECKING:
@@ -62,14 +63,19 @@ class ObservedLayout:
         )
 
 
-def observed_quantities(scene: Scene, assembly: Assembly, rows: Sequence[tuple[str, str]]) -> casadi.SX:
-    """The vector of these quantities; `rows` are (constraint, label) of the rows of constraints that are kept."""
+def observed_quantities(scene: Scene, assembly: Assembly, rows: Sequence[tuple[str, str]], *, plain: bool) -> casadi.SX:
+    """The vector of these quantities; `rows` are (constraint, label) of the rows of constraints that are kept.
+
+    `plain`: outputs by the plain solution of the constraints, which has half the operations and holds where its guard
+    is positive (kkt.py).
+    """
     import casadi
 
     a = assembly
+    outputs = _plain_outputs(scene, a) if plain and a.solution is not None else [*a.outputs.values()]
     work = a.work if a.has_work else casadi.SX(0)
     size = casadi.fabs(work)
-    found = [*a.outputs.values(), a.kinetic + a.potential - work, a.kinetic + a.potential + size]
+    found = [*outputs, a.kinetic + a.potential - work, a.kinetic + a.potential + size]
     found.append(a.kinetic - a.potential + size)
     cosines = casadi.vertcat(
         casadi.SX(0, 1), *[constraint.alignment_cosine(a.symbols) for constraint in scene.constraints]
@@ -78,6 +84,17 @@ def observed_quantities(scene: Scene, assembly: Assembly, rows: Sequence[tuple[s
         found.append(_with_whole_angles(sine_rows(scene, rows), a.solution.derivatives.position_residual, cosines))
     found += [casadi.norm_2(a.q[place]) - 1.0 for place in unit_vectors(scene.robot.joints)]
     return casadi.vertcat(*found, cosines)
+
+
+def _plain_outputs(scene: Scene, assembly: Assembly) -> list[casadi.SX]:
+    solution = assembly.solution
+    assert solution is not None
+    equations = replace(
+        assembly.event_equations,
+        acceleration=solution.plain.acceleration,
+        reactions=ConstraintReactions(scene.constraints, solution, solution.plain.multipliers, assembly.symbols),
+    )
+    return [output.value(equations) for output in scene.outputs.values()]
 
 
 def _with_whole_angles(sines: dict[str, list[int]], residual: casadi.SX, cosines: casadi.SX) -> casadi.SX:

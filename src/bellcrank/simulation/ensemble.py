@@ -110,11 +110,13 @@ def _lane_kernels(scene: Scene, system: System, projected: bool, observe: bool) 
     if not has_lanes(width):
         return None
     code = {"rhs": system.rhs}
+    if scene.constraints:
+        code["fallback"] = system.fallback
     if scene.events:
         code["events"] = system.events
     if projected:
-        code["project"] = system.project
+        code["project"], code["project_fallback"] = system.project, system.project_fallback
     if observe:
-        code["observe"] = system.observe
+        code["observe"] = system.plain_observe
     addresses = make_ready([(function, "lanes") for function in code.values()])
     return LaneKernels(width=width, **dict(zip(code, addresses, strict=True)))

@@ -27,17 +27,20 @@ class LaneKernels:
 
     Attributes:
         width: The number of lanes, the doubles of a SIMD register.
-        rhs: The state's rate; with constraints a guard as well, and a lane where it is not positive is finished by the
-            integrator of single runs, with its fallback.
+        rhs: The state's rate; where `fallback` is given, a guard as well.
+        fallback: The state's rate where the guard of `rhs` is not positive.
         events: The event functions.
         project: The Newton correction of (q, v) onto the constraints, and a guard.
+        project_fallback: The correction where the guard of `project` is not positive.
         observe: The quantities whose extremes are wanted.
     """
 
     width: int
     rhs: int
+    fallback: int = 0
     events: int = 0
     project: int = 0
+    project_fallback: int = 0
     observe: int = 0
 
 

@@ -20,11 +20,13 @@ from bellcrank.studies.axes import Axis
 from bellcrank.studies.columns import Columns, varies
 from bellcrank.studies.design_rows import Design, DesignRows
 from bellcrank.studies.design_space import DesignSpace
+from bellcrank.studies.sweep_files import write_csv, write_json, write_npz, write_parquet
+from bellcrank.studies.sweep_plot import plot_sweep
+from bellcrank.studies.sweep_tables import text_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Design", "Sweep"]
 
 Array = NDArray[np.float64]
 
@@ -137,8 +139,7 @@ class Sweep(Portable, Renamed):
             measure: The name of a measure, one of `units`.
 
         Returns:
-            Values in the shape of the grid, one dimension an axis and one for the sample; NaN where a design was not
-            run.
+            Values, one dimension an axis and one for the sample; NaN where a design was not run.
 
         Raises:
             InputError: There is no such measure; the message lists the names.
@@ -158,9 +159,7 @@ class Sweep(Portable, Renamed):
 
     @cached_property
     def default_measures(self) -> tuple[str, ...]:
-        """The measures that tables and plots show: those of events that end a run, else of all events, else of the end,
-        as far as they vary by more than the errors of the runs.
-        """
+        """The measures that tables and plots show: the main ones, as far as they vary by more than `noise`."""
         chosen = tuple(name for name in self.candidates if varies(self.columns.measures[name], self.noise))
         return chosen or self.candidates
 
@@ -171,8 +170,7 @@ class Sweep(Portable, Renamed):
             measures: Names of measures; by default `default_measures`.
 
         Returns:
-            One line a design: axes, measures, status and reason, with units in the header. Of many designs the first
-            and the last, and a summary: how many have which status, and the distribution of each measure.
+            One line a design, with units in the header; of many the first and the last, and a summary.
 
         Raises:
             InputError: A measure is unknown.
@@ -182,8 +180,6 @@ class Sweep(Portable, Renamed):
             >>> print(bc.sweep("four_bar", {"crank_length": [1.22, 1.24]}).table(["lock.time"]).splitlines()[0])
             crank_length [m]  lock.time [s]  status  reason
         """
-        from bellcrank.studies.sweep_tables import text_table
-
         return text_table(self, self._measures(measures))
 
     def to_csv(self, path: str | Path) -> Path:
@@ -206,8 +202,6 @@ class Sweep(Portable, Renamed):
             >>> path.read_text().split(",")[:2]
             ['crank_length [m]', 'status']
         """
-        from bellcrank.studies.sweep_files import write_csv
-
         return write_csv(self, arguments.path("path", path, "the path of a file"))
 
     def to_json(self, path: str | Path) -> Path:
@@ -229,21 +223,17 @@ class Sweep(Portable, Renamed):
             >>> list(json.loads(path.read_text()))
             ['scene', 'source', 'complete', 'axes', 'units', 'designs']
         """
-        from bellcrank.studies.sweep_files import write_json
-
         return write_json(self, arguments.path("path", path, "the path of a file"))
 
     def to_parquet(self, path: str | Path) -> Path:
         """Write one row a design as an Apache Parquet file, with the columns of `to_csv`: for very many designs.
 
-        The metadata of its schema hold, under the key "bellcrank", a JSON text with the scene, the axes, the sample
-        with its seed, and the units.
-
         Args:
             path: The file, which is replaced in one step.
 
         Returns:
-            The path of the file. Values that are not finite are null.
+            The path of the file. Values that are not finite are null. The metadata of its schema hold, under the key
+            "bellcrank", a JSON text with the scene, the axes, the sample with its seed, and the units.
 
         Raises:
             InputError: The package pyarrow is not installed, or the file cannot be written.
@@ -256,8 +246,6 @@ class Sweep(Portable, Renamed):
             >>> pyarrow.parquet.read_table(path).column_names[:3]
             ['design', 'crank_length [m]', 'status']
         """
-        from bellcrank.studies.sweep_files import write_parquet
-
         return write_parquet(self, arguments.path("path", path, "the path of a file"))
 
     def to_npz(self, path: str | Path) -> Path:
@@ -267,9 +255,8 @@ class Sweep(Portable, Renamed):
             path: The file, which is replaced in one step.
 
         Returns:
-            The path of the file: arrays by the names of the columns of `to_csv`; "status" and "reason" are numbers of
-            the texts "statuses" and "reasons" (reason 0 is none), and "about" is the JSON text of `to_parquet`. Values
-            that are not finite are NaN.
+            The path of the file: arrays by the names of the columns of `to_csv`, NaN where not finite; "status" and
+            "reason" number the texts "statuses" and "reasons"; "about" is the JSON text of `to_parquet`.
 
         Raises:
             InputError: The file cannot be written.
@@ -281,13 +268,10 @@ class Sweep(Portable, Renamed):
             ...     file["crank_length [m]"]
             array([1.22, 1.24])
         """
-        from bellcrank.studies.sweep_files import write_npz
-
         return write_npz(self, arguments.path("path", path, "the path of a file"))
 
     def plot(self, path: str | Path | None = None, measures: Sequence[str] | None = None) -> Figure:
-        """Draw measures: over one axis as a line, over two as a map; of a sample as a histogram, and against each
-        parameter.
+        """Draw measures: as lines or maps over a grid; of a sample as histograms, and against each parameter.
 
         Args:
             path: Where the picture is written (PNG); None: nowhere.
@@ -305,8 +289,6 @@ class Sweep(Portable, Renamed):
             >>> len(result.plot(measures=["lock.time", "lock.crank"]).axes)
             2
         """
-        from bellcrank.studies.sweep_plot import plot_sweep
-
         return plot_sweep(self, self._measures(measures), None if path is None else arguments.path("path", path))
 
     def _measures(self, given: object) -> tuple[str, ...]:

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <exception>
 #include <mutex>
+#include <system_error>
 #include <thread>
 
 #include "ensemble.hpp"
@@ -98,15 +99,33 @@ struct EnsembleReading : ProblemReading {
     if (lanes.is_none()) return;
     LaneKernels& k = ensemble.lanes;
     k.width = get<int>(lanes, "width"), k.rhs = function<Kernel>(lanes, "rhs");
-    k.events = function<Kernel>(lanes, "events"), k.project = function<Kernel>(lanes, "project");
+    k.fallback = function<Kernel>(lanes, "fallback"), k.events = function<Kernel>(lanes, "events");
+    k.project = function<Kernel>(lanes, "project");
+    k.project_fallback = function<Kernel>(lanes, "project_fallback");
     k.observe = function<Kernel>(lanes, "observe");
     engine = engine_of(k.width);
     require(engine != nullptr, "integrate_ensemble: this machine has no engine for so many lanes");
     require(k.rhs && (k.events || !plain.event_count) && (k.observe || !ensemble.observed) &&
-                !k.project == !plain.project && method != "Radau",
+                !k.fallback == !plain.fallback && !k.project == !plain.project &&
+                !k.project_fallback == !plain.project_fallback && method != "Radau",
             "integrate_ensemble: functions for lanes are missing");
   }
 };
+
+// A row of which nothing is known.
+void clear(const Ensemble& e, std::int64_t row) {
+  const Columns& c = e.columns;
+  const std::int64_t n = e.common.n, events = e.common.event_count, m = e.observed;
+  c.status[row] = static_cast<std::int64_t>(Status::interrupted), c.stopped_by[row] = -1;
+  c.done[row] = c.single[row] = false;
+  c.accepted[row] = c.rejected[row] = c.evaluations[row] = 0;
+  c.end_time[row] = NAN;
+  std::fill_n(c.end_state + row * n, n, NAN);
+  for (std::int64_t* counts : {c.event_count, c.unresolved, c.undefined}) std::fill_n(counts + row * events, events, 0);
+  std::fill_n(c.event_time + row * events, events, NAN);
+  std::fill_n(c.event_state + row * events * n, events * n, NAN);
+  for (double* extremes : {c.least, c.largest}) std::fill_n(extremes + row * m, m, NAN);
+}
 
 // Fills the row of a single run.
 class Row final : public Record {
@@ -163,7 +182,7 @@ class Crew {
     std::vector<std::thread> threads;
     const std::int64_t most = (ensemble_.designs.count + block - 1) / block;
     left_ = static_cast<int>(std::min<std::int64_t>(reading_.threads, most));
-    for (int i = 0, count = left_; i < count; ++i) threads.emplace_back([this] { work(); });
+    start(threads);
     std::unique_lock<std::mutex> lock(mutex_);
     while (!ended_.wait_for(lock, std::chrono::milliseconds(50), [this] { return left_ == 0; })) {
       lock.unlock();
@@ -192,6 +211,21 @@ class Crew {
   std::condition_variable ended_;
   int left_ = 0;              // threads at work
   std::exception_ptr error_;  // the first that ended a thread
+
+  // Where the system has no room for all threads, those that it starts do all the work; where for none, this one does.
+  void start(std::vector<std::thread>& threads) {
+    const int count = left_;
+    threads.reserve(count);
+    try {
+      while (static_cast<int>(threads.size()) < count) threads.emplace_back([this] { work(); });
+    } catch (const std::system_error&) {
+      {
+        const std::lock_guard<std::mutex> lock(mutex_);
+        left_ -= count - std::max(1, static_cast<int>(threads.size()));
+      }
+      if (threads.empty()) work();
+    }
+  }
 
   class Hand final : public Worker {
    public:
@@ -240,6 +274,7 @@ class Crew {
     set(d.max_step, &p.max_step), set(d.max_evaluations, &p.max_evaluations);
     const std::vector<double> stops = stops_within(reading_.jumps, 0, p.t1, &p.latest);
     p.stops = stops.data(), p.stop_count = static_cast<int>(stops.size());
+    clear(ensemble_, row);  // of a run that has left its lane
     Row record(ensemble_, row, stop_);
     Counts counts;
     const Status status = run_single(reading_.method.c_str(), p, record, counts);
@@ -252,52 +287,31 @@ class Crew {
   }
 };
 
-// An array that Python owns, filled with a value; added to `columns` by its name.
+// A new array that Python owns; added to `columns` by its name.
 template <class T>
-T* column(nb::dict& columns, const char* name, std::vector<std::size_t> shape, T value) {
+void add(nb::dict& columns, const char* name, std::vector<std::size_t> shape, T** data) {
   std::size_t size = 1;
   for (std::size_t length : shape) size *= length;
-  auto memory = std::make_unique<T[]>(size);
-  std::fill_n(memory.get(), size, value);
-  T* data = memory.release();
-  nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
-  columns[name] = nb::ndarray<nb::numpy, T>(data, shape.size(), shape.data(), owner);
-  return data;
-}
-
-// Rows of runs that were interrupted keep nothing of what was found of them.
-void clear_unfinished(const Ensemble& e) {
-  const Columns& c = e.columns;
-  const std::int64_t n = e.common.n, events = e.common.event_count, m = e.observed;
-  for (std::int64_t row = 0; row < e.designs.count; ++row) {
-    if (c.done[row]) continue;
-    c.end_time[row] = NAN;
-    std::fill_n(c.end_state + row * n, n, NAN);
-    for (std::int64_t* counts : {c.event_count, c.unresolved, c.undefined}) std::fill_n(counts + row * events, events, 0);
-    std::fill_n(c.event_time + row * events, events, NAN);
-    std::fill_n(c.event_state + row * events * n, events * n, NAN);
-    for (double* extremes : {c.least, c.largest}) std::fill_n(extremes + row * m, m, NAN);
-  }
+  *data = new T[size];
+  nb::capsule owner(*data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+  columns[name] = nb::ndarray<nb::numpy, T>(*data, shape.size(), shape.data(), owner);
 }
 
 nb::dict columns_of(Ensemble& e) {
   nb::dict d;
   const auto rows = static_cast<std::size_t>(e.designs.count), n = static_cast<std::size_t>(e.common.n);
   const auto events = static_cast<std::size_t>(e.common.event_count), m = static_cast<std::size_t>(e.observed);
-  using Whole = std::int64_t;
   Columns& c = e.columns;
-  c.done = column<bool>(d, "done", {rows}, false), c.single = column<bool>(d, "single", {rows}, false);
-  c.status = column<Whole>(d, "status", {rows}, static_cast<Whole>(Status::interrupted));
-  c.stopped_by = column<Whole>(d, "stopped_by", {rows}, -1);
-  c.accepted = column<Whole>(d, "accepted", {rows}, 0), c.rejected = column<Whole>(d, "rejected", {rows}, 0);
-  c.evaluations = column<Whole>(d, "evaluations", {rows}, 0);
-  c.end_time = column<double>(d, "end_time", {rows}, NAN), c.end_state = column<double>(d, "end_state", {rows, n}, NAN);
-  c.event_count = column<Whole>(d, "event_count", {rows, events}, 0);
-  c.unresolved = column<Whole>(d, "unresolved", {rows, events}, 0);
-  c.undefined = column<Whole>(d, "undefined", {rows, events}, 0);
-  c.event_time = column<double>(d, "event_time", {rows, events}, NAN);
-  c.event_state = column<double>(d, "event_state", {rows, events, n}, NAN);
-  c.least = column<double>(d, "least", {rows, m}, NAN), c.largest = column<double>(d, "largest", {rows, m}, NAN);
+  add(d, "done", {rows}, &c.done), add(d, "single", {rows}, &c.single);
+  add(d, "status", {rows}, &c.status), add(d, "stopped_by", {rows}, &c.stopped_by);
+  add(d, "accepted", {rows}, &c.accepted), add(d, "rejected", {rows}, &c.rejected);
+  add(d, "evaluations", {rows}, &c.evaluations);
+  add(d, "end_time", {rows}, &c.end_time), add(d, "end_state", {rows, n}, &c.end_state);
+  add(d, "event_count", {rows, events}, &c.event_count);
+  add(d, "unresolved", {rows, events}, &c.unresolved), add(d, "undefined", {rows, events}, &c.undefined);
+  add(d, "event_time", {rows, events}, &c.event_time), add(d, "event_state", {rows, events, n}, &c.event_state);
+  add(d, "least", {rows, m}, &c.least), add(d, "largest", {rows, m}, &c.largest);
+  for (std::int64_t row = 0; row < e.designs.count; ++row) clear(e, row);
   return d;
 }
 
@@ -312,7 +326,8 @@ nb::dict integrate_ensemble(nb::object record) {
   }
   columns["seconds"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   crew.raise();
-  clear_unfinished(reading.ensemble);
+  for (std::int64_t row = 0; row < reading.ensemble.designs.count; ++row)
+    if (!reading.ensemble.columns.done[row]) clear(reading.ensemble, row);
   return columns;
 }
 

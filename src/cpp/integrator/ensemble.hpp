@@ -9,7 +9,7 @@ namespace bellcrank {
 // Functions of as many states as there are lanes, as structure of arrays (codegen/kernels.py, kind "lanes").
 struct LaneKernels {
   int width;
-  Kernel rhs, events, project, observe;
+  Kernel rhs, fallback, events, project, project_fallback, observe;
 };
 
 // What differs between runs, one row a run; null: all runs take what `common` says.

@@ -1,6 +1,6 @@
 // The equations for all lanes of a block at once: signals, right-hand side, event functions, observed quantities, unit
-// vectors and projection. The formulas are those of right_hand_side.hpp. A lane whose constraints lose rank is told to
-// the caller: its run is one for the integrator of single runs.
+// vectors and projection. The formulas are those of right_hand_side.hpp; where the constraints of one lane lose rank, the
+// fallback is evaluated for all and used in that lane alone.
 #pragma once
 
 #include "lane_block.hpp"
@@ -11,22 +11,23 @@ namespace BELLCRANK_ISA {
 class LaneEquations {
  public:
   explicit LaneEquations(const Ensemble& e)
-      : ensemble(e), problem(e.common), u_(problem.signal_entries), correction_(problem.nq + problem.nv) {}
+      : ensemble(e), problem(e.common), u_(problem.signal_entries), correction_(problem.nq + problem.nv),
+        other_(problem.n) {}
 
   const Ensemble& ensemble;
   const Problem& problem;
 
-  // x' (n) at (time, x) with a block's signals and parameters; false in lanes whose constraints lose rank.
-  BELLCRANK_INLINE Mask rhs(LaneBlock& block, Vec time, const Vec* x, Vec* rate) {
-    return call(ensemble.lanes.rhs, block, time, x, rate, problem.fallback != nullptr);
+  // x' (n) at (time, x) with a block's signals and parameters.
+  BELLCRANK_INLINE void rhs(LaneBlock& block, Vec time, const Vec* x, Vec* rate) {
+    call(ensemble.lanes.rhs, ensemble.lanes.fallback, problem.n, block, time, x, rate);
   }
-  // The event functions (E); false where they cannot be evaluated.
-  Mask events(LaneBlock& block, Vec time, const Vec* x, Vec* g) {
-    return call(ensemble.lanes.events, block, time, x, g, false);
+  // The event functions (E).
+  void events(LaneBlock& block, Vec time, const Vec* x, Vec* g) {
+    call(ensemble.lanes.events, nullptr, problem.event_count, block, time, x, g);
   }
-  // The observed quantities (m); false where they cannot be evaluated.
-  Mask observe(LaneBlock& block, Vec time, const Vec* x, Vec* y) {
-    return call(ensemble.lanes.observe, block, time, x, y, false);
+  // The observed quantities (m).
+  void observe(LaneBlock& block, Vec time, const Vec* x, Vec* y) {
+    call(ensemble.lanes.observe, nullptr, ensemble.observed, block, time, x, y);
   }
 
   // Normalises unit vectors, unless their length is 1 to the last digit.
@@ -34,11 +35,10 @@ class LaneEquations {
     if (problem.unit_count) make_unit(x);
   }
 
-  // Normalises and projects states at the ends of steps, in the lanes of `wanted`; those where constraints lose rank, or
-  // where the projection does not converge, are returned.
-  BELLCRANK_INLINE Mask settle(LaneBlock& block, Vec time, Vec* x, Mask wanted) {
+  // Normalises states at the ends of steps, and projects those in the lanes of `wanted`.
+  BELLCRANK_INLINE void settle(LaneBlock& block, Vec time, Vec* x, Mask wanted) {
     normalise(x);
-    return problem.project ? project(block, time, x, wanted) : Mask{};
+    if (problem.project) project(block, time, x, wanted);
   }
 
   // Chooses the pieces of kinked signals in a lane for the steps between two stops.
@@ -54,35 +54,42 @@ class LaneEquations {
  private:
   static constexpr int most_corrections = 8;
 
-  Vectors u_, correction_;
+  Vectors u_, correction_, other_;
 
-  BELLCRANK_INLINE Mask call(Kernel kernel, LaneBlock& block, Vec time, const Vec* x, Vec* result, bool guarded) {
+  // `size` entries of a function; of its fallback in lanes where its guard is not positive.
+  BELLCRANK_INLINE void call(Kernel kernel, Kernel fallback, int size, LaneBlock& block, Vec time, const Vec* x,
+                             Vec* result) {
     const Vec t = smaller(time, block.latest);
     if (problem.signal_count) signals(block, t);
     Vec guard = {};
     const double* const in[] = {first(&t), first(x), first(u_), first(block.p)};
     double* const out[] = {first(result), first(&guard)};
-    if (kernel(in, out) != 0) return Mask{};
-    return guarded ? ~(guard <= 0.0) : Mask{} == 0;  // where it is not a number, the rate is none either
+    std::int32_t status = kernel(in, out);
+    const Mask lost = ~(guard > 0.0);
+    if (fallback && bits(lost)) {
+      double* const other[] = {first(other_)};
+      status |= fallback(in, other);
+      for (int i = 0; i < size; ++i) result[i] = lost ? other_[i] : result[i];
+    }
+    if (status != 0)
+      for (int i = 0; i < size; ++i) result[i] = splat(NAN);
   }
   static const double* first(const Vec* v) { return reinterpret_cast<const double*>(v); }
   static double* first(Vec* v) { return reinterpret_cast<double*>(v); }
 
   // Newton's method on the constraints and their velocities, while it converges.
-  __attribute__((noinline)) Mask project(LaneBlock& block, Vec time, Vec* x, Mask wanted) {
-    Mask failed = {};
+  __attribute__((noinline)) void project(LaneBlock& block, Vec time, Vec* x, Mask wanted) {
+    const int entries = problem.nq + problem.nv;
     Vec before = splat(INFINITY);
     for (int i = 0; i < most_corrections && bits(wanted); ++i) {
-      failed |= wanted & ~call(ensemble.lanes.project, block, time, x, correction_, true);
+      call(ensemble.lanes.project, ensemble.lanes.project_fallback, entries, block, time, x, correction_);
       const Vec now = size(correction_);
-      failed |= wanted & ~(now < 0.5 * before);
-      wanted &= ~failed;
-      for (int j = 0; j < problem.nq + problem.nv; ++j) x[j] = wanted ? x[j] + correction_[j] : x[j];
+      wanted &= now < 0.5 * before;
+      for (int j = 0; j < entries; ++j) x[j] = wanted ? x[j] + correction_[j] : x[j];
       normalise(x);
       wanted &= now > Rhs::exact;
       before = now;
     }
-    return failed;
   }
 
   Vec size(const Vec* correction) const {

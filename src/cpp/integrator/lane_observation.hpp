@@ -77,7 +77,7 @@ class LaneObservation {
     if (!doubtful) return;
     for (int i = 0; i < (parts + 1) * count_; ++i) cheap_[i] = y_[i];
     Bits hard = 0;
-    for (int i = 1; i < parts; ++i) hard |= between(block, part * place[i], y_ + i * count_, doubtful);
+    for (int i = 1; i < parts; ++i) between(block, part * place[i], y_ + i * count_, doubtful);
     learn(block);
     each(doubtful & ~hard, [&](int l) { hard |= list(block, l) ? 0 : 1u << l; });
     each(hard, [&](int l) { LaneSingleStep<Method>(ensemble_, block, l).observe(time[l], x); });
@@ -132,13 +132,12 @@ class LaneObservation {
     }
   }
 
-  // Quantities at states of the dense output, projected as those of outputs. Returns lanes where that fails.
-  Bits between(LaneBlock& block, Vec s, Vec* values, Bits lanes) {
+  // Quantities at states of the dense output, projected as those of outputs.
+  void between(LaneBlock& block, Vec s, Vec* values, Bits lanes) {
     const Vec time = block.t_old + s * (block.t - block.t_old);
     dense_.interpolate(block, s, x_);
-    const Bits failed = bits(equations_.settle(block, time, x_, mask(lanes))) & lanes;
+    equations_.settle(block, time, x_, mask(lanes));
     equations_.observe(block, time, x_, values);
-    return failed;
   }
 
   // ObservedHistory::learn
@@ -212,12 +211,9 @@ class LaneObservation {
         }
       });
       if (!busy) return;
-      const Bits failed = between(block, part * s, value_, busy);
-      take(block, value_, within_, mask(busy & ~failed));
-      each(busy, [&](int l) {
-        if (failed >> l & 1) tries[l] = 6;
-        else polynomials[l].add(s[l], value_[jobs_[l][next[l]].j][l]);
-      });
+      between(block, part * s, value_, busy);
+      take(block, value_, within_, mask(busy));
+      each(busy, [&](int l) { polynomials[l].add(s[l], value_[jobs_[l][next[l]].j][l]); });
     }
   }
 };

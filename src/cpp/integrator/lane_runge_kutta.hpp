@@ -25,8 +25,8 @@ class LaneRungeKutta {
   explicit LaneRungeKutta(LaneEquations& equations) : equations_(equations), n_(equations.problem.n), argument_(n_) {}
 
   // A step of size h from (t_old, old) with the slope in row 0: fills rows 1 to stages - 1 and the new state x, which is
-  // not settled yet. False in lanes whose constraints lose rank at a stage.
-  Mask stages(LaneBlock& block, Vec h, Vec* x) {
+  // not settled yet.
+  void stages(LaneBlock& block, Vec h, Vec* x) {
     switch (n_) {
       case 1: return stages_of<1>(block, h, x);
       case 2: return stages_of<2>(block, h, x);
@@ -42,13 +42,13 @@ class LaneRungeKutta {
 
   // Stage S >= 1 alone, such as those of a dense output. N: the number of states; 0: any.
   template <int S, int N = 0>
-  BELLCRANK_INLINE Mask stage(LaneBlock& block, Vec h) {
+  BELLCRANK_INLINE void stage(LaneBlock& block, Vec h) {
     sum<S, N>(block, h, argument_);
-    return equations_.rhs(block, block.t_old + Method::c[S] * h, argument_, block.k + S * (N ? N : n_));
+    equations_.rhs(block, block.t_old + Method::c[S] * h, argument_, block.k + S * (N ? N : n_));
   }
 
   // The slope at the end of a step, into row `last`.
-  Mask slope(LaneBlock& block, Vec time, const Vec* x) { return equations_.rhs(block, time, x, block.k + last * n_); }
+  void slope(LaneBlock& block, Vec time, const Vec* x) { equations_.rhs(block, time, x, block.k + last * n_); }
 
   // Square of the error norm of a step of size h.
   Vec error_square(const LaneBlock& block, Vec h) const {
@@ -76,8 +76,9 @@ class LaneRungeKutta {
   // Repeats accepted steps with other sizes, so that the states at t_old + h are ends of steps; they are settled in the
   // lanes of `wanted`. Rows 1 to stages - 1 of the block are written anew. False where that fails.
   Mask redo(LaneBlock& block, Vec h, Vec* x, Mask wanted) {
-    Mask sound = stages(block, h, x);
-    sound &= ~equations_.settle(block, block.t_old + h, x, wanted & sound);
+    stages(block, h, x);
+    equations_.settle(block, block.t_old + h, x, wanted);
+    Mask sound = Mask{} == 0;
     for (int i = 0; i < n_; ++i) sound &= finite(x[i]);
     return sound;
   }
@@ -88,10 +89,9 @@ class LaneRungeKutta {
   Vectors argument_;
 
   template <int N>
-  Mask stages_of(LaneBlock& block, Vec h, Vec* x) {
-    const Mask sound = all<N>(block, h, std::make_integer_sequence<int, Method::stages - 1>{});
+  void stages_of(LaneBlock& block, Vec h, Vec* x) {
+    all<N>(block, h, std::make_integer_sequence<int, Method::stages - 1>{});
     sum<last, N>(block, h, x);
-    return sound;
   }
 
   template <int S, int N>
@@ -102,10 +102,8 @@ class LaneRungeKutta {
   }
 
   template <int N, int... S>
-  BELLCRANK_INLINE Mask all(LaneBlock& block, Vec h, std::integer_sequence<int, S...>) {
-    Mask sound = Mask{} == 0;
-    ((sound &= stage<S + 1, N>(block, h)), ...);
-    return sound;
+  BELLCRANK_INLINE void all(LaneBlock& block, Vec h, std::integer_sequence<int, S...>) {
+    (stage<S + 1, N>(block, h), ...);
   }
 };
 

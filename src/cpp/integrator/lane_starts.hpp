@@ -65,13 +65,12 @@ class LaneStarts {
     const Bits moving = taken & bits(block_.t1 > 0.0);
     end(taken & ~moving, Status::finished);
     block_.evaluations += 1.0;
-    Mask sound = equations_.rhs(block_, block_.t_old, block_.old, block_.k);
+    equations_.rhs(block_, block_.t_old, block_.old, block_.k);
     Mask real = Mask{} == 0;
     for (int i = 0; i < problem_.n; ++i) real &= finite(block_.k[i]);
-    sound &= choose_step(mask(moving) & sound & real);
-    each(moving & bits(~sound), [&](int l) { worker_.single(static_cast<std::int64_t>(block_.design[l])); });
-    end(moving & bits(sound & ~real), Status::non_finite);
-    ready_ = moving & bits(sound & real);
+    choose_step(mask(moving) & real);
+    end(moving & bits(~real), Status::non_finite);
+    ready_ = moving & bits(real);
   }
 
   void end(Bits lanes, Status status) {
@@ -107,18 +106,17 @@ class LaneStarts {
     return root(sum / static_cast<double>(problem_.norm_size));
   }
 
-  // The first step size (step_size_control.hpp, first_step). False in lanes whose constraints lose rank on the way.
-  Mask choose_step(Mask wanted) {
+  // The first step size (step_size_control.hpp, first_step).
+  void choose_step(Mask wanted) {
     LaneBlock& b = block_;
     const Mask chosen = wanted & ~(b.step > 0.0) & ~(b.first_step > 0.0);
     b.next = b.step > 0.0 ? Vec{} : b.first_step;
-    Mask sound = Mask{} == 0;
     if (bits(chosen)) {
       const Vec d0 = scaled_norm(b.old), d1 = scaled_norm(b.k);
       Vec h0 = (d0 < 1e-5) | (d1 < 1e-5) ? splat(1e-6) : 0.01 * d0 / d1;
       h0 = smaller(h0, b.bound);
       for (int i = 0; i < problem_.n; ++i) moved_[i] = b.old[i] + h0 * b.k[i];
-      sound = ~chosen | equations_.rhs(b, h0, moved_, slope_);
+      equations_.rhs(b, h0, moved_, slope_);
       b.evaluations += chosen ? splat(1) : Vec{};
       for (int i = 0; i < problem_.n; ++i) slope_[i] -= b.k[i];
       const Vec d2 = scaled_norm(slope_) / h0, most = larger(d1, d2);
@@ -128,7 +126,6 @@ class LaneStarts {
       b.next = chosen ? h : b.next;
     }
     b.next = b.step > 0.0 ? Vec{} : larger(smaller(b.next, b.max_step), 10.0 * spacing(b.t_old));
-    return sound;
   }
 };
 

@@ -58,29 +58,20 @@ class LaneStepper {
     });
   }
 
-  void leave(Bits lanes) {
-    each(lanes, [&](int l) {
-      worker_.single(static_cast<std::int64_t>(block_.design[l]));
-      refill(l);
-    });
-  }
-
   // The first stage anew after a stop, from the side after the jump.
   void resume() {
     LaneBlock& b = block_;
     const Mask wanted = mask(jumped_);
     jumped_ = 0;
-    const Mask sound = equations_.rhs(b, b.t_old, b.old, slope_);
+    equations_.rhs(b, b.t_old, b.old, slope_);
     Mask real = Mask{} == 0;
     for (int i = 0; i < b.n; ++i) {
       real &= finite(slope_[i]);
       b.k[i] = wanted & real ? slope_[i] : b.k[i];
     }
     b.evaluations += wanted ? splat(1) : Vec{};
-    const Bits left = bits(wanted & ~sound), undefined = bits(wanted & sound & ~real);
-    search_.begin_again(b, bits(wanted & sound & real));
-    leave(left);
-    end(undefined, Status::non_finite);
+    search_.begin_again(b, bits(wanted & real));
+    end(bits(wanted & ~real), Status::non_finite);
   }
 
   // Ends runs whose steps have become too small, or whose evaluations are spent.
@@ -102,27 +93,24 @@ class LaneStepper {
     LaneBlock& b = block_;
     const Mask active = mask(active_), fixed = b.step > 0.0;
     const Vec until = active ? step_end(fixed) : b.t_old, h = until - b.t_old, proposed = b.next;
-    Mask sound = method_.stages(b, h, b.x), unsettled = {};
+    method_.stages(b, h, b.x);
     if constexpr (Method::fsal) {
-      unsettled = equations_.settle(b, until, b.x, active & sound);
-      sound &= method_.slope(b, until, b.x);
+      equations_.settle(b, until, b.x, active);
+      method_.slope(b, until, b.x);
     }
     const Vec error = fixed ? Vec{} : method_.error_square(b, h);
-    Mask good = active & sound & (error < 1.0);
+    Mask good = active & (error < 1.0);
     if constexpr (!Method::fsal) {
       if (bits(good)) {
-        unsettled = equations_.settle(b, until, b.x, good);
-        const Mask whole = method_.slope(b, until, b.x);
-        sound &= whole | ~good;
+        equations_.settle(b, until, b.x, good);
+        method_.slope(b, until, b.x);
       }
     }
     b.evaluations += active ? splat(Method::stages - 1) + (Method::fsal | good ? splat(1) : Vec{}) : Vec{};
-    const Mask leaving = active & (~sound | (good & unsettled));
-    good &= ~leaving & all_finite();
-    adapt(h, proposed, until, error, active & ~leaving, good);
-    const Bits failed = bits(active & fixed & ~good & ~leaving), left = bits(leaving);
+    good &= all_finite();
+    adapt(h, proposed, until, error, active, good);
+    const Bits failed = bits(active & fixed & ~good);
     proceed(bits(good), until);
-    leave(left);
     end(failed, Status::non_finite);
   }
 
