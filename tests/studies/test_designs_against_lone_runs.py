@@ -16,7 +16,6 @@ from bellcrank.studies.simulation_runner import SimulationRunner
 
 TIMES = 5.0  # the error: runs of the same tolerances whose steps differ, each with an error of its own
 ROUNDING = 1e-12  # of a measure's largest value
-BETWEEN = 1e-11  # the same, of extremes: between steps positions are not projected onto constraints (tolerance 1e-10)
 
 
 def finer(scene):
@@ -47,10 +46,10 @@ def compared(study, count, seed):
         table([measures | extremes for (_, _, measures), (extremes, _) in zip(rows, more, strict=True)])
         for rows, more in zip((usual, exact), dense, strict=True)
     ]
-    return columns.measures, *tables, table([missing for _, missing in dense[0]])
+    return found.scene.settings.rtol, columns.measures, *tables, table([missing for _, missing in dense[0]])
 
 
-def ratios(columns, alone, exact, missing):
+def ratios(rtol, columns, alone, exact, missing):
     """By measure the largest difference from the lone runs in units of their error."""
     found = {}
     for name, column in columns.items():
@@ -63,7 +62,7 @@ def ratios(columns, alone, exact, missing):
         difference = np.abs(column - alone[name])
         if name.startswith(EXTREMES[:2]):
             difference = np.maximum(difference - missing[name], 0.0)
-            error += BETWEEN * np.nanmax(np.abs(alone[name]))
+            error += rtol * np.nanmax(np.abs(alone[name]))  # of the polynomials between the ends of steps
         elif name.startswith(EXTREMES):
             difference, error = column, np.nanmax(alone[name]) + ROUNDING
         found[name] = float(np.nanmax(difference) / error)
