@@ -6,13 +6,43 @@
 namespace bellcrank {
 namespace BELLCRANK_ISA {
 
+// Whether samples at `place` turn at sample i or i + 1, or may do so before the first or after the last: as they must
+// where a smooth function has an extremum between these two.
+inline bool turns_beside(int i, const double* v) {
+  const auto turns = [v](int k) { return k == 0 || k == parts || (v[k] - v[k - 1]) * (v[k + 1] - v[k]) <= 0; };
+  return turns(i) || turns(i + 1);
+}
+
+// Divided differences of six samples at `place` from one on, as weights of the samples.
+struct NewtonWeights {
+  static constexpr int most = 6;
+  double weight[parts - most + 2][most][most] = {};
+
+  constexpr NewtonWeights() {
+    for (int first = 0; first + most <= parts + 1; ++first)
+      for (int k = 0; k < most; ++k)
+        for (int i = 0; i <= k; ++i) {
+          double product = 1;
+          for (int j = 0; j <= k; ++j)
+            if (j != i) product *= place[first + i] - place[first + j];
+          weight[first][k][i] = 1 / product;
+        }
+  }
+};
+inline constexpr NewtonWeights newton_weights;
+
 // Newton's form of the polynomial through samples at `place` around the interval i, on a step from 0 to 1; values
 // elsewhere can be added. I. Newton; e.g. J. Stoer, R. Bulirsch, Introduction to Numerical Analysis, sec. 2.1.3.
 class ExtremumPolynomial {
  public:
   ExtremumPolynomial(int i, const double* v) : left_(place[i]), right_(place[i + 1]) {
     const int first = i < 2 ? 0 : i > parts - 3 ? parts - 5 : i - 2;
-    for (int k = first; k < first + 6; ++k) add(place[k], v[k]);
+    for (int k = 0; k < NewtonWeights::most; ++k) {
+      double sum = 0;
+      for (int j = 0; j <= k; ++j) sum += newton_weights.weight[first][k][j] * v[first + j];
+      node_[k] = place[first + k], term_[k] = sum;
+    }
+    count_ = NewtonWeights::most;
   }
 
   void add(double s, double value) {

@@ -39,16 +39,17 @@ class LaneObservation {
   }
   void sample(LaneBlock& block, int i, Vec time, const Vec* x) { equations_.observe(block, time, x, y_ + i * count_); }
 
-  // Whether surely no quantity leaves its extremes between the ends of the step, by these samples.
+  // Whether surely no quantity leaves its extremes between the ends of the step, by every other of these samples.
   Mask stays_within(const LaneBlock& block) const {
     Mask clear = Mask{} == 0;
     for (int j = 0; j < within_; ++j) {
       Vec v[parts + 1], end = y_[parts * count_ + j];
-      const Vec span = samples(y_, j, v), least = smaller(block.least[j], end), largest = larger(block.largest[j], end);
+      const Vec span = samples<2>(y_, j, v);
+      const Vec least = smaller(block.least[j], end), largest = larger(block.largest[j], end);
       const Vec margin = 0.1 * tolerance(block, least, largest);
-      const ShapeOf<Vec> shape(v);
+      const ShapeOf<Vec, 2> shape(v);
       Mask may = Mask{};
-      for (int i = 0; i < parts; ++i)
+      for (int i = 0; i < parts / 2; ++i)
         may |= ~shape.runs(i, v) & shape.may_leave(i, v, least - margin, largest + margin, 2);
       const Mask explained = (block.calm[j] >= ObservedHistory::enough) & (span <= 4.0 * block.noise[j]);
       may = (may & ~explained) | ~(shape.miss < INFINITY);
@@ -68,13 +69,17 @@ class LaneObservation {
   void search(LaneBlock& block, Bits lanes, Vec time, const Vec* x) {
     sample_ends(block, time, x);
     const Vec h = block.t - block.t_old, part = (time - block.t_old) / h;
-    for (int i = 1; i < parts && within_; ++i) {
-      dense_.sketch(block, part * place[i], x_, i % 2 == 0);
-      sample(block, i, block.t_old + part * place[i] * h, x_);
-    }
+    const auto sketch = [&](int first) {
+      for (int i = first; i < parts; i += 2) {
+        dense_.sketch(block, part * place[i], x_, i % 2 == 0);
+        sample(block, i, block.t_old + part * place[i] * h, x_);
+      }
+    };
+    if (within_) sketch(2);
     const Bits doubtful = within_ ? lanes & ~bits(stays_within(block)) : 0;
     take(block, y_ + parts * count_, count_, mask(lanes));
     if (!doubtful) return;
+    sketch(1);
     for (int i = 0; i < (parts + 1) * count_; ++i) cheap_[i] = y_[i];
     Bits hard = 0;
     for (int i = 1; i < parts; ++i) hard |= between(block, part * place[i], y_ + i * count_, doubtful);
@@ -114,10 +119,11 @@ class LaneObservation {
   }
 
   // The samples of quantity j, and how far apart they lie.
+  template <int Stride = 1>
   Vec samples(const Vec* rows, int j, Vec* v) const {
     Vec least = splat(INFINITY), largest = splat(-INFINITY);
-    for (int i = 0; i <= parts; ++i) {
-      v[i] = rows[i * count_ + j];
+    for (int i = 0; i <= parts / Stride; ++i) {
+      v[i] = rows[i * Stride * count_ + j];
       least = smaller(v[i], least), largest = larger(v[i], largest);
     }
     return largest - least;
@@ -179,6 +185,7 @@ class LaneObservation {
         if (!may_exceed(block, shape, i, v, j, l)) continue;
         const bool smooth = shape.parabola(i) || shape.miss <= tolerance(block, j, l);
         if (!smooth) return false;
+        if (!turns_beside(i, v)) continue;
         jobs_[l].reserve(count + 1);
         jobs_[l][count++] = {j, i};
       }
