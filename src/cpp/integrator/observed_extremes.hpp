@@ -206,7 +206,7 @@ class ObservedExtremes {
       if (!may_exceed(shape, i, v, j)) continue;
       const double left = a + (b - a) * place[i], right = i + 1 == parts ? b : a + (b - a) * place[i + 1];
       const bool smooth = shape.parabola(i) || shape.miss <= tolerance(j);
-      if (smooth && turns_beside(i, v)) climb(j, a, b, i, v);
+      if (smooth && turns_within(i, v)) climb(j, a, b, i, v);
       else if (!smooth && depth + 1 < deepest && spent_ < most_values && history_[j].exhausted < ObservedHistory::patience)
         again(j, left, v[i], right, v[i + 1], depth + 1);
     }
@@ -221,9 +221,11 @@ class ObservedExtremes {
 
   // The extremum between samples i and i + 1 of an interval.
   void climb(int j, double a, double b, int i, const double* v) {
-    ExtremumPolynomial polynomial(i, v);
+    ExtremumPolynomial<double> polynomial;
+    const int first = first_near(i);
+    for (int k = first; k < first + near; ++k) polynomial.add(place[k], v[k]);
     double s;
-    for (int k = 0; k < 6 && polynomial.extremum(&s); ++k) {
+    for (int k = 0; k < 6 && polynomial.extremum(place[i], place[i + 1], &s); ++k) {
       const double expected = polynomial(s), margin = 0.1 * tolerance(j);
       if (expected >= least_[j] - margin && expected <= largest_[j] + margin) return;
       polynomial.add(s, along(j, a + (b - a) * s));
