@@ -13,31 +13,35 @@ namespace BELLCRANK_ISA {
 constexpr int parts = 8;
 constexpr double place[parts + 1] = {0, 0.110279, 0.284733, 0.352567, 0.516369, 0.655138, 0.706202, 0.854639, 1};
 
-// Divided differences of samples at `place`, as weights. `miss` [k]: how far the sample from the cubic through its four
-// neighbours, in the window of samples k to k + 4; where two samples of a window count, the larger of both. `bend` [i]:
-// the second derivative at sample i + 1 times the square of the longer interval beside it, an eighth: the rise of the
-// arc over its chord.
+// Divided differences of samples at `place`, as weights; with a Stride of 2 of every other sample. `miss` [k]: how far the
+// sample from the cubic through its four neighbours, in the window of samples k to k + 4; where two samples or more of a
+// window count, the largest of all. `bend` [i]: the second derivative at sample i + 1 times the square of the longer
+// interval beside it, an eighth: the rise of the arc over its chord.
+template <int Stride>
 struct SampleWeights {
-  double miss[parts - 3][5] = {}, bend[parts - 1][3] = {};
+  static constexpr int count = parts / Stride;
+  double miss[count - 3][5] = {}, bend[count - 1][3] = {};
+
+  static constexpr double at(int i) { return place[Stride * i]; }
 
   constexpr SampleWeights() {
-    for (int k = 0; k + 4 <= parts; ++k) {
+    for (int k = 0; k + 4 <= count; ++k) {
       double largest = 0;
-      for (int i = k == 0 ? 1 : k + 2; i <= (k + 4 == parts ? parts - 1 : k + 2); ++i) {
+      for (int i = k == 0 ? 1 : k + 2; i <= (k + 4 == count ? count - 1 : k + 2); ++i) {
         double product = 1;
         for (int j = k; j <= k + 4; ++j)
-          if (j != i) product *= place[i] > place[j] ? place[i] - place[j] : place[j] - place[i];
+          if (j != i) product *= at(i) > at(j) ? at(i) - at(j) : at(j) - at(i);
         if (product > largest) largest = product;
       }
       for (int i = 0; i < 5; ++i) {
         double product = largest;
         for (int j = 0; j < 5; ++j)
-          if (j != i) product /= place[k + i] - place[k + j];
+          if (j != i) product /= at(k + i) - at(k + j);
         miss[k][i] = product;
       }
     }
-    for (int i = 1; i < parts; ++i) {
-      const double a = place[i - 1], b = place[i], c = place[i + 1];
+    for (int i = 1; i < count; ++i) {
+      const double a = at(i - 1), b = at(i), c = at(i + 1);
       const double longest = b - a > c - b ? b - a : c - b, scale = 0.25 * longest * longest;
       bend[i - 1][0] = scale / ((a - b) * (a - c));
       bend[i - 1][1] = scale / ((b - a) * (b - c));
@@ -45,29 +49,31 @@ struct SampleWeights {
     }
   }
 };
-inline constexpr SampleWeights sample_weights;
+template <int Stride>
+inline constexpr SampleWeights<Stride> sample_weights;
 
 inline double absolute(double v) { return std::fabs(v); }
 
-// Bounds on a function between nine samples. `T`: double, or a vector with a function in each lane; a comparison is then
-// one a lane.
-template <class T>
+// Bounds on a function between nine samples, or five. `T`: double, or a vector with a function in each lane; a comparison
+// is then one a lane.
+template <class T, int Stride = 1>
 struct ShapeOf {
+  static constexpr int count = parts / Stride;
   T miss;             // how far samples are from cubics through their neighbours, at most
-  T bend[parts + 1];  // how far the arc may lie off its chord, at each sample
+  T bend[count + 1];  // how far the arc may lie off its chord, at each sample
 
   explicit ShapeOf(const T* v) {
     miss = T{};
-    for (int k = 0; k + 4 <= parts; ++k) {
-      const double* w = sample_weights.miss[k];
+    for (int k = 0; k + 4 <= count; ++k) {
+      const double* w = sample_weights<Stride>.miss[k];
       const T d = absolute(w[0] * v[k] + w[1] * v[k + 1] + w[2] * v[k + 2] + w[3] * v[k + 3] + w[4] * v[k + 4]);
       miss = (d > miss) | (d != d) ? d : miss;
     }
-    for (int i = 1; i < parts; ++i) {
-      const double* w = sample_weights.bend[i - 1];
+    for (int i = 1; i < count; ++i) {
+      const double* w = sample_weights<Stride>.bend[i - 1];
       bend[i] = absolute(w[0] * v[i - 1] + w[1] * v[i] + w[2] * v[i + 1]);
     }
-    bend[0] = bend[1], bend[parts] = bend[parts - 1];
+    bend[0] = bend[1], bend[count] = bend[count - 1];
   }
 
   T arc(int i) const { return larger(bend[i], bend[i + 1]); }

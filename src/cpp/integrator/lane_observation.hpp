@@ -39,16 +39,17 @@ class LaneObservation {
   }
   void sample(LaneBlock& block, int i, Vec time, const Vec* x) { equations_.observe(block, time, x, y_ + i * count_); }
 
-  // Whether surely no quantity leaves its extremes between the ends of the step, by these samples.
+  // Whether surely no quantity leaves its extremes between the ends of the step, by every other of these samples.
   Mask stays_within(const LaneBlock& block) const {
     Mask clear = Mask{} == 0;
     for (int j = 0; j < within_; ++j) {
       Vec v[parts + 1], end = y_[parts * count_ + j];
-      const Vec span = samples(y_, j, v), least = smaller(block.least[j], end), largest = larger(block.largest[j], end);
+      const Vec span = samples<2>(y_, j, v);
+      const Vec least = smaller(block.least[j], end), largest = larger(block.largest[j], end);
       const Vec margin = 0.1 * tolerance(block, least, largest);
-      const ShapeOf<Vec> shape(v);
+      const ShapeOf<Vec, 2> shape(v);
       Mask may = Mask{};
-      for (int i = 0; i < parts; ++i)
+      for (int i = 0; i < parts / 2; ++i)
         may |= ~shape.runs(i, v) & shape.may_leave(i, v, least - margin, largest + margin, 2);
       const Mask explained = (block.calm[j] >= ObservedHistory::enough) & (span <= 4.0 * block.noise[j]);
       may = (may & ~explained) | ~(shape.miss < INFINITY);
@@ -68,18 +69,22 @@ class LaneObservation {
   void search(LaneBlock& block, Bits lanes, Vec time, const Vec* x) {
     sample_ends(block, time, x);
     const Vec h = block.t - block.t_old, part = (time - block.t_old) / h;
-    for (int i = 1; i < parts && within_; ++i) {
-      dense_.sketch(block, part * place[i], x_, i % 2 == 0);
-      sample(block, i, block.t_old + part * place[i] * h, x_);
-    }
+    const auto sketch = [&](int first) {
+      for (int i = first; i < parts; i += 2) {
+        dense_.sketch(block, part * place[i], x_, i % 2 == 0);
+        sample(block, i, block.t_old + part * place[i] * h, x_);
+      }
+    };
+    if (within_) sketch(2);
     const Bits doubtful = within_ ? lanes & ~bits(stays_within(block)) : 0;
     take(block, y_ + parts * count_, count_, mask(lanes));
     if (!doubtful) return;
+    sketch(1);
     for (int i = 0; i < (parts + 1) * count_; ++i) cheap_[i] = y_[i];
     Bits hard = 0;
     for (int i = 1; i < parts; ++i) between(block, part * place[i], y_ + i * count_, doubtful);
     learn(block);
-    each(doubtful & ~hard, [&](int l) { hard |= list(block, l) ? 0 : 1u << l; });
+    hard |= list(block, doubtful);
     each(hard, [&](int l) { LaneSingleStep<Method>(ensemble_, block, l).observe(time[l], x); });
     const Mask easy = mask(doubtful & ~hard);
     for (int j = 0; j < within_; ++j) {
@@ -91,6 +96,8 @@ class LaneObservation {
   }
 
  private:
+  using Polynomial = ExtremumPolynomial<Vec>;
+
   // The search for an extremum of quantity `j` between samples i and i + 1.
   struct Climb {
     int j, i;
@@ -109,15 +116,13 @@ class LaneObservation {
   static Vec tolerance(const LaneBlock& block, Vec least, Vec largest) {
     return block.atol + block.rtol * larger(absolute(least), absolute(largest));
   }
-  double tolerance(const LaneBlock& block, int j, int l) const {
-    return block.atol[l] + block.rtol[l] * larger(absolute(block.least[j][l]), absolute(block.largest[j][l]));
-  }
 
   // The samples of quantity j, and how far apart they lie.
+  template <int Stride = 1>
   Vec samples(const Vec* rows, int j, Vec* v) const {
     Vec least = splat(INFINITY), largest = splat(-INFINITY);
-    for (int i = 0; i <= parts; ++i) {
-      v[i] = rows[i * count_ + j];
+    for (int i = 0; i <= parts / Stride; ++i) {
+      v[i] = rows[i * Stride * count_ + j];
       least = smaller(v[i], least), largest = larger(v[i], largest);
     }
     return largest - least;
@@ -158,62 +163,66 @@ class LaneObservation {
     }
   }
 
-  // Whether quantity j may leave its extremes and the samples between samples i and i + 1.
-  bool may_exceed(const LaneBlock& block, const Shape& shape, int i, const double* v, int j, int l) const {
-    double least = block.least[j][l], largest = block.largest[j][l];
-    for (int k = 1; k < parts; ++k) least = smaller(v[k], least), largest = larger(v[k], largest);
-    const double margin = 0.1 * tolerance(block, j, l);
-    return !shape.runs(i, v) && shape.may_leave(i, v, least - margin, largest + margin, 2);
-  }
-
-  // Lists the intervals of a lane's step that may hold an extremum; false where one needs more samples.
-  bool list(const LaneBlock& block, int l) {
-    int& count = jobs_count_[l] = 0;
+  // Lists the intervals between samples that may hold an extremum, for each lane; lanes that need more samples are
+  // returned.
+  Bits list(const LaneBlock& block, Bits lanes) {
+    Bits hard = 0;
+    each(lanes, [&](int l) { jobs_count_[l] = 0; });
     for (int j = 0; j < within_; ++j) {
-      double v[parts + 1];
-      for (int i = 0; i <= parts; ++i) v[i] = y_[i * count_ + j][l];
-      const Shape shape(v);
-      if ((constant_[j] >> l & 1) || !(shape.miss < INFINITY)) continue;
-      for (int i = 0; i < parts; ++i) {
-        if (!may_exceed(block, shape, i, v, j, l)) continue;
-        const bool smooth = shape.parabola(i) || shape.miss <= tolerance(block, j, l);
-        if (!smooth) return false;
-        jobs_[l].reserve(count + 1);
-        jobs_[l][count++] = {j, i};
+      Vec v[parts + 1], least = block.least[j], largest = block.largest[j];
+      samples(y_, j, v);
+      for (int i = 1; i < parts; ++i) least = smaller(v[i], least), largest = larger(v[i], largest);
+      const Vec allowed = tolerance(block, least, largest), margin = 0.1 * allowed;
+      const ShapeOf<Vec> shape(v);
+      const Bits sampled = lanes & ~constant_[j] & bits(shape.miss < INFINITY);
+      for (int i = 0; sampled && i < parts; ++i) {
+        const Mask may = ~shape.runs(i, v) & shape.may_leave(i, v, least - margin, largest + margin, 2);
+        const Mask smooth = shape.parabola(i) | (shape.miss <= allowed);
+        hard |= sampled & bits(may & ~smooth);
+        const Bits found = sampled & bits(may & smooth);
+        if (found) each(found & bits(turns_within(i, v)), [&](int l) {
+          jobs_[l].reserve(jobs_count_[l] + 1);
+          jobs_[l][jobs_count_[l]++] = {j, i};
+        });
       }
     }
-    return true;
+    return hard;
   }
 
   // Finds the extrema that are listed, one of each lane at a time.
   void climb(LaneBlock& block, Vec part, Bits lanes) {
-    alignas(64) unsigned char room[width * sizeof(ExtremumPolynomial)];
-    auto* const polynomials = reinterpret_cast<ExtremumPolynomial*>(room);
-    int next[width] = {}, tries[width] = {};
-    for (;;) {
+    for (int round = 0;; ++round) {
       Bits busy = 0;
-      Vec s = {};
+      int j[width] = {};
+      Vec left = {}, right = {}, node[near], value[near];
       each(lanes, [&](int l) {
-        for (; next[l] < jobs_count_[l]; ++next[l], tries[l] = 0) {
-          const Climb job = jobs_[l][next[l]];
-          if (tries[l] == 0) {
-            double v[parts + 1];
-            for (int i = 0; i <= parts; ++i) v[i] = y_[i * count_ + job.j][l];
-            new (&polynomials[l]) ExtremumPolynomial(job.i, v);
-          }
-          double where;
-          if (tries[l]++ == 6 || !polynomials[l].extremum(&where)) continue;
-          const double expected = polynomials[l](where), margin = 0.1 * tolerance(block, job.j, l);
-          const double least = block.least[job.j][l] - margin, largest = block.largest[job.j][l] + margin;
-          if (expected >= least && expected <= largest) continue;
-          s[l] = where, busy |= 1u << l;
-          return;
-        }
+        if (round >= jobs_count_[l]) return;
+        busy |= 1u << l;
+        const Climb job = jobs_[l][round];
+        j[l] = job.j, left[l] = place[job.i], right[l] = place[job.i + 1];
+        for (int k = 0, first = first_near(job.i); k < near; ++k)
+          node[k][l] = place[first + k], value[k][l] = y_[(first + k) * count_ + job.j][l];
       });
       if (!busy) return;
-      between(block, part * s, value_, busy);
-      take(block, value_, within_, mask(busy));
-      each(busy, [&](int l) { polynomials[l].add(s[l], value_[jobs_[l][next[l]].j][l]); });
+      Polynomial polynomial;
+      for (int k = 0; k < near; ++k) polynomial.add(node[k], value[k]);
+      const auto chosen = [&](const Vec* quantities) {
+        Vec of;
+        for (int l = 0; l < width; ++l) of[l] = quantities[j[l]][l];
+        return of;
+      };
+      Mask active = mask(busy);
+      for (int k = 0; k < 6; ++k) {
+        Vec s;
+        active &= polynomial.extremum(left, right, &s);
+        const Vec expected = polynomial(s), least = chosen(block.least), largest = chosen(block.largest);
+        const Vec margin = 0.1 * tolerance(block, least, largest);
+        active &= (expected < least - margin) | (expected > largest + margin);
+        if (!any(active)) break;
+        between(block, part * s, value_, bits(active));
+        take(block, value_, within_, active);
+        polynomial.add(s, chosen(value_));
+      }
     }
   }
 };

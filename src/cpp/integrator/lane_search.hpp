@@ -106,11 +106,11 @@ class LaneSearch {
     if (with_events() || within) dense_.begin(b);
     if (with_events()) events_.sample_ends(b);
     if (ensemble_.observed) observation_.sample_ends(b, b.t, b.x);
-    for (int i = 1; i < parts && (many || within); ++i) {
+    for (int i = many ? 1 : 2; i < parts && (many || within); i += many ? 1 : 2) {
       const Vec time = b.t_old + place[i] * h;
       dense_.sketch(b, splat(place[i]), x_, i % 2 == 0);
       if (many) events_.sample(b, i, time, x_);
-      if (within) observation_.sample(b, i, time, x_);
+      if (within && i % 2 == 0) observation_.sample(b, i, time, x_);
     }
     if (few) {
       dense_.sketch(b, splat(0.5), x_, false);

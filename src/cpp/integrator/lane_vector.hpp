@@ -39,6 +39,7 @@ BELLCRANK_INLINE Bits bits(Mask m) {
   return static_cast<Bits>(_mm_movemask_pd((__m128d)m));
 #endif
 }
+BELLCRANK_INLINE bool any(Mask m) { return bits(m) != 0; }
 BELLCRANK_INLINE Mask mask(Bits lanes) {
   Mask m;
   for (int l = 0; l < width; ++l) m[l] = std::int64_t{1} << l;

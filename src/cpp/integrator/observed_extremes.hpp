@@ -1,7 +1,7 @@
 // Least and largest values of observed quantities y(t, x, u, p) along a run.
 //
-// All are evaluated at the ends of steps. The first `observed_within` are also sampled within each step, at the places of
-// event detection on the same cheap polynomial. Where these samples cannot rule out that an extremum lies beyond the
+// All are evaluated at the ends of steps. The first `observed_within` are also sampled within each step, at every other
+// place of event detection on the same cheap polynomial. Where these samples cannot rule out that an extremum lies beyond the
 // least and largest values so far, the step is sampled again on the dense output, with states projected as those of
 // outputs are, and each extremum is found by successive polynomials through the samples near it; where those do not fit,
 // the interval is sampled more densely. So an extremum is always the value at a state that an output could have.
@@ -109,13 +109,18 @@ class ObservedExtremes {
     std::memcpy(y_, y_ + parts * count_, count_ * sizeof(double));
     take_end(t, x);
     if (!within_) return;
-    for (int i = 1; i < parts; ++i) {
-      stepper_.sketch(end_ * place[i], x_, i % 2 == 0);
-      evaluate(stepper_.t_old + end_ * place[i] * length(), x_, y_ + i * count_);
-    }
+    sketch(2, 2);
     bool clear = true;
     for (int j = 0; j < within_ && clear; ++j) clear = stays_within(j);
     if (!clear) search();
+  }
+
+  // Samples on the cheap polynomial, at every `stride`-th place from `first` on.
+  void sketch(int first, int stride) {
+    for (int i = first; i < parts; i += stride) {
+      stepper_.sketch(end_ * place[i], x_, i % 2 == 0);
+      evaluate(stepper_.t_old + end_ * place[i] * length(), x_, y_ + i * count_);
+    }
   }
 
   // The error that the run's tolerances allow in a quantity.
@@ -125,26 +130,28 @@ class ObservedExtremes {
   bool stays_within(int j) const {
     if (least_[j] != least_[j]) return true;
     double v[parts + 1];
-    const double span = samples(y_, j, v);
-    const Shape shape(v);
+    const double span = samples<2>(y_, j, v);
+    const ShapeOf<double, 2> shape(v);
     if (!(shape.miss < INFINITY)) return false;
     if (history_[j].explains(span)) return true;
-    for (int i = 0; i < parts; ++i)
+    for (int i = 0; i < parts / 2; ++i)
       if (may_exceed(shape, i, v, j)) return false;
     return true;
   }
 
   // The samples of quantity j among rows of samples, and how far apart they lie.
+  template <int Stride = 1>
   double samples(const double* rows, int j, double* v) const {
     double least = INFINITY, largest = -INFINITY;
-    for (int i = 0; i <= parts; ++i) {
-      v[i] = rows[i * count_ + j];
+    for (int i = 0; i <= parts / Stride; ++i) {
+      v[i] = rows[i * Stride * count_ + j];
       least = smaller(v[i], least), largest = larger(v[i], largest);
     }
     return largest - least;
   }
 
-  bool may_exceed(const Shape& shape, int i, const double* v, int j) const {
+  template <class AnyShape>
+  bool may_exceed(const AnyShape& shape, int i, const double* v, int j) const {
     const double margin = 0.1 * tolerance(j);
     return !shape.runs(i, v) && shape.may_leave(i, v, least_[j] - margin, largest_[j] + margin, 2);
   }
@@ -165,6 +172,7 @@ class ObservedExtremes {
   }
 
   void search() {
+    sketch(1, 2);
     stepper_.prepare();
     std::memcpy(cheap_, y_, (parts + 1) * count_ * sizeof(double));
     for (int i = 1; i < parts; ++i) between(end_ * place[i], y_ + i * count_);
@@ -198,8 +206,8 @@ class ObservedExtremes {
       if (!may_exceed(shape, i, v, j)) continue;
       const double left = a + (b - a) * place[i], right = i + 1 == parts ? b : a + (b - a) * place[i + 1];
       const bool smooth = shape.parabola(i) || shape.miss <= tolerance(j);
-      if (smooth) climb(j, a, b, i, v);
-      else if (depth + 1 < deepest && spent_ < most_values && history_[j].exhausted < ObservedHistory::patience)
+      if (smooth && turns_within(i, v)) climb(j, a, b, i, v);
+      else if (!smooth && depth + 1 < deepest && spent_ < most_values && history_[j].exhausted < ObservedHistory::patience)
         again(j, left, v[i], right, v[i + 1], depth + 1);
     }
   }
@@ -213,9 +221,11 @@ class ObservedExtremes {
 
   // The extremum between samples i and i + 1 of an interval.
   void climb(int j, double a, double b, int i, const double* v) {
-    ExtremumPolynomial polynomial(i, v);
+    ExtremumPolynomial<double> polynomial;
+    const int first = first_near(i);
+    for (int k = first; k < first + near; ++k) polynomial.add(place[k], v[k]);
     double s;
-    for (int k = 0; k < 6 && polynomial.extremum(&s); ++k) {
+    for (int k = 0; k < 6 && polynomial.extremum(place[i], place[i + 1], &s); ++k) {
       const double expected = polynomial(s), margin = 0.1 * tolerance(j);
       if (expected >= least_[j] - margin && expected <= largest_[j] + margin) return;
       polynomial.add(s, along(j, a + (b - a) * s));
