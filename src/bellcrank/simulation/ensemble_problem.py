@@ -50,7 +50,7 @@ class EnsembleProblem:
 
     Attributes:
         kernels: The functions for single states, for runs that leave the lanes.
-        lanes: The functions for many states; None: every run is a single one (Radau, large systems).
+        lanes: The functions for many states; None: every run is a single one, as with Radau.
         layout: The parts of a state.
         control: The method, and what `rtol` … `max_evaluations` are where the arrays below do not say.
         t1: Durations (N,), s.

@@ -5,13 +5,13 @@ from __future__ import annotations
 import contextlib
 import logging
 import queue
+import reprlib
 import time
 import uuid
 from collections.abc import Iterator, Mapping
 from typing import Any, Self
 
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.messages import format_value
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.dask_worker import RangeTask, run_range
 from bellcrank.studies.design_ranges import DesignRange, RangeSize
@@ -189,7 +189,7 @@ def _client(distributed: Any, address: str) -> Any:
             raise ValueError("'inproc' is for one process")
     except ValueError as error:
         raise InputError(
-            f"scheduler: {format_value(address)} is not the address of a Dask scheduler ({str(error)[:120]}); expected "
+            f"scheduler: {reprlib.repr(address)} is not the address of a Dask scheduler ({str(error)[:120]}); expected "
             "one such as 'tcp://10.0.0.1:8786'"
         ) from None
     client = distributed.Client.__new__(distributed.Client)
@@ -198,7 +198,7 @@ def _client(distributed: Any, address: str) -> Any:
     except Exception as error:  # of many kinds, if it is not a scheduler that answers
         client.status = "closed"  # or Dask tries to close it when it is freed, and complains
         raise InputError(
-            f"no Dask scheduler answers at {format_value(address)} ({str(error)[:120]}); start one with "
+            f"no Dask scheduler answers at {reprlib.repr(address)} ({str(error)[:120]}); start one with "
             "'dask scheduler', and workers with 'dask worker ADDRESS'"
         ) from None
     return client

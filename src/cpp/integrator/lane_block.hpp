@@ -23,10 +23,11 @@ struct LaneNumbers {
 
 // A signal's piece in each lane.
 struct LanePiece {
+  Vec number;        // -1 before the breaks
   Vec low, high;     // it holds for low <= t < high
   Vec origin, held;  // its beginning; NaN, or the signal is constant: its value at `held` after the beginning
   Vec* coefficients() { return &held + 1; }  // (powers, width)
-  static int size(const Signal& s) { return 4 + s.powers * s.width; }
+  static int size(const Signal& s) { return 5 + s.powers * s.width; }
 };
 
 class LaneBlock : public LaneNumbers {

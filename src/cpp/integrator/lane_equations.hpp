@@ -46,7 +46,7 @@ class LaneEquations {
     LanePiece* piece = block.pieces();
     for (int g = 0; g < problem.signal_count; piece = after(piece, g++)) {
       const Signal& s = problem.signals[g];
-      load(s, piece, lane, found(s, s.kinked ? 0.5 * (from + to) : from));
+      load(s, piece, lane, found(s, s.kinked ? 0.5 * (from + to) : from, 0));
       if (s.kinked) piece->low[lane] = -INFINITY, piece->high[lane] = INFINITY;
     }
   }
@@ -113,7 +113,7 @@ class LaneEquations {
   // ---- signals
 
   LanePiece* after(LanePiece* piece, int g) const {
-    return reinterpret_cast<LanePiece*>(&piece->low + LanePiece::size(problem.signals[g]));
+    return reinterpret_cast<LanePiece*>(&piece->number + LanePiece::size(problem.signals[g]));
   }
 
   // u at a time.
@@ -122,7 +122,9 @@ class LaneEquations {
     Vec* u = u_;
     for (int g = 0; g < problem.signal_count; piece = after(piece, g++)) {
       const Signal& s = problem.signals[g];
-      each(bits(~((piece->low <= t) & (t < piece->high))), [&](int l) { load(s, piece, l, found(s, t[l])); });
+      each(bits(~((piece->low <= t) & (t < piece->high))), [&](int l) {
+        load(s, piece, l, found(s, t[l], static_cast<int>(piece->number[l])));
+      });
       const Mask held = piece->held == piece->held;
       const Vec d = held ? piece->held : t - piece->origin;
       const Vec* c = piece->coefficients();
@@ -141,10 +143,12 @@ class LaneEquations {
     }
   }
 
-  // The piece at a time: -1 before the breaks, `pieces` after them.
-  static int found(const Signal& s, double t) {
+  // The piece at a time, perhaps the one after `guess`: -1 before the breaks, `pieces` after them.
+  static int found(const Signal& s, double t, int guess) {
     if (!(t >= s.breaks[0])) return -1;
     if (t >= s.breaks[s.pieces]) return t > s.breaks[s.pieces] ? s.pieces : s.pieces - 1;
+    for (int i = guess < 1 ? 0 : guess - 1; i <= guess + 1 && i < s.pieces; ++i)
+      if (s.breaks[i] <= t && t < s.breaks[i + 1]) return i;
     int low = 0, high = s.pieces;
     while (high - low > 1) {
       const int middle = (low + high) / 2;
@@ -157,6 +161,7 @@ class LaneEquations {
     const bool before = piece < 0, beyond = piece >= s.pieces;
     const int number = before ? 0 : beyond ? s.pieces - 1 : piece;
     const double begin = s.breaks[number], end = s.breaks[number + 1];
+    to->number[lane] = piece;
     to->low[lane] = before ? -INFINITY : beyond ? std::nextafter(end, INFINITY) : begin;
     to->high[lane] = before ? begin : beyond ? INFINITY : end;
     to->origin[lane] = begin;
