@@ -28,6 +28,7 @@ def sweep(
     sample: int | None = None,
     method: str | None = None,
     seed: int | None = None,
+    sobol: int | None = None,
     overrides: Mapping[str, Any] | None = None,
     threads: int | None = None,
     workers: int | None = None,
@@ -60,6 +61,8 @@ def sweep(
         method: "sobol" (scrambled Sobol points, the default; a power of two is best), "latin" (a Latin hypercube) or
             "random" (independent points).
         seed: Of the random numbers, by default 0. A sample is the same for the same seed and version of SciPy.
+        sobol: Instead of a sample, the designs of Sobol indices (`Sweep.sensitivity`): 16 scramblings of this number of
+            Sobol points, a power of two, each with as many designs as there are parameters and 2.
         overrides: Changes of the scene beforehand, by dotted path.
         threads: How many threads run designs; by default as many as the machine has processors.
         workers: How many processes Dask starts on this machine to run designs, instead of threads.
@@ -101,7 +104,7 @@ def sweep(
     if folder is not None:
         folder = arguments.path("folder", folder, "the path of a folder")
     planned = plan_sizings if arguments.flag("size", size) else plan_sweep
-    plan = planned(scene, vary, SampleRequest(sample, method, seed), checking)
+    plan = planned(scene, vary, SampleRequest(sample, method, seed, sobol), checking)
     restart = arguments.flag("restart", restart)
     with contextlib.nullcontext() if folder is None else StudyFolder(folder, restart=restart) as opened:
         return run_sweep(plan, executor, folder=opened, progress=progress, keep=keep, keep_every=keep_every)
