@@ -75,7 +75,7 @@ def test_every_design_of_a_film_closes_its_loop_and_has_its_own_link_lengths():
 
 def test_sized_designs_are_shown_along_their_first_motion():
     sizings = [bc.size("geared_pendulum", overrides={"gravity": [0, 0, g]}) for g in (-9.81, -3.7)]
-    film = film_of_designs(sizings, title="Pendulum")
+    film = film_of_designs([sizing.inputs for sizing in sizings], title="Pendulum")
     motion = sizings[0].inputs.motions[0]
     assert [each.time[-1] - each.time[0] for each in film.motions] == [motion.duration] * 2
     np.testing.assert_array_equal(film.motions[0].poses, film.motions[1].poses)

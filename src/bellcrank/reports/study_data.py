@@ -6,6 +6,7 @@ those with the least, the median and the largest value of each measure, and othe
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -22,10 +23,14 @@ from bellcrank.replays.page.array_encoding import ArrayEncoder
 from bellcrank.replays.page.film_encoding import safe_json
 from bellcrank.replays.page.motion_encoding import encode_motions
 from bellcrank.simulation.simulate import simulate
+from bellcrank.simulation.status import Status
+from bellcrank.studies.run_outcomes import INFEASIBLE
+from bellcrank.studies.sizing_runner import SizingRunner
 from bellcrank.text import readable
 
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.sizing.result import SizingInputs
     from bellcrank.studies.exceedance import Limit
     from bellcrank.studies.sweep_result import Sweep
 
@@ -64,30 +69,41 @@ def study_film(
     view: View = DEFAULT_VIEW,
     progress: Callable[[float], object] | None = None,
 ) -> StudyFilm:
-    """Simulate designs that represent the others, and make a film of them.
+    """Simulate, or move, designs that represent the others, and make a film of them.
 
     Raises InputError where no design has a run.
     """
-    able = np.flatnonzero([name != "infeasible" for name in sweep.columns.statuses])
+    able = np.flatnonzero([name != INFEASIBLE for name in sweep.columns.statuses])
     candidates = np.flatnonzero(np.isin(sweep.columns.status, able))
     wanted = representative_rows([sweep.columns.measures[name] for name in measures], candidates, MOST_MOTIONS)
-    runs: list[Trajectory] = []
+    design = _designs(sweep)
+    results: list[Trajectory | SizingInputs] = []
     rows: list[int] = []
     for done, row in enumerate(wanted.tolist()):
-        numbers = zip(sweep.axes, sweep.values[row].tolist(), strict=True)
-        try:
-            runs.append(
-                simulate(sweep.scene.with_overrides({axis.path: axis.value(number) for axis, number in numbers}))
-            )
+        with contextlib.suppress(InputError):  # such a design is among those without a motion
+            results.append(design(sweep.values[row].tolist()))
             rows.append(row)
-        except InputError:  # it is among the designs without a motion
-            pass
         if progress is not None:
             progress((done + 1) / len(wanted))
-    return StudyFilm(
-        rows=np.array(rows, dtype=np.intp),
-        designs=film_of_designs(runs, title=title, trace=view.trace, detail=view.detail),
-    )
+    film = film_of_designs(results, title=title, trace=view.trace, detail=view.detail)
+    return StudyFilm(rows=np.array(rows, dtype=np.intp), designs=film)
+
+
+def _designs(sweep: Sweep) -> Callable[[Sequence[float]], Trajectory | SizingInputs]:
+    """What simulates one design by its values, or finds its motions; InputError where that is not possible."""
+    if sweep.sized:
+        return SizingRunner(sweep.scene, sweep.axes).inputs
+
+    def simulated(values: Sequence[float]) -> Trajectory:
+        overrides = {axis.path: axis.value(number) for axis, number in zip(sweep.axes, values, strict=True)}
+        run = simulate(sweep.scene.with_overrides(overrides))
+        if run.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        if not np.isfinite(run.state[0]).all():
+            raise InputError(f"{sweep.scene.name}: its first state is not finite")
+        return run
+
+    return simulated
 
 
 def representative_rows(columns: Iterable[Array], candidates: Rows, most: int) -> Rows:

@@ -143,7 +143,7 @@ def study_document(
         verdict=tuple(_verdict(sweep, measures, found, statistics, sensitivity)),
         about=("study of designs", sweep.scene.source.name, kind, *about(made)),
         warnings=(),
-        notes=() if sample is None or not sample.note else (sample.note,),
+        notes=(*sweep.notes, *([sample.note] if sample is not None and sample.note else [])),
         still=Still(float(first.time[-1]), "A design whose first measure is the median of all, at its end"),
         parts=tuple(parts),
     )
@@ -158,7 +158,8 @@ def _verdict(
 ) -> list[str]:
     """What was found, in sentences."""
     paths = ", ".join(axis.path for axis in sweep.axes)
-    reached = f"{sweep.finished:,} reached their target" if sweep.finished < len(sweep) else "all reached their target"
+    did = "pass" if sweep.sized else "reached their target"
+    reached = f"{sweep.finished:,} {did}" if sweep.finished < len(sweep) else f"all {did}"
     lines = [f"{len(sweep):,} designs over {paths}: {reached}."]
     if not sweep.complete:
         lines.append(f"The study was interrupted: {len(sweep.space):,} designs were asked for.")

@@ -14,6 +14,7 @@ from bellcrank.simulation.checkpoints import KEEP_EVERY, check_keep_every
 from bellcrank.studies.execution import Executor
 from bellcrank.studies.executors import choose_executor
 from bellcrank.studies.partial_sweeps import WatchedExecutor
+from bellcrank.studies.sizing_runner import SizingRunner
 from bellcrank.studies.study import run_study
 from bellcrank.studies.study_folder import StudyFolder
 from bellcrank.studies.sweep_plan import SampleRequest, SweepPlan, plan_sizings, plan_sweep
@@ -128,6 +129,7 @@ def run_sweep(
         candidates=runner.default_measures,
         noise=runner.noise,
         notes=plan.notes,
+        sized=isinstance(runner, SizingRunner),
     )
     if keep is not None:
         executor = WatchedExecutor(executor, sweep_of, keep, keep_every)

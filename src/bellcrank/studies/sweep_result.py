@@ -46,6 +46,7 @@ class Sweep(Portable, Renamed):
         candidates: The measures that are shown by default if they vary.
         noise: Differences of a measure up to absolute + relative × magnitude are errors of the computation.
         notes: Sentences about what to look at in all designs.
+        sized: Whether the designs were sized, instead of simulated.
 
     Example:
         >>> import bellcrank as bc
@@ -63,6 +64,7 @@ class Sweep(Portable, Renamed):
     candidates: tuple[str, ...] = ()
     noise: tuple[float, float] = (0.0, 1e-12)
     notes: tuple[str, ...] = field(default=(), repr=False)
+    sized: bool = field(default=False, repr=False)
 
     def __repr__(self) -> str:
         axes = ", ".join(axis.path for axis in self.axes)

@@ -26,7 +26,7 @@ from bellcrank.replays.geometry.shapes import Body, body_radii, bounding_boxes, 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.simulation.trajectory import Trajectory
-    from bellcrank.sizing.result import Sizing
+    from bellcrank.sizing.result import SizingInputs
 
 Array = NDArray[np.float64]
 TOLERANCE = 1.0 / 400.0  # of the size of the robot: two pixels in a view of 800 lines
@@ -63,9 +63,9 @@ class DesignFilm:
 
 
 def film_of_designs(
-    results: Sequence[Trajectory | Sizing], *, title: str, trace: Iterable[str] = (), detail: Detail = "reduced"
+    results: Sequence[Trajectory | SizingInputs], *, title: str, trace: Iterable[str] = (), detail: Detail = "reduced"
 ) -> DesignFilm:
-    """The film of runs, or sizings, of one scene with other parameters, starts or settings.
+    """The film of runs, or of what is sized, of one scene with other parameters, starts or settings.
 
     Raises InputError for an unknown frame to trace, and without a design.
     """

@@ -14,7 +14,7 @@ from bellcrank.replays.film.film import TimelineEvent
 from bellcrank.replays.film.film_samples import FramePose
 from bellcrank.replays.film.motion_film import MotionSequence, motion_trajectories
 from bellcrank.replays.film.run_film import finite_rows, output_frames, run_trajectory
-from bellcrank.sizing.result import Sizing, sizing_inputs
+from bellcrank.sizing.result import SizingInputs
 
 if TYPE_CHECKING:
     from bellcrank.replays.film.sampled_trajectory import SampledTrajectory
@@ -52,10 +52,10 @@ class DesignSource:
         return SceneFrames(scene=self.scene, parameters=self.parameters, state=position, frame_pose=frame_pose)
 
 
-def design_source(result: Trajectory | Sizing) -> DesignSource:
-    """A design that was simulated, or sized: then its first motion is shown."""
-    if isinstance(result, Sizing):
-        mechanism, motions, _ = sizing_inputs(result)
+def design_source(result: Trajectory | SizingInputs) -> DesignSource:
+    """A design that was simulated, or is sized: then its first motion is shown."""
+    if isinstance(result, SizingInputs):
+        mechanism, motions, _ = result
         scene = mechanism.scene
         sequence = MotionSequence(mechanism=mechanism, motions=motions[:1], actuators={})
         return DesignSource(
