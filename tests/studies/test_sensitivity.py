@@ -203,7 +203,7 @@ def test_wrong_arguments_are_refused(vary, options, message):
 
 def test_a_sample_and_sobol_indices_exclude_each_other():
     for options in ({"sample": 64}, {"method": "random"}):
-        with pytest.raises(InputError, match="not with Sobol indices"):
+        with pytest.raises(InputError, match="not with sobol, since Sobol indices need designs"):
             bc.sweep("four_bar", VARY, sobol=64, **options)
 
 

@@ -156,7 +156,8 @@ class SampleStatistics(Portable):
 
         listed = arguments.several("limits", limits, str, "limits", alone=True)
         found = [self.exceedance(limit) for limit in listed]
-        names = self._measures(measures or tuple(dict.fromkeys(each.limit.measure for each in found)) or None)
+        limited = tuple(dict.fromkeys(each.limit.measure for each in found))
+        names = self._measures(measures if measures is not None else limited or None)
         shown = [(self.distribution(name), self.columns.measures[name]) for name in names]
         target = None if path is None else arguments.path("path", path, "the path of a picture")
         return plot_distributions(shown, found, f"{self.title}: {self.layout.rows} designs", target)

@@ -127,18 +127,19 @@ def _sample(scene: Scene, axes: tuple[Axis, ...], asked: SampleRequest) -> Point
 
 
 def _sensitivity_sample(scene: Scene, axes: tuple[Axis, ...], asked: SampleRequest) -> SensitivitySample:
+    size = arguments.whole("sobol", asked.sobol, least=2)
     for name, value in (("sample", asked.count), ("method", asked.method)):
         if value is not None:
-            raise InputError(f"{name}: not with Sobol indices, which need designs of their own")
+            raise InputError(f"{name}: not with sobol, since Sobol indices need designs of their own")
     for axis in axes:
         if axis.distribution is None:
             raise InputError(
-                f"Sobol indices of {scene.name}: '{axis.path}' has values and no distribution; write one such as "
-                "normal(1.24 m, 1 mm)"
+                f"Sobol indices of {scene.name}: parameter '{axis.path}' has values and no distribution; write one such "
+                "as normal(1.24 m, 1 mm)"
             )
     given = scene.study.seed or 0 if asked.seed is None else asked.seed
     seed = arguments.whole("seed", given, least=0, most=LARGEST_SEED)
-    return SensitivitySample(len(axes), arguments.whole("sobol", asked.sobol, least=2), seed=seed)
+    return SensitivitySample(len(axes), size, seed=seed)
 
 
 def _check(scene: Scene, axis: Axis, checking: Checking | None, equations: bool = True) -> None:
