@@ -30,6 +30,8 @@ MADE_BY = {
     "PreparedRun": "prepare",
     "Sizing": "size",
     "Sweep": "sweep",
+    "Sensitivity": "sobol_indices",
+    "SampleStatistics": "sobol_indices",
     "Catalogue": "load_catalogue",
     "Selection": "select",
 }
@@ -60,6 +62,9 @@ WORDS = {
     "motions": ("motion",),
     "more": ("more", "motion"),
     "measures": ("measure",),
+    "measure": ("measure",),
+    "limit": ("limit", "measure"),
+    "limits": ("limit", "measure"),
     "overrides": ("override",),
     "joints": ("joint",),
     "payloads": ("payload",),
@@ -186,6 +191,8 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
     closed_run = bc.simulate(four_bar, duration=0.01, samples=3)
     sizing = bc.size(robot, motion, {"shoulder": actuator})
     swept = bc.sweep(pendulum, {"simulate.rtol": [1e-6, 1e-7]}, overrides={"simulate.duration": 0.01})
+    found = bc.sobol_indices(pendulum, {"simulate.rtol": "uniform(1e-7, 1e-6)"}, n=2,
+                             overrides={"simulate.duration": 0.01})  # fmt: skip
     whole = linkage.motion("unfold")
     few = slice(0, 3)
     t, tree = whole.time[few], (whole.position[few], whole.velocity[few], whole.acceleration[few])
@@ -265,7 +272,11 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
                              "size": False, "method": "random", "seed": 1, "threads": 1, "workers": None,
                              "scheduler": None,
                              "folder": "study", "restart": True, "overrides": {"simulate.duration": 0.01},
-                             "progress": None, "checking": None, "keep": None, "keep_every": 5.0}),
+                             "progress": None, "sobol": None, "checking": None, "keep": None, "keep_every": 5.0}),
+        "sobol_indices": (bc.sobol_indices, {
+            "scene": pendulum, "vary": {"simulate.rtol": "uniform(1e-7, 1e-6)"}, "n": 2, "seed": 0, "threads": 1,
+            "overrides": {"simulate.duration": 0.01}, "progress": None, "workers": None, "scheduler": None,
+            "folder": None}),
         "scene_inverse_dynamics": (bc.scene_inverse_dynamics, one_motor),
         "Linkage": (bc.Linkage, {"scene": four_bar, "robot": four_bar.robot, "actuated": ["crank"]}),
         "plot": (bc.plot, {"run": run, "path": None, "frame": "P1"}),
@@ -273,8 +284,8 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
                                "detail": "reduced", "title": None, "plots": False}),
         "show": (bc.show, {"source": motion, "robot": robot, "trace": ["tip"], "detail": "reduced", "title": None,
                            "plots": False}),
-        "report": (bc.report, {"source": run, "path": "report.html", "trace": ["P1"], "detail": "reduced",
-                               "title": None, "trust": []}),
+        "report": (bc.report, {"source": swept, "path": "report.html", "trace": ["P1"], "detail": "reduced",
+                               "title": None, "trust": [], "measures": ["end.time"], "limits": []}),
         "check_urdf": (bc.check_urdf, {"path": "planar_2r", "trust": ["."]}),
         **of(robot, carrier={"link": "link_1"}, configuration_rate={"q": q, "v": v},
              compiled={"key": "own", "build": casadi_square, "seldom": False, "inputs": (1,)},
@@ -336,6 +347,11 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
              plot={"path": None, "measures": ["end.time"]}, table={"measures": ["end.time"]}, to_csv={"path": "w.csv"},
              to_parquet={"path": "w.parquet"}, to_npz={"path": "w.npz"},
              to_json={"path": "w.json"}),
+        **of(found, indices={"measure": "end.time"}, plot={"path": None, "measures": ["end.time"]},
+             table={"measures": ["end.time"]}, to_csv={"path": "i.csv"}, to_json={"path": "i.json"}),
+        **of(found.statistics, distribution={"measure": "end.time", "levels": (0.5,)},
+             exceedance={"limit": "end.time > 1 s"}, table={"measures": ["end.time"]},
+             plot={"path": None, "measures": ["end.time"], "limits": ["end.time > 1 s"]}),
         **of(linkage, along={"motion": "unfold", "independent": ["crank"]},
              constraint_wrenches={"t": t, "q": tree[0], "v": tree[1], "multipliers": multipliers},
              force_maps={"t": t, "q": tree[0]}, friction={"t": t, "q": tree[0], "v": tree[1]},

@@ -53,6 +53,9 @@ _HOME = {
     "load_run": "simulation.load_run",
     "sweep": "studies.sweep",
     "Sweep": "studies.sweep_result",
+    "sobol_indices": "studies.sensitivity_study",
+    "Sensitivity": "studies.sensitivity",
+    "SampleStatistics": "studies.sample_statistics",
     "scene_inverse_dynamics": "dynamics.scene_inverse_dynamics",
     "Linkage": "dynamics.closed_inverse_dynamics",
     "plot": "simulation.run_plot:plot_run",
@@ -80,8 +83,10 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "PreparedSimulation",
     "Robot",
     "RobotConfig",
+    "SampleStatistics",
     "Scene",
     "Selection",
+    "Sensitivity",
     "Settings",
     "Sizing",
     "Sweep",
@@ -108,6 +113,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "show",
     "simulate",
     "size",
+    "sobol_indices",
     "sweep",
     "waypoints",
     "write_catalogue",
@@ -149,6 +155,9 @@ if TYPE_CHECKING:
     from bellcrank.sizing.selection.select import select
     from bellcrank.sizing.selection.selection import Selection
     from bellcrank.sizing.size import size
+    from bellcrank.studies.sample_statistics import SampleStatistics
+    from bellcrank.studies.sensitivity import Sensitivity
+    from bellcrank.studies.sensitivity_study import sobol_indices
     from bellcrank.studies.sweep import sweep
     from bellcrank.studies.sweep_result import Sweep
 

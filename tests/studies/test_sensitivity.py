@@ -11,13 +11,13 @@ import bellcrank as bc
 from bellcrank.errors import InputError
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.design_space import DesignSpace
-from bellcrank.studies.sample_statistics import SampleStatistics, sample_layout
 from bellcrank.studies.samples import Sample
 from bellcrank.studies.sensitivity_sample import SensitivitySample
-from bellcrank.studies.sensitivity_study import sensitivity, sensitivity_space
-from bellcrank.studies.study import StudyRun, run_study
+from bellcrank.studies.study import run_study
+from bellcrank.studies.sweep_plan import SampleRequest, plan_sweep
+from bellcrank.studies.sweep_result import Sweep
 
-VARY = {"crank_length": "normal(1.24 m, 2 mm)", "preload": "uniform(1.9 N m, 2 N m)"}
+VARY = {"crank_length": "normal(1.24 m, 2 mm)", "rocker_length": "uniform(1.19 m, 1.21 m)"}
 STATUSES = ("event", "infeasible")
 
 
@@ -32,9 +32,9 @@ class Formula:
         self.units, self.identity = {"lock.time": "s", "lock.crank": "rad"}, {}
 
     def run(self, values, *, threads=1, progress=None):
-        length, preload = values.T
+        length, rocker = values.T
         there = length <= self.longest
-        time = np.where(there, 12.0 + 100.0 * (length - 1.24) - 4.0 * (preload - 1.95), np.nan)
+        time = np.where(there, 12.0 + 100.0 * (length - 1.24) - 20.0 * (rocker - 1.2), np.nan)
         crank = np.where(there, 0.5, np.nan)
         reasons = {int(k): "too long" for k in np.flatnonzero(~there)}
         status = np.where(there, 0, 1).astype(np.int8)
@@ -43,9 +43,28 @@ class Formula:
         )
 
 
+def designs(n=128, seed=0, vary=VARY):
+    """The designs of Sobol indices of the four-bar."""
+    return plan_sweep(bc.load_scene("four_bar"), vary, SampleRequest(seed=seed, sobol=n)).space
+
+
+def swept(space, runner, rows=None):
+    """The sweep of all designs, or of some rows."""
+    columns = run_study(space, runner).columns
+    index = np.arange(space.count) if rows is None else rows
+    return Sweep(
+        scene=bc.load_scene("four_bar"),
+        space=space,
+        columns=columns.take(index),
+        index=index,
+        units=runner.units,
+        candidates=runner.default_measures,
+        noise=runner.noise,
+    )
+
+
 def study(runner, n=128, seed=0, vary=VARY):
-    space = sensitivity_space(bc.load_scene("four_bar"), vary, n=n, seed=seed)
-    return sensitivity("Linkage", space, runner, run_study(space, runner))
+    return swept(designs(n, seed, vary), runner).sensitivity
 
 
 @pytest.fixture(scope="module")
@@ -54,10 +73,10 @@ def found():
 
 
 def test_indices_of_a_linear_measure_are_the_shares_of_the_variances(found):
-    """V = (100 · 2 mm)^2 + 4^2 (0.1 N m)^2 / 12: linear, so first-order and total indices agree."""
-    parts = np.array([(100.0 * 0.002) ** 2, 4.0**2 * 0.1**2 / 12.0])
+    """V = (100 · 2 mm)^2 + 20^2 (20 mm)^2 / 12: linear, so first-order and total indices agree."""
+    parts = np.array([(100.0 * 0.002) ** 2, 20.0**2 * 0.02**2 / 12.0])
     indices = found.indices("lock.time")
-    assert indices.parameters == ("crank_length", "preload")
+    assert indices.parameters == ("crank_length", "rocker_length")
     for estimates in (indices.first, indices.total):
         for estimate, truth in zip(estimates, parts / parts.sum(), strict=True):
             half = estimate.interval[1] - estimate.value
@@ -100,7 +119,7 @@ def test_tables_name_measures_parameters_and_errors(found):
     assert lines[0].split("  ")[0] == "measure" and len(lines) == 4
     assert lines[2].startswith("lock.time  crank_length") and "±" in lines[2]
     assert "does not vary" in found.table(["lock.crank"])
-    assert found.statistics.table().splitlines()[2].startswith("lock.time  s     11.9999 ±")
+    assert found.statistics.table().splitlines()[2].startswith("lock.time  s     11.9999 ± 0.00024 ")
 
 
 def test_files_hold_every_index(found, tmp_path):
@@ -111,8 +130,8 @@ def test_files_hold_every_index(found, tmp_path):
     assert [float(cell) for cell in rows[1][2:5]] == [first.value, *first.interval]
     document = json.loads(found.to_json(tmp_path / "indices.json").read_text())
     assert document["indices"]["lock.time"]["first"]["crank_length"]["value"] == first.value
-    assert document["indices"]["lock.crank"]["total"]["preload"] == {"value": None, "low": None, "high": None}
-    assert document["parameters"] == {"crank_length": "normal(1.24, 0.002) m", "preload": "uniform(1.9, 2) N m"}
+    assert document["indices"]["lock.crank"]["total"]["rocker_length"] == {"value": None, "low": None, "high": None}
+    assert document["parameters"] == {"crank_length": "normal(1.24, 0.002) m", "rocker_length": "uniform(1.19, 1.21) m"}
 
 
 def test_pictures_have_a_panel_for_each_measure(found, tmp_path):
@@ -125,36 +144,45 @@ def test_pictures_have_a_panel_for_each_measure(found, tmp_path):
 
 
 def test_an_interrupted_study_keeps_the_scramblings_that_are_complete():
-    space, runner = sensitivity_space(bc.load_scene("four_bar"), VARY, n=16), Formula()
-    whole = run_study(space, runner)
+    space, runner = designs(16), Formula()
     each = 16 * 4
     done = np.concatenate([np.arange(3 * each), np.arange(4 * each + 1, 15 * each + 7)])  # 3 and 10 scramblings
-    part = StudyRun(columns=whole.columns.take(done), designs=done, complete=False, found=0)
-    found = sensitivity("Linkage", space, runner, part)
+    found = swept(space, runner, done).sensitivity
     assert found.sample.replicates == 13
     rows = np.concatenate([np.arange(3 * each), np.arange(5 * each, 15 * each)])
-    expected = whole.columns.measures["lock.time"][rows]
+    expected = swept(space, runner).columns.measures["lock.time"][rows]
     np.testing.assert_array_equal(found.columns.measures["lock.time"], expected)
-    few = np.arange(9 * each + 5)
-    with pytest.raises(KeyboardInterrupt):
-        sensitivity(
-            "Linkage", space, runner, StudyRun(columns=whole.columns.take(few), designs=few, complete=False, found=0)
-        )
+    with pytest.raises(InputError, match="9 of 16 scramblings are complete, and 10 are needed"):
+        _ = swept(space, runner, np.arange(9 * each + 5)).sensitivity
 
 
-def test_a_sample_gives_statistics_only_where_its_error_is_known():
-    for method in ("sobol", "latin", "random"):
-        space = DesignSpace(sensitivity_space(bc.load_scene("four_bar"), VARY, n=2).axes, Sample.of(2048, method, 3))
-        runner = Formula()
-        columns = run_study(space, runner).columns
-        layout = sample_layout(space.sample, 2)
-        found = SampleStatistics(title="Linkage", units=runner.units, columns=columns, layout=layout)
-        mean = found.distribution("lock.time").mean
-        assert abs(mean.value - 12.0) < 2.0 * (mean.interval[1] - mean.value)
-        assert layout.independent == (method == "random")
-    for method in ("sobol", "latin"):
+@pytest.mark.parametrize("method", ["sobol", "latin", "random"])
+def test_a_sample_gives_statistics_only_where_its_error_is_known(method):
+    axes, runner = designs().axes, Formula()
+    space = DesignSpace(axes, Sample.of(2048, method, 3))
+    found = swept(space, runner).statistics
+    mean = found.distribution("lock.time").mean
+    assert abs(mean.value - 12.0) < 2.0 * mean.half_width < 0.1
+    assert found.layout.independent == (method == "random")
+    part = swept(space, runner, np.arange(1500)).statistics  # interrupted: 11 replicates of 128 designs are complete
+    assert part.layout.rows == (1500 if method == "random" else 11 * 128)
+    if method != "random":
         with pytest.raises(InputError, match="at least 10 replicates"):
-            sample_layout(Sample(2048, method, 3), 2)
+            _ = swept(DesignSpace(axes, Sample(2048, method, 3)), runner).statistics
+        with pytest.raises(InputError, match="at least 10 replicates"):
+            _ = swept(space, runner, np.arange(700)).statistics
+    with pytest.raises(InputError, match="Sobol indices need designs of their own"):
+        _ = swept(space, runner).sensitivity
+
+
+def test_designs_of_a_grid_have_no_probabilities():
+    axes = plan_sweep(
+        bc.load_scene("four_bar"), {"crank_length": [1.2, 1.3], "rocker_length": [1.2]}, SampleRequest()
+    ).space.axes
+    with pytest.raises(
+        InputError, match="'crank_length' has values and no distribution, so that the designs are not a sample"
+    ):
+        _ = swept(DesignSpace(axes), Formula()).statistics
 
 
 @pytest.mark.parametrize(
@@ -163,15 +191,20 @@ def test_a_sample_gives_statistics_only_where_its_error_is_known():
         ({}, {}, "expected at least one parameter to vary, found none"),
         ({"crank_length": [1.2, 1.3]}, {}, "'crank_length' has values and no distribution"),
         (VARY, {"n": 100}, "argument 'n': expected a power of two, such as 64 or 128, found 100"),
-        (VARY, {"n": 64, "replicates": 5}, "argument 'replicates': expected a whole number of at least 10"),
-        (VARY, {"n": 64, "seed": -1}, "argument 'seed'"),
-        (VARY, {"n": "many"}, "argument 'n': expected a whole number, found 'many'"),
+        (VARY, {"seed": -1}, "argument 'seed'"),
+        (VARY, {"n": "many"}, "argument 'n': expected a whole number of at least 2, found 'many'"),
     ],
 )
 def test_wrong_arguments_are_refused(vary, options, message):
     with pytest.raises(InputError) as error:
-        sensitivity_space(bc.load_scene("four_bar"), vary, **{"n": 64, **options})
+        bc.sobol_indices("four_bar", vary, **options)
     assert message in str(error.value)
+
+
+def test_a_sample_and_sobol_indices_exclude_each_other():
+    for options in ({"sample": 64}, {"method": "random"}):
+        with pytest.raises(InputError, match="not with sobol, since Sobol indices need designs"):
+            bc.sweep("four_bar", VARY, sobol=64, **options)
 
 
 def test_wrong_names_are_refused(found):

@@ -199,7 +199,7 @@ def test_each_design_is_as_size_gives_it(name: str) -> None:
     values = drawn(ranges, 6, seed=4)
     found = study.run(values)
     for row in range(3):
-        compare(found, row, measures_of(study._design(values[row].tolist())))
+        compare(found, row, measures_of(study.design(values[row].tolist())))
 
 
 def test_parameters_and_overrides_of_a_design_give_the_same_sizing() -> None:
@@ -235,7 +235,7 @@ def test_the_lengths_of_a_linkage_change_how_its_joints_move() -> None:
     values[4, 0] = 9.0  # the loop cannot be closed
     found = study.run(values)
     for row in range(3):
-        compare(found, row, measures_of(study._design(values[row].tolist())))
+        compare(found, row, measures_of(study.design(values[row].tolist())))
     assert found.statuses[found.status[4]] == "infeasible" and "cannot be" in found.reasons[4]
     assert np.isnan(found.measures["crank.peak_torque"][4])
 
@@ -299,7 +299,7 @@ def test_figures_that_are_not_stated_leave_the_verdict_open(tmp_path: Path) -> N
     assert [found.statuses[k] for k in found.status] == ["unknown", "unknown", "fail"]
     assert "not stated" in found.reasons[0] and "effort limit" in found.reasons[2]
     for row, mass in enumerate((1.0, 2.0, 9.0)):
-        compare(found, row, measures_of(study._design([mass])))
+        compare(found, row, measures_of(study.design([mass])))
 
 
 def _mapping(text: str) -> Any:

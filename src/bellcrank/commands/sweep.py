@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bellcrank.commands import sweep_statistics
 from bellcrank.commands.options import add_keep_every, add_trust, keep_every, whole_option
 from bellcrank.commands.output_files import list_on_failure
 from bellcrank.errors import InputError
@@ -41,6 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--method", metavar="NAME", help="how they are drawn: sobol (default), latin (Latin hypercube) or random"
     )
     parser.add_argument("--seed", metavar="N", help="seed of the random numbers (default: 0)")
+    sweep_statistics.add_arguments(parser)
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="changes",
         help="change a value of the scene first, such as simulate.duration='20 s'; may be repeated",
@@ -79,8 +81,9 @@ def run(arguments: argparse.Namespace) -> int:
     threads = whole_option("--threads", arguments.threads, 1, MOST_THREADS)
     workers = whole_option("--workers", arguments.workers, 1, MOST_WORKERS)
     executor, every = choose_executor(threads, workers, arguments.scheduler), keep_every(arguments)
-    check_folder("--out", folder, [*NAMES, "sweep.png"])
+    check_folder("--out", folder, [*NAMES, "sweep.png", *sweep_statistics.NAMES])
     plan = _plan(arguments)
+    sweep_statistics.check_limits(arguments.limits, plan.runner.units)
     study = StudyFolder(folder, restart=arguments.restart, notify=lambda text: print(f"note: {text}"))
     with study, counting("sweep", " designs") as bar, interruption.held() as check:
 
@@ -113,10 +116,14 @@ def _plan(arguments: argparse.Namespace) -> SweepPlan:
             raise InputError(f"--vary {text!r}: '{path}' is varied already")
         vary[path] = values
     sample = whole_option("--sample", arguments.sample, 1, MOST_POINTS)
+    sobol = whole_option("--sobol", arguments.sobol, 2, MOST_POINTS)
     seed = whole_option("--seed", arguments.seed, 0, LARGEST_SEED)
     with counting("check", " values") as checking:
-        plan = plan_sizings if arguments.size else plan_sweep
-        return plan(_scene(arguments), vary or None, SampleRequest(sample, arguments.method, seed), checking)
+        plan, drawn = (
+            plan_sizings if arguments.size else plan_sweep,
+            SampleRequest(sample, arguments.method, seed, sobol),
+        )
+        return plan(_scene(arguments), vary or None, drawn, checking)
 
 
 def _scene(arguments: argparse.Namespace) -> Scene:
@@ -150,6 +157,9 @@ def _show(result: Sweep, arguments: argparse.Namespace, folder: Path, files: lis
         files.append(folder / "sweep.png")
     if len(result):
         print(result.table(measures))
+    if len(result) and result.complete:
+        with list_on_failure(files, folder):
+            sweep_statistics.write_statistics(result, arguments, folder, files)
     if not result.complete:
         print(f"\ninterrupted: {len(result)} of {math.prod(result.shape)} designs were run; the same command goes on")
     unclear = int((result.status == UNKNOWN).sum())

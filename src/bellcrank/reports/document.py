@@ -25,10 +25,14 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture as SVG text for the printed page; on screen the page's interactive plots show the same."""
+    """A picture as SVG text for the printed page, and with `screen` for the screen too.
+
+    Where the page's interactive plots show the same, it is not shown on the screen.
+    """
 
     title: str
     svg: str
+    screen: bool = False
 
 
 @dataclass(frozen=True)

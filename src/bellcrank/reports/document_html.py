@@ -35,9 +35,8 @@ def part_html(part: Facts | Table | Picture) -> str:
     title = escape(part.title)
     if isinstance(part, Picture):
         data = base64.b64encode(part.svg.encode("utf-8")).decode("ascii")
-        return (
-            f'<figure class="paper"><h2>{title}</h2><img alt="{title}" src="data:image/svg+xml;base64,{data}"></figure>'
-        )
+        image = f'<h2>{title}</h2><img alt="{title}" src="data:image/svg+xml;base64,{data}">'
+        return f'<section class="drawn">{image}</section>' if part.screen else f'<figure class="paper">{image}</figure>'
     if isinstance(part, Facts):
         rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in part.rows)
         return f'<section><h2>{title}</h2><table class="facts">{rows}</table></section>'

@@ -1,4 +1,4 @@
-"""`bellcrank.report`: the report of a run, sizing or selection as one HTML page, with all outside text escaped."""
+"""`bellcrank.report`: the report of a run, sizing, selection or sweep as one HTML page; all outside text is escaped."""
 
 from __future__ import annotations
 
@@ -15,8 +15,10 @@ from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.page.page import Surroundings, write_page
 from bellcrank.replays.replay import film_of, find_run, load_source, source_name
 from bellcrank.reports.document_html import document_html
+from bellcrank.reports.study_data import View
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.selection.selection import Selection
+from bellcrank.studies.sweep_result import Sweep
 from bellcrank.text import file_name
 
 if TYPE_CHECKING:
@@ -27,22 +29,27 @@ if TYPE_CHECKING:
 
 @renamed_arguments(thing="source")
 def report(
-    source: Trajectory | Sizing | Selection | str | Path,
+    source: Trajectory | Sizing | Selection | Sweep | str | Path,
     path: str | Path | None = None,
     *,
+    measures: Iterable[str] | None = None,
+    limits: Iterable[str] = (),
     trace: Iterable[str] = (),
     detail: Detail = "reduced",
     title: str | None = None,
     trust: Trust = (),
 ) -> Path:
-    """Write one HTML page with the verdict of a run, sizing or selection, its replay, tables and pictures.
+    """Write one HTML page with the verdict of a run, sizing, selection or sweep, its replay, tables and pictures.
 
-    The page needs no other file, and can be printed.
+    The page needs no other file, and can be printed. That of a sweep has a map of the designs; the one that is clicked
+    moves, with its own link lengths.
 
     Args:
-        source: A run, a sizing, a selection, or the path of a run: its file, or the folder that `bellcrank simulate`
-            writes.
+        source: A run, a sizing, a selection, a sweep, or the path of a run: its file, or the folder that `bellcrank
+            simulate` writes.
         path: The file to write. Default: the source's name and "_report.html", in the working folder.
+        measures: Of a sweep, the measures that are shown. Default: those that its table shows.
+        limits: Of a sweep whose designs are a sample, limits such as "lock.time > 13 s", whose probability is given.
         trace: Names of frames whose paths are drawn. Default: the frames of the scene's outputs, or the tip.
         detail: "reduced" simplifies meshes without visible loss, "full" keeps all faces.
         title: The title of the page. Default: the name of the scene, sizing or selection.
@@ -62,6 +69,10 @@ def report(
         'pendulum.html'
     """
     given: object = source
+    if isinstance(source, Sweep):
+        return _report_sweep(source, path, measures, limits, title, (trace, detail, trust))
+    if measures is not None or arguments.several("limits", limits, str, "limits", alone=True):
+        raise InputError("arguments 'measures' and 'limits': they are for a sweep, and 'source' is none")
     if isinstance(source, (str, Path)):
         from bellcrank.simulation.load_run import load_run
 
@@ -83,6 +94,30 @@ def report(
     document = _document(result, film)
     before, after = document_html(document)
     return write_page(film, target, around=Surroundings(before=before, after=after))
+
+
+def _report_sweep(
+    sweep: Sweep,
+    path: str | Path | None,
+    measures: Iterable[str] | None,
+    limits: Iterable[str],
+    title: str | None,
+    options: tuple[Iterable[str], Detail, Trust],
+) -> Path:
+    from bellcrank.reports.study_report import write_study
+
+    trace, detail, trust = options
+    if arguments.several("trust", [trust] if isinstance(trust, (str, Path)) else trust, object, "folders"):
+        raise InputError("argument 'trust': it is for files, and 'source' is loaded already; give it to load_scene")
+    arguments.one_of("detail", detail, ("reduced", "full"))
+    return write_study(
+        sweep,
+        f"{file_name(sweep.scene.source.stem)}_report.html" if path is None else arguments.path("path", path),
+        measures=None if measures is None else arguments.several("measures", measures, str, "measures", alone=True),
+        limits=arguments.several("limits", limits, str, "limits", alone=True),
+        title=title if title is None else arguments.text("title", title, empty=True) or None,
+        view=View(trace=arguments.several("trace", trace, str, "names of frames", alone=True), detail=detail),
+    )
 
 
 def _title(result: Trajectory | Motion | Sizing | Selection) -> str:

@@ -68,7 +68,7 @@ def selection_surroundings(selection: Selection, film: Film) -> Surroundings:
     return Surroundings(
         before=before + part_html(choice_table(selection)) + EXPLORER,
         after=FURTHER.format(proof=escape(selection.pareto_proof)) + after + data,
-        style=_asset("selection.css"),
+        style=_asset("svg_plot.css") + _asset("selection.css"),
         scripts=tuple(map(_asset, SCRIPTS)),
     )
 

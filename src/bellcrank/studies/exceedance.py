@@ -14,9 +14,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank import arguments
 from bellcrank.config.fields import parse_number
 from bellcrank.errors import InputError
-from bellcrank.messages import format_value, unknown_name
+from bellcrank.messages import unknown_name
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.intervals import Array, Interval, Mask, SampleLayout, proportion
 
@@ -103,17 +104,17 @@ def parse_limit(text: str, units: Mapping[str, str], option: str = "--limit") ->
     Raises:
         InputError: The text has another form, the measure does not exist, or the unit is not one of the measure's.
     """
-    found = _RELATION.search(text)
+    found, where = _RELATION.search(text), f"{option} {arguments.found(text)}"
     if found is None or not text[: found.start()].strip():
-        raise InputError(f"{option} {format_value(text)}: {EXPECTED}")
+        raise InputError(f"{where}: {EXPECTED}")
     measure = text[: found.start()].strip()
     if measure not in units:
-        raise InputError(f"{option} {format_value(text)}: {unknown_name('measure', measure, units)}")
+        raise InputError(f"{where}: {unknown_name('measure', measure, units)}")
     unit = units[measure]
     try:
         value = parse_number(text[found.end() :].strip(), "" if unit == "1" else unit)
     except ValueError as error:
-        raise InputError(f"{option} {format_value(text)}: {error}") from None
+        raise InputError(f"{where}: {error}") from None
     return Limit(measure, found[0], value, unit)
 
 

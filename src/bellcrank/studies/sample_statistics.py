@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +17,7 @@ from bellcrank.studies.columns import Columns
 from bellcrank.studies.exceedance import Exceedance, exceedance, parse_limit
 from bellcrank.studies.intervals import SampleLayout
 from bellcrank.studies.samples import Sample
-from bellcrank.studies.tolerance import LEVELS, Estimate, MeasureDistribution, measure_distribution
+from bellcrank.studies.tolerance import LEVELS, MeasureDistribution, measure_distribution
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -122,7 +121,7 @@ class SampleStatistics(Portable):
         lines = [head]
         for name in self._measures(measures):
             one = self.distribution(name, TABLE_LEVELS)
-            cells = [_estimate(each) for each in (one.mean, one.deviation, *one.quantiles.values())]
+            cells = [str(each) for each in (one.mean, one.deviation, *one.quantiles.values())]
             absent = sum(one.missing.values())
             lines.append([name, one.unit, *cells, f"{one.count}{f' ({absent} without)' if absent else ''}"])
         widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
@@ -157,7 +156,8 @@ class SampleStatistics(Portable):
 
         listed = arguments.several("limits", limits, str, "limits", alone=True)
         found = [self.exceedance(limit) for limit in listed]
-        names = self._measures(measures or tuple(dict.fromkeys(each.limit.measure for each in found)) or None)
+        limited = tuple(dict.fromkeys(each.limit.measure for each in found))
+        names = self._measures(measures if measures is not None else limited or None)
         shown = [(self.distribution(name), self.columns.measures[name]) for name in names]
         target = None if path is None else arguments.path("path", path, "the path of a picture")
         return plot_distributions(shown, found, f"{self.title}: {self.layout.rows} designs", target)
@@ -192,14 +192,3 @@ def sample_layout(sample: Sample, dimensions: int) -> SampleLayout:
     if sample.method == "latin":
         return SampleLayout.latin_hypercube(sample.count, sample.replicates)
     return SampleLayout.sobol(sample.count, sample.replicates, dimensions)
-
-
-def _estimate(each: Estimate) -> str:
-    """A number with its interval: as ± where this is symmetric."""
-    value, (low, high) = each.value, each.interval
-    if not math.isfinite(value):
-        return "-"
-    if math.isfinite(high - low) and abs((high - value) - (value - low)) <= 1e-6 * (high - low):
-        return f"{value:.6g} ± {high - value:.2g}"
-    ends = [f"{end:.6g}" if math.isfinite(end) else "unknown" for end in (low, high)]
-    return f"{value:.6g} ({ends[0]} to {ends[1]})"

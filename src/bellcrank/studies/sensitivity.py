@@ -91,9 +91,9 @@ class Sensitivity(Portable):
 
         Example:
             >>> import bellcrank as bc
-            >>> vary = {"crank_length": "normal(1.24 m, 1 mm)", "preload": "normal(1.96 N m, 0.02 N m)"}
-            >>> found = bc.sobol_indices("four_bar", vary, n=16).indices("lock.crank")
-            >>> found.total[0].value > 0.99 > 0.01 > found.total[1].value
+            >>> vary = {"crank_length": "normal(1.235 m, 2 mm)", "coupler_length": "normal(1.2 m, 0.1 mm)"}
+            >>> found = bc.sobol_indices("four_bar", vary, n=4).indices("lock.crank")
+            >>> found.total[0].value > 10.0 * found.total[1].value
             True
         """
         if arguments.text("measure", measure, "the name of a measure") not in self.units:
@@ -225,10 +225,12 @@ class Sensitivity(Portable):
 
 
 def index_text(each: Estimate) -> str:
-    """An index with half the width of its interval."""
+    """An index with half the width of its interval, to the digit of its error."""
     if not math.isfinite(each.value):
         return "does not vary"
-    return f"{each.value:.3f} ± {each.interval[1] - each.value:.2g}"
+    half = each.half_width
+    decimals = 3 if half <= 0.0 else min(max(1 - math.floor(math.log10(half)), 2), 9)
+    return f"{each.value:.{decimals}f} ± {half:.2g}"
 
 
 def left_out_text(found: SobolIndices) -> str:

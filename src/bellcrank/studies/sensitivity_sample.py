@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.cached_values import Portable, cached_property
-from bellcrank.messages import format_value
 from bellcrank.studies.intervals import LEAST_REPLICATES, SampleLayout
 
 Array = NDArray[np.float64]
@@ -58,7 +57,12 @@ class SensitivitySample(Portable):
 
     @property
     def note(self) -> str:
-        """How many designs there are, and why."""
+        """What the user should know about the number of points: nothing, it is balanced."""
+        return ""
+
+    @property
+    def content(self) -> str:
+        """Of which points the sample consists."""
         return (
             f"{self.count} designs: {self.replicates} scramblings of {self.size} Sobol points with "
             f"{self.dimensions} + 2 designs each"
@@ -67,7 +71,7 @@ class SensitivitySample(Portable):
     @property
     def identity(self) -> str:
         """What the points depend on."""
-        return format_value(f"sensitivity {self.replicates} x {self.size} x {self.block}, seed {self.seed}")
+        return f"{self.count} points for Sobol indices in {self.replicates} replicates, seed {self.seed}"
 
     def points(self, first: int, last: int, dimensions: int) -> Array:
         """Points `first`, …, `last` - 1 as an array (points, dimensions) of numbers between 0 and 1, ends excluded."""

@@ -17,7 +17,7 @@ from bellcrank.errors import BellcrankError, InputError
 from bellcrank.motion.stretching import stretched
 from bellcrank.scene.scene import Scene
 from bellcrank.sizing.mechanism_sizing import size_mechanism
-from bellcrank.sizing.result import Sizing
+from bellcrank.sizing.result import Sizing, SizingInputs
 from bellcrank.sizing.size import sizing_subject
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.design_runner import StudyInterrupted
@@ -168,7 +168,7 @@ class SizingRunner(Portable):
     def _single(self, numbers: Sequence[float], row: int, rows: _Rows) -> None:
         """Fill in a row by `bellcrank.size`."""
         try:
-            sizing = self._design(numbers)
+            sizing = self.design(numbers)
         except BellcrankError as error:
             rows.infeasible[row] = str(error).removeprefix(f"{self.scene.source}: ")
         else:
@@ -179,8 +179,17 @@ class SizingRunner(Portable):
                 rows.unsizable[row] = "; ".join(sizing.unsizable)
         rows.done[row] = True
 
-    def _design(self, numbers: Sequence[float]) -> Sizing:
+    def design(self, numbers: Sequence[float]) -> Sizing:
         """The sizing of one design by `bellcrank.size`. Raises BellcrankError where it cannot be built or sized."""
+        return self._sized(*self._changed(numbers))
+
+    def inputs(self, numbers: Sequence[float]) -> SizingInputs:
+        """The mechanism, motions and actuators of one design. Raises BellcrankError where it cannot be built."""
+        overrides, durations = self._changed(numbers)
+        return self._inputs(self._scene(overrides), durations)
+
+    def _changed(self, numbers: Sequence[float]) -> tuple[dict[str, Any], dict[str, float]]:
+        """Overrides of the scene, and durations of motions, s."""
         overrides: dict[str, Any] = {}
         durations: dict[str, float] = {}
         si = np.array(numbers) * factors(self.axes, self.changes)
@@ -189,21 +198,27 @@ class SizingRunner(Portable):
                 durations[change.owner] = value
             else:
                 overrides[change.path] = axis.value(number)
-        return self._sized(overrides, durations)
+        return overrides, durations
 
     def _sized(self, overrides: Mapping[str, Any], durations: Mapping[str, float]) -> Sizing:
         """The sizing with changed values, and motions that take other durations, s."""
-        scene = self.scene.with_overrides(overrides) if overrides else self.scene
+        scene = self._scene(overrides)
+        mechanism, motions, actuators = self._inputs(scene, durations)
+        return size_mechanism(mechanism, motions, actuators, transmissions=scene.config.transmissions)
+
+    def _scene(self, overrides: Mapping[str, Any]) -> Scene:
+        return self.scene.with_overrides(overrides) if overrides else self.scene
+
+    def _inputs(self, scene: Scene, durations: Mapping[str, float]) -> SizingInputs:
         subject = sizing_subject(scene, self.motions)
         for name, duration in durations.items():
             if not 0.0 < duration < np.inf:
                 raise InputError(f"motions.{name}.duration: expected more than 0 s, found {duration:g} s")
-        motions = [
+        motions = tuple(
             stretched(motion, durations[motion.name] / motion.duration) if motion.name in durations else motion
             for motion in subject.motions
-        ]
-        transmissions = scene.config.transmissions
-        return size_mechanism(subject.mechanism, motions, subject.actuators, transmissions=transmissions)
+        )
+        return SizingInputs(subject.mechanism, motions, subject.actuators)
 
 
 @dataclass(eq=False)

@@ -4,11 +4,17 @@ With independent parameters x, measure f and its variance V, the first-order ind
 that knowing x_i removes, and the total index is E[V(f | all but x_i)] / V, what is left when all others are known: with
 all interactions of x_i. Estimated from blocks A, B, A_B(i) (sensitivity_sample.py):
 
-    first order: mean of f(B) (f(A_B(i)) - f(A)), A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259-270, table 2b
-    total:       half the mean of (f(A) - f(A_B(i)))², M. J. W. Jansen, Comput. Phys. Commun. 117 (1999) 35-43
+    first order  small: mean of f(B) (f(A_B(i)) - f(A)), A. Saltelli et al., Comput. Phys. Commun. 181 (2010)
+                 259-270, table 2b
+                 large: V less half the mean of (f(B) - f(A_B(i)))², M. J. W. Jansen, Comput. Phys. Commun. 117 (1999)
+                 35-43
+    total        small: half the mean of (f(A) - f(A_B(i)))², Jansen (1999)
+                 large: V less the mean of f(A) (f(A_B(i)) - f(B)), the first-order part of all others by (2b), since
+                 A_B(i) is B with all other columns of A
 
-f is centred by its mean first, which does not change the indices and lessens the error. Independent scramblings of the
-points give the errors (A. B. Owen, Monte Carlo theory, methods and examples (2013), chapter 17).
+The errors of the small ones vanish as the index goes to 0, those of the large ones as it goes to 1. f is centred by its
+mean first, which does not change the indices and lessens the error. Independent scramblings of the points give the
+errors (A. B. Owen, Monte Carlo theory, methods and examples (2013), chapter 17).
 """
 
 from __future__ import annotations
@@ -25,6 +31,7 @@ from bellcrank.studies.sensitivity_sample import SensitivitySample
 from bellcrank.studies.tolerance import Estimate
 
 ROUND_OFF = 1e-12  # a standard deviation below this part of the mean says nothing about parameters
+LARGE = 0.5  # an index beyond it is estimated by what it lacks to 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,8 +115,13 @@ def block_indices(blocks: Array, whole: Mask) -> tuple[tuple[Estimate, ...], tup
     if not float(variance.sum()) > (ROUND_OFF * abs(centre)) ** 2 * max(len(used), 1):
         nothing = (Estimate(np.nan, (np.nan, np.nan)),) * number
         return nothing, nothing
-    first = [_estimate((b * (mix - a)).sum(axis=1), variance) for mix in mixed]
-    total = [_estimate(0.5 * ((a - mix) ** 2).sum(axis=1), variance) for mix in mixed]
+    first, total = [], []
+    for mix in mixed:
+        own = _estimate((b * (mix - a)).sum(axis=1), variance)
+        first.append(own if own.value <= LARGE else _estimate(variance - 0.5 * ((b - mix) ** 2).sum(axis=1), variance))
+        whole_part = _estimate(0.5 * ((a - mix) ** 2).sum(axis=1), variance)
+        large = whole_part.value > LARGE
+        total.append(_estimate(variance - (a * (mix - b)).sum(axis=1), variance) if large else whole_part)
     return tuple(first), tuple(total)
 
 

@@ -80,5 +80,5 @@ def _bars(place: Axes, one: SobolIndices) -> None:
 
 def _one_kind(place: Axes, rows: np.ndarray, estimates: Sequence[Estimate], colour: str, label: str) -> None:
     values = [estimate.value for estimate in estimates]
-    half = [estimate.interval[1] - estimate.value for estimate in estimates]
+    half = [estimate.half_width for estimate in estimates]
     place.barh(rows, values, height=0.36, color=colour, label=label, xerr=half, ecolor="0.15", capsize=2.5)

@@ -14,6 +14,7 @@ from bellcrank.simulation.checkpoints import KEEP_EVERY, check_keep_every
 from bellcrank.studies.execution import Executor
 from bellcrank.studies.executors import choose_executor
 from bellcrank.studies.partial_sweeps import WatchedExecutor
+from bellcrank.studies.sizing_runner import SizingRunner
 from bellcrank.studies.study import run_study
 from bellcrank.studies.study_folder import StudyFolder
 from bellcrank.studies.sweep_plan import SampleRequest, SweepPlan, plan_sizings, plan_sweep
@@ -28,6 +29,7 @@ def sweep(
     sample: int | None = None,
     method: str | None = None,
     seed: int | None = None,
+    sobol: int | None = None,
     overrides: Mapping[str, Any] | None = None,
     threads: int | None = None,
     workers: int | None = None,
@@ -60,6 +62,8 @@ def sweep(
         method: "sobol" (scrambled Sobol points, the default; a power of two is best), "latin" (a Latin hypercube) or
             "random" (independent points).
         seed: Of the random numbers, by default 0. A sample is the same for the same seed and version of SciPy.
+        sobol: Instead of a sample, the designs of Sobol indices (`Sweep.sensitivity`): 16 scramblings of this number of
+            Sobol points, a power of two, each with as many designs as there are parameters and 2.
         overrides: Changes of the scene beforehand, by dotted path.
         threads: How many threads run designs; by default as many as the machine has processors.
         workers: How many processes Dask starts on this machine to run designs, instead of threads.
@@ -101,7 +105,7 @@ def sweep(
     if folder is not None:
         folder = arguments.path("folder", folder, "the path of a folder")
     planned = plan_sizings if arguments.flag("size", size) else plan_sweep
-    plan = planned(scene, vary, SampleRequest(sample, method, seed), checking)
+    plan = planned(scene, vary, SampleRequest(sample, method, seed, sobol), checking)
     restart = arguments.flag("restart", restart)
     with contextlib.nullcontext() if folder is None else StudyFolder(folder, restart=restart) as opened:
         return run_sweep(plan, executor, folder=opened, progress=progress, keep=keep, keep_every=keep_every)
@@ -125,6 +129,7 @@ def run_sweep(
         candidates=runner.default_measures,
         noise=runner.noise,
         notes=plan.notes,
+        sized=isinstance(runner, SizingRunner),
     )
     if keep is not None:
         executor = WatchedExecutor(executor, sweep_of, keep, keep_every)

@@ -15,7 +15,8 @@ from bellcrank.scene.study import METHODS, MOST_POINTS, Study
 from bellcrank.studies.axes import Axis, parse_values, read_axis
 from bellcrank.studies.design_runner import DesignRunner
 from bellcrank.studies.design_space import DesignSpace
-from bellcrank.studies.samples import LARGEST_SEED, Sample
+from bellcrank.studies.samples import LARGEST_SEED, PointSet, Sample
+from bellcrank.studies.sensitivity_sample import SensitivitySample
 from bellcrank.studies.simulation_runner import SimulationRunner
 from bellcrank.studies.sizing_axes import unit_of
 from bellcrank.studies.sizing_runner import SizingRunner
@@ -36,11 +37,15 @@ class SweepPlan:
 
 @dataclass(frozen=True)
 class SampleRequest:
-    """How designs are drawn; what is None is as the scene's study says."""
+    """How designs are drawn; what is None is as the scene's study says.
+
+    With `sobol`, the number of Sobol points of each scrambling, they are those of Sobol indices.
+    """
 
     count: int | None = None
     method: str | None = None
     seed: int | None = None
+    sobol: int | None = None
 
 
 def plan_sweep(
@@ -51,7 +56,7 @@ def plan_sweep(
     Raises InputError for a path that does not exist, accepts none of its values or changes the equations.
     """
     axes = _axes(scene, vary, lambda path: None)
-    space = DesignSpace(axes, _sample(axes, scene.study, sample))
+    space = DesignSpace(axes, _sample(scene, axes, sample))
     for axis in axes:
         _check(scene, axis, checking)
     return SweepPlan(scene, space, SimulationRunner(scene, axes))
@@ -65,7 +70,7 @@ def plan_sizings(
     Raises InputError for a path that does not exist or accepts none of its values.
     """
     axes = _axes(scene, vary, lambda path: unit_of(scene, path))
-    space = DesignSpace(axes, _sample(axes, scene.study, sample))
+    space = DesignSpace(axes, _sample(scene, axes, sample))
     runner = SizingRunner(scene, axes)
     for axis, change in zip(axes, runner.changes, strict=True):
         if change.kind == "override":
@@ -99,9 +104,11 @@ def _written_axis(scene: Scene, study: Study, path: str, unit: str | None) -> Ax
         raise study.place.error(path, str(error).removeprefix(": ").removeprefix(f"sweep over '{path}': ")) from None
 
 
-def _sample(axes: tuple[Axis, ...], study: Study, asked: SampleRequest) -> Sample | None:
+def _sample(scene: Scene, axes: tuple[Axis, ...], asked: SampleRequest) -> PointSet | None:
     """The sample that is asked for; that of the scene is for distributions, wherever these are written."""
-    sample, method, seed = asked.count, asked.method, asked.seed
+    if asked.sobol is not None:
+        return _sensitivity_sample(scene, axes, asked)
+    study, sample, method, seed = scene.study, asked.count, asked.method, asked.seed
     if sample is not None:
         sample = arguments.whole("sample", sample, least=1, most=MOST_POINTS)
     if method is not None:
@@ -117,6 +124,22 @@ def _sample(axes: tuple[Axis, ...], study: Study, asked: SampleRequest) -> Sampl
         return None
     method = method or study.method or METHODS[0]
     return Sample.of(sample, method, study.seed or 0 if seed is None else seed)
+
+
+def _sensitivity_sample(scene: Scene, axes: tuple[Axis, ...], asked: SampleRequest) -> SensitivitySample:
+    size = arguments.whole("sobol", asked.sobol, least=2)
+    for name, value in (("sample", asked.count), ("method", asked.method)):
+        if value is not None:
+            raise InputError(f"{name}: not with sobol, since Sobol indices need designs of their own")
+    for axis in axes:
+        if axis.distribution is None:
+            raise InputError(
+                f"Sobol indices of {scene.name}: parameter '{axis.path}' has values and no distribution; write one such "
+                "as normal(1.24 m, 1 mm)"
+            )
+    given = scene.study.seed or 0 if asked.seed is None else asked.seed
+    seed = arguments.whole("seed", given, least=0, most=LARGEST_SEED)
+    return SensitivitySample(len(axes), size, seed=seed)
 
 
 def _check(scene: Scene, axis: Axis, checking: Checking | None, equations: bool = True) -> None:

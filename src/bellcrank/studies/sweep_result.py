@@ -27,6 +27,8 @@ from bellcrank.studies.sweep_tables import text_table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from bellcrank.studies.sample_statistics import SampleStatistics
+    from bellcrank.studies.sensitivity import Sensitivity
 
 Array = NDArray[np.float64]
 
@@ -44,6 +46,7 @@ class Sweep(Portable, Renamed):
         candidates: The measures that are shown by default if they vary.
         noise: Differences of a measure up to absolute + relative × magnitude are errors of the computation.
         notes: Sentences about what to look at in all designs.
+        sized: Whether the designs were sized, instead of simulated.
 
     Example:
         >>> import bellcrank as bc
@@ -61,6 +64,7 @@ class Sweep(Portable, Renamed):
     candidates: tuple[str, ...] = ()
     noise: tuple[float, float] = (0.0, 1e-12)
     notes: tuple[str, ...] = field(default=(), repr=False)
+    sized: bool = field(default=False, repr=False)
 
     def __repr__(self) -> str:
         axes = ", ".join(axis.path for axis in self.axes)
@@ -162,6 +166,24 @@ class Sweep(Portable, Renamed):
         """The measures that tables and plots show: the main ones, as far as they vary by more than `noise`."""
         chosen = tuple(name for name in self.candidates if varies(self.columns.measures[name], self.noise))
         return chosen or self.candidates
+
+    @cached_property
+    def statistics(self) -> SampleStatistics:
+        """Distributions of the measures and probabilities of limits, where the designs are a sample.
+
+        InputError where they are not, and where the error of what they estimate is unknown: Sobol points and Latin
+        hypercubes need at least 1,024 designs, a multiple of 16.
+        """
+        from bellcrank.studies.sweep_statistics import sweep_statistics
+
+        return sweep_statistics(self)
+
+    @cached_property
+    def sensitivity(self) -> Sensitivity:
+        """Sobol indices of the measures; InputError where the designs are not those of `sobol`."""
+        from bellcrank.studies.sweep_statistics import sweep_sensitivity
+
+        return sweep_sensitivity(self)
 
     def table(self, measures: Sequence[str] | None = None) -> str:
         """Format the designs as text.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -21,6 +22,20 @@ class Estimate:
 
     value: float
     interval: Interval
+
+    @property
+    def half_width(self) -> float:
+        """Half the width of the interval."""
+        return 0.5 * (self.interval[1] - self.interval[0])
+
+    def __str__(self) -> str:
+        """The number with as many digits as its interval deserves; with ± where this is symmetric."""
+        (low, high), half = self.interval, self.half_width
+        if not math.isfinite(self.value):
+            return "-"
+        if math.isfinite(half) and abs((high - self.value) - (self.value - low)) <= 1e-6 * half:
+            return f"{figure(self.value, half)} ± {half:.2g}"
+        return f"{figure(self.value, half)} ({figure(low, half)} to {figure(high, half)})"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +63,14 @@ class MeasureDistribution:
     mean: Estimate
     deviation: Estimate
     quantiles: Mapping[float, Estimate]
+
+
+def figure(value: float, error: float) -> str:
+    """A number with two digits more than its error leaves certain, at least four and at most twelve."""
+    if not math.isfinite(value):
+        return "unknown"
+    certain = math.log10(abs(value) / error) if value and error > 0.0 and math.isfinite(error) else 4.0
+    return f"{value:#.{min(max(math.ceil(certain) + 1, 4), 12)}g}".rstrip(".")
 
 
 def measure_distribution(

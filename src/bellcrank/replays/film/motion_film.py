@@ -129,7 +129,7 @@ def film_of_motions(
     traced = traced_frames(robot, trace)
     bodies, notes = film_bodies(robot, detail)
     bodies += sequence.more_bodies
-    trajectories = _trajectories(sequence, (*(body.name for body in bodies), *traced))
+    trajectories = motion_trajectories(sequence, (*(body.name for body in bodies), *traced))
     series = _series(sequence)
     parts: list[SampledFrames] = []
     for k, motion in enumerate(motions):
@@ -176,7 +176,7 @@ def film_of_motions(
     )
 
 
-def _trajectories(sequence: MotionSequence, frames: Iterable[str]) -> list[SampledTrajectory]:
+def motion_trajectories(sequence: MotionSequence, frames: Iterable[str]) -> list[SampledTrajectory]:
     """The motions with these frames and those of the scene's elements. Raises InputError for other joints."""
     robot, scene = sequence.mechanism.robot, sequence.mechanism.scene
     names = tuple(dict.fromkeys([*frames, *(() if scene is None else element_frames(scene))]))

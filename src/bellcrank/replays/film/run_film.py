@@ -71,14 +71,14 @@ def film_of_run(
     """
     scene, robot = run.scene, run.robot
     notes: list[str] = []
-    rows = _finite_rows(run)
+    rows = finite_rows(run)
     if rows < len(run):
         notes.append(f"from {run.time[rows]:.6g} s on the run is not finite; it is shown up to there")
     bodies, body_notes = film_bodies(robot, detail)
-    traced = traced_frames(robot, trace, _output_frames(run))
+    traced = traced_frames(robot, trace, output_frames(run))
     frames = tuple(dict.fromkeys([*(body.name for body in bodies), *element_frames(scene), *traced]))
     charts, chart_times = run_charts(run)
-    trajectory = _trajectory(run, rows, frames)
+    trajectory = run_trajectory(run, rows, frames)
     notes += _turn_notes(trajectory)
     end = float(trajectory.time[-1])
     trajectory = trajectory.with_rows(chart_times[chart_times <= end])
@@ -121,7 +121,7 @@ def film_of_run(
     )
 
 
-def _trajectory(run: Trajectory, rows: int, frames: tuple[str, ...]) -> SampledTrajectory:
+def run_trajectory(run: Trajectory, rows: int, frames: tuple[str, ...]) -> SampledTrajectory:
     """The first rows of a run, with a smooth curve through them between jumps."""
     scene, robot = run.scene, run.robot
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
@@ -147,7 +147,7 @@ def _run_frames(run: Trajectory, time: Array, q: Array, v: Array, frame_pose: Fr
     return RunFrames(scene=run.scene, parameters=run.parameters, state=state, frame_pose=frame_pose, run=run, time=time)
 
 
-def _finite_rows(run: Trajectory) -> int:
+def finite_rows(run: Trajectory) -> int:
     """The number of rows before the first that is not finite. InputError if it is 0, or if times do not increase."""
     good = np.isfinite(run.state).all(axis=1) & np.isfinite(run.time)
     rows = len(good) if good.all() else int(good.argmin())
@@ -176,7 +176,7 @@ def _turn_notes(trajectory: SampledTrajectory) -> list[str]:
     ]
 
 
-def _output_frames(run: Trajectory) -> tuple[str, ...]:
+def output_frames(run: Trajectory) -> tuple[str, ...]:
     """The frames whose positions are outputs of the scene."""
     quantities = [output.quantity for output in run.scene.outputs.values()]
     return tuple(dict.fromkeys(q.frame for q in quantities if isinstance(q, FrameOutput) and q.what == "position"))

@@ -29,10 +29,10 @@ def encode_film(film: Film, *, plots: bool = True) -> tuple[str, str]:
     """
     check_film(film)
     arrays = ArrayEncoder()
-    rounding = _rounding(film)
+    rounding = rounding_of(film)
     meshes: dict[int, tuple[int, Mesh]] = {}
     step = rounding / np.sqrt(3.0)  # of positions: half a step along each axis is half the rounding
-    turn_step = rounding / (4.0 * max(_reach(film), rounding))  # a step in a quaternion turns by 2 steps at the reach
+    turn_step = rounding / (4.0 * max(reach_of(film), rounding))  # a step in a quaternion turns by 2 steps at the reach
     quaternions = film.poses[:, :, 3:] / np.linalg.norm(film.poses[:, :, 3:], axis=2, keepdims=True)
     scales = arrow_scales(film)
     content: dict[str, Any] = {
@@ -74,7 +74,7 @@ def safe_json(content: Any) -> str:
 # ---- sizes
 
 
-def _rounding(film: Film) -> float:
+def rounding_of(film: Film) -> float:
     """The largest error of any point by rounding (m)."""
     return float(max(ROUNDING * film.error_bound, LEAST_ROUNDING * _extent(film)))
 
@@ -83,17 +83,17 @@ def _extent(film: Film) -> float:
     """The reach of the bodies and their motion from the centre of all positions (m)."""
     positions = film.poses[:, :, :3].reshape(-1, 3)
     half = 0.5 * float(np.linalg.norm(np.ptp(positions, axis=0))) if len(positions) else 0.0
-    return half + _reach(film) or 1.0
+    return half + reach_of(film) or 1.0
 
 
 def _size(film: Film) -> float:
     """The largest reach of the bodies from the centre of their positions at one time (m)."""
     positions = film.poses[:, :, :3]
     apart = np.linalg.norm(np.ptp(positions, axis=1), axis=1) if len(film.bodies) else np.zeros(1)
-    return 0.5 * float(apart.max()) + _reach(film) or 1.0
+    return 0.5 * float(apart.max()) + reach_of(film) or 1.0
 
 
-def _reach(film: Film) -> float:
+def reach_of(film: Film) -> float:
     """The largest distance of any shape's point from its body's origin (m)."""
     radii: dict[int, float] = {}
     reach = 0.0

@@ -3,8 +3,9 @@
 const MANY = 8;  // arrows or axes: more than these hide the robot, and are hidden at first
 
 /** Poses of bodies: positions are interpolated linearly, orientations at a constant rate. */
-function bodyUpdater(THREE, { positions, quaternions }, bodies) {
+function bodyUpdater(THREE, film, bodies) {
   return (frame, part) => {
+    const { positions, quaternions } = film;
     const last = (frame + 1) * bodies.length * 3 < positions.length ? 1 : 0;  // a film of one frame has no next frame
     for (let k = 0; k < bodies.length; k++) {
       const a = frame * bodies.length + k;
@@ -25,19 +26,29 @@ function interpolate3(values, width, at, frame, part) {
   return [0, 1, 2].map((i) => values[a + i] + part * (values[b + i] - values[a + i]));
 }
 
-function addTrace(THREE, world, layers, { name, segments }, colour, size) {
+function addTrace(THREE, world, layers, trace, colour, size) {
+  const { name } = trace;
   const group = new THREE.Group();
-  const lines = segments.map(({ time, points }) => {
-    const count = time.length;
-    const packed = new Float32Array(4 * count);
-    for (let i = 0; i < count; i++) packed.set([points[3 * i], points[3 * i + 1], points[3 * i + 2], time[i] - time[0]], 4 * i);
-    const line = makeLine(THREE, packed, { colour, width: 2.6, size });
-    group.add(line);
-    return [line, time];
-  });
+  let drawn = null;  // the segments of which the lines are
+  let lines = [];
+  const draw = () => {
+    for (const [line] of lines) line.geometry.dispose();
+    group.clear();
+    drawn = trace.segments;
+    lines = drawn.map(({ time, points }) => {
+      const count = time.length;
+      const packed = new Float32Array(4 * count);
+      for (let i = 0; i < count; i++) packed.set([points[3 * i], points[3 * i + 1], points[3 * i + 2], time[i] - time[0]], 4 * i);
+      const line = makeLine(THREE, packed, { colour, width: 2.6, size });
+      group.add(line);
+      return [line, time];
+    });
+  };
+  draw();
   world.add(group);
   layers.push({ group: "Traces", name, colour, objects: [group], on: true });
   return (frame, part, t) => {
+    if (drawn !== trace.segments) draw();
     for (const [line, time] of lines) {
       line.visible = t > time[0];
       if (line.visible) line.upTo(indexAt(time, t), t - time[0]);
@@ -45,7 +56,8 @@ function addTrace(THREE, world, layers, { name, segments }, colour, size) {
   };
 }
 
-function addSpring(THREE, world, layers, film, { name, ends }) {
+function addSpring(THREE, world, layers, film, part) {
+  const { name, ends } = part;
   let total = 0;
   for (let i = 0; i < ends.length; i += 6) total += Math.hypot(ends[i + 3] - ends[i], ends[i + 4] - ends[i + 1], ends[i + 5] - ends[i + 2]);
   const mean = total / (ends.length / 6) || 1;
@@ -56,9 +68,9 @@ function addSpring(THREE, world, layers, film, { name, ends }) {
   const group = new THREE.Group().add(spring);
   world.add(group);
   layers.push({ group: "Springs", name, colour: "#8592a0", objects: [group], on: true });
-  return (frame, part) => {
-    const start = interpolate3(ends, 6, 0, frame, part);
-    along.fromArray(interpolate3(ends, 6, 3, frame, part)).sub(spring.position.fromArray(start));
+  return (frame, share) => {
+    const start = interpolate3(part.ends, 6, 0, frame, share);
+    along.fromArray(interpolate3(part.ends, 6, 3, frame, share)).sub(spring.position.fromArray(start));
     const length = along.length();
     spring.visible = length > 1e-9;
     if (!spring.visible) return;
@@ -68,7 +80,8 @@ function addSpring(THREE, world, layers, film, { name, ends }) {
 }
 
 /** A thin rod between two points. */
-function addRod(THREE, world, layers, cache, film, { name, ends }) {
+function addRod(THREE, world, layers, cache, film, part) {
+  const { name } = part;
   const [cylinder] = cache.geometry({ kind: "cylinder", size: [1, 1] });
   const rod = new THREE.Mesh(cylinder, cache.material(ROD));
   const along = new THREE.Vector3();
@@ -76,9 +89,9 @@ function addRod(THREE, world, layers, cache, film, { name, ends }) {
   const group = new THREE.Group().add(rod);
   world.add(group);
   layers.push({ group: "Rods", name, colour: "#4a5560", objects: [group], on: true });
-  return (frame, part) => {
-    const start = interpolate3(ends, 6, 0, frame, part);
-    along.fromArray(interpolate3(ends, 6, 3, frame, part)).sub(rod.position.fromArray(start));
+  return (frame, share) => {
+    const start = interpolate3(part.ends, 6, 0, frame, share);
+    along.fromArray(interpolate3(part.ends, 6, 3, frame, share)).sub(rod.position.fromArray(start));
     const length = along.length();
     rod.visible = length > 1e-9;
     if (!rod.visible) return;

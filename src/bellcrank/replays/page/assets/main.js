@@ -95,7 +95,7 @@ async function open(licences) {
   const panel = byId("panel");
   panel.hidden = !(film.charts.length || film.xy_plots.length || film.events.length || film.notes.length);
   const view = makeView(byId("pane"), film);
-  const player = makePlayer(film.time);
+  const player = makePlayer(film);
   const set = view && makeLayers(view, film);
   byId("message").textContent = view ? "" : "The 3-D view is not available: this browser has no WebGL.\nThe plots work without it.";
   const reset = () => view?.resetCamera();
@@ -132,6 +132,7 @@ async function open(licences) {
  *   project(point)    the pixel of a point of the world
  *   pose(body)        position and quaternion (x y z w) of a body as drawn, by its number
  *   showBody(body, on) layers() showLayer(index, on) resetCamera()   visibility and camera
+ *   showMotion(motion)   another motion of the same bodies
  */
 function makeFacade(film, view, player, setLayer) {
   return {
@@ -166,6 +167,12 @@ function makeFacade(film, view, player, setLayer) {
     layers: () => view.layers.map(({ group, name, on }) => ({ group, name, on })),
     showLayer(index, on) { setLayer(view.layers[index], on); },
     resetCamera: () => view.resetCamera(),
+    /** Show another motion of the same bodies, as view.js does, with its events on the time line. */
+    showMotion(motion) {
+      film.events.splice(0, film.events.length, ...motion.events);
+      view?.showMotion(motion);
+      player.notify();
+    },
   };
 }
 

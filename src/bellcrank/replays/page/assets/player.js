@@ -4,8 +4,8 @@ const SPEEDS = [0.1, 0.2, 0.5, 1, 2, 5, 10];
 const LONGEST_STEP = 0.1;  // s of wall-clock time: a tab that was hidden does not jump when it is visible again
 
 /** The film's time, and playing it; listeners are called with each new time. */
-function makePlayer(times) {
-  const [start, end] = [times[0], times[times.length - 1]];
+function makePlayer(film) {
+  const [start, end] = [film.time[0], film.time[film.time.length - 1]];
   const listeners = [];
   const frameTimes = [];
   let before = null;  // time stamp of the last frame
@@ -35,6 +35,7 @@ function makePlayer(times) {
     /** Move by a number of frames. */
     step(count) {
       player.pause();
+      const times = film.time;  // another motion may have replaced it
       const at = indexAt(times, player.time);
       // A step back from between two frames goes to the one before.
       const next = count < 0 && player.time > times[at] ? at + count + 1 : at + count;

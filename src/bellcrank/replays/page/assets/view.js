@@ -35,13 +35,16 @@ function makeView(pane, film) {
 
   const bodies = film.bodies.map(({ shapes }) => {
     const body = new THREE.Group();
+    const form = new THREE.Group();  // the shapes, which another design may stretch
+    form.matrixAutoUpdate = false;
+    body.add(form);
     for (const shape of shapes) {
       const [geometry, scale] = cache.geometry(shape);
       const solid = new THREE.Mesh(geometry, cache.material(shape.colour));
       solid.position.fromArray(shape.pose);
       solid.quaternion.fromArray(shape.pose, 3);
       solid.scale.fromArray(scale);
-      body.add(solid);
+      form.add(solid);
     }
     world.add(body);
     return body;
@@ -139,6 +142,21 @@ function makeView(pane, film) {
     gridStep: () => cameraFollow.gridStep,
     refresh() {
       view.showTime(now);
+    },
+    /**
+     * Show another motion of the same bodies: times, positions and quaternions as in a film; segments of each trace and
+     * ends of springs and rods; and `stretch`, pairs of a body and the nine numbers, row by row, that its shapes are
+     * multiplied by.
+     */
+    showMotion({ time, positions, quaternions, traces, springs, rods, stretch }) {
+      Object.assign(film, { time, positions, quaternions });
+      traces.forEach((segments, k) => { film.traces[k].segments = segments; });
+      springs.forEach((ends, k) => { film.springs[k].ends = ends; });
+      rods.forEach((ends, k) => { film.rods[k].ends = ends; });
+      for (const body of bodies) body.children[0].matrix.identity();
+      for (const [k, [a, b, c, d, e, f, g, h, i]] of stretch) bodies[k].children[0].matrix.set(a, b, c, 0, d, e, f, 0, g, h, i, 0, 0, 0, 0, 1);
+      for (const body of bodies) body.children[0].matrixWorldNeedsUpdate = true;
+      view.refresh();
     },
   };
 
