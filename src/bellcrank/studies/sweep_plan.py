@@ -134,8 +134,8 @@ def _sensitivity_sample(scene: Scene, axes: tuple[Axis, ...], asked: SampleReque
     for axis in axes:
         if axis.distribution is None:
             raise InputError(
-                f"Sobol indices of {scene.name}: parameter '{axis.path}' has values and no distribution; write one such "
-                "as normal(1.24 m, 1 mm)"
+                f"Sobol indices of {scene.name}: parameter '{axis.path}' has values and no distribution; write one "
+                "such as normal(1.24 m, 1 mm)"
             )
     given = scene.study.seed or 0 if asked.seed is None else asked.seed
     seed = arguments.whole("seed", given, least=0, most=LARGEST_SEED)
