@@ -13,6 +13,7 @@ import numpy as np
 from bellcrank.errors import BellcrankError
 from bellcrank_bench.c_baseline.compiler import FLAGS, HEADERS, shared_library
 from bellcrank_bench.peers.peer import Outcome, Run
+from bellcrank_bench.problems.checks import Array
 from bellcrank_bench.problems.problem import OUTPUT_TIMES, Benchmark
 
 NAME = "C baseline"
@@ -59,6 +60,20 @@ class CBaseline:
             rejected=made.rejected,
         )
 
+    def many(self, runs: int, tolerance: float) -> tuple[float, Array]:
+        """Seconds of so many runs of DOP853, one after another in a loop in C, and where the first ends (count,).
+
+        Raises BellcrankError if the program cannot step.
+        """
+        starts, ends = np.tile(self._start, (runs, 1)), np.empty((runs, self.benchmark.count))
+        made = _Statistics()
+        status = self._library.dop853_many(
+            starts.ctypes.data, runs, self.benchmark.duration, tolerance, ends.ctypes.data, ctypes.addressof(made)
+        )
+        if status:
+            raise BellcrankError(f"DOP853 in C stopped with status {status}")
+        return made.seconds, ends[0]
+
     def timed(self, method: str, setting: str, tolerance: float = 0.0, step: float = 0.0) -> Run:
         """The same as a run that can be timed."""
 
@@ -78,5 +93,6 @@ def _library(benchmark: Benchmark) -> ctypes.CDLL:
     pointer, real, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_long
     for function in ("rk4", *(METHODS[method] for method in benchmark.adaptive)):
         getattr(library, function).argtypes = [pointer, real, real, real, real, pointer, integer, pointer, pointer]
+    library.dop853_many.argtypes = [pointer, integer, real, real, pointer, pointer]
     library.rhs_ns.argtypes, library.rhs_ns.restype = [pointer, integer], real
     return library

@@ -36,6 +36,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--gains", action="store_true", help="instead of scenes: maps of error and work over Baumgarte's gains"
     )
     parser.add_argument(
+        "--ensembles", nargs="*", metavar="SCENE",
+        help="instead of scenes: the time of a design among many, of sweeps, sizings and single calls "
+        "(default: all scenes that have designs); --peers adds MuJoCo's rollout and SciPy",
+    )  # fmt: skip
+    parser.add_argument(
+        "--designs", metavar="N", default="10000", help="designs of each ensemble of --ensembles (default 10000)"
+    )
+    parser.add_argument(
+        "--sweep-designs", metavar="N", default="100000",
+        help="designs of the sweep of --ensembles that writes files (default 100000; the largest: 1000000)",
+    )  # fmt: skip
+    parser.add_argument(
         "--repeats",
         metavar="N",
         default="30",
@@ -59,11 +71,16 @@ def run(arguments: argparse.Namespace) -> int:
 
     arguments.repeats = whole_option("--repeats", arguments.repeats, 1, 10**6)
     arguments.samples = whole_option("--samples", arguments.samples, 64, 10**8)
-    if arguments.scenes and (arguments.hard or arguments.gains or arguments.dynamics is not None):
+    arguments.designs = whole_option("--designs", arguments.designs, 1, 10**6)
+    arguments.sweep_designs = whole_option("--sweep-designs", arguments.sweep_designs, 1, 10**6)
+    lists = (arguments.dynamics, arguments.ensembles)
+    others = (arguments.hard, arguments.gains, *(names is not None for names in lists))
+    if sum([bool(arguments.scenes), *others]) > 1:
         raise InputError(
-            "bench: scenes, --hard, --gains and --dynamics are separate benchmarks; name robots after --dynamics"
+            "bench: scenes, --hard, --gains, --dynamics and --ensembles are separate benchmarks; name robots after "
+            "--dynamics and scenes after --ensembles"
         )
-    if arguments.markdown and (arguments.hard or arguments.gains):
+    if arguments.markdown and (arguments.hard or arguments.gains or arguments.ensembles is not None):
         raise InputError("bench: --markdown is for scenes and --dynamics")
     if arguments.out:
         atomic_write.check_folder("--out", arguments.out)
@@ -74,6 +91,8 @@ def run(arguments: argparse.Namespace) -> int:
             return _hard_cases(arguments.out)
         if arguments.gains:
             return _gains(arguments.out)
+        if arguments.ensembles is not None:
+            return _ensembles(arguments)
         return _scenes(arguments) if arguments.dynamics is None else _dynamics(arguments)
 
 
@@ -157,6 +176,41 @@ def _dynamics(arguments: argparse.Namespace) -> int:
         _write_json(arguments.out / "bench.json", data)
     if arguments.markdown:
         _write_text(arguments.markdown, markdown.dynamics_table(rows))
+    return 0
+
+
+def _ensembles(arguments: argparse.Namespace) -> int:
+    from bellcrank_bench.measurements import ensemble_speed, study_speed, warm_calls
+    from bellcrank_bench.measurements.ensemble_row import EnsembleRow
+    from bellcrank_bench.measurements.machine import machine_facts
+    from bellcrank_bench.tables.text import ensemble_table
+
+    facts, repeats = machine_facts(), arguments.repeats
+    names = [ensemble_speed.varied(name) for name in arguments.ensembles or ensemble_speed.VARIED]
+    jobs: dict[str, Callable[[], list[EnsembleRow]]] = {
+        f"{arguments.designs:,} designs of {name} at {ensemble_speed.TOLERANCE:g}; ratios to one run": partial(
+            ensemble_speed.ensemble_rows, name, arguments.designs, repeats, arguments.peers
+        )
+        for name in names
+    }
+    if not arguments.ensembles:
+        jobs |= {
+            "a sweep with its files, a design; ratio to the stepping of one run": partial(
+                study_speed.study_rows, arguments.sweep_designs
+            ),
+            "sizings, a design; ratios to size()": partial(study_speed.sizing_rows, arguments.designs, min(repeats, 5)),
+            "a warm simulate(); ratios to its stepping": partial(warm_calls.simulate_rows, "four_bar", repeats),
+            "inverse dynamics, a call; ratios to pin.rnea": partial(warm_calls.inverse_dynamics_rows, "ur5", repeats),
+            "the first use of a process; ratios to an empty cache": partial(warm_calls.first_use_rows, "ur5"),
+        }
+    print(f"{facts['cpu']}, {facts['cores']} cores, best of {repeats}; CPU time: of all threads of the process")
+    tables = {}
+    for title, job in bars()(jobs.items(), desc="bench", unit="table", disable=None):
+        tables[title] = job()
+        print(f"{title}\n{ensemble_table(tables[title])}", flush=True)
+    if arguments.out:
+        rows = [{"table": title, **row.data()} for title, found in tables.items() for row in found]
+        _write_json(arguments.out / "ensembles.json", {"machine": facts, "rows": rows})
     return 0
 
 

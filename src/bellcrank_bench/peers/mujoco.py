@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import importlib
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from typing import Any
@@ -31,35 +32,83 @@ CONSTRAINT_GRID = ("integrator", "step", "rate", "impedance", "shape")
 NOTE = "mj_step(model, data, nstep) from output to output: C loop, GIL-free"
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Stepping:
+    """A model of a benchmark with an integrator and a step, of which `count` go from one output time to the next."""
+
+    mujoco: Any
+    benchmark: Benchmark
+    method: str
+    setting: str
+    note: str
+    model: Any
+    count: int
+
+    @property
+    def run(self) -> Run:
+        """One run with all its outputs."""
+        once = partial(_run, self.mujoco, self.benchmark, self.model, self.mujoco.MjData(self.model), self.count)
+        return Run(tool=NAME, method=self.method, setting=self.setting, note=self.note, once=once)
+
+    def rollout(self, runs: int, threads: int) -> tuple[Callable[[], Any], Callable[[], Array]]:
+        """A call of mujoco.rollout that computes so many runs; and where the last run ends, (compared_count,)."""
+        module: Any = importlib.import_module("mujoco.rollout")
+        kind = self.mujoco.mjtState.mjSTATE_FULLPHYSICS
+        memories = [self.mujoco.MjData(self.model) for _ in range(threads)]
+        memories[0].qpos[:], memories[0].qvel[:] = _start(self.benchmark)
+        start = np.empty(self.mujoco.mj_stateSize(self.model, kind))
+        self.mujoco.mj_getState(self.model, memories[0], start, kind)
+        steps = self.count * (len(self.benchmark.times) - 1)
+        states = np.empty((runs, steps, len(start)))
+        starts, pool = np.tile(start, (runs, 1)), module.Rollout(nthread=threads if threads > 1 else 0)
+
+        def once() -> Any:
+            return pool.rollout(self.model, memories, starts, nstep=steps, state=states)
+
+        return once, lambda: states[-1, -1, 1 : 1 + self.benchmark.compared_count]
+
+
 def runs(benchmark: Benchmark, settings: Mapping[str, Any]) -> Iterator[Run]:
     """Every integrator at every time step; with constraints also every rate, impedance and shape of the rim."""
+    return (stepping.run for stepping in steppings(benchmark, settings))
+
+
+def steppings(benchmark: Benchmark, settings: Mapping[str, Any]) -> Iterator[Stepping]:
+    """The models of `runs`. Raises ImportError if MuJoCo is not installed."""
     mujoco: Any = importlib.import_module("mujoco")
-    return (_constrained_runs if benchmark.constrained else _tree_runs)(mujoco, benchmark, settings)
+    return (_constrained_steppings if benchmark.constrained else _tree_steppings)(mujoco, benchmark, settings)
 
 
-def _tree_runs(mujoco: Any, benchmark: Benchmark, settings: Mapping[str, Any]) -> Iterator[Run]:
+def _tree_steppings(mujoco: Any, benchmark: Benchmark, settings: Mapping[str, Any]) -> Iterator[Stepping]:
     for integrator, steps in settings.items():
         for step in steps:
             count, h = substeps(benchmark, step)
-            model = mujoco.MjModel.from_xml_string(_tree(benchmark.equations, integrator, h))
-            once = partial(_run, mujoco, benchmark, model, mujoco.MjData(model), count)
-            yield Run(
-                tool=NAME, method=integrator, setting=f"h {h:.3g}", note=f"{NOTE} (rollout takes as long)", once=once
+            yield Stepping(
+                mujoco=mujoco,
+                benchmark=benchmark,
+                method=integrator,
+                setting=f"h {h:.3g}",
+                note=f"{NOTE} (rollout takes as long)",
+                model=mujoco.MjModel.from_xml_string(_tree(benchmark.equations, integrator, h)),
+                count=count,
             )
 
 
-def _constrained_runs(mujoco: Any, benchmark: Benchmark, settings: Mapping[str, Any]) -> Iterator[Run]:
+def _constrained_steppings(mujoco: Any, benchmark: Benchmark, settings: Mapping[str, Any]) -> Iterator[Stepping]:
     mujoco.set_mju_user_warning(lambda _: None)  # a run that diverges is a row that failed, not lines on the screen
     for integrator, step, rate_step, impedance, shape in product(*(settings[key] for key in CONSTRAINT_GRID)):
         count, h = substeps(benchmark, step)
         rate = rate_step / h
         # critically damped at `rate` (1/s), in MuJoCo's direct format (-stiffness, -damping)
         solid = f'solref="{-rate * rate!r} {-2.0 * rate!r}" solimp="{impedance!r} {impedance!r} 0.001 0.5 2"'
-        model = mujoco.MjModel.from_xml_string(_constrained(benchmark.equations, integrator, h, solid, shape))
-        once = partial(_run, mujoco, benchmark, model, mujoco.MjData(model), count)
-        setting = f"h {h:.3g}, {rate:.3g}/s, {impedance:g}, {shape}"
-        yield Run(
-            tool=NAME, method=integrator, setting=setting, note=f"{NOTE}; Newton's solver, warm starts", once=once
+        yield Stepping(
+            mujoco=mujoco,
+            benchmark=benchmark,
+            method=integrator,
+            setting=f"h {h:.3g}, {rate:.3g}/s, {impedance:g}, {shape}",
+            note=f"{NOTE}; Newton's solver, warm starts",
+            model=mujoco.MjModel.from_xml_string(_constrained(benchmark.equations, integrator, h, solid, shape)),
+            count=count,
         )
 
 

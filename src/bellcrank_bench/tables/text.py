@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from bellcrank_bench.c_baseline.baseline import NAME as C_BASELINE
+from bellcrank_bench.measurements.ensemble_row import EnsembleRow
 from bellcrank_bench.measurements.gain_map import GainMap
 from bellcrank_bench.measurements.hard_cases import HardCase
 from bellcrank_bench.measurements.row import Row
@@ -76,6 +77,21 @@ def dynamics_table(rows: Sequence[Row]) -> str:
         numbers = f"{row.nanoseconds:9.1f} ns  {times}  error {row.error:.1e}" if row.reached else "        -"
         lines.append(f"  {row.subject:12} {row.method:17} {row.tool:31} {numbers}  {row.note}")
     return "\n".join(lines)
+
+
+def ensemble_table(rows: Sequence[EnsembleRow]) -> str:
+    """A line per row: its time and CPU time, each also as a multiple of its base, and its error."""
+    head = f"  {'':18}{'':39}{'':16}{'time':>12}{'ratio':>9}{'CPU time':>13}{'ratio':>9}   error"
+    return "\n".join([head, *map(_ensemble_row, rows)])
+
+
+def _ensemble_row(row: EnsembleRow) -> str:
+    label = f"  {row.subject:18}{row.tool:39}{row.setting:16}"
+    if not row.timed:
+        return f"{label} not timed: {row.note}"
+    times = (f"{each * 1e6:10.2f} µs {each / row.base:8.3g}" for each in (row.time.seconds, row.time.cpu))
+    error = "" if row.error is None else f"{row.error:.1e}"
+    return f"{label} {'  '.join(times)}   {error:8} {row.note}".rstrip()
 
 
 def hard_case_table(case: HardCase) -> str:
