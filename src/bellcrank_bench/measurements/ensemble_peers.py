@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from bellcrank.config.yaml_file import read_yaml
-from bellcrank_bench.measurements.ensemble_row import EnsembleRow, best_in_turns, clocked, thread_count
+from bellcrank_bench.measurements.ensemble_row import Duration, EnsembleRow, best_in_turns, clocked, thread_count
 from bellcrank_bench.measurements.row import Row
 from bellcrank_bench.measurements.scene_benchmark import SETTINGS
 from bellcrank_bench.measurements.work_precision import measure
@@ -26,7 +26,7 @@ MEMORY = 64e6  # bytes of all states of a rollout at most, about
 MOST_RUNS = 256
 
 
-def peer_rows(name: str, tolerance: float, threads: int, base: float) -> list[EnsembleRow]:
+def peer_rows(name: str, tolerance: float, threads: int, base: Duration) -> list[EnsembleRow]:
     """The rows of the peers of a scene; a peer without a time says why."""
     if name not in BENCHMARKS:
         note = f"not measured: {NOT_MEASURED[name]}"
@@ -41,7 +41,7 @@ def peer_rows(name: str, tolerance: float, threads: int, base: float) -> list[En
 
 
 def _rollouts(
-    benchmark: Benchmark, settings: Mapping[str, Any], tolerance: float, threads: int, base: float
+    benchmark: Benchmark, settings: Mapping[str, Any], tolerance: float, threads: int, base: Duration
 ) -> list[EnsembleRow]:
     """mujoco.rollout at the fastest setting with an error of at most LOOSER tolerances, else the most accurate one."""
     try:
@@ -79,7 +79,7 @@ def _rank(row: Row, limit: float) -> tuple[float, float]:
     return (limit, row.seconds) if row.error <= limit else (row.error, row.seconds)
 
 
-def _scipy(benchmark: Benchmark, tolerance: float, base: float) -> EnsembleRow:
+def _scipy(benchmark: Benchmark, tolerance: float, base: Duration) -> EnsembleRow:
     runs = list(scipy_pinocchio.runs(benchmark, {"solve_ivp": {"DOP853": [tolerance]}}))
     if not runs:
         return EnsembleRow(subject=benchmark.scene, tool=scipy_pinocchio.NAME, note="no scene of it")

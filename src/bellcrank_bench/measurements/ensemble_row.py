@@ -10,6 +10,8 @@ from typing import Any
 
 from bellcrank_bench.measurements.row import finite
 
+BUDGET = 20.0  # s for which the functions of a table are repeated
+
 
 @dataclass(frozen=True)
 class Duration:
@@ -17,7 +19,8 @@ class Duration:
 
     Attributes:
         seconds: By the wall clock, s.
-        cpu: CPU time of all threads of the process, s: on a machine with other work it is what the call costs.
+        cpu: CPU time of all threads of the process, s: on a machine with other work it is what the call costs. Infinite
+            where it is not measured.
     """
 
     seconds: float = math.inf
@@ -40,7 +43,7 @@ class EnsembleRow:
         tool: What was timed.
         setting: Threads, tolerance or step.
         time: Best times of a design or call.
-        base: The time that ratios are relative to, s; that of the subject's first row unless the note says otherwise.
+        base: The times that ratios are relative to.
         error: Largest difference from the reference that `note` names; None where it is not measured.
         note: What is compared, what the clock covers, or why there is no time.
     """
@@ -49,7 +52,7 @@ class EnsembleRow:
     tool: str
     setting: str = ""
     time: Duration = Duration()
-    base: float = math.inf
+    base: Duration = Duration()
     error: float | None = None
     note: str = ""
 
@@ -61,9 +64,10 @@ class EnsembleRow:
     def data(self) -> dict[str, Any]:
         """The row as JSON can hold it."""
         data = {**asdict(self), **asdict(self.time)}
-        del data["time"]
-        ratios = {"ratio": self.time.seconds / self.base, "cpu_ratio": self.time.cpu / self.base}
-        return finite(data | (ratios if self.timed else {}))
+        del data["time"], data["base"]
+        return finite(
+            data | {"ratio": self.time.seconds / self.base.seconds, "cpu_ratio": self.time.cpu / self.base.cpu}
+        )
 
 
 def clocked(function: Callable[[], object]) -> Duration:
@@ -74,10 +78,15 @@ def clocked(function: Callable[[], object]) -> Duration:
 
 
 def best_in_turns(functions: Sequence[Callable[[], Duration]], repeats: int) -> list[Duration]:
-    """The best of several times of each, in turns, so that disturbances of the machine affect all alike."""
-    best = [Duration()] * len(functions)
+    """The best of several times of each, in turns, so that disturbances of the machine affect all alike.
+
+    It stops early once it has taken longer than BUDGET.
+    """
+    best, begun = [Duration()] * len(functions), time.perf_counter()
     for _ in range(repeats):
         best = [known.best(function()) for known, function in zip(best, functions, strict=True)]
+        if time.perf_counter() - begun > BUDGET:
+            break
     return best
 
 

@@ -35,12 +35,12 @@ def study_rows(designs: int) -> list[EnsembleRow]:
 
     A sweep of few designs is run before: it fills the cache of compiled code.
     """
-    base = Ensemble("four_bar", 1).lone().seconds
+    base = Ensemble("four_bar", 1).lone()
     _study(64, base)
     return [_study(designs, base)]
 
 
-def _study(designs: int, base: float) -> EnsembleRow:
+def _study(designs: int, base: Duration) -> EnsembleRow:
     path, drawn = VARIED["four_bar"]
     with temporary_folder("bench") as folder:
         command = [
@@ -89,12 +89,12 @@ def sizing_rows(designs: int, repeats: int) -> list[EnsembleRow]:
     one, *many = best_in_turns([lambda: clocked(calls) / CALLS, *(partial(sized, k) for k in (1, THREADS))], repeats)
     rows = [
         EnsembleRow(
-            subject="ur5", tool="sizings of designs", setting=thread_count(threads), time=time, base=one.seconds,
+            subject="ur5", tool="sizings of designs", setting=thread_count(threads), time=time, base=one,
             error=error, note=f"{designs:,} designs; error: of peak torques from size(), relative",
         )
         for threads, time in zip((1, THREADS), many, strict=True)
     ]  # fmt: skip
-    first = EnsembleRow(subject="ur5", tool="size()", setting=f"{CALLS} warm calls", time=one, base=one.seconds)
+    first = EnsembleRow(subject="ur5", tool="size()", setting=f"{CALLS} warm calls", time=one, base=one)
     return [first, *rows]
 
 

@@ -36,10 +36,10 @@ def simulate_rows(name: str, repeats: int) -> list[EnsembleRow]:
         return Duration()
 
     best_in_turns([turn], repeats)
-    base, beyond = min(stepping), min(beside)
+    base, beyond = (Duration(least, least) for least in (min(stepping), min(beside)))
     return [
-        EnsembleRow(subject=name, tool="simulate(), stepping", time=Duration(base, base), base=base),
-        EnsembleRow(subject=name, tool="simulate(), beside stepping", time=Duration(beyond, beyond), base=base,
+        EnsembleRow(subject=name, tool="simulate(), stepping", time=base, base=base),
+        EnsembleRow(subject=name, tool="simulate(), beside stepping", time=beyond, base=base,
                     note="least of the whole call less its stepping"),
     ]  # fmt: skip
 
@@ -55,8 +55,8 @@ def inverse_dynamics_rows(name: str, repeats: int) -> list[EnsembleRow]:
     calls = (partial(pin.rnea, model, data), robot.inverse_dynamics)
     binding, own = best_in_turns([partial(_calls, call, states) for call in calls], 10 * repeats)
     return [
-        EnsembleRow(subject=name, tool="pin.rnea, one sample", time=binding, base=binding.seconds),
-        EnsembleRow(subject=name, tool="inverse_dynamics, one sample", time=own, base=binding.seconds, error=error,
+        EnsembleRow(subject=name, tool="pin.rnea, one sample", time=binding, base=binding),
+        EnsembleRow(subject=name, tool="inverse_dynamics, one sample", time=own, base=binding, error=error,
                     note="error: from pin.rnea, relative"),
     ]  # fmt: skip
 

@@ -89,7 +89,8 @@ def _ensemble_row(row: EnsembleRow) -> str:
     label = f"  {row.subject:18}{row.tool:39}{row.setting:16}"
     if not row.timed:
         return f"{label} not timed: {row.note}"
-    times = (f"{each * 1e6:10.2f} µs {each / row.base:8.3g}" for each in (row.time.seconds, row.time.cpu))
+    pairs = ((row.time.seconds, row.base.seconds), (row.time.cpu, row.base.cpu))
+    times = (f"{one * 1e6:10.2f} µs {one / base:8.3g}" if math.isfinite(one) else f"{'-':>21}" for one, base in pairs)
     error = "" if row.error is None else f"{row.error:.1e}"
     return f"{label} {'  '.join(times)}   {error:8} {row.note}".rstrip()
 
