@@ -105,3 +105,23 @@ def test_a_report_of_a_sweep_takes_measures_and_limits_and_other_reports_do_not(
     run = bc.simulate("pendulum", duration=0.1)
     with pytest.raises(InputError, match="they are for a sweep"):
         bc.report(run, tmp_path / "run.html", limits=["end.time > 1"])
+
+
+@pytest.mark.slow
+def test_statistics_of_sizings_are_those_of_the_closed_form():
+    """The peak torque of a pendulum that is held level is m g l (test_sizing_sweep.py): with independent m and l the
+    variance has the parts s_m² l², m² s_l² and s_m² s_l², and with l fixed the torque is normal."""
+    mass, length = (2.0, 0.1), (-0.5, 0.1 / math.sqrt(12.0))  # mean and standard deviation
+    vary = {"link.pendulum.mass": "normal(2 kg, 0.1 kg)", "link.pendulum.cg.z": "uniform(-0.55 m, -0.45 m)"}
+    found = bc.sweep("geared_pendulum", vary, size=True, sobol=128, seed=2).sensitivity.indices("shoulder.peak_torque")
+    parts = mass[1] ** 2 * length[0] ** 2, mass[0] ** 2 * length[1] ** 2
+    both = mass[1] ** 2 * length[1] ** 2
+    whole = sum(parts) + both
+    for first, total, part in zip(found.first, found.total, parts, strict=True):
+        assert abs(first.value - part / whole) < 2.0 * first.half_width < 0.05
+        assert abs(total.value - (part + both) / whole) < 2.0 * total.half_width < 0.05
+    single = {"link.pendulum.mass": vary["link.pendulum.mass"]}
+    sample = bc.sweep("geared_pendulum", single, size=True, sample=1024, method="random", seed=2)
+    torque = 9.81 * 0.5 * 2.1  # at one standard deviation above the mean; the configuration's l is 0.5 m
+    low, high = sample.statistics.exceedance(f"shoulder.peak_torque > {torque} N m").interval
+    assert low < stats.norm.sf(1.0) < high < low + 0.06
