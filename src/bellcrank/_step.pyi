@@ -20,7 +20,7 @@ def evaluate_rows(
     """The code for one sample, row by row; an input (1, m) holds for all samples."""
 
 class SampleCall:
-    """A compiled function of one sample with one output, of this address.
+    """A compiled function of one sample with one output, of this address, whose code lives as long as `code`.
 
     A call takes up to three vectors of doubles; inputs after them have size 0. It returns a new array of the shape, or
     None where an input is not a finite contiguous numpy.ndarray of its size, or the answer is not finite: the caller
@@ -28,7 +28,7 @@ class SampleCall:
     """
 
     def __init__(
-        self, address: int, input_sizes: tuple[int, ...], shape: tuple[int, ...], array: type, empty: Any
+        self, code: object, address: int, input_sizes: tuple[int, ...], shape: tuple[int, ...], array: type, empty: Any
     ) -> None: ...
     def __call__(self, *inputs: Any) -> NDArray[np.float64] | None: ...
 

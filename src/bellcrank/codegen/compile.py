@@ -134,9 +134,9 @@ class Compiled:
         """A call for one sample that costs little more than its evaluation, with an array of this shape as answer.
 
         It returns None where this object's own call has to convert its arguments or to refuse them. It is for the
-        target of this moment. Keep this object while you use it.
+        target of this moment, and keeps this object.
         """
-        return SampleCall(self.address("scalar"), self.input_sizes, shape, np.ndarray, np.empty)
+        return SampleCall(self, self.address("scalar"), self.input_sizes, shape, np.ndarray, np.empty)
 
     def __call__(self, *arrays: Any) -> Any:
         """Evaluate. Raises InputError where an array has a wrong shape or batches differ in length."""

@@ -45,10 +45,11 @@ class SampleCall {
  public:
   static constexpr int most = 4;
 
-  // The function's address, the sizes of its inputs, and the shape of its one output; `array` is numpy.ndarray and
-  // `empty` numpy.empty.
-  SampleCall(std::uintptr_t address, nb::tuple sizes, nb::tuple shape, nb::object array, nb::object empty)
-      : function_(reinterpret_cast<Evaluate>(address)), count_(static_cast<int>(nb::len(sizes))), shape_(shape),
+  // The object that keeps the function's code in memory, the function's address, the sizes of its inputs, and the shape
+  // of its one output; `array` is numpy.ndarray and `empty` numpy.empty.
+  SampleCall(nb::object code, std::uintptr_t address, nb::tuple sizes, nb::tuple shape, nb::object array,
+             nb::object empty)
+      : code_(code), function_(reinterpret_cast<Evaluate>(address)), count_(static_cast<int>(nb::len(sizes))), shape_(shape),
         array_(array), empty_(empty) {
     if (count_ > most) throw nb::value_error("SampleCall: too many inputs");
     for (int k = 0; k < count_; ++k) sizes_[k] = nb::cast<Py_ssize_t>(sizes[k]);
@@ -87,6 +88,7 @@ class SampleCall {
   }
 
  private:
+  nb::object code_;
   Evaluate function_;
   int count_;
   Py_ssize_t sizes_[most] = {}, size_ = 1;
@@ -99,7 +101,7 @@ void bind_sample_call(nb::module_& m) {
   using H = nb::handle;
   const auto any = nb::arg().none();
   nb::class_<SampleCall>(m, "SampleCall")
-      .def(nb::init<std::uintptr_t, nb::tuple, nb::tuple, nb::object, nb::object>())
+      .def(nb::init<nb::object, std::uintptr_t, nb::tuple, nb::tuple, nb::object, nb::object>())
       .def("__call__", [](const SampleCall& f, H a) { return f.call(a); }, any)
       .def("__call__", [](const SampleCall& f, H a, H b) { return f.call(a, b); }, any, any)
       .def("__call__", [](const SampleCall& f, H a, H b, H c) { return f.call(a, b, c); }, any, any, any);
