@@ -304,3 +304,19 @@ def test_a_run_of_designs_that_is_interrupted_keeps_those_that_are_done(four_bar
     np.testing.assert_allclose(
         result.column("lock.crank"), np.arccos(lock_cosine(np.linspace(1.21, 1.24, 9)[::2])), rtol=0, atol=1e-9
     )
+
+
+@pytest.mark.parametrize(
+    ("scene", "paths", "target"),
+    [
+        ("four_bar", ("crank_length", "parameters.crank_length"), "crank_length"),
+        ("four_bar", ("parameters.crank_length.value", "crank_length"), "crank_length"),
+        ("four_bar", ("initial.coupler", "initial.coupler.guess"), "initial.coupler"),
+        ("four_bar", ("initial.crank", " initial.crank"), "initial.crank"),
+        ("spring_pendulum", ("initial.velocity.slide", "initial.velocity"), "initial.velocity"),
+    ],
+)
+@pytest.mark.parametrize("size", [False, True])
+def test_two_axes_of_one_quantity_are_refused(scene, paths, target, size):
+    with pytest.raises(bc.InputError, match=f"both set '{target}'; keep one of them"):
+        bc.sweep(scene, {path: [1.0, 1.1] for path in paths}, size=size)

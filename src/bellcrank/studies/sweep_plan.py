@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from bellcrank import arguments
 from bellcrank.errors import InputError
+from bellcrank.scene.renamed_keys import rename_path
 from bellcrank.scene.scene import Scene
 from bellcrank.scene.study import METHODS, MOST_POINTS, Study
 from bellcrank.studies.axes import Axis, parse_values, read_axis
@@ -56,6 +57,7 @@ def plan_sweep(
     Raises InputError for a path that does not exist, accepts none of its values or changes the equations.
     """
     axes = _axes(scene, vary, lambda path: None)
+    _refuse_repeated(scene, axes)
     space = DesignSpace(axes, _sample(scene, axes, sample))
     for axis in axes:
         _check(scene, axis, checking)
@@ -70,6 +72,7 @@ def plan_sizings(
     Raises InputError for a path that does not exist or accepts none of its values.
     """
     axes = _axes(scene, vary, lambda path: unit_of(scene, path))
+    _refuse_repeated(scene, axes)
     space = DesignSpace(axes, _sample(scene, axes, sample))
     runner = SizingRunner(scene, axes)
     for axis, change in zip(axes, runner.changes, strict=True):
@@ -92,6 +95,26 @@ def _axes(scene: Scene, vary: Mapping[str, Any] | None, unit: Callable[[str], st
     if not given:
         raise InputError(f"sweep of {scene.name}: expected at least one parameter to vary, found none")
     return tuple(read_axis(scene, path, values, unit(path)) for path, values in given.items())
+
+
+def _refuse_repeated(scene: Scene, axes: Sequence[Axis]) -> None:
+    """Raise InputError where an axis replaces what an earlier one sets, whose values would then be without effect."""
+    earlier: dict[str, str] = {}
+    for axis in axes:
+        target = _target(scene, axis.path)
+        for known, path in earlier.items():
+            if f"{known}.".startswith(f"{target}."):
+                raise InputError(f"sweep over '{path}' and '{axis.path}': both set '{target}'; keep one of them")
+        earlier[target] = axis.path
+
+
+def _target(scene: Scene, path: str) -> str:
+    """A path in one spelling: a parameter by its name, and a joint of the start without "guess"."""
+    path = rename_path(path.strip())[0]
+    name = path.removeprefix("parameters.").removesuffix(".value")
+    if name in scene.parameters:
+        return name
+    return path.removesuffix(".guess") if path.startswith("initial.") else path
 
 
 def _written_axis(scene: Scene, study: Study, path: str, unit: str | None) -> Axis:
