@@ -17,6 +17,7 @@ from bellcrank.reports.document_html import document_html
 from bellcrank.reports.input_tables import about, made_with
 from bellcrank.reports.study_data import DEFAULT_VIEW, StudyFilm, View, encoded_study, study_film
 from bellcrank.studies.exceedance import Exceedance, interval_text, missing_text, parse_limit
+from bellcrank.studies.sample_statistics import TABLE_LEVELS
 from bellcrank.studies.sensitivity import index_text
 from bellcrank.studies.sensitivity_sample import SensitivitySample
 from bellcrank.studies.sweep_statistics import sweep_sensitivity, sweep_statistics
@@ -179,7 +180,7 @@ def _measure_words(
     if statistics is None:
         known = sweep.column(name)[np.isfinite(sweep.column(name))]
         return [f"{name}: {known.min():.6g} to {known.max():.6g} {unit}".rstrip() + "."] if len(known) else []
-    one = statistics.distribution(name, (0.05, 0.5, 0.95))
+    one = statistics.distribution(name, TABLE_LEVELS)
     if not one.count:
         return []
     low, middle, high = (each.value for each in one.quantiles.values())
@@ -221,10 +222,10 @@ def limit_table(found: Sequence[Exceedance]) -> Table:
 
 def distribution_table(statistics: SampleStatistics, measures: Sequence[str]) -> Table:
     """Mean, standard deviation and quantiles of measures, with their intervals."""
-    header = ("measure", "unit", "mean", "standard deviation", "1 %", "5 %", "median", "95 %", "99 %", "designs")
+    header = ("measure", "unit", "mean", "standard deviation", "5 %", "median", "95 %", "designs")
     rows = []
     for name in measures:
-        one = statistics.distribution(name)
+        one = statistics.distribution(name, TABLE_LEVELS)
         numbers = (one.mean, one.deviation, *one.quantiles.values())
         cells = (_two_lines(each) for each in numbers)
         rows.append((name, one.unit, *cells, f"{one.count:,}"))
