@@ -57,6 +57,13 @@ def test_a_sweep_and_sizings_and_calls_are_timed_and_checked():
     assert binding.timed and own.timed and own.error < 1e-12
 
 
+def test_first_use_from_the_cache_takes_less_time_than_without(monkeypatch):
+    monkeypatch.setattr(warm_calls, "PROCESSES", 1)
+    rows = warm_calls.first_use_rows("ur5")
+    assert rows[1].time.seconds < rows[0].time.seconds and rows[1].data()["ratio"] < 1.0
+    assert len(ensemble_table(rows).splitlines()) == 3
+
+
 def test_times_are_the_best_of_several_and_a_time_that_is_not_measured_is_a_dash():
     times = iter([Duration(2.0, 1.0), Duration(1.0, 3.0)])
     assert best_in_turns([lambda: next(times)], 2) == [Duration(1.0, 1.0)]

@@ -85,7 +85,7 @@ def first_use_rows(name: str) -> list[EnsembleRow]:
     note = "import bellcrank to the first inverse dynamics, in a new process"
     return [
         EnsembleRow(
-            subject=name, tool="first use", setting=setting, time=Duration(seconds, seconds), base=first, note=note
+            subject=name, tool="first use", setting=setting, time=Duration(seconds), base=Duration(first), note=note
         )
         for setting, seconds in (("empty cache", first), ("from the cache", cached))
     ]

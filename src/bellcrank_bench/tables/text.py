@@ -81,12 +81,12 @@ def dynamics_table(rows: Sequence[Row]) -> str:
 
 def ensemble_table(rows: Sequence[EnsembleRow]) -> str:
     """A line per row: its time and CPU time, each also as a multiple of its base, and its error."""
-    head = f"  {'':18}{'':39}{'':16}{'time':>12}{'ratio':>9}{'CPU time':>13}{'ratio':>9}   error"
+    head = f"  {'':76}{'time':>12}{'ratio':>9}{'CPU time':>13}{'ratio':>9}   error"
     return "\n".join([head, *map(_ensemble_row, rows)])
 
 
 def _ensemble_row(row: EnsembleRow) -> str:
-    label = f"  {row.subject:18}{row.tool:39}{row.setting:16}"
+    label = f"  {row.subject:20} {row.tool:38} {row.setting:15}"
     if not row.timed:
         return f"{label} not timed: {row.note}"
     pairs = ((row.time.seconds, row.base.seconds), (row.time.cpu, row.base.cpu))
