@@ -136,3 +136,21 @@ def test_an_extremum_within_a_long_step_is_that_of_the_closed_form():
     amplitude = np.hypot(middle - 5.0, 0.3 / speed)
     assert found.largest[0, 0] == pytest.approx(middle + amplitude, rel=1e-9)
     assert found.least[0, 0] == pytest.approx(middle - amplitude, rel=1e-9)
+
+
+@pytest.mark.parametrize("tolerance", [1e-10, 1e-6, 1e-4])
+def test_no_extremum_is_missed_near_the_ends_of_steps(tolerance):
+    """Random swings: where a quantity turns just before a step's end, its curvature there must not be underestimated."""
+    random = np.random.default_rng(11)
+    settings = {"simulate.rtol": tolerance, "simulate.atol": tolerance, "simulate.duration": 6.0}
+    starts = [*random.uniform([0.05, -1.0], [1.2, 1.0], (40, 2)).tolist(), [np.deg2rad(21.10236453), 0.2]]
+    runs = SceneEnsemble(
+        load_scene("spring_pendulum").with_overrides(settings),
+        [{"initial.swing": angle, "initial.velocity.swing": rate} for angle, rate in starts],
+    )
+    found, within = runs.run(), system_of(runs.scene).observed_layout.outputs
+    for row in range(len(starts)):
+        samples = observed(runs, row, np.linspace(0.0, 6.0, 8001))[:, :within]
+        allowed = 20 * tolerance * (1 + np.abs(samples).max(axis=0))
+        np.testing.assert_array_less(found.least[row, :within] - samples.min(axis=0), allowed)
+        np.testing.assert_array_less(samples.max(axis=0) - found.largest[row, :within], allowed)

@@ -21,6 +21,7 @@ template <int Stride>
 struct SampleWeights {
   static constexpr int count = parts / Stride;
   double miss[count - 3][5] = {}, bend[count - 1][3] = {};
+  double front[4] = {}, back[4] = {};  // the same at the first sample and the last, by the cubic through four samples
 
   static constexpr double at(int i) { return place[Stride * i]; }
 
@@ -47,6 +48,24 @@ struct SampleWeights {
       bend[i - 1][1] = scale / ((b - a) * (b - c));
       bend[i - 1][2] = scale / ((c - a) * (c - b));
     }
+    at_end(0, 1, front), at_end(count, -1, back);
+  }
+
+ private:
+  // The second derivative of a cubic is linear, and its difference of three samples is that at their mean place.
+  constexpr void at_end(int end, int step, double* weights) {
+    const double width = at(end + step) - at(end), scale = 0.25 * width * width;
+    double mean[2] = {};
+    for (int k = 0; k < 2; ++k)
+      for (int i = k; i < k + 3; ++i) mean[k] += at(end + i * step) / 3;
+    const double ratio = (at(end) - mean[0]) / (mean[1] - mean[0]);
+    for (int k = 0; k < 2; ++k)
+      for (int i = k; i < k + 3; ++i) {
+        double product = scale * (k == 0 ? 1 - ratio : ratio);
+        for (int j = k; j < k + 3; ++j)
+          if (j != i) product /= at(end + i * step) - at(end + j * step);
+        weights[i] += product;
+      }
   }
 };
 template <int Stride>
@@ -91,6 +110,19 @@ struct ShapeOf {
   auto runs(int i, const T* v) const { return absolute(v[i + 1] - v[i]) > 4.0 * (arc(i) + miss); }
   // Whether it is approximately a parabola between samples i and i + 1.
   auto parabola(int i) const { return miss <= 0.1 * arc(i); }
+};
+
+// The same, where a bend that grows towards an end of the step must not be taken for a smaller one.
+template <class T, int Stride = 1>
+struct ShapeToEnds : ShapeOf<T, Stride> {
+  explicit ShapeToEnds(const T* v) : ShapeOf<T, Stride>(v) {
+    constexpr int count = ShapeOf<T, Stride>::count;
+    const auto& w = sample_weights<Stride>;
+    T front = {}, back = {};
+    for (int i = 0; i < 4; ++i) front += w.front[i] * v[i], back += w.back[i] * v[count - i];
+    this->bend[0] = larger(this->bend[0], absolute(front));
+    this->bend[count] = larger(this->bend[count], absolute(back));
+  }
 };
 
 // Of one function.

@@ -47,7 +47,7 @@ class LaneObservation {
       const Vec span = samples<2>(y_, j, v);
       const Vec least = smaller(block.least[j], end), largest = larger(block.largest[j], end);
       const Vec margin = 0.1 * tolerance(block, least, largest);
-      const ShapeOf<Vec, 2> shape(v);
+      const ShapeToEnds<Vec, 2> shape(v);
       Mask may = Mask{};
       for (int i = 0; i < parts / 2; ++i)
         may |= ~shape.runs(i, v) & shape.may_leave(i, v, least - margin, largest + margin, 2);
@@ -81,10 +81,9 @@ class LaneObservation {
     if (!doubtful) return;
     sketch(1);
     for (int i = 0; i < (parts + 1) * count_; ++i) cheap_[i] = y_[i];
-    Bits hard = 0;
     for (int i = 1; i < parts; ++i) between(block, part * place[i], y_ + i * count_, doubtful);
     learn(block);
-    hard |= list(block, doubtful);
+    const Bits hard = list(block, doubtful);
     each(hard, [&](int l) { LaneSingleStep<Method>(ensemble_, block, l).observe(time[l], x); });
     const Mask easy = mask(doubtful & ~hard);
     for (int j = 0; j < within_; ++j) {
@@ -173,7 +172,7 @@ class LaneObservation {
       samples(y_, j, v);
       for (int i = 1; i < parts; ++i) least = smaller(v[i], least), largest = larger(v[i], largest);
       const Vec allowed = tolerance(block, least, largest), margin = 0.1 * allowed;
-      const ShapeOf<Vec> shape(v);
+      const ShapeToEnds<Vec> shape(v);
       const Bits sampled = lanes & ~constant_[j] & bits(shape.miss < INFINITY);
       for (int i = 0; sampled && i < parts; ++i) {
         const Mask may = ~shape.runs(i, v) & shape.may_leave(i, v, least - margin, largest + margin, 2);
@@ -194,7 +193,7 @@ class LaneObservation {
     for (int round = 0;; ++round) {
       Bits busy = 0;
       int j[width] = {};
-      Vec left = {}, right = {}, node[near], value[near];
+      Vec left = {}, right = {}, node[near] = {}, value[near] = {};
       each(lanes, [&](int l) {
         if (round >= jobs_count_[l]) return;
         busy |= 1u << l;

@@ -131,7 +131,7 @@ class ObservedExtremes {
     if (least_[j] != least_[j]) return true;
     double v[parts + 1];
     const double span = samples<2>(y_, j, v);
-    const ShapeOf<double, 2> shape(v);
+    const ShapeToEnds<double, 2> shape(v);
     if (!(shape.miss < INFINITY)) return false;
     if (history_[j].explains(span)) return true;
     for (int i = 0; i < parts / 2; ++i)
@@ -200,7 +200,7 @@ class ObservedExtremes {
   }
 
   void search_interval(int j, double a, double b, const double* v, int depth) {
-    const Shape shape(v);
+    const ShapeToEnds<double> shape(v);
     if (!(shape.miss < INFINITY)) return;
     for (int i = 0; i < parts; ++i) {
       if (!may_exceed(shape, i, v, j)) continue;
