@@ -121,8 +121,8 @@ class Sweep(Portable, Renamed):
             measure: The name of a measure, one of `units`.
 
         Returns:
-            Values (designs,) in SI units; NaN where a design does not have it, infinite where it has it and it is not a
-            finite number.
+            Values (designs,) in SI units, read-only; NaN where a design does not have it, infinite where it has it and
+            it is not a finite number.
 
         Raises:
             InputError: There is no such measure; the message lists the names.
@@ -134,7 +134,9 @@ class Sweep(Portable, Renamed):
         """
         if arguments.text("measure", measure, "the name of a measure") not in self.units:
             raise InputError(f"sweep of {self.scene.name}: {unknown_name('measure', measure, self.units)}")
-        return self.columns.measures[measure]
+        found = self.columns.measures[measure].view()
+        found.flags.writeable = False  # the sweep's own numbers
+        return found
 
     def grid(self, measure: str) -> Array:
         """Get a measure over the grid.
