@@ -140,7 +140,7 @@ def test_an_extremum_within_a_long_step_is_that_of_the_closed_form():
 
 @pytest.mark.parametrize("tolerance", [1e-10, 1e-6, 1e-4])
 def test_no_extremum_is_missed_near_the_ends_of_steps(tolerance):
-    """Random swings: where a quantity turns just before a step's end, its curvature there must not be underestimated."""
+    """Random swings: where a quantity turns just before a step's end, its curvature there is not underestimated."""
     random = np.random.default_rng(11)
     settings = {"simulate.rtol": tolerance, "simulate.atol": tolerance, "simulate.duration": 6.0}
     starts = [*random.uniform([0.05, -1.0], [1.2, 1.0], (40, 2)).tolist(), [np.deg2rad(21.10236453), 0.2]]
