@@ -199,12 +199,14 @@ def test_an_interrupted_ensemble_says_what_is_done(oscillator, lanes):
         if len(seen) == 2:
             raise KeyboardInterrupt
 
-    found = integrate_ensemble(oscillator, "DOP853", 1e-13, x0, p=p, t1=np.full(20000, 60), threads=2, lanes=lanes,
+    found = integrate_ensemble(oscillator, "DOP853", 1e-13, x0, p=p, t1=np.full(20000, 600), threads=2, lanes=lanes,
                                progress=interrupt)  # fmt: skip
     assert 0 < found.done.sum() < 20000 and seen == sorted(seen) and all(isinstance(n, int) for n in seen)
     assert (found.status[~found.done] == INTERRUPTED).all() and np.isnan(found.end_time[~found.done]).all()
     rows = np.flatnonzero(found.done)[:40]
-    again = integrate_ensemble(oscillator, "DOP853", 1e-13, x0[rows], p=p[rows], t1=np.full(len(rows), 60), lanes=lanes)
+    again = integrate_ensemble(
+        oscillator, "DOP853", 1e-13, x0[rows], p=p[rows], t1=np.full(len(rows), 600), lanes=lanes
+    )
     assert_equal_rows(rows_of(found, rows), again)
 
 

@@ -138,6 +138,7 @@ class Constrained(NamedTuple):
 def start_equations(scene: Scene) -> StartEquations:
     """The constraints of a scene, for the search for consistent starts."""
     system, free = system_of(scene), scene.initial.free
+    system.linearised.address("scalar")  # after this its sizes are checked
     heights, rows, _ = system.linearised.output_sizes
     pattern = system.jacobian_pattern
     sines = {k for listed in sine_rows(scene, system.multiplier_names).values() for k in listed}

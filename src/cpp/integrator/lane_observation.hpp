@@ -15,7 +15,7 @@ class LaneObservation {
   LaneObservation(LaneEquations& equations, LaneDenseOutput<Method>& dense)
       : ensemble_(equations.ensemble), equations_(equations), dense_(dense), count_(ensemble_.observed),
         within_(ensemble_.observed_within), y_((parts + 1) * count_), cheap_(within_ ? (parts + 1) * count_ : 0),
-        value_(count_), x_(ensemble_.common.n),
+        value_(count_), x_(ensemble_.common.n), plain_(ensemble_.common.n),
         noise_(within_), calm_(within_), constant_(within_) {}
 
   bool within() const { return within_ > 0; }
@@ -106,7 +106,8 @@ class LaneObservation {
   LaneEquations& equations_;
   LaneDenseOutput<Method>& dense_;
   const int count_, within_;
-  Vectors y_, cheap_, value_, x_;  // y_: a row for each sample; cheap_: those that are not on the dense output
+  Vectors y_, cheap_, value_;  // y_: a row for each sample; cheap_: those that are not on the dense output
+  Vectors x_, plain_;          // plain_: a state before it is projected
   Vectors noise_, calm_;    // what the steps show of quantities that are constant but for the error of that polynomial
   Array<Bits> constant_;    // in which lanes they are
   Growing<Climb> jobs_[width];
@@ -136,12 +137,19 @@ class LaneObservation {
     }
   }
 
-  // Quantities at states of the dense output, projected as those of outputs.
+  // Quantities at states of the dense output, projected as those of outputs; where the projection cannot be trusted
+  // (most_projected), those at the end of the step.
   void between(LaneBlock& block, Vec s, Vec* values, Bits lanes) {
     const Vec time = block.t_old + s * (block.t - block.t_old);
+    const Problem& p = ensemble_.common;
     dense_.interpolate(block, s, x_);
+    for (int i = 0; i < p.n; ++i) plain_[i] = x_[i];
     equations_.settle(block, time, x_, mask(lanes));
+    Mask near = Mask{} == 0;
+    for (int i = 0; i < p.nq + p.nv; ++i)
+      near &= absolute(x_[i] - plain_[i]) <= most_projected * (block.atol + block.rtol * absolute(plain_[i]));
     equations_.observe(block, time, x_, values);
+    for (int j = 0; j < within_; ++j) values[j] = near ? values[j] : y_[parts * count_ + j];
   }
 
   // ObservedHistory::learn

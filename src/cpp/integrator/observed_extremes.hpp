@@ -13,6 +13,10 @@
 namespace bellcrank {
 namespace BELLCRANK_ISA {
 
+// How far, in tolerances, a projection may move a state between the ends of steps, where the error of the dense output is
+// of the size of the tolerance. Where constraints nearly lose rank, a small residual makes a large change of velocity.
+constexpr double most_projected = 1e4;
+
 // What is known of a quantity from the steps before. One that is constant but for the error of the cheap polynomial, such
 // as the energy of a conservative system, leaves the extremes in every step there, and not on the dense output: where
 // that was found twice, such steps are no longer sampled again.
@@ -41,7 +45,8 @@ class ObservedExtremes {
   ObservedExtremes(Rhs& rhs, Stepper& stepper, Record& record)
       : rhs_(rhs), p_(rhs.problem), stepper_(stepper), count_(p_.observe ? p_.observed : 0),
         within_(count_ ? p_.observed_within : 0), least_(record.least), largest_(record.largest),
-        x_(count_ ? p_.n + 16 : 0), value_(count_), y_((parts + 1) * count_), cheap_(within_ ? (parts + 1) * count_ : 0),
+        x_(count_ ? p_.n + 16 : 0), plain_(within_ ? p_.n : 0), value_(count_), y_((parts + 1) * count_),
+        cheap_(within_ ? (parts + 1) * count_ : 0),
         history_(within_), in_(x_, rhs) {
     for (int j = 0; j < count_; ++j) least_[j] = INFINITY, largest_[j] = -INFINITY;
   }
@@ -74,7 +79,8 @@ class ObservedExtremes {
   Stepper& stepper_;
   const int count_, within_;
   double *least_, *largest_;
-  Buffer x_, value_, y_, cheap_;  // rows y_: at each place, the first at the step's start; cheap_: of the cheap polynomial
+  Buffer x_, plain_;  // plain_: a state before it is projected
+  Buffer value_, y_, cheap_;  // rows y_: at each place, the first at the step's start; cheap_: of the cheap polynomial
   Array<ObservedHistory> history_;
   Inputs in_;
   double end_ = 1;  // of the part of the step that counts, as a fraction of it
@@ -167,8 +173,17 @@ class ObservedExtremes {
   void between(double s, double* values) {
     const double t = stepper_.t_old + s * length();
     stepper_.sketch(s, x_);  // the dense output, where it could be prepared
+    std::memcpy(plain_, x_, p_.n * sizeof(double));
     rhs_.settle(t, x_);
-    evaluate(t, x_, values);
+    if (projected_nearby()) evaluate(t, x_, values);
+    else std::memcpy(values, y_ + parts * count_, count_ * sizeof(double));  // not to be trusted: left out
+  }
+
+  // Where constraints nearly lose rank, a projection makes a large change of the velocity of a small residual.
+  bool projected_nearby() const {
+    for (int i = 0; i < p_.nq + p_.nv; ++i)
+      if (!(std::fabs(x_[i] - plain_[i]) <= most_projected * (p_.atol + p_.rtol * std::fabs(plain_[i])))) return false;
+    return true;
   }
 
   void search() {
