@@ -123,6 +123,8 @@ struct ShapeToEnds : ShapeOf<T, Stride> {
     this->bend[0] = larger(this->bend[0], absolute(front));
     this->bend[count] = larger(this->bend[count], absolute(back));
   }
+  // Whether it is monotonic between samples i and i + 1, even if it has a corner there.
+  auto is_monotonic(int i, const T* v) const { return absolute(v[i + 1] - v[i]) > 4.0 * this->arc(i) + 16.0 * this->miss; }
 };
 
 // Of one function.

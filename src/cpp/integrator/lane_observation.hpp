@@ -50,7 +50,7 @@ class LaneObservation {
       const ShapeToEnds<Vec, 2> shape(v);
       Mask may = Mask{};
       for (int i = 0; i < parts / 2; ++i)
-        may |= ~shape.runs(i, v) & shape.may_leave(i, v, least - margin, largest + margin, 2);
+        may |= ~shape.is_monotonic(i, v) & shape.may_leave(i, v, least - margin, largest + margin, 4);
       const Mask explained = (block.calm[j] >= ObservedHistory::enough) & (span <= 4.0 * block.noise[j]);
       may = (may & ~explained) | ~(shape.miss < INFINITY);
       clear &= ~may | (block.least[j] != block.least[j]);
@@ -164,7 +164,7 @@ class LaneObservation {
       }
       const Mask flat = span <= 4.0 * gap;
       const Mask kept = beyond <= 10.0 * tolerance(block, block.least[j], block.largest[j]);
-      noise_[j] = flat ? larger(block.noise[j], gap) : block.noise[j];
+      noise_[j] = flat ? (kept ? larger(block.noise[j], gap) : Vec{}) : block.noise[j];
       calm_[j] = flat ? (kept ? block.calm[j] + 1.0 : Vec{}) : block.calm[j];
       constant_[j] = bits(flat & kept);
     }
@@ -183,7 +183,7 @@ class LaneObservation {
       const ShapeToEnds<Vec> shape(v);
       const Bits sampled = lanes & ~constant_[j] & bits(shape.miss < INFINITY);
       for (int i = 0; sampled && i < parts; ++i) {
-        const Mask may = ~shape.runs(i, v) & shape.may_leave(i, v, least - margin, largest + margin, 2);
+        const Mask may = ~shape.is_monotonic(i, v) & shape.may_leave(i, v, least - margin, largest + margin, 4);
         const Mask smooth = shape.parabola(i) | (shape.miss <= allowed);
         hard |= sampled & bits(may & ~smooth);
         const Bits found = sampled & bits(may & smooth);

@@ -34,7 +34,7 @@ struct ObservedHistory {
     const bool flat = span <= 4 * gap;
     constant = flat && kept;
     if (!flat) return;
-    noise = larger(noise, gap);
+    noise = kept ? larger(noise, gap) : 0;
     calm = kept ? calm + 1 : 0;
   }
 };
@@ -159,7 +159,7 @@ class ObservedExtremes {
   template <class AnyShape>
   bool may_exceed(const AnyShape& shape, int i, const double* v, int j) const {
     const double margin = 0.1 * tolerance(j);
-    return !shape.runs(i, v) && shape.may_leave(i, v, least_[j] - margin, largest_[j] + margin, 2);
+    return !shape.is_monotonic(i, v) && shape.may_leave(i, v, least_[j] - margin, largest_[j] + margin, 4);
   }
 
   // The value of quantity j at a state of the dense output; the others are taken as well.
@@ -217,8 +217,17 @@ class ObservedExtremes {
   void search_interval(int j, double a, double b, const double* v, int depth) {
     const ShapeToEnds<double> shape(v);
     if (!(shape.miss < INFINITY)) return;
-    for (int i = 0; i < parts; ++i) {
-      if (!may_exceed(shape, i, v, j)) continue;
+    bool done[parts] = {};
+    for (;;) {  // what may exceed the extremes most comes first: what is found there rules others out
+      int i = -1;
+      double most = 0;
+      for (int k = 0; k < parts; ++k) {
+        if (done[k] || !may_exceed(shape, k, v, j)) continue;
+        const double excess = larger(larger(v[k], v[k + 1]) - largest_[j], least_[j] - smaller(v[k], v[k + 1]));
+        if (i < 0 || excess + shape.arc(k) > most) i = k, most = excess + shape.arc(k);
+      }
+      if (i < 0) return;
+      done[i] = true;
       const double left = a + (b - a) * place[i], right = i + 1 == parts ? b : a + (b - a) * place[i + 1];
       const bool smooth = shape.parabola(i) || shape.miss <= tolerance(j);
       if (smooth && turns_within(i, v)) climb(j, a, b, i, v);
