@@ -9,8 +9,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from bellcrank.actuators.actuator import STANDSTILL, Actuator
+from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.actuator_fields import actuator_from_fields
+from bellcrank.actuators.shaft_load import STANDSTILL
 from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
 from bellcrank.motion.motion import Motion

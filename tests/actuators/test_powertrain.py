@@ -10,11 +10,12 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from bellcrank.actuators.actuator import STANDSTILL, Actuator
+from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.powertrain import PowerTrains, body
 from bellcrank.actuators.product_arrays import GearArrays, MotorArrays
+from bellcrank.actuators.shaft_load import STANDSTILL
 
 MOTOR: dict[str, Any] = {
     "torque_constant": 0.08,

@@ -240,8 +240,8 @@ def test_ctrl_c_keeps_what_was_computed_and_exits_130(arm):
     script = (
         "import runpy, sys, pathlib\n"
         "import bellcrank.simulation.integration as m\n"
-        "whole = m.integrate\n"
-        f"m.integrate = lambda *a, **k: (pathlib.Path({str(marker)!r}).touch(), whole(*a, **k))[1]\n"
+        "whole = m.Integration.run\n"
+        f"m.Integration.run = lambda *a, **k: (pathlib.Path({str(marker)!r}).touch(), whole(*a, **k))[1]\n"
         f"sys.argv = {command[2:]!r}\n"
         "runpy.run_module('bellcrank', run_name='__main__')\n"
     )
