@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -16,8 +15,7 @@ from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import make_ready
 from bellcrank.dynamics.system import system_of
 from bellcrank.simulation.ensemble_problem import EnsembleProblem, EnsembleResult, LaneKernels
-from bellcrank.simulation.integration import LEAST_ATOL, event_search, scene_kernels, state_layout
-from bellcrank.simulation.integration_problem import StepControl
+from bellcrank.simulation.integration import event_search, scene_kernels, state_layout, step_control
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.compiled_equations import System
@@ -79,15 +77,7 @@ def integrate_ensemble(
         kernels=scene_kernels(scene, system, implicit, projected, batched=False),
         lanes=None if implicit else _lane_kernels(scene, system, projected, observe),
         layout=state_layout(scene),
-        control=StepControl(
-            method=settings.solver,
-            rtol=settings.rtol,
-            atol=max(settings.atol, LEAST_ATOL),
-            step=settings.step or 0.0,
-            first_step=settings.first_step or 0.0,
-            max_step=settings.max_step or math.inf,
-            max_evaluations=settings.max_evaluations,
-        ),
+        control=step_control(settings),
         t1=starts.duration,
         x0=starts.start,
         parameters=starts.parameters,
