@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
 
     from bellcrank.robot.load_options import LoadOptions
     from bellcrank.robot.robot_cache import RobotData
+    from bellcrank.robot.robot_file import RobotFile
 
 Array = NDArray[np.float64]
 NO_PARAMETERS: Array = np.zeros(0)
@@ -29,8 +29,8 @@ NO_PARAMETERS: Array = np.zeros(0)
 class CompiledRobot(RobotDescription):
     """A robot with its equations, their machine code, and its kinematics; `Robot` adds its dynamics."""
 
-    def __init__(self, source: Path, text: str, data: RobotData, options: LoadOptions) -> None:
-        super().__init__(source, text, data, options)
+    def __init__(self, file: RobotFile, data: RobotData, options: LoadOptions) -> None:
+        super().__init__(file, data, options)
         self._check = StateCheck(self.name, self.nq, self.nv)
 
     # ---- machine code

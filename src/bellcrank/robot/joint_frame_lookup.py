@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from bellcrank.robot.tree import Tree
 if TYPE_CHECKING:
     from bellcrank.robot.load_options import LoadOptions
     from bellcrank.robot.robot_cache import RobotData
+    from bellcrank.robot.robot_file import RobotFile
     from bellcrank.robot.urdf_file import Urdf
 
 Array = NDArray[np.float64]
@@ -30,11 +30,10 @@ Array = NDArray[np.float64]
 class RobotDescription(Portable):
     """What a URDF and the arguments of `load_robot` say about a robot; `Robot` adds its dynamics."""
 
-    def __init__(self, source: Path, text: str, data: RobotData, options: LoadOptions) -> None:
-        self._text, self._data, self._options = text, data, options
-        self.source = source
-        self.mesh_source = source  # the URDF that names of mesh files are relative to
-        self.mesh_access = FileAccess.of(source.resolve())  # which of them are read
+    def __init__(self, file: RobotFile, data: RobotData, options: LoadOptions) -> None:
+        self.file, self._data, self._options = file, data, options
+        self.source = self.mesh_source = file.source  # names of mesh files are relative to the latter
+        self.mesh_access = FileAccess.of(file.source.resolve())  # which of them are read
         self.name = data.name
         self.findings = data.findings  # errors that `bellcrank check` finds in the elements
         self.inertia_warnings = data.inertia_warnings  # links that move and have no mass
@@ -74,7 +73,7 @@ class RobotDescription(Portable):
         """The URDF's own data, limits, friction and transmissions included."""
         from bellcrank.robot.urdf_file import Urdf
 
-        return Urdf.from_text(self._text, self.source)
+        return Urdf.from_text(self.file.urdf, self.source)
 
     @cached_property
     def model(self) -> Any:

@@ -13,7 +13,7 @@ from bellcrank.robot.load_options import FrameTable, LoadOptions, checked_frames
 from bellcrank.robot.payload import Payload
 from bellcrank.robot.robot import Robot
 from bellcrank.robot.robot_cache import robot_data
-from bellcrank.robot.xml_tree import read_text
+from bellcrank.robot.robot_file import read_robot_file
 
 
 def load_robot(
@@ -71,7 +71,8 @@ def load_robot(
     )
     arguments.path("path", path, "the path of a URDF, or the name of a robot")
     source = find_urdf(path)
-    text = read_text(source)
-    robot = Robot(source, text, robot_data(text, source, options), options)
-    robot.mesh_access = FileAccess.of(source.resolve(), trust)
+    access = FileAccess.of(source.resolve(), trust)
+    file = read_robot_file(source, access)
+    robot = Robot(file, robot_data(file.urdf, source, options), options)
+    robot.mesh_access = access
     return robot

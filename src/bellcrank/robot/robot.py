@@ -37,6 +37,7 @@ class Robot(CompiledRobot):
     Attributes:
         name: Name of the robot in the URDF.
         source: Path of the URDF.
+        file: What the robot file says besides the tree: closed loops, springs, motors, notes (`RobotFile`).
         joints: The independent joints, each with its name, kind and place in position and velocity.
         joint_names: Names of the joints with one degree of freedom.
         all_joint_names: Names of all moving joints, mimicking ones too.
@@ -367,7 +368,7 @@ class Robot(CompiledRobot):
         """
         loads = arguments.several("payloads", payloads, Payload, "Payloads")
         options = replace(self._options, payloads=(*self.payloads, *loads))
-        robot = type(self)(self.source, self._text, robot_data(self._text, self.source, options), options)
+        robot = type(self)(self.file, robot_data(self.file.urdf, self.source, options), options)
         robot.mesh_source, robot.mesh_access = self.mesh_source, self.mesh_access
         return robot
 

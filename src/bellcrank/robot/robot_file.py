@@ -1,0 +1,164 @@
+"""The contents of a robot file of any format, as the one record that the readers of all formats return.
+
+A reader returns a tree as a URDF text, in which joints may also have the types `spherical`, `universal` and `screw`,
+and beside it what a URDF cannot say: closed loops, springs, motors, the start, and what is not modelled. The records
+are neutral: `bellcrank.elements` makes constraints and forces of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, Literal
+from xml.parsers import expat
+
+from bellcrank.files.access import FileAccess
+from bellcrank.robot.urdf_elements import Vector3
+from bellcrank.robot.xml_tree import read_text
+
+WORLD: Final = "world"  # the frame of the world, where no link has this name
+LoopKind = Literal["point", "hinge", "weld", "distance"]
+
+
+@dataclass(frozen=True)
+class FramePlace:
+    """A frame at `xyz` (m) and `rpy` (rad, fixed axes x, y, z) in a link or frame of the URDF, or in WORLD."""
+
+    frame: str
+    xyz: Vector3 = (0.0, 0.0, 0.0)
+    rpy: Vector3 = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameLoop:
+    """A closed loop between the frames a and b.
+
+    point: the origins coincide. weld: the frames coincide. hinge: the origins and the axes `axis` (unit vector in each
+    frame) coincide. distance: the origins are `length` (m) apart.
+    """
+
+    name: str
+    kind: LoopKind
+    a: FramePlace
+    b: FramePlace
+    axis: Vector3 = (0.0, 0.0, 1.0)
+    length: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointCoupling:
+    """A relation of joint positions, rad or m: q_joint = c₀ + c₁ q_leader + c₂ q_leader² + …
+
+    Without a leader the joint is held at c₀.
+    """
+
+    name: str
+    joint: str
+    leader: str | None
+    coefficients: tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointSpring:
+    """A spring at a joint: torque (force) = −stiffness (position − reference), N m/rad (N/m) and rad (m)."""
+
+    joint: str
+    stiffness: float
+    reference: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointMotor:
+    """A motor at a joint: the joint turns `gear` times slower than the motor; `effort` is the largest torque or force
+    at the joint (N m or N), None where the file gives none.
+    """
+
+    name: str
+    joint: str
+    gear: float = 1.0
+    effort: float | None = None
+
+
+Loop = FrameLoop | JointCoupling
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotFile:
+    """What a robot file says.
+
+    Attributes:
+        source: Path of the file.
+        urdf: The tree as the text of a URDF. Joint types are those of URDF, and `spherical`, `universal` and `screw`
+            (attribute `pitch`, m per revolution).
+        loops: Closed loops and couplings of joints.
+        springs: Springs at joints.
+        motors: Motors at joints.
+        rotor_inertia: Rotor inertia reflected to the joint, by joint, kg m² (kg for prismatic joints).
+        start: Positions of joints at the start, by joint (rad or m, or all coordinates of the joint); None: not given.
+        gravity: Acceleration of gravity in the world, m/s²; None: not given.
+        notes: What the file says and is not modelled, one sentence each.
+    """
+
+    source: Path
+    urdf: str
+    loops: tuple[Loop, ...] = ()
+    springs: tuple[JointSpring, ...] = ()
+    motors: tuple[JointMotor, ...] = ()
+    rotor_inertia: Mapping[str, float] = field(default_factory=dict)
+    start: Mapping[str, float | tuple[float, ...]] | None = None
+    gravity: Vector3 | None = None
+    notes: tuple[str, ...] = ()
+
+
+Reader = Callable[[str, Path, FileAccess], RobotFile]  # of the file's text, its path, and which files it may name
+
+
+def read_robot_file(path: str | Path, access: FileAccess | None = None) -> RobotFile:
+    """Read a robot file; its root element decides which reader reads it.
+
+    Args:
+        path: Path of the file.
+        access: Which files it may name, such as included ones; by default those in its surroundings.
+
+    Returns:
+        The contents. A URDF is not checked here but by `Urdf.from_text`.
+
+    Raises:
+        InputError: The file cannot be read, or its reader refuses it; the message names file, line and element.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> read_robot_file(bc.load_robot("planar_2r").source).loops
+        ()
+    """
+    source = Path(path)
+    text = read_text(source)
+    reader = READERS.get(root_tag(text), _urdf)
+    return reader(text, source, access or FileAccess.of(source.resolve()))
+
+
+def root_tag(text: str) -> str:
+    """The tag of the root element of an XML text; "" where there is none."""
+    found: list[str] = []
+
+    class Found(Exception):
+        pass
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        found.append(tag)
+        raise Found
+
+    parser = expat.ParserCreate("utf-8")
+    parser.StartElementHandler = start
+    with suppress(Found, expat.ExpatError, UnicodeError):  # text that is not XML is refused by the reader
+        parser.Parse(text.encode("utf-8"), True)
+    return found[0] if found else ""
+
+
+def _urdf(text: str, source: Path, access: FileAccess) -> RobotFile:
+    return RobotFile(source=source, urdf=text)
+
+
+READERS: Final[dict[str, Reader]] = {"robot": _urdf}  # by the tag of the root element
