@@ -1,0 +1,105 @@
+"""Reads MJCF, the XML of MuJoCo: bodies and joints as a URDF, and beside it loops, springs, motors and the start.
+
+The meaning of elements: MuJoCo's documentation, "XML Reference" and "Modeling". Constraints are exact here, where
+MuJoCo's are soft; contacts, tendons and controllers are not modelled. What is not used is listed in the notes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from bellcrank.files.access import FileAccess
+from bellcrank.robot.mjcf_actuators import Motors, read_motors
+from bellcrank.robot.mjcf_bodies import Body, BodyReader
+from bellcrank.robot.mjcf_compiler import Compiler, Defaults, disabled_flags, gravity_of
+from bellcrank.robot.mjcf_element import read_mjcf_elements
+from bellcrank.robot.mjcf_equality import EqualityReader
+from bellcrank.robot.mjcf_inertia import total_scale
+from bellcrank.robot.mjcf_joints import MjcfJoint
+from bellcrank.robot.mjcf_names import named
+from bellcrank.robot.mjcf_notes import notes_of
+from bellcrank.robot.mjcf_start import start_of
+from bellcrank.robot.mjcf_urdf import UrdfWriter
+from bellcrank.robot.mjcf_visuals import Visuals
+from bellcrank.robot.robot_file import JointSpring, RobotFile
+
+MOVING = ("hinge", "slide")
+
+
+def read_mjcf(text: str, source: Path, access: FileAccess) -> RobotFile:
+    """Read an MJCF text.
+
+    Args:
+        text: Contents of the file.
+        source: Its path, for messages.
+        access: Which files it may name.
+
+    Returns:
+        The robot. Coordinates of joints are MuJoCo's, but quaternions are x y z w.
+
+    Raises:
+        InputError: The file is not valid MJCF, or has bodies that cannot be read; the message names file and line.
+    """
+    root = read_mjcf_elements(text, source, access)
+    if root.tag != "mujoco":
+        raise root.fail("is the root element; an MJCF file's <mujoco> was expected")
+    compiler, defaults = Compiler.of(root.find_all("compiler")), Defaults(root)
+    disabled = disabled_flags(root)
+    bodies = _with_total_mass(named(BodyReader(compiler, defaults).read(root)), compiler)
+    bodies = [replace(body, joints=tuple(_enabled(joint, disabled) for joint in body.joints)) for body in bodies]
+    actuators = [defaults.resolved(each, "actuator") for part in root.find_all("actuator") for each in part.children]
+    motors = read_motors(actuators, {j.name: j for body in bodies for j in body.joints}, compiler.autolimits)
+    bodies = [replace(body, joints=tuple(_with_damping(joint, motors) for joint in body.joints)) for body in bodies]
+    equalities = [defaults.resolved(each, "equality") for part in root.find_all("equality") for each in part.children]
+    loops, loop_notes = EqualityReader(bodies).read(equalities)
+    if "equality" in disabled and loops:
+        loops, loop_notes = [], ["the constraints under <equality> are disabled by <option><flag> and left out."]
+    start, start_notes = start_of(bodies, root)
+    visuals = Visuals(root, compiler, defaults)
+    joints = [joint for body in bodies for joint in body.joints]
+    efforts = {joint.name: effort for joint in joints if (effort := motors.effort(joint)) is not None}
+    urdf = UrdfWriter(bodies, visuals.of(bodies), efforts).text(root.attributes.get("model", "") or source.stem)
+    return RobotFile(
+        source=source,
+        urdf=urdf,
+        loops=tuple(loops),
+        springs=tuple(_springs(joints)),
+        motors=motors.motors,
+        rotor_inertia=_rotor_inertia(joints, motors),
+        start=start,
+        gravity=gravity_of(root),
+        notes=(*start_notes, *loop_notes, *motors.notes, *notes_of(root, bodies, visuals, access)),
+    )
+
+
+def _with_total_mass(bodies: list[Body], compiler: Compiler) -> list[Body]:
+    scale = total_scale([body.inertia for body in bodies], compiler)
+    return bodies if scale == 1.0 else [replace(body, inertia=body.inertia.scaled(scale)) for body in bodies]
+
+
+def _enabled(joint: MjcfJoint, disabled: frozenset[str]) -> MjcfJoint:
+    """The joint without the passive forces that flags disable."""
+    if disabled & {"spring", "passive"}:
+        joint = replace(joint, stiffness=(0.0,))
+    if disabled & {"damper", "passive"}:
+        joint = replace(joint, damping=(0.0,))
+    return replace(joint, friction=0.0) if "frictionloss" in disabled else joint
+
+
+def _with_damping(joint: MjcfJoint, motors: Motors) -> MjcfJoint:
+    added = motors.damping.get(joint.name, 0.0)
+    return replace(joint, damping=(joint.damping[0] + added, *joint.damping[1:])) if added else joint
+
+
+def _springs(joints: list[MjcfJoint]) -> list[JointSpring]:
+    return [
+        JointSpring(joint=joint.name, stiffness=joint.stiffness[0], reference=joint.spring_ref)
+        for joint in joints
+        if joint.kind in MOVING and joint.stiffness[0]
+    ]
+
+
+def _rotor_inertia(joints: list[MjcfJoint], motors: Motors) -> dict[str, float]:
+    sums = {j.name: j.armature + motors.armature.get(j.name, 0.0) for j in joints if j.kind != "free"}
+    return {name: value for name, value in sums.items() if value}

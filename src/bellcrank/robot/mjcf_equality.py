@@ -1,0 +1,115 @@
+"""Closed loops and couplings of an MJCF file: <connect>, <weld> and <joint> under <equality>.
+
+A constraint between bodies holds in the posture in which the file places them, MuJoCo's qpos0; one between sites lets
+the sites coincide. MuJoCo's documentation, "XML Reference", section "equality".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from scipy.spatial.transform import Rotation
+
+from bellcrank.messages import unknown_name
+from bellcrank.robot.mjcf_bodies import WORLD, Body
+from bellcrank.robot.mjcf_element import MjcfElement
+from bellcrank.robot.mjcf_joints import MjcfJoint
+from bellcrank.robot.mjcf_names import Names
+from bellcrank.robot.mjcf_placement import Array, inverse, placement, roll_pitch_yaw, translation, vector
+from bellcrank.robot.robot_file import FrameLoop, FramePlace, JointCoupling, Loop, LoopKind
+
+
+class EqualityReader:
+    """Reads the constraints between named bodies, whose sites and joints have their own names in the file."""
+
+    def __init__(self, bodies: Sequence[Body]) -> None:
+        self._joints = {joint.name: joint for body in bodies for joint in body.joints}
+        self._places: dict[str, Array] = {}  # of bodies in the world, in the posture of the file
+        self._sites: dict[str, tuple[str, Array]] = {}
+        for body in bodies:
+            above = self._places[bodies[body.parent].name] if self._places else np.eye(4)
+            self._places[body.name] = above @ body.place
+            for site in body.sites:
+                self._sites[site.name] = (body.name, site.place)
+
+    def read(self, elements: Sequence[MjcfElement]) -> tuple[list[Loop], list[str]]:
+        """The constraints of resolved elements, and a sentence about each that is not modelled. Raises InputError."""
+        loops: list[Loop] = []
+        notes: list[str] = []
+        names = Names([element.name for element in elements])
+        for element in elements:
+            name = element.name or names.new(element.tag)
+            if element.tag not in ("connect", "weld", "joint"):
+                notes.append(f"line {element.line}: the constraint <{element.tag}> under <equality> is not modelled.")
+            elif not element.flag("active", True):
+                notes.append(f"line {element.line}: the <{element.tag}> '{name}' is inactive and left out.")
+            elif element.tag == "joint":
+                loops.append(self._coupling(name, element))
+            else:
+                loops.append(self._frames(name, element))
+        return loops, notes
+
+    def _frames(self, name: str, element: MjcfElement) -> FrameLoop:
+        kind: LoopKind = "point" if element.tag == "connect" else "weld"
+        if "site1" in element.attributes or "site2" in element.attributes:
+            if "body1" in element.attributes or "body2" in element.attributes:
+                raise element.fail("names sites and bodies; name two sites, or bodies")
+            a, b = (self._sites[self._known(element, key, self._sites, "site")] for key in ("site1", "site2"))
+        else:
+            one = self._known(element, "body1", self._places, "body")
+            two = self._known(element, "body2", self._places, "body") if "body2" in element.attributes else WORLD
+            there = inverse(self._places[one]) @ self._places[two]  # body 2 in body 1
+            if element.tag == "connect":
+                element.required("anchor")
+                anchor = translation(np.array(element.vector("anchor", (0.0, 0.0, 0.0))))
+                a, b = (one, anchor), (two, inverse(there) @ anchor)
+            else:
+                there = _relative_pose(element, there)
+                anchor = translation(np.array(element.vector("anchor", (0.0, 0.0, 0.0))))
+                a, b = (one, there @ anchor), (two, anchor)
+        if a[0] == b[0]:
+            raise element.fail("constrains a body to itself; name two bodies")
+        if element.tag == "weld" and element.number("torquescale", 1.0) == 0.0:
+            kind = "point"  # MuJoCo scales the rotation in the residual by it
+        return FrameLoop(name=name, kind=kind, a=_place(*a), b=_place(*b))
+
+    def _coupling(self, name: str, element: MjcfElement) -> JointCoupling:
+        """q₁ − ref₁ = p(q₂ − ref₂), multiplied out to powers of q₂."""
+        given = element.numbers("polycoef", 1, 5) or ()
+        own = Polynomial([*given, *(0.0, 1.0, 0.0, 0.0, 0.0)[len(given) :]])
+        joint, leader = self._one(element, "joint1"), None
+        if "joint2" in element.attributes:
+            leader = self._one(element, "joint2")
+            if leader is joint:
+                raise element.fail("couples a joint to itself; name two joints")
+            found = own(Polynomial([-leader.ref, 1.0])) + joint.ref
+        else:
+            found = Polynomial([own.coef[0] + joint.ref])
+        coefficients = tuple(float(value) for value in np.trim_zeros(found.coef, "b")) or (0.0,)
+        return JointCoupling(name=name, joint=joint.name, leader=leader and leader.name, coefficients=coefficients)
+
+    def _one(self, element: MjcfElement, key: str) -> MjcfJoint:
+        joint = self._joints[self._known(element, key, self._joints, "joint")]
+        if joint.kind not in ("hinge", "slide"):
+            raise element.fail(f"{key}: the joint '{joint.name}' is a {joint.kind} joint; expected a hinge or slide")
+        return joint
+
+    def _known(self, element: MjcfElement, key: str, known: Mapping[str, object], kind: str) -> str:
+        name = element.required(key)
+        if name not in known:
+            raise element.fail(f"{key}: {unknown_name(kind, name, known)}")
+        return name
+
+
+def _relative_pose(element: MjcfElement, there: Array) -> Array:
+    """The placement of body 2 in body 1 that `relpose` gives; `there` where its quaternion is zero or it is missing."""
+    x, y, z, *quaternion = element.vector("relpose", (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    if not any(quaternion):
+        return there
+    return placement(np.array([x, y, z]), Rotation.from_quat([*quaternion[1:], quaternion[0]]))
+
+
+def _place(frame: str, place: Array) -> FramePlace:
+    return FramePlace(frame, vector(place[:3, 3]), roll_pitch_yaw(place[:3, :3]))

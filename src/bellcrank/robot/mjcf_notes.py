@@ -1,0 +1,152 @@
+"""What an MJCF file says and is not modelled, one sentence each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+from bellcrank.files.access import FileAccess
+from bellcrank.robot.mjcf_bodies import Body
+from bellcrank.robot.mjcf_element import MjcfElement
+from bellcrank.robot.mjcf_visuals import Visuals
+
+MOST_NAMED = 6  # names in one sentence
+PLACING = "name class childclass pos quat axisangle xyaxes zaxis euler user group"
+DRAWING = "material rgba fitscale hfield castshadow"
+CONTACT = (
+    "contype conaffinity condim priority friction solmix margin gap adhesion surfacevel solref solimp solreflimit "
+    "solimplimit solreffriction solimpfriction"
+)
+KNOWN: Final = {  # attributes that are used, or of which a sentence below speaks
+    "body": f"{PLACING} mocap gravcomp fuse simple sleep",
+    "joint": f"{PLACING} {CONTACT} type axis ref range limited stiffness damping frictionloss armature springref "
+    "actuatorfrcrange actuatorfrclimited",
+    "freejoint": "name group",
+    "geom": f"{PLACING} {DRAWING} {CONTACT} type size fromto mesh mass density shellinertia",
+    "site": f"{PLACING} {DRAWING} type size fromto mesh",
+    "inertial": f"{PLACING} mass diaginertia fullinertia",
+    "frame": PLACING,
+    "replicate": "count offset euler sep childclass",
+    "compiler": "angle eulerseq autolimits inertiafromgeom inertiagrouprange boundmass boundinertia settotalmass "
+    "balanceinertia meshdir texturedir assetdir discardvisual fusestatic strippath fitaabb usethread convexhull "
+    "conflict coordinate saveinertial savecanonical savecompiled exactmeshinertia passthrough",
+    "connect": "name class body1 body2 anchor site1 site2 active solref solimp",
+    "weld": "name class body1 body2 anchor relpose torquescale site1 site2 active solref solimp",
+    "key": "name qpos qvel ctrl act time mpos mquat plastic",
+}  # fmt: skip
+FLAGS: Final = ("gravity", "equality", "spring", "damper", "passive", "frictionloss")  # that are obeyed where disabled
+QUIET: Final = ("visual", "statistic", "size", "custom", "extension", "sensor", "contact")
+FLUID: Final = ("density", "viscosity", "wind", "magnetic")
+
+
+def notes_of(root: MjcfElement, bodies: Sequence[Body], visuals: Visuals, access: FileAccess) -> list[str]:
+    """The sentences about a file."""
+    return [
+        *_contacts(bodies),
+        *_joints(bodies),
+        *_bodies(bodies),
+        *_sections(root),
+        *_options(root),
+        *_attributes(root),
+        *_drawing(visuals, root.source, access),
+    ]
+
+
+def _contacts(bodies: Sequence[Body]) -> Iterator[str]:
+    shapes = [shape for body in bodies for shape in body.shapes]
+    count = sum(shape.collides for shape in shapes)
+    if count:
+        yield f"contacts are not modelled: {count} of {len(shapes)} shapes may collide in MuJoCo."
+
+
+def _joints(bodies: Sequence[Body]) -> Iterator[str]:
+    joints = [joint for body in bodies for joint in body.joints]
+    several = [joint for joint in joints if joint.kind in ("ball", "free")]
+    free = [joint for joint in several if joint.kind == "free"]
+    unused = {
+        "the stiffness of ball and free joints is not used": [j for j in several if j.stiffness[0]],
+        "damping, friction and armature of free joints are not used": [
+            j for j in free if j.damping[0] or j.friction or j.armature
+        ],
+        "the range of ball joints is not used": [j for j in several if j.range is not None],
+        "of stiffness and damping only the first, linear coefficient is used": [
+            j for j in joints if any((*j.stiffness[1:], *j.damping[1:]))
+        ],
+        "springdamper is not used: the joint has no spring by it": [
+            j for j in joints if any(j.element.numbers("springdamper", 2, 2) or ())
+        ],
+        "springyield is not used": [j for j in joints if "springyield" in j.element.attributes],
+    }
+    for sentence, found in unused.items():
+        if found:
+            yield f"{sentence} ({_names([joint.name for joint in found])})."
+
+
+def _bodies(bodies: Sequence[Body]) -> Iterator[str]:
+    buoyant = [body.name for body in bodies[1:] if body.element.number("gravcomp", 0.0)]
+    if buoyant:
+        yield f"gravcomp is not used: the bodies have their full weight ({_names(buoyant)})."
+    held = [body.name for body in bodies[1:] if body.element.flag("mocap", False)]
+    if held:
+        yield f"mocap bodies stand still ({_names(held)})."
+
+
+def _sections(root: MjcfElement) -> Iterator[str]:
+    found = {element.tag for element in root.children if element.children or element.attributes}
+    quiet = [tag for tag in QUIET if tag in found]
+    if quiet:
+        yield f"not used: {', '.join(f'<{tag}>' for tag in quiet)}."
+    for tag, what in (("tendon", "tendons"), ("deformable", "deformable bodies")):
+        count = sum(len(section.children) for section in root.find_all(tag))
+        if count:
+            yield f"{count} {what} are not modelled, nor are their springs, damping and limits."
+    if any(section.children for section in root.find_all("equality")):
+        yield "closed loops and couplings are exact: MuJoCo's softness (solref, solimp) is not used."
+    known = {*KNOWN, *QUIET, *_TAKEN}
+    for element in root.children:
+        if element.tag not in known:
+            yield f"line {element.line}: <{element.tag[:40]}> is not known and not used."
+
+
+_TAKEN: Final = ("worldbody", "asset", "option", "default", "equality", "actuator", "keyframe", "tendon", "deformable")
+
+
+def _options(root: MjcfElement) -> Iterator[str]:
+    options = list(root.find_all("option"))
+    fluid = [key for option in options for key in FLUID[:3] if any(option.numbers(key, 1, 3) or ())]
+    if fluid:
+        yield f"forces of a fluid are not modelled ({', '.join(fluid)} of <option>)."
+    solver = sorted({key for option in options for key in option.attributes} - {"gravity", *FLUID})
+    if solver:
+        yield f"MuJoCo's solver settings are not used ({', '.join(solver)})."
+    flags = [key for o in options for f in o.find_all("flag") for key in f.attributes if key not in FLAGS]
+    if flags:
+        yield f"flags of <option> are not used ({', '.join(flags)})."
+
+
+def _attributes(root: MjcfElement) -> Iterator[str]:
+    """Attributes that bellcrank does not know, such as those of newer versions of MuJoCo, or misspelt ones."""
+    lines: dict[tuple[str, str], list[int]] = {}
+    for section in root.find_all("worldbody", "compiler", "default", "keyframe"):
+        for element in section.walk():
+            known = KNOWN.get(element.tag)
+            for key in element.attributes if known is not None else ():
+                if key not in known.split() and key not in ("springdamper", "springyield"):
+                    lines.setdefault((element.tag, key), []).append(element.line)
+    for (tag, key), where in lines.items():
+        listed = ", ".join(map(str, where[:MOST_NAMED])) + (", …" if len(where) > MOST_NAMED else "")
+        yield f"line {listed}: {key[:40]} of <{tag}> is not used."
+
+
+def _drawing(visuals: Visuals, source: Path, access: FileAccess) -> Iterator[str]:
+    if visuals.undrawn:
+        yield f"shapes of these kinds are not drawn: {', '.join(sorted(visuals.undrawn))}."
+    missing = visuals.missing(source, access)
+    if missing:
+        yield f"mesh files are missing and not drawn: {_names(missing)}."
+
+
+def _names(names: Sequence[str]) -> str:
+    more = f", … ({len(names)} in all)" if len(names) > MOST_NAMED else ""
+    return ", ".join(names[:MOST_NAMED]) + more
