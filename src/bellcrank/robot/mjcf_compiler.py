@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from bellcrank.messages import unknown_name
 from bellcrank.robot.mjcf_element import MjcfElement
@@ -25,7 +25,7 @@ class Compiler:
     whose group lies in `inertia_groups`. Masses (kg) and inertias (kg m²) are at least `least_mass`, `least_inertia`.
     """
 
-    angles: Angles = Angles()
+    angles: Angles = field(default_factory=Angles)
     autolimits: bool = True
     inertia_from_geoms: str = "auto"
     inertia_groups: tuple[float, ...] = (0.0, 5.0)

@@ -161,4 +161,10 @@ def _urdf(text: str, source: Path, access: FileAccess) -> RobotFile:
     return RobotFile(source=source, urdf=text)
 
 
-READERS: Final[dict[str, Reader]] = {"robot": _urdf}  # by the tag of the root element
+def _mjcf(text: str, source: Path, access: FileAccess) -> RobotFile:
+    from bellcrank.robot.mjcf import read_mjcf  # which needs the records of this module
+
+    return read_mjcf(text, source, access)
+
+
+READERS: Final[dict[str, Reader]] = {"robot": _urdf, "mujoco": _mjcf}  # by the tag of the root element
