@@ -20,6 +20,8 @@ from bellcrank.robot.mjcf_names import Names
 from bellcrank.robot.mjcf_placement import Array, inverse, placement, roll_pitch_yaw, translation, vector
 from bellcrank.robot.robot_file import FrameLoop, FramePlace, JointCoupling, Loop, LoopKind
 
+SIDES = ("body1", "site1", "joint1", "body2", "site2", "joint2")
+
 
 class EqualityReader:
     """Reads the constraints between named bodies, whose sites and joints have their own names in the file."""
@@ -40,7 +42,8 @@ class EqualityReader:
         notes: list[str] = []
         names = Names([element.name for element in elements])
         for element in elements:
-            name = element.name or names.new(element.tag)
+            ends = [element.attributes[key] for key in SIDES if key in element.attributes]
+            name = element.name or names.new("_".join([element.tag, *ends]))
             if element.tag not in ("connect", "weld", "joint"):
                 notes.append(f"line {element.line}: the constraint <{element.tag}> under <equality> is not modelled.")
             elif not element.flag("active", True):
@@ -88,7 +91,9 @@ class EqualityReader:
         else:
             found = Polynomial([own.coef[0] + joint.ref])
         coefficients = tuple(float(value) for value in np.trim_zeros(found.coef, "b")) or (0.0,)
-        return JointCoupling(name=name, joint=joint.name, leader=leader and leader.name, coefficients=coefficients)
+        return JointCoupling(
+            name=name, joint=joint.name, leader=None if leader is None else leader.name, coefficients=coefficients
+        )
 
     def _one(self, element: MjcfElement, key: str) -> MjcfJoint:
         joint = self._joints[self._known(element, key, self._joints, "joint")]

@@ -21,7 +21,7 @@ CONTACT = (
 KNOWN: Final = {  # attributes that are used, or of which a sentence below speaks
     "body": f"{PLACING} mocap gravcomp fuse simple sleep",
     "joint": f"{PLACING} {CONTACT} type axis ref range limited stiffness damping frictionloss armature springref "
-    "actuatorfrcrange actuatorfrclimited",
+    "actuatorfrcrange actuatorfrclimited springdamper springyield",
     "freejoint": "name group",
     "geom": f"{PLACING} {DRAWING} {CONTACT} type size fromto mesh mass density shellinertia",
     "site": f"{PLACING} {DRAWING} type size fromto mesh",
@@ -130,9 +130,9 @@ def _attributes(root: MjcfElement) -> Iterator[str]:
     lines: dict[tuple[str, str], list[int]] = {}
     for section in root.find_all("worldbody", "compiler", "default", "keyframe"):
         for element in section.walk():
-            known = KNOWN.get(element.tag)
-            for key in element.attributes if known is not None else ():
-                if key not in known.split() and key not in ("springdamper", "springyield"):
+            known = KNOWN.get(element.tag, "").split()
+            for key in element.attributes:
+                if known and key not in known:
                     lines.setdefault((element.tag, key), []).append(element.line)
     for (tag, key), where in lines.items():
         listed = ", ".join(map(str, where[:MOST_NAMED])) + (", …" if len(where) > MOST_NAMED else "")
