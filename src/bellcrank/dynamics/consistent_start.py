@@ -12,6 +12,7 @@ from bellcrank.dynamics.consistent_starts import Constrained, consistent_posture
 from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.system import system_parameters
 from bellcrank.errors import InputError
+from bellcrank.robot.joints import unit_vector
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
@@ -87,7 +88,6 @@ def displaced(scene: Scene, q: Array, step: Array) -> Array:
     """The posture (nq,) after a small displacement `step` (nv,): q + E(q) step, with rotations normalised."""
     there = q + scene.robot.configuration_rate(q, step)
     for j in scene.robot.joints:
-        part = {"floating": slice(j.q + 3, j.q + 7), "planar": slice(j.q + 2, j.q + 4)}.get(j.kind)
-        if part is not None:
+        if (part := unit_vector(j)) is not None:
             there[part] /= np.linalg.norm(there[part])
     return np.asarray(there, dtype=np.float64)

@@ -68,7 +68,7 @@ def _massless_joints(scene: Scene, assembly: Assembly) -> str | None:
         return None
     robot, urdf = scene.robot, scene.robot.urdf
     part = [j for j in robot.joints if motion[j.v : j.v + j.nv].max() > TAKES_PART * motion.max()]
-    base = int(part[0].kind == "floating")
+    base = int(robot.floating_base and part[0] is robot.joints[0])
     who = ["the free base"] * base + [f"joint '{j.name}'" for j in part[base:]]
     links = [urdf.root] * base + [urdf.joints[j.name].child for j in part[base:]]
     bare = [name for name in links if urdf.links[name].inertial is None] or links

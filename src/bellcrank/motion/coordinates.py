@@ -1,9 +1,9 @@
 """Coordinates of a position, joint by joint: names, units, and rates q̇, q̈ from v, a and back.
 
-A one-degree-of-freedom joint has one number (rad or m) and its rate is its velocity. A planar joint has x, y
-(m), cos θ, sin θ; a floating one x, y, z (m, in the parent's frame) and a quaternion x y z w; their
-velocities are written in the moving frame (linear first), so that ẋ = R v and, for the quaternion, q̇ = ½ q ⊗
-ω.
+A one-degree-of-freedom joint has one number (rad or m; rad for a screw) and its rate is its velocity. A planar joint
+has x, y (m), cos θ, sin θ; a floating one x, y, z (m, in the parent's frame) and a quaternion x y z w, a spherical one
+the quaternion alone; their velocities are written in the moving frame (linear first), so that ẋ = R v and, for the
+quaternion, q̇ = ½ q ⊗ ω.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from bellcrank.motion.quaternions import conjugate, multiply, rotate
-from bellcrank.robot.joints import JointLike
+from bellcrank.robot.joints import JointLike, quaternion_part
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -29,7 +29,9 @@ def position_labels(joints: Sequence[JointLike]) -> list[tuple[str, str]]:
     shapes = {
         "revolute": [("position", "rad")],
         "prismatic": [("position", "m")],
+        "screw": [("position", "rad")],
         "planar": [("position x", "m"), ("position y", "m"), ("position cos", "1"), ("position sin", "1")],
+        "spherical": [(f"position q{c}", "1") for c in "xyzw"],
         "floating": [(f"position {c}", "m") for c in "xyz"] + [(f"position q{c}", "1") for c in "xyzw"],
     }
     return [(f"{joint.name} {label}", unit) for joint in joints for label, unit in shapes[joint.kind]]
@@ -41,6 +43,8 @@ def velocity_labels(joints: Sequence[JointLike], order: int = 1) -> list[tuple[s
     shapes = {
         "revolute": [(what, f"rad/{per}")],
         "prismatic": [(what, f"m/{per}")],
+        "screw": [(what, f"rad/{per}")],
+        "spherical": [(f"{what} r{c}", f"rad/{per}") for c in "xyz"],
         "planar": [(f"{what} x", f"m/{per}"), (f"{what} y", f"m/{per}"), (f"{what} angle", f"rad/{per}")],
         "floating": [(f"{what} {c}", f"m/{per}") for c in "xyz"] + [(f"{what} r{c}", f"rad/{per}") for c in "xyz"],
     }
@@ -58,11 +62,9 @@ def rates(joints: Sequence[JointLike], q: Array, v: Array, a: Array) -> tuple[Ar
             quaternion, linear, angular = q[:, i + 3 : i + 7], v[:, k : k + 3], v[:, k + 3 : k + 6]
             turned = np.cross(angular, linear) + a[:, k : k + 3]
             qd[:, i : i + 3], qdd[:, i : i + 3] = rotate(quaternion, linear), rotate(quaternion, turned)
-            rate = 0.5 * multiply(quaternion, _pure(angular))
-            qd[:, i + 3 : i + 7] = rate
-            qdd[:, i + 3 : i + 7] = 0.5 * (
-                multiply(rate, _pure(angular)) + multiply(quaternion, _pure(a[:, k + 3 : k + 6]))
-            )
+            qd[:, i + 3 : i + 7], qdd[:, i + 3 : i + 7] = _quaternion_rates(quaternion, angular, a[:, k + 3 : k + 6])
+        elif joint.kind == "spherical":
+            qd[:, i : i + 4], qdd[:, i : i + 4] = _quaternion_rates(q[:, i : i + 4], v[:, k : k + 3], a[:, k : k + 3])
         elif joint.kind == "planar":
             c, s, w = q[:, i + 2], q[:, i + 3], v[:, k + 2]
             vx, vy = v[:, k], v[:, k + 1]
@@ -85,19 +87,17 @@ def from_rates(joints: Sequence[JointLike], q: Array, qd: Array, qdd: Array) -> 
     for joint in joints:
         i, k = joint.q, joint.v
         if joint.kind == "floating":
-            raw, rate = q[:, i + 3 : i + 7], qd[:, i + 3 : i + 7]
-            square = np.sum(raw * raw, axis=1, keepdims=True)
-            inverse = conjugate(raw)
-            angular = 2.0 * multiply(inverse, rate)[:, :3] / square
-            growth = 2.0 * np.sum(raw * rate, axis=1, keepdims=True) / square
-            quaternion = raw / np.sqrt(square)
+            part = slice(i + 3, i + 7)
+            quaternion, angular, a[:, k + 3 : k + 6] = _angular_rates(q[:, part], qd[:, part], qdd[:, part])
             v[:, k + 3 : k + 6] = angular
-            a[:, k + 3 : k + 6] = 2.0 * multiply(inverse, qdd[:, i + 3 : i + 7])[:, :3] / square - growth * angular
             back = conjugate(quaternion)
             linear = rotate(back, qd[:, i : i + 3])
             v[:, k : k + 3] = linear
             a[:, k : k + 3] = rotate(back, qdd[:, i : i + 3]) - np.cross(angular, linear)
-            q[:, i + 3 : i + 7] = quaternion
+            q[:, part] = quaternion
+        elif joint.kind == "spherical":
+            part, turn = slice(i, i + 4), slice(k, k + 3)
+            q[:, part], v[:, turn], a[:, turn] = _angular_rates(q[:, part], qd[:, part], qdd[:, part])
         elif joint.kind == "planar":
             c, s, cd, sd = q[:, i + 2], q[:, i + 3], qd[:, i + 2], qd[:, i + 3]
             square = c * c + s * s
@@ -120,11 +120,27 @@ def continuous(joints: Sequence[JointLike], q: Array) -> Array:
     """
     signs = np.ones_like(q)
     for joint in joints:
-        if joint.kind == "floating":
-            block = q[:, joint.q + 3 : joint.q + 7]
+        if (part := quaternion_part(joint)) is not None:
+            block = q[:, part]
             follow = np.where(np.sum(block[1:] * block[:-1], axis=1) < 0.0, -1.0, 1.0)
-            signs[1:, joint.q + 3 : joint.q + 7] = np.cumprod(follow)[:, None]
+            signs[1:, part] = np.cumprod(follow)[:, None]
     return signs
+
+
+def _quaternion_rates(quaternion: Array, angular: Array, acceleration: Array) -> tuple[Array, Array]:
+    """q̇ and q̈ (n, 4) of a unit quaternion, from angular velocity and acceleration (n, 3) in the body's axes."""
+    rate = 0.5 * multiply(quaternion, _pure(angular))
+    return rate, 0.5 * (multiply(rate, _pure(angular)) + multiply(quaternion, _pure(acceleration)))
+
+
+def _angular_rates(raw: Array, rate: Array, second: Array) -> tuple[Array, Array, Array]:
+    """The unit quaternion, angular velocity and acceleration (body's axes) of a quaternion of any length, q̇ and q̈."""
+    square = np.sum(raw * raw, axis=1, keepdims=True)
+    inverse = conjugate(raw)
+    angular = 2.0 * multiply(inverse, rate)[:, :3] / square
+    growth = 2.0 * np.sum(raw * rate, axis=1, keepdims=True) / square
+    acceleration = 2.0 * multiply(inverse, second)[:, :3] / square - growth * angular
+    return raw / np.sqrt(square), angular, acceleration
 
 
 def _pure(vector: Array) -> Array:

@@ -250,7 +250,8 @@ def _label(title: str) -> str:
 
 def _refuse_free_base(file: Path, robot: RobotLike, header: list[str]) -> None:
     """Refuse a file with a free base for a robot with a fixed one (InputError)."""
-    free = next((text for text in header if _FREE.match(text)), None)
+    own = {label for label, _ in position_labels(robot.joints)}
+    free = next((text for text in header if _FREE.match(text) and _label(text) not in own), None)
     if free is not None and all(joint.kind != "floating" for joint in robot.joints):
         raise InputError(
             f"{file}: the file has a free base (column '{free}') and the base of the robot '{robot.name}' is fixed; "

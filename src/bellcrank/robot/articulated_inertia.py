@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from bellcrank.errors import InputError
+from bellcrank.robot.extended_joints import with_extended_joints
 from bellcrank.robot.urdf_file import Urdf
 
 POSTURES, SEED = 5, 20240229
@@ -27,7 +28,7 @@ def articulated_inertias(urdf: Urdf, model: Any = None) -> dict[str, tuple[float
 
     if model is None:
         try:
-            model = pin.buildModelFromXML(urdf.pinocchio_xml())
+            model = with_extended_joints(pin.buildModelFromXML(urdf.pinocchio_xml()), urdf)
         except Exception as error:
             raise InputError(
                 f"{urdf.source}: Pinocchio does not accept the robot ({' '.join(str(error).split())})"

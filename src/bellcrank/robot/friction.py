@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank.robot.joints import JointMimic, RobotJoint, joint_named, require_one_degree
+from bellcrank.robot.joints import JointMimic, RobotJoint, joint_named, require_uniform
 
 Array = NDArray[np.float64]
 Friction = str | Mapping[str, tuple[float, float]]
@@ -43,8 +43,8 @@ def friction_coefficients(
     """Viscous (N m s/rad or N s/m) and Coulomb (N m or N) friction, (nv,) each, of the independent joints.
 
     `friction` is "urdf" (the coefficients `in_urdf`), "none", or {joint: (viscous, coulomb)}; `robot` is the robot's
-    name for messages. The friction of a mimicking joint acts on its leader through the ratio of their speeds. Raises
-    InputError.
+    name for messages. The friction of a mimicking joint acts on its leader through the ratio of their speeds; that of a
+    spherical joint acts about each axis. Raises InputError.
     """
     nv = sum(joint.nv for joint in joints)
     viscous, coulomb = np.zeros(nv), np.zeros(nv)
@@ -58,11 +58,11 @@ def friction_coefficients(
             while name in leaders:
                 ratio *= leaders[name].multiplier
                 name = leaders[name].leader
-            index = joint_named(robot, joints, (), name).v
-            viscous[index] += ratio * ratio * b
-            coulomb[index] += abs(ratio) * c
+            joint = joint_named(robot, joints, (), name)
+            viscous[joint.v : joint.v + joint.nv] += ratio * ratio * b
+            coulomb[joint.v : joint.v + joint.nv] += abs(ratio) * c
         return viscous, coulomb
     for name, (b, c) in friction.items():
-        joint = require_one_degree(joint_named(robot, joints, mimics, name), "friction")
-        viscous[joint.v], coulomb[joint.v] = b, c
+        joint = require_uniform(joint_named(robot, joints, mimics, name), "friction")
+        viscous[joint.v : joint.v + joint.nv], coulomb[joint.v : joint.v + joint.nv] = b, c
     return viscous, coulomb

@@ -15,7 +15,14 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
 from bellcrank.messages import unknown_name
 from bellcrank.robot.friction import friction_coefficients
-from bellcrank.robot.joints import JointMimic, RobotJoint, joint_named, require_one_degree, unit_vectors
+from bellcrank.robot.joints import (
+    JointMimic,
+    RobotJoint,
+    joint_named,
+    require_one_degree,
+    require_uniform,
+    unit_vectors,
+)
 from bellcrank.robot.tree import Tree
 
 if TYPE_CHECKING:
@@ -57,7 +64,8 @@ class RobotDescription(Portable):
         rotors = self._checked_rotors(options.rotor_inertia)
         rotor_inertia = np.zeros(self.nv)
         for name, inertia in rotors.items():
-            rotor_inertia[self.joint(name).v] = inertia
+            joint = self.joint(name)
+            rotor_inertia[joint.v : joint.v + joint.nv] = inertia
         self.rotor_inertia = _read_only(rotor_inertia)
         self._tree = data.tree.with_armature(rotors)
         self._key = disk.digest(
@@ -79,8 +87,9 @@ class RobotDescription(Portable):
     def model(self) -> Any:
         """The robot as a pinocchio.Model, with payloads, gravity and rotor inertia (as armature).
 
-        Mimicking joints are Pinocchio's mimic joints. Pinocchio's reader does not accept a leader that comes after its
-        follower: then every joint is one of its own, and the model's nq and nv are larger than the robot's.
+        Mimicking joints are Pinocchio's mimic joints. Where a leader comes after its follower, which Pinocchio's reader
+        does not accept, or where the robot has spherical joints or screws too, every joint is one of its own, and the
+        model's nq and nv are larger than the robot's.
         """
         from bellcrank.robot.pinocchio_model import pinocchio_model
 
@@ -90,8 +99,9 @@ class RobotDescription(Portable):
             model = pinocchio_model(self.urdf, self._options, mimic=False)[0]
         model.gravity.linear = np.array(self.gravity)
         for joint in self.joints:
-            if joint.nv == 1 and self.rotor_inertia[joint.v]:
-                model.armature[model.idx_vs[model.getJointId(joint.name)]] = self.rotor_inertia[joint.v]
+            if self.rotor_inertia[joint.v]:
+                first = model.idx_vs[model.getJointId(joint.name)]
+                model.armature[first : first + joint.nv] = self.rotor_inertia[joint.v]
         return model
 
     @property
@@ -111,7 +121,7 @@ class RobotDescription(Portable):
         """The posture (nq,) with every joint at 0 and a free base at the origin, unrotated."""
         q = np.zeros(self.nq)
         for joint, part in zip([j for j in self.joints if j.nq > 1], unit_vectors(self.joints), strict=True):
-            q[part] = (0.0, 0.0, 0.0, 1.0) if joint.kind == "floating" else (1.0, 0.0)
+            q[part] = (1.0, 0.0) if joint.kind == "planar" else (0.0, 0.0, 0.0, 1.0)
         return _read_only(q)
 
     def joint(self, name: str) -> RobotJoint:
@@ -134,7 +144,7 @@ class RobotDescription(Portable):
         return joint_named(self.name, self.joints, self.mimics(), name)
 
     def one_degree_joint(self, name: str, what: str) -> RobotJoint:
-        """The revolute or prismatic joint of that name.
+        """The joint of that name, which has one degree of freedom: revolute, prismatic or a screw.
 
         Args:
             name: Name of an independent joint.
@@ -160,7 +170,7 @@ class RobotDescription(Portable):
             name: Name of any joint of the tree, a mimicking one included.
 
         Returns:
-            A unit vector (3,); zero for a planar or floating joint.
+            A unit vector (3,); zero for a joint of several degrees of freedom.
 
         Raises:
             InputError: There is no such joint.
@@ -321,10 +331,12 @@ class RobotDescription(Portable):
     # ---- checks
 
     def _checked_rotors(self, given: Mapping[str, float]) -> dict[str, float]:
-        """Rotor inertias (kg m² or kg) by the name of a joint of one degree of freedom. Raises InputError."""
+        """Rotor inertias (kg m² or kg) by the name of a joint of one degree of freedom, or spherical one. Raises
+        InputError.
+        """
         most, what = arguments.LARGEST, "rotor_inertia"
         rotors = arguments.names_to_numbers(what, given, "joints", "kg m²", least=0.0, most=most)
-        return {self.one_degree_joint(name, what).name: value for name, value in rotors.items()}
+        return {require_uniform(self.joint(name), what).name: value for name, value in rotors.items()}
 
     def _checked_masses(self, given: object) -> dict[int, float]:
         """Masses (kg) by the number of a frame of the tree. Raises InputError."""

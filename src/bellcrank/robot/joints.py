@@ -1,7 +1,8 @@
 """A robot's independent joints: where their coordinates lie in q and v, which are lengths, and which are unit vectors.
 
-A joint of one degree of freedom has one coordinate (rad or m), whose rate is its velocity. A planar joint has x, y (m),
-cos θ and sin θ; a floating joint x, y, z (m, in the parent's frame) and a unit quaternion x y z w.
+A joint of one degree of freedom has one coordinate (rad or m; rad for a screw), whose rate is its velocity. A planar
+joint has x, y (m), cos θ and sin θ; a floating joint x, y, z (m, in the parent's frame) and a unit quaternion x y z w;
+a spherical joint a unit quaternion alone.
 """
 
 from __future__ import annotations
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+KINDS = {  # (nq, nv) by kind of joint
+    "revolute": (1, 1), "prismatic": (1, 1), "screw": (1, 1), "planar": (4, 3), "spherical": (4, 3), "floating": (7, 6),
+}  # fmt: skip
 LENGTHS = {"prismatic": 1, "planar": 2, "floating": 3}  # leading coordinates that are lengths, by kind of joint
 
 
@@ -34,7 +38,7 @@ class JointLike(Protocol):
 
     @property
     def kind(self) -> str:
-        """ "revolute", "prismatic", "planar" or "floating"."""
+        """One of KINDS."""
 
     @property
     def q(self) -> int:
@@ -78,7 +82,7 @@ class RobotJoint:
     """An independent joint: its kind, and where its coordinates lie in position (q) and velocity (v)."""
 
     name: str
-    kind: str  # "revolute", "prismatic", "planar" or "floating"
+    kind: str  # one of KINDS
     q: int
     nq: int
     v: int
@@ -110,13 +114,18 @@ def joint_named(robot: str, joints: Sequence[RobotJoint], mimics: Iterable[Joint
 
 
 def require_one_degree(joint: RobotJoint, what: str) -> RobotJoint:
-    """The joint, which is revolute or prismatic. Raises InputError, beginning with `what`, for any other."""
+    """The joint, which has one degree of freedom. Raises InputError, beginning with `what`, for any other."""
     if joint.nv != 1:
         raise InputError(
-            f"{what}: joint '{joint.name}' is {joint.kind}; a joint with one degree of freedom (revolute or prismatic) "
-            "is required"
+            f"{what}: joint '{joint.name}' is {joint.kind}; a joint with one degree of freedom (revolute, prismatic or "
+            "screw) is required"
         )
     return joint
+
+
+def require_uniform(joint: RobotJoint, what: str) -> RobotJoint:
+    """The joint, of which one number can hold for every degree of freedom. Raises InputError as above."""
+    return joint if joint.kind == "spherical" else require_one_degree(joint, what)
 
 
 def lengths_in_velocity(robot: RobotDescription) -> Mask:
@@ -136,9 +145,15 @@ def lengths_in_position(robot: RobotDescription) -> Mask:
 
 
 def unit_vector(joint: JointLike) -> slice | None:
-    """Where a unit vector stands in q: a floating joint's quaternion, a planar joint's (cos, sin); None for others."""
-    first = {"floating": joint.q + 3, "planar": joint.q + 2}.get(joint.kind)
-    return None if first is None else slice(first, joint.q + joint.nq)
+    """Where a unit vector stands in q: a quaternion (floating, spherical), a planar joint's (cos, sin); else None."""
+    if joint.nq == joint.nv:
+        return None
+    return slice(joint.q + LENGTHS.get(joint.kind, 0), joint.q + joint.nq)
+
+
+def quaternion_part(joint: JointLike) -> slice | None:
+    """Where a quaternion x y z w stands in q, for a floating or spherical joint; None for others."""
+    return None if joint.kind == "planar" else unit_vector(joint)
 
 
 def unit_vectors(joints: Iterable[JointLike]) -> list[slice]:

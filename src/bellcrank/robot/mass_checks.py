@@ -34,7 +34,7 @@ def moving_without_mass(urdf: Urdf, loaded: Iterable[str] = ()) -> list[Finding]
         fixed = (joint.child for joint in children.get(name, ()) if joint.type == "fixed")
         carried[name] = carried.get(name, 0.0) + (inertial.mass if inertial else 0.0) + sum(carried[x] for x in fixed)
     moved = {joint.child for joint in urdf.joints.values() if joint.type != "fixed"}
-    bare = [name for name in order if name in moved and carried[name] == 0.0]
+    bare = [name for name in order if name in moved and carried[name] == 0.0 and not urdf.links[name].between_axes]
     if not bare:
         return []
     one = len(bare) == 1

@@ -9,6 +9,7 @@ import numpy as np
 
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
+from bellcrank.robot.extended_joints import has_extended_joints, with_extended_joints
 from bellcrank.robot.rounding_cleanup import Cleaning, body_inertia, clean_model
 
 if TYPE_CHECKING:
@@ -66,8 +67,12 @@ def _built(urdf: Urdf, floating_base: bool, mimic: bool) -> Any:
             "rename it, or load the robot with a fixed base"
         )
     base = [pin.JointModelFreeFlyer()] if floating_base else []
+    if mimic and has_extended_joints(urdf):
+        raise InputError(
+            f"{urdf.source}: mimic joints of Pinocchio beside spherical joints or screws are not supported"
+        )
     try:
-        return pin.buildModelFromXML(urdf.pinocchio_xml(), *base, mimic)
+        return with_extended_joints(pin.buildModelFromXML(urdf.pinocchio_xml(), *base, mimic), urdf)
     except (RuntimeError, ValueError) as error:
         raise InputError(f"{urdf.source}: Pinocchio does not accept the robot: {error}") from error
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank.codegen import cache as disk
+from bellcrank.robot.joints import KINDS
 from bellcrank.robot.tree import Tree, TreeJoint
 
 if TYPE_CHECKING:
@@ -68,7 +69,6 @@ def robot_data(text: str, source: Path, options: LoadOptions) -> RobotData:
 
 # ---- the cache
 
-_SIZES = {"revolute": (1, 1), "prismatic": (1, 1), "planar": (4, 3), "floating": (7, 6)}  # nq, nv
 _TREE = {
     "joints": [{str: object}],
     "frames": [{str: object}],
@@ -105,8 +105,8 @@ def _stored(key: str) -> RobotData | None:
         return None
     try:
         tree = Tree.from_data(data["tree"])
-        sizes = [_SIZES[joint.kind] for _, joint in _independent(tree)]
-        sound = all((joint.nq, joint.nv) == _SIZES[joint.kind] for joint in tree.joints)
+        sizes = [KINDS[joint.kind] for _, joint in _independent(tree)]
+        sound = all((joint.nq, joint.nv) == KINDS[joint.kind] for joint in tree.joints)
     except (KeyError, TypeError, ValueError):
         return None
     limits = data["limits"]
@@ -206,10 +206,10 @@ def _tighten(limits: JointLimits, place: tuple[int, int], follower: Joint, multi
 
 
 def _friction(tree: Tree, urdf: Urdf) -> dict[str, tuple[float, float]]:
-    """(viscous, coulomb) of each joint of one degree of freedom that has any, followers too."""
+    """(viscous, coulomb) of each joint of one degree of freedom, or spherical one, that has any, followers too."""
     friction = {}
     for tree_joint in tree.joints:
-        joint = urdf.joints.get(tree_joint.name) if tree_joint.nv == 1 else None
+        joint = urdf.joints.get(tree_joint.name) if tree_joint.nv == 1 or tree_joint.kind == "spherical" else None
         if joint is not None and (joint.damping or joint.friction):
             friction[joint.name] = (float(joint.damping or 0.0), float(joint.friction or 0.0))
     return friction

@@ -64,9 +64,10 @@ def trace_tree(tree: Tree, gravity: tuple[float, ...], settings: list[tuple[int,
         return t.Placement(placement.rotation, placement.translation)
 
     joints = [
-        t.Joint(j.tracer_kind, j.sign, j.parent, j.axis, placed(j.placement), j.mass, j.lever, j.inertia, j.armature)
+        t.Joint(j.tracer_kind, j.sign, j.parent, j.axis, j.pitch, placed(j.placement), j.mass, j.lever, j.inertia,
+                j.armature)
         for j in tree.joints
-    ]
+    ]  # fmt: skip
     frames = [
         t.Frame(f.parent_frame, f.parent_joint, f.moving_joint, placed(f.placement), placed(f.in_parent), f.rpy,
                 f.mass, f.lever, f.inertia)

@@ -30,11 +30,11 @@ class TreeMimic(NamedTuple):
 class TreeJoint:
     """A joint with all that is fixed to its child link, in the joint's own frame.
 
-    `kind` is "revolute", "prismatic", "planar" or "floating"; `tracer_kind` and `sign` (−1: against the axis of that
-    kind) say how the tracer models it. `parent` is the number of the joint before it, 0 for the world; `axis` a unit
-    vector (zero for a planar or floating joint); `placement` is in the parent joint's frame. `mass` (kg), `lever` (the
-    centre of mass, m) and `inertia` (about it, kg m², order xx xy yy xz yz zz) are those of the body; `armature` (nv,)
-    is the rotor inertia at the joint (kg m² or kg).
+    `kind` is one of joints.KINDS; `tracer_kind` and `sign` (−1: against the axis of that kind) say how the tracer
+    models it. `parent` is the number of the joint before it, 0 for the world; `axis` a unit vector (zero for a joint
+    of several degrees of freedom); `pitch` a screw's translation along it, m per rad; `placement` is in the parent
+    joint's frame. `mass` (kg), `lever` (the centre of mass, m) and `inertia` (about it, kg m², order xx xy yy xz yz zz)
+    are those of the body; `armature` (nv,) is the rotor inertia at the joint (kg m² or kg).
     """
 
     name: str
@@ -50,6 +50,7 @@ class TreeJoint:
     lever: Numbers
     inertia: Numbers
     armature: Numbers
+    pitch: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,11 +156,11 @@ class Tree:
     # ---- variants
 
     def with_armature(self, armature: Mapping[str, float]) -> Tree:
-        """The tree with rotor inertia (kg m² or kg) at the joints named, each of one degree of freedom."""
+        """The tree with rotor inertia (kg m² or kg) at the joints named; about each axis of a spherical joint."""
         if not armature:
             return self
         joints = (
-            replace(joint, armature=(float(armature[joint.name]),)) if joint.name in armature else joint
+            replace(joint, armature=(float(armature[joint.name]),) * joint.nv) if joint.name in armature else joint
             for joint in self.joints
         )
         return replace(self, joints=tuple(joints))

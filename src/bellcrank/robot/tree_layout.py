@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 _TRACER_KINDS = {
     "JointModelRX": 0, "JointModelRY": 1, "JointModelRZ": 2, "JointModelRevoluteUnaligned": 3, "JointModelPX": 4,
     "JointModelPY": 5, "JointModelPZ": 6, "JointModelPrismaticUnaligned": 7, "JointModelFreeFlyer": 8,
-    "JointModelPlanar": 9,
+    "JointModelPlanar": 9, "JointModelSpherical": 10, "JointModelHelicalUnaligned": 11,
 }  # fmt: skip
 _UNALIGNED = (3, 7)
-_KINDS = ("revolute",) * 4 + ("prismatic",) * 4 + ("floating", "planar")
+_KINDS = ("revolute",) * 4 + ("prismatic",) * 4 + ("floating", "planar", "spherical", "screw")
 
 
 def tree_of_model(model: Any, urdf: Urdf, cleaning: Cleaning, clean: bool) -> Tree:
@@ -54,6 +54,7 @@ def _joint(model: Any, urdf: Urdf, number: int) -> TreeJoint:
         axis=axis,
         placement=_placement(model.jointPlacements[number]),
         armature=(0.0,) * joint.nv,
+        pitch=float(joint.extract().pitch) if _KINDS[kind] == "screw" else 0.0,
         **_inertia(model.inertias[number]),
     )
 
@@ -118,7 +119,7 @@ def _inertia(i: Any) -> dict[str, Any]:
 
 
 def _axis(joint: Any) -> Numbers:
-    """The joint's unit axis in its own frame, read off its motion subspace; zero for a free or planar joint."""
+    """The joint's unit axis in its own frame, read off its motion subspace; zero for several degrees of freedom."""
     import pinocchio as pin
 
     if joint.nv != 1:

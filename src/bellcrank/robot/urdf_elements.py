@@ -11,10 +11,14 @@ from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.robot.xml_tree import Element
 
-JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
-MOVING_AXIS = ("revolute", "continuous", "prismatic", "planar")
+JOINT_TYPES = (
+    "revolute", "continuous", "prismatic", "fixed", "floating", "planar",
+    "spherical", "universal", "screw",  # beyond URDF
+)  # fmt: skip
+MOVING_AXIS = ("revolute", "continuous", "prismatic", "planar", "universal", "screw")
 NO_LIMIT = 1e30  # a limit of at least this size stands for none
 LARGEST = 1e30  # of masses, lengths and inertias
+SQUARE = 1e-6  # cosine of the angle between axes that are normal to each other
 NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 
 Vector3 = tuple[float, float, float]
@@ -35,11 +39,15 @@ class Inertial:
 
 @dataclass(frozen=True)
 class Link:
-    """A rigid body: its name, its inertial data (None: massless) and the mesh files that it names."""
+    """A rigid body: its name, its inertial data (None: massless) and the mesh files that it names.
+
+    `between_axes`: the file does not have it; it stands between the two axes of a universal joint.
+    """
 
     name: str
     inertial: Inertial | None
     meshes: tuple[str, ...]
+    between_axes: bool = False
 
 
 @dataclass(frozen=True)
@@ -57,7 +65,8 @@ class Joint:
 
     Limits are in rad, m, N m, N, rad/s and m/s, None where the file gives none; damping in N m s/rad or N s/m
     and friction in N m or N, None where not given. `axis_length` is the length of the axis as written in
-    the file, and `reduction` the mechanicalReduction of the joint's transmission.
+    the file, and `reduction` the mechanicalReduction of the joint's transmission. `pitch` is the translation of a screw
+    along its axis, m per revolution (negative: left-handed), and `axis_2` the second axis of a universal joint.
     """
 
     name: str
@@ -76,6 +85,8 @@ class Joint:
     mimic: Mimic | None
     reduction: float | None = None
     axis_length: float = 1.0
+    pitch: float = 0.0
+    axis_2: Vector3 = (0.0, 1.0, 0.0)
 
 
 def link_from(element: Element, fail: Callable[[str], InputError]) -> Link:
@@ -141,7 +152,7 @@ def joint_from(element: Element, fail: Callable[[str], InputError]) -> Joint:
     mimic = _mimic(element, where, fail) if kind in ("revolute", "continuous", "prismatic") else None
     return Joint(
         name, kind, parent, child, xyz, rpy, axis, lower, upper, effort, velocity, damping, friction, mimic,
-        axis_length=length,
+        axis_length=length, pitch=_pitch(element, kind, where, fail), axis_2=_second_axis(element, axis, where, fail),
     )  # fmt: skip
 
 
@@ -216,7 +227,7 @@ def _limits(
         value = found[key]
         if value is not None and value < 0.0:
             raise fail(f"{where} (line {limit.line}): {key} is {value:g}; expected 0 or more")
-    if kind not in ("revolute", "prismatic"):
+    if kind not in ("revolute", "prismatic", "universal", "screw"):
         return None, None, found["effort"], found["velocity"]
     lower, upper = found["lower"], found["upper"]
     if "lower" in limit.attributes and "upper" not in limit.attributes:
@@ -231,6 +242,43 @@ def _limits(
     return lower, upper, found["effort"], found["velocity"]
 
 
+def _pitch(element: Element, kind: str, where: str, fail: Callable[[str], InputError]) -> float:
+    """The pitch of a screw, m per revolution; 0 for any other joint."""
+    if kind != "screw":
+        return 0.0
+    if "pitch" not in element.attributes:
+        raise fail(
+            f'{where} (line {element.line}): a screw has no pitch; write pitch="…" on the <joint>, in m per revolution'
+        )
+    pitch = _number(element, "pitch", where, fail)
+    if pitch == 0.0:
+        raise fail(f"{where} (line {element.line}): the pitch is 0; write a revolute joint instead")
+    return pitch
+
+
+def _second_axis(element: Element, axis: Vector3, where: str, fail: Callable[[str], InputError]) -> Vector3:
+    """The second axis of a universal joint, <axis2>, normal to the first one; 0 1 0 where there is none."""
+    if element.attributes.get("type") != "universal":
+        return 0.0, 1.0, 0.0
+    found = element.find("axis2")
+    second, line = (0.0, 1.0, 0.0), element.line
+    if found is not None:
+        line = found.line
+        x, y, z = _vector(found, "xyz", f"{where}, <axis2>", fail)
+        length = math.hypot(x, y, z)
+        if length < 1e-9:
+            raise fail(
+                f"{where}, <axis2> (line {line}): the axis has length zero; expected a unit vector, such as 0 1 0"
+            )
+        second = (x / length, y / length, z / length)
+    if abs(sum(a * b for a, b in zip(axis, second, strict=True))) > SQUARE:
+        raise fail(
+            f"{where} (line {line}): the axes {list(axis)} and {list(second)} of the universal joint are not normal to "
+            "each other; correct <axis> or <axis2>, or write two revolute joints with a link between them"
+        )
+    return second
+
+
 def _dynamics(element: Element, where: str, fail: Callable[[str], InputError]) -> tuple[float | None, float | None]:
     dynamics = element.find("dynamics")
     if dynamics is None:
@@ -241,8 +289,7 @@ def _dynamics(element: Element, where: str, fail: Callable[[str], InputError]) -
         if value is not None and value < 0.0:
             raise fail(
                 f"{where}, <dynamics> (line {dynamics.line}): {key} is {value:g}, which would add energy; expected 0 "
-                f"or "
-                "more"
+                "or more"
             )
         values.append(value)
     return values[0], values[1]

@@ -10,6 +10,7 @@ from xml.sax.saxutils import quoteattr
 
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
+from bellcrank.robot.extended_joints import PLAIN_TYPES, split_universal
 from bellcrank.robot.urdf_elements import Inertial, Joint, Link, Mimic, joint_from, link_from, reduction_from
 from bellcrank.robot.xml_tree import Element, parse_xml, read_text
 
@@ -48,7 +49,8 @@ class Urdf:
     def pinocchio_xml(self) -> str:
         """The kinematic and inertial part as a URDF text for `pinocchio.buildModelFromXML`.
 
-        Continuous joints become revolute, so that every one-degree-of-freedom joint has one coordinate; a
+        Continuous joints become revolute, so that every one-degree-of-freedom joint has one coordinate; spherical
+        joints floating and screws revolute, to be replaced in the model (extended_joints.py); a
         limit that the file does not give is ±UNLIMITED (1e300). Shapes, transmissions and simulator elements
         are left out.
         """
@@ -109,6 +111,7 @@ def reading_of(text: str, source: str | Path) -> Reading:
     if problems:
         return Reading(None, tuple(problems), links, joints)
     try:
+        links, joints = split_universal(links, joints, fail)
         root = _root(links, joints, fail)
         joints = {name: _resolved(joint, joints, fail) for name, joint in joints.items()}
     except InputError as problem:
@@ -248,7 +251,7 @@ def _inertial_xml(inertial: Inertial | None) -> str:
 
 
 def _joint_xml(joint: Joint) -> str:
-    kind = "revolute" if joint.type == "continuous" else joint.type
+    kind = PLAIN_TYPES.get(joint.type, joint.type)
     parts = [
         f"<joint name={quoteattr(joint.name)} type={quoteattr(kind)}>",
         f"<parent link={quoteattr(joint.parent)}/><child link={quoteattr(joint.child)}/>",

@@ -1,7 +1,8 @@
-"""The start of a joint with several degrees of freedom: a free base, or a floating or planar joint of the URDF.
+"""The start of a joint with several degrees of freedom: a free base, or a floating, planar or spherical joint.
 
 Floating: {position: [x, y, z], rpy | quaternion_xyzw, linear_velocity, angular_velocity, expressed_in}; planar:
-{position: [x, y], angle, linear_velocity: [x, y], angular_velocity: RATE, expressed_in}. The pose is that of the child
+{position: [x, y], angle, linear_velocity: [x, y], angular_velocity: RATE, expressed_in}; spherical:
+{rpy | quaternion_xyzw, angular_velocity, expressed_in}. The pose is that of the child
 link's frame in the joint's frame on the parent link, or in the world for a base. Velocities are those of the child
 relative to the parent, the linear one at the child's origin, in the axes `expressed_in`: "parent" ("world" for a base)
 or "body".
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 from bellcrank.config.fields import Fields
 from bellcrank.messages import format_value
 from bellcrank.numerics import length as norm
+from bellcrank.robot.joints import unit_vector
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import RobotJoint
@@ -47,13 +49,13 @@ class Components:
 
 @dataclass(frozen=True)
 class FreeJointStart:
-    """The start of a floating or planar joint; values that are not given are not changed.
+    """The start of a joint with several degrees of freedom; values that are not given are not changed.
 
     Attributes:
-        position: Position (3 or 2), m, in the parent's axes.
+        position: Position (3 or 2; 0 for a spherical joint), m, in the parent's axes.
         rotation: Unit quaternion x y z w, or cosine and sine of the angle, or None.
         rotation_held: Whether the search for a consistent start keeps the rotation.
-        linear: Linear velocity (3 or 2), m/s.
+        linear: Linear velocity (3 or 2; 0 for a spherical joint), m/s.
         angular: Angular velocity (3 or 1), rad/s.
         in_body: Whether the velocities are in the body's axes; otherwise in the parent's.
     """
@@ -93,7 +95,8 @@ class FreeJointStart:
 
     def position_axes(self, joint: RobotJoint, q: Array) -> list[tuple[slice, Array]]:
         """(degrees of freedom, rotation body to parent) of the position."""
-        size = len(self.position.values)
+        if not (size := len(self.position.values)):
+            return []
         return [(slice(joint.v, joint.v + size), body_axes(joint, q))]
 
     def velocity_axes(self, joint: RobotJoint, q: Array) -> list[tuple[slice, Array]]:
@@ -106,16 +109,19 @@ class FreeJointStart:
 
 
 def read_free_joint_start(read: Fields, joint: RobotJoint, axes: str = "parent") -> FreeJointStart:
-    """Read the start of a floating or planar joint; `axes` is the name of the parent's axes. Raises InputError."""
+    """Read the start of a joint with several degrees of freedom; `axes` is the name of the parent's axes.
+
+    Raises InputError.
+    """
     planar = joint.kind == "planar"
-    names = "xy" if planar else "xyz"
+    names = {"planar": "xy", "floating": "xyz", "spherical": ""}[joint.kind]
     rotation, rotation_held = _angle(read) if planar else _attitude(read)
     start = FreeJointStart(
         _components(read, "position", names, "m", guess=True),
         rotation,
         rotation_held,
         _components(read, "linear_velocity", names, "m/s"),
-        _rate(read) if planar else _components(read, "angular_velocity", names, "rad/s"),
+        _rate(read) if planar else _components(read, "angular_velocity", "xyz", "rad/s"),
         read.choice("expressed_in", (axes, "body"), axes) == "body",
     )
     read.done()
@@ -123,16 +129,16 @@ def read_free_joint_start(read: Fields, joint: RobotJoint, axes: str = "parent")
 
 
 def body_axes(joint: RobotJoint, q: Array) -> Array:
-    """Rotation matrices, body to parent, of a floating joint (…, 3, 3) or of a planar one in its plane (…, 2, 2)."""
+    """Rotation matrices, body to parent (…, 3, 3), or of a planar joint in its plane (…, 2, 2)."""
     if joint.kind == "planar":
         cos, sin = q[..., joint.q + 2], q[..., joint.q + 3]
         return _matrices([[cos, -sin], [sin, cos]])
-    return rotation_matrix(q[..., joint.q + 3 : joint.q + 7])
+    return rotation_matrix(q[..., unit_vector(joint)])
 
 
 def _components(read: Fields, key: str, names: str, unit: str, guess: bool = False) -> Components:
-    """Read a vector: a list with numbers or ~, a mapping by component, or {guess: list}."""
-    written = read.raw(key, None)
+    """Read a vector: a list with numbers or ~, a mapping by component, or {guess: list}; none without names."""
+    written = read.raw(key, None) if names else None
     none = (False,) * len(names)
     if written is None:
         return Components((0.0,) * len(names), none, none)

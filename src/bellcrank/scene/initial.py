@@ -3,8 +3,8 @@
 initial: {shoulder: -90 deg, elbow: {guess: 45 deg}, velocity: {shoulder: 0.2}}. Joints without an entry start at 0 and
 at rest. `motion: NAME` starts on a motion of the configuration, at time 0, and `run: FILE.npz` in the state of a saved
 run (saved_state.py); entries of joints take precedence over both. A `guess` is the initial value of the search for a
-start that satisfies the constraints; without constraints it is the start. A floating or planar joint has a mapping with
-the same keys as `base` (free_joint_start.py).
+start that satisfies the constraints; without constraints it is the start. A floating, planar or spherical joint has a
+mapping with keys of `base` (free_joint_start.py).
 
 If the robot has a joint named `velocity`, `motion` or `run`, a position under this key belongs to the joint; if it has
 a joint named `time` or `clock`, this key always belongs to the joint.
@@ -179,14 +179,16 @@ def _read_rates(rates: Fields, robot: Robot) -> dict[str, float]:
 
 
 def _read_free(start: Fields, key: str, robot: Robot) -> FreeJointStart | None:
-    """Read the start of a floating or planar joint under a key of `initial`; None if there is no such joint."""
+    """Read the start of a joint with several degrees of freedom under a key of `initial`; None for any other key."""
     joint = next((j for j in robot.joints if j.name == key and j.nv > 1), None)
     if joint is None:
         return None
     if robot.floating_base and joint is robot.joints[0]:
         raise start.error(key, "this is the robot's free base; write its start under the scene's key 'base'")
     if not isinstance(start.raw(key), Mapping):
-        pose = "position: [x, y], angle: …" if joint.kind == "planar" else "position: [x, y, z], rpy: […]"
+        pose = {"planar": "position: [x, y], angle: …", "spherical": "rpy: […]"}.get(
+            joint.kind, "position: [x, y, z], rpy: […]"
+        )
         raise start.error(
             key, f"joint '{key}' is {joint.kind}; expected a mapping {{{pose}}}, found {format_value(start.raw(key))}"
         )

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
 from bellcrank.files.npz_archive import brief
+from bellcrank.robot.joints import unit_vector
 from bellcrank.scene.run_contents import refusing, run_contents, unpacked_scene
 
 if TYPE_CHECKING:
@@ -174,9 +175,8 @@ def _checked_rows(about: Mapping[str, Any], arrays: Mapping[str, Array], robot: 
         raise ValueError("'state' is not finite before its last row")
     whole = states[np.isfinite(states).all(axis=1)]
     for j in robot.joints:
-        if j.kind in ("floating", "planar"):
-            first = j.q + (3 if j.kind == "floating" else 2)  # quaternion, or cosine and sine
-            length = np.sqrt(np.square(whole[:, first : j.q + j.nq]).sum(axis=1))
+        if (part := unit_vector(j)) is not None:
+            length = np.sqrt(np.square(whole[:, part]).sum(axis=1))
             if not (np.abs(length - 1.0) <= UNIT).all():
                 raise ValueError("'state' has a rotation whose length is not 1")
     return times, states

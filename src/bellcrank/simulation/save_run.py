@@ -24,6 +24,7 @@ from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.elements.expression_constraint import FunctionConstraint
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import writing
+from bellcrank.robot.joints import LENGTHS
 from bellcrank.scene.run_contents import RUN, VERSION
 from bellcrank.terminal import interruption
 from bellcrank.text import readable, utf8
@@ -178,9 +179,11 @@ def explicit_start(scene: Scene) -> dict[str, Any]:
         if j.nv == 1:
             initial[j.name], initial["velocity"][j.name] = position[0], velocity[0]
             continue
-        size = 3 if j.kind == "floating" else 2
-        free = {"position": position[:size], "linear_velocity": velocity[:size], "expressed_in": "body"}
-        if j.kind == "floating":
+        size = LENGTHS.get(j.kind, 0)
+        free: dict[str, Any] = {"expressed_in": "body"}
+        if size:
+            free |= {"position": position[:size], "linear_velocity": velocity[:size]}
+        if j.kind != "planar":
             free |= {"quaternion_xyzw": position[size:], "angular_velocity": velocity[size:]}
         else:
             free |= {"angle": float(np.arctan2(position[3], position[2])), "angular_velocity": velocity[size]}

@@ -11,6 +11,7 @@ import numpy as np
 from bellcrank.dynamics.system import system_of
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import position_labels, velocity_labels
+from bellcrank.robot.joints import unit_vectors
 from bellcrank.simulation.error_estimate import error_estimate, expected_cost
 from bellcrank.simulation.run_warnings import run_notes
 
@@ -85,7 +86,7 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
     ]
     rows.append(("error estimate", _error(run)))
     rows += _constraints(run)
-    if not run.scene.constraints and any(joint.kind in ("floating", "planar") for joint in run.robot.joints):
+    if not run.scene.constraints and unit_vectors(run.robot.joints):
         rows.append(("constraint residual", f"{run.constraint_residual():.1e} (unit length of rotations)"))
     notes = run_notes(run)
     rows += [("note", text) for text in notes[:LEAVING]]

@@ -78,13 +78,14 @@ struct Reading {
 
   void add(nb::handle joint) {
     const auto kind = get<std::string>(joint, "kind");
-    const StartJoint one{kind == "planar"     ? JointKind::planar
-                         : kind == "floating" ? JointKind::floating
-                                              : JointKind::one,
+    const StartJoint one{kind == "planar"      ? JointKind::planar
+                         : kind == "floating"  ? JointKind::floating
+                         : kind == "spherical" ? JointKind::spherical
+                                               : JointKind::one,
                          get<int>(joint, "q"), get<int>(joint, "v"), get<bool>(joint, "position_in_parent"),
                          get<bool>(joint, "velocity_in_parent")};
-    const int nq = one.kind == JointKind::one ? 1 : one.kind == JointKind::planar ? 4 : 7;
-    const int nv = one.kind == JointKind::one ? 1 : one.kind == JointKind::planar ? 3 : 6;
+    const int nq = one.kind == JointKind::one ? 1 : one.kind == JointKind::floating ? 7 : 4;
+    const int nv = one.kind == JointKind::one ? 1 : one.kind == JointKind::floating ? 6 : 3;
     require(one.q >= 0 && one.q + nq <= model.nq && one.v >= 0 && one.v + nv <= model.nv,
             "StartEquations: a joint outside q or v");
     model.joints.push_back(one);

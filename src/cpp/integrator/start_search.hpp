@@ -11,7 +11,9 @@
 
 namespace bellcrank {
 
-enum class JointKind { one, planar, floating };
+enum class JointKind { one, planar, floating, spherical };
+
+inline int lengths_of(JointKind kind) { return kind == JointKind::planar ? 2 : kind == JointKind::floating ? 3 : 0; }
 
 struct StartJoint {
   JointKind kind;
@@ -282,11 +284,11 @@ class StartSearch {
   void rotate(const double* q, bool of_position, double* v, bool back) const {
     for (const StartJoint& joint : m_.joints) {
       if (joint.kind == JointKind::one || !(of_position ? joint.position_in_parent : joint.velocity_in_parent)) continue;
-      const int size = joint.kind == JointKind::planar ? 2 : 3;
+      const int size = lengths_of(joint.kind);
       double r[9];
       rotation(joint, q, r);
       turn(r, size, v + joint.v, back);
-      if (!of_position && size == 3) turn(r, size, v + joint.v + 3, back);
+      if (!of_position && joint.kind != JointKind::planar) turn(r, 3, v + joint.v + size, back);
     }
   }
 
@@ -306,7 +308,8 @@ class StartSearch {
       r[0] = cosine, r[1] = -sine, r[2] = sine, r[3] = cosine;
       return;
     }
-    const double x = q[joint.q + 3], y = q[joint.q + 4], z = q[joint.q + 5], w = q[joint.q + 6];
+    const double* unit = q + joint.q + lengths_of(joint.kind);
+    const double x = unit[0], y = unit[1], z = unit[2], w = unit[3];
     r[0] = 1 - 2 * (y * y + z * z), r[1] = 2 * (x * y - w * z), r[2] = 2 * (x * z + w * y);
     r[3] = 2 * (x * y + w * z), r[4] = 1 - 2 * (x * x + z * z), r[5] = 2 * (y * z - w * x);
     r[6] = 2 * (x * z - w * y), r[7] = 2 * (y * z + w * x), r[8] = 1 - 2 * (x * x + y * y);
@@ -317,13 +320,13 @@ class StartSearch {
     for (const StartJoint& joint : m_.joints) {
       const double* at = q + joint.q;
       double *to = there + joint.q, d[6], r[9];
-      const int freedoms = joint.kind == JointKind::one ? 1 : joint.kind == JointKind::planar ? 3 : 6;
+      const int freedoms = joint.kind == JointKind::one ? 1 : joint.kind == JointKind::floating ? 6 : 3;
       for (int k = 0; k < freedoms; ++k) d[k] = column(joint.v + k) * (factor * step_[joint.v + k]);
       if (joint.kind == JointKind::one) {
         to[0] = at[0] + d[0];
         continue;
       }
-      const int size = joint.kind == JointKind::planar ? 2 : 3;
+      const int size = lengths_of(joint.kind);
       rotation(joint, q, r);
       turn(r, size, d, false);
       for (int k = 0; k < size; ++k) to[k] = at[k] + d[k];

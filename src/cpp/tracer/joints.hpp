@@ -1,4 +1,4 @@
-// The joint types that a URDF tree can hold, as a Pinocchio joint collection.
+// The joint types that a robot's tree can hold, as a Pinocchio joint collection.
 // Pinocchio's default collection has 25; instantiating only these keeps the build small.
 #pragma once
 
@@ -25,7 +25,9 @@ struct UrdfJoints {
       pinocchio::JointModelPrismaticTpl<Scalar, Options, 2>,
       pinocchio::JointModelPrismaticUnalignedTpl<Scalar, Options>,
       pinocchio::JointModelFreeFlyerTpl<Scalar, Options>,
-      pinocchio::JointModelPlanarTpl<Scalar, Options>>;
+      pinocchio::JointModelPlanarTpl<Scalar, Options>,
+      pinocchio::JointModelSphericalTpl<Scalar, Options>,
+      pinocchio::JointModelHelicalUnalignedTpl<Scalar, Options>>;
 
   using JointDataVariant = boost::variant<
       pinocchio::JointDataRevoluteTpl<Scalar, Options, 0>,
@@ -37,7 +39,9 @@ struct UrdfJoints {
       pinocchio::JointDataPrismaticTpl<Scalar, Options, 2>,
       pinocchio::JointDataPrismaticUnalignedTpl<Scalar, Options>,
       pinocchio::JointDataFreeFlyerTpl<Scalar, Options>,
-      pinocchio::JointDataPlanarTpl<Scalar, Options>>;
+      pinocchio::JointDataPlanarTpl<Scalar, Options>,
+      pinocchio::JointDataSphericalTpl<Scalar, Options>,
+      pinocchio::JointDataHelicalUnalignedTpl<Scalar, Options>>;
 };
 
 using Model = pinocchio::ModelTpl<SX, 0, UrdfJoints>;

@@ -78,11 +78,12 @@ NB_MODULE(_trace, m) {
   nb::class_<Placement>(m, "Placement").def(nb::init<std::array<double, 9>, std::array<double, 3>>());
   nb::class_<Joint>(m, "Joint").def(
       "__init__",
-      [](Joint* j, int kind, double sign, int parent, std::array<double, 3> axis, Placement placement, double mass,
-         std::array<double, 3> lever, std::array<double, 6> inertia, std::vector<double> armature) {
-        new (j) Joint{static_cast<JointKind>(kind), sign, parent, axis, placement, mass, lever, inertia, armature};
+      [](Joint* j, int kind, double sign, int parent, std::array<double, 3> axis, double pitch, Placement placement,
+         double mass, std::array<double, 3> lever, std::array<double, 6> inertia, std::vector<double> armature) {
+        new (j) Joint{static_cast<JointKind>(kind), sign, parent, axis, pitch, placement, mass, lever, inertia, armature};
       },
-      "kind"_a, "sign"_a, "parent"_a, "axis"_a, "placement"_a, "mass"_a, "lever"_a, "inertia"_a, "armature"_a);
+      "kind"_a, "sign"_a, "parent"_a, "axis"_a, "pitch"_a, "placement"_a, "mass"_a, "lever"_a, "inertia"_a,
+      "armature"_a);
   nb::class_<Frame>(m, "Frame").def(
       nb::init<int, int, int, Placement, Placement, std::array<double, 3>, double, std::array<double, 3>,
                std::array<double, 6>>(),

@@ -62,6 +62,13 @@ Model::JointModel joint_of(const Joint& j) {
     }
     case JointKind::FreeFlyer: return JointModelFreeFlyerTpl<SX, 0>();
     case JointKind::Planar: return JointModelPlanarTpl<SX, 0>();
+    case JointKind::Spherical: return JointModelSphericalTpl<SX, 0>();
+    case JointKind::Helical: {
+      JointModelHelicalUnalignedTpl<SX, 0> model;
+      model.axis = axis;
+      model.m_pitch = SX(j.pitch);
+      return model;
+    }
   }
   throw std::invalid_argument("unknown joint kind");
 }
@@ -181,7 +188,21 @@ Tree::Tree(const Description& d) : symbolic_(new Symbolic) {
 
 Tree::~Tree() = default;
 
-// dq/dt = E(q) v, joint by joint: R v and q * (0, w) / 2 for a free flyer, R2 v for a planar joint.
+namespace {
+
+// Writes ½ q ⊗ ω, the rate of the unit quaternion x y z w at iq for the angular velocity at iv, in the body's axes.
+void quaternion_rate(const SX& q, int iq, const SX& v, int iv, SX& rate) {
+  const SX x = q(iq), y = q(iq + 1), z = q(iq + 2), w = q(iq + 3);
+  const SX w1 = v(iv), w2 = v(iv + 1), w3 = v(iv + 2);
+  rate(iq) = 0.5 * (w * w1 + y * w3 - z * w2);
+  rate(iq + 1) = 0.5 * (w * w2 + z * w1 - x * w3);
+  rate(iq + 2) = 0.5 * (w * w3 + x * w2 - y * w1);
+  rate(iq + 3) = -0.5 * (x * w1 + y * w2 + z * w3);
+}
+
+}  // namespace
+
+// dq/dt = E(q) v, joint by joint: R v and ½ q ⊗ ω for a free flyer, ½ q ⊗ ω for a spherical joint, R2 v for a planar one.
 ::casadi::Function Tree::configuration_rate() const {
   const Symbolic& s = *symbolic_;
   SX rate = SX::zeros(s.q.size1(), 1);
@@ -194,15 +215,14 @@ Tree::~Tree() = default;
     if (kind == JointKind::FreeFlyer) {
       const SX x = s.q(iq + 3), y = s.q(iq + 4), z = s.q(iq + 5), w = s.q(iq + 6);
       const SX u1 = s.v(iv), u2 = s.v(iv + 1), u3 = s.v(iv + 2);
-      const SX w1 = s.v(iv + 3), w2 = s.v(iv + 4), w3 = s.v(iv + 5);
       rate(iq) = (1 - 2 * (y * y + z * z)) * u1 + 2 * (x * y - w * z) * u2 + 2 * (x * z + w * y) * u3;
       rate(iq + 1) = 2 * (x * y + w * z) * u1 + (1 - 2 * (x * x + z * z)) * u2 + 2 * (y * z - w * x) * u3;
       rate(iq + 2) = 2 * (x * z - w * y) * u1 + 2 * (y * z + w * x) * u2 + (1 - 2 * (x * x + y * y)) * u3;
-      rate(iq + 3) = 0.5 * (w * w1 + y * w3 - z * w2);
-      rate(iq + 4) = 0.5 * (w * w2 + z * w1 - x * w3);
-      rate(iq + 5) = 0.5 * (w * w3 + x * w2 - y * w1);
-      rate(iq + 6) = -0.5 * (x * w1 + y * w2 + z * w3);
+      quaternion_rate(s.q, iq + 3, s.v, iv + 3, rate);
       iq += 7, iv += 6;
+    } else if (kind == JointKind::Spherical) {
+      quaternion_rate(s.q, iq, s.v, iv, rate);
+      iq += 4, iv += 3;
     } else if (kind == JointKind::Planar) {
       const SX c = s.q(iq + 2), sn = s.q(iq + 3);
       rate(iq) = c * s.v(iv) - sn * s.v(iv + 1);

@@ -10,7 +10,7 @@
 
 namespace bellcrank {
 
-enum class JointKind { RX, RY, RZ, Revolute, PX, PY, PZ, Prismatic, FreeFlyer, Planar };
+enum class JointKind { RX, RY, RZ, Revolute, PX, PY, PZ, Prismatic, FreeFlyer, Planar, Spherical, Helical };
 
 struct Placement {  // maps coordinates of the child frame into its parent's
   std::array<double, 9> rotation;  // row major
@@ -22,6 +22,7 @@ struct Joint {
   double sign;  // -1: turns or slides against the axis of its kind
   int parent;  // joint index, 0 is the world
   std::array<double, 3> axis;
+  double pitch;  // of a helical joint: translation along the axis, m per rad
   Placement placement;  // in the parent joint's frame
   double mass;
   std::array<double, 3> lever;    // centre of mass in the joint's frame

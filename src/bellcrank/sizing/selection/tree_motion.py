@@ -163,5 +163,9 @@ def _freedoms(joint: TreeJoint) -> Array:
         return np.eye(6)
     if joint.kind == "planar":  # x, y and the angle about z
         return np.eye(6)[:, [0, 1, 5]]
-    linear, angular = (joint.axis, (0.0,) * 3) if joint.kind == "prismatic" else ((0.0,) * 3, joint.axis)
-    return np.array([*linear, *angular])[:, None]
+    if joint.kind == "spherical":
+        return np.eye(6)[:, 3:]
+    axis, none = np.array(joint.axis), np.zeros(3)
+    if joint.kind == "prismatic":
+        return np.append(axis, none)[:, None]
+    return np.append(joint.pitch * axis, axis)[:, None]
