@@ -1,0 +1,94 @@
+"""Changing the types of joints of a URDF text, as the YAML files of Gepetto's parallel robots do.
+
+Their `joint_name` lists joints that are revolute in the URDF and `joint_type` what they really are: SPHERICAL, FIXED (at
+0), or UJOINT_XY, UJOINT_YZ, UJOINT_ZX, a universal joint about these axes of the joint's frame, in this order. Source:
+`completeRobotLoader` of Gepetto/example-parallel-robots.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Final
+from xml.sax.saxutils import escape, quoteattr
+
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
+from bellcrank.robot.xml_tree import Element, parse_xml
+
+_AXES: Final = {"X": "1 0 0", "Y": "0 1 0", "Z": "0 0 1"}
+GEPETTO_TYPES: Final = ("SPHERICAL", "FIXED", "UJOINT_XY", "UJOINT_YZ", "UJOINT_ZX")
+
+
+def with_joint_types(text: str, types: Mapping[str, str], source: Path | str) -> tuple[str, tuple[str, ...]]:
+    """A URDF text in which some joints have other types; Gepetto's loader leaves out names that no joint has.
+
+    Args:
+        text: Text of a URDF, which is well-formed XML.
+        types: New types by the names of joints: one of GEPETTO_TYPES, in capital or small letters.
+        source: File that gives the types, for messages.
+
+    Returns:
+        The text of a URDF in the extended sense (extended_joints.py), every element in the same line as before; and one
+        sentence for each name that no joint has.
+
+    Raises:
+        InputError: There is no such type.
+
+    Example:
+        >>> urdf = '<robot name="r"><joint name="hip" type="revolute"><axis xyz="1 0 0"/></joint></robot>'
+        >>> with_joint_types(urdf, {"hip": "UJOINT_YZ"}, "robot.yaml")[0]
+        '<robot name="r"><joint name="hip" type="universal"><axis xyz="0 1 0"/><axis2 xyz="0 0 1"/></joint></robot>'
+    """
+    if not types:
+        return text, ()
+    robot = parse_xml(text, source)
+    joints = {joint.attributes.get("name", "").strip(): joint for joint in robot.find_all("joint")}
+    changed: dict[int, Element] = {}
+    notes: list[str] = []
+    for name, kind in types.items():
+        if kind.upper() not in GEPETTO_TYPES:
+            raise InputError(f"{source}: joint_type of '{name}': {unknown_name('type', kind, GEPETTO_TYPES)}")
+        if name in joints:
+            changed[id(joints[name])] = _changed(joints[name], kind.upper())
+        else:
+            close = get_close_matches(name, joints, 1)
+            like = f" (the nearest name is '{close[0]}')" if close else ""
+            notes.append(
+                f"{Path(source).name}: joint_name: no joint is named '{name}'{like}; its new type is not used."
+            )
+    children = [changed.get(id(child), child) for child in robot.children]
+    pieces: list[str] = []
+    _write(replace(robot, children=children), pieces, 1)
+    return "".join(pieces), tuple(notes)
+
+
+def _changed(joint: Element, kind: str) -> Element:
+    """The element of a joint with another type; a mimic of the former one is left out."""
+    kept = [child for child in joint.children if child.tag not in ("axis", "axis2", "mimic")]
+    if not kind.startswith("UJOINT"):
+        return replace(joint, attributes={**joint.attributes, "type": kind.lower()}, children=kept)
+    line = max([joint.line, *(child.line for child in kept)])
+    axes = [
+        Element(tag, {"xyz": _AXES[letter]}, line) for tag, letter in zip(("axis", "axis2"), kind[-2:], strict=True)
+    ]
+    return replace(joint, attributes={**joint.attributes, "type": "universal"}, children=[*kept, *axes])
+
+
+def _write(element: Element, pieces: list[str], line: int) -> int:
+    """Add the text of an element to the pieces, from this line on, each tag in its own line; the line of its end."""
+    pieces.append("\n" * max(element.line - line, 0))
+    line = max(line, element.line)
+    attributes = "".join(f" {key}={quoteattr(value)}" for key, value in element.attributes.items())
+    written = escape(element.text.strip())
+    if not element.children and not written:
+        pieces.append(f"<{element.tag}{attributes}/>")
+        return line
+    pieces.append(f"<{element.tag}{attributes}>{written}")
+    line += written.count("\n")
+    for child in element.children:
+        line = _write(child, pieces, line)
+    pieces.append(f"</{element.tag}>")
+    return line
