@@ -174,13 +174,16 @@ def sums(seed=0):
     return casadi.Function("sums", [x], [casadi.vertcat(*columns)])
 
 
-@pytest.mark.parametrize(("waiting", "seldom", "parts"), [(10**9, False, 1), (50, False, 8), (10**9, True, 8)])
-def test_code_is_cut_where_many_values_wait_or_it_is_called_seldom(waiting, seldom, parts, monkeypatch):
+@pytest.mark.parametrize(
+    ("waiting", "seldom", "joined"), [(10**9, False, True), (50, False, False), (10**9, True, False)]
+)
+def test_long_code_is_joined_unless_many_values_wait_or_it_is_called_seldom(waiting, seldom, joined, monkeypatch):
     monkeypatch.setattr(schedule, "WAITING", waiting)
     monkeypatch.setattr(schedule, "WHOLE", 10**9)
     code = compiled("sums", ("test", str(waiting), str(seldom)), sums, seldom)
-    made = len(schedule.schedule(code.graph).parts)
-    assert made == 1 if parts == 1 else made >= parts
+    plan = schedule.schedule(code.graph)
+    assert len(plan.parts) >= 8 and plan.joined == joined
+    assert (" alwaysinline " in code.ir("scalar")) == joined
     x = np.random.default_rng(1).normal(size=(9, 60))
     np.testing.assert_allclose(code(x), np.array(sums()(x.T)).T, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(code(x[4]), np.array(sums()(x[4])).ravel(), rtol=1e-12, atol=1e-12)

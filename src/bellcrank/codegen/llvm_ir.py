@@ -1,15 +1,16 @@
 """Writes LLVM IR for an expression graph: straight-line code of its operations, for any number of SIMD lanes.
 
-Compiled functions are pure and return a status (0). Products and sums may be fused; nothing else is reordered, so
-infinities, NaN and signs are as in IEEE 754. Inputs and outputs must not overlap. Scratch memory is on the stack, up to
-some hundred kB for the largest graphs. kernels.py makes the functions for one sample and
-for batches.
+Compiled functions are pure and return a status (0). Products and sums are fused where contraction.py says so, by the
+same rule at every optimisation level; nothing is reordered, so infinities, NaN and signs are as in IEEE 754. Inputs and
+outputs must not overlap. Scratch memory is on the stack, up to some hundred kB for the largest graphs. kernels.py makes
+the functions for one sample and for batches.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from bellcrank.codegen.contraction import contracted
 from bellcrank.codegen.expression_graph import Graph
 from bellcrank.codegen.schedule import Schedule, Wave, schedule
 from bellcrank.codegen.vector_math import EXACT_SINCOS, Lanes, sincos
@@ -187,15 +188,17 @@ class Body:
         op = node.op
         put = self._put
         if op in _ARITHMETIC:
-            put(f"{name} = {_ARITHMETIC[op]} contract {d} {args[0]}, {args[1]}")
+            put(f"{name} = {_ARITHMETIC[op]} {d} {args[0]}, {args[1]}")
         elif op == "neg":
             put(f"{name} = fneg {d} {args[0]}")
         elif op == "sq":
-            put(f"{name} = fmul contract {d} {args[0]}, {args[0]}")
+            put(f"{name} = fmul {d} {args[0]}, {args[0]}")
         elif op == "twice":
-            put(f"{name} = fadd contract {d} {args[0]}, {args[0]}")
+            put(f"{name} = fadd {d} {args[0]}, {args[0]}")
         elif op == "inv":
             put(f"{name} = fdiv {d} {lanes.number(1.0)}, {args[0]}")
+        elif op in ("fma", "fms", "fnma"):
+            self._fused(name, op, args)
         elif op in _INTRINSIC:
             listed = ", ".join(f"{d} {a}" for a in args)
             put(f"{name} = call {d} @llvm.{_INTRINSIC[op]}.{lanes.suffix}({listed})")
@@ -211,6 +214,14 @@ class Body:
         else:
             raise CompileError(f"the operation '{op}' cannot be compiled; write the expression without it")
         self.names[index] = name
+
+    def _fused(self, name: str, op: str, args: list[str]) -> None:
+        """a b + c, a b - c or c - a b, rounded once."""
+        d, negated = self.lanes.double, {"fms": 2, "fnma": 0}.get(op)
+        if negated is not None:
+            self._put(f"{name}.n = fneg {d} {args[negated]}")
+            args[negated] = f"{name}.n"
+        self._put(f"{name} = call {d} @llvm.fma.{self.lanes.suffix}({d} {args[0]}, {d} {args[1]}, {d} {args[2]})")
 
     def _extreme(self, name: str, before: str, args: list[str]) -> None:
         """The minimum or maximum of two values; NaN if either is NaN, unlike C's fmin."""
@@ -293,6 +304,7 @@ def operations(
     graph: Graph, lanes: Lanes, fused: bool, load: str, store: str, pointers: list[str], packed: int = 1
 ) -> Code:
     """The operations of a graph; `load` and `store` are formats over {k}, {i}, {name} that may use `pointers`."""
+    graph = contracted(graph) if fused else graph
     plan = schedule(graph)
     bodies = []
     library: set[str] = set()
@@ -307,8 +319,9 @@ def operations(
     if len(bodies) == 1:
         return Code(bodies[0].lines, bodies[0].allocas, bodies[0].label, before)
     listed = ", ".join(f"ptr noalias %{p}" for p in [*pointers, "passed"])
+    inlining = "alwaysinline" if plan.joined else "noinline"
     for k, body in enumerate(bodies):
-        head = f"define internal void @part{k}({listed}) noinline alignstack(64) {{"
+        head = f"define internal void @part{k}({listed}) {inlining} alignstack(64) {{"
         before += [head, "body:", *body.allocas, *body.lines, "  ret void", "}"]
     given = listed.replace(" noalias", "")
     calls = [f"  call void @part{k}({given})" for k in range(len(bodies))]

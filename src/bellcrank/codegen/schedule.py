@@ -1,10 +1,10 @@
 """The order in which a graph's operations are written, and the division of large graphs into functions.
 
 LLVM's time grows faster than the length of straight-line code: 13,000 operations take 0.8 s and 37,000 4 s in one
-function, 1.7 s in functions of 400. But values passed between functions cost time at every call, 15 % for 13,000
-operations of a humanoid in eight lanes. Therefore code is divided only if it is long, or if so many values are live at
-once that they are in memory anyway: forty loops of four bars, 9,000 operations, then take half the time to compile, and
-a tenth less to run.
+function, 1.7 s in functions of 400. Therefore long code is divided. But values passed between functions cost time at
+every call, 15 % for 13,000 operations of a humanoid in eight lanes. Therefore the optimiser joins the functions again
+(`joined`), unless the code is very long, or so many values are live at once that they are in memory anyway: forty loops
+of four bars, 9,000 operations, then take half the time to compile, and a tenth less to run.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from dataclasses import dataclass
 from bellcrank.codegen.expression_graph import Graph
 from bellcrank.codegen.instruction_order import local_order
 
-WHOLE = 16_000  # the most operations that stay in one function
 PART = 400  # operations per function of a divided graph
-WAITING = 750  # the most live values in a graph that stays in one function
+WHOLE = 16_000  # the most operations that the optimiser joins
+WAITING = 750  # the most live values in functions that it joins
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Schedule:
 
     `slots` has the nodes that are passed; nodes share a slot if the last function that reads one comes before the
     function that writes the next. `sines[angle]` has the nodes of its sine and cosine, -1 for none;
-    `places[node]` has the outputs (which, entry) that a node is.
+    `places[node]` has the outputs (which, entry) that a node is. `joined`: optimised code is one function.
     """
 
     parts: tuple[tuple[Step, ...], ...]
@@ -46,23 +46,23 @@ class Schedule:
     memory: int
     sines: dict[int, tuple[int, int]]
     places: dict[int, list[tuple[int, int]]]
+    joined: bool
 
 
 def schedule(graph: Graph) -> Schedule:
     """The order of a graph's operations: sines in waves as early as possible, the rest so that few values are live."""
     sines = _sines(graph)
     steps = _steps(graph, sines)
-    count = -(-len(steps) // PART)
-    cuts = [len(steps) * k // count for k in range(count + 1)] if count else [0, 0]
+    count = -(-len(steps) // PART) if graph.is_long or len(steps) > WHOLE else 1
+    cuts = [len(steps) * k // count for k in range(count + 1)]
     parts = tuple(tuple(steps[a:b]) for a, b in itertools.pairwise(cuts))
     slots, memory = _slots(graph, parts, sines)
-    if not graph.soon_compiled and len(steps) <= WHOLE and memory <= WAITING:
-        parts, slots, memory = (tuple(steps),), {}, 0
+    joined = not graph.soon_compiled and len(steps) <= WHOLE and memory <= WAITING
     places: dict[int, list[tuple[int, int]]] = {}
     for k, (_, entries) in enumerate(graph.outputs):
         for i, node in entries.items():
             places.setdefault(node, []).append((k, i))
-    return Schedule(parts, slots, memory, sines, places)
+    return Schedule(parts, slots, memory, sines, places, joined)
 
 
 def _sines(graph: Graph) -> dict[int, tuple[int, int]]:
