@@ -69,9 +69,8 @@ class EqualityReader:
                 anchor = translation(np.array(element.vector("anchor", (0.0, 0.0, 0.0))))
                 a, b = (one, anchor), (two, inverse(there) @ anchor)
             else:
-                there = _relative_pose(element, there)
                 anchor = translation(np.array(element.vector("anchor", (0.0, 0.0, 0.0))))
-                a, b = (one, there @ anchor), (two, anchor)
+                a, b = (one, _relative_pose(element, there @ anchor)), (two, anchor)
         if a[0] == b[0]:
             raise element.fail("constrains a body to itself; name two bodies")
         if element.tag == "weld" and element.number("torquescale", 1.0) == 0.0:
@@ -109,7 +108,9 @@ class EqualityReader:
 
 
 def _relative_pose(element: MjcfElement, there: Array) -> Array:
-    """The placement of body 2 in body 1 that `relpose` gives; `there` where its quaternion is zero or it is missing."""
+    """The placement in body 1 of body 2's anchor, with the axes of body 2, that `relpose` gives; `there` where its
+    quaternion is zero or it is missing.
+    """
     x, y, z, *quaternion = element.vector("relpose", (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     if not any(quaternion):
         return there
