@@ -15,8 +15,9 @@ from bellcrank.robot.mjcf_bodies import Body, BodyReader
 from bellcrank.robot.mjcf_compiler import Compiler, Defaults, disabled_flags, gravity_of
 from bellcrank.robot.mjcf_element import read_mjcf_elements
 from bellcrank.robot.mjcf_equality import EqualityReader
-from bellcrank.robot.mjcf_inertia import total_scale
+from bellcrank.robot.mjcf_inertia import InertiaReader, total_scale
 from bellcrank.robot.mjcf_joints import MjcfJoint
+from bellcrank.robot.mjcf_meshes import Meshes
 from bellcrank.robot.mjcf_names import named
 from bellcrank.robot.mjcf_notes import notes_of
 from bellcrank.robot.mjcf_start import start_of
@@ -45,8 +46,10 @@ def read_mjcf(text: str, source: Path, access: FileAccess) -> RobotFile:
     if root.tag != "mujoco":
         raise root.fail("is the root element; an MJCF file's <mujoco> was expected")
     compiler, defaults = Compiler.of(root.find_all("compiler")), Defaults(root)
-    disabled = disabled_flags(root)
-    bodies = _with_total_mass(named(BodyReader(compiler, defaults).read(root)), compiler)
+    meshes, disabled = Meshes(root, compiler, defaults, source, access), disabled_flags(root)
+    bodies = _with_total_mass(
+        named(BodyReader(compiler, defaults, InertiaReader(compiler, meshes)).read(root)), compiler
+    )
     bodies = [replace(body, joints=tuple(_enabled(joint, disabled) for joint in body.joints)) for body in bodies]
     actuators = [defaults.resolved(each, "actuator") for part in root.find_all("actuator") for each in part.children]
     motors = read_motors(actuators, {j.name: j for body in bodies for j in body.joints}, compiler.autolimits)
@@ -56,7 +59,7 @@ def read_mjcf(text: str, source: Path, access: FileAccess) -> RobotFile:
     if "equality" in disabled and loops:
         loops, loop_notes = [], ["the constraints under <equality> are disabled by <option><flag> and left out."]
     start, start_notes = start_of(bodies, root)
-    visuals = Visuals(root, compiler, defaults)
+    visuals = Visuals(root, defaults, meshes)
     joints = [joint for body in bodies for joint in body.joints]
     efforts = {joint.name: effort for joint in joints if (effort := motors.effort(joint)) is not None}
     urdf = UrdfWriter(bodies, visuals.of(bodies), efforts).text(root.attributes.get("model", "") or source.stem)
@@ -69,7 +72,7 @@ def read_mjcf(text: str, source: Path, access: FileAccess) -> RobotFile:
         rotor_inertia=_rotor_inertia(joints, motors),
         start=start,
         gravity=gravity_of(root),
-        notes=(*start_notes, *loop_notes, *motors.notes, *notes_of(root, bodies, visuals, access)),
+        notes=(*start_notes, *loop_notes, *motors.notes, *notes_of(root, bodies, visuals, meshes)),
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from bellcrank.robot.mjcf_compiler import Compiler, Defaults
 from bellcrank.robot.mjcf_element import MjcfElement
-from bellcrank.robot.mjcf_inertia import BodyInertia, body_inertia
+from bellcrank.robot.mjcf_inertia import NOTHING, BodyInertia, InertiaReader
 from bellcrank.robot.mjcf_joints import MjcfJoint, check_joints, joint_of
 from bellcrank.robot.mjcf_placement import Array
 from bellcrank.robot.mjcf_shapes import SIZES, Shape, geometry_of, shape_of
@@ -68,8 +68,8 @@ class _Scope:
 class BodyReader:
     """Reads the bodies of a file."""
 
-    def __init__(self, compiler: Compiler, defaults: Defaults) -> None:
-        self._compiler, self._defaults = compiler, defaults
+    def __init__(self, compiler: Compiler, defaults: Defaults, inertias: InertiaReader) -> None:
+        self._compiler, self._defaults, self._inertias = compiler, defaults, inertias
         self._bodies: list[Body] = []
         self._copies = 0
 
@@ -90,9 +90,6 @@ class BodyReader:
         number, found = len(self._bodies), _Contents()
         inner = _Scope(np.eye(4), self._childclass(element, scope), scope.suffix)
         self._read_contents(element, inner, found)
-        if len(found.inertials) > 1:
-            raise found.inertials[1][0].fail("is the second <inertial> of its body; remove one of them")
-        inertial, frame = found.inertials[0] if found.inertials else (None, np.eye(4))
         check_joints(element, found.joints, top=parent == 0 and number > 0, world=number == 0)
         world = number == 0
         body = Body(
@@ -102,7 +99,7 @@ class BodyReader:
             joints=tuple(found.joints),
             shapes=tuple(found.shapes),
             sites=tuple(found.sites),
-            inertia=body_inertia(element, frame, inertial, () if world else found.shapes, self._compiler),
+            inertia=NOTHING if world else self._inertias.of(found.inertials, found.shapes),
             element=element,
         )
         self._bodies.append(body)

@@ -9,6 +9,7 @@ import numpy as np
 
 from bellcrank.robot.mjcf_compiler import Compiler
 from bellcrank.robot.mjcf_element import MjcfElement
+from bellcrank.robot.mjcf_meshes import Meshes
 from bellcrank.robot.mjcf_placement import Array
 from bellcrank.robot.mjcf_shapes import Shape, inertia_of
 
@@ -29,68 +30,75 @@ class BodyInertia:
 NOTHING = BodyInertia(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
-def body_inertia(
-    body: MjcfElement, frame_of_inertial: Array, inertial: MjcfElement | None, shapes: Sequence[Shape],
-    compiler: Compiler,
-) -> BodyInertia:  # fmt: skip
-    """The inertia of a body as MuJoCo's compiler finds it. Raises InputError."""
-    if inertial is not None and compiler.inertia_from_geoms != "true":
-        found = _given(inertial, frame_of_inertial, compiler)
-    elif compiler.inertia_from_geoms == "false":
-        found = NOTHING
-    else:
-        found = _of_shapes(shapes, compiler)
-    return _bounded(body, found, compiler)
+@dataclass(frozen=True)
+class InertiaReader:
+    """Finds inertias of bodies as MuJoCo's compiler does."""
+
+    compiler: Compiler
+    meshes: Meshes
+
+    def of(self, inertials: Sequence[tuple[MjcfElement, Array]], shapes: Sequence[Shape]) -> BodyInertia:
+        """The inertia of a body: of its <inertial> elements with their frames (4, 4), or its shapes. Raises InputError."""
+        if len(inertials) > 1:
+            raise inertials[1][0].fail("is the second <inertial> of its body; remove one of them")
+        if inertials and self.compiler.inertia_from_geoms != "true":
+            return self._bounded(self._given(*inertials[0]))
+        return self._bounded(NOTHING if self.compiler.inertia_from_geoms == "false" else self._of_shapes(shapes))
+
+    def _given(self, inertial: MjcfElement, frame: Array) -> BodyInertia:
+        """The inertia that an <inertial> gives."""
+        inertial.required("pos")
+        inertial.required("mass")
+        full, diagonal = inertial.numbers("fullinertia", 6, 6), inertial.numbers("diaginertia", 3, 3)
+        place = frame @ self.compiler.angles.placement(inertial)
+        if full is not None and diagonal is not None:
+            raise inertial.fail("has diaginertia and fullinertia; remove one of them")
+        if full is not None:
+            xx, yy, zz, xy, xz, yz = full
+            about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        else:
+            about = np.diag(diagonal or (0.0, 0.0, 0.0))
+        return _moved(BodyInertia(inertial.number("mass", 0.0, 0.0), np.zeros(3), about), place)
+
+    def _of_shapes(self, shapes: Sequence[Shape]) -> BodyInertia:
+        """The inertia of the shapes whose groups count: sums of masses, first moments and moved inertias."""
+        least, most = self.compiler.inertia_groups
+        parts = [self._of_shape(shape) for shape in shapes if least <= shape.group <= most]
+        mass = sum(part.mass for part in parts)
+        if mass == 0.0:
+            return NOTHING
+        center = sum((part.mass * part.center for part in parts), np.zeros(3)) / mass
+        inertia = np.zeros((3, 3))
+        for part in parts:
+            arm = part.center - center
+            inertia += part.inertia + part.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+        return BodyInertia(mass, center, inertia)
+
+    def _of_shape(self, shape: Shape) -> BodyInertia:
+        """The inertia of one shape, in the frame of its body."""
+        if shape.kind == "mesh" and shape.mass != 0.0 and not (shape.mass is None and shape.density == 0.0):
+            solid = self.meshes.solid(shape.element, str(shape.mesh))
+            density = shape.density if shape.mass is None else shape.mass / solid.volume
+            return _moved(BodyInertia(density * solid.volume, solid.center, density * solid.inertia), shape.place)
+        mass, principal = (0.0, np.zeros(3)) if shape.kind == "mesh" else inertia_of(shape)
+        return _moved(BodyInertia(mass, np.zeros(3), np.diag(principal)), shape.place)
+
+    def _bounded(self, found: BodyInertia) -> BodyInertia:
+        """The inertia after boundmass, boundinertia and balanceinertia, which act on the principal inertias."""
+        compiler = self.compiler
+        if not (compiler.least_mass or compiler.least_inertia or compiler.balance_inertia):
+            return found
+        values, axes = np.linalg.eigh(found.inertia)
+        values = np.maximum(values, compiler.least_inertia)
+        if compiler.balance_inertia and values[0] + values[1] < values[2]:
+            values = np.full(3, values.mean())
+        return BodyInertia(max(found.mass, compiler.least_mass), found.center, axes @ np.diag(values) @ axes.T)
 
 
-def _given(inertial: MjcfElement, frame: Array, compiler: Compiler) -> BodyInertia:
-    """The inertia that an <inertial> gives."""
-    inertial.required("pos")
-    inertial.required("mass")
-    full, diagonal = inertial.numbers("fullinertia", 6, 6), inertial.numbers("diaginertia", 3, 3)
-    place = frame @ compiler.angles.placement(inertial)
-    if full is not None and diagonal is not None:
-        raise inertial.fail("has diaginertia and fullinertia; remove one of them")
-    if full is not None:
-        xx, yy, zz, xy, xz, yz = full
-        about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    else:
-        about = np.diag(diagonal or (0.0, 0.0, 0.0))
+def _moved(body: BodyInertia, place: Array) -> BodyInertia:
+    """The inertia of a body that is placed in another one, in the frame of that one."""
     turn = place[:3, :3]
-    return BodyInertia(inertial.number("mass", 0.0, 0.0), place[:3, 3], turn @ about @ turn.T)
-
-
-def _of_shapes(shapes: Sequence[Shape], compiler: Compiler) -> BodyInertia:
-    """The inertia of the shapes whose groups count: sums of masses, first moments and moved inertias."""
-    least, most = compiler.inertia_groups
-    parts = []
-    for shape in shapes:
-        if least <= shape.group <= most:
-            mass, principal = inertia_of(shape)
-            if mass > 0.0:
-                turn = shape.place[:3, :3]
-                parts.append(BodyInertia(mass, shape.place[:3, 3], turn @ np.diag(principal) @ turn.T))
-    if not parts:
-        return NOTHING
-    mass = sum(part.mass for part in parts)
-    center = sum((part.mass * part.center for part in parts), np.zeros(3)) / mass
-    inertia = np.zeros((3, 3))
-    for part in parts:
-        arm = part.center - center
-        inertia += part.inertia + part.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    return BodyInertia(mass, center, inertia)
-
-
-def _bounded(body: MjcfElement, found: BodyInertia, compiler: Compiler) -> BodyInertia:
-    """The inertia after boundmass, boundinertia and balanceinertia, which act on the principal inertias."""
-    if not (compiler.least_mass or compiler.least_inertia or compiler.balance_inertia):
-        return found
-    mass = max(found.mass, compiler.least_mass)
-    values, axes = np.linalg.eigh(found.inertia)
-    values = np.maximum(values, compiler.least_inertia)
-    if compiler.balance_inertia and values[0] + values[1] < values[2]:
-        values = np.full(3, values.mean())
-    return BodyInertia(mass, found.center, axes @ np.diag(values) @ axes.T)
+    return BodyInertia(body.mass, place[:3, 3] + turn @ body.center, turn @ body.inertia @ turn.T)
 
 
 def total_scale(bodies: Sequence[BodyInertia], compiler: Compiler) -> float:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Final
 
-from bellcrank.files.access import FileAccess
 from bellcrank.robot.mjcf_bodies import Body
 from bellcrank.robot.mjcf_element import MjcfElement
+from bellcrank.robot.mjcf_meshes import Meshes
 from bellcrank.robot.mjcf_visuals import Visuals
 
 MOST_NAMED = 6  # names in one sentence
@@ -40,7 +39,7 @@ QUIET: Final = ("visual", "statistic", "size", "custom", "extension", "sensor", 
 FLUID: Final = ("density", "viscosity", "wind", "magnetic")
 
 
-def notes_of(root: MjcfElement, bodies: Sequence[Body], visuals: Visuals, access: FileAccess) -> list[str]:
+def notes_of(root: MjcfElement, bodies: Sequence[Body], visuals: Visuals, meshes: Meshes) -> list[str]:
     """The sentences about a file."""
     return [
         *_contacts(bodies),
@@ -49,7 +48,7 @@ def notes_of(root: MjcfElement, bodies: Sequence[Body], visuals: Visuals, access
         *_sections(root),
         *_options(root),
         *_attributes(root),
-        *_drawing(visuals, root.source, access),
+        *_drawing(visuals, meshes),
     ]
 
 
@@ -139,10 +138,10 @@ def _attributes(root: MjcfElement) -> Iterator[str]:
         yield f"line {listed}: {key[:40]} of <{tag}> is not used."
 
 
-def _drawing(visuals: Visuals, source: Path, access: FileAccess) -> Iterator[str]:
+def _drawing(visuals: Visuals, meshes: Meshes) -> Iterator[str]:
     if visuals.undrawn:
         yield f"shapes of these kinds are not drawn: {', '.join(sorted(visuals.undrawn))}."
-    missing = visuals.missing(source, access)
+    missing = meshes.missing()
     if missing:
         yield f"mesh files are missing and not drawn: {_names(missing)}."
 

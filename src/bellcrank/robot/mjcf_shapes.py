@@ -93,14 +93,12 @@ def inertia_of(shape: Shape) -> tuple[float, Array]:
     Solids: R. Featherstone, "Rigid Body Dynamics Algorithms", and any handbook; a capsule is a cylinder with two half
     balls, moved by the parallel-axis theorem. A shell has its mass on the surface. Raises InputError.
     """
-    if shape.mass == 0.0 or shape.kind in MASSLESS:
+    if shape.mass == 0.0 or (shape.mass is None and shape.density == 0.0) or shape.kind in MASSLESS:
         return 0.0, np.zeros(3)
     make = (_SHELLS if shape.shell else _SOLIDS).get(shape.kind)
-    if make is None:
-        raise shape.element.fail(
-            f"the inertia of a {shape.kind}{' shell' if shape.shell else ''} is not computed; give its body an "
-            "<inertial>"
-        )
+    if make is None or len(shape.size) != SIZES[shape.kind][0]:
+        kind = f"{shape.kind}{' shell' if shape.shell else ''}{' fitted to a mesh' if shape.mesh else ''}"
+        raise shape.element.fail(f"the inertia of a {kind} is not computed; give its body an <inertial>")
     measure, radii = make(*shape.size)
     mass = shape.density * measure if shape.mass is None else shape.mass
     return mass, mass * np.array(radii)
