@@ -38,7 +38,7 @@ class InertiaReader:
     meshes: Meshes
 
     def of(self, inertials: Sequence[tuple[MjcfElement, Array]], shapes: Sequence[Shape]) -> BodyInertia:
-        """The inertia of a body: of its <inertial> elements with their frames (4, 4), or its shapes. Raises InputError."""
+        """The inertia of a body: of its <inertial>, with its frame (4, 4), or of its shapes. Raises InputError."""
         if len(inertials) > 1:
             raise inertials[1][0].fail("is the second <inertial> of its body; remove one of them")
         if inertials and self.compiler.inertia_from_geoms != "true":
