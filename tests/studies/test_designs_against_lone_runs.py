@@ -18,8 +18,8 @@ TIMES = 5.0  # the error: runs of the same tolerances whose steps differ, each w
 MOST_TIMES = 10.0  # the same for the largest difference of a thousand designs
 ROUNDING = 1e-12  # of a measure's largest value
 # Extremes within steps that docs/guide/sweeps.md calls less accurate: the force on the five-bar has kinks where a motor
-# saturates, and the linkage of n_four_bar_2 passes flat positions, where its constraints lose rank, within a step.
-LESS_ACCURATE = {"five_bar": ("least.pin", "largest.pin"), "n_four_bar_2": ("least.", "largest.")}
+# saturates.
+LESS_ACCURATE = {"five_bar": ("least.pin", "largest.pin")}
 
 
 def finer(scene):

@@ -107,9 +107,7 @@ def _bundled(loops: int, duration: float, published: tuple[Published, ...] = ())
         source=f"{IFTOMM}, A02",
         make=lambda: load_scene(name),
         judge=judge,
-        # within a step across the flat position, where the constraints lose rank, rows are interpolated with an error
-        # of up to 7e-6 m if the step is as long as the tolerance allows (0.2 s)
-        settings={"duration": duration, "rtol": 1e-10, "atol": 1e-10, "samples": 401, "max_step": 0.1},
+        settings={"duration": duration, "rtol": 1e-10, "atol": 1e-10, "samples": 401},
         benchmark=Benchmark(
             scene=name,
             equations=NFourBar(loops),

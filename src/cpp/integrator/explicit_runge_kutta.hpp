@@ -282,22 +282,26 @@ class ExplicitRungeKutta {
   }
 
   __attribute__((noinline)) void make_stage_polynomial(double h) {
-    constexpr auto stage = StagePolynomialTerms<Method>::stage;
     constexpr StagePolynomialTerms<Method> terms;
     const std::size_t w = lanes();
     for (int b = 0; b < blocks(); ++b) {
-      const Lanes f = h * at(main_.k + 4 * b), g = h * at(main_.k + last * w + 4 * b);
-      const Lanes d = at(x_ + 4 * b) - at(old_ + 4 * b);
       Lanes missing[3];
-      for (int i = 0; i < 3; ++i)
-        missing[i] = h * at(main_.k + stage[i] * w + 4 * b) - cubic_slope(Method::c[stage[i]], f, g, d);
-      for (int i = 0; i < 2; ++i)
-        at(dense_ + i * w + 4 * b) = terms.two[i][0] * missing[0] + terms.two[i][1] * missing[1];
-      for (int i = 0; i < 3; ++i)
-        at(dense_ + (2 + i) * w + 4 * b) =
-            terms.three[i][0] * missing[0] + terms.three[i][1] * missing[1] + terms.three[i][2] * missing[2];
+      missing_slopes(b, h, missing);
+      Lanes powers[5];
+      terms.coarser(missing, powers), terms.finer(missing, powers + 2);
+      for (int i = 0; i < 5; ++i) at(dense_ + i * w + 4 * b) = powers[i];
     }
     stage_polynomial_ready_ = true;
+  }
+
+  // What the cubic's slopes at three stages differ from those there, times the step size.
+  void missing_slopes(int b, double h, Lanes* missing) const {
+    constexpr auto stage = StagePolynomialTerms<Method>::stage;
+    const std::size_t w = lanes();
+    const Lanes f = h * at(main_.k + 4 * b), g = h * at(main_.k + last * w + 4 * b);
+    const Lanes d = at(x_ + 4 * b) - at(old_ + 4 * b);
+    for (int i = 0; i < 3; ++i)
+      missing[i] = h * at(main_.k + stage[i] * w + 4 * b) - cubic_slope(Method::c[stage[i]], f, g, d);
   }
 
   // Slope of the cubic through two values with difference d and slopes f and g, all times the step size.
@@ -329,7 +333,9 @@ class ExplicitRungeKutta {
       status |= stage<14>(main_, h);
       status |= stage<15>(main_, h);
       rhs_.evaluations += 3;
-      dense_ready_ = status == 0;
+      stage_polynomial_ready_ = false;  // its place is taken
+      constexpr StagePolynomialTerms<Method> through;
+      DenseOutputTest<Lanes> test;
       for (int b = 0; b < blocks(); ++b) {
         const Lanes f = h * at(main_.k + 4 * b), g = h * at(main_.k + last * w + 4 * b);
         const Lanes d = at(x_ + 4 * b) - at(old_ + 4 * b);
@@ -341,9 +347,29 @@ class ExplicitRungeKutta {
         at(terms + 4 * w) = h * dense_term<1>(b);
         at(terms + 5 * w) = h * dense_term<2>(b);
         at(terms + 6 * w) = h * dense_term<3>(b);
+        const Lanes scale = 1.0 / (at(tolerance_ + 4 * b) + p_.rtol * magnitude(at(x_ + 4 * b)));
+        Lanes missing[3], finer[3], coarser[2];
+        missing_slopes(b, h, missing);
+        through.finer(missing, finer), through.coarser(missing, coarser);
+        test.add({at(terms + 3 * w), at(terms + 4 * w), at(terms + 5 * w), at(terms + 6 * w)},
+                 HighTerms<Lanes>::finer(finer), HighTerms<Lanes>::coarser(coarser), scale);
       }
-      if (dense_ready_)
-        for (int i = 0; i < 4 && dense_ready_; ++i) dense_ready_ = finite(dense_ + (3 + i) * w);
+      dense_ready_ = status == 0 && finite(dense_ + 3 * w, dense_ + 4 * w) && finite(dense_ + 5 * w, dense_ + 6 * w);
+      if (dense_ready_ && !test.passes(total(test.far()), total(test.near()), p_.norm_size)) use_stage_polynomial(h);
+    }
+  }
+
+  // Puts the polynomial through the stages in place of the dense output.
+  void use_stage_polynomial(double h) {
+    constexpr StagePolynomialTerms<Method> through;
+    const std::size_t w = lanes();
+    for (int b = 0; b < blocks(); ++b) {
+      Lanes missing[3], powers[3];
+      missing_slopes(b, h, missing);
+      through.finer(missing, powers);
+      const HighTerms<Lanes> better = HighTerms<Lanes>::finer(powers);
+      double* terms = dense_ + 3 * w + 4 * b;
+      at(terms) = better.a, at(terms + w) = better.b, at(terms + 2 * w) = better.c, at(terms + 3 * w) = better.d;
     }
   }
 };

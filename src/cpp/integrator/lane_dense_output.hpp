@@ -45,13 +45,19 @@ class LaneDenseOutput {
       method_.template stage<13>(block, h);
       method_.template stage<14>(block, h);
       method_.template stage<15>(block, h);
+      DenseOutputTest<Vec> test;
       for (int i = 0; i < n_; ++i) {
         const Vec *k = block.k + i, *c = cheap_ + cheap_terms * i;
         Vec* d = dense_ + dense_terms * i;
         d[0] = c[0], d[1] = c[1], d[2] = -(c[1] + c[2]);
         d[3] = h * term<0>(k), d[4] = h * term<1>(k), d[5] = h * term<2>(k), d[6] = h * term<3>(k);
         sound &= finite(d[3] + d[4] + d[5] + d[6]);
+        const Vec scale = 1.0 / (block.atol + block.rtol * absolute(block.x[i]));
+        if (i < equations_.problem.norm_size)
+          test.add({d[3], d[4], d[5], d[6]}, HighTerms<Vec>::finer(c + 3), HighTerms<Vec>::coarser(c + 6), scale);
       }
+      const Mask kept = test.passes(test.far(), test.near(), equations_.problem.norm_size);
+      if (bits(~kept)) use_stage_polynomial(~kept);
       block.evaluations += wanted ? splat(3) : Vec{};
     } else {  // the cubic's slope is corrected by one evaluation, as in explicit_runge_kutta.hpp
       const double s = 0.2113248654051871177454256;
@@ -87,6 +93,16 @@ class LaneDenseOutput {
   }
 
  private:
+  // Puts the polynomial through the stages in place of the dense output in some lanes.
+  void use_stage_polynomial(Mask lanes) {
+    for (int i = 0; i < n_; ++i) {
+      const HighTerms<Vec> better = HighTerms<Vec>::finer(cheap_ + cheap_terms * i + 3);
+      Vec* d = dense_ + dense_terms * i + 3;
+      d[0] = lanes ? better.a : d[0], d[1] = lanes ? better.b : d[1];
+      d[2] = lanes ? better.c : d[2], d[3] = lanes ? better.d : d[3];
+    }
+  }
+
   static constexpr int last = Method::stages;
   static constexpr int cheap_terms = Method::extra == 3 ? 8 : 3;
   static constexpr int dense_terms = Method::fsal ? 4 : Method::extra == 3 ? 7 : 1;
@@ -121,9 +137,7 @@ class LaneDenseOutput {
       Vec missing[3];
       for (int j = 0; j < 3; ++j)
         missing[j] = h * block.k[stage[j] * n_ + i] - cubic_slope(Method::c[stage[j]], c);
-      for (int j = 0; j < 3; ++j)
-        c[3 + j] = terms.three[j][0] * missing[0] + terms.three[j][1] * missing[1] + terms.three[j][2] * missing[2];
-      for (int j = 0; j < 2; ++j) c[6 + j] = terms.two[j][0] * missing[0] + terms.two[j][1] * missing[1];
+      terms.finer(missing, c + 3), terms.coarser(missing, c + 6);
     }
   }
 

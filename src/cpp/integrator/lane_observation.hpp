@@ -137,19 +137,19 @@ class LaneObservation {
     }
   }
 
-  // Quantities at states of the dense output, projected as those of outputs; where the projection cannot be trusted
-  // (most_projected), those at the end of the step.
+  // Quantities at states of the dense output, projected as those of outputs (Rhs::keep_velocity).
   void between(LaneBlock& block, Vec s, Vec* values, Bits lanes) {
     const Vec time = block.t_old + s * (block.t - block.t_old);
     const Problem& p = ensemble_.common;
     dense_.interpolate(block, s, x_);
-    for (int i = 0; i < p.n; ++i) plain_[i] = x_[i];
+    for (int i = p.nq; i < p.nq + p.nv; ++i) plain_[i] = x_[i];
     equations_.settle(block, time, x_, mask(lanes));
     Mask near = Mask{} == 0;
-    for (int i = 0; i < p.nq + p.nv; ++i)
-      near &= absolute(x_[i] - plain_[i]) <= most_projected * (block.atol + block.rtol * absolute(plain_[i]));
+    for (int i = p.nq; i < p.nq + p.nv; ++i)
+      near &= absolute(x_[i] - plain_[i]) <= Rhs::most_projected * (block.atol + block.rtol * absolute(plain_[i]));
+    near |= block.step > 0.0;
+    for (int i = p.nq; i < p.nq + p.nv; ++i) x_[i] = near ? x_[i] : plain_[i];
     equations_.observe(block, time, x_, values);
-    for (int j = 0; j < within_; ++j) values[j] = near ? values[j] : y_[parts * count_ + j];
   }
 
   // ObservedHistory::learn

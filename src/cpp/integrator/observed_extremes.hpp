@@ -13,10 +13,6 @@
 namespace bellcrank {
 namespace BELLCRANK_ISA {
 
-// How far, in tolerances, a projection may move a state between the ends of steps, where the error of the dense output is
-// of the size of the tolerance. Where constraints nearly lose rank, a small residual makes a large change of velocity.
-constexpr double most_projected = 1e4;
-
 // What is known of a quantity from the steps before. One that is constant but for the error of the cheap polynomial, such
 // as the energy of a conservative system, leaves the extremes in every step there, and not on the dense output: where
 // that was found twice, such steps are no longer sampled again.
@@ -175,15 +171,8 @@ class ObservedExtremes {
     stepper_.sketch(s, x_);  // the dense output, where it could be prepared
     std::memcpy(plain_, x_, p_.n * sizeof(double));
     rhs_.settle(t, x_);
-    if (projected_nearby()) evaluate(t, x_, values);
-    else std::memcpy(values, y_ + parts * count_, count_ * sizeof(double));  // not to be trusted: left out
-  }
-
-  // Where constraints nearly lose rank, a projection makes a large change of the velocity of a small residual.
-  bool projected_nearby() const {
-    for (int i = 0; i < p_.nq + p_.nv; ++i)
-      if (!(std::fabs(x_[i] - plain_[i]) <= most_projected * (p_.atol + p_.rtol * std::fabs(plain_[i])))) return false;
-    return true;
+    rhs_.keep_velocity(plain_, x_);
+    evaluate(t, x_, values);
   }
 
   void search() {

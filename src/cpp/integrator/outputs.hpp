@@ -11,7 +11,7 @@ class Outputs {
  public:
   Outputs(Rhs& rhs, Record& record)
       : rhs_(rhs), p_(rhs.problem), record_(record), width_(p_.nq + p_.nv), room_(p_.project_batch ? most : 0),
-        x_(room_ * p_.n), time_(room_), correction_(room_ * width_), guard_(room_), waits_(room_) {}
+        x_(room_ * p_.n), plain_(p_.n), time_(room_), correction_(room_ * width_), guard_(room_), waits_(room_) {}
 
   // A state at the end of a step, which is projected already.
   void take(double t, const double* x) {
@@ -22,7 +22,7 @@ class Outputs {
   // A state between steps, which is not.
   void take_between(double t, double* x) {
     if (p_.project_batch) return keep(t, x, true);
-    rhs_.settle(t, x);
+    settle(t, x);
     record_.output(t, x);
   }
 
@@ -30,7 +30,7 @@ class Outputs {
     for (int pass = 0; pass < passes && waiting_ >= p_.lanes && project(); ++pass) correct();
     for (int i = 0; i < count_; ++i) {
       double* x = x_ + i * p_.n;
-      if (waits_[i]) rhs_.settle(time_[i], x);
+      if (waits_[i]) settle(time_[i], x);
       record_.output(time_[i], x);
     }
     count_ = waiting_ = 0;
@@ -43,7 +43,7 @@ class Outputs {
   const Problem& p_;
   Record& record_;
   const int width_, room_;
-  Buffer x_, time_, correction_, guard_;
+  Buffer x_, plain_, time_, correction_, guard_;
   Array<bool> waits_;
   int count_ = 0, waiting_ = 0;
 
@@ -53,6 +53,14 @@ class Outputs {
     waits_[count_] = waits;
     waiting_ += waits;
     if (++count_ == most) flush();
+  }
+
+  // Projects a state between the ends of steps.
+  void settle(double t, double* x) {
+    if (!p_.project) return rhs_.normalise(x);
+    std::memcpy(plain_, x, p_.n * sizeof(double));
+    rhs_.settle(t, x);
+    rhs_.keep_velocity(plain_, x);
   }
 
   bool project() {
@@ -68,7 +76,10 @@ class Outputs {
       const double* d = correction_ + i * width_;
       const double size = rhs_.size(d);
       if (!waits_[i] || !(guard_[i] > 0) || !(size <= Rhs::safe)) continue;
-      rhs_.correct(x_ + i * p_.n, d);
+      double* x = x_ + i * p_.n;
+      std::memcpy(plain_, x, p_.n * sizeof(double));
+      rhs_.correct(x, d);
+      rhs_.keep_velocity(plain_, x);
       waits_[i] = size > Rhs::exact;
       waiting_ -= !waits_[i];
     }

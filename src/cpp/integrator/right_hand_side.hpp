@@ -131,6 +131,16 @@ class Rhs {
     for (int k = 0; k < problem.nq; ++k) sum += std::fabs(weights ? weights[k] * correction[k] : correction[k]);
     return sum;
   }
+  // Takes back what a projection did to the velocity of a state between the ends of steps, where that is more than the
+  // dense output's error explains: where constraints nearly lose rank, a small residual makes a large change of it. Fixed
+  // steps have no tolerance.
+  static constexpr double most_projected = 1e4;  // tolerances
+  void keep_velocity(const double* from, double* x) const {
+    bool near = true;
+    for (int k = problem.nq; k < problem.nq + problem.nv && !(problem.step > 0); ++k)
+      near &= std::fabs(x[k] - from[k]) <= most_projected * (problem.atol + problem.rtol * std::fabs(from[k]));
+    if (!near) std::memcpy(x + problem.nq, from + problem.nq, problem.nv * sizeof(double));
+  }
   BELLCRANK_INLINE void correct(double* x, const double* correction) const {
     for (int k = 0; k < problem.nq + problem.nv; ++k) x[k] += correction[k];
     normalise(x);
