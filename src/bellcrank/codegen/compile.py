@@ -7,7 +7,6 @@ import json
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -228,7 +227,7 @@ def _make(wanted: Sequence[tuple[Compiled, str]], name: str) -> None:
 def sources() -> str:
     """A digest of the source files: cached recipes are not used after a change of the package."""
     package = Path(__file__).parent.parent
-    paths = sorted([*package.rglob("*.py"), *package.glob("_trace*.so")])
+    paths = sorted([*package.rglob("*.py"), *package.glob("_trace*.so"), *package.glob("_codegen*.so")])
     return disk.digest(*[p.read_bytes() for p in paths])
 
 
@@ -250,7 +249,7 @@ def compiled(
     def graph() -> Graph:
         with making:
             if not graphs:
-                made = replace(graph_of(_serialized(build())), seldom=seldom)
+                made = graph_of(_serialized(build()), seldom)
                 if made.input_sizes[: len(inputs)] != tuple(inputs):
                     raise CompileError(
                         f"{name} takes vectors of sizes {made.input_sizes} where {tuple(inputs)} … are passed, a fault "
@@ -267,7 +266,7 @@ def _unpickled(name: str, recipe: str, graph: Graph) -> Compiled:
 
 
 def _sizes(graph: Graph) -> dict[str, list[int]]:
-    return {"inputs": list(graph.input_sizes), "outputs": [size for size, _ in graph.outputs]}
+    return {"inputs": list(graph.input_sizes), "outputs": [size for size, *_ in graph.outputs]}
 
 
 def _serialized(function: Any) -> bytes:

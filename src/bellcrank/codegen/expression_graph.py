@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank import _codegen
 from bellcrank.codegen.tracer import extension
+from bellcrank.errors import CompileError
 
 LONG = 2_000  # operations; shorter code compiles in a tenth of a second
-
-
-@cache
-def _names() -> dict[int, str]:
-    names: dict[int, str] = extension().operations()
-    return names
+_NAMES = _codegen.operation_names()
+_SINES = [_NAMES.index(name) for name in ("sin", "cos")]
+_UNKNOWN = -3  # an operation of casadi's that has no machine code
+_LEAVES = [_NAMES.index(name) for name in ("const", "input")]
 
 
 class Node(NamedTuple):
@@ -27,16 +29,24 @@ class Node(NamedTuple):
     place: tuple[int, int] = (0, 0)  # inputs: (which input, which entry)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Graph:
-    """Nodes, of which each reads only earlier ones; outputs[k] = (size, {entry: node}).
+    """Nodes, of which each reads only earlier ones.
 
-    `seldom`: the function is called for some rows only, not at each step, so that a short compile time matters more.
+    Attributes:
+        op: The operations (n) as indices of `_codegen.operation_names()`.
+        operands: The nodes (n, 2) that each reads, -1 for none; for an input (which input, which entry).
+        value: The values (n) of constants.
+        outputs: For each output its size, and which entries are the values of which nodes; the others are zero.
+        input_sizes: The sizes of the inputs.
+        seldom: The function is called for some rows only, not at each step: a short compile time matters more.
     """
 
-    nodes: tuple[Node, ...]
+    op: NDArray[np.uint8]
+    operands: NDArray[np.int32]
+    value: NDArray[np.float64]
+    outputs: tuple[tuple[int, NDArray[np.int32], NDArray[np.int32]], ...]
     input_sizes: tuple[int, ...]
-    outputs: tuple[tuple[int, dict[int, int]], ...]
     seldom: bool = False
 
     @property
@@ -52,91 +62,56 @@ class Graph:
     @property
     def operations(self) -> int:
         """The number of operations; inputs and constants are not counted."""
-        return sum(node.op not in ("input", "const") for node in self.nodes)
+        return int(np.count_nonzero(~np.isin(self.op, _LEAVES)))
 
     @property
     def flops(self) -> int:
         """The number of operations without sines and cosines."""
-        return sum(node.op not in ("input", "const", "sin", "cos") for node in self.nodes)
+        return int(np.count_nonzero(~np.isin(self.op, _LEAVES + _SINES)))
+
+    @property
+    def nodes(self) -> tuple[Node, ...]:
+        """The nodes one by one."""
+        columns = zip(self.op.tolist(), self.operands.tolist(), self.value.tolist(), strict=True)
+        return tuple(_node(_NAMES[op], operands, value) for op, operands, value in columns)
+
+    def used_entries(self, which: int) -> set[int]:
+        """The entries of an input that are read."""
+        of_this = (self.op == _NAMES.index("input")) & (self.operands[:, 0] == which)
+        return set(self.operands[of_this, 1].tolist())
 
 
-class _Builder:
-    """Collects nodes; equal operations, also with swapped operands of a sum or product, become one node."""
-
-    def __init__(self) -> None:
-        self.nodes: list[Node] = []
-        self._known: dict[object, int] = {}
-
-    def add(self, op: str, args: tuple[int, ...]) -> int:
-        """An operation."""
-        if op in ("add", "mul") and args[0] > args[1]:
-            args = (args[1], args[0])
-        index = self._known.get((op, args))
-        return self._new((op, args), Node(op, args)) if index is None else index
-
-    def leaf(self, node: Node) -> int:
-        """A constant or an input."""
-        key = node.value.hex() if node.op == "const" else node.place
-        index = self._known.get(key)
-        return self._new(key, node) if index is None else index
-
-    def _new(self, key: object, node: Node) -> int:
-        index = self._known[key] = len(self.nodes)
-        self.nodes.append(node)
-        return index
+def _node(op: str, operands: list[int], value: float) -> Node:
+    if op == "const":
+        return Node(op, value=value)
+    if op == "input":
+        return Node(op, place=(operands[0], operands[1]))
+    return Node(op, tuple(a for a in operands if a >= 0))
 
 
-def graph_of(serialized: bytes) -> Graph:
+@cache
+def _codes() -> NDArray[np.int32]:
+    """By casadi's code of an operation: ours, UNKNOWN for none."""
+    names: dict[int, str] = extension().operations()
+    codes = np.full(max(names) + 1, _UNKNOWN, dtype=np.int32)
+    ours = {name: k for k, name in enumerate(_NAMES)} | {"assign": _codegen.ASSIGN, "output": _codegen.STORE}
+    for code, name in names.items():
+        codes[code] = ours.get(name, _UNKNOWN)
+    return codes
+
+
+def graph_of(serialized: bytes, seldom: bool = False) -> Graph:
     """Read a serialised casadi SX function; repeated constants, inputs and operations become one node.
 
     Several divisions by the same number become one reciprocal and products, which may differ from the quotients
-    by one unit in the last place (and overflow where the divisor is subnormal); a single division stays one.
+    by one unit in the last place (and overflow where the divisor is subnormal); a single division stays one. Raises
+    CompileError for an operation that has no machine code.
     """
-    codes, results, firsts, seconds, values, input_sizes, outs = extension().instructions(serialized)
-    names = _names()
-    builder = _Builder()
-    register: dict[int, int] = {}
-    stored: list[dict[int, int]] = [{} for _ in outs]
-    columns = zip(codes.tolist(), results.tolist(), firsts.tolist(), seconds.tolist(), values.tolist(), strict=True)
-    for code, result, first, second, value in columns:
-        op = names.get(code) or f"casadi operation {code}"
-        if op == "output":
-            stored[result][int(outs[result][1][int(value)])] = register[first]
-        elif op == "assign":
-            register[result] = register[first]
-        elif op == "const":
-            register[result] = builder.leaf(Node(op, value=value))
-        elif op == "input":
-            register[result] = builder.leaf(Node(op, place=(first, second)))
-        elif op in _UNARY or second < 0:
-            register[result] = builder.add(op, (register[first],))
-        else:
-            register[result] = builder.add(op, (register[first], register[second]))
-    sizes = tuple(int(n) for n in input_sizes)
-    outputs = tuple((int(size), entries) for (size, _), entries in zip(outs, stored, strict=True))
-    return _with_shared_reciprocals(Graph(tuple(builder.nodes), sizes, outputs))
-
-
-def _with_shared_reciprocals(graph: Graph) -> Graph:
-    divisors = Counter(node.args[1] for node in graph.nodes if node.op == "div")
-    divisors += Counter(node.args[0] for node in graph.nodes if node.op == "inv")
-    builder = _Builder()
-    new: list[int] = []  # index by old index
-    for node in graph.nodes:
-        if not node.args:
-            new.append(builder.leaf(node))
-        elif len(node.args) == 1:
-            new.append(builder.add(node.op, (new[node.args[0]],)))
-        elif node.op == "div" and divisors[node.args[1]] > 1:
-            inverse = builder.add("inv", (new[node.args[1]],))
-            new.append(builder.add("mul", (new[node.args[0]], inverse)))
-        else:
-            new.append(builder.add(node.op, (new[node.args[0]], new[node.args[1]])))
-    outputs = tuple((size, {i: new[n] for i, n in entries.items()}) for size, entries in graph.outputs)
-    return Graph(tuple(builder.nodes), graph.input_sizes, outputs)
-
-
-_UNARY = frozenset(
-    "neg exp log sqrt sq twice sin cos tan asin acos atan sinh cosh tanh log1p expm1 not floor ceil fabs sign "
-    "inv".split()
-)
+    found, results, firsts, seconds, values, input_sizes, outs = extension().instructions(serialized)
+    codes = _codes()
+    known = np.where(found < len(codes), codes[np.minimum(found, len(codes) - 1)], _UNKNOWN)
+    if np.any(known == _UNKNOWN):
+        code = int(found[known == _UNKNOWN][0])
+        raise CompileError(f"casadi's operation {code} cannot be compiled; write the expression without it")
+    op, operands, value, outputs = _codegen.build(known.astype(np.int32), results, firsts, seconds, values, outs)
+    return Graph(op, operands, value, outputs, tuple(int(n) for n in input_sizes), seldom)

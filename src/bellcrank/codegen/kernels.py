@@ -119,16 +119,13 @@ def batch_ir(graph: Graph, width: int, fused: bool) -> str:
     """LLVM IR that evaluates the graph for a batch, `width` samples at a time."""
     lanes = Lanes(width)
     d, mask = lanes.double, f"<{width} x i1>"
-    used: dict[int, set[int]] = {}
-    for node in graph.nodes:
-        if node.op == "input":
-            used.setdefault(node.place[0], set()).add(node.place[1])
     entry: list[str] = []
     loads: list[str] = []
     stores: list[str] = []
     pointers: list[str] = []
     for k, size in enumerate(graph.input_sizes):
-        if k in used:
+        used = graph.used_entries(k)
+        if used:
             entry += [
                 f"  %in.at{k} = getelementptr ptr, ptr %in, i64 {k}",
                 f"  %in{k} = load ptr, ptr %in.at{k}",
@@ -137,8 +134,8 @@ def batch_ir(graph: Graph, width: int, fused: bool) -> str:
                 f"  %soa.in{k} = alloca [{size} x {d}], align 64",
             ]
             pointers.append(f"soa.in{k}")
-            loads += _gather(lanes, k, size, used[k])
-    for k, (size, _) in enumerate(graph.outputs):
+            loads += _gather(lanes, k, size, used)
+    for k, (size, *_) in enumerate(graph.outputs):
         if size:
             entry += [
                 f"  %out.at{k} = getelementptr ptr, ptr %out, i64 {k}",

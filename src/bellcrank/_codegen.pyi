@@ -1,0 +1,45 @@
+"""Expression graphs from casadi's instructions, and their code in LLVM IR (src/cpp/codegen)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.codegen.expression_graph import Graph
+from bellcrank.codegen.schedule import Limits
+
+ASSIGN: int
+STORE: int
+
+def operation_names() -> list[str]:
+    """By an operation's number, its name in casadi."""
+
+def build(
+    op: NDArray[np.int32],
+    result: NDArray[np.int32],
+    first: NDArray[np.int32],
+    second: NDArray[np.int32],
+    constant: NDArray[np.float64],
+    outputs: Sequence[tuple[int, NDArray[np.int64]]],
+) -> tuple[
+    NDArray[np.uint8],
+    NDArray[np.int32],
+    NDArray[np.float64],
+    tuple[tuple[int, NDArray[np.int32], NDArray[np.int32]], ...],
+]:
+    """The graph of a function's instructions: operations, operands, values and outputs."""
+
+def write(
+    graph: Graph,
+    limits: Limits,
+    width: int,
+    packed: int,
+    load: str,
+    store: str,
+    pointers: list[str],
+    sine_codes: dict[int, tuple[str, str, str, str]],
+) -> tuple[str, list[str], str, str, set[str]]:
+    """Lines of `evaluate`, its allocas, the basic block that ends them, functions before it, C functions they call."""
+
+def schedule(graph: Graph, limits: Limits) -> tuple[list[list[int]], list[list[int]], list[int], int]:
+    """The steps of each function, the angles of each wave, the slots by node (-1 for none), and their number."""
