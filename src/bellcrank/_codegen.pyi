@@ -14,6 +14,13 @@ STORE: int
 def operation_names() -> list[str]:
     """By an operation's number, its name in casadi."""
 
+_Arrays = tuple[
+    NDArray[np.uint8],
+    NDArray[np.int32],
+    NDArray[np.float64],
+    tuple[tuple[int, NDArray[np.int32], NDArray[np.int32]], ...],
+]
+
 def build(
     op: NDArray[np.int32],
     result: NDArray[np.int32],
@@ -21,18 +28,17 @@ def build(
     second: NDArray[np.int32],
     constant: NDArray[np.float64],
     outputs: Sequence[tuple[int, NDArray[np.int64]]],
-) -> tuple[
-    NDArray[np.uint8],
-    NDArray[np.int32],
-    NDArray[np.float64],
-    tuple[tuple[int, NDArray[np.int32], NDArray[np.int32]], ...],
-]:
+) -> _Arrays:
     """The graph of a function's instructions: operations, operands, values and outputs."""
+
+def contract(graph: Graph) -> _Arrays:
+    """The same of the graph with products contracted into sums."""
 
 def write(
     graph: Graph,
     limits: Limits,
     width: int,
+    fused: bool,
     packed: int,
     load: str,
     store: str,
@@ -41,5 +47,5 @@ def write(
 ) -> tuple[str, list[str], str, str, set[str]]:
     """Lines of `evaluate`, its allocas, the basic block that ends them, functions before it, C functions they call."""
 
-def schedule(graph: Graph, limits: Limits) -> tuple[list[list[int]], list[list[int]], list[int], int]:
-    """The steps of each function, the angles of each wave, the slots by node (-1 for none), and their number."""
+def schedule(graph: Graph, limits: Limits) -> tuple[list[list[int]], list[list[int]], list[int], int, bool]:
+    """The steps of each function, the angles of each wave, the slots by node (-1 for none), their number; joined."""

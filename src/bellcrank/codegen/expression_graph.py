@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple
 
@@ -35,7 +35,7 @@ class Graph:
 
     Attributes:
         op: The operations (n) as indices of `_codegen.operation_names()`.
-        operands: The nodes (n, 2) that each reads, -1 for none; for an input (which input, which entry).
+        operands: The nodes (n, 3) that each reads, -1 for none; for an input (which input, which entry).
         value: The values (n) of constants.
         outputs: For each output its size, and which entries are the values of which nodes; the others are zero.
         input_sizes: The sizes of the inputs.
@@ -115,3 +115,14 @@ def graph_of(serialized: bytes, seldom: bool = False) -> Graph:
         raise CompileError(f"casadi's operation {code} cannot be compiled; write the expression without it")
     op, operands, value, outputs = _codegen.build(known.astype(np.int32), results, firsts, seconds, values, outs)
     return Graph(op, operands, value, outputs, tuple(int(n) for n in input_sizes), seldom)
+
+
+def contracted(graph: Graph) -> Graph:
+    """The graph with each product that only one sum or difference reads contracted into it, as its code has it.
+
+    Products and sums are contracted to fused multiply-adds "fma" a b + c, "fms" a b - c, and "fnma" c - a b once for a
+    graph, so that its code gives the same results to the last bit at each of the optimiser's levels, however it is
+    divided into functions, for one sample and for many.
+    """
+    op, operands, value, outputs = _codegen.contract(graph)
+    return replace(graph, op=op, operands=operands, value=value, outputs=outputs)

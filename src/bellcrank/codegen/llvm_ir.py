@@ -54,7 +54,7 @@ def operations(
     codes = {w: _sine_code(Lanes(w), fused) for w in widths}
     limits = limits_of(graph)
     lines, allocas, label, functions, library = _codegen.write(
-        graph, limits, lanes.width, packed, load, store, pointers, codes
+        graph, limits, lanes.width, fused, packed, load, store, pointers, codes
     )
     before = declarations(library, lanes)
     if "sin" in library:

@@ -13,9 +13,10 @@ std::string FunctionWriter::pointers(const char* attribute) const {
   return listed + "ptr " + attribute + "%passed";
 }
 
-void FunctionWriter::write(const std::vector<std::string>& allocas, const std::string& text) {
+void FunctionWriter::write(const std::vector<std::string>& allocas, const std::string& text, bool joined) {
   Text function, call;
-  function.add("define internal void @part", count_, "(", pointers("noalias "), ") noinline alignstack(64) {");
+  function.add("define internal void @part", count_, "(", pointers("noalias "), ") ",
+               joined ? "alwaysinline" : "noinline", " alignstack(64) {");
   function.add("body:");
   for (const std::string& line : allocas) function.add(line);
   function.text += text;
@@ -32,7 +33,8 @@ void FunctionWriter::finish(int memory) {
                           "], align 64");
 }
 
-Code write_code(const Graph& graph, const CodeStyle& style, const Limits& limits) {
+Code write_code(const Graph& traced, const CodeStyle& style, const Limits& limits) {
+  const Graph graph = style.fused ? contracted(traced) : traced;
   const Uses uses(graph);
   const std::vector<Stage> found = stages(graph, uses);
   if (const std::optional<Code> rolled = write_rolled(graph, uses, found, style, limits)) return *rolled;
@@ -55,7 +57,7 @@ Code write_code(const Graph& graph, const CodeStyle& style, const Limits& limits
       code.label = part.label;
       return code;
     }
-    functions.write(part.allocas, part.text.text);
+    functions.write(part.allocas, part.text.text, plan.joined);
   }
   functions.finish(plan.memory);
   return code;

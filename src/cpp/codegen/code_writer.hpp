@@ -25,7 +25,8 @@ class FunctionWriter {
  public:
   FunctionWriter(const CodeStyle& style, Code& code) : style_(style), code_(code) {}
 
-  void write(const std::vector<std::string>& allocas, const std::string& text);
+  // `joined`: the optimiser shall inline it.
+  void write(const std::vector<std::string>& allocas, const std::string& text, bool joined);
   void finish(int memory);  // the memory that they share
 
  private:

@@ -14,7 +14,7 @@ class Builder {
 
   int add(Op op, int a, int b = -1) {
     if ((op == Op::add || op == Op::mul) && a > b) std::swap(a, b);
-    return known(operations_, key(op, a, b), Node{op, {a, b}, 0.0});
+    return known(operations_, key(op, a, b), Node{op, {a, b, -1}, 0.0});
   }
 
   int leaf(const Node& node) {
@@ -92,9 +92,9 @@ Graph graph_of(const Instructions& instructions, const std::vector<Output>& outp
     if (code == Instructions::ASSIGN) {
       made = at(first);
     } else if (op == Op::constant) {
-      made = builder.leaf({op, {0, 0}, instructions.constant[k]});
+      made = builder.leaf({op, {0, 0, -1}, instructions.constant[k]});
     } else if (op == Op::input) {
-      made = builder.leaf({op, {first, second}, 0.0});
+      made = builder.leaf({op, {first, second, -1}, 0.0});
     } else if (operand_count(op) == 1) {
       made = builder.add(op, at(first));
     } else {
@@ -104,6 +104,42 @@ Graph graph_of(const Instructions& instructions, const std::vector<Output>& outp
   }
   graph.nodes = std::move(builder.nodes);
   return with_shared_reciprocals(graph);
+}
+
+Graph contracted(const Graph& graph) {
+  const std::size_t count = graph.nodes.size();
+  std::vector<int> uses(count), product(count, -1), place(count);  // product: which operand of a sum is contracted
+  std::vector<char> absorbed(count);
+  for (const Node& node : graph.nodes)
+    for (int k = 0; k < node.operands(); ++k) ++uses[node.operand[k]];
+  for (const int root : graph.roots()) ++uses[root];
+  const auto is_single_product = [&](int i) {
+    return uses[i] == 1 && (graph.nodes[i].op == Op::mul || graph.nodes[i].op == Op::sq);
+  };
+  for (std::size_t i = 0; i < count; ++i) {
+    const Node& node = graph.nodes[i];
+    if (node.op != Op::add && node.op != Op::sub) continue;
+    for (int k = 0; k < 2; ++k)
+      if (is_single_product(node.operand[k]) && (product[i] < 0 || node.operand[1] > node.operand[0])) product[i] = k;
+    if (product[i] >= 0) absorbed[node.operand[product[i]]] = true;
+  }
+  Graph made{{}, graph.outputs};
+  for (std::size_t i = 0; i < count; ++i) {
+    if (absorbed[i]) continue;
+    place[i] = static_cast<int>(made.nodes.size());
+    Node node = graph.nodes[i];
+    if (product[i] >= 0) {
+      const Node& factors = graph.nodes[node.operand[product[i]]];
+      const int other = node.operand[1 - product[i]];
+      const Op op = node.op == Op::add ? Op::fma : product[i] == 0 ? Op::fms : Op::fnma;
+      node = {op, {factors.operand[0], factors.operand[factors.op == Op::mul], other}, 0.0};
+    }
+    for (int k = 0; k < node.operands(); ++k) node.operand[k] = place[node.operand[k]];
+    made.nodes.push_back(node);
+  }
+  for (Output& output : made.outputs)
+    for (int& node : output.nodes) node = place[node];
+  return made;
 }
 
 }  // namespace bellcrank

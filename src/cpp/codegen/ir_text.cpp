@@ -3,13 +3,13 @@
 namespace bellcrank {
 namespace {
 
-// An instruction that does it, e.g. "fadd contract", or "" where there is none.
+// An instruction that does it, e.g. "fadd", or "" where there is none.
 std::string_view instruction(Op op) {
   switch (op) {
-    case Op::add: return "fadd contract";
-    case Op::sub: return "fsub contract";
-    case Op::mul: return "fmul contract";
-    case Op::div: return "fdiv contract";
+    case Op::add: return "fadd";
+    case Op::sub: return "fsub";
+    case Op::mul: return "fmul";
+    case Op::div: return "fdiv";
     default: return "";
   }
 }
@@ -31,9 +31,21 @@ std::string_view comparison(Op op) {
   }
 }
 
+// a b + c, a b - c or c - a b, rounded once.
+void write_fused(Text& text, const Lanes& lanes, Op op, const std::string& name, const std::string (&args)[3]) {
+  const std::string& d = lanes.number_type;
+  const int negated = op == Op::fms ? 2 : op == Op::fnma ? 0 : -1;
+  std::string listed;
+  for (int k = 0; k < 3; ++k) {
+    if (k == negated) text.line(name, ".n = fneg ", d, " ", args[k]);
+    listed += (k ? ", " : "") + d + " " + (k == negated ? name + ".n" : args[k]);
+  }
+  text.line(name, " = call ", d, " @llvm.fma.", lanes.suffix, "(", listed, ")");
+}
+
 // The minimum or maximum of two values; NaN if either is NaN, unlike C's fmin.
 void write_extreme(Text& text, const Lanes& lanes, std::string_view before, const std::string& name,
-                   const std::string (&args)[2]) {
+                   const std::string (&args)[3]) {
   const std::string &d = lanes.number_type, &bit = lanes.bit_type;
   text.line(name, ".b = fcmp ", before, " ", d, " ", args[0], ", ", args[1]);
   text.line(name, ".m = select ", bit, " ", name, ".b, ", d, " ", args[0], ", ", d, " ", args[1]);
@@ -49,7 +61,7 @@ void write_sign(Text& text, const Lanes& lanes, const std::string& name, const s
   text.line(name, " = select ", lanes.bit_type, " ", name, ".z, ", d, " ", of, ", ", d, " ", name, ".one");
 }
 
-void write_logical(Text& text, const Lanes& lanes, Op op, const std::string& name, const std::string (&args)[2]) {
+void write_logical(Text& text, const Lanes& lanes, Op op, const std::string& name, const std::string (&args)[3]) {
   const std::string &d = lanes.number_type, &bit = lanes.bit_type, zero = lanes.number(0.0), one = lanes.number(1.0);
   const bool is_binary = op == Op::logical_and || op == Op::logical_or;
   for (int j = 0; j < (is_binary ? 2 : 1); ++j) text.line(name, ".t", j, " = fcmp une ", d, " ", args[j], ", ", zero);
@@ -67,7 +79,7 @@ void write_logical(Text& text, const Lanes& lanes, Op op, const std::string& nam
 }
 
 // C library functions are called lane by lane.
-void write_library_call(Text& text, const Lanes& lanes, Op op, const std::string& name, const std::string (&args)[2],
+void write_library_call(Text& text, const Lanes& lanes, Op op, const std::string& name, const std::string (&args)[3],
                         std::set<std::string>& library) {
   const std::string symbol(op == Op::constpow ? "pow" : name_of(op));
   library.insert(symbol);
@@ -106,7 +118,7 @@ std::string filled(std::string_view format, std::initializer_list<std::pair<std:
   return found;
 }
 
-void write_operation(Text& text, const Lanes& lanes, Op op, const std::string& name, const std::string (&args)[2],
+void write_operation(Text& text, const Lanes& lanes, Op op, const std::string& name, const std::string (&args)[3],
                      std::set<std::string>& library) {
   const std::string& d = lanes.number_type;
   if (!instruction(op).empty()) {
@@ -114,11 +126,13 @@ void write_operation(Text& text, const Lanes& lanes, Op op, const std::string& n
   } else if (op == Op::neg) {
     text.line(name, " = fneg ", d, " ", args[0]);
   } else if (op == Op::sq) {
-    text.line(name, " = fmul contract ", d, " ", args[0], ", ", args[0]);
+    text.line(name, " = fmul ", d, " ", args[0], ", ", args[0]);
   } else if (op == Op::twice) {
-    text.line(name, " = fadd contract ", d, " ", args[0], ", ", args[0]);
+    text.line(name, " = fadd ", d, " ", args[0], ", ", args[0]);
   } else if (op == Op::inv) {
     text.line(name, " = fdiv ", d, " ", lanes.number(1.0), ", ", args[0]);
+  } else if (op >= Op::fma) {
+    write_fused(text, lanes, op, name, args);
   } else if (!intrinsic(op).empty()) {
     const std::string more = operand_count(op) > 1 ? ", " + d + " " + args[1] : "";
     text.line(name, " = call ", d, " @llvm.", intrinsic(op), ".", lanes.suffix, "(", d, " ", args[0], more, ")");

@@ -77,6 +77,7 @@ struct SineCode {
 // What code is generated for.
 struct CodeStyle {
   Lanes lanes;
+  bool fused;                          // whether there is a fused multiply-add
   int packed;                          // how many angles of one sample may share a vector
   std::string load, store;             // of inputs and outputs, with {k}, {i} and {name}
   std::vector<std::string> pointers;   // that these use
@@ -91,7 +92,7 @@ struct CodeStyle {
 };
 
 // Writes one operation; functions of the C library that it calls are added to `library`.
-void write_operation(Text& text, const Lanes& lanes, Op op, const std::string& name, const std::string (&args)[2],
+void write_operation(Text& text, const Lanes& lanes, Op op, const std::string& name, const std::string (&args)[3],
                      std::set<std::string>& library);
 
 }  // namespace bellcrank

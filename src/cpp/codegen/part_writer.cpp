@@ -19,7 +19,7 @@ void PartWriter::write_leaf_outputs() {
 
 void PartWriter::write_step(int node) {
   const Node& made = graph_.nodes[node];
-  std::string args[2];
+  std::string args[3];
   for (int k = 0; k < made.operands(); ++k) args[k] = value(made.operand[k]);
   const std::string name = "%v" + std::to_string(node);
   write_operation(text, style_.lanes, made.op, name, args, library_);

@@ -77,7 +77,7 @@ Reads reads_among(const Graph& graph, const std::vector<int>& operations) {
     const Node& node = graph.nodes[operations[i]];
     for (int k = 0; k < node.operands(); ++k) {
       const int a = place[node.operand[k]];
-      if (a >= 0 && (reads[i].empty() || reads[i][0] != a)) reads[i].push_back(a);
+      if (a >= 0 && std::find(reads[i].begin(), reads[i].end(), a) == reads[i].end()) reads[i].push_back(a);
     }
   }
   return reads;
@@ -105,7 +105,7 @@ Schedule::Schedule(const Graph& graph, const Uses& uses, const std::vector<Stage
   std::vector<int> steps;
   for (const Stage& stage : stages) {
     if (stage.angles.empty()) {
-      const std::vector<int> order = locally_ordered(graph, stage.operations, graph.roots(), limits.quick);
+      const std::vector<int> order = locally_ordered(graph, stage.operations, graph.roots(), limits.quick(graph));
       steps.insert(steps.end(), order.begin(), order.end());
     } else {
       steps.insert(steps.end(), stage.operations.begin(), stage.operations.end());
@@ -113,14 +113,11 @@ Schedule::Schedule(const Graph& graph, const Uses& uses, const std::vector<Stage
       waves.push_back(stage.angles);
     }
   }
-  parts = cut(steps, limits.part);
-  if (parts.empty()) parts.emplace_back();
+  const int count = static_cast<int>(steps.size());
+  parts = graph.operations() > limits.lengthy || count > limits.whole ? cut(steps, limits.part)
+                                                                       : std::vector<std::vector<int>>{steps};
   find_slots(graph, uses);
-  if (!limits.quick && static_cast<int>(steps.size()) <= limits.whole && memory <= limits.waiting) {
-    parts = {steps};
-    slots.assign(graph.nodes.size(), -1);
-    memory = 0;
-  }
+  joined = !limits.quick(graph) && count <= limits.whole && memory <= limits.waiting;
 }
 
 std::vector<int> Schedule::reads(const Graph& graph, int step) const {

@@ -34,11 +34,15 @@ std::vector<int> locally_ordered(const Graph& graph, const std::vector<int>& ope
                                  bool quick);
 
 struct Limits {
-  int whole;    // the most operations that stay in one function
+  int whole;    // the most operations that are joined
   int part;     // operations per function of a divided graph
-  int waiting;  // the most live values in a graph that stays in one function
+  int waiting;  // the most live values in functions that are joined
   int rolled;   // the least operations for which repetitions become loops
-  bool quick;   // whether a short compile time matters more than fast code
+  int lengthy;  // the most operations that are optimised in a moment
+  bool seldom;  // whether the code is called for some rows only
+
+  // Whether a short compile time matters more than fast code.
+  bool quick(const Graph& graph) const { return seldom && graph.operations() > lengthy; }
 };
 
 // The steps of each function, and the memory slots in which values are passed to later functions. A step is a node, or
@@ -48,6 +52,7 @@ struct Schedule {
   std::vector<std::vector<int>> waves, parts;
   std::vector<int> slots;  // by node; −1 for none
   int memory;
+  bool joined;  // whether optimised code is one function: its parts are inlined, and what they pass stays in registers
 
   Schedule(const Graph& graph, const Uses& uses, const std::vector<Stage>& stages, const Limits& limits);
 
