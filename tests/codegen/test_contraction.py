@@ -12,8 +12,7 @@ from bellcrank._step import evaluate
 from bellcrank.codegen import kernels, schedule
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import compiled
-from bellcrank.codegen.contraction import contracted
-from bellcrank.codegen.expression_graph import Graph, graph_of
+from bellcrank.codegen.expression_graph import Graph, contracted, graph_of
 
 
 def graph(make, size):
@@ -91,7 +90,7 @@ def test_each_level_and_division_gives_the_same_bits(kind, seed, monkeypatch):
     for level, (part, whole) in itertools.product((0, 1, 2), ((10**9, 10**9), (30, 10**9), (30, 0))):
         monkeypatch.setattr(schedule, "PART", part)
         monkeypatch.setattr(schedule, "WHOLE", whole)
-        monkeypatch.setattr(Graph, "is_long", True)
+        monkeypatch.setattr(schedule, "LONG", 0)
         ir = kernels.KINDS[kind](g, chosen.lanes, chosen.fused)
         assert ("@part5" in ir) == (part == 30) and (" alwaysinline " in ir) == (part == 30 and whole > 0)
         code = machine.Loaded("levels", machine.object_code(ir, chosen, level), chosen)
@@ -133,5 +132,5 @@ def aligned(size):
 def test_contraction_keeps_the_graph_s_sizes_and_kind():
     g = replace(mixed(0), seldom=True)
     made = contracted(g)
-    assert made.seldom and made.input_sizes == g.input_sizes and [n for n, _ in made.outputs] == [40, 1]
-    assert len(made.nodes) < len(g.nodes)
+    assert made.seldom and made.input_sizes == g.input_sizes and [n for n, *_ in made.outputs] == [40, 1]
+    assert len(made.op) < len(g.op)

@@ -29,7 +29,9 @@ def figures(path: Path, states: int = FEW) -> dict[str, Any]:
     model = mujoco.MjModel.from_xml_string(path.read_text(encoding="utf-8"), _assets(path))
     data = mujoco.MjData(model)
     bit = mujoco.mjtDisableBit
-    model.opt.disableflags |= int(bit.mjDSBL_CONTACT | bit.mjDSBL_LIMIT | bit.mjDSBL_ACTUATION | bit.mjDSBL_FRICTIONLOSS)
+    model.opt.disableflags |= int(
+        bit.mjDSBL_CONTACT | bit.mjDSBL_LIMIT | bit.mjDSBL_ACTUATION | bit.mjDSBL_FRICTIONLOSS
+    )
     rng = np.random.default_rng(7)
     return {
         "bodies": {model.body(k).name: _body(model, k) for k in range(1, model.nbody) if model.body(k).name},

@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank import _codegen
+from bellcrank._codegen import ASSIGN, STORE, build, contract, operation_names
 from bellcrank.codegen.tracer import extension
 from bellcrank.errors import CompileError
 
 LONG = 2_000  # operations; shorter code compiles in a tenth of a second
-_NAMES = _codegen.operation_names()
+_NAMES = operation_names()
 _SINES = [_NAMES.index(name) for name in ("sin", "cos")]
 _UNKNOWN = -3  # an operation of casadi's that has no machine code
 _LEAVES = [_NAMES.index(name) for name in ("const", "input")]
@@ -94,7 +94,7 @@ def _codes() -> NDArray[np.int32]:
     """By casadi's code of an operation: ours, UNKNOWN for none."""
     names: dict[int, str] = extension().operations()
     codes = np.full(max(names) + 1, _UNKNOWN, dtype=np.int32)
-    ours = {name: k for k, name in enumerate(_NAMES)} | {"assign": _codegen.ASSIGN, "output": _codegen.STORE}
+    ours = {name: k for k, name in enumerate(_NAMES)} | {"assign": ASSIGN, "output": STORE}
     for code, name in names.items():
         codes[code] = ours.get(name, _UNKNOWN)
     return codes
@@ -113,7 +113,7 @@ def graph_of(serialized: bytes, seldom: bool = False) -> Graph:
     if np.any(known == _UNKNOWN):
         code = int(found[known == _UNKNOWN][0])
         raise CompileError(f"casadi's operation {code} cannot be compiled; write the expression without it")
-    op, operands, value, outputs = _codegen.build(known.astype(np.int32), results, firsts, seconds, values, outs)
+    op, operands, value, outputs = build(known.astype(np.int32), results, firsts, seconds, values, outs)
     return Graph(op, operands, value, outputs, tuple(int(n) for n in input_sizes), seldom)
 
 
@@ -124,5 +124,5 @@ def contracted(graph: Graph) -> Graph:
     graph, so that its code gives the same results to the last bit at each of the optimiser's levels, however it is
     divided into functions, for one sample and for many.
     """
-    op, operands, value, outputs = _codegen.contract(graph)
+    op, operands, value, outputs = contract(graph)
     return replace(graph, op=op, operands=operands, value=value, outputs=outputs)

@@ -1,10 +1,16 @@
-"""LLVM IR of the operations of a graph, between loads and stores that the caller chooses (src/cpp/codegen)."""
+"""LLVM IR of the operations of a graph, for any number of SIMD lanes (written by src/cpp/codegen).
+
+Compiled functions are pure and return a status (0). Products and sums are fused where `expression_graph.contracted`
+says so, by the same rule at every optimisation level; nothing is reordered, so infinities, NaN and signs are as in IEEE
+754. Inputs and outputs must not overlap. Scratch memory is on the stack, up to some hundred kB for the largest graphs.
+kernels.py makes the functions for one sample and for batches.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bellcrank import _codegen
+from bellcrank._codegen import write
 from bellcrank.codegen.expression_graph import Graph
 from bellcrank.codegen.schedule import limits_of
 from bellcrank.codegen.vector_math import EXACT_SINCOS, Lanes, sincos
@@ -53,7 +59,7 @@ def operations(
     widths = [lanes.width] if lanes.width > 1 else [w for w in (1, 2, 4, 8) if w <= packed]
     codes = {w: _sine_code(Lanes(w), fused) for w in widths}
     limits = limits_of(graph)
-    lines, allocas, label, functions, library = _codegen.write(
+    lines, allocas, label, functions, library = write(
         graph, limits, lanes.width, fused, packed, load, store, pointers, codes
     )
     before = declarations(library, lanes)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bellcrank import _codegen
+from bellcrank._codegen import schedule as divided
 from bellcrank.codegen.expression_graph import LONG, Graph
 
 PART = 400  # operations per function of a divided graph
@@ -58,7 +58,7 @@ class Schedule:
 
 def schedule(graph: Graph) -> Schedule:
     """The straight-line code of a graph as it is divided and ordered."""
-    parts, waves, slots, memory, joined = _codegen.schedule(graph, limits_of(graph))
+    parts, waves, slots, memory, joined = divided(graph, limits_of(graph))
     return Schedule(
         tuple(tuple(part) for part in parts),
         tuple(tuple(wave) for wave in waves),

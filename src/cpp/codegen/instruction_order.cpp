@@ -74,7 +74,7 @@ class Greedy {
   std::priority_queue<std::int64_t, std::vector<std::int64_t>, std::greater<>> ready_;
 
   void offer(int i) {
-    std::int64_t added = readers_[i].empty() ? 2 : 3;
+    std::int64_t added = readers_[i].empty() ? 3 : 4;  // one more than are added, so that none is negative
     for (const int a : reads_[i]) added -= waiting_[a] == 1;
     --turn_;
     valid_[i] = (added * 10 * count_ + (newest_first_ ? turn_ : ties_[i])) * count_ + i;
