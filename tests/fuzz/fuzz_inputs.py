@@ -18,7 +18,9 @@ from typing import Any
 import numpy as np
 import yaml
 from fuzz_damage import Damage
-from fuzz_seeds import CONFIGURATION, DAE, LOOP, MESHED, MOTION, NUMBERS, OBJ, SCENE, STL, TORQUE, URDF, WORDS
+from fuzz_seeds import (  # fmt: skip
+    CONFIGURATION, DAE, LOOP, MESHED, MJCF, MJCF_DEFAULTS, MOTION, NUMBERS, OBJ, SCENE, STL, TORQUE, URDF, WORDS,
+)
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,15 @@ def _urdf(d: Damage) -> Case:
     text = d.attributes(text) if d.rng.random() < 0.75 else d.text(text)
     data = d.bytes(text.encode("utf-8", "replace")) if d.rng.random() < 0.15 else text.encode("utf-8", "replace")
     return Case({"robot.urdf": data}, "robot", ("robot.urdf", {"floating_base": d.rng.random() < 0.2}))
+
+
+def _mjcf(d: Damage) -> Case:
+    files = {"robot.xml": MJCF, "defaults.xml": MJCF_DEFAULTS, "a.obj": OBJ}
+    name = d.rng.choice(["robot.xml"] * 4 + list(files))
+    text = files[name] if name == "a.obj" or d.rng.random() < 0.15 else d.attributes(files[name])
+    damaged = d.text(text) if text == files[name] else text
+    data = {key: each.encode() for key, each in files.items()} | {name: damaged.encode("utf-8", "replace")}
+    return Case(data, "robot", ("robot.xml", {}))
 
 
 def _yaml(d: Damage, data: Any) -> bytes:
@@ -279,6 +290,7 @@ def _argument(d: Damage) -> Case:
 
 KINDS: dict[str, Callable[[Damage], Case]] = {
     "urdf": _urdf,
+    "mjcf": _mjcf,
     "scene": _scene,
     "constraints": _constraints,
     "expression": _expression,

@@ -134,6 +134,27 @@ URDF = """<robot name="two_links">
   <joint name="end" type="fixed"><parent link="lower"/><child link="tip"/><origin xyz="0.4 0 0" rpy="0 0.2 0"/></joint>
 </robot>
 """
+MJCF = """<mujoco model="arm"><compiler angle="degree" eulerseq="xyz" boundmass="0.001" meshdir="." autolimits="true"/>
+<include file="defaults.xml"/><option gravity="0 0 -9.81"/>
+<asset><mesh name="m" file="a.obj" scale="0.1 0.1 0.1"/></asset>
+<worldbody><geom type="plane" size="1 1 1"/>
+  <body name="a" pos="0 0 1" euler="0 10 0" childclass="c"><joint name="j" axis="0 1 0" ref="20" range="-90 90"/>
+    <joint name="k" type="slide" axis="1 0 0" pos="0 0.1 0" stiffness="10" springref="0.1" frictionloss="0.1"/>
+    <geom type="capsule" size="0.05" fromto="0 0 0 0.3 0 0.1"/><site name="s" pos="0.3 0 0"/>
+    <frame pos="0 0.1 0" quat="1 0 0 0.2"><body name="b"><joint name="l" type="hinge"/>
+      <geom type="mesh" mesh="m" density="500"/><geom type="box" size="0.1 0.02 0.03" mass="0.2"/></body></frame>
+  </body>
+  <replicate count="2" offset="0 0.2 0" euler="0 0 30"><body name="r" pos="1 0 0"><joint name="t" axis="1 0 0"/>
+    <inertial pos="0 0 -0.1" mass="0.5" diaginertia="0.002 0.003 0.004" xyaxes="1 0 0 0 1 0.1"/></body></replicate>
+</worldbody>
+<equality><connect body1="a" body2="r0" anchor="0.1 0 0"/><weld body1="a" body2="b" active="false"/>
+  <joint joint1="l" joint2="j" polycoef="0.1 1 0.2 0 0"/></equality>
+<actuator><motor name="m" joint="j" gear="10" ctrlrange="-1 1" armature="0.001"/></actuator>
+<keyframe><key name="home" qpos="0.1 0 0.2 0 0"/></keyframe></mujoco>
+"""
+MJCF_DEFAULTS = """<mujoco><default><default class="c"><joint damping="0.1" armature="0.01"/><geom rgba="1 0 0 1"/>
+</default></default></mujoco>
+"""
 MESHED = """<visual><geometry><mesh filename="%s" scale="0.1 0.1 0.1"/></geometry>
 <material name="m"><color rgba="1 0 0 1"/></material></visual>"""
 SCENE: dict[str, Any] = {

@@ -87,13 +87,13 @@ def check_joints(body: MjcfElement, joints: Sequence[MjcfJoint], top: bool, worl
 
 
 def active_range(element: MjcfElement, key: str, limited: str, automatic: bool) -> tuple[float, float] | None:
-    """The range (lower, upper) of an attribute where it holds: `limited` is "true", or it is "auto" and a range is
-    given with automatic limits; None for no limit. Raises InputError.
+    """The range (lower, upper) of an attribute where it holds: `limited` is "true", or it is "auto" and a range other
+    than 0 0 is given with automatic limits; None for no limit. Raises InputError.
     """
     holds, found = element.choice(limited, "auto", "true", "false", "auto"), element.numbers(key, 2, 2)
-    if holds == "false" or (holds == "auto" and found is None):
+    if holds == "false" or (holds == "auto" and found in (None, (0.0, 0.0))):
         return None
-    if found is None or found[0] > found[1] or found == (0.0, 0.0):
+    if found is None or found[0] >= found[1]:
         raise element.fail(f"{key}: expected a lower and a larger upper number")
     if holds == "auto" and not automatic:
         raise element.fail(f'has {key} but not {limited}; give {limited}="true" or "false"')

@@ -68,12 +68,19 @@ class Meshes:
         files = dict.fromkeys(file for name in self._elements if (file := self.file(name)))
         return [file for file in files if find_mesh(file, self._source, self._access) is None]
 
-    def scale(self, name: str) -> Array:
-        """By how much a mesh is scaled along its axes (3,)."""
+    def drawing(self, name: str) -> tuple[Array, Array] | None:
+        """The scale (3,) of a mesh and the placement (4, 4) of what is scaled by it; None where there is no such."""
+        scale, place = self._scale(name), self._from_reference(name)
+        turned = not np.array_equal(place[:3, :3], np.eye(3))
+        if turned and not (scale == scale[0]).all():
+            return None
+        return scale, placement(scale * place[:3, 3], Rotation.from_matrix(place[:3, :3]))
+
+    def _scale(self, name: str) -> Array:
         return np.array(self._elements[name].vector("scale", (1.0, 1.0, 1.0)))
 
-    def to_reference(self, name: str) -> Array:
-        """The placement (4, 4) that refpos and refquat give to the mesh's own frame."""
+    def _from_reference(self, name: str) -> Array:
+        """What moves the frame of refpos and refquat to the origin, before the mesh is scaled."""
         element = self._elements[name]
         w, x, y, z = element.vector("refquat", (1.0, 0.0, 0.0, 0.0))
         if not any((w, x, y, z)):
@@ -92,9 +99,13 @@ class Meshes:
     def _measured(self, geom: MjcfElement, name: str) -> Solid:
         element = self._elements[name]
         triangles = self._triangles(geom, name)
-        place = self.to_reference(name)
-        triangles = triangles * self.scale(name) @ place[:3, :3].T + place[:3, 3]
+        place = self._from_reference(name)
+        triangles = (triangles @ place[:3, :3].T + place[:3, 3]) * self._scale(name)
         mode = element.choice("inertia", "legacy", *MODES)
+        if mode == "exact" and not _is_oriented(triangles):
+            raise element.fail(
+                'two faces pass an edge in the same direction; turn one of them or write inertia="legacy"'
+            )
         if mode == "convex":
             triangles = _hull(element, triangles.reshape(-1, 3))
         found = _MEASURES[mode](triangles)
@@ -137,28 +148,28 @@ def _read_stl(element: MjcfElement, data: bytes) -> Array:
 def _read_obj(element: MjcfElement, data: bytes) -> Array:
     """The triangles of a Wavefront OBJ file; faces of more corners are split from their first one."""
     points: list[list[float]] = []
-    faces: list[tuple[int, int, int]] = []
+    faces: list[tuple[float, float, float]] = []
     for line in data.decode("utf-8", "replace").splitlines():
         words = line.split()
         try:
             if words[:1] == ["v"]:
                 points.append([float(word) for word in words[1:4]])
             elif words[:1] == ["f"]:
-                corners = [int(word.partition("/")[0]) for word in words[1:]]
+                corners = [float(int(word.partition("/")[0])) for word in words[1:]]
                 numbers = [k - 1 if k > 0 else len(points) + k for k in corners]
                 faces.extend((numbers[0], *pair) for pair in pairwise(numbers[1:]))
-        except ValueError:
+        except (ValueError, IndexError, OverflowError):
             raise element.fail(f"the OBJ file has a line that is no vertex or face: {format_value(line)}") from None
     if not faces or any(len(point) != 3 for point in points):
         raise element.fail("the OBJ file has no triangles")
-    return _indexed(element, np.array(points), np.array(faces))
+    return _indexed(element, np.array(points), np.array(faces, dtype=float).ravel())
 
 
 def _indexed(element: MjcfElement, points: Array, faces: Array) -> Array:
-    rows = faces[: len(faces.ravel()) // 3 * 3].reshape(-1, 3).astype(int)
-    if rows.min() < 0 or rows.max() >= len(points):
+    rows = faces[: len(faces) // 3 * 3].reshape(-1, 3)
+    if rows.min() < 0.0 or rows.max() >= len(points) or (rows != np.floor(rows)).any():
         raise element.fail("a face names a vertex that does not exist")
-    return _finite(element, points[rows])
+    return _finite(element, points[rows.astype(int)])
 
 
 def _finite(element: MjcfElement, triangles: Array) -> Array:
@@ -179,6 +190,13 @@ def _hull(element: MjcfElement, points: Array) -> Array:
     turned = np.einsum("ni,ni->n", edges[:, 0], np.cross(edges[:, 1], edges[:, 2])) < 0.0
     triangles[turned] = triangles[turned][:, ::-1]
     return np.asarray(triangles)
+
+
+def _is_oriented(triangles: Array) -> bool:
+    """Whether neighbouring triangles have the same side outside: no edge is passed twice in one direction."""
+    corners = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)[1].reshape(-1, 3)
+    edges = np.vstack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    return len(np.unique(edges, axis=0)) == len(edges)
 
 
 def _tetrahedra(triangles: Array, point: Array) -> tuple[Array, Array]:

@@ -18,6 +18,7 @@ SIZES: Final = {  # numbers of a shape's size, without and with `fromto`
     "hfield": (0, 0), "mesh": (0, 0), "sdf": (0, 0),
 }  # fmt: skip
 MASSLESS = ("plane", "hfield")
+LEAST_LENGTH, MOST_LENGTH = 1e-12, 1e12  # m
 DENSITY = 1000.0  # kg/m³, MuJoCo's default
 
 
@@ -83,8 +84,9 @@ def geometry_of(
 def _check_size(geom: MjcfElement, kind: str, size: tuple[float, ...], needed: int) -> None:
     if len(size) < needed:
         raise geom.fail(f"size: a {kind} needs {needed} numbers, m; found {len(size)}")
-    if any(value <= 0.0 for value in size[:needed]):
-        raise geom.fail(f"size: expected positive lengths, m; found {min(size[:needed]):g}")
+    for value in size[:needed]:
+        if not LEAST_LENGTH <= value <= MOST_LENGTH:
+            raise geom.fail(f"size: expected lengths from {LEAST_LENGTH:g} to {MOST_LENGTH:g} m; found {value:g}")
 
 
 def inertia_of(shape: Shape) -> tuple[float, Array]:

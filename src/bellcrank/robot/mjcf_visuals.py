@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from xml.sax.saxutils import quoteattr
 
+import numpy as np
+
 from bellcrank.robot.mjcf_bodies import Body
 from bellcrank.robot.mjcf_compiler import Defaults
 from bellcrank.robot.mjcf_element import MjcfElement
 from bellcrank.robot.mjcf_meshes import Meshes
+from bellcrank.robot.mjcf_placement import Array
 from bellcrank.robot.mjcf_shapes import Shape
 from bellcrank.robot.mjcf_urdf import origin
 
@@ -35,27 +38,33 @@ class Visuals:
     def _visual(self, shape: Shape) -> str:
         if shape.group > LAST_GROUP:
             return ""
-        geometry, place = self._geometry(shape), shape.place
-        if geometry is None:
+        drawn = self._mesh(str(shape.mesh)) if shape.kind == "mesh" else _primitive(shape)
+        if drawn is None:
             self.undrawn.add(shape.kind)
             return ""
-        if shape.kind == "mesh":
-            place = place @ self._meshes.to_reference(str(shape.mesh))
+        geometry, place = drawn
         colour = shape.element.attributes.get("rgba") or self._colours.get(shape.element.attributes.get("material", ""))
         paint = f'<material name=""><color rgba={quoteattr(colour)}/></material>' if colour else ""
-        return f"<visual>{origin(place)}<geometry>{geometry}</geometry>{paint}</visual>"
+        return f"<visual>{origin(shape.place @ place)}<geometry>{geometry}</geometry>{paint}</visual>"
 
-    def _geometry(self, shape: Shape) -> str | None:
-        if shape.kind == "mesh":
-            file = self._meshes.file(str(shape.mesh))
-            if file is None:
-                return None
-            scale = " ".join(repr(float(factor)) for factor in self._meshes.scale(str(shape.mesh)))
-            return f'<mesh filename={quoteattr(file)} scale="{scale}"/>'
-        if len(shape.size) == 0 or shape.kind == "ellipsoid" or shape.mesh is not None:
+    def _mesh(self, name: str) -> tuple[str, Array] | None:
+        """The <mesh> of a URDF and the placement of it in the shape."""
+        file = self._meshes.file(name)
+        drawing = None if file is None else self._meshes.drawing(name)
+        if file is None or drawing is None:
             return None
-        if shape.kind == "box":
-            return f'<box size="{" ".join(repr(2.0 * side) for side in shape.size)}"/>'
-        if shape.kind == "sphere":
-            return f'<sphere radius="{shape.size[0]!r}"/>'
-        return f'<{shape.kind} radius="{shape.size[0]!r}" length="{2.0 * shape.size[1]!r}"/>'
+        scale = " ".join(repr(float(factor)) for factor in drawing[0])
+        return f'<mesh filename={quoteattr(file)} scale="{scale}"/>', drawing[1]
+
+
+def _primitive(shape: Shape) -> tuple[str, Array] | None:
+    """The element of a URDF for a shape, and the placement of it in the shape; None for what a URDF cannot say."""
+    if not shape.size or shape.kind == "ellipsoid" or shape.mesh is not None:
+        return None
+    if shape.kind == "box":
+        geometry = f'<box size="{" ".join(repr(2.0 * side) for side in shape.size)}"/>'
+    elif shape.kind == "sphere":
+        geometry = f'<sphere radius="{shape.size[0]!r}"/>'
+    else:
+        geometry = f'<{shape.kind} radius="{shape.size[0]!r}" length="{2.0 * shape.size[1]!r}"/>'
+    return geometry, np.eye(4)
