@@ -19,7 +19,20 @@ import numpy as np
 import yaml
 from fuzz_damage import Damage
 from fuzz_seeds import (  # fmt: skip
-    CONFIGURATION, DAE, LOOP, MESHED, MJCF, MJCF_DEFAULTS, MOTION, NUMBERS, OBJ, SCENE, STL, TORQUE, URDF, WORDS,
+    CONFIGURATION,
+    DAE,
+    LOOP,
+    MESHED,
+    MJCF,
+    MJCF_DEFAULTS,
+    MOTION,
+    NUMBERS,
+    OBJ,
+    SCENE,
+    STL,
+    TORQUE,
+    URDF,
+    WORDS,
 )
 
 
