@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 from xml.parsers import expat
@@ -25,50 +24,19 @@ from numpy.typing import NDArray
 
 from bellcrank.config.fields import Fields
 from bellcrank.config.numbers import decimal_number
-from bellcrank.config.yaml_file import read_yaml
 from bellcrank.elements.constraint import Constraint, ReadContext
 from bellcrank.elements.joint_constraints import Coupling
 from bellcrank.elements.loop_constraints import WORLD, Hinge, Point, Weld
 from bellcrank.errors import InputError
 from bellcrank.files.access import read_bytes
-from bellcrank.messages import format_value, unknown_name
+from bellcrank.messages import unknown_name
+from bellcrank.robot.gepetto_file import read_gepetto
 from bellcrank.robot.robot import Robot
 from bellcrank.robot.xml_tree import decoded
 
 Array = NDArray[np.float64]
 APART = 1e-6  # m, and for entries of rotation matrices: largest difference from the placement of a joint in the URDF
 ORIGIN = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class GepettoLoops:
-    """The contents of a Gepetto YAML: (frame a, frame b, "3d" or "6d") of each loop, and the joints with motors."""
-
-    loops: tuple[tuple[str, str, str], ...]
-    motors: tuple[str, ...]
-
-
-def read_gepetto(path: str | Path) -> GepettoLoops:
-    """Read the loops and motors of a Gepetto YAML. Raises InputError, one sentence, for other contents."""
-    data = read_yaml(path)
-    pairs, kinds = data.get("closed_loop", []), data.get("type", [])
-    if not isinstance(pairs, list) or not all(isinstance(p, list) and len(p) == 2 for p in pairs):
-        raise InputError(f"{path}: closed_loop: expected a list of pairs of frames, such as [[loop_A, loop_B]]")
-    if not isinstance(kinds, list) or len(kinds) != len(pairs):
-        raise InputError(
-            f"{path}: type: expected one of 3d and 6d for each of the {len(pairs)} loops, found {format_value(kinds)}"
-        )
-    for kind in kinds:
-        if str(kind).lower() not in ("3d", "6d"):
-            raise InputError(f"{path}: type: {unknown_name('type', str(kind), ['3d', '6d'])}")
-    if data.get("joint_name"):
-        raise InputError(
-            f"{path}: joint_name: changing the type of joints ({', '.join(map(str, data['joint_name']))}) is not "
-            "supported; change them in the URDF, a spherical joint to three revolute ones, and remove the key"
-        )
-    motors = data.get("name_mot", [])
-    loops = tuple((str(a), str(b), str(kind).lower()) for (a, b), kind in zip(pairs, kinds, strict=True))
-    return GepettoLoops(loops, tuple(map(str, motors if isinstance(motors, list) else [motors])))
 
 
 def import_constraints(kind: str, name: str, read: Fields, context: ReadContext) -> list[Constraint]:
@@ -103,7 +71,13 @@ def imported_motors(constraints: Sequence[Constraint], robot: Robot) -> tuple[st
 
 def _gepetto(path: Path, name: str, read: Fields, robot: Robot) -> list[Constraint]:
     constraints: list[Constraint] = []
-    for k, (a, b, kind) in enumerate(read_gepetto(path).loops):
+    found = read_gepetto(path)
+    if found.joint_types:
+        raise InputError(
+            f"{path}: joint_name: changing the type of joints ({', '.join(found.joint_types)}) is not "
+            "supported; change them in the URDF, a spherical joint to three revolute ones, and remove the key"
+        )
+    for k, (a, b, kind) in enumerate(found.loops):
         for frame in (a, b):
             if frame not in robot.frame_names:
                 raise InputError(f"{path}: closed_loop: {unknown_name('frame', frame, robot.frame_names)}")

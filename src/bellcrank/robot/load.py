@@ -1,4 +1,4 @@
-"""Loading a robot from a URDF file, or by the name of a bundled or example robot."""
+"""Loading a robot from a robot file, or by the name of a bundled or example robot."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ from bellcrank.robot.load_options import FrameTable, LoadOptions, checked_frames
 from bellcrank.robot.payload import Payload
 from bellcrank.robot.robot import Robot
 from bellcrank.robot.robot_cache import robot_data
-from bellcrank.robot.robot_file import read_robot_file
+from bellcrank.robot.robot_file import RobotFile, read_robot_file
+
+STANDARD_GRAVITY = (0.0, 0.0, -9.81)  # m/s²
 
 
 def load_robot(
     path: str | Path,
-    gravity: Sequence[float] = (0.0, 0.0, -9.81),
+    gravity: Sequence[float] | None = None,
     floating_base: bool = False,
     friction: Friction = "urdf",
     *,
@@ -29,18 +31,22 @@ def load_robot(
     friction_width: float = FRICTION_WIDTH,
     trust: Trust = (),
 ) -> Robot:
-    """Load a robot from a URDF.
+    """Load a robot from a robot file: URDF, xacro, MJCF or SDFormat.
+
+    Closed loops, springs and motors of the file are in the attribute `file` of the robot; `load_scene` makes
+    constraints and forces of them.
 
     Args:
-        path: Path of a URDF file, name of a bundled robot ("planar_2r", …), or a name of the package
+        path: Path of a robot file, name of a bundled robot ("planar_2r", …), or a name of the package
             example-robot-data ("ur5", "talos", …).
         gravity: Acceleration of gravity (3,) in the world, m/s²; another direction stands for a robot on a wall or
-            ceiling.
+            ceiling. By default that of the file, or 0, 0, −9.81.
         floating_base: Whether the base is free to move.
         friction: "urdf" (as the file gives it), "none", or {joint: (viscous in N m s/rad or N s/m, Coulomb in N m or
             N)}.
         payloads: Rigid bodies fixed to frames.
-        rotor_inertia: Rotor inertia by joint, reflected to the joint, kg m² (kg for prismatic joints).
+        rotor_inertia: Rotor inertia by joint, reflected to the joint, kg m² (kg for prismatic joints); it replaces
+            that of the file.
         frames: Frames to add, by name: (link, xyz in m, rpy in rad).
         clean: Whether to make rotations that were written with few digits, such as 1.5708, exact.
         friction_width: Speed (rad/s or m/s) over which Coulomb friction is smoothed.
@@ -57,7 +63,36 @@ def load_robot(
         >>> bc.load_robot("planar_2r", friction="none")
         Robot('planar_2r', 2 joints, nq=2, nv=2, planar_2r.urdf)
     """
-    options = LoadOptions(
+    arguments.path("path", path, "the path of a robot file, or the name of a robot")
+    source = find_urdf(path)
+    access = FileAccess.of(source.resolve(), trust)
+    file = read_robot_file(source, access)
+    options = load_options(
+        gravity=(file.gravity or STANDARD_GRAVITY) if gravity is None else gravity,
+        floating_base=floating_base,
+        friction=friction,
+        payloads=payloads,
+        rotor_inertia={**file.rotor_inertia, **(rotor_inertia or {})},
+        frames=frames,
+        clean=clean,
+        friction_width=friction_width,
+    )
+    return robot_of(file, options, access)
+
+
+def load_options(
+    *,
+    gravity: Sequence[float],
+    floating_base: bool,
+    friction: Friction,
+    payloads: Iterable[Payload],
+    rotor_inertia: Mapping[str, float],
+    frames: FrameTable | None,
+    clean: bool = True,
+    friction_width: float = FRICTION_WIDTH,
+) -> LoadOptions:
+    """The checked arguments of `load_robot`, which describes them. Raises InputError."""
+    return LoadOptions(
         gravity=tuple(arguments.vector("gravity", gravity, 3, "m/s²", most=arguments.LARGEST).tolist()),
         floating_base=arguments.flag("floating_base", floating_base),
         clean=arguments.flag("clean", clean),
@@ -67,12 +102,12 @@ def load_robot(
         friction=checked_friction(friction),
         payloads=arguments.several("payloads", payloads, Payload, "Payloads"),
         frames={} if frames is None else checked_frames(frames),
-        rotor_inertia={} if rotor_inertia is None else rotor_inertia,
+        rotor_inertia=rotor_inertia,
     )
-    arguments.path("path", path, "the path of a URDF, or the name of a robot")
-    source = find_urdf(path)
-    access = FileAccess.of(source.resolve(), trust)
-    file = read_robot_file(source, access)
-    robot = Robot(file, robot_data(file.urdf, source, options), options)
+
+
+def robot_of(file: RobotFile, options: LoadOptions, access: FileAccess) -> Robot:
+    """The robot of a robot file, whose meshes are read where `access` allows. Raises InputError."""
+    robot = Robot(file, robot_data(file.urdf, file.source, options), options)
     robot.mesh_access = access
     return robot

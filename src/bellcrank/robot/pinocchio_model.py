@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 LEAST_MASS = 2.3e-16  # kg: Pinocchio divides sums of inertias by their mass, or by the rounding of 1 where that is more
 FREE_BASE = "root_joint"  # what Pinocchio names the joint of a free base
+WORLD = "world"  # the world's own frame, to which frames may be added where no link has this name
 _UNLIMITED = 1e299
 
 
@@ -98,7 +99,8 @@ def _add_frames(model: Any, urdf: Urdf, options: LoadOptions) -> None:
     for name, (link, xyz, rpy) in options.frames.items():
         if name in [f.name for f in model.frames]:
             raise InputError(f"{urdf.source} already has a frame '{name}'; choose another name")
-        parent = model_frame_index(model, link, "link")
+        world = link == WORLD and not model.existFrame(WORLD)
+        parent = 0 if world else model_frame_index(model, link, "link")
         placement = pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz, dtype=float))
         at = model.frames[parent]
         model.addFrame(pin.Frame(name, at.parentJoint, parent, at.placement * placement, pin.FrameType.OP_FRAME), False)

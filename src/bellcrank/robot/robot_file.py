@@ -61,6 +61,15 @@ class JointCoupling:
 
 
 @dataclass(frozen=True, kw_only=True)
+class JointRelation:
+    """A linear relation of joint positions (rad or m), terms (joint, coefficient): Σ coefficient · q = constant."""
+
+    name: str
+    terms: tuple[tuple[str, float], ...]
+    constant: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
 class JointSpring:
     """A spring at a joint: torque (force) = −stiffness (position − reference), N m/rad (N/m) and rad (m)."""
 
@@ -81,7 +90,7 @@ class JointMotor:
     effort: float | None = None
 
 
-Loop = FrameLoop | JointCoupling
+Loop = FrameLoop | JointCoupling | JointRelation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,6 +102,7 @@ class RobotFile:
         urdf: The tree as the text of a URDF. Joint types are those of URDF, and `spherical`, `universal` and `screw`
             (attribute `pitch`, m per revolution).
         loops: Closed loops and couplings of joints.
+        loop_file: The resolved path of another file that the loops were read from, or None.
         springs: Springs at joints.
         motors: Motors at joints.
         rotor_inertia: Rotor inertia reflected to the joint, by joint, kg m² (kg for prismatic joints).
@@ -104,6 +114,7 @@ class RobotFile:
     source: Path
     urdf: str
     loops: tuple[Loop, ...] = ()
+    loop_file: Path | None = None
     springs: tuple[JointSpring, ...] = ()
     motors: tuple[JointMotor, ...] = ()
     rotor_inertia: Mapping[str, float] = field(default_factory=dict)
@@ -158,7 +169,9 @@ def root_tag(text: str) -> str:
 
 
 def _urdf(text: str, source: Path, access: FileAccess) -> RobotFile:
-    return RobotFile(source=source, urdf=text)
+    from bellcrank.robot.urdf_robot import read_urdf_robot  # which needs the records of this module
+
+    return read_urdf_robot(text, source, access)
 
 
 def _mjcf(text: str, source: Path, access: FileAccess) -> RobotFile:

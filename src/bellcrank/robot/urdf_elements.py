@@ -306,6 +306,16 @@ def _mimic(element: Element, where: str, fail: Callable[[str], InputError]) -> M
     return Mimic(leader, multiplier, _number(mimic, "offset", f"{where}, <mimic>", fail, default=0.0))
 
 
+def attribute_vector(element: Element, key: str, where: str, fail: Callable[[str], InputError]) -> Vector3:
+    """Three numbers of an attribute, 0 where it is missing; `fail(message)` makes the InputError."""
+    return _vector(element, key, where, fail)
+
+
+def attribute_number(element: Element, key: str, where: str, fail: Callable[[str], InputError]) -> float:
+    """The finite number of an attribute; `fail(message)` makes the InputError."""
+    return _number(element, key, where, fail)
+
+
 def _vector(element: Element, key: str, where: str, fail: Callable[[str], InputError]) -> Vector3:
     words = element.attributes.get(key, "0 0 0").split()
     if len(words) != 3:

@@ -37,15 +37,19 @@ from bellcrank.motion.motion_entry import MotionEntry
 from bellcrank.robot import catalog
 from bellcrank.robot.payload import Payload
 from bellcrank.scene.renamed_keys import read_scene_data
-from bellcrank.text import file_name_here, readable
+from bellcrank.scene.robot_file_entries import CHOICES, with_robot_file
+from bellcrank.scene.robot_path import robot_access, robot_path
+from bellcrank.scene.source_mapping import SourceMapping, source_mapping
+from bellcrank.text import readable
 
 if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import Robot
+    from bellcrank.robot.robot_file import RobotFile
 
 CONFIG_KEYS = (
     "name", "urdf", "gravity", "floating_base", "friction", "payloads", "frames", "motions", "actuators", "actuated",
-    "catalogue", "transmissions", "mounts", "duty",
+    "catalogue", "transmissions", "mounts", "duty", "rotor_inertia", "robot_file", "notes",
 )  # fmt: skip
 SCENE_KEYS = (
     "constraints", "forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate", "study",
@@ -77,6 +81,9 @@ class RobotConfig(Renamed):
         transmissions: The coupled transmissions.
         mounts: Where actuators are mounted, by joint or motor, where that is not the joint's parent link.
         duty: The order of motions and pauses in a cycle; empty: each motion repeats by itself.
+        rotor_inertia: Rotor inertia by joint, reflected to the joint, kg m² or kg; the actuators' figures replace it.
+        notes: Sentences that every result lists among its notes.
+        file: The contents of the robot file; None: it is read when the robot is loaded.
         access: The rule which files the configuration may name.
         deprecations: A note on each key of the file that was renamed in 0.5.
         overrides: The values that sizing or a selection changed in the file, by dotted path.
@@ -103,6 +110,9 @@ class RobotConfig(Renamed):
     transmissions: tuple[CoupledTransmission, ...] = ()
     mounts: Mapping[str, Mount] = field(default_factory=dict)
     duty: tuple[DutyStep, ...] = ()
+    rotor_inertia: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    file: RobotFile | None = field(default=None, repr=False, compare=False)
     access: FileAccess | None = field(default=None, repr=False, compare=False)
     deprecations: tuple[str, ...] = field(default=(), repr=False, compare=False)
     overrides: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
@@ -138,30 +148,34 @@ class RobotConfig(Renamed):
             >>> bc.load_robot_config("planar_2r").robot()
             Robot('planar_2r', 2 joints, nq=2, nv=2, planar_2r.urdf)
         """
-        from bellcrank.robot.load import load_robot
+        from bellcrank.robot.load import load_options, robot_of
+        from bellcrank.robot.robot_file import read_robot_file
 
         extra = arguments.several("extra_payloads", extra_payloads, Payload, "Payloads")
-        coupled = self.coupled_motors
-        rotor = {joint: one.known_inertia for joint, one in self.actuators.items() if joint not in coupled}
         try:
-            robot = load_robot(
-                self.urdf,
+            options = load_options(
                 gravity=self.gravity,
                 floating_base=self.floating_base,
                 friction=self.friction,
                 payloads=(*self.payloads, *extra),
-                rotor_inertia=rotor,
+                rotor_inertia=self._rotors(),
                 frames=dict(self.frames),
             )
+            access = self.access or FileAccess.of(self.urdf.resolve())
+            robot = robot_of(self.file or read_robot_file(self.urdf, access), options, access)
         except InputError as error:
             # The message already names the URDF where the configuration was made from it.
             if self.source == self.urdf or str(error).startswith(str(self.urdf)):
                 raise
             raise InputError(f"{self.source}: {error}") from None
-        if self.access is not None:
-            robot.mesh_access = self.access
         robot.inertia_warnings = (*robot.inertia_warnings, *self._unknown_inertias())
         return robot
+
+    def _rotors(self) -> dict[str, float]:
+        """Rotor inertia by joint: the actuators' figures, where they state any, instead of `rotor_inertia`."""
+        stated = {joint: one.known_inertia for joint, one in self.actuators.items() if joint not in self.coupled_motors}
+        given = dict(self.rotor_inertia)
+        return given | {joint: inertia for joint, inertia in stated.items() if inertia > 0.0 or joint not in given}
 
     def _unknown_inertias(self) -> Iterator[str]:
         """A sentence for each actuator of which an inertia is unknown, and so not part of the robot."""
@@ -226,9 +240,17 @@ def load_robot_config(path_or_name: str | Path, *, trust: Trust = ()) -> RobotCo
         (0.0, -9.81, 0.0)
     """
     source, urdf = find_config(path_or_name)
-    if urdf:
-        return RobotConfig(name=source.stem, source=source, urdf=source, access=FileAccess.of(source.resolve(), trust))
-    return read_config(source, FileAccess.of(source, trust))
+    if not urdf:
+        return read_config(source, FileAccess.of(source, trust))
+    data, access = robot_file_data(source, trust)
+    return _config(data, source, access, ())
+
+
+def robot_file_data(source: Path, trust: Trust = ()) -> tuple[SourceMapping, FileAccess]:
+    """The mapping of a scene of a robot file alone, and which files it may name. Raises InputError."""
+    access = FileAccess.of(source.resolve(), trust)
+    data: SourceMapping = source_mapping({"name": source.stem, "urdf": str(source.resolve())})
+    return data, replace(access, trusted=(*access.trusted, source.resolve()))
 
 
 def find_config(path_or_name: str | Path) -> tuple[Path, bool]:
@@ -264,19 +286,27 @@ def read_config(path: str | Path, access: FileAccess | None = None) -> RobotConf
     """Read a configuration's YAML file. Raises InputError, one sentence with file, line and key."""
     path = Path(path)
     data, notes = read_scene_data(path)
-    fields = Fields(data, str(path), access=access)
+    return _config(data, path, FileAccess.of(path) if access is None else access, notes)
+
+
+def _config(data: Mapping[str, Any], path: Path, access: FileAccess, deprecations: tuple[str, ...]) -> RobotConfig:
+    merged, file = with_robot_file(data, path, access)
+    fields = Fields(merged, str(path), access=access)
     config = config_from_fields(fields, path)
     fields.known(*SCENE_KEYS)
     fields.done()
-    return replace(config, deprecations=notes)
+    return replace(config, deprecations=deprecations, file=file)
 
 
 def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
     """Read the configuration from the keys of a file. The caller reads or refuses all other keys. Raises InputError."""
     name = fields.text("name", readable(path.stem))
-    urdf = _urdf(fields)
-    named = fields.access.by(urdf)
-    access = replace(named, area=urdf.parent) if fields.overridden("urdf") else named
+    urdf = robot_path(fields)
+    fields.choice("robot_file", CHOICES, "all")
+    notes = fields.raw("notes", ())
+    if not isinstance(notes, (list, tuple)) or not all(isinstance(note, str) for note in notes):
+        raise fields.error("notes", "expected a list of sentences")
+    rotors = fields.mapping("rotor_inertia", {})
     gravity = fields.vector("gravity", 3, "m/s^2", (0.0, 0.0, -9.81))
     floating = fields.flag("floating_base", False)
     friction = _friction(fields)
@@ -319,7 +349,9 @@ def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
         transmissions=transmissions,
         mounts=mounts_from_fields(fields.mapping("mounts", {})),
         duty=duty,
-        access=access,
+        rotor_inertia={joint: rotors.number(joint, "kg m^2", nonnegative=True) for joint in rotors},
+        notes=tuple(notes),
+        access=robot_access(fields, urdf),
     )
 
 
@@ -328,28 +360,6 @@ def _is_file(path: Path) -> bool:
         return path.is_file()
     except (OSError, ValueError):
         return False
-
-
-def _is_there(path: Path) -> bool:
-    """Whether the path exists and is not a folder; the file may still be unreadable."""
-    try:
-        return path.exists() and not path.is_dir()
-    except (OSError, ValueError):
-        return False
-
-
-def _urdf(fields: Fields) -> Path:
-    text = fields.text("urdf")
-    path_like = Path(text).suffix == ".urdf" or "/" in text
-    named = None if path_like or _is_there(fields.access.folder / file_name_here(text)) else catalog.find_named(text)
-    if named is not None:
-        return named
-    path = fields.file("urdf")
-    if _is_there(path):
-        return path.resolve()
-    if path_like:
-        raise fields.error("urdf", f"there is no file {path}; write a path relative to the configuration's folder")
-    raise fields.error("urdf", unknown_name("robot", text, catalog.names()))
 
 
 def _friction(fields: Fields) -> str | dict[str, tuple[float, float]]:

@@ -42,10 +42,17 @@ from bellcrank.scene.initial import Initial, read_initial
 from bellcrank.scene.outputs import Output, read_outputs
 from bellcrank.scene.overrides import apply_overrides
 from bellcrank.scene.renamed_keys import read_scene_data
-from bellcrank.scene.robot_config import SCENE_KEYS, RobotConfig, config_from_fields, find_config
+from bellcrank.scene.robot_config import (
+    SCENE_KEYS,
+    RobotConfig,
+    config_from_fields,
+    find_config,
+    robot_file_data,
+)
+from bellcrank.scene.robot_file_entries import with_robot_file, without_robot_file
 from bellcrank.scene.saved_state import RunScene
 from bellcrank.scene.settings import Settings, check_rows, read_settings
-from bellcrank.scene.source_mapping import plain, source_mapping
+from bellcrank.scene.source_mapping import plain
 from bellcrank.scene.study import Study, read_study
 
 if TYPE_CHECKING:
@@ -188,6 +195,9 @@ class Scene(Portable, Renamed):
             return {key: plain(value) for key, value in mapping.items() if key not in SCENE_KEYS}
 
         notes = tuple(dict.fromkeys((*self.config.deprecations, *notes)))
+        if self.config.file is not None and any(data.get(k) != self.source_data.get(k) for k in ("urdf", "robot_file")):
+            bare = without_robot_file(self.source_data, self.config.file)
+            data, notes = apply_overrides(bare, overrides, str(self.source))
         same_robot = own(data) == own(self.source_data)
         changed = _read(data, self.source, self.access, notes, self if same_robot else None)
         mine = tuple(constraint for constraint in self.constraints if isinstance(constraint, FunctionConstraint))
@@ -383,9 +393,7 @@ def load_scene(path_or_name: str | Path, overrides: Mapping[str, Any] | None = N
     source, urdf = find_config(path_or_name)
     notes: tuple[str, ...] = ()
     if urdf:
-        data = source_mapping({"name": source.stem, "urdf": str(source.resolve())})
-        access = FileAccess.of(source.resolve(), trust)
-        access = replace(access, trusted=(*access.trusted, source.resolve()))
+        data, access = robot_file_data(source, trust)
     else:
         (data, notes), access = read_scene_data(source), FileAccess.of(source, trust)
     if overrides:
@@ -419,8 +427,11 @@ def _read(
 
     `like` is a scene whose mapping has the same robot configuration; its configuration and robot are used again.
     """
+    file = None
+    if like is None:
+        data, file = with_robot_file(data, source, access)
     read = Fields(data, str(source), access=access)
-    config = config_from_fields(read, source)
+    config = replace(config_from_fields(read, source), file=file)
     robot, motion_of = (config.robot(), None) if like is None else (like.robot, like.motion_of)
     config = replace(config if like is None else like.config, deprecations=deprecations)
     if motion_of is None:

@@ -48,6 +48,7 @@ def scene_notes(scene: Scene, duration: float | None = None) -> tuple[str, ...]:
         *_drives(scene, duration),
         *_events(scene),
         *_coupled_motors(scene),
+        *scene.config.notes,
         *scene.config.deprecations,
     )
 

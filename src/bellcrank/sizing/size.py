@@ -87,7 +87,13 @@ def size(
     sizing = size_mechanism(
         subject.mechanism, subject.motions, subject.actuators, mass_tolerance, links, config.transmissions
     )
-    warnings = (*config.deprecations, *override_notes(config), *_selection_notes(config), *sizing.warnings)
+    warnings = (
+        *config.notes,
+        *config.deprecations,
+        *override_notes(config),
+        *_selection_notes(config),
+        *sizing.warnings,
+    )
     return replace(sizing, robot=config.name, warnings=warnings)
 
 
@@ -228,7 +234,8 @@ def _mechanism(config: RobotConfig, robot: Robot) -> Mechanism:
     from bellcrank.scene.renamed_keys import read_scene_data
     from bellcrank.scene.scene import load_scene
 
-    if config.source == config.urdf or read_scene_data(config.source)[0].keys().isdisjoint(SCENE_KEYS):
+    alone = config.source == config.urdf or read_scene_data(config.source)[0].keys().isdisjoint(SCENE_KEYS)
+    if alone and not (config.file and (config.file.loops or config.file.springs)):
         return OpenChain(robot, actuated=config.actuated or None)
     trusted = () if config.access is None else [folder for folder in config.access.trusted if folder.is_dir()]
     return mechanism_of(load_scene(config.source, trust=trusted), robot)

@@ -1,0 +1,148 @@
+"""Closed loops that extensions of URDF write into the file itself.
+
+- `<loop_joint name type><link1 link xyz rpy/><link2 …/><axis xyz/></loop_joint>`: NVIDIA's URDF importer of Isaac Sim
+  (its documentation writes link1 for both links), types spherical, fixed, revolute and continuous, and older versions
+  of Drake, which write no type and mean a hinge.
+- URDF+ (M. Chignoli et al., "URDF+: An Enhanced URDF for Robots with Kinematic Loops", 2024, arXiv:2411.19753, and its
+  parser): `<loop name type><predecessor link><origin/></predecessor><successor …/><axis xyz/></loop>`, types fixed,
+  revolute and continuous, and `<coupling name><predecessor link/><successor link/><ratio value/></coupling>`: ratio
+  times the sum of the joint positions from the nearest common ancestor to the predecessor equals the sum of those to
+  the successor.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
+from bellcrank.robot.robot_file import FrameLoop, FramePlace, JointRelation, Loop
+from bellcrank.robot.urdf_elements import Vector3, attribute_number, attribute_vector, origin_from
+from bellcrank.robot.xml_tree import Element
+
+TAGS = ("loop_joint", "loop", "coupling")
+KINDS = {"spherical": "point", "ball": "point", "fixed": "weld", "revolute": "hinge", "continuous": "hinge"}
+
+Fail = Callable[[str], InputError]
+
+
+def loops_of(robot: Element, fail: Fail) -> tuple[Loop, ...]:
+    """The loops and couplings under a <robot>, in the order of the file; `fail(message)` makes the InputError."""
+    links = [link.attributes.get("name", "").strip() for link in robot.find_all("link")]
+    loops: list[Loop] = []
+    for element in robot.children:
+        if element.tag in TAGS:
+            name = element.attributes.get("name", "").strip()
+            if not name or "." in name:
+                raise fail(f"line {element.line}: <{element.tag}> needs a name without dots, found '{name}'")
+            if name in [loop.name for loop in loops]:
+                raise fail(f"line {element.line}: two loops have the name '{name}'; rename one of them")
+            where = f"<{element.tag}> '{name}'"
+            if element.tag == "coupling":
+                loops.append(_coupling(element, name, where, robot, links, fail))
+            else:
+                loops.append(_loop(element, name, where, links, fail))
+    return tuple(loops)
+
+
+def _loop(element: Element, name: str, where: str, links: list[str], fail: Fail) -> FrameLoop:
+    if element.tag == "loop":
+        a, b = (_side(element, tag, where, links, fail) for tag in ("predecessor", "successor"))
+    else:
+        sides = [child for child in element.children if child.tag in ("link1", "link2")]
+        if len(sides) != 2:
+            raise fail(f"line {element.line}: {where} has {len(sides)} links; expected <link1> and <link2>")
+        a, b = (_isaac_side(side, where, links, fail) for side in sides)
+    if a.frame == b.frame:
+        raise fail(f"line {element.line}: {where} connects link '{a.frame}' to itself; name two links")
+    given = element.attributes.get("type", "revolute" if element.tag == "loop_joint" else "")
+    if given not in KINDS:
+        raise fail(f"line {element.line}: {where}: {unknown_name('type of loop', given, KINDS)}")
+    kind = KINDS[given]
+    if kind == "hinge":
+        return FrameLoop(name=name, kind="hinge", a=a, b=b, axis=_axis(element, where, fail))
+    return FrameLoop(name=name, kind="point" if kind == "point" else "weld", a=a, b=b)
+
+
+def _axis(element: Element, where: str, fail: Fail) -> Vector3:
+    """The unit axis in both frames. URDF+ and Drake say 1 0 0 where there is none; Isaac's tag has no axis."""
+    found = element.find("axis")
+    if found is None:
+        if element.tag == "loop_joint" and "type" in element.attributes:
+            raise fail(f'line {element.line}: {where} is a hinge without an axis; add <axis xyz="…"/>')
+        return (1.0, 0.0, 0.0)
+    x, y, z = attribute_vector(found, "xyz", f"{where}, <axis>", fail)
+    length = math.hypot(x, y, z)
+    if length < 1e-9:
+        raise fail(f"line {found.line}: {where}, <axis>: expected a direction, found a vector of length zero")
+    return (x / length, y / length, z / length)
+
+
+def _side(element: Element, tag: str, where: str, links: list[str], fail: Fail) -> FramePlace:
+    side = _link(element, tag, where, links, fail)
+    return FramePlace(side.attributes["link"].strip(), *origin_from(side, f"{where}, <{tag}>", fail))
+
+
+def _isaac_side(side: Element, where: str, links: list[str], fail: Fail) -> FramePlace:
+    where = f"{where}, <{side.tag}>"
+    link = _known(side, where, links, fail)
+    return FramePlace(link, attribute_vector(side, "xyz", where, fail), attribute_vector(side, "rpy", where, fail))
+
+
+def _link(element: Element, tag: str, where: str, links: list[str], fail: Fail) -> Element:
+    side = element.find(tag)
+    if side is None:
+        raise fail(f'line {element.line}: {where} has no <{tag} link="…"/>')
+    _known(side, f"{where}, <{tag}>", links, fail)
+    return side
+
+
+def _known(side: Element, where: str, links: list[str], fail: Fail) -> str:
+    link = side.attributes.get("link", "").strip()
+    if link not in links:
+        raise fail(f"line {side.line}: {where}: {unknown_name('link', link, links)}")
+    return link
+
+
+def _coupling(element: Element, name: str, where: str, robot: Element, links: list[str], fail: Fail) -> JointRelation:
+    one, other = (
+        _link(element, tag, where, links, fail).attributes["link"].strip() for tag in ("predecessor", "successor")
+    )
+    ratio = element.find("ratio")
+    if ratio is None:
+        raise fail(f'line {element.line}: {where} has no <ratio value="…"/>')
+    value = attribute_number(ratio, "value", f"{where}, <ratio>", fail)
+    above = _joints_above(robot)
+    first, second = (_path(link, above, element, where, fail) for link in (one, other))
+    shared = set(first) & set(second)
+    terms = [(joint, value) for joint in first if joint not in shared]
+    terms += [(joint, -1.0) for joint in second if joint not in shared]
+    if not terms:
+        raise fail(f"line {element.line}: {where}: no joint moves its links relative to each other")
+    return JointRelation(name=name, terms=tuple(terms))
+
+
+def _joints_above(robot: Element) -> Mapping[str, tuple[str, str, str]]:
+    """(joint, its type, its parent link) by child link."""
+    found = {}
+    for joint in robot.find_all("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        if parent is not None and child is not None:
+            kind, name = (joint.attributes.get(key, "").strip() for key in ("type", "name"))
+            found[child.attributes.get("link", "").strip()] = (name, kind, parent.attributes.get("link", "").strip())
+    return found
+
+
+def _path(link: str, above: Mapping[str, tuple[str, str, str]], element: Element, where: str, fail: Fail) -> list[str]:
+    """The moving joints from the root to a link."""
+    joints: list[str] = []
+    seen: set[str] = set()
+    while link in above and link not in seen:
+        seen.add(link)
+        name, kind, link = above[link]
+        if kind in ("revolute", "continuous", "prismatic"):
+            joints.append(name)
+        elif kind != "fixed":
+            raise fail(f"line {element.line}: {where}: joint '{name}' on its path is {kind}; a coupling cannot span it")
+    return joints[::-1]

@@ -1,0 +1,63 @@
+"""A URDF as a RobotFile: its tree, the loops that it writes itself, and those of a Gepetto YAML beside it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from bellcrank.errors import InputError
+from bellcrank.files.access import FileAccess
+from bellcrank.messages import unknown_name
+from bellcrank.robot.gepetto_file import gepetto_beside, read_gepetto
+from bellcrank.robot.robot_file import JointMotor, RobotFile
+from bellcrank.robot.urdf_loops import TAGS, loops_of
+from bellcrank.robot.xml_tree import Element, parse_xml
+
+_LOOP = re.compile(rf"<(?:{'|'.join(TAGS)})[\s>]")
+
+
+def read_urdf_robot(text: str, source: Path, access: FileAccess) -> RobotFile:
+    """The contents of a URDF, given as text, and of a Gepetto YAML beside it; the tree itself is not checked here.
+
+    Raises InputError, one sentence, where a loop is wrong.
+    """
+    beside = gepetto_beside(source, access)
+    if beside is None and not _LOOP.search(text):
+        return RobotFile(source=source, urdf=text)
+    robot = parse_xml(text, source)
+
+    def fail(message: str) -> InputError:
+        return InputError(f"{source}: " + "".join(c if c.isprintable() else " " for c in message))
+
+    file = RobotFile(source=source, urdf=text, loops=loops_of(robot, fail))
+    return file if beside is None else _with_gepetto(file, robot, beside)
+
+
+def _with_gepetto(file: RobotFile, robot: Element, path: Path) -> RobotFile:
+    if file.loops:
+        raise InputError(
+            f"{file.source}: has loops of its own, and {path.name} beside it closes loops too; keep one of them"
+        )
+    found = read_gepetto(path)
+    joints = [joint.attributes.get("name", "").strip() for joint in robot.find_all("joint")]
+    links = [link.attributes.get("name", "").strip() for link in robot.find_all("link")]
+    for frame in (name for a, b, _ in found.loops for name in (a, b)):
+        if frame not in links and frame not in joints:
+            raise InputError(f"{path}: closed_loop: {unknown_name('frame', frame, [*links, *joints])}")
+    for key, names in (("name_mot", found.motors), ("joint_name", tuple(found.joint_types))):
+        for name in names:
+            if name not in joints:
+                raise InputError(f"{path}: {key}: {unknown_name('joint', name, joints)}")
+    if found.joint_types:
+        raise InputError(
+            f"{path}: joint_name: changing the type of joints ({', '.join(found.joint_types)}) is not "
+            "supported; change them in the URDF, a spherical joint to three revolute ones, and remove the key"
+        )
+    return RobotFile(
+        source=file.source,
+        urdf=file.urdf,
+        loops=found.frame_loops("loop"),
+        loop_file=path.resolve(),
+        motors=tuple(JointMotor(name=name, joint=name) for name in dict.fromkeys(found.motors)),
+        notes=found.notes,
+    )

@@ -1,0 +1,202 @@
+"""What a robot file says besides its tree, as entries of a scene: closed loops, springs, motors, start.
+
+A scene of a robot file has the same keys as one that a user writes: frames and constraints for loops, forces for
+springs, actuated for motors, initial for the start. Entries that the scene has itself, by the same name, take
+precedence; `robot_file: tree` uses none of the file's. Merging twice changes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from bellcrank.config.fields import Fields
+from bellcrank.errors import InputError
+from bellcrank.files.access import FileAccess
+from bellcrank.robot.robot_file import (
+    WORLD,
+    FramePlace,
+    JointCoupling,
+    JointRelation,
+    Loop,
+    RobotFile,
+    read_robot_file,
+)
+from bellcrank.scene.robot_path import robot_path
+from bellcrank.scene.source_mapping import SourceMapping, source_mapping
+
+CHOICES: Final = ("all", "tree")  # of the key robot_file
+_LISTS: Final = ("constraints", "forces")
+_TABLES: Final = ("frames", "rotor_inertia")
+
+
+def with_robot_file(data: Mapping[str, Any], source: Path, access: FileAccess) -> tuple[SourceMapping, RobotFile]:
+    """Read the robot file that a scene's mapping names.
+
+    Returns a copy of the mapping with the entries of the file, and the file. Raises InputError.
+    """
+    fields = Fields(data, str(source), access=access)
+    path = robot_path(fields)
+    try:
+        file = read_robot_file(path, access.by(path))
+    except InputError as error:
+        # The message already names the robot file where the scene was made from it.
+        if source == path or str(error).startswith(str(path)):
+            raise
+        raise InputError(f"{source}: {error}") from None
+    merged: SourceMapping = source_mapping(data)
+    if fields.choice("robot_file", CHOICES, "all") == "all":
+        _merge(merged, _entries(file, _imported(fields)))
+    return merged, file
+
+
+def without_robot_file(data: Mapping[str, Any], file: RobotFile) -> SourceMapping:
+    """A copy of a scene's mapping without the entries that are exactly those of a robot file."""
+    bare: SourceMapping = source_mapping(data)
+    for key, value in _entries(file, frozenset()).items():
+        own = bare.get(key)
+        if isinstance(value, list) and isinstance(own, list):
+            bare[key] = [entry for entry in own if entry not in value]
+        elif isinstance(value, dict) and isinstance(own, dict):
+            for name in [name for name in own if name in value and own[name] == value[name]]:
+                del own[name]
+        elif own == value:
+            del bare[key]
+        if key in bare and bare[key] in ([], {}):
+            del bare[key]
+    return bare
+
+
+def _merge(data: SourceMapping, entries: Mapping[str, Any]) -> None:
+    """Add entries that the mapping does not have. Values of an unexpected type are left to their readers."""
+    for key, value in entries.items():
+        own = data.get(key)
+        if key == "actuated" and "actuators" in data:
+            continue
+        if key not in data:
+            data[key] = source_mapping(value)
+        elif key in _LISTS and isinstance(own, list):
+            names = {entry.get("name") for entry in own if isinstance(entry, Mapping)}
+            data[key] = [*source_mapping([entry for entry in value if entry["name"] not in names]), *own]
+        elif key == "notes" and isinstance(own, list):
+            data[key] = [*own, *(note for note in value if note not in own)]
+        elif isinstance(own, Mapping) and (key in _TABLES or (key == "initial" and not {"motion", "run"} & own.keys())):
+            data[key].update(source_mapping({name: entry for name, entry in value.items() if name not in own}))
+
+
+def _entries(file: RobotFile, imported: frozenset[Path]) -> dict[str, Any]:
+    """The keys of a scene that say what a robot file says, without loops of files that the scene imports itself."""
+    frames: dict[str, Any] = {}
+    loops = [] if file.loop_file in imported else file.loops
+    constraints = [_constraint(loop, file, frames) for loop in loops]
+    found: dict[str, Any] = {
+        "frames": frames,
+        "constraints": constraints,
+        "forces": [
+            {
+                "kind": "joint_spring",
+                "name": f"spring_{spring.joint}",
+                "joint": spring.joint,
+                "stiffness": spring.stiffness,
+                "rest": spring.reference,
+            }
+            for spring in file.springs
+        ],
+        "actuated": list(dict.fromkeys(motor.joint for motor in file.motors)),
+        "rotor_inertia": dict(file.rotor_inertia),
+        "initial": _start(file),
+        "gravity": None if file.gravity is None else list(file.gravity),
+        "notes": list(file.notes),
+    }
+    return {key: value for key, value in found.items() if value}
+
+
+def _imported(fields: Fields) -> frozenset[Path]:
+    """The files that the scene's own constraints name."""
+    entries = fields.raw("constraints", ())
+    names = [e["file"] for e in entries if isinstance(e, Mapping) and "file" in e] if isinstance(entries, list) else []
+    return frozenset((fields.access.folder / str(name)).resolve() for name in names)
+
+
+# ---- loops
+
+
+def _constraint(loop: Loop, file: RobotFile, frames: dict[str, Any]) -> dict[str, Any]:
+    if isinstance(loop, JointRelation):
+        return _expression(loop.name, [(c, _position(joint)) for joint, c in loop.terms], -loop.constant)
+    if isinstance(loop, JointCoupling):
+        return _coupling(loop)
+    a, b = (loop.b, loop.a) if loop.a.frame == WORLD else (loop.a, loop.b)
+    entry: dict[str, Any] = {"kind": loop.kind, "name": loop.name}
+    entry["frame_a"] = _frame(f"{loop.name}_a", a, file, frames)
+    if b.frame == WORLD and (loop.kind in ("point", "distance") or not any(b.rpy)):
+        entry |= {"frame_b": WORLD, "point": list(b.xyz)}
+    else:
+        entry["frame_b"] = _frame(f"{loop.name}_b", b, file, frames)
+    if loop.kind in AXIAL:
+        entry["axis"] = list(loop.axis)
+    if loop.length is not None:
+        entry["length"] = loop.length
+    return entry
+
+
+AXIAL: Final = ("hinge",)  # kinds with the key `axis`
+
+
+def _frame(name: str, place: FramePlace, file: RobotFile, frames: dict[str, Any]) -> str:
+    """The name of a frame at a place: that of the robot, or of a new one."""
+    if place.frame != WORLD and not any((*place.xyz, *place.rpy)):
+        return place.frame
+    while f'"{name}"' in file.urdf or f"'{name}'" in file.urdf:
+        name += "_frame"
+    frames[name] = {"link": place.frame, "xyz": list(place.xyz), "rpy": list(place.rpy)}
+    return name
+
+
+def _coupling(loop: JointCoupling) -> dict[str, Any]:
+    """A linear coupling, or an expression where it is not linear or holds one joint."""
+    constant, *powers = loop.coefficients
+    if loop.leader is not None and len(powers) == 1:
+        return {
+            "kind": "coupling",
+            "name": loop.name,
+            "joint_a": loop.leader,
+            "joint_b": loop.joint,
+            "ratio": powers[0],
+            "offset": constant,
+        }
+    terms = [(1.0, _position(loop.joint))]
+    if loop.leader is not None:
+        terms += [(-c, f"{_position(loop.leader)}**{k}") for k, c in enumerate(powers, 1) if c]
+    return _expression(loop.name, terms, -constant)
+
+
+def _position(joint: str) -> str:
+    return f"joint({joint!r}).position"
+
+
+def _expression(name: str, terms: Iterable[tuple[float, str]], constant: float) -> dict[str, Any]:
+    text = " + ".join(f"({c!r})*{term}" for c, term in terms)
+    return {"kind": "expression", "name": name, "expression": f"{text} + ({constant!r})"}
+
+
+# ---- start
+
+
+def _start(file: RobotFile) -> dict[str, Any]:
+    """The start by joint; with loops it is the first guess of the search for a consistent start."""
+    found: dict[str, Any] = {}
+    for joint, value in (file.start or {}).items():
+        numbers = value if isinstance(value, tuple) else (value,)
+
+        def entry(of: list[float] | float) -> Any:
+            return {"guess": of} if file.loops else of
+
+        if len(numbers) == 1:
+            found[joint] = entry(numbers[0])
+        elif len(numbers) == 4:
+            found[joint] = {"quaternion_xyzw": entry(list(numbers))}
+        else:
+            found[joint] = {"position": entry(list(numbers[:3])), "quaternion_xyzw": entry(list(numbers[3:]))}
+    return found
