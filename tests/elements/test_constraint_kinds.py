@@ -485,7 +485,7 @@ def test_a_coupling_of_joints_in_mjcf_is_read_with_its_sign(beside):
         ("gepetto", "3d", "4d", "unknown type '4d'"),
         ("gepetto", "rocker_tip", "rocker_top", "unknown frame 'rocker_top'; did you mean 'rocker_tip'"),
         ("gepetto", "['3d']", "[3d, 6d]", "expected one of 3d and 6d for each of the 1 loops"),
-        ("gepetto", "name_mot", "joint_name: [x]\nname_mot", "changing the type of joints"),
+        ("gepetto", "name_mot", "joint_name: [x]\nname_mot", "expected a type for each of the 1 joints"),
         ("gepetto", "[[coupler_tip, rocker_tip]]", "[coupler_tip]", "expected a list of pairs of frames"),
         (
             "mjcf",

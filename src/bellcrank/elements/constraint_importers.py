@@ -71,13 +71,7 @@ def imported_motors(constraints: Sequence[Constraint], robot: Robot) -> tuple[st
 
 def _gepetto(path: Path, name: str, read: Fields, robot: Robot) -> list[Constraint]:
     constraints: list[Constraint] = []
-    found = read_gepetto(path)
-    if found.joint_types:
-        raise InputError(
-            f"{path}: joint_name: changing the type of joints ({', '.join(found.joint_types)}) is not "
-            "supported; change them in the URDF, a spherical joint to three revolute ones, and remove the key"
-        )
-    for k, (a, b, kind) in enumerate(found.loops):
+    for k, (a, b, kind) in enumerate(read_gepetto(path).loops):
         for frame in (a, b):
             if frame not in robot.frame_names:
                 raise InputError(f"{path}: closed_loop: {unknown_name('frame', frame, robot.frame_names)}")

@@ -15,6 +15,7 @@ from bellcrank.robot.robot import Robot
 from bellcrank.robot.robot_cache import robot_data
 from bellcrank.robot.robot_file import RobotFile, read_robot_file
 
+ROTORS = "a mapping of joints to numbers (kg m²)"
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)  # m/s²
 
 
@@ -67,12 +68,13 @@ def load_robot(
     source = find_urdf(path)
     access = FileAccess.of(source.resolve(), trust)
     file = read_robot_file(source, access)
+    rotors = {} if rotor_inertia is None else arguments.mapping("rotor_inertia", rotor_inertia, ROTORS)
     options = load_options(
         gravity=(file.gravity or STANDARD_GRAVITY) if gravity is None else gravity,
         floating_base=floating_base,
         friction=friction,
         payloads=payloads,
-        rotor_inertia={**file.rotor_inertia, **(rotor_inertia or {})},
+        rotor_inertia={**file.rotor_inertia, **rotors},
         frames=frames,
         clean=clean,
         friction_width=friction_width,

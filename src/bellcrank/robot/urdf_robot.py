@@ -9,6 +9,7 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
 from bellcrank.messages import unknown_name
 from bellcrank.robot.gepetto_file import gepetto_beside, read_gepetto
+from bellcrank.robot.joint_types import with_joint_types
 from bellcrank.robot.robot_file import JointMotor, RobotFile
 from bellcrank.robot.urdf_loops import TAGS, loops_of
 from bellcrank.robot.xml_tree import Element, parse_xml
@@ -44,20 +45,15 @@ def _with_gepetto(file: RobotFile, robot: Element, path: Path) -> RobotFile:
     for frame in (name for a, b, _ in found.loops for name in (a, b)):
         if frame not in links and frame not in joints:
             raise InputError(f"{path}: closed_loop: {unknown_name('frame', frame, [*links, *joints])}")
-    for key, names in (("name_mot", found.motors), ("joint_name", tuple(found.joint_types))):
-        for name in names:
-            if name not in joints:
-                raise InputError(f"{path}: {key}: {unknown_name('joint', name, joints)}")
-    if found.joint_types:
-        raise InputError(
-            f"{path}: joint_name: changing the type of joints ({', '.join(found.joint_types)}) is not "
-            "supported; change them in the URDF, a spherical joint to three revolute ones, and remove the key"
-        )
+    for name in found.motors:
+        if name not in joints:
+            raise InputError(f"{path}: name_mot: {unknown_name('joint', name, joints)}")
+    urdf, notes = with_joint_types(file.urdf, found.joint_types, path)
     return RobotFile(
         source=file.source,
-        urdf=file.urdf,
+        urdf=urdf,
         loops=found.frame_loops("loop"),
         loop_file=path.resolve(),
         motors=tuple(JointMotor(name=name, joint=name) for name in dict.fromkeys(found.motors)),
-        notes=found.notes,
+        notes=(*found.notes, *notes),
     )

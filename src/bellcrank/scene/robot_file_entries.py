@@ -8,12 +8,15 @@ precedence; `robot_file: tree` uses none of the file's. Merging twice changes no
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
+from bellcrank.robot.gepetto_file import read_gepetto
+from bellcrank.robot.joint_types import with_joint_types
 from bellcrank.robot.robot_file import (
     WORLD,
     FramePlace,
@@ -45,6 +48,7 @@ def with_robot_file(data: Mapping[str, Any], source: Path, access: FileAccess) -
         if source == path or str(error).startswith(str(path)):
             raise
         raise InputError(f"{source}: {error}") from None
+    file = _with_imported_types(file, fields)
     merged: SourceMapping = source_mapping(data)
     if fields.choice("robot_file", CHOICES, "all") == "all":
         _merge(merged, _entries(file, _imported(fields)))
@@ -114,9 +118,25 @@ def _entries(file: RobotFile, imported: frozenset[Path]) -> dict[str, Any]:
 
 def _imported(fields: Fields) -> frozenset[Path]:
     """The files that the scene's own constraints name."""
+    return frozenset((fields.access.folder / str(entry["file"])).resolve() for entry in _importers(fields))
+
+
+def _importers(fields: Fields) -> list[Mapping[str, Any]]:
+    """The entries of the scene's constraints that name a file."""
     entries = fields.raw("constraints", ())
-    names = [e["file"] for e in entries if isinstance(e, Mapping) and "file" in e] if isinstance(entries, list) else []
-    return frozenset((fields.access.folder / str(name)).resolve() for name in names)
+    listed = entries if isinstance(entries, list) else []
+    return [entry for entry in listed if isinstance(entry, Mapping) and isinstance(entry.get("file"), str)]
+
+
+def _with_imported_types(file: RobotFile, fields: Fields) -> RobotFile:
+    """The robot file with the types of joints that Gepetto's YAML files under `constraints` give. Raises InputError."""
+    for entry in _importers(fields):
+        if entry.get("kind") == "gepetto":
+            path = Fields(entry, fields.where, "constraints", fields.access).file("file")
+            if path.is_file():  # a missing one is refused where the constraints are read
+                urdf, notes = with_joint_types(file.urdf, read_gepetto(path).joint_types, path)
+                file = replace(file, urdf=urdf, notes=(*file.notes, *notes))
+    return file
 
 
 # ---- loops
