@@ -151,7 +151,7 @@ BROKEN = {
     ),
     "mimic of a fixed joint": (
         robot(LINKS + joint(inside='<mimic joint="k"/>') + joint("k", "", "b", "c", "fixed")),
-        "joint 'k' is fixed; only a revolute, continuous or prismatic joint can be mimicked",
+        "joint 'k' is fixed; only a revolute, continuous or prismatic joint or a screw can be mimicked",
     ),
     "reduction in words": (
         robot(

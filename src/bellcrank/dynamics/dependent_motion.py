@@ -115,8 +115,8 @@ class DependentMotions:
             if joint.kind == "revolute":
                 difference = np.remainder(difference + np.pi, 2.0 * np.pi) - np.pi
             difference = np.abs(difference)
-            if difference.max() > AGREEMENT * (1.0 if joint.kind == "revolute" else self.kinematics.length):
-                row, unit = int(difference.argmax()), "rad" if joint.kind == "revolute" else "m"
+            if difference.max() > AGREEMENT * (self.kinematics.length if joint.kind == "prismatic" else 1.0):
+                row, unit = int(difference.argmax()), "m" if joint.kind == "prismatic" else "rad"
                 raise InputError(
                     f"motion '{wanted.name}' prescribes joint '{joint.name}' at {wanted.position[row, joint.q]:.6g} "
                     f"{unit} at {wanted.time[row]:.6g} s, but the constraints put it at "

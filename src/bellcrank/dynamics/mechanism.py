@@ -16,6 +16,7 @@ from bellcrank.dynamics.open_chain_inverse_dynamics import OpenChain
 from bellcrank.elements.frame_forces import Spring
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Friction, JointForce
+from bellcrank.elements.spherical_spring import SphericalSpring
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.scene import Scene
 
@@ -121,7 +122,7 @@ def applied_forces(mechanism: Mechanism) -> tuple[AppliedForce, ...]:
 
 def acts_on(force: Force) -> str:
     """What a force acts on, such as "joint 'elbow'"."""
-    if isinstance(force, JointForce):
+    if isinstance(force, JointForce | SphericalSpring):
         return f"joint '{force.joint.name}'"
     if isinstance(force, Spring):
         other = f"frame '{force.frame_b}'" if len(force.frames) == 2 else "the world"

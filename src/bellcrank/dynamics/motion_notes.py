@@ -15,6 +15,7 @@ from bellcrank.elements.expression import has_time
 from bellcrank.elements.frame_joints import path_frames
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Torque
+from bellcrank.robot.joints import quaternion_part
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.mechanism import Mechanism
@@ -92,9 +93,11 @@ def _base_notes(scene: Scene, motion: Motion) -> Iterator[str]:
     posture = scene.initial.posture(scene.robot)
     for name in scene.initial.free:
         joint = scene.robot.joint(name)
-        first, wanted = (q[joint.q : joint.q + joint.nq] for q in (motion.position[0], posture))
-        turned = np.append(wanted[:3], -wanted[3:])  # the same rotation, where there is a quaternion
-        if min(np.abs(first - wanted).max(), np.abs(first - turned).max() if joint.nq == 7 else np.inf) > ELSEWHERE:
+        whole, turned = slice(joint.q, joint.q + joint.nq), posture.copy()
+        if (part := quaternion_part(joint)) is not None:
+            turned[part] *= -1.0  # the same rotation
+        first = motion.position[0, whole]
+        if min(np.abs(first - posture[whole]).max(), np.abs(first - turned[whole]).max()) > ELSEWHERE:
             yield (
                 f"motion '{motion.name}' places joint '{name}' elsewhere than the scene's start (initial, base); the "
                 "motion is used, also for the direction of gravity"

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from bellcrank.elements.symbols import Symbols
     from bellcrank.robot.robot import Robot, RobotJoint
 
-# Units at a revolute joint and at a prismatic joint.
+# Units at a revolute joint or screw, and at a prismatic joint.
 JOINT_UNITS: Final = {
     "position": ("rad", "m"),
     "velocity": ("rad/s", "m/s"),

@@ -1,8 +1,8 @@
 """The forces of a scene: springs, dampers, friction, torques and wrenches.
 
-Each entry of the list `forces` has a `kind`, an optional `name`, and the keys of its kind (joint_forces.py and
-frame_forces.py), in SI units unless other units are written. The work W of a simulation is that of the forces without a
-potential.
+Each entry of the list `forces` has a `kind`, an optional `name`, and the keys of its kind (joint_forces.py,
+spherical_spring.py and frame_forces.py), in SI units unless other units are written. The work W of a simulation is that
+of the forces without a potential.
 """
 
 from __future__ import annotations
@@ -13,10 +13,11 @@ from bellcrank.config.fields import Fields
 from bellcrank.elements.element import Force, named_entries
 from bellcrank.elements.frame_forces import Spring, Wrench
 from bellcrank.elements.joint_forces import Damper, Friction, JointForce, JointSpring, Torque
+from bellcrank.elements.spherical_spring import SphericalSpring
 from bellcrank.robot.robot import Robot
 
-KINDS: Final[dict[str, type[JointForce | Spring | Wrench]]] = {
-    cls.kind: cls for cls in (JointSpring, Spring, Damper, Friction, Torque, Wrench)
+KINDS: Final[dict[str, type[JointForce | SphericalSpring | Spring | Wrench]]] = {
+    cls.kind: cls for cls in (JointSpring, SphericalSpring, Spring, Damper, Friction, Torque, Wrench)
 }
 
 

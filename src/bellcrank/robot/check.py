@@ -12,7 +12,7 @@ from bellcrank.robot.element_checks import joint_findings, link_findings
 from bellcrank.robot.finding import ORDER, SHOWN, Finding, format_findings, listed, without_source
 from bellcrank.robot.mass_checks import articulated_findings, massless_findings, moving_without_mass
 from bellcrank.robot.mesh_path import find_mesh, looked_for
-from bellcrank.robot.urdf_elements import origin_from
+from bellcrank.robot.urdf_elements import JOINT_TYPES, MIMICKED, origin_from
 from bellcrank.robot.urdf_file import Joint, Link, Urdf, reading_of
 from bellcrank.robot.xml_tree import Element, parse_xml, read_text
 
@@ -85,7 +85,7 @@ def _unused_elements(robot: Element, joints: Mapping[str, Joint]) -> Iterator[Fi
     """
     for element in robot.find_all("joint"):
         name, kind = element.attributes.get("name", ""), element.attributes.get("type")
-        if element.find("mimic") is not None and kind in ("fixed", "floating", "planar"):
+        if element.find("mimic") is not None and kind in JOINT_TYPES and kind not in MIMICKED:
             yield Finding("warning", f"joint '{name}'", f"is {kind}, so its <mimic> has no effect; remove it")
     for element in robot.find_all("transmission"):
         name = element.attributes.get("name", "")

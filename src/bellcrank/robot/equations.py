@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,16 +53,27 @@ class Equations:
         return casadi.Function(name, [q, v, third], [out])
 
     def friction(self, v: casadi.SX) -> casadi.SX:
-        """viscous v + coulomb v / sqrt(v² + width²), structurally zero where a joint has none."""
+        """viscous v + coulomb v / sqrt(|v|² + width²), structurally zero where a joint has none.
+
+        v is the velocity of a joint of one degree of freedom, or the angular velocity of a spherical joint.
+        """
         import casadi
 
         friction = casadi.SX.zeros(v.size1(), 1)
-        for i in range(v.size1()):
-            if self.viscous[i]:
-                friction[i] += self.viscous[i] * v[i]
-            if self.coulomb[i]:
-                friction[i] += self.coulomb[i] * v[i] / casadi.sqrt(v[i] * v[i] + self.width**2)
+        for part in self._velocities():
+            if self.viscous[part.start]:
+                friction[part] += self.viscous[part.start] * v[part]
+            if self.coulomb[part.start]:
+                speed = casadi.sqrt(casadi.sumsqr(v[part]) + self.width**2)
+                friction[part] += self.coulomb[part.start] * v[part] / speed
         return friction
+
+    def _velocities(self) -> list[slice]:
+        """Where the velocities of the independent joints stand in v."""
+        followers = self.tree.followers()
+        sizes = [joint.nv for k, joint in enumerate(self.tree.joints, 1) if k not in followers]
+        ends = np.cumsum([0, *sizes]).tolist()
+        return [slice(a, b) for a, b in pairwise(ends)]
 
     def gravity_torque(self) -> casadi.Function:
         """(q) -> the torques that hold the robot at rest."""

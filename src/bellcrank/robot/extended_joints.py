@@ -66,27 +66,38 @@ def with_extended_joints(model: Any, urdf: Urdf) -> Any:
     """
     import pinocchio as pin
 
-    if not has_extended_joints(urdf):
-        return model
-    extended = {name: joint for name, joint in urdf.joints.items() if joint.type in _REPLACED}
+    new: dict[str, Any] = {}
+    for name, joint in urdf.joints.items():
+        if joint.type == "screw":
+            new[name] = pin.JointModelHelicalUnaligned(np.array(joint.axis), joint.pitch / (2.0 * math.pi))
+        elif joint.type == "spherical":
+            new[name] = pin.JointModelSpherical()
+    return with_joint_models(model, new) if new else model
+
+
+def with_joint_models(model: Any, new: Mapping[str, Any]) -> Any:
+    """A copy of a pinocchio.Model in which some joints, by name, have other joint models; it has no mimic joints.
+
+    A new model has as many coordinates as the former one, or the last of them: a spherical joint those of the rotation
+    of a floating one. The copy's `nbodies`, which nothing here reads, counts no bodies.
+    """
+    import pinocchio as pin
+
     found = pin.Model()
-    found.name = model.name
+    found.name, found.gravity = model.name, model.gravity
     for k in range(1, model.njoints):
         name, before = model.names[k], model.joints[k]
-        q, v = slice(before.idx_q, before.idx_q + before.nq), slice(before.idx_v, before.idx_v + before.nv)
-        made, joint = before, extended.get(name)
-        if joint is not None and joint.type == "screw":
-            made = pin.JointModelHelicalUnaligned(np.array(joint.axis), joint.pitch / (2.0 * math.pi))
-        elif joint is not None:
-            made = pin.JointModelSpherical()
-            q, v = slice(before.idx_q + 3, q.stop), slice(before.idx_v + 3, v.stop)
-        found.addJoint(
+        made = new.get(name, before)
+        q = slice(before.idx_q + before.nq - made.nq, before.idx_q + before.nq)
+        v = slice(before.idx_v + before.nv - made.nv, before.idx_v + before.nv)
+        index = found.addJoint(
             model.parents[k], made, model.jointPlacements[k], name,
             model.lowerEffortLimit[v], model.upperEffortLimit[v], model.lowerVelocityLimit[v],
             model.upperVelocityLimit[v], model.lowerPositionLimit[q], model.upperPositionLimit[q],
             model.lowerDryFrictionLimit[v], model.upperDryFrictionLimit[v], model.damping[v],
         )  # fmt: skip
-        found.inertias[k] = model.inertias[k]
+        found.inertias[index] = model.inertias[k]
+    found.inertias[0] = model.inertias[0]
     for frame in model.frames[1:]:
         found.addFrame(frame, False)
     return found

@@ -1,8 +1,8 @@
 """Changing the types of joints of a URDF text, as the YAML files of Gepetto's parallel robots do.
 
-Their `joint_name` lists joints that are revolute in the URDF and `joint_type` what they really are: SPHERICAL, FIXED (at
-0), or UJOINT_XY, UJOINT_YZ, UJOINT_ZX, a universal joint about these axes of the joint's frame, in this order. Source:
-`completeRobotLoader` of Gepetto/example-parallel-robots.
+Their `joint_name` lists joints that are revolute in the URDF and `joint_type` what they really are: SPHERICAL, FIXED
+(at 0), or UJOINT_XY, UJOINT_YZ, UJOINT_ZX, a universal joint about these axes of the joint's frame, in this order.
+Source: `completeRobotLoader` of Gepetto/example-parallel-robots.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """The diagonal of a tree's mass matrix alone, in work that grows with the number of joints.
 
-M_kk = S_kᵀ I_k S_k with the composite inertia I_k of all that joint k moves, in its own frame, and its axis S_k.
+M_kk = S_kᵀ I_k S_k with the composite inertia I_k of all that joint k moves, in its own frame, and its axis S_k; for a
+screw of h m per rad it is aᵀ I a + h² m, as (h a) · (a × c) = 0.
 Source: composite-rigid-body algorithm, Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 6.2, without the
 off-diagonal entries, whose number grows with the square.
 """
@@ -40,17 +41,21 @@ def inertia_diagonal(tree: Tree) -> casadi.Function:
         joint, axis = tree.joints[k], casadi.SX(casadi.sparsify(casadi.DM(tree.joints[k].axis)))
         if joint.nv != 1:
             continue  # what carries it, a free base, has no entry of its own
-        revolute = joint.kind == "revolute"
-        found[k] = (axis.T @ second[k] @ axis if revolute else mass[k]) + joint.armature[0]
+        turns, travel = joint.kind != "prismatic", {"prismatic": 1.0, "screw": joint.pitch}.get(joint.kind, 0.0)
+        found[k] = casadi.SX(joint.armature[0])
+        if turns:
+            found[k] += axis.T @ second[k] @ axis
+        if travel:
+            found[k] += travel**2 * mass[k]
         if not (parent := joint.parent):
             continue
         angle = q[int(places[k])]
         rotation = casadi.SX(casadi.sparsify(casadi.DM(np.array(joint.placement.rotation).reshape(3, 3))))
         shift = casadi.SX(casadi.sparsify(casadi.DM(joint.placement.translation)))
-        if revolute:
+        if travel:
+            shift = shift + rotation @ axis * (travel * angle)
+        if turns:
             rotation = rotation @ _about_axis(axis, angle)
-        else:
-            shift = shift + rotation @ axis * angle
         arm, about = rotation @ moment[k], rotation @ second[k] @ rotation.T
         crossed = arm @ shift.T
         arms = casadi.dot(arm, shift)

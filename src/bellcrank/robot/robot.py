@@ -155,7 +155,7 @@ class Robot(CompiledRobot):
         return self._check.answer("a torque", self._gravity_torque(*self._check.states(QVA, q)))
 
     def friction_torque(self, v: Any) -> Array:
-        """Joint friction: viscous v + coulomb v / sqrt(v² + width²).
+        """Joint friction: viscous v + coulomb v / sqrt(|v|² + width²), at each joint by itself.
 
         Args:
             v: Velocity (nv,) or (n, nv).
@@ -172,7 +172,12 @@ class Robot(CompiledRobot):
             array([0., 3.])
         """
         v = self._check.states(("v",), v)[0]
-        return np.asarray(self.viscous * v + self.coulomb * (v / np.hypot(v, self.friction_width)))
+        speed = np.abs(v)
+        for joint in self.joints:
+            if joint.kind == "spherical":
+                part = slice(joint.v, joint.v + joint.nv)
+                speed[..., part] = np.linalg.norm(v[..., part], axis=-1, keepdims=True)
+        return np.asarray(self.viscous * v + self.coulomb * (v / np.hypot(speed, self.friction_width)))
 
     def link_torques(self, q: Any, v: Any, a: Any) -> Array:
         """The share of the joint torques that each link's mass and inertia cause.

@@ -15,6 +15,7 @@ JOINT_TYPES = (
     "revolute", "continuous", "prismatic", "fixed", "floating", "planar",
     "spherical", "universal", "screw",  # beyond URDF
 )  # fmt: skip
+MIMICKED = ("revolute", "continuous", "prismatic", "screw")  # joints that can mimic and be mimicked
 MOVING_AXIS = ("revolute", "continuous", "prismatic", "planar", "universal", "screw")
 NO_LIMIT = 1e30  # a limit of at least this size stands for none
 LARGEST = 1e30  # of masses, lengths and inertias
@@ -149,7 +150,7 @@ def joint_from(element: Element, fail: Callable[[str], InputError]) -> Joint:
     axis, length = _axis(element, kind, where, fail)
     lower, upper, effort, velocity = _limits(element, kind, where, fail)
     damping, friction = _dynamics(element, where, fail)
-    mimic = _mimic(element, where, fail) if kind in ("revolute", "continuous", "prismatic") else None
+    mimic = _mimic(element, where, fail) if kind in MIMICKED else None
     return Joint(
         name, kind, parent, child, xyz, rpy, axis, lower, upper, effort, velocity, damping, friction, mimic,
         axis_length=length, pitch=_pitch(element, kind, where, fail), axis_2=_second_axis(element, axis, where, fail),

@@ -11,7 +11,7 @@ from xml.sax.saxutils import quoteattr
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.robot.extended_joints import PLAIN_TYPES, split_universal
-from bellcrank.robot.urdf_elements import Inertial, Joint, Link, Mimic, joint_from, link_from, reduction_from
+from bellcrank.robot.urdf_elements import MIMICKED, Inertial, Joint, Link, Mimic, joint_from, link_from, reduction_from
 from bellcrank.robot.xml_tree import Element, parse_xml, read_text
 
 __all__ = ["UNLIMITED", "Inertial", "Joint", "Link", "Mimic", "Reading", "Urdf", "read_urdf", "reading_of"]
@@ -221,10 +221,10 @@ def _resolved(joint: Joint, joints: dict[str, Joint], fail: Callable[[str], Inpu
             raise fail(f"joint '{joint.name}', <mimic>: {what}; it must mimic an independent joint")
         if leader not in joints:
             raise fail(f"joint '{passed[-1]}', <mimic>: {unknown_name('joint', leader, joints)}")
-        if joints[leader].type not in ("revolute", "continuous", "prismatic"):
+        if joints[leader].type not in MIMICKED:
             raise fail(
                 f"joint '{passed[-1]}', <mimic>: joint '{leader}' is {joints[leader].type}; "
-                "only a revolute, continuous or prismatic joint can be mimicked"
+                "only a revolute, continuous or prismatic joint or a screw can be mimicked"
             )
         following = joints[leader].mimic
         if following is None:

@@ -64,8 +64,9 @@ class HoldingSearch:
 
     @staticmethod
     def covers(robot: Robot) -> bool:
-        """Whether the search suits a robot: no joint mimics another, and there are not very many."""
-        return not robot.mimics() and sum(joint.nv == 1 for joint in robot.joints) <= MANY
+        """Whether the search suits a robot: no joint mimics another or is a screw, and there are not very many."""
+        one = [joint for joint in robot.joints if joint.nv == 1]
+        return not robot.mimics() and len(one) <= MANY and not any(joint.kind == "screw" for joint in one)
 
     def torques(self, parameters: Array) -> Array:
         """The holding torques (n, k), N m or N, of designs with parameters (n, np)."""

@@ -30,6 +30,7 @@ from bellcrank.sizing.holding_search import (
     Statics,
     at_or_above,
     dependence,
+    grid_points,
     joint_ranges,
 )
 
@@ -51,7 +52,7 @@ def gravity_holding_torques(
 ) -> Holding:
     """The largest static gravity torque of every joint with one degree of freedom, without friction.
 
-    Revolute joints without limits range over one turn; prismatic ones without limits stay at 0, and `notes` says so; a
+    Revolute joints without limits range over one turn; others without limits stay at 0, and `notes` says so; a
     free base and planar joints keep their neutral posture. With a mass tolerance each link and payload as a whole, mass
     and inertia, is scaled by one factor within 1 ± tolerance, and the torque is the largest over all factors and
     postures: |τ| + tolerance · Σ|share of a link|. `statics` stands for the robot's own masses.
@@ -61,12 +62,12 @@ def gravity_holding_torques(
     names, count, ranges = tuple(joint.name for joint in joints), len(joints), joint_ranges(robot, joints)
     notes = ranges.notes
     if count > MANY:
-        if statics is robot and not robot.mimics():
+        if statics is robot and not robot.mimics() and not any(joint.kind == "screw" for joint in joints):
             return _tree_search(robot, joints, ranges, starts, seed, mass_tolerance)
         fewer = max(1, starts * MANY // count)
         notes += (
-            f"holding torques of {count} joints, some of which mimic others or have parameters, are searched from "
-            f"{2 * fewer} postures a joint instead of {2 * starts}: larger ones may exist",
+            f"holding torques of {count} joints, some of which mimic others, are screws or have parameters, are "
+            f"searched from {2 * fewer} postures a joint instead of {2 * starts}: larger ones may exist",
         )
         starts = fewer
     generator = np.random.default_rng(seed)
@@ -168,9 +169,9 @@ def _candidates(torque: Torque, q: Array, joint: RobotJoint, ends: tuple[float, 
     """
     low, high = ends
     at_ends = np.tile([low, high], (len(q), 1))
-    if leads:
-        points = np.tile(np.linspace(low, high, GRID), (len(q), 1))
-        width = (high - low) / (GRID - 1)
+    if leads or joint.kind == "screw":
+        grid = grid_points(joint, low, high, GRID)
+        points, width = np.tile(grid, (len(q), 1)), abs(float(grid[1] - grid[0]))
         for _ in range(12):
             best = points[np.arange(len(q)), _along(torque, q, joint.q, points).argmax(axis=1)]
             points = np.clip(best[:, None] + width * np.linspace(-1.0, 1.0, 9), low, high)

@@ -26,6 +26,7 @@ from bellcrank.sizing.holding_search import (
     Statics,
     at_or_above,
     dependence,
+    grid_points,
     moved,
 )
 
@@ -81,8 +82,8 @@ def worst_masses(
 
     def improve(k: int, rows: Rows) -> tuple[Array, Array]:
         joint, here = joints[k], ascent.q[rows]
-        if joint.name in leaders:
-            points = np.linspace(lower[k], upper[k], LEADER_GRID)
+        if joint.name in leaders or joint.kind == "screw":
+            points = grid_points(joint, lower[k], upper[k], LEADER_GRID)
             position = _grid_search(here, joint.q, points, functools.partial(value_of, rows=rows))
         elif joint.kind == "prismatic":
             ends = [value_of(moved(here, joint.q, end), rows) for end in (lower[k], upper[k])]

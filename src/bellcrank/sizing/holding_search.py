@@ -48,16 +48,17 @@ class JointRanges:
 
 
 def joint_ranges(robot: Robot, joints: tuple[RobotJoint, ...]) -> JointRanges:
-    """The position limits. Without them, a revolute joint ranges over one turn; a prismatic one is held at 0."""
+    """The position limits. Without them, a revolute joint ranges over one turn; any other one is held at 0."""
     lower, upper, notes = np.zeros(len(joints)), np.zeros(len(joints)), []
     for k, joint in enumerate(joints):
         low, high = float(robot.lower[joint.q]), float(robot.upper[joint.q])
         bounded_below, bounded_above = math.isfinite(low), math.isfinite(high)
-        if joint.kind == "prismatic":
+        if joint.kind != "revolute":
             if not (bounded_below and bounded_above):
                 low = high = min(max(0.0, low), high)
+                moves, unit = ("slides", "m") if joint.kind == "prismatic" else ("screws", "rad")
                 notes.append(
-                    f"joint '{joint.name}' slides without limits: it is held at {low:g} m for the holding torques"
+                    f"joint '{joint.name}' {moves} without limits: it is held at {low:g} {unit} for the holding torques"
                 )
         elif not bounded_below and not bounded_above:
             low, high = -math.pi, math.pi
@@ -69,6 +70,17 @@ def joint_ranges(robot: Robot, joints: tuple[RobotJoint, ...]) -> JointRanges:
     if len(joints) < len(robot.joints):
         notes.append("holding torques are for the neutral posture of the base")
     return JointRanges(lower, upper, tuple(notes))
+
+
+def grid_points(joint: RobotJoint, low: float, high: float, count: int) -> Array:
+    """Points of a joint's range, for torques of which no closed form along its coordinate is known.
+
+    Along a screw a torque changes by the same amount with every turn, so that it is largest in the first or last one.
+    """
+    if joint.kind != "screw" or high - low <= 4.0 * math.pi:
+        return np.linspace(low, high, count)
+    turn = np.linspace(0.0, 2.0 * math.pi, count)
+    return np.concatenate([low + turn, high - turn[::-1]])
 
 
 @dataclass(frozen=True)

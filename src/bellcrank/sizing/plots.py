@@ -24,6 +24,7 @@ KINDS = ("motors", "joints", "time")
 OVER_TIME = {
     "revolute": ("angle [rad]", "speed [rad/s]", "acceleration [rad/s²]", "joint torque [N m]"),
     "prismatic": ("position [m]", "speed [m/s]", "acceleration [m/s²]", "joint force [N]"),
+    "screw": ("screw angle [rad]", "speed [rad/s]", "acceleration [rad/s²]", "joint torque [N m]"),
 }
 
 

@@ -38,6 +38,7 @@ from bellcrank.replays.film.robot_view import (
 )
 from bellcrank.replays.film.sampled_trajectory import SampledTrajectory, frame_pose_function
 from bellcrank.replays.geometry.meshes import Detail
+from bellcrank.robot.joints import LENGTHS
 from bellcrank.scene.output_quantities import FrameOutput
 from bellcrank.simulation.interpolation import with_jumps
 from bellcrank.simulation.run_csv import titled
@@ -164,7 +165,7 @@ def _turn_notes(trajectory: SampledTrajectory) -> list[str]:
     turns: dict[str, float] = {}
     for joint in trajectory.robot.joints:
         if joint.kind != "prismatic" and len(h):
-            first = joint.v + {"floating": 3, "planar": 2}.get(joint.kind, 0)
+            first = joint.v + LENGTHS.get(joint.kind, 0)
             speed = np.linalg.norm(trajectory.velocity[:, first : joint.v + joint.nv], axis=1)
             turns[joint.name] = float((h * np.maximum(speed[:-1], speed[1:])).max())
     name = max(turns, key=lambda name: turns[name], default="")

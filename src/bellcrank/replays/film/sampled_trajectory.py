@@ -13,6 +13,7 @@ from bellcrank.cached_values import cached_property
 from bellcrank.motion.coordinates import continuous, rates
 from bellcrank.motion.quaternions import from_matrices, make_continuous
 from bellcrank.replays.film.decimation import MOST_HALF_TURN, interpolation_error
+from bellcrank.robot.joints import LENGTHS
 
 if TYPE_CHECKING:
     from bellcrank.codegen.compile import Compiled
@@ -143,7 +144,7 @@ def _largest_deviation(trajectory: SampledTrajectory, size: float) -> tuple[Arra
     turns = [np.zeros(len(h))]
     for joint in joints:
         for c in range(joint.q, joint.q + joint.nq):
-            linear = joint.kind == "prismatic" or (joint.nq > 1 and c - joint.q < joint.nq - (4 if joint.nq > 4 else 2))
+            linear = c - joint.q < LENGTHS.get(joint.kind, 0)
             bend = np.abs(h * slope[:-1, c] - step[:, c]) + np.abs(h * slope[1:, c] - step[:, c])
             deviation += (4.0 / 27.0) * (1.0 if linear else 2.0 * size) * bend
             if not linear:

@@ -63,8 +63,8 @@ def rods(points: Sequence[Array], scale: float, colour: Colour) -> tuple[Shape, 
 
 
 def joint_shapes(kind: str, axis: Array, scale: float, colour: Colour) -> tuple[Shape, ...]:
-    """A joint at a body's origin: a pin along the axis of a revolute joint, a box along that of a prismatic one."""
-    if kind in ("revolute", "continuous"):
+    """A joint at a body's origin: a pin along a revolute joint's or screw's axis, a box along a prismatic joint's."""
+    if kind in ("revolute", "continuous", "screw"):
         size = (PIN_RADIUS * scale, PIN_LENGTH * scale)
         return (_placeholder("cylinder", size, colour, pose_along(axis, np.zeros(3))),)
     if kind == "prismatic":

@@ -51,7 +51,7 @@ def robot_bodies(
     root = parse_xml(urdf.text, urdf.source)
     reader, layout = UrdfShapeReader(root, robot.mesh_source, robot.mesh_access), LinkLayout(urdf, robot.user_frames)
     elements = {element.attributes.get("name", "").strip(): element for element in root.find_all("link")}
-    urdf_shapes = {link: reader.shapes(elements[link], "visual") for link in urdf.links}
+    urdf_shapes = {link: reader.shapes(elements[link], "visual") if link in elements else () for link in urdf.links}
     meshes = _load_meshes(urdf_shapes, layout.size, detail, progress, robot.mesh_access)
     colours = _link_colours(layout)
 
@@ -61,7 +61,12 @@ def robot_bodies(
     shapes = drawn(urdf_shapes)
     lost = {link for link, found in urdf_shapes.items() if found and not shapes[link]}
     bare = _links_without_shapes(layout, shapes, lost)
-    collisions = {link: reader.shapes(elements[link], "collision") for links in bare.values() for link in links}
+    collisions = {
+        link: reader.shapes(elements[link], "collision")
+        for links in bare.values()
+        for link in links
+        if link in elements
+    }
     if collisions:
         urdf_shapes = {link: found + collisions.get(link, ()) for link, found in urdf_shapes.items()}
         meshes = _load_meshes(urdf_shapes, layout.size, detail, progress, robot.mesh_access)
