@@ -16,7 +16,7 @@ from bellcrank.robot.mjcf_compiler import Compiler, Defaults, disabled_flags, gr
 from bellcrank.robot.mjcf_element import read_mjcf_elements
 from bellcrank.robot.mjcf_equality import EqualityReader
 from bellcrank.robot.mjcf_inertia import InertiaReader, total_scale
-from bellcrank.robot.mjcf_joints import MjcfJoint
+from bellcrank.robot.mjcf_joints import MOVING, MjcfJoint
 from bellcrank.robot.mjcf_meshes import Meshes
 from bellcrank.robot.mjcf_names import named
 from bellcrank.robot.mjcf_notes import notes_of
@@ -24,8 +24,6 @@ from bellcrank.robot.mjcf_start import start_of
 from bellcrank.robot.mjcf_urdf import UrdfWriter
 from bellcrank.robot.mjcf_visuals import Visuals
 from bellcrank.robot.robot_file import JointSpring, RobotFile
-
-MOVING = ("hinge", "slide")
 
 
 def read_mjcf(text: str, source: Path, access: FileAccess) -> RobotFile:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from bellcrank.messages import unknown_name
 from bellcrank.robot.mjcf_element import MjcfElement
-from bellcrank.robot.mjcf_joints import MjcfJoint, active_range
-from bellcrank.robot.mjcf_names import Names
+from bellcrank.robot.mjcf_joints import MOVING, MjcfJoint, active_range
+from bellcrank.robot.mjcf_names import Names, listed
 from bellcrank.robot.robot_file import JointMotor
 
 PLACES = ("joint", "jointinparent", "tendon", "slidersite", "cranksite", "site", "body")
@@ -41,24 +41,27 @@ def read_motors(elements: Sequence[MjcfElement], joints: Mapping[str, MjcfJoint]
     """The motors of resolved elements under <actuator>. Raises InputError."""
     motors: list[JointMotor] = []
     added: tuple[dict[str, float], dict[str, float]] = (defaultdict(float), defaultdict(float))
-    notes: list[str] = []
+    elsewhere: list[str] = []
+    controlled: list[str] = []
     names = Names([element.name for element in elements])
     for element in elements:
         name = element.name or names.new(element.tag)
         joint = _joint_of(element, joints)
-        if joint is None or joint.kind not in ("hinge", "slide"):
+        if joint is None or joint.kind not in MOVING:
             where = next((key for key in PLACES if key in element.attributes), "nothing")
-            kind = f"a {joint.kind} joint" if joint is not None else f"a {where}"
-            notes.append(f"line {element.line}: the actuator '{name}' acts on {kind} and is not modelled.")
+            elsewhere.append(f"{name}: {where if joint is None else f'{joint.kind} joint'}")
             continue
         if element.tag in CONTROLLED or _is_controlled(element):
-            notes.append(
-                f"line {element.line}: of the actuator '{name}' (<{element.tag}>) the motor is used, not its control."
-            )
+            controlled.append(name)
         gear = (element.numbers("gear", 1, 6) or (1.0,))[0]
         for sums, key in zip(added, ("armature", "damping"), strict=True):
             sums[joint.name] += gear * gear * (element.numbers(key, 1, 3) or (0.0,))[0]
         motors.append(JointMotor(name=name, joint=joint.name, gear=gear, effort=_effort(element, gear, autolimits)))
+    notes = []
+    if elsewhere:
+        notes.append(f"actuators that do not act on a hinge or slide joint are not modelled ({listed(elsewhere)}).")
+    if controlled:
+        notes.append(f"actuators with a control or dynamics of their own are motors without it ({listed(controlled)}).")
     return Motors(tuple(motors), *added, tuple(notes))
 
 

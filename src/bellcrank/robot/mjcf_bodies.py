@@ -33,7 +33,10 @@ class Site:
 
 @dataclass(frozen=True, kw_only=True)
 class Body:
-    """A body: its number among all, that of its parent (the world: 0, its own parent), and its placement there."""
+    """A body: the number of its parent among all bodies (the world's is 0, its own), and its placement there.
+
+    It moves where a joint is between it and the world. Only then must its mass be known.
+    """
 
     name: str
     parent: int
@@ -42,6 +45,8 @@ class Body:
     shapes: tuple[Shape, ...]
     sites: tuple[Site, ...]
     inertia: BodyInertia
+    moves: bool
+    has_unknown_mass: bool
     element: MjcfElement
 
 
@@ -90,8 +95,10 @@ class BodyReader:
         number, found = len(self._bodies), _Contents()
         inner = _Scope(np.eye(4), self._childclass(element, scope), scope.suffix)
         self._read_contents(element, inner, found)
-        check_joints(element, found.joints, top=parent == 0 and number > 0, world=number == 0)
         world = number == 0
+        check_joints(element, found.joints, top=parent == 0 and not world, world=world)
+        moves = bool(found.joints) or (not world and self._bodies[parent].moves)
+        inertia = NOTHING if world else self._inertias.of(found.inertials, found.shapes, moves)
         body = Body(
             name=WORLD if world else _name(element, scope),
             parent=parent,
@@ -99,7 +106,9 @@ class BodyReader:
             joints=tuple(found.joints),
             shapes=tuple(found.shapes),
             sites=tuple(found.sites),
-            inertia=NOTHING if world else self._inertias.of(found.inertials, found.shapes),
+            inertia=NOTHING if inertia is None else inertia,
+            moves=moves,
+            has_unknown_mass=inertia is None,
             element=element,
         )
         self._bodies.append(body)

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from bellcrank.messages import unknown_name
 from bellcrank.robot.mjcf_bodies import WORLD, Body
 from bellcrank.robot.mjcf_element import MjcfElement
-from bellcrank.robot.mjcf_joints import MjcfJoint
+from bellcrank.robot.mjcf_joints import MOVING, MjcfJoint
 from bellcrank.robot.mjcf_names import Names
 from bellcrank.robot.mjcf_placement import Array, inverse, placement, roll_pitch_yaw, translation, vector
 from bellcrank.robot.robot_file import FrameLoop, FramePlace, JointCoupling, Loop, LoopKind
@@ -96,7 +96,7 @@ class EqualityReader:
 
     def _one(self, element: MjcfElement, key: str) -> MjcfJoint:
         joint = self._joints[self._known(element, key, self._joints, "joint")]
-        if joint.kind not in ("hinge", "slide"):
+        if joint.kind not in MOVING:
             raise element.fail(f"{key}: the joint '{joint.name}' is a {joint.kind} joint; expected a hinge or slide")
         return joint
 

@@ -37,8 +37,15 @@ class InertiaReader:
     compiler: Compiler
     meshes: Meshes
 
-    def of(self, inertials: Sequence[tuple[MjcfElement, Array]], shapes: Sequence[Shape]) -> BodyInertia:
-        """The inertia of a body: of its <inertial>, with its frame (4, 4), or of its shapes. Raises InputError."""
+    def of(
+        self, inertials: Sequence[tuple[MjcfElement, Array]], shapes: Sequence[Shape], moves: bool
+    ) -> BodyInertia | None:
+        """The inertia of a body: of its <inertial>, with its frame (4, 4), or of its shapes.
+
+        None where the body does not move and its inertia is that of a mesh whose file is missing. Raises InputError.
+        """
+        if not moves and not inertials and any(self._is_missing(shape) for shape in shapes):
+            return None
         if len(inertials) > 1:
             raise inertials[1][0].fail("is the second <inertial> of its body; remove one of them")
         if inertials and self.compiler.inertia_from_geoms != "true":
@@ -73,6 +80,9 @@ class InertiaReader:
             arm = part.center - center
             inertia += part.inertia + part.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
         return BodyInertia(mass, center, inertia)
+
+    def _is_missing(self, shape: Shape) -> bool:
+        return shape.kind == "mesh" and self.meshes.is_missing(str(shape.mesh))
 
     def _of_shape(self, shape: Shape) -> BodyInertia:
         """The inertia of one shape, in the frame of its body."""

@@ -12,6 +12,7 @@ from bellcrank.robot.mjcf_element import MjcfElement
 from bellcrank.robot.mjcf_placement import Array
 
 KINDS = ("hinge", "slide", "ball", "free")
+MOVING = ("hinge", "slide")  # those of one degree of freedom
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,9 +43,9 @@ def joint_of(element: MjcfElement, name: str, frame: Array, compiler: Compiler) 
     kind = "free" if element.tag == "freejoint" else element.choice("type", "hinge", *KINDS)
     axis = np.array(element.vector("axis", (0.0, 0.0, 1.0)))
     length = float(np.linalg.norm(axis))
-    if length < 1e-14 and kind in ("hinge", "slide"):
+    if length < 1e-14 and kind in MOVING:
         raise element.fail("axis: has the length zero; expected a direction")
-    one = kind in ("hinge", "slide")
+    one = kind in MOVING
 
     def position(key: str) -> float:
         value = element.number(key, 0.0)

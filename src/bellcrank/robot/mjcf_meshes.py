@@ -65,8 +65,12 @@ class Meshes:
 
     def missing(self) -> list[str]:
         """The files that are not there, or may not be read."""
-        files = dict.fromkeys(file for name in self._elements if (file := self.file(name)))
-        return [file for file in files if find_mesh(file, self._source, self._access) is None]
+        return list(dict.fromkeys(str(self.file(name)) for name in self._elements if self.is_missing(name)))
+
+    def is_missing(self, name: str) -> bool:
+        """Whether the file of a mesh is not there, or may not be read."""
+        file = self.file(name)
+        return file is not None and find_mesh(file, self._source, self._access) is None
 
     def drawing(self, name: str) -> tuple[Array, Array] | None:
         """The scale (3,) of a mesh and the placement (4, 4) of what is scaled by it; None where there is no such."""

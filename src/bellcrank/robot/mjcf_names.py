@@ -8,6 +8,8 @@ from dataclasses import replace
 from bellcrank.robot.mjcf_bodies import WORLD, Body
 from bellcrank.robot.mjcf_element import MjcfElement
 
+MOST_LISTED = 6  # names in one sentence
+
 
 def named(bodies: Sequence[Body]) -> list[Body]:
     """The bodies, every body and joint with a name of its own, unnamed sites left out.
@@ -49,6 +51,12 @@ class Names:
         found = f"{wishes[-1]}_{count + 1}"
         self._taken.add(found)
         return found
+
+
+def listed(names: Sequence[str]) -> str:
+    """The first names of several, and how many there are."""
+    more = f", … ({len(names)} in all)" if len(names) > MOST_LISTED else ""
+    return ", ".join(names[:MOST_LISTED]) + more
 
 
 def _check_unique(names: Sequence[tuple[str, MjcfElement]]) -> None:

@@ -8,9 +8,9 @@ from typing import Final
 from bellcrank.robot.mjcf_bodies import Body
 from bellcrank.robot.mjcf_element import MjcfElement
 from bellcrank.robot.mjcf_meshes import Meshes
+from bellcrank.robot.mjcf_names import listed
 from bellcrank.robot.mjcf_visuals import Visuals
 
-MOST_NAMED = 6  # names in one sentence
 PLACING = "name class childclass pos quat axisangle xyaxes zaxis euler user group"
 DRAWING = "material rgba fitscale hfield castshadow"
 CONTACT = (
@@ -79,16 +79,19 @@ def _joints(bodies: Sequence[Body]) -> Iterator[str]:
     }
     for sentence, found in unused.items():
         if found:
-            yield f"{sentence} ({_names([joint.name for joint in found])})."
+            yield f"{sentence} ({listed([joint.name for joint in found])})."
 
 
 def _bodies(bodies: Sequence[Body]) -> Iterator[str]:
     buoyant = [body.name for body in bodies[1:] if body.element.number("gravcomp", 0.0)]
     if buoyant:
-        yield f"gravcomp is not used: the bodies have their full weight ({_names(buoyant)})."
+        yield f"gravcomp is not used: the bodies have their full weight ({listed(buoyant)})."
+    unknown = [body.name for body in bodies if body.has_unknown_mass]
+    if unknown:
+        yield f"the mass of still bodies is unknown and left out, as a mesh file is missing ({listed(unknown)})."
     held = [body.name for body in bodies[1:] if body.element.flag("mocap", False)]
     if held:
-        yield f"mocap bodies stand still ({_names(held)})."
+        yield f"mocap bodies stand still ({listed(held)})."
 
 
 def _sections(root: MjcfElement) -> Iterator[str]:
@@ -134,8 +137,7 @@ def _attributes(root: MjcfElement) -> Iterator[str]:
                 if known and key not in known:
                     lines.setdefault((element.tag, key), []).append(element.line)
     for (tag, key), where in lines.items():
-        listed = ", ".join(map(str, where[:MOST_NAMED])) + (", …" if len(where) > MOST_NAMED else "")
-        yield f"line {listed}: {key[:40]} of <{tag}> is not used."
+        yield f"line {listed(list(map(str, where)))}: {key[:40]} of <{tag}> is not used."
 
 
 def _drawing(visuals: Visuals, meshes: Meshes) -> Iterator[str]:
@@ -143,9 +145,4 @@ def _drawing(visuals: Visuals, meshes: Meshes) -> Iterator[str]:
         yield f"shapes of these kinds are not drawn: {', '.join(sorted(visuals.undrawn))}."
     missing = meshes.missing()
     if missing:
-        yield f"mesh files are missing and not drawn: {_names(missing)}."
-
-
-def _names(names: Sequence[str]) -> str:
-    more = f", … ({len(names)} in all)" if len(names) > MOST_NAMED else ""
-    return ", ".join(names[:MOST_NAMED]) + more
+        yield f"mesh files are missing and not drawn: {listed(missing)}."

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from bellcrank.robot.mjcf_bodies import Body
 from bellcrank.robot.mjcf_inertia import BodyInertia
-from bellcrank.robot.mjcf_joints import MjcfJoint
+from bellcrank.robot.mjcf_joints import MOVING, MjcfJoint
 from bellcrank.robot.mjcf_names import Names
 from bellcrank.robot.mjcf_placement import Array, placement, roll_pitch_yaw, translation
 
@@ -65,7 +65,7 @@ class UrdfWriter:
     def _moving(self, joint: MjcfJoint, parent: str, child: str, place: Array) -> str:
         kind = "continuous" if joint.kind == "hinge" and joint.range is None else TYPES[joint.kind]
         parts = [f'<joint name={quoteattr(joint.name)} type="{kind}">{_ends(parent, child)}{origin(place)}']
-        if joint.kind in ("hinge", "slide"):
+        if joint.kind in MOVING:
             parts.append(f'<axis xyz="{_numbers(joint.axis)}"/>')
             bounds = {} if joint.range is None else {"lower": joint.range[0], "upper": joint.range[1]}
             if joint.name in self._efforts:
