@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.consistent_starts import StartEquations
 from bellcrank.dynamics.design_parameters import RowSampling
+from bellcrank.dynamics.start_equations import StartEquations
 from bellcrank.simulation.ensemble_problem import EnsembleProblem
 from bellcrank.simulation.integration_problem import IntegrationProblem
 
@@ -185,6 +185,9 @@ def consistent_postures(
     lengths: NDArray[np.float64],
     q: NDArray[np.float64],
     held: NDArray[np.bool_],
+    rows: NDArray[np.bool_],
+    cosines: NDArray[np.bool_],
+    method: str,
     threads: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]:
     """The consistent positions (n, nq) of designs, and for each a StartCode with its index and value."""

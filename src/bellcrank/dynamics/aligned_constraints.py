@@ -22,3 +22,9 @@ def sine_rows(scene: Scene, rows: Sequence[tuple[str, str]]) -> dict[str, list[i
         constraint: [k for k, (name, label) in enumerate(rows) if name == constraint and label.endswith("[N m]")]
         for constraint in aligned_constraints(scene)
     }
+
+
+def alignment_owners(scene: Scene) -> list[int]:
+    """Which of these constraints, by number, each row of their alignment residual belongs to."""
+    aligned = [constraint for constraint in scene.constraints if isinstance(constraint, (Weld, Hinge))]
+    return [k for k, constraint in enumerate(aligned) for _ in range(constraint.alignment_rows)]

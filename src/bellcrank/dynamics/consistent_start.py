@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.cached_values import computed_once
-from bellcrank.dynamics.consistent_starts import Constrained, consistent_postures, consistent_velocities, reason
+from bellcrank.dynamics.consistent_starts import consistent_postures, consistent_velocities, reason
 from bellcrank.dynamics.constraint_rows import rows_of
+from bellcrank.dynamics.posture_search import Constrained, StartCode
+from bellcrank.dynamics.start_diagnosis import StartFailure, diagnose_start
 from bellcrank.dynamics.system import system_parameters
 from bellcrank.errors import InputError
 from bellcrank.robot.joints import unit_vector
@@ -61,9 +63,26 @@ def consistent_posture(scene: Scene, q: Array, held: Mask) -> Array:
     Raises InputError with the smallest residual found where no posture with the held values satisfies the constraints.
     """
     found, verdicts = consistent_postures(scene, _one(scene), q[None], held)
-    if verdicts.code[0]:
-        raise InputError(f"{scene.source}: initial: {reason(scene, verdicts, 0, held)}")
+    code = verdicts.code[0]
+    if code:
+        why = [reason(scene, verdicts, 0, held)]
+        if code in (StartCode.UNSATISFIED, StartCode.TURNED_AROUND):
+            why += diagnose_start(scene, _one(scene), q, held).sentences()
+        raise InputError(f"{scene.source}: initial: {'; '.join(why)}")
     return np.asarray(found[0])
+
+
+def start_failure(scene: Scene) -> StartFailure | None:
+    """Why a scene has no consistent posture at its start; None where it has one."""
+    name = scene.initial.motion
+    q, held = scene.initial.posture(scene.robot, None if name is None else scene.motion(name)), _held(scene)
+    if not scene.constraints or not consistent_postures(scene, _one(scene), q[None], held)[1].code[0]:
+        return None
+    return diagnose_start(scene, _one(scene), q, held)
+
+
+def _held(scene: Scene) -> Mask:
+    return scene.initial.held(scene.robot)[0]
 
 
 def consistent_velocity(scene: Scene, q: Array, v: Array, held: Mask) -> Array:

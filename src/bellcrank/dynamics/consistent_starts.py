@@ -1,169 +1,29 @@
 """The consistent starts of many designs of a scene at once, and why a design has none.
 
-The rules are those of `consistent_start`, which is this search for one design; src/cpp/integrator/start_search.hpp
-carries it out, each design by itself.
+The rules are those of `consistent_start`, which is this search for one design.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import IntEnum
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank._step import consistent_postures as search_postures
 from bellcrank._step import consistent_velocities as search_velocities
-from bellcrank.cached_values import computed_once
-from bellcrank.dynamics.aligned_constraints import aligned_constraints, sine_rows
+from bellcrank.dynamics.aligned_constraints import aligned_constraints
+from bellcrank.dynamics.posture_search import Constrained, Search, StartCode, Verdicts, search_postures
+from bellcrank.dynamics.start_equations import start_equations
+from bellcrank.dynamics.start_stages import search_further
 from bellcrank.dynamics.system import system_of
 from bellcrank.numerics import LARGEST
-from bellcrank.robot.joints import lengths_in_velocity
 from bellcrank.scene.constraint_conditions import LiesFlat
 
 if TYPE_CHECKING:
-    from bellcrank.dynamics.compiled_equations import System
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Codes = NDArray[np.int32]
-
-
-class StartCode(IntEnum):
-    """Why a design has no consistent start."""
-
-    CONSISTENT = 0
-    UNDEFINED = 1  # a row of the constraints, or its derivative
-    UNSATISFIED = 2
-    TURNED_AROUND = 3  # a weld or a hinge
-    VIOLATED = 4  # by the given velocities
-    FLAT_DISK = 5
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class StartJoint:
-    """A joint, and whether its vectors are held or left free along the axes of its parent, not of its body."""
-
-    kind: str
-    q: int
-    v: int
-    position_in_parent: bool
-    velocity_in_parent: bool
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class StartEquations:
-    """The constraints of a scene as `_step.consistent_postures` and `_step.consistent_velocities` take them.
-
-    Attributes:
-        system: The compiled equations.
-        heights: The number of rows of φ.
-        rows: The number of rows of (φ̇, ψ).
-        entry_rows: The row of each entry of J that is not always zero.
-        entry_columns: Its column.
-        cosine_count: The number of welds and hinges.
-        sines: Which rows of φ are sines of angles (heights,).
-        lengths_in_velocity: Which entries of v are in m/s (nv,).
-        joints: The joints.
-        signals: u at time 0.
-    """
-
-    system: System
-    heights: int
-    rows: int
-    entry_rows: Sequence[int]
-    entry_columns: Sequence[int]
-    cosine_count: int
-    sines: Sequence[bool]
-    lengths_in_velocity: Sequence[bool]
-    joints: Sequence[StartJoint]
-    signals: Array
-
-    @property
-    def nq(self) -> int:
-        """The size of the position."""
-        return self.system.nq
-
-    @property
-    def nv(self) -> int:
-        """The size of the velocity."""
-        return self.system.nv
-
-    @property
-    def size(self) -> int:
-        """The size of the state."""
-        return self.system.size
-
-    @property
-    def linearised(self) -> int:
-        """The address of (t, x, u, p) -> φ, (φ̇, ψ), the entries of J."""
-        return self.system.linearised.address("scalar")
-
-    @property
-    def cosines(self) -> int:
-        """The address of (t, x, u, p) -> the cosines of welds and hinges; 0 where there are none."""
-        return self.system.alignment_cosines.address("scalar") if self.cosine_count else 0
-
-    @property
-    def aligned(self) -> int:
-        """The address of (t, x, u, p) -> their alignment residual and its derivative; 0 where there are none."""
-        return self.system.alignment_residual.address("scalar") if self.cosine_count else 0
-
-    @property
-    def aligned_count(self) -> int:
-        """The number of rows of the alignment residual."""
-        return self.system.alignment_residual.output_sizes[0] if self.cosine_count else 0
-
-
-class Verdicts(NamedTuple):
-    """For each design a StartCode, and which row, constraint or event is to blame, with its value."""
-
-    code: Codes
-    place: Codes
-    value: Array
-
-
-class Constrained(NamedTuple):
-    """Designs of a scene: p (n, np), the units of the rows (n or 1, rows) and the characteristic lengths (n or 1,)."""
-
-    parameters: Array
-    units: Array
-    lengths: Array
-
-
-@computed_once
-def start_equations(scene: Scene) -> StartEquations:
-    """The constraints of a scene, for the search for consistent starts."""
-    system, free = system_of(scene), scene.initial.free
-    system.linearised.address("scalar")  # after this its sizes are checked
-    heights, rows, _ = system.linearised.output_sizes
-    pattern = system.jacobian_pattern
-    sines = {k for listed in sine_rows(scene, system.multiplier_names).values() for k in listed}
-    joints = [
-        StartJoint(
-            kind=joint.kind,
-            q=joint.q,
-            v=joint.v,
-            position_in_parent=joint.name in free,
-            velocity_in_parent=joint.name in free and not free[joint.name].in_body,
-        )
-        for joint in scene.robot.joints
-    ]
-    return StartEquations(
-        system=system,
-        heights=heights,
-        rows=rows,
-        entry_rows=list(pattern.rows),
-        entry_columns=list(pattern.columns),
-        cosine_count=len(aligned_constraints(scene)),
-        sines=[k in sines for k in range(heights)],
-        lengths_in_velocity=lengths_in_velocity(scene.robot).tolist(),
-        joints=joints,
-        signals=scene.signals_at(np.zeros(1))[0],
-    )
 
 
 def consistent_postures(
@@ -171,13 +31,16 @@ def consistent_postures(
 ) -> tuple[Array, Verdicts]:
     """The positions (n, nq) that satisfy the constraints of each design and are nearest to q (n, nq).
 
-    `held` (nv) marks the degrees of freedom whose positions are held, those of a free joint along its parent's axes. A
-    position whose verdict is not CONSISTENT is where the search ended.
+    Where Gauss-Newton steps from q reach none, further searches follow (start_stages.py). `held` (nv) marks the degrees
+    of freedom whose positions are held, those of a free joint along its parent's axes. A position whose verdict is not
+    CONSISTENT is where the first search ended.
     """
-    found, code, place, value = search_postures(
-        start_equations(scene), designs.parameters, designs.units, designs.lengths, q, held, threads
-    )
-    judged = Verdicts(code, place, value)
+    search = Search(held)
+    found, judged = search_postures(scene, designs, q, search, threads)
+    lost = np.flatnonzero((judged.code == StartCode.UNSATISFIED) | (judged.code == StartCode.TURNED_AROUND))
+    if len(lost):
+        reached, place = search_further(scene, designs.picked(lost), q[lost], search, threads)
+        found[lost[reached]], judged.code[lost[reached]] = place[reached], StartCode.CONSISTENT
     _find_flat_disks(scene, designs, found, judged)
     return found, judged
 

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from bellcrank._step import row_sizes
 from bellcrank.cached_values import computed_once
 from bellcrank.codegen import llvm as machine
-from bellcrank.dynamics.consistent_starts import Constrained
 from bellcrank.dynamics.constraint_rows import (
     FACTORISED,
     LEAST_POWER,
@@ -30,6 +29,7 @@ from bellcrank.dynamics.constraint_rows import (
 )
 from bellcrank.dynamics.constraint_sampling import POSTURES, in_metres, largest_dimension
 from bellcrank.dynamics.kkt import REGULARISATION
+from bellcrank.dynamics.posture_search import Constrained
 from bellcrank.errors import InputError
 from bellcrank.robot.joints import lengths_in_position, lengths_in_velocity, postures
 

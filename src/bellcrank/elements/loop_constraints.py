@@ -104,6 +104,7 @@ class Hinge(Loop):
 
     axis: tuple[float, ...]
     kind: ClassVar[str] = "hinge"
+    alignment_rows: ClassVar[int] = 3
 
     @classmethod
     def read(cls, name: str, read: Fields, context: ReadContext) -> Self:
@@ -148,6 +149,7 @@ class Weld(Loop):
     """
 
     kind: ClassVar[str] = "weld"
+    alignment_rows: ClassVar[int] = 9
 
     @classmethod
     def read(cls, name: str, read: Fields, context: ReadContext) -> Self:

@@ -3,16 +3,17 @@
 initial: {shoulder: -90 deg, elbow: {guess: 45 deg}, velocity: {shoulder: 0.2}}. Joints without an entry start at 0 and
 at rest. `motion: NAME` starts on a motion of the configuration, at time 0, and `run: FILE.npz` in the state of a saved
 run (saved_state.py); entries of joints take precedence over both. A `guess` is the initial value of the search for a
-start that satisfies the constraints; without constraints it is the start. A floating, planar or spherical joint has a
-mapping with keys of `base` (free_joint_start.py).
+start that satisfies the constraints; without constraints it is the start. `hold: motors`, or a list of joints, holds
+the positions of joints without an entry too, at 0 or those of the motion or run. A floating, planar or spherical joint
+has a mapping with keys of `base` (free_joint_start.py).
 
-If the robot has a joint named `velocity`, `motion` or `run`, a position under this key belongs to the joint; if it has
-a joint named `time` or `clock`, this key always belongs to the joint.
+If the robot has a joint named `velocity`, `motion`, `run` or `hold`, a position under this key belongs to the joint; if
+it has a joint named `time` or `clock`, this key always belongs to the joint.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +43,7 @@ class Initial:
         position: Positions of joints by name, rad or m.
         velocity: Velocities of joints by name, rad/s or m/s.
         guesses: The joints whose position is only the initial value of the search for a consistent start.
+        hold: Joints whose position is held although `position` has no value for them.
         motion: The name of a motion on which the other joints start, or None.
         free: The starts of joints with several degrees of freedom, including a free base, by name.
         saved: The state of a saved run in which the other joints start, or None.
@@ -51,6 +53,7 @@ class Initial:
     position: Mapping[str, float] = field(default_factory=dict)
     velocity: Mapping[str, float] = field(default_factory=dict)
     guesses: tuple[str, ...] = ()
+    hold: tuple[str, ...] = ()
     motion: str | None = None
     free: Mapping[str, FreeJointStart] = field(default_factory=dict)
     saved: SavedState | None = None
@@ -92,10 +95,10 @@ class Initial:
     def held(self, robot: Robot) -> tuple[Mask, Mask]:
         """The degrees of freedom (nv) whose position, and whose velocity, the search for a consistent start keeps.
 
-        They are those given as values, not as guesses; for free joints they refer to the axes returned by `axes`.
+        They are those given as values, not as guesses, and those of `hold`; for free joints they refer to the axes returned by `axes`.
         """
         q, v = np.zeros(robot.nv, dtype=bool), np.zeros(robot.nv, dtype=bool)
-        for name in self.position:
+        for name in (*self.hold, *self.position):
             q[robot.joint(name).v] = name not in self.guesses
         for name in self.velocity:
             v[robot.joint(name).v] = True
@@ -115,13 +118,16 @@ class Initial:
         )
 
 
-def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any], read_scene: SceneReader) -> Initial:
+def read_initial(
+    read: Fields, robot: Robot, motions: Mapping[str, Any], motors: Sequence[str], read_scene: SceneReader
+) -> Initial:
     """Read the keys `initial` and `base` of a scene. Raises InputError naming file and key.
 
-    `read_scene` reads the scene inside a saved run.
+    `motors` are the joints with motors; `read_scene` reads the scene inside a saved run.
     """
     start = read.mapping("initial", {})
     position, guesses, free = dict[str, float](), list[str](), dict[str, FreeJointStart]()
+    hold: tuple[str, ...] = ()
     motion: str | None = None
     saved: SavedState | None = None
     velocity: Mapping[str, float] = {}
@@ -136,6 +142,8 @@ def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any], read_sc
                 raise start.error(key, unknown_name("motion", motion, motions))
         elif key == "run" and isinstance(given, str) and not _is_position(given):
             saved = read_run_start(start, robot, read_scene, "time" in times)
+        elif key == "hold" and not _is_number(given):
+            hold = _read_hold(start, robot, motors)
         elif key in times:
             continue
         elif (of_free := _read_free(start, key, robot)) is not None:
@@ -159,11 +167,30 @@ def read_initial(read: Fields, robot: Robot, motions: Mapping[str, Any], read_sc
         position=position,
         velocity=velocity,
         guesses=tuple(guesses),
+        hold=hold,
         motion=motion,
         free=free | _read_base(read, robot),
         saved=saved,
         clock=clock,
     )
+
+
+def _read_hold(start: Fields, robot: Robot, motors: Sequence[str]) -> tuple[str, ...]:
+    given = start.raw("hold")
+    if given == "motors":
+        if not motors:
+            raise start.error("hold", "no joint has a motor; name the joints with motors under the key 'actuated'")
+        names = list(motors)
+    elif isinstance(given, list) and all(isinstance(name, str) for name in given):
+        names = given
+    else:
+        raise start.error("hold", f"expected motors or a list of joints, found {format_value(given)}")
+    return tuple(joint_named(start, "hold", name, robot).name for name in names)
+
+
+def _is_number(given: object) -> bool:
+    """Whether a value is a position or a guess of one."""
+    return isinstance(given, Mapping | float | int) or (isinstance(given, str) and _is_position(given))
 
 
 def _read_rates(rates: Fields, robot: Robot) -> dict[str, float]:

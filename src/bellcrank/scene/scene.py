@@ -445,7 +445,8 @@ def _read(
     forces = read_forces(read, robot)
     control = read_control(read, robot, config.motions, motion_of)
     refuse_joints_off_paths(constraints, control, robot, config.motions)
-    initial = read_initial(read, robot, config.motions, scene_of_run)
+    motors = config.actuated or config.joints_with_actuators
+    initial = read_initial(read, robot, config.motions, motors, scene_of_run)
     parts: tuple[Element, ...] = (*forces, *control, *constraints)
     parameters = read_parameters(read, robot, parts)
     events = read_events(read, robot, parameters, constraints)

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.consistent_starts import (
-    Constrained,
     consistent_postures,
     consistent_velocities,
     reason,
 )
 from bellcrank.dynamics.design_parameters import design_parameters
+from bellcrank.dynamics.posture_search import Constrained
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
 from bellcrank.dynamics.system import system_of
 from bellcrank.errors import InputError
@@ -76,18 +76,18 @@ class VariantDesigns:
         reasons = dict[int, str]()
         consistent = found.alike.copy()
         rows = np.flatnonzero(consistent)
-        designs = _picked(found.constrained, rows)
+        designs = found.constrained.picked(rows)
         q = self._positions(values[rows])
         if self.scene.constraints:
             q, good = self._closed(designs, q, rows, reasons, threads)
-            rows, designs, q = rows[good], _picked(designs, good), q[good]
+            rows, designs, q = rows[good], designs.picked(good), q[good]
         v = self._velocities(values[rows], q)
         if self.scene.constraints:
             v, verdicts = consistent_velocities(self.scene, designs, q, v, self._held[1], threads)
             for k in np.flatnonzero(verdicts.code).tolist():
                 reasons[int(rows[k])] = f"initial: {reason(self.scene, verdicts, k, self._held[0])}"
             good = np.flatnonzero(verdicts.code == 0)
-            rows, designs, q, v = rows[good], _picked(designs, good), q[good], v[good]
+            rows, designs, q, v = rows[good], designs.picked(good), q[good], v[good]
         consistent[:] = False
         consistent[rows] = True
         x[rows, : system.nq], x[rows, system.nq : system.nq + system.nv] = q, v
@@ -145,15 +145,3 @@ class VariantDesigns:
             if axis.kind is Kind.VELOCITY:
                 v[:, self.scene.robot.joint(axis.name).v] = axis.numbers(values)
         return v
-
-
-def _picked(designs: Constrained, rows: NDArray[np.intp]) -> Constrained:
-    """Some of the designs."""
-    if len(rows) == len(designs.parameters):
-        return designs
-    one_unit, one_length = len(designs.units) == 1, len(designs.lengths) == 1
-    return Constrained(
-        designs.parameters[rows],
-        designs.units if one_unit else designs.units[rows],
-        designs.lengths if one_length else designs.lengths[rows],
-    )

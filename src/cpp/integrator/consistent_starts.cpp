@@ -53,6 +53,7 @@ struct Reading {
     m.entry_column = get<std::vector<int>>(record, "entry_columns");
     m.cosines = kernel(record, "cosines"), m.aligned = kernel(record, "aligned");
     m.cosine_count = get<int>(record, "cosine_count"), m.aligned_count = get<int>(record, "aligned_count");
+    m.aligned_of = get<std::vector<int>>(record, "alignment_owners");
     m.sine = get<std::vector<bool>>(record, "sines");
     m.far = get<std::vector<bool>>(record, "lengths_in_velocity");
     signals_ = get<Vector>(record, "signals");
@@ -65,6 +66,8 @@ struct Reading {
               "StartEquations: an entry outside J");
     require(static_cast<int>(m.sine.size()) == m.heights && static_cast<int>(m.far.size()) == m.nv,
             "StartEquations: one flag a row, and one a degree of freedom");
+    require(static_cast<int>(m.aligned_of.size()) == m.aligned_count, "StartEquations: one owner an alignment row");
+    for (int k : m.aligned_of) require(0 <= k && k < m.cosine_count, "StartEquations: no such cosine");
     require((m.cosines || !m.cosine_count) && (m.aligned || !m.cosine_count), "StartEquations: no alignment functions");
   }
   Reading(const Reading&) = delete;
@@ -215,9 +218,19 @@ nb::tuple row_sizes(nb::object sampling, Matrix parameters, int threads) {
   return nb::make_tuple(sizes.array(false), regular.array(true));
 }
 
+StartMethod method_named(const std::string& name) {
+  if (name == "nearest") return StartMethod::nearest;
+  if (name == "damped") return StartMethod::damped;
+  require(name == "continued", "consistent starts: no such method");
+  return StartMethod::continued;
+}
+
 nb::tuple consistent_postures(nb::object equations, Matrix parameters, Matrix units, Vector lengths, Matrix q, Flags held,
-                              int threads) {
+                              Flags rows, Flags cosines, const std::string& method, int threads) {
   const Reading reading(equations);
+  const StartMethod way = method_named(method);
+  check(rows, reading.model.heights);
+  check(cosines, reading.model.cosine_count);
   const Designs designs{parameters, units, lengths};
   designs.check(reading.model, q.shape(0));
   check(q, reading.model.nq, q.shape(0));
@@ -225,7 +238,7 @@ nb::tuple consistent_postures(nb::object equations, Matrix parameters, Matrix un
   Column<double> found(q.shape(0), q.shape(1));
   std::copy_n(q.data(), q.size(), found[0]);
   return searched(reading, std::move(found), threads, [&](StartSearch& search, std::size_t k, double* at) {
-    return search.posture(designs[k], held.data(), at);
+    return search.posture(designs[k], held.data(), at, way, {rows.data(), cosines.data()});
   });
 }
 
@@ -249,7 +262,7 @@ nb::tuple consistent_velocities(nb::object equations, Matrix parameters, Matrix 
 void bind_consistent_starts(nb::module_& m) {
   using namespace nb::literals;
   m.def("consistent_postures", &consistent_postures, "equations"_a, "parameters"_a, "units"_a, "lengths"_a, "q"_a,
-        "held"_a, "threads"_a);
+        "held"_a, "rows"_a, "cosines"_a, "method"_a, "threads"_a);
   m.def("consistent_velocities", &consistent_velocities, "equations"_a, "parameters"_a, "units"_a, "lengths"_a, "q"_a,
         "v"_a, "held"_a, "threads"_a);
   m.def("row_sizes", &row_sizes, "sampling"_a, "parameters"_a, "threads"_a);

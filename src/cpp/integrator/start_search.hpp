@@ -6,6 +6,7 @@
 #include <cmath>
 #include <vector>
 
+#include "damped_least_squares.hpp"
 #include "least_squares.hpp"
 #include "problem.hpp"
 
@@ -28,10 +29,21 @@ struct StartModel {
   std::vector<int> entry_row, entry_column;
   Kernel cosines, aligned;  // of welds and hinges: cosines; their alignment residual and its derivative by v; or 0
   int cosine_count, aligned_count;
+  std::vector<int> aligned_of;  // (aligned_count) whose cosine each row of the alignment residual belongs to
   std::vector<bool> sine;  // (heights) rows that `aligned` replaces
   std::vector<bool> far;   // (nv) in metres
   std::vector<StartJoint> joints;
   const double* u;
+};
+
+// How a posture is searched: `nearest` takes Gauss-Newton steps of minimum norm from the given posture; `damped` takes
+// Levenberg-Marquardt steps, which do not stop where J loses rank; `continued` closes the gaps of the given posture
+// gradually, in such steps.
+enum class StartMethod { nearest, damped, continued };
+
+// Which constraints a search satisfies; the others stay open. Null: all.
+struct StartSelection {
+  const bool *rows = nullptr, *cosines = nullptr;  // (heights), (cosine_count)
 };
 
 // A design: its parameters, the unit of each row, and the characteristic length.
@@ -56,15 +68,19 @@ class StartSearch {
         cosines_(model.cosine_count), found_(model.aligned_count), slope_(model.aligned_count * model.nv),
         step_(model.nv), there_(model.nq), reduced_(model.nv) {}
 
-  // Moves q (nq) to the nearest posture that satisfies φ = 0 with the degrees of freedom `held` (nv) held.
-  StartVerdict posture(const StartDesign& design, const bool* held, double* q) {
+  // Moves q (nq) to the nearest posture that satisfies φ = 0 with the degrees of freedom `held` (nv) held, or, by the
+  // other methods, to one that may be further away.
+  StartVerdict posture(const StartDesign& design, const bool* held, double* q, StartMethod method = StartMethod::nearest,
+                       StartSelection selection = {}) {
     design_ = &design;
+    selection_ = selection;
+    target_.clear();
     linearise(q, nullptr);
     StartVerdict verdict = undefined(phi_.data(), m_.heights);
     if (verdict.code != StartCode::consistent) return verdict;
     free_.assign(m_.nv, false);
     for (int j = 0; j < m_.nv; ++j) free_[j] = !held[j];
-    double largest = closed(q);
+    double largest = method == StartMethod::nearest ? closed(q) : reached(q, method);
     if (largest > CLOSED && largest <= ROUNDED) {
       free_.assign(m_.nv, true);
       largest = closed(q);
@@ -76,6 +92,8 @@ class StartSearch {
   // Changes v (nv) to the nearest velocity at q that satisfies φ̇ = 0 and ψ = 0 with the components `held` held.
   StartVerdict velocity(const StartDesign& design, const bool* held, const double* q, double* v) {
     design_ = &design;
+    selection_ = {};
+    target_.clear();
     linearise(q, v);
     StartVerdict verdict = undefined(psi_.data(), m_.rows);
     if (verdict.code != StartCode::consistent) return verdict;
@@ -106,15 +124,22 @@ class StartSearch {
   static constexpr double RANK = 1e-10;     // of the largest singular value
   static constexpr double LONGEST = 0.5;    // rad: a longer step may reach another branch
   static constexpr int STEPS = 200, HALVINGS = 30;
+  static constexpr int STAGES = 20, STAGE_STEPS = 10;  // of a continuation
+  static constexpr double DAMPING = 1e-3;   // of the largest diagonal entry of the normal equations, at first
+  static constexpr double FLAT = 1e-5;      // of the residual's square: damped steps that promise less end the search
+  static constexpr double NEAR = 1e-3;      // a residual from which steps of minimum norm are worth their cost
 
   const StartModel& m_;
   const StartDesign* design_ = nullptr;
   std::vector<double> x_, phi_, psi_, entries_, cosines_, found_, slope_;  // arguments and values of the kernels
   std::vector<double> residual_, jacobian_;                               // of the search, in its units
-  std::vector<double> step_, there_, reduced_, right_;
+  std::vector<double> step_, there_, reduced_, right_, damped_step_;
+  std::vector<double> target_;  // subtracted from the residual, where not empty
+  StartSelection selection_;
   std::vector<int> place_;
   std::vector<bool> free_;
   LeastSquares least_squares_;
+  DampedLeastSquares damped_;
 
   double& jacobian(int row, int column) { return jacobian_[static_cast<std::size_t>(row) * m_.nv + column]; }
   double column(int j) const { return m_.far[j] ? design_->length : 1; }
@@ -160,7 +185,7 @@ class StartSearch {
     jacobian_.clear();
     place_.assign(m_.rows, -1);  // which row of the residual each row of φ is
     for (int i = 0; i < m_.heights; ++i) {
-      if (aligned && m_.sine[i]) continue;
+      if ((aligned && m_.sine[i]) || !counts(i)) continue;
       place_[i] = static_cast<int>(residual_.size());
       residual_.push_back(phi_[i] / design_->unit[i]);
     }
@@ -169,14 +194,23 @@ class StartSearch {
       const int row = place_[m_.entry_row[e]];
       if (row >= 0) jacobian(row, m_.entry_column[e]) = scaled(e);
     }
-    if (!aligned) return;
+    if (aligned) append_alignment(q);
+    for (std::size_t k = 0; k < target_.size(); ++k) residual_[k] -= target_[k];
+  }
+
+  void append_alignment(const double* q) {
     double* out[] = {found_.data(), slope_.data()};
     evaluate(m_.aligned, q, nullptr, out);
-    const int first = static_cast<int>(residual_.size());
-    residual_.insert(residual_.end(), found_.begin(), found_.end());
-    for (int k = 0; k < m_.aligned_count; ++k)
-      for (int j = 0; j < m_.nv; ++j) jacobian(first + k, j) = slope_[j * m_.aligned_count + k] * column(j);
+    for (int k = 0; k < m_.aligned_count; ++k) {
+      if (!faces(m_.aligned_of[k])) continue;
+      const int row = static_cast<int>(residual_.size());
+      residual_.push_back(found_[k]);
+      for (int j = 0; j < m_.nv; ++j) jacobian(row, j) = slope_[j * m_.aligned_count + k] * column(j);
+    }
+    jacobian_.resize(residual_.size() * m_.nv);
   }
+
+  bool counts(int row) const { return !selection_.rows || selection_.rows[row]; }
 
   static bool finite(const std::vector<double>& values) {
     for (double value : values)
@@ -251,26 +285,95 @@ class StartSearch {
     return largest_residual();
   }
 
+  // A posture that may be far from q, and its largest residual: by damped steps, of which those of a residual that does
+  // not vanish where welds and hinges are half a turn apart come first.
+  double reached(double* q, StartMethod method) {
+    const bool aligned = m_.cosine_count > 0;
+    if (method == StartMethod::continued) {
+      residual_at(q, aligned);
+      const std::vector<double> apart = residual_;
+      for (int stage = 1; stage < STAGES; ++stage) {
+        target_ = apart;
+        for (double& value : target_) value *= 1.0 - static_cast<double>(stage) / STAGES;
+        levenberg_marquardt(q, aligned, STAGE_STEPS);
+      }
+      target_.clear();
+    }
+    levenberg_marquardt(q, aligned, STEPS);
+    const double largest = largest_residual();
+    return largest <= NEAR ? gauss_newton(q, false) : largest;
+  }
+
+  // Damped steps from q, with the damping controlled by the gain ratio (Madsen, Nielsen and Tingleff, Methods for
+  // Non-Linear Least Squares Problems, 2004, algorithm 3.16).
+  void levenberg_marquardt(double* q, bool aligned, int steps) {
+    residual_at(q, aligned);
+    double mu = -1, growth = 2;
+    bool fresh = true;
+    for (int count = 0; count < steps && any_free(); ++count) {
+      if (largest_residual() <= ROUNDED * ROUNDED || !finite(residual_) || !finite(jacobian_)) break;
+      if (fresh) {
+        free_jacobian(q, true, damped_);
+        const double largest = damped_.form(right_.data());
+        if (mu < 0) mu = DAMPING * largest;
+        if (!(largest > 0)) break;
+        mu = std::max(mu, 1e-15 * largest);
+      }
+      const double before = norm(residual_);
+      damped_step_.assign(m_.nv, 0.0);
+      if (!damped_.solve(mu, damped_step_.data())) break;
+      double promised = 0;  // of the square
+      for (std::size_t j = 0; j < damped_.gradient().size(); ++j)
+        promised += damped_step_[j] * (mu * damped_step_[j] + damped_.gradient()[j]);
+      if (!(promised > FLAT * before * before)) break;
+      double longest = 1e-300;
+      for (int j = 0, k = 0; j < m_.nv; ++j) {
+        step_[j] = free_[j] ? damped_step_[k++] : 0;
+        longest = std::max(longest, std::fabs(step_[j]));
+      }
+      into_body_axes(q, true);
+      displace(q, 1, there_.data());
+      residual_at(there_.data(), aligned);
+      const double after = norm(residual_), gain = (before * before - after * after) / promised;
+      fresh = longest <= LONGEST && gain > 0;
+      if (fresh) {
+        std::copy(there_.begin(), there_.end(), q);
+        mu *= std::max(1.0 / 3.0, 1 - std::pow(2 * gain - 1, 3));
+        growth = 2;
+      } else {
+        residual_at(q, aligned);
+        mu *= growth;
+        growth *= 2;
+      }
+    }
+  }
+
   bool any_free() const {
     for (bool one : free_)
       if (one) return true;
     return false;
   }
 
-  // The step (nv) of least norm among the free components that takes the linearised residual to 0 or near it.
-  void minimum_norm_step(const double* q, bool of_position) {
+  // The columns of J of the free components, along the axes that they are meant in, and the right side -residual.
+  template <class Matrix>
+  void free_jacobian(const double* q, bool of_position, Matrix& matrix) {
     const int rows = static_cast<int>(residual_.size());
     int free = 0;
     for (int j = 0; j < m_.nv; ++j) free += free_[j];
-    least_squares_.resize(rows, free);
+    matrix.resize(rows, free);
     for (int i = 0; i < rows; ++i) {
       std::copy_n(&jacobian_[static_cast<std::size_t>(i) * m_.nv], m_.nv, reduced_.begin());
       rotate(q, of_position, reduced_.data(), false);
       for (int j = 0, k = 0; j < m_.nv; ++j)
-        if (free_[j]) least_squares_.a(i, k++) = reduced_[j];
+        if (free_[j]) matrix.a(i, k++) = reduced_[j];
     }
     right_.resize(rows);
     for (int i = 0; i < rows; ++i) right_[i] = -residual_[i];
+  }
+
+  // The step (nv) of least norm among the free components that takes the linearised residual to 0 or near it.
+  void minimum_norm_step(const double* q, bool of_position) {
+    free_jacobian(q, of_position, least_squares_);
     reduced_.assign(m_.nv, 0.0);
     least_squares_.solve(right_.data(), reduced_.data(), RANK);
     for (int j = 0, k = 0; j < m_.nv; ++j) step_[j] = free_[j] ? reduced_[k++] : 0;
@@ -346,6 +449,8 @@ class StartSearch {
     }
   }
 
+  bool faces(int cosine) const { return !selection_.cosines || selection_.cosines[cosine]; }
+
   void cosines_at(const double* q) {
     double* out[] = {cosines_.data()};
     evaluate(m_.cosines, q, nullptr, out);
@@ -354,22 +459,23 @@ class StartSearch {
   double least_cosine(const double* q) {
     cosines_at(q);
     double least = INFINITY;
-    for (double cosine : cosines_)
-      if (!(cosine >= least)) least = cosine;
+    for (int k = 0; k < m_.cosine_count; ++k)
+      if (faces(k) && !(cosines_[k] >= least)) least = cosines_[k];
     return least;
   }
 
   StartVerdict worst_row(const double* q) {
     residual_at(q, false);
     const int worst = worst_of(residual_);
-    return {StartCode::unsatisfied, worst, std::fabs(residual_[worst]) * design_->unit[worst]};
+    const int row = static_cast<int>(std::find(place_.begin(), place_.end(), worst) - place_.begin());
+    return {StartCode::unsatisfied, row, std::fabs(residual_[worst]) * design_->unit[row]};
   }
 
   StartVerdict turned_around(const double* q) {
     if (!m_.cosine_count) return {};
     cosines_at(q);
     for (int k = 0; k < m_.cosine_count; ++k)
-      if (!(cosines_[k] > 0)) return {StartCode::turned_around, k, cosines_[k]};
+      if (faces(k) && !(cosines_[k] > 0)) return {StartCode::turned_around, k, cosines_[k]};
     return {};
   }
 };
