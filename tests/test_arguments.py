@@ -279,6 +279,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
             "folder": None}),
         "scene_inverse_dynamics": (bc.scene_inverse_dynamics, one_motor),
         "Linkage": (bc.Linkage, {"scene": four_bar, "robot": four_bar.robot, "actuated": ["crank"]}),
+        "mobility": (bc.mobility, {"scene": four_bar}),
         "plot": (bc.plot, {"run": run, "path": None, "frame": "P1"}),
         "replay": (bc.replay, {"source": motion, "path": "page.html", "robot": robot, "trace": ["tip"],
                                "detail": "reduced", "title": None, "plots": False}),

@@ -58,6 +58,8 @@ _HOME = {
     "SampleStatistics": "studies.sample_statistics",
     "scene_inverse_dynamics": "dynamics.scene_inverse_dynamics",
     "Linkage": "dynamics.closed_inverse_dynamics",
+    "Mobility": "dynamics.mobility",
+    "mobility": "dynamics.mobility",
     "plot": "simulation.run_plot:plot_run",
     "replay": "replays.replay",
     "show": "replays.replay",
@@ -74,6 +76,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "Gear",
     "InputError",
     "Linkage",
+    "Mobility",
     "Motion",
     "Motor",
     "Mount",
@@ -103,6 +106,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "load_robot_config",
     "load_run",
     "load_scene",
+    "mobility",
     "plot",
     "prepare",
     "read_motion",
@@ -131,6 +135,7 @@ if TYPE_CHECKING:
     from bellcrank.actuators.motor import Motor
     from bellcrank.actuators.mount import Mount
     from bellcrank.dynamics.closed_inverse_dynamics import Linkage
+    from bellcrank.dynamics.mobility import Mobility, mobility
     from bellcrank.dynamics.scene_inverse_dynamics import scene_inverse_dynamics
     from bellcrank.errors import BellcrankError, CompileError, InputError, NotSavedError, UnreachableError
     from bellcrank.motion.csv_file import read_motion, write_motion

@@ -61,10 +61,9 @@ class Mobility:
         return tuple(name for name in self.motors if name not in self.independent_motors)
 
     def __str__(self) -> str:
-        return "\n".join(self.lines())
+        return "\n".join(self._lines())
 
-    def lines(self) -> list[str]:
-        """The mobility as lines of text."""
+    def _lines(self) -> list[str]:
         found = [
             f"{_count(self.freedoms, 'degree')} of freedom: {self.joint_freedoms} of the joints less "
             f"{_count(self.rank, 'independent condition')} of {self.conditions}"
@@ -100,8 +99,8 @@ class Mobility:
 def mobility(scene: Scene) -> Mobility:
     """The mobility of a scene's mechanism at its start.
 
-    The freedoms are the null space of J, the derivative of the constraints' velocity residuals by v, in units of rad and
-    characteristic lengths; singular values below 1e-8 of the largest count as 0. Prescribed motions count as
+    The freedoms are the null space of J, the derivative of the constraints' velocity residuals by v, in units of rad
+    and characteristic lengths; singular values below 1e-8 of the largest count as 0. Prescribed motions count as
     constraints.
 
     Args:

@@ -104,7 +104,9 @@ def scattered(scene: Scene, q: Array, drawn: Array, share: float, held: Mask) ->
     limited = robot.lower < robot.upper
     inside = limited & (robot.lower < high) & (robot.upper > low)
     low = np.where(inside, np.maximum(low, robot.lower), np.where(limited & np.isfinite(robot.lower), robot.lower, low))
-    high = np.where(inside, np.minimum(high, robot.upper), np.where(limited & np.isfinite(robot.upper), robot.upper, high))
+    high = np.where(
+        inside, np.minimum(high, robot.upper), np.where(limited & np.isfinite(robot.upper), robot.upper, high)
+    )
     moved = np.where(drawn > 0.0, drawn * (high - q)[:, None], -drawn * (low - q)[:, None])
     there = q[:, None] + share * moved
     for part in unit_vectors(robot.joints):

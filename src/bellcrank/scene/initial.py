@@ -95,7 +95,8 @@ class Initial:
     def held(self, robot: Robot) -> tuple[Mask, Mask]:
         """The degrees of freedom (nv) whose position, and whose velocity, the search for a consistent start keeps.
 
-        They are those given as values, not as guesses, and those of `hold`; for free joints they refer to the axes returned by `axes`.
+        They are those given as values, not as guesses, and those of `hold`; for free joints they refer to the axes
+        returned by `axes`.
         """
         q, v = np.zeros(robot.nv, dtype=bool), np.zeros(robot.nv, dtype=bool)
         for name in (*self.hold, *self.position):
