@@ -22,6 +22,7 @@ from bellcrank.errors import BellcrankError, InputError
 
 # Classes that functions of the interface make, and which have no checks of their own: their methods are called here.
 MADE_BY = {
+    "Mobility": "mobility",
     "Robot": "load_robot",
     "Scene": "load_scene",
     "RobotConfig": "load_robot_config",
