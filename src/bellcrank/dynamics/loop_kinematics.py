@@ -20,6 +20,7 @@ from bellcrank.dynamics.consistent_start import consistent_start, displaced
 from bellcrank.dynamics.constraint_alignment import alignment_cosines_along
 from bellcrank.dynamics.constraint_derivatives import SymbolicRows, differentiate_constraints
 from bellcrank.dynamics.constraint_rows import characteristic_length, rows_of, velocity_units
+from bellcrank.dynamics.idle_rotations import idle_rotations
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.symbols import Symbols
 from bellcrank.errors import InputError, UnreachableError
@@ -164,10 +165,18 @@ class LoopKinematics:
             given = f" ({', '.join(joint.name for joint in chosen)})" if chosen else ""
             dependent = [joint.name for joint in candidates if joint not in chosen]
             depend = f"; {', '.join(dependent)} depend{'s' * (len(dependent) == 1)} on them" if dependent else ""
+            idle = idle_rotations(self.robot, jacobian)
+            if idle and len(chosen) + len(idle) >= freedoms:
+                remedy = (
+                    f"no motor drives {len(idle)} of them: {'; '.join(idle)}; where such a turn does not matter, make "
+                    "the joint universal instead of spherical, or use a distance constraint instead of the rod"
+                )
+            else:
+                more = freedoms - len(chosen)
+                remedy = f"prescribe {more} more: write also the position of a joint that stays where it is"
             raise InputError(
                 f"motion '{name}': the mechanism has {freedoms} degree{'s' * (freedoms != 1)} of freedom and this "
-                f"motion prescribes {len(chosen)}{given}{depend}; prescribe {freedoms - len(chosen)} more: write also "
-                "the position of a joint that stays where it is"
+                f"motion prescribes {len(chosen)}{given}{depend}; {remedy}"
             )
         return tuple(chosen)
 
