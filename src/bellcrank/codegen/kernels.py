@@ -148,8 +148,8 @@ def batch_ir(graph: Graph, width: int, fused: bool) -> str:
     code = operations(
         graph, lanes, fused,
         "{name}.p = getelementptr " + d + ", ptr %soa.in{k}, i64 {i}\n  {name} = load " + d + ", ptr {name}.p",
-        "%out{k}.{i}.p = getelementptr " + d + ", ptr %soa.out{k}, i64 {i}\n"
-        "  store " + d + " {name}, ptr %out{k}.{i}.p",
+        "{at} = getelementptr " + d + ", ptr %soa.out{k}, i64 {i}\n"
+        "  store " + d + " {name}, ptr {at}",
         pointers,
     )  # fmt: skip
     head = [
@@ -211,8 +211,8 @@ def _direct_ir(graph: Graph, lanes: Lanes, fused: bool, packed: int) -> str:
         graph, lanes, fused,
         "{name}.p = getelementptr " + d + ", ptr %in{k}, i64 {i}\n"
         "  {name} = load " + d + ", ptr {name}.p, !noalias !1",
-        "%out{k}.{i}.p = getelementptr " + d + ", ptr %out{k}, i64 {i}\n"
-        "  store " + d + " {name}, ptr %out{k}.{i}.p, !alias.scope !1",
+        "{at} = getelementptr " + d + ", ptr %out{k}, i64 {i}\n"
+        "  store " + d + " {name}, ptr {at}, !alias.scope !1",
         pointers, packed,
     )  # fmt: skip
     text = ["define i32 @evaluate(ptr noalias %in, ptr noalias %out) {", "entry:", *code.allocas, *entry]

@@ -53,7 +53,7 @@ def operations(
 ) -> Code:
     """The operations of a graph.
 
-    `load` and `store` are formats over {k}, {i}, {name} that may use `pointers`; `packed` is how many angles of one
+    `load` and `store` are formats over {k}, {i}, {name}, and {at} for the name of a place, that may use `pointers`; `packed` is how many angles of one
     sample may share a vector.
     """
     widths = [lanes.width] if lanes.width > 1 else [w for w in (1, 2, 4, 8) if w <= packed]

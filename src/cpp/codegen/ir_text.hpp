@@ -61,7 +61,7 @@ class Text {
   void append(std::string_view piece) { text += piece; }
   void append(const char* piece) { text += piece; }
   void append(const std::string& piece) { text += piece; }
-  void append(long long number) { text += std::to_string(number); }
+  void append(long number) { text += std::to_string(number); }
   void append(int number) { text += std::to_string(number); }
   void append(std::size_t number) { text += std::to_string(number); }
 };
@@ -79,15 +79,20 @@ struct CodeStyle {
   Lanes lanes;
   bool fused;                          // whether there is a fused multiply-add
   int packed;                          // how many angles of one sample may share a vector
-  std::string load, store;             // of inputs and outputs, with {k}, {i} and {name}
+  std::string load, store;             // of inputs and outputs, with {k}, {i} and {name}; {at} in stores
   std::vector<std::string> pointers;   // that these use
   std::map<int, SineCode> sine_codes;  // by the width of the vector
 
   std::string load_of(int which, std::string_view entry, std::string_view name) const {
     return filled(load, {{"k", std::to_string(which)}, {"i", entry}, {"name", name}});
   }
-  std::string store_of(int which, std::string_view entry, std::string_view name) const {
-    return filled(store, {{"k", std::to_string(which)}, {"i", entry}, {"name", name}});
+  // `at` becomes the name of the place.
+  std::string store_of(int which, std::string_view entry, std::string_view name, std::string_view at) const {
+    return filled(store, {{"k", std::to_string(which)}, {"i", entry}, {"name", name}, {"at", at}});
+  }
+  std::string store_of(int which, int entry, std::string_view name) const {
+    const std::string i = std::to_string(entry);
+    return store_of(which, i, name, "%out" + std::to_string(which) + "." + i + ".p");
   }
 };
 

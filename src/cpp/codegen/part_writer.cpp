@@ -11,10 +11,19 @@ void PartWriter::write_leaf_outputs() {
     for (std::size_t i = 0; i < output.nodes.size(); ++i) node[output.entries[i]] = output.nodes[i];
     for (int i = 0; i < output.size; ++i) {
       if (node[i] >= 0 && !graph_.nodes[node[i]].is_leaf()) continue;
-      const std::string name = node[i] < 0 ? style_.lanes.number(0.0) : value(node[i]);
-      text.add("  ", style_.store_of(static_cast<int>(k), std::to_string(i), name));
+      write_output(static_cast<int>(k), i, node[i]);
     }
   }
+}
+
+void PartWriter::write_output(int output, int entry, int node) {
+  const std::string name = node < 0 ? style_.lanes.number(0.0) : value(node);
+  text.add("  ", style_.store_of(output, entry, name));
+}
+
+void PartWriter::write_copy(int node) {
+  const std::string name = value(node), at = slot(node);
+  text.line("store ", style_.lanes.number_type, " ", name, ", ptr ", at);
 }
 
 void PartWriter::write_step(int node) {
@@ -52,7 +61,7 @@ std::string PartWriter::slot(int node) {
 
 // Stores a value that is an output or that a later function reads.
 void PartWriter::hand_on(int node) {
-  for (const auto& [k, i] : uses_.places[node]) text.add("  ", style_.store_of(k, std::to_string(i), names_[node]));
+  for (const auto& [k, i] : uses_.places[node]) text.add("  ", style_.store_of(k, i, names_[node]));
   if (slots_[node] < 0) return;
   const std::string at = slot(node);
   text.line("store ", style_.lanes.number_type, " ", names_[node], ", ptr ", at);

@@ -25,6 +25,8 @@ class PartWriter {
   // Sines and cosines of several angles; those of angles that are too large are the C library's. The result of a lane
   // depends on the angle in that lane alone.
   void write_wave(const std::vector<int>& angles);
+  void write_output(int output, int entry, int node);  // −1 for zero
+  void write_copy(int node);                           // of a value into its slot
   void write_leaf_outputs();  // outputs that are zeros, constants or inputs
 
  private:
