@@ -180,6 +180,7 @@ def sums(seed=0):
 def test_long_code_is_joined_unless_many_values_wait_or_it_is_called_seldom(waiting, seldom, joined, monkeypatch):
     monkeypatch.setattr(schedule, "WAITING", waiting)
     monkeypatch.setattr(schedule, "WHOLE", 10**9)
+    monkeypatch.setattr(schedule, "ROLLED", 10**9)
     code = compiled("sums", ("test", str(waiting), str(seldom)), sums, seldom)
     plan = schedule.schedule(code.graph)
     assert len(plan.parts) >= 8 and plan.joined == joined

@@ -53,8 +53,8 @@ def operations(
 ) -> Code:
     """The operations of a graph.
 
-    `load` and `store` are formats over {k}, {i}, {name}, and {at} for the name of a place, that may use `pointers`; `packed` is how many angles of one
-    sample may share a vector.
+    `load` and `store` are formats over {k}, {i}, {name}, and {at} for the name of a place, that may use `pointers`;
+    `packed` is how many angles of one sample may share a vector.
     """
     widths = [lanes.width] if lanes.width > 1 else [w for w in (1, 2, 4, 8) if w <= packed]
     codes = {w: _sine_code(Lanes(w), fused) for w in widths}

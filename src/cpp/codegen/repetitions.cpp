@@ -10,6 +10,7 @@ namespace {
 constexpr int SAMPLE = 12;     // operations that must agree where a repetition may begin
 constexpr int CANDIDATES = 8;  // next occurrences that are tried as the second instance
 constexpr int FEWEST = 3;      // instances
+constexpr int SHORTEST = 6;    // operations of an instance: a loop of fewer costs more than they do
 constexpr int LEAST = 64;      // operations that a run must save
 
 class Search {
@@ -30,6 +31,7 @@ class Search {
       int j = next_[i];
       for (int tries = 0; j >= 0 && tries < CANDIDATES; ++tries, j = next_[j]) {
         const int period = j - i;
+        if (period < SHORTEST) continue;
         const auto end = broken.find(period);
         if (end != broken.end() && end->second > i && end->second - i < FEWEST * period) continue;
         const int count = instances(i, period);

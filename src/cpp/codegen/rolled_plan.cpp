@@ -4,201 +4,38 @@
 #include <map>
 #include <numeric>
 
-#include "repetitions.hpp"
+#include "rolled_segments.hpp"
 #include "slots.hpp"
 
 namespace bellcrank {
 namespace {
-
-constexpr int FEWEST_ANGLES = 16;  // whose sines are computed in a loop
-constexpr int FEWEST_COPIES = 8;   // outputs that are copied in a loop
 
 // Where a node is computed: which segment, which instance of its loop, which operation of it.
 struct Home {
   int segment = -1, instance = 0, place = 0;
 };
 
-// The rule of these numbers, if they have one.
-bool is_affine(const std::vector<int>& numbers, Index& index) {
-  index.base = numbers[0];
-  index.step = numbers.size() > 1 ? numbers[1] - numbers[0] : 0;
-  for (std::size_t k = 0; k < numbers.size(); ++k)
-    if (numbers[k] != index.base + index.step * static_cast<long>(k)) return false;
-  return true;
-}
-
-Index index_of(Loop& loop, const std::vector<int>& numbers) {
-  Index index;
-  if (is_affine(numbers, index)) return index;
-  index.table = static_cast<int>(loop.tables.size());
-  loop.tables.push_back(numbers);
-  return index;
-}
-
-class Planner {
+// Finds what each segment reads from others, and places it in memory.
+class Placer {
  public:
-  Planner(const Graph& graph, const Uses& uses, const Limits& limits)
-      : graph_(graph), uses_(uses), limits_(limits), home_(graph.nodes.size()), last_(graph.nodes.size(), -1) {}
+  Placer(const Graph& graph, const Uses& uses, const Limits& limits, RolledPlan& plan)
+      : graph_(graph), uses_(uses), limits_(limits), plan_(plan), home_(graph.nodes.size()),
+        last_(graph.nodes.size(), -1) {}
 
-  RolledPlan plan(const std::vector<Stage>& stages, int packed) {
-    plan_.segments.emplace_back();  // copies of leaves
-    for (const Stage& stage : stages) {
-      add_operations(stage.operations);
-      add_angles(stage.angles, packed);
-    }
-    add_pending();
-    add_leaf_outputs();
+  void place() {
     find_homes();
     for (std::size_t s = 0; s < plan_.segments.size(); ++s) read(static_cast<int>(s));
     place_values();
     for (Segment& segment : plan_.segments) resolve(segment.loop);
-    return std::move(plan_);
   }
 
  private:
   const Graph& graph_;
   const Uses& uses_;
   const Limits& limits_;
-  RolledPlan plan_;
-  std::vector<int> pending_;  // straight steps that are not in a segment yet
+  RolledPlan& plan_;
   std::vector<Home> home_;
   std::vector<int> last_;  // by node: the last segment that reads it from memory, −1 for none
-
-  // ---- segments
-
-  void add_operations(const std::vector<int>& operations) {
-    int done = 0;
-    const auto add_straight = [&](int end) {
-      const std::vector<int> part(operations.begin() + done, operations.begin() + end);
-      const std::vector<int> order = locally_ordered(graph_, part, ends_of(part), limits_.quick(graph_));
-      pending_.insert(pending_.end(), order.begin(), order.end());
-    };
-    for (const Run& run : repetitions(graph_, operations)) {
-      add_straight(run.start);
-      done = run.start + run.period * run.count;
-      add_loop({run.period, run.count, {operations.begin() + run.start, operations.begin() + done}});
-    }
-    add_straight(static_cast<int>(operations.size()));
-  }
-
-  // The operations that no other of these reads.
-  std::vector<int> ends_of(const std::vector<int>& operations) const {
-    const Reads reads = reads_among(graph_, operations);
-    std::vector<char> is_read(operations.size());
-    for (const std::vector<int>& of_one : reads)
-      for (const int a : of_one) is_read[a] = true;
-    std::vector<int> ends;
-    for (std::size_t i = 0; i < operations.size(); ++i)
-      if (!is_read[i]) ends.push_back(operations[i]);
-    return ends;
-  }
-
-  void add_angles(const std::vector<int>& angles, int packed) {
-    const int count = static_cast<int>(angles.size()) / packed, whole = packed * count;
-    if (whole < FEWEST_ANGLES) {
-      add_wave(angles);
-      return;
-    }
-    add_wave({angles.begin() + whole, angles.end()});
-    Loop loop{packed, count, {angles.begin(), angles.begin() + whole}};
-    loop.of_sines = true;
-    add_loop(std::move(loop));
-  }
-
-  void add_wave(std::vector<int> angles) {
-    if (angles.empty()) return;
-    pending_.push_back(-1 - static_cast<int>(plan_.waves.size()));
-    plan_.waves.push_back(std::move(angles));
-  }
-
-  void add_pending() {
-    plan_.length += static_cast<int>(pending_.size());
-    for (std::vector<int>& steps : cut(pending_, limits_.part)) {
-      plan_.segments.emplace_back();
-      plan_.segments.back().steps = std::move(steps);
-    }
-    pending_.clear();
-  }
-
-  void add_loop(Loop loop) {
-    add_pending();
-    plan_.length += loop.period;
-    std::vector<OutputEntry> late;
-    if (loop.of_sines) {
-      for (const int angle : loop.nodes)
-        for (const int sine : uses_.sines[angle]) add_outputs(sine, late);
-    } else {
-      for (int j = 0; j < loop.period; ++j) add_targets(loop, j, late);
-    }
-    plan_.segments.emplace_back();
-    plan_.segments.back().loop = std::move(loop);
-    if (late.empty()) return;
-    plan_.segments.emplace_back();
-    plan_.segments.back().outputs = std::move(late);
-  }
-
-  void add_outputs(int node, std::vector<OutputEntry>& found) const {
-    if (node < 0) return;
-    for (const auto& [output, entry] : uses_.places[node]) found.push_back({output, entry, node});
-  }
-
-  // The outputs that an operation of a loop writes; those that differ between instances are written after the loop.
-  void add_targets(Loop& loop, int place, std::vector<OutputEntry>& late) const {
-    const auto& first = uses_.places[loop.node(0, place)];
-    std::vector<std::vector<int>> entries(first.size());
-    for (int k = 0; k < loop.count; ++k) {
-      const auto& places = uses_.places[loop.node(k, place)];
-      bool alike = places.size() == first.size();
-      for (std::size_t r = 0; alike && r < first.size(); ++r) {
-        alike = places[r].first == first[r].first;
-        entries[r].push_back(places[r].second);
-      }
-      if (alike) continue;
-      for (int other = 0; other < loop.count; ++other) add_outputs(loop.node(other, place), late);
-      return;
-    }
-    for (std::size_t r = 0; r < first.size(); ++r)
-      loop.targets.push_back({place, first[r].first, index_of(loop, entries[r])});
-  }
-
-  // Outputs that are zeros, constants or inputs: runs of entries of an input, or of one constant, in loops.
-  void add_leaf_outputs() {
-    std::vector<OutputEntry> single;
-    for (std::size_t output = 0; output < graph_.outputs.size(); ++output) {
-      const Output& of = graph_.outputs[output];
-      std::vector<int> node(of.size, -1);
-      for (std::size_t i = 0; i < of.nodes.size(); ++i) node[of.entries[i]] = of.nodes[i];
-      const auto is_leaf = [&](int i) { return node[i] < 0 || graph_.nodes[node[i]].is_leaf(); };
-      const auto follows = [&](int i) {
-        if (node[i] < 0 || node[i - 1] < 0) return false;
-        const Node &a = graph_.nodes[node[i - 1]], &b = graph_.nodes[node[i]];
-        return is_leaf(i) && a.op == Op::input && b.op == Op::input && a.operand[0] == b.operand[0] &&
-               b.operand[1] == a.operand[1] + 1;
-      };
-      for (int i = 0, end; i < of.size; i = end) {
-        end = i + 1;
-        if (!is_leaf(i)) continue;
-        while (end < of.size && follows(end)) ++end;
-        if (end - i >= FEWEST_COPIES) {
-          add_copies(static_cast<int>(output), i, {node.begin() + i, node.begin() + end});
-        } else {
-          for (int entry = i; entry < end; ++entry) single.push_back({static_cast<int>(output), entry, node[entry]});
-        }
-      }
-    }
-    plan_.segments[0].outputs = std::move(single);
-  }
-
-  void add_copies(int output, int entry, std::vector<int> nodes) {
-    const int count = static_cast<int>(nodes.size());
-    Loop loop{0, count, {}};
-    Column column;
-    column.nodes = std::move(nodes);
-    loop.columns.push_back(std::move(column));
-    loop.targets.push_back({-1, output, {entry, 1, -1}});
-    plan_.segments.emplace_back();
-    plan_.segments.back().loop = std::move(loop);
-  }
 
   void find_homes() {
     for (int s = 0; s < static_cast<int>(plan_.segments.size()); ++s) {
@@ -407,7 +244,7 @@ class Planner {
     }
     if (loop.of_sines || !loop.period) return;
     const std::vector<int> body(loop.nodes.begin(), loop.nodes.begin() + loop.period);
-    std::vector<int> wanted = ends_of(body);
+    std::vector<int> wanted = ends_of(graph_, body);
     for (const Target& target : loop.targets) wanted.push_back(body[target.from]);
     for (const Column& column : loop.columns)
       if (column.kind == Column::Kind::carried) wanted.push_back(body[column.computed]);
@@ -420,7 +257,9 @@ class Planner {
 
 RolledPlan rolled_plan(const Graph& graph, const Uses& uses, const std::vector<Stage>& stages, const Limits& limits,
                        int packed) {
-  return Planner(graph, uses, limits).plan(stages, packed);
+  RolledPlan plan = divided(graph, uses, stages, limits, packed);
+  Placer(graph, uses, limits, plan).place();
+  return plan;
 }
 
 }  // namespace bellcrank
