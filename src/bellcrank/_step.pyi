@@ -208,3 +208,10 @@ def row_sizes(
     sampling: RowSampling, parameters: NDArray[np.float64], threads: int
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Scale, square and unit of the kept rows and L (designs, 3 rows + 1), and which designs are clearly regular."""
+
+def csv_rows(columns: list[NDArray[np.float64] | tuple[NDArray[np.int32], list[str]]], blank: bool) -> bytes:
+    """The lines of a CSV file, UTF-8, from columns of numbers (n,), or of codes (n,) with the text of each code.
+
+    Numbers are written as `repr` does; those that are not finite as nan, inf and -inf, or where `blank` as empty cells.
+    Raises ValueError where columns differ in length or a code has no text.
+    """

@@ -7,12 +7,14 @@ injection"), which is removed when the cell is read back. Numbers are written as
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank._step import csv_rows
 from bellcrank.files.atomic_write import writing
 
 Array = NDArray[np.float64]
@@ -28,11 +30,13 @@ def write_table(path: str | Path, labels: Sequence[tuple[str, str]], blocks: Ite
     generator needs the memory of one block. The write is atomic. Raises InputError where the folder cannot be written.
     """
     target = Path(path)
-    with writing(target) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerow(guarded(f"{name} [{unit}]" for name, unit in labels))
+    header = io.StringIO()
+    csv.writer(header, lineterminator="\n").writerow(guarded(f"{name} [{unit}]" for name, unit in labels))
+    with writing(target) as temporary, temporary.open("wb") as file:
+        file.write(header.getvalue().encode())
         for block in blocks:
             for first in range(0, len(block), ROWS):
-                file.writelines(",".join(map(repr, row)) + "\n" for row in block[first : first + ROWS].tolist())
+                file.write(csv_rows(list(block[first : first + ROWS].T), blank=False))
     return target
 
 

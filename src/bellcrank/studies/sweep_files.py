@@ -7,18 +7,18 @@ import importlib.util
 import io
 import json
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank._step import csv_rows
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import write_text, writing
 from bellcrank.files.csv_files import guarded
 from bellcrank.simulation.save_run import write_archive
-from bellcrank.text import ERRORS, utf8
+from bellcrank.text import readable, utf8
 from bellcrank.version import version
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 BLOCK = 8192  # rows converted to text at a time
 ROW_GROUP = 2**17  # rows of a Parquet file that are written at a time
+Array = NDArray[np.float64]
 FORMAT = "bellcrank sweep"
 INSTALL = "pip install 'bellcrank[parquet]'"
 
@@ -64,37 +65,27 @@ def write_tables(sweep: Sweep, folder: Path) -> list[Path]:
 def write_csv(sweep: Sweep, path: str | Path) -> Path:
     """Write one row a design; a cell is empty where there is no measure, or it is not finite. The write is atomic."""
     labels = [*(axis.label for axis in sweep.axes), "status", *_labels(sweep), "reason"]
-    with writing(path) as temporary, temporary.open("w", encoding="utf-8", errors=ERRORS, newline="") as file:
-        csv.writer(file, lineterminator="\n").writerow(guarded(labels))
+    reasons, reason_of = _reasons(sweep)
+    measures = [sweep.columns.measures[name] for name in sweep.units]
+    columns: list[Array | tuple[NDArray[np.int32], list[str]]] = []
+    for axis, numbers in zip(sweep.axes, sweep.values.T, strict=True):
+        columns.append((numbers.astype(np.int32), list(map(_quoted, axis.choices))) if axis.choices else numbers)
+    columns.append((sweep.columns.status.astype(np.int32), list(map(_quoted, sweep.columns.statuses))))
+    columns += [*measures, (reason_of, list(map(_quoted, reasons)))]
+    with writing(path) as temporary, temporary.open("wb") as file:
+        file.write(",".join(map(_quoted, labels)).encode() + b"\n")
         for first in range(0, len(sweep), BLOCK):
-            file.writelines(_csv_lines(sweep, slice(first, min(first + BLOCK, len(sweep)))))
+            rows = slice(first, first + BLOCK)
+            parts = [(each[0][rows], each[1]) if isinstance(each, tuple) else each[rows] for each in columns]
+            file.write(csv_rows(parts, blank=True))
     return Path(path)
 
 
-def _csv_lines(sweep: Sweep, rows: slice) -> Iterator[str]:
-    """The lines of some rows; the texts of numbers are made column by column, which takes half the time."""
-    cells: list[list[str]] = []
-    for axis, numbers in zip(sweep.axes, sweep.values[rows].T, strict=True):
-        quoted = {float(k): _quoted(choice) for k, choice in enumerate(axis.choices)}
-        cells.append([quoted[x] for x in numbers.tolist()] if quoted else list(map(repr, numbers.tolist())))
-    status = [_quoted(name) for name in sweep.columns.statuses]
-    cells.append([status[k] for k in sweep.columns.status[rows].tolist()])
-    for name in sweep.units:
-        values = sweep.columns.measures[name][rows]
-        texts = list(map(repr, values.tolist()))
-        for row in np.flatnonzero(~np.isfinite(values)).tolist():
-            texts[row] = ""
-        cells.append(texts)
-    reasons = sweep.reasons
-    cells.append([_quoted(reasons[row]) if row in reasons else "" for row in range(rows.start, rows.stop)])
-    return (",".join(line) + "\n" for line in zip(*cells, strict=True))
-
-
 def _quoted(value: object) -> str:
-    """A cell of text as it stands in a CSV file."""
+    """A cell of text as it stands in a CSV file, in characters that UTF-8 has."""
     text = io.StringIO()
     csv.writer(text, lineterminator="").writerow([*guarded([value]), ""])  # a row of one empty cell would be '""'
-    return text.getvalue()[:-1]
+    return readable(text.getvalue()[:-1])
 
 
 def write_json(sweep: Sweep, path: str | Path) -> Path:

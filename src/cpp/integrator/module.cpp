@@ -9,6 +9,7 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/vector.h>
 
+#include "../files/csv_rows.hpp"
 #include "consistent_starts.hpp"
 #include "integrate.hpp"
 #include "sample_call.hpp"
@@ -89,4 +90,5 @@ NB_MODULE(_step, m) {
   bellcrank::bind_ensemble(m);
   bellcrank::bind_tableaus(m);
   bellcrank::bind_consistent_starts(m);
+  bellcrank::bind_csv_rows(m);
 }
