@@ -69,6 +69,8 @@ class Damage:
                 text = f"{text[: at.start(1)]}{' '.join(parts)}{text[at.end(1) :]}"
             else:
                 found = list(re.finditer(r"<[a-z]+ [^<>]*/>", text))
+                if not found:  # all of them have been left out
+                    continue
                 at = self.rng.choice(found)
                 text = text[: at.start()] + at.group() * (0 if what == 6 else 2) + text[at.end() :]
         return text

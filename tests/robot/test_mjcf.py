@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mujoco_figures import FEW, STORED, figures
+from scipy.spatial.transform import Rotation
 
 import bellcrank as bc
 from bellcrank.robot.mjcf_placement import roll_pitch_yaw
-from bellcrank.robot.robot_file import JointCoupling
+from bellcrank.robot.robot_file import JointCoupling, JointRelation, SphericalSpring
 
 FILES = Path(__file__).parent / "mjcf"
 NAMES = ("biped", "shapes", "couplings")
@@ -81,7 +82,11 @@ def test_accelerations_without_constraints(pair):
         tau = np.zeros(robot.nv)
         for name, spring in springs.items():
             joint = robot.joint(name)
-            tau[joint.v] = -spring.stiffness * (q[joint.q] - spring.reference)
+            if isinstance(spring, SphericalSpring):
+                stretch = Rotation.from_quat(q[joint.q : joint.q + 4]).as_rotvec()
+            else:
+                stretch = q[joint.q] - spring.reference
+            tau[joint.v : joint.v + joint.nv] = -spring.stiffness * stretch
         answer = vector(robot, state["acceleration"], "v", "nv")
         assert np.abs(robot.forward_dynamics(q, v, tau) - answer).max() < 1e-9 * np.abs(answer).max()
 
@@ -111,6 +116,8 @@ def turn(axis, angle):
 
 def gap(robot, loop, q):
     """What is left open of a constraint; of a weld the sine of half the angle too."""
+    if isinstance(loop, JointRelation):
+        return [sum(value * q[robot.joint(joint).q] for joint, value in loop.terms) - loop.constant]
     if isinstance(loop, JointCoupling):
         leader = 0.0 if loop.leader is None else q[robot.joint(loop.leader).q]
         return [q[robot.joint(loop.joint).q] - np.polynomial.Polynomial(loop.coefficients)(leader)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.robot.robot_file import JointCoupling, JointMotor, JointSpring, read_robot_file
+from bellcrank.robot.robot_file import JointCoupling, JointMotor, JointSpring, SphericalSpring, read_robot_file
 
 BALL = '<geom type="sphere" size="0.1"/>'
 CUBE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n" + "".join(
@@ -191,6 +191,30 @@ def test_a_coupling_is_multiplied_out_about_the_references(read):
         assert np.polynomial.Polynomial(found.coefficients)(x) == pytest.approx(expected, rel=1e-13)
 
 
+def test_an_equality_of_fixed_tendons_is_a_linear_relation(read):
+    bodies = joint('ref="30"') + joint('type="slide" ref="0.2"', "k").replace('"b"', '"c"')
+    tendons = (
+        '<tendon><fixed name="a"><joint joint="j" coef="2"/></fixed><fixed name="b"><joint joint="k" coef="3"/></fixed>'
+    )
+    equality = '</tendon><equality><tendon name="e" tendon1="a" tendon2="b" polycoef="0.1 0.5"/></equality>'
+    (found,) = read(bodies, tendons + equality).loops
+    assert found.terms == (("j", 2.0), ("k", -1.5))
+    assert found.constant == pytest.approx(2 * math.radians(30) - 1.5 * 0.2 + 0.1)
+    for polycoef in ("0 1 1", "0 0 0 0 1"):
+        file = read(bodies, tendons + equality.replace("0.1 0.5", polycoef))
+        assert not file.loops
+        assert any("<tendon> under <equality> is not modelled" in note for note in file.notes)
+    with pytest.raises(bc.InputError, match="unknown joint 'x'"):
+        read(bodies, tendons.replace('joint="j"', 'joint="x"') + equality)
+
+
+def test_a_ball_joint_has_a_spring(read):
+    file = read(joint('type="ball" stiffness="2"'))
+    assert file.springs == (SphericalSpring(joint="j", stiffness=2.0),)
+    force = bc.load_scene(file.source).forces[0]
+    assert (force.kind, force.stiffness, force.joint.name) == ("spherical_spring", 2.0, "j")
+
+
 def test_the_start_is_the_keyframe_home_or_the_posture_of_the_file(read):
     bodies = f'<body name="f" pos="1 2 3" euler="0 0 90"><freejoint/>{BALL}</body>' + joint('ref="90"')
     assert read(bodies).start == {
@@ -263,7 +287,7 @@ def test_total_mass(read):
         (joint(), "", "contacts are not modelled: 1 of 1 shapes may collide in MuJoCo."),
         (joint('stiffness="1 2"'), "", "only the first, linear coefficient is used (j)"),
         (joint('springdamper="1 2"'), "", "springdamper is not used: the joint has no spring by it (j)"),
-        (joint('type="ball" stiffness="2"'), "", "the stiffness of ball and free joints is not used (j)"),
+        (joint('type="free" stiffness="2"'), "", "the stiffness of free joints is not used (j)"),
         (joint('type="ball" range="0 30"'), "", "the range of ball joints is not used (j)"),
         (joint('type="free" damping="1"'), "", "damping, friction and armature of free joints are not used (j)"),
         (joint('colour="red"'), "", "line 1: colour of <joint> is not used."),

@@ -6,6 +6,7 @@ MuJoCo's are soft; contacts, tendons and controllers are not modelled. What is n
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from bellcrank.robot.mjcf_actuators import Motors, read_motors
 from bellcrank.robot.mjcf_bodies import Body, BodyReader
 from bellcrank.robot.mjcf_compiler import Compiler, Defaults, disabled_flags, gravity_of
 from bellcrank.robot.mjcf_element import read_mjcf_elements
-from bellcrank.robot.mjcf_equality import EqualityReader
+from bellcrank.robot.mjcf_equality import EqualityReader, fixed_tendons
 from bellcrank.robot.mjcf_inertia import InertiaReader, total_scale
 from bellcrank.robot.mjcf_joints import MOVING, MjcfJoint
 from bellcrank.robot.mjcf_meshes import Meshes
@@ -23,7 +24,7 @@ from bellcrank.robot.mjcf_notes import notes_of
 from bellcrank.robot.mjcf_start import start_of
 from bellcrank.robot.mjcf_urdf import UrdfWriter
 from bellcrank.robot.mjcf_visuals import Visuals
-from bellcrank.robot.robot_file import JointSpring, RobotFile
+from bellcrank.robot.robot_file import JointSpring, RobotFile, SphericalSpring
 
 
 def read_mjcf(text: str, source: Path, access: FileAccess) -> RobotFile:
@@ -53,7 +54,7 @@ def read_mjcf(text: str, source: Path, access: FileAccess) -> RobotFile:
     motors = read_motors(actuators, {j.name: j for body in bodies for j in body.joints}, compiler.autolimits)
     bodies = [replace(body, joints=tuple(_with_damping(joint, motors) for joint in body.joints)) for body in bodies]
     equalities = [defaults.resolved(each, "equality") for part in root.find_all("equality") for each in part.children]
-    loops, loop_notes = EqualityReader(bodies).read(equalities)
+    loops, loop_notes = EqualityReader(bodies, fixed_tendons(root)).read(equalities)
     if "equality" in disabled and loops:
         loops, loop_notes = [], ["the constraints under <equality> are disabled by <option><flag> and left out."]
     start, start_notes = start_of(bodies, root)
@@ -93,12 +94,12 @@ def _with_damping(joint: MjcfJoint, motors: Motors) -> MjcfJoint:
     return replace(joint, damping=(joint.damping[0] + added, *joint.damping[1:])) if added else joint
 
 
-def _springs(joints: list[MjcfJoint]) -> list[JointSpring]:
-    return [
-        JointSpring(joint=joint.name, stiffness=joint.stiffness[0], reference=joint.spring_ref)
-        for joint in joints
-        if joint.kind in MOVING and joint.stiffness[0]
-    ]
+def _springs(joints: list[MjcfJoint]) -> Iterator[JointSpring | SphericalSpring]:
+    for joint in joints:
+        if joint.stiffness[0] and joint.kind in MOVING:
+            yield JointSpring(joint=joint.name, stiffness=joint.stiffness[0], reference=joint.spring_ref)
+        elif joint.stiffness[0] and joint.kind == "ball":
+            yield SphericalSpring(joint=joint.name, stiffness=joint.stiffness[0])
 
 
 def _rotor_inertia(joints: list[MjcfJoint], motors: Motors) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Closed loops and couplings of an MJCF file: <connect>, <weld> and <joint> under <equality>.
+"""Closed loops and couplings of an MJCF file: <connect>, <weld>, <joint> and <tendon> under <equality>.
 
 A constraint between bodies holds in the posture in which the file places them, MuJoCo's qpos0; one between sites lets
 the sites coincide. MuJoCo's documentation, "XML Reference", section "equality".
@@ -18,15 +18,18 @@ from bellcrank.robot.mjcf_element import MjcfElement
 from bellcrank.robot.mjcf_joints import MOVING, MjcfJoint
 from bellcrank.robot.mjcf_names import Names
 from bellcrank.robot.mjcf_placement import Array, inverse, placement, roll_pitch_yaw, translation, vector
-from bellcrank.robot.robot_file import FrameLoop, FramePlace, JointCoupling, Loop, LoopKind
+from bellcrank.robot.robot_file import FrameLoop, FramePlace, JointCoupling, JointRelation, Loop, LoopKind
 
-SIDES = ("body1", "site1", "joint1", "body2", "site2", "joint2")
+Tendon = tuple[tuple[str, float], ...]  # (joint, coefficient) of a fixed tendon
+READ = ("connect", "weld", "joint", "tendon")
+SIDES = ("body1", "site1", "joint1", "body2", "site2", "joint2", "tendon1", "tendon2")
 
 
 class EqualityReader:
     """Reads the constraints between named bodies, whose sites and joints have their own names in the file."""
 
-    def __init__(self, bodies: Sequence[Body]) -> None:
+    def __init__(self, bodies: Sequence[Body], tendons: Mapping[str, Tendon]) -> None:
+        self._tendons = tendons
         self._joints = {joint.name: joint for body in bodies for joint in body.joints}
         self._places: dict[str, Array] = {}  # of bodies in the world, in the posture of the file
         self._sites: dict[str, tuple[str, Array]] = {}
@@ -44,12 +47,14 @@ class EqualityReader:
         for element in elements:
             ends = [element.attributes[key] for key in SIDES if key in element.attributes]
             name = element.name or names.new("_".join([element.tag, *ends]))
-            if element.tag not in ("connect", "weld", "joint"):
+            if element.tag not in READ or not self._is_linear(element):
                 notes.append(f"line {element.line}: the constraint <{element.tag}> under <equality> is not modelled.")
             elif not element.flag("active", True):
                 notes.append(f"line {element.line}: the <{element.tag}> '{name}' is inactive and left out.")
             elif element.tag == "joint":
                 loops.append(self._coupling(name, element))
+            elif element.tag == "tendon":
+                loops.append(self._relation(name, element))
             else:
                 loops.append(self._frames(name, element))
         return loops, notes
@@ -94,6 +99,32 @@ class EqualityReader:
             name=name, joint=joint.name, leader=None if leader is None else leader.name, coefficients=coefficients
         )
 
+    def _is_linear(self, element: MjcfElement) -> bool:
+        """Whether a <tendon> is a linear relation of hinge and slide joints; true for other elements."""
+        if element.tag != "tendon":
+            return True
+        tendons = [
+            self._tendons.get(element.attributes[key]) for key in ("tendon1", "tendon2") if key in element.attributes
+        ]
+        return bool(tendons) and all(tendons) and not any((element.numbers("polycoef", 1, 5) or ())[2:])
+
+    def _relation(self, name: str, element: MjcfElement) -> JointRelation:
+        """L₁ − L₁(ref) = c₀ + c₁ (L₂ − L₂(ref)) of fixed tendons, whose lengths L are sums of coefficient · q."""
+        given = element.numbers("polycoef", 1, 5) or ()
+        constant, slope, *_ = (*given, *(0.0, 1.0)[len(given) :])
+        terms = dict.fromkeys(self._joints, 0.0)
+        for key, factor in (("tendon1", 1.0), ("tendon2", -slope)):
+            for joint, coefficient in self._tendons.get(element.attributes.get(key, ""), ()):
+                if joint not in self._joints:
+                    raise element.fail(f"{key}: {unknown_name('joint', joint, self._joints)}")
+                if self._joints[joint].kind not in MOVING:
+                    raise element.fail(f"{key}: the joint '{joint}' is not a hinge or slide")
+                terms[joint] += factor * coefficient
+        used = tuple((joint, value) for joint, value in terms.items() if value)
+        return JointRelation(
+            name=name, terms=used, constant=constant + sum(value * self._joints[joint].ref for joint, value in used)
+        )
+
     def _one(self, element: MjcfElement, key: str) -> MjcfJoint:
         joint = self._joints[self._known(element, key, self._joints, "joint")]
         if joint.kind not in MOVING:
@@ -105,6 +136,15 @@ class EqualityReader:
         if name not in known:
             raise element.fail(f"{key}: {unknown_name(kind, name, known)}")
         return name
+
+
+def fixed_tendons(root: MjcfElement) -> dict[str, Tendon]:
+    """The <fixed> tendons of a file by name. Raises InputError."""
+    return {
+        tendon.name: tuple((part.required("joint"), part.number("coef", 1.0)) for part in tendon.find_all("joint"))
+        for section in root.find_all("tendon")
+        for tendon in section.find_all("fixed")
+    }
 
 
 def _relative_pose(element: MjcfElement, there: Array) -> Array:

@@ -64,7 +64,7 @@ def _joints(bodies: Sequence[Body]) -> Iterator[str]:
     several = [joint for joint in joints if joint.kind in ("ball", "free")]
     free = [joint for joint in several if joint.kind == "free"]
     unused = {
-        "the stiffness of ball and free joints is not used": [j for j in several if j.stiffness[0]],
+        "the stiffness of free joints is not used": [j for j in free if j.stiffness[0]],
         "damping, friction and armature of free joints are not used": [
             j for j in free if j.damping[0] or j.friction or j.armature
         ],

@@ -79,6 +79,14 @@ class JointSpring:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SphericalSpring:
+    """A spring at a spherical joint: torque = −stiffness θ e, N m/rad, with the rotation vector θ e of the joint."""
+
+    joint: str
+    stiffness: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class JointMotor:
     """A motor at a joint: the joint turns `gear` times slower than the motor; `effort` is the largest torque or force
     at the joint (N m or N), None where the file gives none.
@@ -115,7 +123,7 @@ class RobotFile:
     urdf: str
     loops: tuple[Loop, ...] = ()
     loop_file: Path | None = None
-    springs: tuple[JointSpring, ...] = ()
+    springs: tuple[JointSpring | SphericalSpring, ...] = ()
     motors: tuple[JointMotor, ...] = ()
     rotor_inertia: Mapping[str, float] = field(default_factory=dict)
     start: Mapping[str, float | tuple[float, ...]] | None = None

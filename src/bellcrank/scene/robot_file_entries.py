@@ -22,8 +22,10 @@ from bellcrank.robot.robot_file import (
     FramePlace,
     JointCoupling,
     JointRelation,
+    JointSpring,
     Loop,
     RobotFile,
+    SphericalSpring,
     read_robot_file,
 )
 from bellcrank.scene.robot_path import robot_path
@@ -97,16 +99,7 @@ def _entries(file: RobotFile, imported: frozenset[Path]) -> dict[str, Any]:
     found: dict[str, Any] = {
         "frames": frames,
         "constraints": constraints,
-        "forces": [
-            {
-                "kind": "joint_spring",
-                "name": f"spring_{spring.joint}",
-                "joint": spring.joint,
-                "stiffness": spring.stiffness,
-                "rest": spring.reference,
-            }
-            for spring in file.springs
-        ],
+        "forces": [_spring(spring) for spring in file.springs],
         "actuated": list(dict.fromkeys(motor.joint for motor in file.motors)),
         "rotor_inertia": dict(file.rotor_inertia),
         "initial": _start(file),
@@ -114,6 +107,13 @@ def _entries(file: RobotFile, imported: frozenset[Path]) -> dict[str, Any]:
         "notes": list(file.notes),
     }
     return {key: value for key, value in found.items() if value}
+
+
+def _spring(spring: JointSpring | SphericalSpring) -> dict[str, Any]:
+    entry = {"name": f"spring_{spring.joint}", "joint": spring.joint, "stiffness": spring.stiffness}
+    if isinstance(spring, SphericalSpring):
+        return {"kind": "spherical_spring", **entry}
+    return {"kind": "joint_spring", **entry, "rest": spring.reference}
 
 
 def _imported(fields: Fields) -> frozenset[Path]:
