@@ -259,6 +259,8 @@ def test_a_run_as_csv_is_a_motion_again(scene, tmp_path):
         ({"initial": {"velocity": {"ball": 1}}}, "this joint has several degrees of freedom"),
         ({"forces": [{"kind": "damper", "joint": "ball", "coefficient": 1}]}, "joint 'ball' is spherical"),
         ({"forces": [{"kind": "spherical_spring", "joint": "screw"}]}, "joint 'screw' is screw; expected a spherical"),
+        ({"outputs": {"x": {"expression": "joint('ball').position"}}}, "joint 'ball' is spherical; write frame"),
+        ({"events": [{"name": "e", "when": {"joint": "ball", "position": 1}}]}, "joint 'ball' is spherical"),
         ({"control": [{"kind": "pd", "target": {"ball": 1}, "kp": 1}]}, "joint 'ball' is spherical"),
     ],
 )

@@ -175,6 +175,11 @@ class _Reader:
 
     def _joint(self, node: ast.Attribute, name: str, what: str) -> Term:
         if name not in self.robot.joint_names:
+            other = next((joint for joint in self.robot.joints if joint.name == name), None)
+            if other is not None:
+                raise self._error(
+                    node, f"joint '{name}' is {other.kind}; write frame('LINK') of its child link instead"
+                )
             raise self._error(node, unknown_name("joint", name, self.robot.joint_names))
         if what not in JOINT:
             raise self._error(node, unknown_name("component of a joint", what, JOINT))
