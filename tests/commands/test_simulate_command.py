@@ -45,6 +45,17 @@ def test_it_prints_the_summary_and_writes_run_table_and_pictures(arm, capsys):
     assert all(p.read_bytes().startswith(b"\x89PNG") for p in Path("arm_run").glob("*.png"))
 
 
+@pytest.mark.parametrize("command", ["simulate", "size", "select", "sweep"])
+def test_an_empty_output_folder_is_refused(command, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    try:
+        code = main([command, "planar_2r", "--out", ""])
+    except SystemExit as stopped:
+        code = stopped.code
+    assert code == 2 and "argument --out: expected a path, found ''" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 def test_it_has_help_and_stands_in_the_list_of_commands(capsys):
     for arguments in (["simulate", "--help"], ["--help"]):
         with pytest.raises(SystemExit) as ended:

@@ -134,13 +134,20 @@ def test_a_grid_tells_ranges_and_what_failed(grid):
 
 def test_a_sample_tells_probabilities_with_their_intervals(drawn):
     document = document_of(drawn, ["lock.time > 13 s", "lock.time < 12 s"])
-    assert document.status == "OK" and not document.partial
-    count = int((drawn.column("lock.time") > 13.0).sum())
+    count, other = (
+        int(beyond.sum()) for beyond in (drawn.column("lock.time") > 13.0, drawn.column("lock.time") < 12.0)
+    )
+    assert document.status == f"Limit exceeded: {100.0 * max(count, other) / 160:.3g} %" and document.partial
     assert document.verdict[1].startswith(f"lock.time > 13 s: probability {100.0 * count / 160:.3g} % (95 % interval ")
     limits = document.parts[0]
     assert limits.rows[0][3:] == (f"{count} of 160", "every design has it")
     assert limits.note == "Intervals: Clopper-Pearson, 160 independent designs."
     assert any("median" in line and "lock.crank" in line for line in document.verdict)
+
+
+def test_a_sample_within_its_limits_is_in_order(drawn):
+    document = document_of(drawn, ["lock.time > 100 s"])
+    assert document.status == "OK" and not document.partial
 
 
 def test_sobol_indices_are_told_in_words_and_numbers():

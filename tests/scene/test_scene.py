@@ -496,6 +496,7 @@ def test_overrides_of_the_start_or_a_parameter_keep_robot_and_equations(scene):
         ("simulate.rtol", -1, "override 'simulate.rtol'.*more than 0"),
         ("simulat.rtol", 1, "override 'simulat.rtol'.*did you mean 'simulate'"),
         ("lod", 1, "override 'lod'.*did you mean 'load'"),
+        ("load.value", 1, "'load' is a parameter; write 'load' for its value, or 'parameters.load.value'"),
         ("forces.cabel.stiffness", 1, "override 'forces.cabel.stiffness'.*did you mean 'cable'"),
         ("forces.9.stiffness", 1, "override 'forces.9.stiffness'.*unknown entry '9'"),
         ("forces.wind.force.3", "x", "override 'forces.wind.force.3'.*a number in N"),

@@ -11,6 +11,7 @@ from bellcrank.dynamics import design_parameters as by_parameters
 from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.errors import BellcrankError
+from bellcrank.studies.infeasible_reasons import infeasible_reason
 from bellcrank.studies.plain_axes import Kind, plain_axes
 from bellcrank.studies.scene_designs import SceneDesigns
 
@@ -186,7 +187,7 @@ def test_every_design_has_the_parameters_the_start_or_the_reason_that_it_has_alo
         try:
             design = scene.with_overrides(designs.overrides(numbers))
         except BellcrankError as error:
-            assert block.infeasible[row] == str(error).removeprefix(f"{scene.source}: ")
+            assert block.infeasible[row] == infeasible_reason(error, scene)
             assert np.isnan(block.start_position[row]).all()
             continue
         position, p, x, reason = alone(design)

@@ -279,6 +279,7 @@ def test_what_cannot_be_is_a_row_with_its_reason() -> None:
     assert [found.statuses[k] for k in found.status] == ["pass"] + ["infeasible"] * 5
     for row, part in enumerate(("0 kg or more", "at most 1", "more than 0 s", "2.3e-16 kg or more", "finite"), 1):
         assert part in found.reasons[row], found.reasons[row]
+        assert str(study.scene.source.parent) not in found.reasons[row]
     assert all(np.isnan(column[1:]).all() for name, column in found.measures.items())
 
 

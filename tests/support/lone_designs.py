@@ -8,6 +8,7 @@ from lone_measures import measure_name, reason, run_measures, start_measures, un
 
 import bellcrank as bc
 from bellcrank.studies.axes import read_axis
+from bellcrank.studies.infeasible_reasons import infeasible_reason
 from bellcrank.studies.simulation_runner import SimulationRunner
 
 ROWS, WINDOW = 20_001, 1001  # in which extremes are looked for, and again around them
@@ -36,7 +37,7 @@ def lone(found, values):
         run = bc.simulate(scene)
         measures |= {name: value for name, _, value in run_measures(run)}
     except bc.BellcrankError as error:
-        return "infeasible", str(error).removeprefix(f"{found.scene.source}: "), measures
+        return "infeasible", infeasible_reason(error, found.scene), measures
     why, status = reason(run), str(run.status)
     if run.success and (blank := unknown_measures(run, measures)):
         status, why = "unknown", "; ".join(filter(None, [why, blank]))

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bellcrank.commands.options import number_option
+from bellcrank.commands.output_files import output_path
 from bellcrank.config.fields import parse_number
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file, check_folder, default_place
@@ -62,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for name, meaning in MEANING.items():
         parser.add_argument(f"--{name}", metavar="MIN..MAX", help=f"{meaning}; either end may be left out")
     parser.add_argument(
-        "--out", type=Path, metavar="DIR|FILE",
+        "--out", type=output_path, metavar="DIR|FILE",
         help="list: write what is listed as catalogue files and catalogue.json in this folder; show: the picture "
         "(default: ID.png in the current folder)",
     )  # fmt: skip

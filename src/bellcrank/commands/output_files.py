@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from bellcrank.errors import InputError
+
+
+def output_path(text: str) -> Path:
+    """The path that an option names for output. An empty one, as of a variable that is not set, is refused.
+
+    Raises ArgumentTypeError, which argparse reports with the option's name.
+    """
+    if not text.strip():
+        raise argparse.ArgumentTypeError(f"expected a path, found {text!r}; leave the option out for the default")
+    return Path(text)
 
 
 @contextmanager

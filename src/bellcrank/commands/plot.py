@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bellcrank.commands.output_files import output_path
 from bellcrank.commands.result_argument import add_result_argument, compute_or_load, stem, verdict_of
 from bellcrank.files.atomic_write import check_file, default_place
 
@@ -19,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_result_argument(parser)
     parser.add_argument(
         "--out",
-        type=Path,
+        type=output_path,
         metavar="FILE",
         help="picture of a run: PNG, PDF or SVG; pictures of a sizing are PNG, named after it (default: RUN.png in the "
         "current folder)",

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from bellcrank.commands.options import number_option, size_option
+from bellcrank.commands.output_files import output_path
 from bellcrank.commands.result_argument import add_result_argument, compute_or_load, stem, verdict_of
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file, default_place
@@ -19,7 +20,9 @@ PICTURES = ("png", "gif", "mp4")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """What to show, and where to write."""
     add_result_argument(parser)
-    parser.add_argument("--out", type=Path, metavar="FILE", help="the page (default: RUN.html in the current folder)")
+    parser.add_argument(
+        "--out", type=output_path, metavar="FILE", help="the page (default: RUN.html in the current folder)"
+    )
     parser.add_argument(
         "--trace", action="append", default=[], metavar="FRAME", help="draw the path of this frame; may be repeated"
     )
@@ -29,10 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     films = parser.add_argument_group(
         "stills and films", "rendered by headless Chromium; the page itself is written only with --out or --open"
     )
-    films.add_argument("--png", type=Path, metavar="FILE", help="write a still as PNG")
+    films.add_argument("--png", type=output_path, metavar="FILE", help="write a still as PNG")
     films.add_argument("--at", metavar="S", help="time of the still, s (default: the end)")
-    films.add_argument("--gif", type=Path, metavar="FILE", help="write the replay as GIF")
-    films.add_argument("--mp4", type=Path, metavar="FILE", help="write the replay as MP4")
+    films.add_argument("--gif", type=output_path, metavar="FILE", help="write the replay as GIF")
+    films.add_argument("--mp4", type=output_path, metavar="FILE", help="write the replay as MP4")
     films.add_argument("--speed", metavar="X", help="playback speed relative to real time (default: 1)")
     films.add_argument("--fps", metavar="N", help="frames per second (default: 15 for GIF, 30 for MP4)")
     films.add_argument("--window", metavar="WxH", default="960x720", help="size in pixels (default: 960x720)")

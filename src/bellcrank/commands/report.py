@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
+from bellcrank.commands.output_files import output_path
 from bellcrank.commands.result_argument import add_result_argument, compute_or_load, remarks_of, stem, verdict_of
 from bellcrank.files.atomic_write import check_file, default_place
 
@@ -13,7 +13,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """What to report, and where to write."""
     add_result_argument(parser)
     parser.add_argument(
-        "--out", type=Path, metavar="FILE", help="the page (default: RUN_report.html in the current folder)"
+        "--out", type=output_path, metavar="FILE", help="the page (default: RUN_report.html in the current folder)"
     )
     parser.add_argument(
         "--trace", action="append", default=[], metavar="FRAME", help="draw the path of this frame; may be repeated"

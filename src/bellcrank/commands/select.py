@@ -14,7 +14,7 @@ from bellcrank.commands.options import (
     number_option,
     whole_option,
 )
-from bellcrank.commands.output_files import list_on_failure
+from bellcrank.commands.output_files import list_on_failure, output_path
 from bellcrank.commands.size import parse_payload
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file, check_folder, default_place
@@ -88,7 +88,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_allow_massless(parser)
     add_trust(parser)
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="output folder (default: ROBOT_selection in the current folder)"
+        "--out", type=output_path, metavar="DIR", help="output folder (default: ROBOT_selection in the current folder)"
     )
     parser.add_argument("--no-plots", action="store_true", help="do not write pictures")
 

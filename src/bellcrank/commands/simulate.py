@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank.commands.options import add_keep_every, add_set, add_trust, keep_every, number_option, whole_option
-from bellcrank.commands.output_files import list_on_failure, write_each
+from bellcrank.commands.output_files import list_on_failure, output_path, write_each
 from bellcrank.errors import InputError, NotSavedError
 from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.terminal.progress import bars
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_set(parser, "initial.shoulder='10 deg'")
     add_trust(parser)
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="output folder (default: SCENE_run in the current folder)"
+        "--out", type=output_path, metavar="DIR", help="output folder (default: SCENE_run in the current folder)"
     )
     parser.add_argument(
         "--csv", action="store_true", help=f"write run.csv even if the run has more than {CSV_ROWS} rows"

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bellcrank.commands.options import add_allow_massless, add_set, add_trust, config_with_changes, number_option
-from bellcrank.commands.output_files import list_on_failure
+from bellcrank.commands.output_files import list_on_failure, output_path
 from bellcrank.config.fields import parse_number
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_allow_massless(parser)
     add_trust(parser)
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="output folder (default: ROBOT_sizing in the current folder)"
+        "--out", type=output_path, metavar="DIR", help="output folder (default: ROBOT_sizing in the current folder)"
     )
     parser.add_argument("--no-plots", action="store_true", help="do not write pictures")
 

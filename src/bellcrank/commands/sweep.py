@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from bellcrank.commands import sweep_statistics
 from bellcrank.commands.options import add_keep_every, add_trust, keep_every, whole_option
-from bellcrank.commands.output_files import list_on_failure
+from bellcrank.commands.output_files import list_on_failure, output_path
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.messages import unknown_name
@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scheduler", metavar="ADDRESS", help="run designs on the workers of a Dask scheduler")
     add_trust(parser)
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="output folder (default: SCENE_sweep in the current folder)"
+        "--out", type=output_path, metavar="DIR", help="output folder (default: SCENE_sweep in the current folder)"
     )
     parser.add_argument(
         "--restart",

@@ -138,9 +138,9 @@ def study_document(
     kind = "grid of all combinations" if sample is None else sample.identity
     return Document(
         title=film.designs.film.title,
-        status="Interrupted" if not sweep.complete else "OK" if not failed else f"{failed:,} failed",
+        status=_status(sweep, found),
         success=bool(sweep.finished),
-        partial=bool(failed) or not sweep.complete,
+        partial=bool(failed) or not sweep.complete or any(one.exceeded for one in found),
         verdict=tuple(_verdict(sweep, measures, found, statistics, sensitivity)),
         about=("study of designs", sweep.scene.source.name, kind, *about(made)),
         warnings=(),
@@ -148,6 +148,16 @@ def study_document(
         still=Still(float(first.time[-1]), "A design whose first measure is the median of all, at its end"),
         parts=tuple(parts),
     )
+
+
+def _status(sweep: Sweep, found: Sequence[Exceedance]) -> str:
+    """The result in a few words; "OK" only where all designs finished and none exceeds a limit."""
+    if not sweep.complete:
+        return "Interrupted"
+    if failed := len(sweep) - sweep.finished:
+        return f"{failed:,} failed"
+    worst = max((one.probability for one in found if one.exceeded), default=0.0)
+    return f"Limit exceeded: {100.0 * worst:.3g} %" if worst else "OK"
 
 
 def _verdict(

@@ -111,6 +111,9 @@ def _with_parameter(data: Mapping[str, Any], path: str, value: Any) -> list[str]
     if path not in known and name in names and not isinstance(value, Mapping):
         return ["parameters", name, "value"]
     keys = path.split(".")
+    if keys[0] in names and keys[0] not in known:
+        whole = f"parameters.{'.'.join(keys)}"
+        raise InputError(f"'{keys[0]}' is a parameter; write '{keys[0]}' for its value, or '{whole}' for a key of it")
     if keys[0] not in known:
         raise InputError(_unknown(path, keys[0], [*known, *names]))
     return keys

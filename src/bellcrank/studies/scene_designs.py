@@ -23,6 +23,7 @@ from bellcrank.errors import BellcrankError
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.baumgarte_gains import automatic_gains
 from bellcrank.simulation.integration import refuse_infinite_start, refuse_open_contact
+from bellcrank.studies.infeasible_reasons import infeasible_reason
 from bellcrank.studies.plain_axes import DesignAxis, Kind, PlainAxis, admitted, plain_axes
 from bellcrank.studies.variant_designs import VariantDesigns
 
@@ -190,7 +191,7 @@ class SceneDesigns(Portable):
             positions[row] = consistent_start(scene)[0]
             scene, parameters, start = _checked_start(scene)
         except BellcrankError as error:
-            infeasible[row] = str(error).removeprefix(f"{self.scene.source}: ")
+            infeasible[row] = infeasible_reason(error, self.scene)
             return
         group = members.setdefault(system_of(scene), _Members(scene))
         group.add(np.array([row]), parameters[None], start[None])

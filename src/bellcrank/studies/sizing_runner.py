@@ -21,6 +21,7 @@ from bellcrank.sizing.result import Sizing, SizingInputs
 from bellcrank.sizing.size import sizing_subject
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.design_runner import StudyInterrupted
+from bellcrank.studies.infeasible_reasons import infeasible_reason
 from bellcrank.studies.shared_sizing import SharedSizing
 from bellcrank.studies.sizing_axes import DesignAxis, changes_of, factors
 from bellcrank.studies.sizing_batch import SizingBatch, certain
@@ -170,7 +171,7 @@ class SizingRunner(Portable):
         try:
             sizing = self.design(numbers)
         except BellcrankError as error:
-            rows.infeasible[row] = str(error).removeprefix(f"{self.scene.source}: ")
+            rows.infeasible[row] = infeasible_reason(error, self.scene)
         else:
             for name, value in measures_of(sizing).items():
                 if name in rows.measures:

@@ -21,6 +21,7 @@ from bellcrank.dynamics.system import system_of
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.integration import infinite_starts, open_contacts
+from bellcrank.studies.infeasible_reasons import infeasible_reason
 from bellcrank.studies.plain_axes import Kind, PlainAxis
 
 Array = NDArray[np.float64]
@@ -115,7 +116,7 @@ class VariantDesigns:
         try:
             prescribed_motion_end(self.scene)
         except InputError as error:
-            text = str(error).removeprefix(f"{self.scene.source}: ")
+            text = infeasible_reason(error, self.scene)
             return dict.fromkeys(range(len(start)), text)
         if not len(start):
             return {}
