@@ -208,6 +208,22 @@ def test_an_equality_of_fixed_tendons_is_a_linear_relation(read):
         read(bodies, tendons.replace('joint="j"', 'joint="x"') + equality)
 
 
+@pytest.mark.parametrize("kind", ["hinge", "ball"])
+def test_a_springdamper_gives_the_time_constant_and_the_damping_ratio(read, kind):
+    """Of a ball of 0.1 m that turns about its centre, with armature: I (θ'' + 2/T θ' + θ/(T ζ)²) = 0."""
+    file = read(joint(f'type="{kind}" springdamper="0.5 0.8" stiffness="9" armature="0.03"'))
+    inertia = 0.4 * (1000 * 4 / 3 * math.pi * 0.1**3) * 0.01 + 0.03
+    (spring,) = file.springs
+    assert spring.stiffness == pytest.approx(inertia / (0.5 * 0.8) ** 2, rel=1e-12)
+    assert loaded(file).urdf.joints["j"].damping == pytest.approx(2 * inertia / 0.5, rel=1e-12)
+
+
+def test_a_springdamper_needs_inertia(read):
+    massless = '<body name="b"><joint name="j" springdamper="1 1"/></body>'
+    with pytest.raises(bc.InputError, match="springdamper needs the inertia of all joints"):
+        read(massless)
+
+
 def test_a_ball_joint_has_a_spring(read):
     file = read(joint('type="ball" stiffness="2"'))
     assert file.springs == (SphericalSpring(joint="j", stiffness=2.0),)
@@ -286,7 +302,6 @@ def test_total_mass(read):
     [
         (joint(), "", "contacts are not modelled: 1 of 1 shapes may collide in MuJoCo."),
         (joint('stiffness="1 2"'), "", "only the first, linear coefficient is used (j)"),
-        (joint('springdamper="1 2"'), "", "springdamper is not used: the joint has no spring by it (j)"),
         (joint('type="free" stiffness="2"'), "", "the stiffness of free joints is not used (j)"),
         (joint('type="ball" range="0 30"'), "", "the range of ball joints is not used (j)"),
         (joint('type="free" damping="1"'), "", "damping, friction and armature of free joints are not used (j)"),

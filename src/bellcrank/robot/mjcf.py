@@ -6,25 +6,24 @@ MuJoCo's are soft; contacts, tendons and controllers are not modelled. What is n
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from bellcrank.files.access import FileAccess
-from bellcrank.robot.mjcf_actuators import Motors, read_motors
+from bellcrank.robot.mjcf_actuators import read_motors
 from bellcrank.robot.mjcf_bodies import Body, BodyReader
 from bellcrank.robot.mjcf_compiler import Compiler, Defaults, disabled_flags, gravity_of
 from bellcrank.robot.mjcf_element import read_mjcf_elements
 from bellcrank.robot.mjcf_equality import EqualityReader, fixed_tendons
 from bellcrank.robot.mjcf_inertia import InertiaReader, total_scale
-from bellcrank.robot.mjcf_joints import MOVING, MjcfJoint
 from bellcrank.robot.mjcf_meshes import Meshes
 from bellcrank.robot.mjcf_names import named
 from bellcrank.robot.mjcf_notes import notes_of
+from bellcrank.robot.mjcf_passive_forces import joints_of, rotor_inertia, springs_of, with_passive_forces
 from bellcrank.robot.mjcf_start import start_of
 from bellcrank.robot.mjcf_urdf import UrdfWriter
 from bellcrank.robot.mjcf_visuals import Visuals
-from bellcrank.robot.robot_file import JointSpring, RobotFile, SphericalSpring
+from bellcrank.robot.robot_file import RobotFile
 
 
 def read_mjcf(text: str, source: Path, access: FileAccess) -> RobotFile:
@@ -49,26 +48,25 @@ def read_mjcf(text: str, source: Path, access: FileAccess) -> RobotFile:
     bodies = _with_total_mass(
         named(BodyReader(compiler, defaults, InertiaReader(compiler, meshes)).read(root)), compiler
     )
-    bodies = [replace(body, joints=tuple(_enabled(joint, disabled) for joint in body.joints)) for body in bodies]
     actuators = [defaults.resolved(each, "actuator") for part in root.find_all("actuator") for each in part.children]
-    motors = read_motors(actuators, {j.name: j for body in bodies for j in body.joints}, compiler.autolimits)
-    bodies = [replace(body, joints=tuple(_with_damping(joint, motors) for joint in body.joints)) for body in bodies]
+    motors = read_motors(actuators, {joint.name: joint for joint in joints_of(bodies)}, compiler.autolimits)
+    bodies = with_passive_forces(bodies, motors, disabled, source)
     equalities = [defaults.resolved(each, "equality") for part in root.find_all("equality") for each in part.children]
     loops, loop_notes = EqualityReader(bodies, fixed_tendons(root)).read(equalities)
     if "equality" in disabled and loops:
         loops, loop_notes = [], ["the constraints under <equality> are disabled by <option><flag> and left out."]
     start, start_notes = start_of(bodies, root)
     visuals = Visuals(root, defaults, meshes)
-    joints = [joint for body in bodies for joint in body.joints]
+    joints = joints_of(bodies)
     efforts = {joint.name: effort for joint in joints if (effort := motors.effort(joint)) is not None}
     urdf = UrdfWriter(bodies, visuals.of(bodies), efforts).text(root.attributes.get("model", "") or source.stem)
     return RobotFile(
         source=source,
         urdf=urdf,
         loops=tuple(loops),
-        springs=tuple(_springs(joints)),
+        springs=tuple(springs_of(joints)),
         motors=motors.motors,
-        rotor_inertia=_rotor_inertia(joints, motors),
+        rotor_inertia=rotor_inertia(joints, motors),
         start=start,
         gravity=gravity_of(root),
         notes=(*start_notes, *loop_notes, *motors.notes, *notes_of(root, bodies, visuals, meshes)),
@@ -78,30 +76,3 @@ def read_mjcf(text: str, source: Path, access: FileAccess) -> RobotFile:
 def _with_total_mass(bodies: list[Body], compiler: Compiler) -> list[Body]:
     scale = total_scale([body.inertia for body in bodies], compiler)
     return bodies if scale == 1.0 else [replace(body, inertia=body.inertia.scaled(scale)) for body in bodies]
-
-
-def _enabled(joint: MjcfJoint, disabled: frozenset[str]) -> MjcfJoint:
-    """The joint without the passive forces that flags disable."""
-    if disabled & {"spring", "passive"}:
-        joint = replace(joint, stiffness=(0.0,))
-    if disabled & {"damper", "passive"}:
-        joint = replace(joint, damping=(0.0,))
-    return replace(joint, friction=0.0) if "frictionloss" in disabled else joint
-
-
-def _with_damping(joint: MjcfJoint, motors: Motors) -> MjcfJoint:
-    added = motors.damping.get(joint.name, 0.0)
-    return replace(joint, damping=(joint.damping[0] + added, *joint.damping[1:])) if added else joint
-
-
-def _springs(joints: list[MjcfJoint]) -> Iterator[JointSpring | SphericalSpring]:
-    for joint in joints:
-        if joint.stiffness[0] and joint.kind in MOVING:
-            yield JointSpring(joint=joint.name, stiffness=joint.stiffness[0], reference=joint.spring_ref)
-        elif joint.stiffness[0] and joint.kind == "ball":
-            yield SphericalSpring(joint=joint.name, stiffness=joint.stiffness[0])
-
-
-def _rotor_inertia(joints: list[MjcfJoint], motors: Motors) -> dict[str, float]:
-    sums = {j.name: j.armature + motors.armature.get(j.name, 0.0) for j in joints if j.kind != "free"}
-    return {name: value for name, value in sums.items() if value}

@@ -72,9 +72,6 @@ def _joints(bodies: Sequence[Body]) -> Iterator[str]:
         "of stiffness and damping only the first, linear coefficient is used": [
             j for j in joints if any((*j.stiffness[1:], *j.damping[1:]))
         ],
-        "springdamper is not used: the joint has no spring by it": [
-            j for j in joints if any(j.element.numbers("springdamper", 2, 2) or ())
-        ],
         "springyield is not used": [j for j in joints if "springyield" in j.element.attributes],
     }
     for sentence, found in unused.items():

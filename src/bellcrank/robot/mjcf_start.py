@@ -23,7 +23,7 @@ def start_of(bodies: Sequence[Body], root: MjcfElement) -> tuple[Start, list[str
     """
     keys = [key for section in root.find_all("keyframe") for key in section.find_all("key")]
     given = [key for key in keys if "qpos" in key.attributes]
-    start = _reference(bodies)
+    start = reference_posture(bodies)
     if not given:
         return start, []
     chosen = next((key for key in given if key.attributes.get("name") == HOME), given[0])
@@ -40,7 +40,8 @@ def start_of(bodies: Sequence[Body], root: MjcfElement) -> tuple[Start, list[str
     return start, notes
 
 
-def _reference(bodies: Sequence[Body]) -> dict[str, float | tuple[float, ...]]:
+def reference_posture(bodies: Sequence[Body]) -> dict[str, float | tuple[float, ...]]:
+    """The positions of joints where the bodies are as the file places them, MuJoCo's qpos0."""
     start: dict[str, float | tuple[float, ...]] = {}
     for body in bodies:
         for joint in body.joints:
