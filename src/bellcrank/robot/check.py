@@ -12,15 +12,18 @@ from bellcrank.robot.element_checks import joint_findings, link_findings
 from bellcrank.robot.finding import ORDER, SHOWN, Finding, format_findings, listed, without_source
 from bellcrank.robot.mass_checks import articulated_findings, massless_findings, moving_without_mass
 from bellcrank.robot.mesh_path import find_mesh, looked_for
+from bellcrank.robot.robot_file import read_robot_file
 from bellcrank.robot.urdf_elements import JOINT_TYPES, MIMICKED, origin_from
 from bellcrank.robot.urdf_file import Joint, Link, Urdf, reading_of
-from bellcrank.robot.xml_tree import Element, parse_xml, read_text
+from bellcrank.robot.xml_tree import Element, parse_xml
 
 __all__ = ["Finding", "check_urdf", "format_findings"]
 
 
 def check_urdf(path: str | Path, *, trust: Trust = ()) -> list[Finding]:
-    """Check a URDF file: its elements, its tree, its masses and its meshes, and compare it with what yourdfpy reads.
+    """Check a robot file: its elements, its tree, its masses and its meshes; compare a URDF with what yourdfpy reads.
+
+    Other formats are checked as the URDF that they become; lines in messages are those of that URDF.
 
     An error makes dynamics wrong or impossible, a warning is about something that is probably not intended, and a note
     about something that is easily missed. A file that cannot be read gives one finding and no exception.
@@ -41,9 +44,11 @@ def check_urdf(path: str | Path, *, trust: Trust = ()) -> list[Finding]:
         >>> bc.check_urdf(bc.load_robot("planar_2r").source)
         []
     """
-    source = arguments.path("path", path, "the path of a URDF")
+    source = arguments.path("path", path, "the path of a robot file")
+    access = FileAccess.of(source.resolve(), trust)
     try:
-        text = read_text(source)
+        file = read_robot_file(source, access)
+        text = file.urdf
         reading = reading_of(text, source)
     except BellcrankError as problem:
         return [Finding("error", "file", without_source(source, str(problem)))]
@@ -52,12 +57,13 @@ def check_urdf(path: str | Path, *, trust: Trust = ()) -> list[Finding]:
         findings.extend(link_findings(link))
     for joint in reading.joints.values():
         findings.extend(joint_findings(joint))
-    findings.extend(_mesh_findings(reading.links, source, FileAccess.of(source.resolve(), trust)))
+    findings.extend(_mesh_findings(reading.links, source, access))
     findings.extend(massless_findings(reading.links))
     if reading.urdf is not None:
         findings.extend(moving_without_mass(reading.urdf))
     if reading.links:
         findings.extend(_unused_elements(parse_xml(text, source), reading.joints))
+    findings.extend(Finding("note", "file", note) for note in file.notes)
     if reading.urdf is not None:
         findings.extend(articulated_findings(reading.urdf, any(found.severity == "error" for found in findings)))
         findings.extend(_yourdfpy_findings(reading.urdf))
