@@ -13,7 +13,10 @@ from bellcrank.robot.xml_tree import parse_xml, read_text
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The files to check."""
     parser.add_argument(
-        "files", metavar="FILE", nargs="+", help="robot files (URDF, xacro, MJCF, SDFormat), or names that `bellcrank robots` lists, such as ur5"
+        "files",
+        metavar="FILE",
+        nargs="+",
+        help="robot files (URDF, xacro, MJCF, SDF), or names that `bellcrank robots` lists, such as ur5",
     )
     add_trust(parser)
 

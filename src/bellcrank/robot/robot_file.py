@@ -188,4 +188,10 @@ def _mjcf(text: str, source: Path, access: FileAccess) -> RobotFile:
     return read_mjcf(text, source, access)
 
 
-READERS: Final[dict[str, Reader]] = {"robot": _urdf, "mujoco": _mjcf}  # by the tag of the root element
+def _sdf(text: str, source: Path, access: FileAccess) -> RobotFile:
+    from bellcrank.robot.sdf_robot import read_sdf  # which needs the records of this module
+
+    return read_sdf(text, source, access)
+
+
+READERS: Final[dict[str, Reader]] = {"robot": _urdf, "mujoco": _mjcf, "sdf": _sdf}  # by the tag of the root element
