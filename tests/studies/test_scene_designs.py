@@ -171,7 +171,7 @@ def alone(scene):
         found[1] = system_parameters(scene)
         found[2] = np.concatenate([q, v, np.zeros(system_of(scene).size - len(q) - len(v))])
     except BellcrankError as error:
-        found[3] = str(error)
+        found[3] = infeasible_reason(error, scene)
     return found
 
 
@@ -194,7 +194,7 @@ def test_every_design_has_the_parameters_the_start_or_the_reason_that_it_has_alo
         expected = np.full(scene.robot.nq, np.nan) if position is None else position
         np.testing.assert_array_equal(block.start_position[row], expected)
         if reason is not None:
-            assert block.infeasible[row] == reason.removeprefix(f"{scene.source}: ")
+            assert block.infeasible[row] == reason
             continue
         group, k = where[row]
         assert system_of(group.scene) is system_of(design)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,18 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+
+class NoConsistentStart(InputError):
+    """No posture with the held values satisfies the constraints.
+
+    Attributes:
+        brief: The message without the diagnosis, which a study leaves out of its rows.
+    """
+
+    def __init__(self, brief: str, diagnosis: Sequence[str] = ()) -> None:
+        super().__init__("; ".join([brief, *diagnosis]))
+        self.brief = brief
 
 
 @computed_once
@@ -65,10 +78,10 @@ def consistent_posture(scene: Scene, q: Array, held: Mask) -> Array:
     found, verdicts = consistent_postures(scene, _one(scene), q[None], held)
     code = verdicts.code[0]
     if code:
-        why = [reason(scene, verdicts, 0, held)]
+        brief, more = f"{scene.source}: initial: {reason(scene, verdicts, 0, held)}", tuple[str, ...]()
         if code in (StartCode.UNSATISFIED, StartCode.TURNED_AROUND):
-            why += diagnose_start(scene, _one(scene), q, held).sentences()
-        raise InputError(f"{scene.source}: initial: {'; '.join(why)}")
+            more = diagnose_start(scene, _one(scene), q, held).sentences()
+        raise NoConsistentStart(brief, more)
     return np.asarray(found[0])
 
 
