@@ -144,7 +144,8 @@ MJCF = """<mujoco model="arm"><compiler angle="degree" eulerseq="xyz" boundmass=
     <frame pos="0 0.1 0" quat="1 0 0 0.2"><body name="b"><joint name="l" type="hinge"/>
       <geom type="mesh" mesh="m" density="500"/><geom type="box" size="0.1 0.02 0.03" mass="0.2"/></body></frame>
   </body>
-  <replicate count="2" offset="0 0.2 0" euler="0 0 30"><body name="r" pos="1 0 0"><joint name="t" axis="1 0 0"/>
+  <replicate count="2" offset="0 0.2 0" euler="0 0 30"><body name="r" pos="1 0 0">
+    <joint name="t" axis="1 0 0" springdamper="0.2 0.5"/>
     <inertial pos="0 0 -0.1" mass="0.5" diaginertia="0.002 0.003 0.004" xyaxes="1 0 0 0 1 0.1"/></body></replicate>
 </worldbody>
 <equality><connect body1="a" body2="r0" anchor="0.1 0 0"/><weld body1="a" body2="b" active="false"/>

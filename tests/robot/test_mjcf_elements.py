@@ -51,6 +51,7 @@ def joint(attributes="", name="j"):
         (joint('axis="0 0 0"'), "", "axis: has the length zero"),
         (joint('range="1 -1"'), "", "range: expected a lower and a larger upper number"),
         (joint('damping="1 2 3 4"'), "", "damping: expected 1 to 3 numbers"),
+        (joint('damping="-1"'), "", "damping: is -1, which would add energy"),
         (joint('frictionloss="-1"'), "", "frictionloss: is -1; expected 0 or more"),
         (f"<body><joint/><freejoint/>{BALL}</body>", "", "must be the only joint of a body in <worldbody>"),
         (f"<body><body><freejoint/>{BALL}</body></body>", "", "must be the only joint of a body in <worldbody>"),
@@ -253,6 +254,13 @@ def test_names_are_given_where_there_are_none_and_copies_are_numbered(read):
     assert {"world_child", "site world", "a", "r_00", "r_10"} <= set(robot.urdf.links)
     assert {"world_child_hinge", "world_child_slide", "r_00", "r_10"} <= set(robot.joint_names)
     assert robot.frame_pose("r_10", robot.neutral)[0] == pytest.approx([10.0, 0.0, 0.0])
+
+
+def test_blanks_around_names_do_not_count(read):
+    connect = '<equality><connect body1=" b" body2="c " anchor="0 0 0"/></equality>'
+    file = read(joint().replace('"b"', '" b "') + joint(name="k").replace('"b"', '"c"'), connect)
+    assert (file.loops[0].a.frame, file.loops[0].b.frame) == ("b", "c")
+    assert {"b", "c"} <= set(loaded(file).urdf.links)
 
 
 def test_included_files_count_as_if_written_in_place(read, tmp_path):

@@ -67,10 +67,12 @@ def read_motors(elements: Sequence[MjcfElement], joints: Mapping[str, MjcfJoint]
 
 def _joint_of(element: MjcfElement, joints: Mapping[str, MjcfJoint]) -> MjcfJoint | None:
     key = "joint" if "joint" in element.attributes else "jointinparent"
-    name = element.attributes.get(key)
-    if name is not None and name not in joints:
+    if key not in element.attributes:
+        return None
+    name = element.required(key)
+    if name not in joints:
         raise element.fail(f"{key}: {unknown_name('joint', name, joints)}")
-    return None if name is None else joints[name]
+    return joints[name]
 
 
 def _is_controlled(element: MjcfElement) -> bool:

@@ -29,7 +29,7 @@ class MjcfElement:
     @property
     def name(self) -> str:
         """Its name, "" without one. Raises InputError where it cannot be printed."""
-        name = self.attributes.get("name", "")
+        name = self.attributes.get("name", "").strip()
         if not name.isprintable():
             raise self.fail("the name has control characters; remove them")
         return name
@@ -53,10 +53,11 @@ class MjcfElement:
             waiting.extend(reversed(element.children))
 
     def required(self, key: str) -> str:
-        """The text of an attribute. Raises InputError where it is missing."""
-        if not self.attributes.get(key):
+        """The text of an attribute, without blanks around it. Raises InputError where it is missing."""
+        text = self.attributes.get(key, "").strip()
+        if not text:
             raise self.fail(f'has no {key}; give {key}="…"')
-        return self.attributes[key]
+        return text
 
     def choice(self, key: str, default: str, *choices: str) -> str:
         """The text of an attribute, one of `choices`. Raises InputError for another text."""

@@ -54,6 +54,9 @@ def joint_of(element: MjcfElement, name: str, frame: Array, compiler: Compiler) 
     limits = active_range(element, "range", "limited", compiler.autolimits) if kind != "free" else None
     if limits is not None and kind in ("hinge", "ball"):
         limits = compiler.angles.radians(limits[0]), compiler.angles.radians(limits[1])
+    damping = element.numbers("damping", 1, 3) or (0.0,)
+    if damping[0] < 0.0:
+        raise element.fail(f"damping: is {damping[0]:g}, which would add energy; expected 0 or more")
     efforts = None
     if one:
         efforts = active_range(element, "actuatorfrcrange", "actuatorfrclimited", compiler.autolimits)
@@ -65,7 +68,7 @@ def joint_of(element: MjcfElement, name: str, frame: Array, compiler: Compiler) 
         ref=position("ref"),
         spring_ref=position("springref"),
         stiffness=element.numbers("stiffness", 1, 3) or (0.0,),
-        damping=element.numbers("damping", 1, 3) or (0.0,),
+        damping=damping,
         friction=element.number("frictionloss", 0.0, 0.0),
         armature=element.number("armature", 0.0, 0.0),
         range=limits,
