@@ -53,6 +53,12 @@ _HOME = {
     "load_run": "simulation.load_run",
     "sweep": "studies.sweep",
     "Sweep": "studies.sweep_result",
+    "time_optimal": "planning.time_optimal",
+    "FastestMotion": "planning.fastest_motion",
+    "LimitCost": "planning.fastest_motion",
+    "MotionLimits": "planning.motion_limits",
+    "JointPath": "planning.joint_path",
+    "joint_path": "planning.joint_path",
     "sobol_indices": "studies.sensitivity_study",
     "Sensitivity": "studies.sensitivity",
     "SampleStatistics": "studies.sample_statistics",
@@ -73,11 +79,15 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "CompileError",
     "Conditions",
     "CoupledTransmission",
+    "FastestMotion",
     "Gear",
     "InputError",
+    "JointPath",
+    "LimitCost",
     "Linkage",
     "Mobility",
     "Motion",
+    "MotionLimits",
     "Motor",
     "Mount",
     "NotSavedError",
@@ -100,6 +110,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "circle",
     "dwell",
     "join",
+    "joint_path",
     "line",
     "load_catalogue",
     "load_robot",
@@ -119,6 +130,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "size",
     "sobol_indices",
     "sweep",
+    "time_optimal",
     "waypoints",
     "write_catalogue",
     "write_motion",
@@ -142,6 +154,10 @@ if TYPE_CHECKING:
     from bellcrank.motion.frame_motions import circle, line
     from bellcrank.motion.motion import Motion, join
     from bellcrank.motion.waypoints import dwell, waypoints
+    from bellcrank.planning.fastest_motion import FastestMotion, LimitCost
+    from bellcrank.planning.joint_path import JointPath, joint_path
+    from bellcrank.planning.motion_limits import MotionLimits
+    from bellcrank.planning.time_optimal import time_optimal
     from bellcrank.replays.replay import replay, show
     from bellcrank.reports.report import report
     from bellcrank.robot.check import check_urdf

@@ -48,6 +48,11 @@ class MotorWithGear(Actuator):
         return ShortTimeRegion(self.conditions.completed(self.motor), self.conditions)
 
     @property
+    def short_time_region(self) -> ShortTimeRegion:
+        """The region of torque and speed that the motor may reach for a short time."""
+        return self._region
+
+    @property
     def unknown_of_torque(self) -> tuple[str, ...]:
         """What the shaft torque needs and is unknown: of "efficiency", "rotor_inertia" and "gear_inertia"."""
         known = bool(self._train.gears.efficiency_curve.known[0]) or self.efficiency is not None

@@ -1,0 +1,47 @@
+"""The fastest motion along a path (src/cpp/planner)."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Row = tuple[int, int, int, int, int, float, float]
+
+class LimitArrays:
+    """Limits at n places of a path, as path_limits.hpp describes them; rows are (drive, back, motor, curve, braking,
+    sense, limit).
+    """
+
+    def __init__(
+        self,
+        a: Array,
+        b: Array,
+        d: Array,
+        c: Array,
+        w: Array,
+        rate: Array,
+        motor_rate: Array,
+        fastest: Array,
+        width: Array,
+        negligible: Array,
+        creep: float,
+        rows: list[Row],
+        curves: list[Sequence[tuple[float, float]]],
+    ) -> None: ...
+
+def fastest_on_grid(limits: LimitArrays, s: Array, begin: float, end: float) -> dict[str, Any]: ...
+def fastest_refined(
+    limits: LimitArrays,
+    r: Array,
+    s: Array,
+    ds: Array,
+    narrow: NDArray[np.uint8],
+    begin: float,
+    end: float,
+    speed_tolerance: float,
+    excess_tolerance: float,
+) -> dict[str, Any]: ...
+def excess(limits: LimitArrays, speed: Array, acceleration: Array) -> Array: ...
+def bounds_at(limits: LimitArrays, place: int, speed: float) -> tuple[float, float, int, int, float]: ...

@@ -1,0 +1,223 @@
+"""`FastestMotion`: the fastest motion along a path, with what limits it where."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank import arguments
+from bellcrank.files.atomic_write import write_text
+from bellcrank.files.csv_files import guarded
+from bellcrank.text import one_line
+
+if TYPE_CHECKING:
+    from bellcrank.motion.motion import Motion
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LimitCost:
+    """How much time a limit costs.
+
+    Attributes:
+        limit: What is limited, such as "motor torque of elbow".
+        share: The share of the motion's time during which the limit is active.
+        derivative: Relative change of the time per relative change of the limit, dT/T over dL/L; -0.3 means that a
+            limit 1 % larger saves 0.3 % of the time. NaN where it was not computed.
+    """
+
+    limit: str
+    share: float
+    derivative: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FastestMotion:
+    """The fastest motion of a mechanism along a path, from rest to rest.
+
+    Attributes:
+        robot: Name of the robot.
+        path: Name of the motion that gives the path.
+        motion: The motion: like any other, it can be sized, written and replayed.
+        original_duration: The time of the motion that gives the path, s; NaN for a path without time.
+        s: Path parameter (n,) at the ends of n - 1 cells, over all parts of the path.
+        speed: ds/dt (n,), 1/s times the unit of s.
+        largest_speed: The largest ds/dt (n,) from which the end can still be reached within the limits.
+        time: Times (n,), s.
+        active: The limit that is active in each cell (n - 1,); "" where there is none.
+        costs: How much time each limit costs, the most active first.
+        refined: Whether the limits are kept along the whole path; otherwise at the beginning of each cell of a grid.
+        warnings: What was not taken into account, and where optimality is not proved.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> fastest = bc.time_optimal("planar_2r", "elbow_up")
+        >>> fastest.duration < fastest.original_duration
+        True
+    """
+
+    robot: str
+    path: str
+    motion: Motion
+    original_duration: float
+    s: Array
+    speed: Array
+    largest_speed: Array
+    time: Array
+    active: tuple[str, ...]
+    costs: tuple[LimitCost, ...]
+    refined: bool
+    warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def duration(self) -> float:
+        """The time of the motion, s."""
+        return float(self.time[-1] - self.time[0])
+
+    def __repr__(self) -> str:
+        return f"FastestMotion({self.robot!r} along {self.path!r}: {self.duration:.6g} s)"
+
+    def table(self) -> str:
+        """The times, and which limit costs how much.
+
+        Returns:
+            The text of a table.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> print(bc.time_optimal("planar_2r", "elbow_up").table().splitlines()[0][:30])
+            planar_2r along elbow_up: 2.26
+        """
+        lines = [f"{self.robot} along {self.path}: {self.duration:.6g} s"]
+        if np.isfinite(self.original_duration):
+            lines[0] += f" instead of {self.original_duration:.6g} s, {self.original_duration / self.duration:.3g} x"
+        width = max([len(cost.limit) for cost in self.costs] + [5])
+        lines += ["", f"{'limit':<{width}}  active during  time saved by 1 % more"]
+        for cost in self.costs:
+            saved = "-" if np.isnan(cost.derivative) else f"{-cost.derivative:.3f} %"
+            lines.append(f"{cost.limit:<{width}}  {100.0 * cost.share:11.1f} %  {saved:>22}")
+        return "\n".join(lines)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The result as data for JSON, without the motion's rows.
+
+        Returns:
+            Times in s; costs by limit.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> sorted(bc.time_optimal("planar_2r", "elbow_up").as_dict())[:3]
+            ['costs', 'duration', 'original_duration']
+        """
+        original = self.original_duration
+        return {
+            "robot": self.robot,
+            "path": self.path,
+            "duration": self.duration,
+            "original_duration": original if np.isfinite(original) else None,
+            "refined": self.refined,
+            "costs": [
+                {
+                    "limit": cost.limit,
+                    "share_of_time": cost.share,
+                    "derivative": None if np.isnan(cost.derivative) else cost.derivative,
+                }
+                for cost in self.costs
+            ],
+            "warnings": list(self.warnings),
+        }
+
+    def to_json(self, path: str | Path) -> Path:
+        """Write `as_dict` as JSON.
+
+        Args:
+            path: The file.
+
+        Returns:
+            Its path.
+
+        Raises:
+            InputError: The file cannot be written.
+
+        Example:
+            >>> import bellcrank as bc, tempfile
+            >>> folder = tempfile.TemporaryDirectory()
+            >>> bc.time_optimal("planar_2r", "elbow_up").to_json(folder.name + "/fastest.json").name
+            'fastest.json'
+        """
+        target = arguments.path("path", path)
+        write_text(target, json.dumps(self.as_dict(), indent=2, ensure_ascii=False) + "\n")
+        return target
+
+    def limits_to_csv(self, path: str | Path) -> Path:
+        """Write the path speed, its largest value and the active limit over the path as CSV, units in the header.
+
+        Args:
+            path: The file.
+
+        Returns:
+            Its path.
+
+        Raises:
+            InputError: The file cannot be written.
+
+        Example:
+            >>> import bellcrank as bc, tempfile
+            >>> folder = tempfile.TemporaryDirectory()
+            >>> bc.time_optimal("planar_2r", "elbow_up").limits_to_csv(folder.name + "/limits.csv").name
+            'limits.csv'
+        """
+        target = arguments.path("path", path)
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["t [s]", "s", "ds/dt [1/s]", "largest ds/dt [1/s]", "active limit from here"])
+        for row in zip(self.time, self.s, self.speed, self.largest_speed, [*self.active, ""], strict=True):
+            writer.writerow(guarded([*(repr(float(x)) for x in row[:4]), row[4]]))
+        write_text(target, text.getvalue())
+        return target
+
+    def plot(self, path: str | Path) -> Path:
+        """Draw the path speed below the largest one over the path, coloured by the active limit, as a PNG.
+
+        Args:
+            path: The file.
+
+        Returns:
+            Its path.
+
+        Raises:
+            InputError: The file cannot be written.
+
+        Example:
+            >>> import bellcrank as bc, tempfile
+            >>> folder = tempfile.TemporaryDirectory()
+            >>> bc.time_optimal("planar_2r", "elbow_up").plot(folder.name + "/fastest.png").name
+            'fastest.png'
+        """
+        from bellcrank.planning.fastest_plot import plot_fastest
+
+        return plot_fastest(self, arguments.path("path", path))
+
+
+def shares(active: Sequence[str], durations: Array) -> dict[str, float]:
+    """The share of the time during which each limit is active, the largest first; cells without one are left out."""
+    total = float(np.sum(durations))
+    found: dict[str, float] = {}
+    for name, time in zip(active, durations.tolist(), strict=True):
+        if name:
+            found[name] = found.get(name, 0.0) + time / total
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def title(result: FastestMotion) -> str:
+    """One line that says what the result is."""
+    return one_line(f"{result.robot} along {result.path}: {result.duration:.4g} s")

@@ -1,0 +1,46 @@
+"""The picture of a fastest motion: the path speed below its largest value, coloured by the active limit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bellcrank.files import atomic_write
+from bellcrank.plot_style import DPI, colour, literal, new_figure, save_figure
+
+if TYPE_CHECKING:
+    from bellcrank.planning.fastest_motion import FastestMotion
+
+
+def plot_fastest(result: FastestMotion, path: Path) -> Path:
+    """Write the picture as PNG. Raises InputError where the file cannot be written."""
+    figure = new_figure(9.0, 7.0)
+    phase, times = figure.subplots(2, 1, height_ratios=(3, 2))
+    s, speed = result.s, result.speed
+    phase.plot(s, np.minimum(result.largest_speed, 1.6 * speed.max()), color="0.6", lw=1.0,
+               label="largest speed from which the end is reached")  # fmt: skip
+    names = list(dict.fromkeys(name for name in result.active))
+    for number, name in enumerate(sorted(names, key=lambda name: name == "")):
+        cells = np.array([own == name for own in result.active])
+        drawn = np.full(len(s), np.nan)
+        lines = np.column_stack([speed[:-1], speed[1:]])
+        drawn[:-1][cells] = lines[cells, 0]
+        drawn[1:][cells] = lines[cells, 1]
+        phase.plot(s, drawn, color="0.3" if name == "" else colour(number), lw=2.0,
+                   label=literal(name or "no limit active"))  # fmt: skip
+    phase.set_ylim(0.0, 1.1 * float(speed.max()))
+    phase.set_xlabel("path parameter s")
+    phase.set_ylabel("path speed ds/dt [1/s]")
+    phase.set_title(literal(f"{result.robot} along {result.path}: {result.duration:.4g} s"))
+    phase.legend(loc="best", fontsize=8)
+    phase.grid(True, alpha=0.3)
+    names_costs = [cost.limit for cost in result.costs][::-1]
+    times.barh(range(len(names_costs)), [100.0 * cost.share for cost in result.costs][::-1], color=colour(0))
+    times.set_yticks(range(len(names_costs)), [literal(name) for name in names_costs], fontsize=8)
+    times.set_xlabel("active during [% of the time]")
+    times.grid(True, axis="x", alpha=0.3)
+    with atomic_write.writing(path) as temporary:
+        save_figure(figure, temporary, "png", dpi=DPI)
+    return path

@@ -1,0 +1,212 @@
+"""Paths of joints: positions over a path parameter, without time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank import arguments
+from bellcrank.errors import InputError
+from bellcrank.motion.motion import AT_REST
+from bellcrank.robot.joints import JointLike, require_one_degree
+
+if TYPE_CHECKING:
+    from bellcrank.motion.motion import Motion
+    from bellcrank.robot.robot import Robot
+
+Array = NDArray[np.float64]
+Spline = Callable[[Array, int], Array]
+POINTS = 401  # of a path that is taken from a motion, to begin with
+MOST_POINTS = 6401
+DEVIATION = 1e-8  # rad or m: by which a path may differ from the motion that it is taken from
+
+
+@dataclass(frozen=True, eq=False)
+class JointPath:
+    """Positions of a robot's joints over a path parameter s from 0 to `length`, twice continuously differentiable.
+
+    Attributes:
+        joints: The robot's joints, each with one degree of freedom.
+        length: The end of the path parameter.
+        spline: Called with s (n,) and the order 0, 1 or 2: positions (n, nq) or their derivatives with respect to s.
+        knots: Values of s at which the third derivative may jump, the ends included.
+        deviation: By how much the path differs from the motion that it is taken from, rad or m.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> path = bc.joint_path(bc.load_robot("planar_2r"), [{}, {"elbow": 1.0}, {"shoulder": 0.5}])
+        >>> path.length, path.at([0.0])[0]
+        (2.118033988749895, array([[0., 0.]]))
+    """
+
+    joints: tuple[JointLike, ...]
+    length: float
+    spline: Spline = field(repr=False)
+    knots: Array = field(repr=False)
+    deviation: float = 0.0
+
+    def at(self, s: Array | Sequence[float]) -> tuple[Array, Array, Array]:
+        """Positions, and their first and second derivatives with respect to s.
+
+        Args:
+            s: Path parameters (n,), between 0 and the length.
+
+        Returns:
+            Positions, first and second derivatives, (n, nq) each, in rad or m.
+
+        Raises:
+            InputError: A parameter lies outside the path.
+        """
+        places = arguments.vector("s", s, None)
+        if places.size and (places.min() < 0.0 or places.max() > self.length):
+            raise InputError(f"s must lie between 0 and {self.length:g}, got {places.min():g} to {places.max():g}")
+        return self.spline(places, 0), self.spline(places, 1), self.spline(places, 2)
+
+    def turning_points(self) -> Array:
+        """Values of s strictly inside the path at which a joint changes its direction."""
+        s = np.linspace(0.0, self.length, 50 * max(20, len(self.knots)) + 1)
+        first = self.spline(s, 1)
+        found: list[float] = []
+        for column in range(first.shape[1]):
+            rate = first[:, column]
+            for k in np.flatnonzero(rate[:-1] * rate[1:] < 0.0):
+                found.append(self._root(column, s[k], s[k + 1]))
+            inside = np.flatnonzero(rate[1:-1] == 0.0) + 1
+            found += [float(s[k]) for k in inside if rate[k - 1] * rate[k + 1] < 0.0]
+        return np.unique([x for x in found if 0.0 < x < self.length])
+
+    def _root(self, column: int, low: float, high: float) -> float:
+        from scipy.optimize import brentq
+
+        def rate(s: float) -> float:
+            return float(self.spline(np.array([s]), 1)[0, column])
+
+        return float(brentq(rate, low, high, xtol=1e-15 * self.length, rtol=1e-15))
+
+
+def joint_path(
+    robot: Robot,
+    positions: Sequence[Mapping[str, float] | Sequence[float] | Array] | Array,
+    parameters: Sequence[float] | Array | None = None,
+) -> JointPath:
+    """A path through given postures: the natural cubic spline.
+
+    Args:
+        robot: The robot; each of its joints has one degree of freedom.
+        positions: Two postures or more: joint positions by name (other joints are neutral), or (nq,), rad or m.
+        parameters: Increasing values of the path parameter at the postures, the first 0; by default the sum of the
+            straight distances between postures.
+
+    Returns:
+        The path.
+
+    Raises:
+        InputError: An argument is wrong, two postures that follow each other are the same, or a joint has several
+            degrees of freedom.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> bc.joint_path(bc.load_robot("planar_2r"), [{}, {"elbow": 1.0}]).length
+        1.0
+    """
+    from scipy.interpolate import CubicSpline
+
+    arguments.robot(robot)
+    joints = one_degree_joints(robot)
+    given = list(positions) if isinstance(positions, np.ndarray) and positions.ndim else positions
+    listed = arguments.several("positions", given, object, "two postures or more")
+    if len(listed) < 2:
+        arguments.refuse("positions", "two postures or more", given)
+    points = np.stack([np.asarray(robot.posture(point), dtype=np.float64) for point in listed])  # type: ignore[arg-type]
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    if np.any(steps == 0.0):
+        k = int(np.argmin(steps))
+        raise InputError(f"positions {k} and {k + 1} are the same; a path needs a distance between them")
+    if parameters is None:
+        knots = np.concatenate([[0.0], np.cumsum(steps)])
+    else:
+        knots = arguments.increasing("parameters", parameters, count=2)
+        if len(knots) != len(points) or knots[0] != 0.0:
+            arguments.refuse("parameters", f"{len(points)} numbers that begin with 0", parameters)
+    spline = CubicSpline(knots, points, bc_type="natural")
+    return JointPath(joints, float(knots[-1]), lambda s, order: np.asarray(spline(s, order)), knots)
+
+
+def one_degree_joints(robot: Robot) -> tuple[JointLike, ...]:
+    """The robot's joints. Raises InputError where one has several degrees of freedom."""
+    return tuple(require_one_degree(joint, "a path of joints") for joint in robot.joints)
+
+
+def paths_of_motion(motion: Motion) -> tuple[JointPath, ...]:
+    """The paths that a motion follows, from rest to rest: the motion without its timing and its pauses.
+
+    Positions are interpolated over the length of the curve in joint space by the quintic spline through so many points
+    that the path differs from the motion by less than 1e-8 rad or m where that is possible.
+
+    Raises:
+        InputError: The motion does not move, or a joint has several degrees of freedom.
+    """
+    for joint in motion.joints:
+        if joint.nv != 1:
+            raise InputError(f"motion '{motion.name}': a path of joints: joint '{joint.name}' is {joint.kind}; joints "
+                             "with one degree of freedom (revolute or prismatic) are required")  # fmt: skip
+    time, speed = _speeds(motion)
+    peak = float(speed.max())
+    if peak == 0.0:
+        raise InputError(f"motion '{motion.name}' does not move; there is no path to follow")
+    moving = speed > AT_REST * peak
+    edges = np.flatnonzero(np.diff(moving.astype(int)))
+    bounds = [0, *(edges + 1).tolist(), len(time)]
+    paths = []
+    for begin, end in pairwise(bounds):
+        if moving[begin]:
+            first, last = max(0, begin - 1), min(len(time) - 1, end)
+            paths.append(_path_between(motion, float(time[first]), float(time[last])))
+    return tuple(paths)
+
+
+def _speeds(motion: Motion) -> tuple[Array, Array]:
+    """Times between and at the rows, and the length of the velocity there."""
+    step = np.diff(motion.time)
+    parts = [motion.time[:-1] + share * step for share in (0.0, 0.25, 0.5, 0.75)]
+    time = np.unique(np.concatenate([*parts, motion.time[-1:]]))
+    return time, np.linalg.norm(motion.at(time)[1], axis=1)
+
+
+def _path_between(motion: Motion, begin: float, end: float) -> JointPath:
+    count = POINTS
+    while True:
+        path = _interpolated(motion, begin, end, count)
+        if path.deviation <= DEVIATION or count >= MOST_POINTS:
+            return path
+        count = 2 * count - 1
+
+
+def _interpolated(motion: Motion, begin: float, end: float, count: int) -> JointPath:
+    from scipy.interpolate import PchipInterpolator, make_interp_spline
+
+    fine = np.linspace(begin, end, 8 * count + 1)
+    speed = np.linalg.norm(motion.at(fine)[1], axis=1)
+    travelled = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2.0 * np.diff(fine))])
+    rising = np.concatenate([[True], np.diff(travelled) > 0.0])
+    when = PchipInterpolator(travelled[rising], fine[rising])
+    share = (1.0 - np.cos(np.linspace(0.0, np.pi, count))) / 2.0  # dense at the ends, where the path may bend most
+    places = travelled[-1] * (0.2 * share + 0.8 * np.linspace(0.0, 1.0, count))
+    times = np.clip(when(places), begin, end)
+    times[0], times[-1] = begin, end
+    spline = make_interp_spline(places, motion.at(times)[0], k=5)
+    between = (places[1:] + places[:-1]) / 2.0
+    exact = motion.at(np.clip(when(between), begin, end))[0]
+    deviation = float(np.max(np.abs(np.asarray(spline(between)) - exact)))
+    return JointPath(
+        tuple(motion.joints),
+        float(places[-1]),
+        lambda s, order: np.asarray(spline(s, nu=order)),
+        np.array([0.0, places[-1]]),
+        deviation,
+    )

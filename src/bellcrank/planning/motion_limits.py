@@ -1,0 +1,82 @@
+"""The limits of a motion: of joints, of their motors and gears, and of a tool."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank import arguments
+
+if TYPE_CHECKING:
+    from bellcrank.robot.robot import Robot
+
+Array = NDArray[np.float64]
+Limit = Literal["urdf", "none"] | Mapping[str, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionLimits:
+    """What a motion may reach.
+
+    A mapping limits the joints that it names, and no others; "urdf" takes the limits of the URDF.
+
+    Args:
+        speed: Largest speed of joints, rad/s or m/s.
+        acceleration: Largest acceleration of joints, rad/s² or m/s².
+        torque: Largest torque or force of joints, without what the rotor of an actuator takes, N m or N.
+        actuators: Whether the limits of the actuators count: torque over speed, largest speed, and the gear's.
+        tool: The frame of which `tool_speed` is the largest speed; "" for none.
+        tool_speed: m/s.
+
+    Raises:
+        InputError: A limit is not a positive number.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> bc.MotionLimits(speed={"elbow": 2.0}, torque="none").speed
+        {'elbow': 2.0}
+    """
+
+    speed: Limit = "urdf"
+    acceleration: Limit = "none"
+    torque: Limit = "urdf"
+    actuators: bool = True
+    tool: str = ""
+    tool_speed: float | None = None
+
+    def __post_init__(self) -> None:
+        for key, unit in (("speed", "rad/s or m/s"), ("acceleration", "rad/s² or m/s²"), ("torque", "N m or N")):
+            given = getattr(self, key)
+            if isinstance(given, str):
+                options = ("none",) if key == "acceleration" else ("urdf", "none")
+                arguments.one_of(key, given, options, where="limits")
+                continue
+            checked = arguments.mapping(key, given, "'urdf', 'none' or a mapping of joints to limits", where="limits")
+            numbers = {
+                name: arguments.number(f"{key} of '{name}'", value, unit, above=0.0, most=arguments.LARGEST)
+                for name, value in checked.items()
+            }
+            object.__setattr__(self, key, numbers)
+        arguments.flag("actuators", self.actuators, where="limits")
+        arguments.text("tool", self.tool, "the name of a frame", empty=True, where="limits")
+        if self.tool_speed is not None:
+            speed = arguments.number("tool_speed", self.tool_speed, "m/s", above=0.0, most=arguments.LARGEST)
+            object.__setattr__(self, "tool_speed", speed)
+        if (self.tool == "") != (self.tool_speed is None):
+            arguments.refuse("tool", "a frame together with tool_speed", self.tool, "limits")
+
+    def of_joints(self, key: Literal["speed", "acceleration", "torque"], robot: Robot) -> Array:
+        """The limits (nv,) of all joints, infinite where there is none. Raises InputError for an unknown joint."""
+        given = getattr(self, key)
+        limits = np.full(robot.nv, np.inf)
+        if given == "urdf":
+            found = np.asarray(robot.velocity_limit if key == "speed" else robot.effort_limit, dtype=np.float64)
+            return np.where(found > 0.0, found, np.inf)
+        if given != "none":
+            for name, value in given.items():
+                limits[robot.one_degree_joint(name, f"limits: {key}").v] = value
+        return limits

@@ -1,0 +1,327 @@
+"""The limits of a mechanism along a path, as bounds of the path's acceleration.
+
+Along a path q(s), with the path speed y = ds/dt and the path acceleration u = d²s/dt²,
+
+    q̇ = q' y,    q̈ = q' u + q'' y²,    τ = M q' u + (M q'' + C(q, q') q') y² + g + friction(q' y),
+
+so that each limited quantity is  a u + b y² + d y + c + Σ_j w_j σ(q'_j y / width_j)  with viscous friction in d and
+Coulomb friction, smoothed as in the equations of motion, in w (Bobrow, Dubowsky, Gibson, Int. J. Robotics Research 4,
+1985; without friction). The coefficients follow from inverse dynamics at three states a place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank._planner import LimitArrays
+from bellcrank.actuators.actuator import Actuator
+from bellcrank.actuators.motor_with_gear import MotorWithGear
+from bellcrank.cached_values import cached_property
+from bellcrank.dynamics.mechanism import Mechanism, coulomb_widths
+from bellcrank.errors import InputError
+from bellcrank.planning.motion_limits import MotionLimits
+from bellcrank.planning.torque_speed_limits import Polyline, torque_speed_polylines
+
+if TYPE_CHECKING:
+    from bellcrank.planning.joint_path import JointPath
+    from bellcrank.robot.robot import RobotJoint
+
+Array = NDArray[np.float64]
+NEGLIGIBLE = 1e-13  # of the largest coefficient of u: smaller ones are rounding
+ROUNDING = 1e-5  # of the largest torque of any joint, by which smaller ones may be rounding
+AGREEMENT = 1e-8  # relative: the model of a torque over the path speed against inverse dynamics
+
+
+@dataclass(frozen=True)
+class NamedLimit:
+    """A limit with its name: what is limited, of which joint, in which direction."""
+
+    what: str
+    joint: str
+    side: str
+
+    @property
+    def group(self) -> str:
+        """The name without the direction, such as "torque of elbow"."""
+        return f"{self.what} of {self.joint}"
+
+    def __str__(self) -> str:
+        return f"{self.group} ({self.side})" if self.side else self.group
+
+
+@dataclass(frozen=True, eq=False)
+class PathLimits:
+    """The limits of a mechanism along paths.
+
+    Attributes:
+        mechanism: The mechanism, with payloads and forces.
+        actuators: Motor and gear by joint.
+        limits: The limits of joints and of a tool.
+        creep: The path speed up to which gears lose power as at standstill, where the load counts as taking power.
+        factors: Factors on limits, by the group of their names; to see what a limit costs.
+    """
+
+    mechanism: Mechanism
+    actuators: Mapping[str, Actuator]
+    limits: MotionLimits
+    factors: Mapping[str, float] = field(default_factory=dict)
+    creep: float = 0.0
+    notes: list[str] = field(default_factory=list)
+
+    @cached_property
+    def _torque_limits(self) -> Array:
+        """Of the motors (k,)."""
+        found = self.limits.of_joints("torque", self.mechanism.robot)
+        return found[[joint.v for joint in self.mechanism.motors]]
+
+    @cached_property
+    def _driven(self) -> dict[int, tuple[Actuator, Polyline, Polyline]]:
+        """By motor: actuators whose shaft torque is known and has limits."""
+        found = {}
+        for k, joint in enumerate(self.mechanism.motors):
+            actuator = self.actuators.get(joint.name) if self.limits.actuators else None
+            if actuator is None:
+                continue
+            if actuator.unknown_of_torque:
+                self.notes.append(
+                    f"the torque of the motor at joint '{joint.name}' is not limited: its "
+                    f"{', '.join(actuator.unknown_of_torque)} is unknown"
+                )
+                continue
+            if actuator.efficiency is None:
+                self.notes.append(
+                    f"the torque of the motor at joint '{joint.name}' is not limited: the efficiency of its gear is a "
+                    "curve over the load, which the fastest motion does not use"
+                )
+                continue
+            curves = torque_speed_polylines(actuator)
+            if curves is None:
+                self.notes.append(
+                    f"the torque of the motor at joint '{joint.name}' is not limited: its limit over speed is unknown"
+                )
+                continue
+            if actuator.unknown_limits:
+                self.notes.append(f"of the motor at joint '{joint.name}' {' and '.join(actuator.unknown_limits)} is "
+                                  "unknown and does not limit the motion")  # fmt: skip
+            found[k] = (actuator, *curves)
+        return found
+
+    @cached_property
+    def _gears(self) -> dict[int, float]:
+        """By motor: the largest torque, N m or N, that the gear may pass on repeatedly, with the safety factor."""
+        found = {}
+        for k, joint in enumerate(self.mechanism.motors):
+            actuator = self.actuators.get(joint.name) if self.limits.actuators else None
+            if isinstance(actuator, MotorWithGear) and (limit := actuator.gear.repeated_peak_torque) is not None:
+                found[k] = limit / actuator.safety_factor
+        return found
+
+    @cached_property
+    def _rotor(self) -> Array:
+        """Inertia (k,) in the mechanism's torques that belongs to an actuator's rotor."""
+        given = self.mechanism.robot.rotor_inertia
+        return np.array([given[j.v] if j.name in self.actuators else 0.0 for j in self.mechanism.motors])
+
+    def at(self, path: JointPath, s: Array) -> LimitArrays:
+        """The limits at places s (n,) of a path."""
+        q, first, second = (path.spline(s, order) for order in (0, 1, 2))
+        return self._arrays(self._terms(q, first, second), first, second, self._fastest(q, first))
+
+    def check(self, path: JointPath, s: Array) -> None:
+        """Raise InputError where the torques at places of a path are not those of the model: where a force depends on
+        time, or on velocity otherwise than inertia and friction.
+        """
+        q, first, second = (path.spline(s, order) for order in (0, 1, 2))
+        a, b, d, c, w = self._terms(q, first, second)
+        columns = [joint.v for joint in self.mechanism.motors]
+        for speed, time in ((2.0, 0.0), (0.5, 1.0)):
+            t = np.full(len(s), time)
+            v, acceleration = speed * first, 0.3 * first + speed * speed * second
+            exact = self.mechanism.torques(t, q, v, acceleration)[0] - self._rotor * acceleration[:, columns]
+            model = 0.3 * a + speed * speed * b + speed * d + c + self._coulomb(w, first, speed)
+            scale = np.max(np.abs(a), axis=0) + np.max(np.abs(b), axis=0) + np.max(np.abs(c), axis=0)
+            off = np.max(np.abs(model - exact), axis=0) - AGREEMENT * (scale + ROUNDING * np.max(scale))
+            if np.any(off > 0.0):
+                joint = self.mechanism.motors[int(np.argmax(off))].name
+                raise InputError(
+                    f"the torque of joint '{joint}' depends on time, or on velocity otherwise than by inertia, viscous "
+                    "and Coulomb friction; the fastest motion along a path cannot be computed with such forces"
+                )
+
+    def _terms(self, q: Array, first: Array, second: Array) -> tuple[Array, ...]:
+        """a, b, d, c (n, k) and w (n, k, j) of the motors' torques without the rotors of actuators."""
+        t, still = np.zeros(len(q)), np.zeros_like(q)
+        torques = lambda v, a: self.mechanism.torques(t, q, v, a)[0]  # noqa: E731
+        columns = [joint.v for joint in self.mechanism.motors]
+        c = torques(still, still)
+        a = torques(still, first) - c
+        b, d, w = self._speed_terms(q, first, torques(first, second) - c)
+        return a - self._rotor * first[:, columns], b - self._rotor * second[:, columns], d, c, w
+
+    def _speed_terms(self, q: Array, first: Array, at_one: Array) -> tuple[Array, Array, Array]:
+        """b, d and w, of the torques `at_one` that arise at the path speed 1, friction included."""
+        if not self._has_friction:
+            return at_one, np.zeros_like(at_one), np.zeros((*at_one.shape, len(self._columns)))
+        d, w = self._friction_terms(q, first)
+        return at_one - d - self._coulomb(w, first, 1.0), d, w
+
+    @cached_property
+    def _widths(self) -> Array:
+        """Of all frictions (j,), rad/s or m/s; `_columns` are their velocity coordinates."""
+        return np.array([width for _, width in coulomb_widths(self.mechanism)])
+
+    @cached_property
+    def _columns(self) -> list[int]:
+        return [column for column, _ in coulomb_widths(self.mechanism)]
+
+    @cached_property
+    def _has_friction(self) -> bool:
+        robot = self.mechanism.robot
+        return bool(np.any(robot.viscous > 0.0) or self._columns or self.mechanism.equations.forces)
+
+    def _friction_terms(self, q: Array, first: Array) -> tuple[Array, Array]:
+        """Viscous d (n, k) and Coulomb w (n, k, j): each tree joint's friction through the motors' shares of it.
+
+        A friction acts on a joint's own coordinate, so that two path speeds tell viscous from Coulomb friction; which
+        part of a Coulomb friction belongs to which joint follows from one sign at a time.
+        """
+        robot, t = self.mechanism.robot, np.zeros(len(q))
+        at = lambda v: self.mechanism.friction(t, q, v)  # noqa: E731
+        k = len(self.mechanism.motors)
+        w = np.zeros((len(q), k, len(self._columns)))
+        d = np.zeros((len(q), k))
+        fast = 1e9 * float(np.max(self._widths, initial=1.0))
+        for column in range(robot.nv):
+            unit = np.zeros_like(q)
+            unit[:, column] = 1.0
+            once, twice = at(fast * unit), at(2.0 * fast * unit)
+            slope = (twice - once) / fast
+            d += slope * first[:, [column]]
+            places = [j for j, own in enumerate(self._columns) if own == column]
+            if places:
+                slow = at(1e3 * self._widths[places[0]] * unit)
+                sigma = 1e3 / np.sqrt(1.0 + 1e6)
+                w[:, :, places[0]] = (slow - slope * 1e3 * self._widths[places[0]]) / sigma
+        return d, w
+
+    def _coulomb(self, w: Array, first: Array, speed: float) -> Array:
+        z = first[:, self._columns] * speed / self._widths
+        return np.asarray(np.einsum("nkj,nj->nk", w, z / np.sqrt(1.0 + z * z)))
+
+    # ---- rows
+
+    @cached_property
+    def _rows(self) -> tuple[list[tuple[int, int, int, int, int, float, float]], list[NamedLimit], list[Polyline]]:
+        """Rows for the extension, their names, and curves. Quantities: k torques; k accelerations of all joints; for
+        each motor with a known shaft two torques there, driving and driven.
+        """
+        motors, robot = self.mechanism.motors, self.mechanism.robot
+        rows: list[tuple[int, int, int, int, int, float, float]] = []
+        names: list[NamedLimit] = []
+        curves: list[Polyline] = []
+
+        def add(quantities: tuple[int, int], curve: tuple[int, int, int], limit: float, what: str, joint: str) -> None:
+            limit *= self.factors.get(f"{what} of {joint}", 1.0)
+            for sense, side in ((1.0, "upper"), (-1.0, "lower")):
+                rows.append((*quantities, *curve, sense, limit))
+                names.append(NamedLimit(what, joint, side))
+
+        for k, joint in enumerate(motors):
+            if np.isfinite(limit := self._torque_limits[k]):
+                add((k, -1), (-1, -1, -1), float(limit), "torque", joint.name)
+            if k in self._gears:
+                add((k, -1), (-1, -1, -1), self._gears[k], "gear torque", joint.name)
+        accelerations = self.limits.of_joints("acceleration", robot)
+        for joint in robot.joints:
+            if np.isfinite(limit := accelerations[joint.v]):
+                add((len(motors) + joint.v, -1), (-1, -1, -1), float(limit), "acceleration", joint.name)
+        for number, (k, (actuator, drive, brake)) in enumerate(self._driven.items()):
+            first = len(motors) + robot.nv + 2 * number
+            factor = actuator.safety_factor / self.factors.get(f"motor torque of {motors[k].name}", 1.0)
+            places = []
+            for points in (drive, brake):
+                curves.append(tuple((speed, torque / factor) for speed, torque in points))
+                places.append(len(curves) - 1)
+            pair = (first, first + 1 if actuator.efficiency != 1.0 else -1)
+            top = max(torque for _, torque in drive) / actuator.safety_factor
+            add(pair, (k, places[0], places[1]), top, "motor torque", motors[k].name)
+        return rows, names, curves
+
+    @property
+    def names(self) -> list[NamedLimit]:
+        """The names of the rows."""
+        return self._rows[1]
+
+    def _arrays(self, terms: tuple[Array, ...], first: Array, second: Array, fastest: Array) -> LimitArrays:
+        a, b, d, c, w = terms
+        motors, n = self.mechanism.motors, len(first)
+        columns = [joint.v for joint in motors]
+        zero, none = np.zeros_like(first), np.zeros((n, first.shape[1], w.shape[2]))
+        parts = [[a, first], [b, second], [d, zero], [c, zero], [w, none]]
+        rate = first[:, columns].copy()
+        for k, (actuator, _, _) in self._driven.items():
+            ratio, inertia = actuator.ratio, actuator.shaft_inertia or 0.0
+            rate[:, k] *= ratio
+            assert actuator.efficiency is not None
+            for share in (1.0 / (ratio * actuator.efficiency), actuator.efficiency / ratio):
+                own = [a[:, k] * share + inertia * ratio * first[:, columns[k]]]
+                own += [b[:, k] * share + inertia * ratio * second[:, columns[k]], d[:, k] * share, c[:, k] * share]
+                for part, value in zip(parts, [*own, w[:, k] * share], strict=True):
+                    part.append(value[:, None])
+        joined = [np.ascontiguousarray(np.concatenate(part, axis=1)) for part in parts]
+        rows, _, curves = self._rows
+        small = NEGLIGIBLE * np.max(np.abs(joined[0]), axis=0)
+        return LimitArrays(
+            *joined,
+            np.ascontiguousarray(first[:, self._columns]),
+            np.ascontiguousarray(rate),
+            fastest,
+            self._widths,
+            small,
+            self.creep if any(row[1] >= 0 for row in rows) else 0.0,
+            list(rows),
+            list(curves),
+        )
+
+    # ---- speeds
+
+    def _fastest(self, q: Array, first: Array) -> Array:
+        """The largest path speed (n,) that the limits of speeds allow."""
+        return np.min(np.stack([speeds for _, speeds in self.speed_limits(q, first)]), axis=0, initial=1e12)
+
+    def speed_limits(self, q: Array, first: Array) -> list[tuple[NamedLimit, Array]]:
+        """The largest path speeds (n,) of each limit of a speed, by name."""
+        robot = self.mechanism.robot
+        limits = self.limits.of_joints("speed", robot)
+        found = []
+        with np.errstate(divide="ignore"):
+            for joint in robot.joints:
+                if np.isfinite(limit := limits[joint.v]):
+                    found.append((NamedLimit("speed", joint.name, ""), limit / np.abs(first[:, joint.v])))
+            for joint, top in self._shaft_speeds():
+                found.append((NamedLimit("motor speed", joint.name, ""), top / np.abs(first[:, joint.v])))
+            if self.limits.tool_speed is not None:
+                moved = np.linalg.norm(robot.frame_velocity(self.limits.tool, q, first)[0], axis=1)
+                found.append((NamedLimit("speed", f"frame {self.limits.tool}", ""), self.limits.tool_speed / moved))
+        return [(name, speeds * self.factors.get(name.group, 1.0)) for name, speeds in found]
+
+    def _shaft_speeds(self) -> list[tuple[RobotJoint, float]]:
+        """Motors with the largest speed of the joint, rad/s or m/s, that motor and gear allow."""
+        found = []
+        for k, joint in enumerate(self.mechanism.motors):
+            actuator = self.actuators.get(joint.name) if self.limits.actuators else None
+            if actuator is None:
+                continue
+            tops = [actuator.max_speed] if actuator.max_speed is not None else []
+            if k in self._driven:
+                tops += [points[-1][0] for points in self._driven[k][1:]]
+            if isinstance(actuator, MotorWithGear) and actuator.gear.max_speed is not None:
+                tops.append(actuator.gear.max_speed)
+            if tops:
+                found.append((joint, min(tops) / actuator.ratio))
+        return found

@@ -1,0 +1,252 @@
+"""`bellcrank.time_optimal`: the fastest motion of a mechanism along a path."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank import arguments
+from bellcrank.dynamics.mechanism import Mechanism, mechanism_of
+from bellcrank.errors import BellcrankError, InputError
+from bellcrank.files.access import Trust
+from bellcrank.motion.limit_notes import limit_notes
+from bellcrank.motion.motion import Motion, join
+from bellcrank.planning.fastest_motion import FastestMotion, LimitCost, shares
+from bellcrank.planning.fastest_pass import SPEED_LIMIT, PathTiming, fastest_on_grid, fastest_refined
+from bellcrank.planning.joint_path import JointPath, one_degree_joints, paths_of_motion
+from bellcrank.planning.motion_limits import MotionLimits
+from bellcrank.planning.motion_rows import motion_rows
+from bellcrank.planning.path_limits import PathLimits
+from bellcrank.sizing.size import sizing_subject
+
+if TYPE_CHECKING:
+    from bellcrank.robot.robot import Robot
+    from bellcrank.scene.robot_config import RobotConfig
+    from bellcrank.scene.scene import Scene
+
+Array = NDArray[np.float64]
+COARSE_CELLS = 100
+CREEP = 1e-3  # of the largest path speed
+COST_CELLS = 500  # of the grid on which the costs of limits are computed
+COST_STEP = 1e-3  # relative change of a limit
+
+
+def time_optimal(
+    robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
+    path: JointPath | Motion | str | Path,
+    limits: MotionLimits | None = None,
+    *,
+    grid: int | None = None,
+    costs: bool = True,
+    overrides: Mapping[str, Any] | None = None,
+    trust: Trust = (),
+    progress: Callable[[int, float], None] | None = None,
+) -> FastestMotion:
+    """Find the fastest motion along a path, from rest to rest, within the limits of joints, motors and gears.
+
+    The path speed is the largest at every place (J. Bobrow, S. Dubowsky, J. Gibson, Int. J. Robotics Research 4, 1985),
+    by reachability analysis (H. Pham, Q.-C. Pham, IEEE Trans. Robotics 34, 2018). Friction of joints, efficiency by the
+    direction of power, and torque over speed are part of the limits.
+
+    Args:
+        robot: As in `bellcrank.size`: a Robot or Linkage, a RobotConfig, a Scene, or the path or name of one.
+        path: A JointPath; or a motion, of which the path counts and neither timing nor pauses: a Motion, the name of
+            a motion of the configuration, or the path of a CSV file. Where a motion stops, so does the fastest one.
+        limits: The limits; by default the URDF's speeds and torques, and the actuators of the configuration.
+        grid: Number of cells for the first-order method on a fixed grid; by default the limits are kept to 1e-6 along
+            the whole path, on cells that adapt themselves.
+        costs: Whether to compute how much time each limit costs.
+        overrides: Values of a scene, configuration or URDF to change, by dotted path.
+        trust: Folders whose files a configuration or URDF may name.
+        progress: Called with the number of cells and the time of the motion so far, s.
+
+    Returns:
+        The fastest motion.
+
+    Raises:
+        InputError: An argument is wrong, nothing limits the motion, or forces depend on time.
+        BellcrankError: No motion along the path keeps the limits; the message says where and which.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> arm = bc.load_robot("planar_2r", friction="none")
+        >>> path = bc.joint_path(arm, [{}, {"shoulder": 1.0, "elbow": -0.5}])
+        >>> limits = bc.MotionLimits(torque={"shoulder": 60.0, "elbow": 30.0}, speed="none")
+        >>> round(bc.time_optimal(arm, path, limits, costs=False).duration, 4)
+        1.0126
+    """
+    limits = MotionLimits() if limits is None else arguments.instance("limits", limits, MotionLimits, "MotionLimits")
+    if grid is not None:
+        grid = arguments.whole("grid", grid, least=2, most=1_000_000)
+    arguments.flag("costs", costs)
+    name, original, paths, bounds = _subject(robot, path, limits, trust, overrides)
+    timings = []
+    for one in paths:
+        _check_limited(bounds, one)
+        coarse = fastest_on_grid(one, bounds, grid or COARSE_CELLS)
+        if grid:
+            timings.append(coarse)
+            continue
+        careful = replace(bounds, creep=CREEP * float(coarse.speed.max()))
+        timings.append(fastest_refined(one, careful, progress))
+        bounds.notes.extend(careful.notes)
+    title = "path" if original is None else original.name
+    motion = join(*(_motion(one, t, f"fastest {title}") for one, t in zip(paths, timings, strict=True)),
+                  name=f"fastest {title}")  # fmt: skip
+    active = tuple(label for one, t in zip(paths, timings, strict=True) for label in _labels(bounds, one, t))
+    kept = [np.diff(t.s) > 0.0 for t in timings]
+    return FastestMotion(
+        robot=name,
+        path=title,
+        motion=motion,
+        original_duration=np.nan if original is None else original.duration,
+        s=_chained([t.s for t in timings]),
+        speed=_joined([t.speed for t in timings]),
+        largest_speed=_joined([t.fastest for t in timings]),
+        time=_chained([np.concatenate([[0.0], np.cumsum(np.where(k, t.durations, 0.0))]) for k, t in
+                       zip(kept, timings, strict=True)]),  # fmt: skip
+        active=active,
+        costs=_costs(bounds, paths, active, np.concatenate([np.where(k, t.durations, 0.0) for k, t in
+                     zip(kept, timings, strict=True)]), costs),  # fmt: skip
+        refined=grid is None,
+        warnings=_warnings(bounds, original, paths, timings, motion),
+    )
+
+
+def _subject(
+    robot: Any, path: Any, limits: MotionLimits, trust: Trust, overrides: Mapping[str, Any] | None
+) -> tuple[str, Motion | None, tuple[JointPath, ...], PathLimits]:
+    """The robot's name, the motion that gives the path, the paths, and the limits along them."""
+    motion = None
+    if isinstance(path, JointPath):
+        subject = sizing_subject(robot, [_placeholder(robot, path)], (), trust, None, overrides)
+    else:
+        arguments.instance("path", path, (Motion, str, Path), "a JointPath, a Motion, a motion's name or a CSV file")
+        subject = sizing_subject(robot, [path], (), trust, None, overrides)
+        motion = subject.motions[0]
+    if subject.config is not None and subject.config.transmissions:
+        raise InputError(
+            f"{subject.config.source}: transmissions: the fastest motion does not know motors that move several joints"
+        )
+    mechanism = subject.mechanism
+    if isinstance(path, JointPath):
+        if mechanism.closed:
+            raise InputError("a JointPath is for open chains; give a motion of the linkage, whose path is taken")
+        if [joint.name for joint in path.joints] != [joint.name for joint in mechanism.robot.joints]:
+            raise InputError("the path is one of another robot: its joints are " + ", ".join(j.name for j in path.joints))
+        paths: tuple[JointPath, ...] = (path,)
+    else:
+        assert motion is not None
+        paths = paths_of_motion(motion)
+    one_degree_joints(mechanism.robot)
+    name = mechanism.robot.name if subject.config is None else subject.config.name
+    return name, motion, paths, PathLimits(mechanism, subject.actuators, limits)
+
+
+def _placeholder(robot: Any, path: JointPath) -> Motion:
+    """A motion along a path, so that whatever takes a motion can be asked for the mechanism."""
+    time = np.linspace(0.0, 1.0, 2)
+    still = np.zeros((2, sum(joint.nv for joint in path.joints)))
+    q = path.spline(np.zeros(2), 0)
+    return Motion(path.joints, time, q, still, still, "path")
+
+
+def _check_limited(bounds: PathLimits, path: JointPath) -> None:
+    """Raise InputError where nothing limits a joint that moves."""
+    s = np.linspace(0.0, path.length, 41)
+    bounds.check(path, s)
+    first = path.spline(s, 1)
+    if not bounds.names and not bounds.speed_limits(path.spline(s, 0), first):
+        raise InputError(
+            "nothing limits the motion: the URDF gives neither speeds nor torques, and there is no actuator; give "
+            "limits"
+        )
+    if not bounds.names:
+        raise InputError(
+            "nothing limits the acceleration of the motion: give limits of torque or acceleration, or actuators"
+        )
+
+
+def _motion(path: JointPath, timing: PathTiming, name: str) -> Motion:
+    """The motion of the joints."""
+    rows = np.array(motion_rows(timing))
+    q, first, second = path.at(np.clip(rows[:, 1], 0.0, path.length))
+    y, u = rows[:, 2:3], rows[:, 3:4]
+    return Motion(path.joints, rows[:, 0], q, first * y, first * u + second * y * y, name)
+
+
+def _labels(bounds: PathLimits, path: JointPath, timing: PathTiming) -> list[str]:
+    """The active limit of each cell."""
+    middle = (timing.s[1:] + timing.s[:-1]) / 2.0
+    speeds = bounds.speed_limits(path.spline(middle, 0), path.spline(middle, 1))
+    tightest = np.argmin(np.stack([value for _, value in speeds]), axis=0) if speeds else np.zeros(len(middle), int)
+    return [
+        bounds.names[row].group
+        if row >= 0
+        else speeds[int(tightest[k])][0].group
+        if row == SPEED_LIMIT and speeds
+        else ""
+        for k, row in enumerate(timing.active.tolist())
+    ]
+
+
+def _costs(
+    bounds: PathLimits, paths: Sequence[JointPath], active: tuple[str, ...], durations: Array, derivatives: bool
+) -> tuple[LimitCost, ...]:
+    """The cost of each active limit; derivatives by central differences on a fixed grid."""
+    found = []
+    for name, share in shares(active, durations).items():
+        derivative = np.nan
+        if derivatives:
+            times = []
+            for factor in (1.0 - COST_STEP, 1.0 + COST_STEP):
+                changed = replace(bounds, factors={name: factor}, notes=[])
+                try:
+                    times.append(sum(fastest_on_grid(one, changed, COST_CELLS).duration for one in paths))
+                except BellcrankError:  # a smaller limit cannot be kept
+                    times.append(np.nan)
+            derivative = (times[1] - times[0]) / (2.0 * COST_STEP * 0.5 * (times[0] + times[1]))
+        found.append(LimitCost(name, share, float(derivative)))
+    return tuple(found)
+
+
+def _warnings(
+    bounds: PathLimits,
+    original: Motion | None,
+    paths: Sequence[JointPath],
+    timings: Sequence[PathTiming],
+    motion: Motion,
+) -> tuple[str, ...]:
+    found = list(dict.fromkeys(bounds.notes))
+    if original is not None:
+        found += original.notes
+        if len(paths) > 1:
+            found.append(f"the path has {len(paths)} parts with a stop between them, because motion '{original.name}' "
+                         "stops there; its pauses are left out")  # fmt: skip
+        worst = max(path.deviation for path in paths)
+        if worst > 1e-6:
+            found.append(f"the path deviates from motion '{original.name}' by up to {worst:.2g} rad or m")
+    for path, timing in zip(paths, timings, strict=True):
+        if timing.unproved.any():
+            place = 100.0 * float(timing.s[int(np.argmax(timing.unproved))]) / path.length
+            found.append(
+                f"at {place:.4g} % of the path friction or efficiency splits the allowed accelerations in two; a "
+                "faster motion may exist"
+            )
+    found += limit_notes(bounds.mechanism.robot, motion.name, motion.time, motion.position)
+    return tuple(dict.fromkeys(found))
+
+
+def _chained(parts: Sequence[Array]) -> Array:
+    """Parts that each begin with 0, one after the other."""
+    starts = np.concatenate([[0.0], np.cumsum([part[-1] for part in parts])])
+    return _joined([part + start for part, start in zip(parts, starts, strict=False)])
+
+
+def _joined(parts: Sequence[Array]) -> Array:
+    return np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
