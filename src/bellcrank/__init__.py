@@ -54,6 +54,8 @@ _HOME = {
     "sweep": "studies.sweep",
     "Sweep": "studies.sweep_result",
     "time_optimal": "planning.time_optimal",
+    "speed_factor": "planning.speed_scaling",
+    "SpeedFactor": "planning.speed_scaling",
     "FastestMotion": "planning.fastest_motion",
     "LimitCost": "planning.fastest_motion",
     "MotionLimits": "planning.motion_limits",
@@ -102,6 +104,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "Sensitivity",
     "Settings",
     "Sizing",
+    "SpeedFactor",
     "Sweep",
     "Trajectory",
     "UnreachableError",
@@ -129,6 +132,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "simulate",
     "size",
     "sobol_indices",
+    "speed_factor",
     "sweep",
     "time_optimal",
     "waypoints",
@@ -157,6 +161,7 @@ if TYPE_CHECKING:
     from bellcrank.planning.fastest_motion import FastestMotion, LimitCost
     from bellcrank.planning.joint_path import JointPath, joint_path
     from bellcrank.planning.motion_limits import MotionLimits
+    from bellcrank.planning.speed_scaling import SpeedFactor, speed_factor
     from bellcrank.planning.time_optimal import time_optimal
     from bellcrank.replays.replay import replay, show
     from bellcrank.reports.report import report

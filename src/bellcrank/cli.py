@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 _COMMANDS = {
     "size": "size the motors of a robot over its motions",
     "select": "choose the motor and gear of each joint from a catalogue",
+    "fastest": "find the fastest motion along a path within the limits of joints and motors",
     "simulate": "simulate a scene, and check the accuracy of the result",
     "sweep": "simulate a scene for many values of its parameters",
     "replay": "write the replay of a run or a sizing as one HTML page",

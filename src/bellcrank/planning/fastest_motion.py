@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.files.atomic_write import write_text
 from bellcrank.files.csv_files import guarded
-from bellcrank.text import one_line
 
 if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
@@ -94,8 +93,8 @@ class FastestMotion:
 
         Example:
             >>> import bellcrank as bc
-            >>> print(bc.time_optimal("planar_2r", "elbow_up").table().splitlines()[0][:30])
-            planar_2r along elbow_up: 2.26
+            >>> print(bc.time_optimal("planar_2r", "elbow_up").table().splitlines()[0])
+            Planar 2R arm along elbow_up: 0.780241 s instead of 10 s, 12.8 x
         """
         lines = [f"{self.robot} along {self.path}: {self.duration:.6g} s"]
         if np.isfinite(self.original_duration):
@@ -216,8 +215,3 @@ def shares(active: Sequence[str], durations: Array) -> dict[str, float]:
         if name:
             found[name] = found.get(name, 0.0) + time / total
     return dict(sorted(found.items(), key=lambda item: -item[1]))
-
-
-def title(result: FastestMotion) -> str:
-    """One line that says what the result is."""
-    return one_line(f"{result.robot} along {result.path}: {result.duration:.4g} s")

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank import _planner
+from bellcrank._planner import excess
+from bellcrank._planner import fastest_on_grid as grid_pass
+from bellcrank._planner import fastest_refined as refined_pass
 from bellcrank.errors import BellcrankError
 from bellcrank.planning.joint_path import JointPath
 from bellcrank.planning.path_limits import PathLimits
@@ -89,12 +91,14 @@ def fastest_on_grid(path: JointPath, limits: PathLimits, cells: int) -> PathTimi
     """
     s = np.linspace(0.0, path.length, cells + 1)
     arrays = limits.at(path, s)
-    found = _planner.fastest_on_grid(arrays, s, 0.0, 0.0)
+    found = grid_pass(arrays, s, 0.0, 0.0)
     _refuse_failure(found, path, limits, s)
     return _timing(s, found)
 
 
-def fastest_refined(path: JointPath, limits: PathLimits, progress: Callable[[int, float], None] | None = None) -> PathTiming:
+def fastest_refined(
+    path: JointPath, limits: PathLimits, progress: Callable[[int, float], None] | None = None
+) -> PathTiming:
     """The fastest motion from rest to rest, with the limits kept along the whole path.
 
     Cells are halved until the error of the time and the excess of limits between places are below their tolerances, or
@@ -109,9 +113,7 @@ def fastest_refined(path: JointPath, limits: PathLimits, progress: Callable[[int
         short = np.where(np.diff(r) <= NARROW, 1, np.where(np.diff(s[::2]) <= NEAR_REST * path.length, 2, 0))
         slope = path.length * _slope(places)
         arrays = limits.at(path, s)
-        found = _planner.fastest_refined(
-            arrays, r, s, slope, short.astype(np.uint8), 0.0, 0.0, TIME_ERROR, EXCESS
-        )
+        found = refined_pass(arrays, r, s, slope, short.astype(np.uint8), 0.0, 0.0, TIME_ERROR, EXCESS)
         _refuse_failure(found, path, limits, s[::2])
         timing = _timing(s[::2], found)
         halved = (found["error"] > 1.0) & (short == 0)
@@ -139,12 +141,12 @@ def _first_cells(path: JointPath) -> Array:
     own = [2.0 / np.pi * np.arcsin(np.sqrt(x)) for x in (turning, knots)]
     r = np.unique(np.concatenate([np.linspace(0.0, 1.0, FIRST_CELLS + 1), *own]))
     keep = np.concatenate([[True], np.diff(r) > 1e-12])
-    return r[keep]
+    return np.asarray(r[keep])
 
 
 def _share(r: Array) -> Array:
     """sin²(π r / 2), to full relative precision of its distance to either end."""
-    return np.where(r < 0.5, np.sin(np.pi * r / 2.0) ** 2, 1.0 - np.sin(np.pi * (1.0 - r) / 2.0) ** 2)
+    return np.asarray(np.where(r < 0.5, np.sin(np.pi * r / 2.0) ** 2, 1.0 - np.sin(np.pi * (1.0 - r) / 2.0) ** 2))
 
 
 def _slope(r: Array) -> Array:
@@ -157,7 +159,7 @@ def _exceeding(timing: PathTiming, path: JointPath, limits: PathLimits) -> NDArr
     for share in (0.1, 0.3, 0.7, 0.9):
         s, speed, acceleration = timing.within(share)
         arrays = limits.at(path, np.clip(s, 0.0, path.length))
-        over = _planner.excess(arrays, np.ascontiguousarray(np.maximum(speed, 0.0)), np.ascontiguousarray(acceleration))
+        over = excess(arrays, np.ascontiguousarray(np.maximum(speed, 0.0)), np.ascontiguousarray(acceleration))
         bad |= over > CHECKED_EXCESS
     return bad
 
@@ -186,4 +188,3 @@ def _refuse_failure(found: dict[str, Any], path: JointPath, limits: PathLimits, 
         f"no motion along the path keeps the limits: at {share:.4g} % of the path the {names} cannot be kept at any "
         "speed; choose other limits, or another path"
     )
-

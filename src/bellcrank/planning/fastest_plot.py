@@ -1,4 +1,4 @@
-"""The picture of a fastest motion: the path speed below its largest value, coloured by the active limit."""
+"""The pictures of fastest motions: the path speed with the active limit, and the use of limits over a speed factor."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.files import atomic_write
-from bellcrank.plot_style import DPI, colour, literal, new_figure, save_figure
+from bellcrank.plot_style import DPI, colour, dash, literal, new_figure, save_figure
 
 if TYPE_CHECKING:
     from bellcrank.planning.fastest_motion import FastestMotion
+    from bellcrank.planning.speed_scaling import SpeedFactor
 
 
 def plot_fastest(result: FastestMotion, path: Path) -> Path:
@@ -41,6 +42,29 @@ def plot_fastest(result: FastestMotion, path: Path) -> Path:
     times.set_yticks(range(len(names_costs)), [literal(name) for name in names_costs], fontsize=8)
     times.set_xlabel("active during [% of the time]")
     times.grid(True, axis="x", alpha=0.3)
+    with atomic_write.writing(path) as temporary:
+        save_figure(figure, temporary, "png", dpi=DPI)
+    return path
+
+
+def plot_factor(result: SpeedFactor, path: Path) -> Path:
+    """Write the use of each limit over the factor as PNG. Raises InputError where the file cannot be written."""
+    figure = new_figure(9.0, 5.0)
+    axes = figure.subplots()
+    highest = sorted(result.uses, key=lambda name: -float(result.uses[name][-1]))
+    for number, name in enumerate(highest):
+        axes.plot(result.factors, 100.0 * result.uses[name], color=colour(number), ls=dash(number), label=literal(name))
+    axes.axhline(100.0, color="0.3", lw=0.8)
+    axes.axvline(1.0, color="0.6", lw=0.8)
+    if result.factor > 0.0:
+        axes.axvline(result.factor, color="0.3", lw=0.8, ls="--")
+    axes.set_ylim(0.0, 150.0)
+    axes.set_xlim(0.0, float(result.factors[-1]))
+    axes.set_xlabel("speed factor")
+    axes.set_ylabel("largest use of the limit [%]")
+    axes.set_title(literal(result.table().splitlines()[0]))
+    axes.legend(loc="upper left", fontsize=8)
+    axes.grid(True, alpha=0.3)
     with atomic_write.writing(path) as temporary:
         save_figure(figure, temporary, "png", dpi=DPI)
     return path

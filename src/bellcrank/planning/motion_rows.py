@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -52,7 +53,7 @@ def motion_rows(timing: PathTiming) -> list[PathRow]:
     edges = [0, *(np.flatnonzero(jump) + 1).tolist(), len(cells.begin)]
     rows: list[PathRow] = []
     whole = float(cells.end[-1, 0])
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
+    for first, last in pairwise(edges):
         nodes = _spread(np.concatenate([cells.begin[first:last], cells.end[last - 1 : last]]), LEAST * whole)
         if rows:
             nodes[0, 0] = rows[-1].time

@@ -63,6 +63,7 @@ class PathLimits:
         actuators: Motor and gear by joint.
         limits: The limits of joints and of a tool.
         creep: The path speed up to which gears lose power as at standstill, where the load counts as taking power.
+        only: The group of the only limits that count; "" for all.
         factors: Factors on limits, by the group of their names; to see what a limit costs.
     """
 
@@ -71,6 +72,7 @@ class PathLimits:
     limits: MotionLimits
     factors: Mapping[str, float] = field(default_factory=dict)
     creep: float = 0.0
+    only: str = ""
     notes: list[str] = field(default_factory=list)
 
     @cached_property
@@ -132,15 +134,24 @@ class PathLimits:
         q, first, second = (path.spline(s, order) for order in (0, 1, 2))
         return self._arrays(self._terms(q, first, second), first, second, self._fastest(q, first))
 
-    def check(self, path: JointPath, s: Array) -> None:
-        """Raise InputError where the torques at places of a path are not those of the model: where a force depends on
-        time, or on velocity otherwise than inertia and friction.
+    def of_motion(self, q: Array, v: Array, a: Array) -> LimitArrays:
+        """The limits of a motion of positions q, velocities v and accelerations a (n, nv) that is faster by the path
+        speed: velocities grow with it, accelerations with its square, and the path acceleration is 0.
         """
-        q, first, second = (path.spline(s, order) for order in (0, 1, 2))
+        terms = self._terms(q, v, a)
+        still = np.zeros_like(v)
+        terms = (np.zeros_like(terms[0]), *terms[1:])
+        return self._arrays(terms, v, a, self._fastest(q, v), slope=still)
+
+    def check_states(self, q: Array, first: Array, second: Array) -> None:
+        """Raise InputError where the torques at places of a path, with derivatives of the positions with respect to the
+        path, are not those of the model: where a force depends on time, or on velocity otherwise than by inertia and
+        friction.
+        """
         a, b, d, c, w = self._terms(q, first, second)
         columns = [joint.v for joint in self.mechanism.motors]
         for speed, time in ((2.0, 0.0), (0.5, 1.0)):
-            t = np.full(len(s), time)
+            t = np.full(len(q), time)
             v, acceleration = speed * first, 0.3 * first + speed * speed * second
             exact = self.mechanism.torques(t, q, v, acceleration)[0] - self._rotor * acceleration[:, columns]
             model = 0.3 * a + speed * speed * b + speed * d + c + self._coulomb(w, first, speed)
@@ -156,7 +167,10 @@ class PathLimits:
     def _terms(self, q: Array, first: Array, second: Array) -> tuple[Array, ...]:
         """a, b, d, c (n, k) and w (n, k, j) of the motors' torques without the rotors of actuators."""
         t, still = np.zeros(len(q)), np.zeros_like(q)
-        torques = lambda v, a: self.mechanism.torques(t, q, v, a)[0]  # noqa: E731
+
+        def torques(v: Array, a: Array) -> Array:
+            return self.mechanism.torques(t, q, v, a)[0]
+
         columns = [joint.v for joint in self.mechanism.motors]
         c = torques(still, still)
         a = torques(still, first) - c
@@ -191,7 +205,10 @@ class PathLimits:
         part of a Coulomb friction belongs to which joint follows from one sign at a time.
         """
         robot, t = self.mechanism.robot, np.zeros(len(q))
-        at = lambda v: self.mechanism.friction(t, q, v)  # noqa: E731
+
+        def at(v: Array) -> Array:
+            return self.mechanism.friction(t, q, v)
+
         k = len(self.mechanism.motors)
         w = np.zeros((len(q), k, len(self._columns)))
         d = np.zeros((len(q), k))
@@ -226,6 +243,8 @@ class PathLimits:
         curves: list[Polyline] = []
 
         def add(quantities: tuple[int, int], curve: tuple[int, int, int], limit: float, what: str, joint: str) -> None:
+            if self.only not in ("", f"{what} of {joint}"):
+                return
             limit *= self.factors.get(f"{what} of {joint}", 1.0)
             for sense, side in ((1.0, "upper"), (-1.0, "lower")):
                 rows.append((*quantities, *curve, sense, limit))
@@ -257,42 +276,51 @@ class PathLimits:
         """The names of the rows."""
         return self._rows[1]
 
-    def _arrays(self, terms: tuple[Array, ...], first: Array, second: Array, fastest: Array) -> LimitArrays:
+    def _arrays(
+        self, terms: tuple[Array, ...], first: Array, second: Array, fastest: Array, slope: Array | None = None
+    ) -> LimitArrays:
         a, b, d, c, w = terms
         motors, n = self.mechanism.motors, len(first)
         columns = [joint.v for joint in motors]
         zero, none = np.zeros_like(first), np.zeros((n, first.shape[1], w.shape[2]))
-        parts = [[a, first], [b, second], [d, zero], [c, zero], [w, none]]
+        slope = first if slope is None else slope
+        parts = [[a, slope], [b, second], [d, zero], [c, zero], [w, none]]
         rate = first[:, columns].copy()
         for k, (actuator, _, _) in self._driven.items():
             ratio, inertia = actuator.ratio, actuator.shaft_inertia or 0.0
             rate[:, k] *= ratio
             assert actuator.efficiency is not None
             for share in (1.0 / (ratio * actuator.efficiency), actuator.efficiency / ratio):
-                own = [a[:, k] * share + inertia * ratio * first[:, columns[k]]]
+                own = [a[:, k] * share + inertia * ratio * slope[:, columns[k]]]
                 own += [b[:, k] * share + inertia * ratio * second[:, columns[k]], d[:, k] * share, c[:, k] * share]
                 for part, value in zip(parts, [*own, w[:, k] * share], strict=True):
                     part.append(value[:, None])
-        joined = [np.ascontiguousarray(np.concatenate(part, axis=1)) for part in parts]
+        a, b, d, c, w = (np.ascontiguousarray(np.concatenate(part, axis=1)) for part in parts)
         rows, _, curves = self._rows
-        small = NEGLIGIBLE * np.max(np.abs(joined[0]), axis=0)
         return LimitArrays(
-            *joined,
-            np.ascontiguousarray(first[:, self._columns]),
-            np.ascontiguousarray(rate),
-            fastest,
-            self._widths,
-            small,
-            self.creep if any(row[1] >= 0 for row in rows) else 0.0,
-            list(rows),
-            list(curves),
+            a=a,
+            b=b,
+            d=d,
+            c=c,
+            w=w,
+            rate=np.ascontiguousarray(first[:, self._columns]),
+            motor_rate=np.ascontiguousarray(rate),
+            fastest=fastest,
+            width=self._widths,
+            negligible=NEGLIGIBLE * np.max(np.abs(a), axis=0),
+            creep=self.creep if any(row[1] >= 0 for row in rows) else 0.0,
+            rows=list(rows),
+            curves=list(curves),
         )
 
     # ---- speeds
 
     def _fastest(self, q: Array, first: Array) -> Array:
         """The largest path speed (n,) that the limits of speeds allow."""
-        return np.min(np.stack([speeds for _, speeds in self.speed_limits(q, first)]), axis=0, initial=1e12)
+        fastest = np.full(len(q), 1e12)
+        for _, speeds in self.speed_limits(q, first):
+            fastest = np.minimum(fastest, speeds)
+        return fastest
 
     def speed_limits(self, q: Array, first: Array) -> list[tuple[NamedLimit, Array]]:
         """The largest path speeds (n,) of each limit of a speed, by name."""

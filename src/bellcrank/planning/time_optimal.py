@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank.dynamics.mechanism import Mechanism, mechanism_of
+from bellcrank.dynamics.mechanism import Mechanism
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
 from bellcrank.motion.limit_notes import limit_notes
@@ -22,6 +22,7 @@ from bellcrank.planning.joint_path import JointPath, one_degree_joints, paths_of
 from bellcrank.planning.motion_limits import MotionLimits
 from bellcrank.planning.motion_rows import motion_rows
 from bellcrank.planning.path_limits import PathLimits
+from bellcrank.robot.payload import Payload
 from bellcrank.sizing.size import sizing_subject
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ def time_optimal(
     *,
     grid: int | None = None,
     costs: bool = True,
+    payloads: Iterable[Payload] = (),
     overrides: Mapping[str, Any] | None = None,
     trust: Trust = (),
     progress: Callable[[int, float], None] | None = None,
@@ -61,6 +63,7 @@ def time_optimal(
         grid: Number of cells for the first-order method on a fixed grid; by default the limits are kept to 1e-6 along
             the whole path, on cells that adapt themselves.
         costs: Whether to compute how much time each limit costs.
+        payloads: Payloads besides those that the robot carries.
         overrides: Values of a scene, configuration or URDF to change, by dotted path.
         trust: Folders whose files a configuration or URDF may name.
         progress: Called with the number of cells and the time of the motion so far, s.
@@ -84,7 +87,7 @@ def time_optimal(
     if grid is not None:
         grid = arguments.whole("grid", grid, least=2, most=1_000_000)
     arguments.flag("costs", costs)
-    name, original, paths, bounds = _subject(robot, path, limits, trust, overrides)
+    name, original, paths, bounds = _subject(robot, path, limits, (payloads, trust, overrides))
     timings = []
     for one in paths:
         _check_limited(bounds, one)
@@ -99,7 +102,7 @@ def time_optimal(
     motion = join(*(_motion(one, t, f"fastest {title}") for one, t in zip(paths, timings, strict=True)),
                   name=f"fastest {title}")  # fmt: skip
     active = tuple(label for one, t in zip(paths, timings, strict=True) for label in _labels(bounds, one, t))
-    kept = [np.diff(t.s) > 0.0 for t in timings]
+    durations = [np.where(np.diff(t.s) > 0.0, t.durations, 0.0) for t in timings]
     return FastestMotion(
         robot=name,
         path=title,
@@ -108,26 +111,25 @@ def time_optimal(
         s=_chained([t.s for t in timings]),
         speed=_joined([t.speed for t in timings]),
         largest_speed=_joined([t.fastest for t in timings]),
-        time=_chained([np.concatenate([[0.0], np.cumsum(np.where(k, t.durations, 0.0))]) for k, t in
-                       zip(kept, timings, strict=True)]),  # fmt: skip
+        time=_chained([np.concatenate([[0.0], np.cumsum(own)]) for own in durations]),
         active=active,
-        costs=_costs(bounds, paths, active, np.concatenate([np.where(k, t.durations, 0.0) for k, t in
-                     zip(kept, timings, strict=True)]), costs),  # fmt: skip
+        costs=_costs(bounds, paths, active, np.concatenate(durations), costs),
         refined=grid is None,
         warnings=_warnings(bounds, original, paths, timings, motion),
     )
 
 
 def _subject(
-    robot: Any, path: Any, limits: MotionLimits, trust: Trust, overrides: Mapping[str, Any] | None
+    robot: Any, path: Any, limits: MotionLimits, changes: tuple[Iterable[Payload], Trust, Mapping[str, Any] | None]
 ) -> tuple[str, Motion | None, tuple[JointPath, ...], PathLimits]:
     """The robot's name, the motion that gives the path, the paths, and the limits along them."""
+    payloads, trust, overrides = changes
     motion = None
     if isinstance(path, JointPath):
-        subject = sizing_subject(robot, [_placeholder(robot, path)], (), trust, None, overrides)
+        subject = sizing_subject(robot, [_placeholder(path)], payloads, trust, None, overrides)
     else:
         arguments.instance("path", path, (Motion, str, Path), "a JointPath, a Motion, a motion's name or a CSV file")
-        subject = sizing_subject(robot, [path], (), trust, None, overrides)
+        subject = sizing_subject(robot, [path], payloads, trust, None, overrides)
         motion = subject.motions[0]
     if subject.config is not None and subject.config.transmissions:
         raise InputError(
@@ -138,7 +140,9 @@ def _subject(
         if mechanism.closed:
             raise InputError("a JointPath is for open chains; give a motion of the linkage, whose path is taken")
         if [joint.name for joint in path.joints] != [joint.name for joint in mechanism.robot.joints]:
-            raise InputError("the path is one of another robot: its joints are " + ", ".join(j.name for j in path.joints))
+            raise InputError(
+                "the path is one of another robot: its joints are " + ", ".join(j.name for j in path.joints)
+            )
         paths: tuple[JointPath, ...] = (path,)
     else:
         assert motion is not None
@@ -148,7 +152,7 @@ def _subject(
     return name, motion, paths, PathLimits(mechanism, subject.actuators, limits)
 
 
-def _placeholder(robot: Any, path: JointPath) -> Motion:
+def _placeholder(path: JointPath) -> Motion:
     """A motion along a path, so that whatever takes a motion can be asked for the mechanism."""
     time = np.linspace(0.0, 1.0, 2)
     still = np.zeros((2, sum(joint.nv for joint in path.joints)))
@@ -159,9 +163,9 @@ def _placeholder(robot: Any, path: JointPath) -> Motion:
 def _check_limited(bounds: PathLimits, path: JointPath) -> None:
     """Raise InputError where nothing limits a joint that moves."""
     s = np.linspace(0.0, path.length, 41)
-    bounds.check(path, s)
-    first = path.spline(s, 1)
-    if not bounds.names and not bounds.speed_limits(path.spline(s, 0), first):
+    q, first, second = (path.spline(s, order) for order in (0, 1, 2))
+    bounds.check_states(q, first, second)
+    if not bounds.names and not bounds.speed_limits(q, first):
         raise InputError(
             "nothing limits the motion: the URDF gives neither speeds nor torques, and there is no actuator; give "
             "limits"

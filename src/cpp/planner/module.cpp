@@ -131,6 +131,40 @@ nb::object excess(const LimitArrays& given, In<1> y, In<1> u) {
   return found.array(true);
 }
 
+// The largest factor of the speed in [1, to] up to which all limits are kept everywhere with u = 0; where 1 is too much,
+// the largest one below. The place and the row that limit it: -1 for a limit of speed, or for none.
+nb::tuple largest_factor(const LimitArrays& given, double to) {
+  const PathLimits& limits = given.limits;
+  double factor = 1;
+  std::size_t at = 0;
+  int by = -1;
+  bool within = true;
+  for (std::size_t i = 0; i < limits.places; ++i)
+    if (limits.fastest[i] < factor || LimitsAtPlace(limits, i).excess(factor, 0.0) > 1e-12) within = false;
+  if (within) {
+    factor = to;
+    for (std::size_t i = 0; i < limits.places; ++i) {
+      const LimitsAtPlace place(limits, i);
+      if (limits.fastest[i] < factor) factor = limits.fastest[i], at = i, by = -1;
+      const auto [y, row] = place.first_exceeded(1.0, factor);
+      if (row >= 0 && y < factor) factor = y, at = i, by = row;
+    }
+    return nb::make_tuple(factor, at, by);
+  }
+  std::pair<int, int> cause{-1, -1};
+  for (bool moved = true; moved && factor > 0;) {
+    moved = false;
+    for (std::size_t i = 0; i < limits.places; ++i) {
+      const LimitsAtPlace place(limits, i);
+      if (limits.fastest[i] < factor) factor = limits.fastest[i], at = i, by = -1, moved = true;
+      const double y = nearest_allowed(place, Goal{}, factor, 0.0, cause);
+      if (std::isnan(y)) return nb::make_tuple(0.0, i, cause.first);
+      if (y < factor) factor = y, at = i, by = cause.first, moved = true;
+    }
+  }
+  return nb::make_tuple(factor, at, by);
+}
+
 }  // namespace
 
 NB_MODULE(_planner, m) {
@@ -142,6 +176,7 @@ NB_MODULE(_planner, m) {
   m.def("fastest_refined", &refined, nb::arg("limits"), nb::arg("r"), nb::arg("s"), nb::arg("ds"), nb::arg("narrow"), nb::arg("begin"), nb::arg("end"),
         nb::arg("speed_tolerance"), nb::arg("excess_tolerance"));
   m.def("excess", &excess, nb::arg("limits"), nb::arg("speed"), nb::arg("acceleration"));
+  m.def("largest_factor", &largest_factor, nb::arg("limits"), nb::arg("to"));
   m.def("bounds_at", &bounds_at, nb::arg("limits"), nb::arg("place"), nb::arg("speed"));
 }
 

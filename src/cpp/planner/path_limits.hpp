@@ -14,6 +14,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <utility>
 #include <vector>
 
 namespace bellcrank {
@@ -49,6 +50,22 @@ constexpr double unlimited = std::numeric_limits<double>::infinity();
 struct Parabola {
   double p2 = 0, p1 = 0, p0 = 0;
   double operator()(double y) const { return (p2 * y + p1) * y + p0; }
+
+  // The smallest root above y at which the value becomes negative; infinite without one.
+  double next_root(double y) const {
+    double best = std::numeric_limits<double>::infinity();
+    const auto consider = [&](double root) {
+      if (root > y * (1 + 1e-12) && root < best && 2 * p2 * root + p1 < 0) best = root;
+    };
+    if (p2 == 0) {
+      if (p1 != 0) consider(-p0 / p1);
+    } else if (const double square = p1 * p1 - 4 * p2 * p0; square >= 0) {
+      const double q = -0.5 * (p1 + std::copysign(std::sqrt(square), p1));
+      consider(q / p2);
+      if (q != 0) consider(p0 / q);
+    }
+    return best;
+  }
 };
 
 struct Bound {
@@ -114,6 +131,40 @@ class LimitsAtPlace {
       worst = std::max(worst, own / row.limit);
     }
     return worst;
+  }
+
+  // The smallest y in (from, to] beyond which a limit is exceeded with u = 0, and its row; `to` and -1 without one.
+  std::pair<double, int> first_exceeded(double from, double to) const {
+    const std::size_t count = limits_.quantities;
+    double y = from;
+    for (int turn = 0; turn < 10000 && y < to; ++turn) {
+      Bounds range;
+      Parabola values[most_quantities];
+      for (std::size_t k = 0; k < count; ++k) values[k] = value(k, y, range);
+      double next = to;
+      int by = -1;
+      for (std::size_t r = 0; r < limits_.rows.size(); ++r) {
+        const LimitRow& row = limits_.rows[r];
+        const Parabola limit = limit_at(row, y, range);
+        for (const int k : {row.drive, row.back}) {
+          if (k < 0) continue;
+          const Parabola rest{limit.p2 - row.sense * values[k].p2, limit.p1 - row.sense * values[k].p1,
+                              limit.p0 - row.sense * values[k].p0};
+          const double root = rest.next_root(y);
+          if (root < next) next = root, by = static_cast<int>(r);
+        }
+      }
+      if (range.high < next) {  // the shapes hold up to here
+        y = std::max(range.high, y * (1 + 1e-15));
+        if (excess(y * (1 + 1e-13), 0.0) > 1e-12) return {y, by};
+        y *= 1 + 1e-13;
+        continue;
+      }
+      y = next;
+      if (by >= 0 && excess(y * (1 + 1e-9), 0.0) > 0.0) return {y, by};
+      y *= 1 + 1e-9;
+    }
+    return {to, -1};
   }
 
   static constexpr std::size_t most_quantities = 512;

@@ -1,0 +1,178 @@
+"""`bellcrank fastest`: the fastest motions along paths, or the factor by which motions can be sped up."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bellcrank.commands.options import add_set, add_trust, config_with_changes, number_option, whole_option
+from bellcrank.commands.output_files import list_on_failure
+from bellcrank.commands.size import parse_payload
+from bellcrank.config.fields import parse_number
+from bellcrank.errors import InputError
+from bellcrank.files.atomic_write import check_folder, default_place
+from bellcrank.messages import format_value
+from bellcrank.text import file_name
+
+if TYPE_CHECKING:
+    from bellcrank.planning.motion_limits import MotionLimits
+    from bellcrank.scene.robot_config import RobotConfig
+
+UNITS = {"speed": "rad/s or m/s", "acceleration": "rad/s² or m/s²", "torque": "N m or N"}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The robot, its motions and limits, and where to write."""
+    parser.add_argument(
+        "robot",
+        metavar="ROBOT",
+        help="a robot configuration or URDF: a path, or a name that `bellcrank robots` lists",
+    )
+    parser.add_argument(
+        "--motion",
+        action="append",
+        default=[],
+        metavar="FILE|NAME",
+        help="a motion of the configuration or a CSV file, whose path counts; may be repeated (default: all motions)",
+    )
+    parser.add_argument(
+        "--payload", action="append", default=[], metavar="MASS@FRAME",
+        help="a point mass fixed to a frame, such as 2.5@tool0 (kg) or '500 g@tool0'; may be repeated",
+    )  # fmt: skip
+    for key, unit in UNITS.items():
+        default = "the URDF's" if key != "acceleration" else "none"
+        parser.add_argument(
+            f"--{key}", action="append", default=[], metavar="JOINT=VALUE",
+            help=f"the largest {key} of a joint, {unit}; may be repeated; 'none' for no limits (default: {default})",
+        )  # fmt: skip
+    parser.add_argument("--no-actuators", action="store_true", help="leave the limits of motors and gears out")
+    parser.add_argument("--tool", metavar="FRAME", default="", help="the frame whose speed --tool-speed limits")
+    parser.add_argument("--tool-speed", metavar="SPEED", help="the largest speed of the tool, m/s")
+    parser.add_argument(
+        "--grid", metavar="CELLS",
+        help="use the first-order method on a fixed grid (default: cells that adapt themselves)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--scale", metavar="FACTOR|max",
+        help="do not change how the speed varies along the path: speed the motion up by a factor such as 1.2, or by "
+        "the largest that the limits allow",
+    )  # fmt: skip
+    add_set(parser, "payloads.1.mass='5 kg'")
+    add_trust(parser)
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="output folder (default: ROBOT_fastest in the current folder)"
+    )
+    parser.add_argument("--no-plots", action="store_true", help="do not write pictures")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Find fastest motions, or speed factors. Exit code 0: done; 1: the factor asked for exceeds a limit. Raises
+    BellcrankError for invalid input, and where no motion keeps the limits.
+    """
+    folder = arguments.out or default_place(f"{Path(arguments.robot).stem}_fastest")
+    limits = _limits(arguments)
+    grid = whole_option("--grid", arguments.grid, least=2, most=1_000_000)
+    factor = _factor(arguments.scale)
+    check_folder("--out", folder)
+    config = config_with_changes(arguments.robot, arguments.changes, arguments.trust)
+    payloads = [parse_payload(text) for text in arguments.payload]
+    motions = arguments.motion or list(_motions(config))
+    if not motions:
+        raise InputError(
+            f"{arguments.robot}: there is no motion whose path could be followed; give a CSV file (--motion FILE), or "
+            "write a robot configuration with motions"
+        )
+    files: list[Path] = []
+    status = 0
+    with list_on_failure(files, folder):
+        for number, name in enumerate(motions):
+            print("" if number == 0 else "\n", end="")
+            if arguments.scale is None:
+                _fastest(arguments, (config, name, limits, payloads, grid), folder, files)
+            else:
+                status = max(status, _scaled(arguments, (config, name, limits, payloads), factor, (folder, files)))
+    print(f"\nwrote {', '.join(path.name for path in files)} in {folder}")
+    return status
+
+
+def _fastest(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Path, files: list[Path]) -> None:
+    from bellcrank.motion.csv_file import write_motion
+    from bellcrank.planning.time_optimal import time_optimal
+    from bellcrank.terminal.progress import counting
+
+    config, name, limits, payloads, grid = given
+    with counting(f"fastest along {name}", "cells") as progress:
+        found = time_optimal(
+            config, name, limits, grid=grid, payloads=payloads, trust=arguments.trust,
+            progress=lambda cells, _: progress(cells, cells),
+        )  # fmt: skip
+    print(found.table())
+    for warning in found.warnings:
+        print(f"warning: {warning}")
+    stem = file_name(found.path)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_motion(found.motion, folder / f"fastest_{stem}.csv")
+    files.append(folder / f"fastest_{stem}.csv")
+    files.append(found.limits_to_csv(folder / f"limits_{stem}.csv"))
+    files.append(found.to_json(folder / f"fastest_{stem}.json"))
+    if not arguments.no_plots:
+        files.append(found.plot(folder / f"fastest_{stem}.png"))
+
+
+def _scaled(
+    arguments: argparse.Namespace, given: tuple[Any, ...], factor: float | None, place: tuple[Path, list[Path]]
+) -> int:
+    from bellcrank.motion.csv_file import write_motion
+    from bellcrank.planning.speed_scaling import speed_factor
+
+    config, name, limits, payloads = given
+    folder, files = place
+    found = speed_factor(config, name, limits, payloads=payloads, trust=arguments.trust)
+    print(found.table())
+    stem = file_name(found.motion.name)
+    folder.mkdir(parents=True, exist_ok=True)
+    if found.factor > 0.0 or factor is not None:
+        write_motion(found.scaled(factor), folder / f"scaled_{stem}.csv")
+        files.append(folder / f"scaled_{stem}.csv")
+    if not arguments.no_plots:
+        files.append(found.plot(folder / f"factor_{stem}.png"))
+    if factor is not None and factor > found.factor:
+        print(f"\nthe factor {factor:g} is not allowed: the {found.limit} is reached at {found.factor:.6g}")
+        return 1
+    return 0 if found.factor > 0.0 else 1
+
+
+def _factor(text: str | None) -> float | None:
+    """The factor of --scale; None for the largest."""
+    if text is None or text == "max":
+        return None
+    return number_option("--scale", text, above=0.0)
+
+
+def _motions(config: RobotConfig | Any) -> list[str]:
+    return list(getattr(config, "config", config).motions)
+
+
+def _limits(arguments: argparse.Namespace) -> MotionLimits:
+    from bellcrank.planning.motion_limits import MotionLimits
+
+    chosen: dict[str, Any] = {}
+    for key, unit in UNITS.items():
+        texts = getattr(arguments, key)
+        if texts == ["none"]:
+            chosen[key] = "none"
+        elif texts:
+            chosen[key] = dict(_limit(f"--{key}", text, unit) for text in texts)
+    speed = number_option("--tool-speed", arguments.tool_speed, "m/s", above=0.0)
+    return MotionLimits(actuators=not arguments.no_actuators, tool=arguments.tool, tool_speed=speed, **chosen)
+
+
+def _limit(option: str, text: str, unit: str) -> tuple[str, float]:
+    joint, equals, value = text.partition("=")
+    if not equals or not joint.strip():
+        raise InputError(f"{option} {format_value(text)}: expected JOINT=VALUE, such as elbow=2.5")
+    try:
+        return joint.strip(), parse_number(value.strip(), unit)
+    except ValueError as error:
+        raise InputError(f"{option} {format_value(text)}: {error}") from None

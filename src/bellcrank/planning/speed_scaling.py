@@ -1,0 +1,250 @@
+"""`bellcrank.speed_factor`: by which factor a motion can be sped up, with its timing otherwise unchanged.
+
+A motion that is faster by the factor k has the velocities k v and the accelerations k² a, so that
+
+    τ(k) = (M a + C v) k² + viscous friction k + g + Coulomb friction
+
+at each sample: the factor at which a limit is reached is a root of a parabola. Only the smoothed part of Coulomb
+friction, at very small speeds, needs iterations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank import arguments
+from bellcrank._planner import excess, largest_factor
+from bellcrank.dynamics.mechanism import Mechanism
+from bellcrank.errors import InputError
+from bellcrank.files.access import Trust
+from bellcrank.motion.motion import Motion
+from bellcrank.planning.motion_limits import MotionLimits
+from bellcrank.planning.path_limits import PathLimits
+from bellcrank.robot.payload import Payload
+from bellcrank.sizing.size import sizing_subject
+
+if TYPE_CHECKING:
+    from bellcrank.robot.robot import Robot
+    from bellcrank.scene.robot_config import RobotConfig
+    from bellcrank.scene.scene import Scene
+
+Array = NDArray[np.float64]
+MOST = 1e3  # times faster
+REFINED = 8  # samples between two rows
+DRAWN = 121
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SpeedFactor:
+    """By which factor a motion can be sped up.
+
+    Attributes:
+        robot: Name of the robot.
+        motion: The motion.
+        factor: The largest factor k for which all limits are kept for every factor from 1 to k; below 1 where the
+            motion itself exceeds a limit; 0 where no factor keeps them.
+        limit: The limit that is reached, such as "motor torque of elbow".
+        time: The time of the motion at which it is reached, s.
+        factors: Factors (m,) of the picture.
+        uses: The largest share of each limit (m,) that is used, by limit.
+        warnings: What was not taken into account.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> bc.speed_factor("planar_2r", "elbow_up").limit
+        'torque of shoulder'
+    """
+
+    robot: str
+    motion: Motion
+    factor: float
+    limit: str
+    time: float
+    factors: Array
+    uses: Mapping[str, Array]
+    warnings: tuple[str, ...] = field(default=())
+
+    def scaled(self, factor: float | None = None) -> Motion:
+        """The motion sped up.
+
+        Args:
+            factor: The factor; by default the largest one.
+
+        Returns:
+            The motion in the time divided by the factor.
+
+        Raises:
+            InputError: The factor is not a positive number.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> found = bc.speed_factor("planar_2r", "elbow_up")
+            >>> round(found.scaled(2.0).duration, 9)
+            5.0
+        """
+        k = self.factor if factor is None else arguments.number("factor", factor, above=0.0, most=arguments.LARGEST)
+        if k <= 0.0:
+            raise InputError(f"motion '{self.motion.name}' cannot be scaled: no factor keeps the {self.limit}")
+        return scaled_motion(self.motion, k)
+
+    def table(self) -> str:
+        """The factor and the use of each limit.
+
+        Returns:
+            The text of a table.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> print(bc.speed_factor("planar_2r", "elbow_up").table().splitlines()[0])
+            Planar 2R arm along elbow_up: 11.1 times as fast (0.901 s instead of 10 s)
+        """
+        duration = self.motion.duration
+        if self.factor <= 0.0:
+            return f"{self.robot} along {self.motion.name}: no speed keeps the {self.limit}, at {self.time:.4g} s"
+        lines = [
+            f"{self.robot} along {self.motion.name}: {self.factor:.3g} times as fast ({duration / self.factor:.3g} s "
+            f"instead of {duration:.3g} s)",
+            f"the limit is the {self.limit}, at {self.time:.4g} s of the motion as given",
+        ]
+        lines += self.warnings
+        width = max([len(name) for name in self.uses] + [5])
+        lines += ["", f"{'limit':<{width}}  used as given"]
+        here = int(np.argmin(np.abs(self.factors - 1.0)))
+        lines += [f"{name:<{width}}  {100.0 * use[here]:11.1f} %" for name, use in self.uses.items()]
+        return "\n".join(lines)
+
+    def plot(self, path: str | Path) -> Path:
+        """Draw the use of each limit over the factor, as a PNG.
+
+        Args:
+            path: The file.
+
+        Returns:
+            Its path.
+
+        Raises:
+            InputError: The file cannot be written.
+
+        Example:
+            >>> import bellcrank as bc, tempfile
+            >>> folder = tempfile.TemporaryDirectory()
+            >>> bc.speed_factor("planar_2r", "elbow_up").plot(folder.name + "/factor.png").name
+            'factor.png'
+        """
+        from bellcrank.planning.fastest_plot import plot_factor
+
+        return plot_factor(self, arguments.path("path", path))
+
+
+def speed_factor(
+    robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
+    motion: Motion | str | Path,
+    limits: MotionLimits | None = None,
+    *,
+    payloads: Iterable[Payload] = (),
+    overrides: Mapping[str, Any] | None = None,
+    trust: Trust = (),
+) -> SpeedFactor:
+    """Find the largest factor by which a motion can be sped up within the limits of joints, motors and gears.
+
+    The limits are those of each moment; the continuous torque of motors, which depends on the pause after the motion,
+    is not among them. Between the rows of the motion eight samples are looked at.
+
+    Args:
+        robot: As in `bellcrank.size`.
+        motion: A Motion, the name of a motion of the configuration, or the path of a CSV file.
+        limits: The limits; by default the URDF's speeds and torques, and the actuators of the configuration.
+        payloads: Payloads besides those that the robot carries.
+        overrides: Values of a scene, configuration or URDF to change, by dotted path.
+        trust: Folders whose files a configuration or URDF may name.
+
+    Returns:
+        The factor, and the use of each limit over factors.
+
+    Raises:
+        InputError: An argument is wrong, nothing limits the motion, or forces depend on time.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> round(bc.speed_factor("planar_2r", "elbow_up").factor, 3)
+        11.103
+    """
+    limits = MotionLimits() if limits is None else arguments.instance("limits", limits, MotionLimits, "MotionLimits")
+    arguments.instance("motion", motion, (Motion, str, Path), "a Motion, the name of a motion, or a CSV file")
+    subject = sizing_subject(robot, [motion], payloads, trust, None, overrides)
+    if subject.config is not None and subject.config.transmissions:
+        raise InputError(f"{subject.config.source}: transmissions: motors that move several joints are not supported")
+    given = subject.motions[0]
+    bounds = PathLimits(subject.mechanism, subject.actuators, limits)
+    time = _samples(given)
+    q, v, a = given.at(time)
+    bounds.check_states(q, v, a)
+    speeds = bounds.speed_limits(q, v)
+    if not bounds.names and not speeds:
+        raise InputError("nothing limits the motion: the URDF gives no limits and there is no actuator; give limits")
+    factor, place, row = largest_factor(bounds.of_motion(q, v, a), MOST)
+    name = bounds.names[row].group if row >= 0 else _tightest(speeds, place)
+    if factor >= MOST:
+        name = "nothing"
+    top = 1.25 * max(factor, 1.0) if factor < MOST else 2.0
+    factors = np.unique(np.concatenate([np.linspace(0.0, top, DRAWN)[1:], [1.0]]))
+    return SpeedFactor(
+        robot=subject.mechanism.robot.name if subject.config is None else subject.config.name,
+        motion=given,
+        factor=float(factor),
+        limit=name,
+        time=float(time[place]),
+        factors=factors,
+        uses=_uses(bounds, factors, (q, v, a), speeds),
+        warnings=tuple(dict.fromkeys([*bounds.notes, *given.warnings])),
+    )
+
+
+def scaled_motion(motion: Motion, factor: float) -> Motion:
+    """A motion in its time divided by a factor: velocities grow with it, accelerations with its square."""
+    start = motion.time[0]
+    return Motion(
+        motion.joints,
+        start + (motion.time - start) / factor,
+        motion.position,
+        motion.velocity * factor,
+        motion.acceleration * factor * factor,
+        f"{motion.name} x {factor:.4g}",
+        motion.notes,
+        motion.position_noise,
+        tuple(noise * factor for noise in motion.speed_noise),
+    )
+
+
+def _samples(motion: Motion) -> Array:
+    """The rows' times and times between them."""
+    step = np.diff(motion.time)
+    shares = np.arange(REFINED) / REFINED
+    between = (motion.time[:-1, None] + step[:, None] * shares).ravel()
+    return np.unique(np.concatenate([between, motion.time]))
+
+
+def _tightest(speeds: list[tuple[Any, Array]], place: int) -> str:
+    return min(speeds, key=lambda one: float(one[1][place]))[0].group if speeds else "nothing"
+
+
+def _uses(
+    bounds: PathLimits, factors: Array, states: tuple[Array, Array, Array], speeds: list[tuple[Any, Array]]
+) -> dict[str, Array]:
+    """The share of each limit that is used at each factor."""
+    q, v, a = states
+    found: dict[str, Array] = {}
+    still = np.zeros(len(q))
+    for group in dict.fromkeys(name.group for name in bounds.names):
+        alone = replace(bounds, only=group, notes=[])
+        arrays = alone.of_motion(q, v, a)
+        found[group] = np.array([1.0 + np.max(excess(arrays, np.full(len(q), k), still)) for k in factors])
+    for name, largest in speeds:
+        found[name.group] = factors / float(np.min(largest))
+    return found
