@@ -35,6 +35,10 @@ MADE_BY = {
     "SampleStatistics": "sobol_indices",
     "Catalogue": "load_catalogue",
     "Selection": "select",
+    "FastestMotion": "time_optimal",
+    "LimitCost": "time_optimal",
+    "SpeedFactor": "speed_factor",
+    "JointPath": "joint_path",
 }
 ERRORS = ("BellcrankError", "InputError", "NotSavedError", "UnreachableError", "CompileError")
 # What a message may call an argument, besides its own name.
@@ -218,6 +222,8 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
                  "independent": ["swing"], "overrides": None}  # fmt: skip
     simulated = {"overrides": None, "max_evaluations": 3000}
     prepared = bc.prepare(four_bar, samples=3)
+    joint_path = bc.joint_path(robot, [{}, {"elbow": 1.0}])
+    fast, factor = bc.time_optimal(robot, motion, grid=20, costs=False), bc.speed_factor(robot, motion)
 
     def of(thing: Any, **methods: dict[str, Any]) -> dict[str, tuple[Any, dict[str, Any]]]:
         kind = type(thing).__name__
@@ -254,6 +260,18 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         "size": (bc.size, {"robot": robot, "motions": [motion], "actuators": {"shoulder": actuator},
                            "mass_tolerance": 0.1,
                            "payloads": [payload], "allow_massless": [], "overrides": None, "trust": []}),
+        "MotionLimits": (bc.MotionLimits, {"speed": {"elbow": 2.0}, "acceleration": "none", "torque": "urdf",
+                                           "actuators": True, "tool": "tip", "tool_speed": 0.5}),
+        "joint_path": (bc.joint_path, {"robot": robot, "positions": [{}, {"elbow": 1.0}], "parameters": [0.0, 1.0]}),
+        "time_optimal": (bc.time_optimal, {
+            "robot": robot, "path": motion, "limits": None, "grid": 20, "costs": False, "payloads": [payload],
+            "overrides": None, "trust": [], "progress": None}),
+        "speed_factor": (bc.speed_factor, {"robot": robot, "motion": motion, "limits": None, "payloads": [payload],
+                                           "overrides": None, "trust": []}),
+        **of(fast, limits_to_csv={"path": "f.csv"}, plot={"path": "f.png"}, to_json={"path": "f.json"}),
+        **of(factor, plot={"path": "k.png"}, scaled={"factor": 0.5}),
+        **of(joint_path, at={"s": [0.1, 0.2]}),
+        **of(bc.MotionLimits(), of_joints={"key": "speed", "robot": robot}),
         "load_scene": (bc.load_scene, {"path_or_name": "pendulum", "overrides": {"simulate.rtol": 1e-6},
                                        "trust": ["."]}),
         "Settings": (bc.Settings, {

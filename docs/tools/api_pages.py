@@ -13,6 +13,7 @@ TITLES = {
     "motion": "Motions",
     "actuators": "Actuators",
     "sizing": "Sizing",
+    "planning": "Fastest motions",
     "scene": "Robot configurations and scenes",
     "simulation": "Simulation",
     "studies": "Sweeps",

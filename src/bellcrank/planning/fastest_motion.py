@@ -54,6 +54,8 @@ class FastestMotion:
         time: Times (n,), s.
         active: The limit that is active in each cell (n - 1,); "" where there is none.
         costs: How much time each limit costs, the most active first.
+        excess: The largest share by which the motion exceeds a limit, found by inverse dynamics at its rows and between
+            them; negative where it reaches none.
         refined: Whether the limits are kept along the whole path; otherwise at the beginning of each cell of a grid.
         warnings: What was not taken into account, and where optimality is not proved.
 
@@ -74,6 +76,7 @@ class FastestMotion:
     time: Array
     active: tuple[str, ...]
     costs: tuple[LimitCost, ...]
+    excess: float
     refined: bool
     warnings: tuple[str, ...] = field(default=())
 
@@ -123,6 +126,7 @@ class FastestMotion:
             "path": self.path,
             "duration": self.duration,
             "original_duration": original if np.isfinite(original) else None,
+            "excess": self.excess,
             "refined": self.refined,
             "costs": [
                 {

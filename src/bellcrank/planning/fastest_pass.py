@@ -158,9 +158,13 @@ def _exceeding(timing: PathTiming, path: JointPath, limits: PathLimits) -> NDArr
     bad = np.zeros(len(timing.begin), dtype=np.bool_)
     for share in (0.1, 0.3, 0.7, 0.9):
         s, speed, acceleration = timing.within(share)
-        arrays = limits.at(path, np.clip(s, 0.0, path.length))
-        over = excess(arrays, np.ascontiguousarray(np.maximum(speed, 0.0)), np.ascontiguousarray(acceleration))
-        bad |= over > CHECKED_EXCESS
+        places = np.clip(s, 0.0, path.length)
+        over = excess(
+            limits.at(path, places),
+            np.ascontiguousarray(np.maximum(speed, 0.0)),
+            np.ascontiguousarray(acceleration),
+        )
+        bad |= (over > CHECKED_EXCESS) | (speed > limits.fastest(path, places) * (1.0 + CHECKED_EXCESS))
     return bad
 
 

@@ -71,11 +71,23 @@ def _long_cells(timing: PathTiming) -> _Cells:
     begin[0] = _moved(begin[0], timing.s[0], rest=True)
     end[-1] = _moved(end[-1], timing.s[-1], rest=True)
     for k in np.flatnonzero(long[1:] != long[:-1] + 1).tolist():  # short cells between two long ones
-        begin[k + 1] = _moved(begin[k + 1], end[k, 1])
+        place = _meeting(end[k], begin[k + 1])
+        end[k], begin[k + 1] = _moved(end[k], place), _moved(begin[k + 1], place)
     shift = np.concatenate([[0.0], np.cumsum(begin[1:, 0] - end[:-1, 0])]) + begin[0, 0]
     begin[:, 0] -= shift
     end[:, 0] -= shift
     return _Cells(begin, end)
+
+
+def _meeting(before: Array, after: Array) -> float:
+    """The place at which two arcs of constant acceleration, from states on either side, have the same speed; the place
+    of the state before where that is not close by.
+    """
+    (_, s0, y0, u0), (_, s1, y1, u1) = before, after
+    if u0 == u1:
+        return float(s0)
+    place = (y0 * y0 - y1 * y1 - 2.0 * u0 * s0 + 2.0 * u1 * s1) / (2.0 * (u1 - u0))
+    return float(place) if abs(place - (s0 + s1) / 2.0) <= s1 - s0 else float(s0)
 
 
 def _moved(row: Array, s: float, rest: bool = False) -> Array:

@@ -134,6 +134,10 @@ class PathLimits:
         q, first, second = (path.spline(s, order) for order in (0, 1, 2))
         return self._arrays(self._terms(q, first, second), first, second, self._fastest(q, first))
 
+    def fastest(self, path: JointPath, s: Array) -> Array:
+        """The largest path speed (n,) that the limits of speeds allow at places s (n,) of a path."""
+        return self._fastest(path.spline(s, 0), path.spline(s, 1))
+
     def of_motion(self, q: Array, v: Array, a: Array) -> LimitArrays:
         """The limits of a motion of positions q, velocities v and accelerations a (n, nv) that is faster by the path
         speed: velocities grow with it, accelerations with its square, and the path acceleration is 0.

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank._planner import excess as exceeded
 from bellcrank.dynamics.mechanism import Mechanism
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
+CHECKED_SHARES = (0.0, 0.13, 0.37, 0.5, 0.63, 0.87, 1.0)  # of the time between two rows
+TOLD, TOLD_ON_GRID = 1e-5, 1e-3  # share of a limit: a larger excess is told
 COARSE_CELLS = 100
 CREEP = 1e-3  # of the largest path speed
 COST_CELLS = 500  # of the grid on which the costs of limits are computed
@@ -102,6 +105,7 @@ def time_optimal(
     motion = join(*(_motion(one, t, f"fastest {title}") for one, t in zip(paths, timings, strict=True)),
                   name=f"fastest {title}")  # fmt: skip
     active = tuple(label for one, t in zip(paths, timings, strict=True) for label in _labels(bounds, one, t))
+    excess = _excess(bounds, motion)
     durations = [np.where(np.diff(t.s) > 0.0, t.durations, 0.0) for t in timings]
     return FastestMotion(
         robot=name,
@@ -114,8 +118,9 @@ def time_optimal(
         time=_chained([np.concatenate([[0.0], np.cumsum(own)]) for own in durations]),
         active=active,
         costs=_costs(bounds, paths, active, np.concatenate(durations), costs),
+        excess=excess,
         refined=grid is None,
-        warnings=_warnings(bounds, original, paths, timings, motion),
+        warnings=(*_warnings(bounds, original, paths, timings, motion), *_excess_warning(excess, grid is None)),
     )
 
 
@@ -244,6 +249,30 @@ def _warnings(
             )
     found += limit_notes(bounds.mechanism.robot, motion.name, motion.time, motion.position)
     return tuple(dict.fromkeys(found))
+
+
+def _excess(bounds: PathLimits, motion: Motion) -> float:
+    """The largest share by which a motion exceeds a limit, at its rows and between them."""
+    step = np.diff(motion.time)
+    wide = np.flatnonzero(step > 0.0)
+    worst = -np.inf
+    for share in CHECKED_SHARES:
+        time = motion.time[wide] + share * step[wide]
+        q, v, a = motion.at(time, side="after" if share < 1.0 else "before")
+        over = exceeded(bounds.of_motion(q, v, a), np.ones(len(q)), np.zeros(len(q)))
+        worst = max(worst, float(np.max(over)))
+        for _, speeds in bounds.speed_limits(q, v):
+            worst = max(worst, float(np.max(1.0 / speeds)) - 1.0)
+    return worst
+
+
+def _excess_warning(excess: float, refined: bool) -> tuple[str, ...]:
+    if excess <= (TOLD if refined else TOLD_ON_GRID):
+        return ()
+    return (
+        f"the motion exceeds a limit by up to {100.0 * excess:.2g} % "
+        + ("for a few microseconds, where the acceleration changes" if refined else "between the cells of the grid"),
+    )
 
 
 def _chained(parts: Sequence[Array]) -> Array:

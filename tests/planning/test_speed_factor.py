@@ -1,0 +1,83 @@
+"""The factor by which a motion can be sped up, against bisection with `size` and closed forms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bellcrank as bc
+from bellcrank.planning.speed_scaling import scaled_motion
+
+PEAKS = ("peak torque", "speed", "torque-speed curve")
+
+
+def worst_use(config: bc.RobotConfig, motion: bc.Motion) -> float:
+    """The largest share of a momentary limit that `size` finds."""
+    robot = config.robot()
+    uses = []
+    for joint in bc.size(config, [motion]).joints:
+        column = robot.one_degree_joint(joint.name, "test").v
+        margins = dict(joint.shaft.margins) if joint.shaft else {}
+        uses += [1.0 - margins[key] for key in PEAKS if margins.get(key) is not None]
+        uses.append(joint.peak_speed / robot.velocity_limit[column])
+    return max(uses)
+
+
+@pytest.mark.parametrize(("name", "motion"), [("geared_pendulum", "lift_and_return"), ("ur5", "circle")])
+def test_bisection_with_size_finds_the_same_factor(name: str, motion: str) -> None:
+    config = bc.load_robot_config(name)
+    found = bc.speed_factor(config, motion, bc.MotionLimits(torque="none"))
+    low, high = 0.5 * found.factor, 2.0 * found.factor
+    assert worst_use(config, scaled_motion(found.motion, low)) < 1.0
+    for _ in range(30):
+        middle = (low + high) / 2.0
+        inside = worst_use(config, scaled_motion(found.motion, middle)) <= 1.0
+        low, high = (middle, high) if inside else (low, middle)
+    assert found.factor == pytest.approx(low, rel=1e-6)  # size refines peaks between the samples
+
+
+def test_a_motion_that_exceeds_a_limit_is_slowed_down() -> None:
+    config = bc.load_robot_config("geared_pendulum")
+    fast = bc.speed_factor(config, "lift_and_return").scaled(6.0)
+    found = bc.speed_factor(config, fast)
+    assert 0.0 < found.factor < 1.0
+    assert found.factor * 6.0 == pytest.approx(bc.speed_factor(config, "lift_and_return").factor, rel=1e-9)
+
+
+def test_the_factor_of_a_pure_inertia_is_the_root_of_the_torque(tmp_path: Path) -> None:
+    robot = bc.load_robot("planar_2r", friction="none")
+    motion = bc.waypoints(robot, [0.0, 1.0], [{}, {"shoulder": 1.0, "elbow": 0.5}])
+    limits = {"shoulder": 500.0, "elbow": 100.0}
+    found = bc.speed_factor(robot, motion, bc.MotionLimits(speed="none", torque=limits))
+    again = bc.speed_factor(
+        robot, motion, bc.MotionLimits(speed="none", torque={k: 4.0 * v for k, v in limits.items()})
+    )
+    assert again.factor == pytest.approx(2.0 * found.factor, rel=1e-12)  # the arm lies in a horizontal plane
+
+
+def test_no_factor_keeps_a_torque_that_cannot_hold_the_arm() -> None:
+    found = bc.speed_factor("ur5", "circle", bc.MotionLimits(torque={"shoulder_lift_joint": 5.0}))
+    assert found.factor == 0.0
+    assert found.limit == "torque of shoulder_lift_joint"
+    with pytest.raises(bc.InputError, match="cannot be scaled"):
+        found.scaled()
+
+
+def test_friction_limits_the_factor_as_bisection_over_inverse_dynamics_does() -> None:
+    robot = bc.load_robot("planar_2r", friction={"shoulder": (5.0, 3.0), "elbow": (2.0, 1.0)})
+    motion = bc.waypoints(robot, [0.0, 1.0, 2.0], [{}, {"shoulder": 1.0, "elbow": 0.5}, {"elbow": -0.2}])
+    limits = bc.MotionLimits(speed="none", torque={"shoulder": 400.0, "elbow": 60.0})
+    found = bc.speed_factor(robot, motion, limits)
+    time = np.unique(np.concatenate([motion.time[:-1] + k / 8.0 * np.diff(motion.time) for k in range(8)]))
+    q, v, a = motion.at(np.concatenate([time, motion.time[-1:]]))
+
+    def use(k: float) -> float:
+        return float(np.max(np.abs(robot.inverse_dynamics(q, k * v, k * k * a)) / [400.0, 60.0]))
+
+    low, high = 0.01, 50.0
+    for _ in range(60):
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if use(middle) <= 1.0 else (low, middle)
+    assert found.factor == pytest.approx(low, rel=1e-9)

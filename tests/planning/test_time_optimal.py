@@ -1,0 +1,256 @@
+"""The fastest motion along a path against closed forms, quadrature, a linear program and a dynamic programme."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import quad, solve_ivp
+from scipy.optimize import brentq, linprog
+
+import bellcrank as bc
+
+Array = NDArray[np.float64]
+INERTIA, LENGTH, MASS = 0.7, 0.6, 1.3
+ROTOR = """<robot name="rotor"><link name="base"/>
+<link name="arm"><inertial><origin xyz="{x} 0 0"/><mass value="{mass}"/>
+<inertia ixx="0.01" iyy="0.01" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="hinge" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+<limit lower="-9" upper="9" effort="5" velocity="100"/></joint></robot>"""
+
+
+def rotor(folder: Path, gravity: float = 0.0, **options: object) -> bc.Robot:
+    """A link on a vertical wall, that is a pendulum where there is gravity, of the inertia INERTIA about its hinge."""
+    path = folder / "rotor.urdf"
+    own = INERTIA - MASS * LENGTH**2
+    path.write_text(ROTOR.format(x=LENGTH, mass=MASS, inertia=own))
+    return bc.load_robot(path, gravity=(0.0, -gravity, 0.0), **options)  # type: ignore[arg-type]
+
+
+def fastest(robot: bc.Robot, angle: float, torque: float, **options: object) -> bc.FastestMotion:
+    path = bc.joint_path(robot, [{}, {"hinge": angle}])
+    limits = bc.MotionLimits(speed="none", torque={"hinge": torque})
+    return bc.time_optimal(robot, path, limits, costs=False, **options)  # type: ignore[arg-type]
+
+
+def test_a_pure_inertia_takes_twice_the_root_of_angle_times_inertia_over_torque(tmp_path: Path) -> None:
+    found = fastest(rotor(tmp_path), 1.9, 5.0)
+    assert found.duration == pytest.approx(2.0 * np.sqrt(1.9 * INERTIA / 5.0), rel=1e-8)
+    assert found.motion.duration == pytest.approx(found.duration, rel=1e-12)
+
+
+def test_a_pendulum_takes_the_time_of_the_quadrature_of_its_energy(tmp_path: Path) -> None:
+    weight, torque, angle = MASS * 9.81 * LENGTH, 9.0, 2.2
+
+    def accelerating(s: float) -> float:  # speed² from J ω²/2 = ∫ (τ - m g l cos s) ds
+        return 2.0 / INERTIA * (torque * s - weight * np.sin(s))
+
+    def braking(s: float) -> float:
+        return 2.0 / INERTIA * (torque * (angle - s) + weight * (np.sin(angle) - np.sin(s)))
+
+    switch = brentq(lambda s: accelerating(s) - braking(s), 1e-3, angle - 1e-3)
+    rising = quad(lambda r: 2.0 * r / np.sqrt(accelerating(r * r)), 0.0, np.sqrt(switch), epsabs=1e-13)[0]
+    falling = quad(lambda r: 2.0 * r / np.sqrt(braking(angle - r * r)), 0.0, np.sqrt(angle - switch), epsabs=1e-13)[0]
+    assert fastest(rotor(tmp_path, gravity=9.81), angle, torque).duration == pytest.approx(rising + falling, rel=1e-8)
+
+
+def test_viscous_friction_and_a_torque_speed_line_take_the_time_of_an_independent_integration(tmp_path: Path) -> None:
+    ratio, viscous, angle, stall, top = 20.0, 0.8, 3.0, 0.5, 200.0
+    robot = rotor(tmp_path, friction={"hinge": (viscous, 0.0)})
+    actuator = bc.Actuator(
+        ratio=ratio, rated_torque=0.2, peak_torque=stall, rated_speed=1e-9, max_speed=top, rotor_inertia=0.0,
+        curve=((0.0, stall), (top, 0.0)),
+    )  # fmt: skip
+    limits = bc.MotionLimits(speed="none", torque="none")
+    motion = bc.waypoints(robot, [0.0, 5.0], [{}, {"hinge": angle}])
+    mechanism_motion = bc.size(robot, motion, {"hinge": actuator})
+    assert mechanism_motion is not None
+    found = _with_actuator(robot, motion, actuator, limits)
+
+    def torque(speed: float) -> float:
+        return ratio * stall * (1.0 - ratio * speed / top)
+
+    def run(sign: float, speed: float, until: float) -> tuple[float, float]:
+        """Time and speed after the way `until`, forward with the most torque, or backward from rest with the least."""
+
+        def rate(_: float, x: Array) -> list[float]:
+            push = torque(x[1]) if sign > 0 else -torque(x[1])
+            return [x[1], sign * (push - viscous * x[1]) / INERTIA]
+
+        def reached(_: float, x: Array) -> float:
+            return float(x[0] - until)
+
+        reached.terminal = True  # type: ignore[attr-defined]
+        solved = solve_ivp(rate, (0.0, 50.0), [0.0, speed], events=reached, rtol=1e-12, atol=1e-14, method="DOP853")
+        return float(solved.t_events[0][0]), float(solved.y_events[0][0][1])
+
+    switch = brentq(lambda s: run(1.0, 0.0, s)[1] - run(-1.0, 0.0, angle - s)[1], 0.1, angle - 0.05, xtol=1e-13)
+    exact = run(1.0, 0.0, switch)[0] + run(-1.0, 0.0, angle - switch)[0]
+    assert found.duration == pytest.approx(exact, rel=1e-8)
+
+
+def _with_actuator(
+    robot: bc.Robot, motion: bc.Motion, actuator: bc.Actuator, limits: bc.MotionLimits
+) -> bc.FastestMotion:
+    from bellcrank.dynamics.mechanism import mechanism_of
+    from bellcrank.planning.fastest_pass import fastest_refined
+    from bellcrank.planning.joint_path import paths_of_motion
+    from bellcrank.planning.path_limits import PathLimits
+
+    bounds = PathLimits(mechanism_of(robot), {"hinge": actuator}, limits)
+    timing = fastest_refined(paths_of_motion(motion)[0], bounds)
+    return timing  # type: ignore[return-value]
+
+
+def linear_program_time(robot: bc.Robot, path: bc.JointPath, torque: Array, cells: int) -> float:
+    """The time of the reachability passes with a linear program at each place (H. Pham, Q.-C. Pham, 2018)."""
+    s = np.linspace(0.0, path.length, cells + 1)
+    q, first, second = path.at(s)
+    still = np.zeros_like(q)
+    c = robot.inverse_dynamics(q, still, still)
+    a, b = robot.inverse_dynamics(q, still, first) - c, robot.inverse_dynamics(q, first, second) - c
+    step = s[1] - s[0]
+    top = np.zeros(cells + 1)
+    for i in range(cells - 1, -1, -1):
+        rows = np.concatenate([np.column_stack([a[i], b[i]]), -np.column_stack([a[i], b[i]]),
+                               [[2.0 * step, 1.0], [-2.0 * step, -1.0]]])  # fmt: skip
+        right = np.concatenate([torque - c[i], torque + c[i], [top[i + 1], 0.0]])
+        solved = linprog([0.0, -1.0], A_ub=rows, b_ub=right, bounds=[(None, None), (0.0, None)])
+        top[i] = solved.x[1]
+    x = np.zeros(cells + 1)
+    for i in range(cells):
+        rows = np.concatenate([a[i], -a[i], [2.0 * step]])[:, None]
+        right = np.concatenate([torque - c[i] - b[i] * x[i], torque + c[i] + b[i] * x[i], [top[i + 1] - x[i]]])
+        solved = linprog([-1.0], A_ub=rows, b_ub=right, bounds=[(None, None)])
+        x[i + 1] = max(0.0, x[i] + 2.0 * step * solved.x[0])
+    return float(np.sum(2.0 * step / (np.sqrt(x[1:]) + np.sqrt(x[:-1]))))
+
+
+@pytest.mark.parametrize(("name", "torque"), [("planar_2r", 70.0), ("ur5", 60.0)])
+def test_the_grid_gives_the_time_of_linear_programs(name: str, torque: float) -> None:
+    robot = bc.load_robot(name, friction="none")
+    rng = np.random.default_rng(7)
+    path = bc.joint_path(robot, rng.uniform(-1.0, 1.0, (4, robot.nv)))
+    most = np.full(robot.nv, torque)
+    limits = bc.MotionLimits(speed="none", torque=dict.fromkeys(robot.joint_names, torque))
+    found = bc.time_optimal(robot, path, limits, grid=60, costs=False)
+    assert found.duration == pytest.approx(linear_program_time(robot, path, most, 60), rel=1e-7)
+
+
+def programme_time(robot: bc.Robot, path: bc.JointPath, torque: float, cells: int, levels: int) -> float:
+    """A bound of the shortest time from above, by a dynamic programme over speeds: x at each place is one of evenly
+    spaced levels, and the acceleration between two is constant and allowed at the beginning of the cell.
+    """
+    s = np.linspace(0.0, path.length, cells + 1)
+    q, first, second = path.at(s)
+    step = s[1] - s[0]
+    y = np.linspace(0.0, 8.0, levels)
+    cost = np.full(levels, np.inf)
+    cost[0] = 0.0
+    for i in range(cells - 1, -1, -1):
+        u = (y[None, :] ** 2 - y[:, None] ** 2) / (2.0 * step)
+        n = levels * levels
+        v = np.repeat(first[i][None] * y[:, None], levels, axis=0)
+        acceleration = first[i] * u.reshape(-1, 1) + second[i] * np.repeat(y**2, levels)[:, None]
+        need = robot.inverse_dynamics(np.repeat(q[i][None], n, axis=0), v, acceleration)
+        allowed = (np.abs(need) <= torque * (1.0 + 1e-12)).all(axis=1).reshape(levels, levels)
+        with np.errstate(divide="ignore"):
+            time = 2.0 * step / (y[:, None] + y[None, :])
+        cost = np.min(np.where(allowed, time + cost[None, :], np.inf), axis=1)
+    return float(cost[0])
+
+
+def test_no_dynamic_programme_over_speeds_is_faster_with_viscous_friction() -> None:
+    robot = bc.load_robot("planar_2r", friction={"shoulder": (6.0, 1.0), "elbow": (4.0, 0.5)})
+    path = bc.joint_path(robot, [{}, {"shoulder": 0.7, "elbow": -0.9}, {"shoulder": 1.5, "elbow": 0.2}])
+    limits = bc.MotionLimits(speed="none", torque={"shoulder": 80.0, "elbow": 80.0})
+    found = bc.time_optimal(robot, path, limits, grid=40, costs=False)
+    bound = programme_time(robot, path, 80.0, 40, 300)
+    assert found.duration <= bound * (1.0 + 1e-9)
+    assert found.duration == pytest.approx(bound, rel=0.03)  # the programme's speeds are rounded to levels
+
+
+@pytest.mark.parametrize(("name", "motion"), [("planar_2r", "elbow_up"), ("ur5", "circle"), ("geared_pendulum", None)])
+def test_sizing_the_fastest_motion_finds_no_limit_exceeded_and_one_always_reached(
+    name: str, motion: str | None
+) -> None:
+    config = bc.load_robot_config(name)
+    found = bc.time_optimal(config, motion or next(iter(config.motions)), costs=False)
+    sizing = bc.size(config, [found.motion])
+    robot = config.robot()
+    uses = []
+    for joint in sizing.joints:
+        column = robot.one_degree_joint(joint.name, "test").v
+        margins = dict(joint.shaft.margins) if joint.shaft else {}
+        uses += [1.0 - margins[key] for key in ("peak torque", "speed", "torque-speed curve") if margins.get(key)]
+        if not joint.shaft:
+            uses.append(joint.peak_torque / robot.effort_limit[column])
+        uses += [joint.peak_speed / robot.velocity_limit[column]]
+    assert max(uses) <= 1.0 + 2e-5  # quintics between rows add up to 1e-5 where rows lie a few microseconds apart
+    assert found.excess == pytest.approx(max(uses) - 1.0, abs=2e-5)
+    durations = np.diff(found.time)
+    idle = [not name for name in found.active]
+    assert np.sum(durations[idle]) <= 1e-6 * found.duration
+
+
+def test_each_shipped_limit_costs_time_and_more_of_it_saves_time() -> None:
+    found = bc.time_optimal("planar_2r", "elbow_down")
+    assert all(cost.derivative <= 1e-6 for cost in found.costs)
+    total = sum(cost.derivative for cost in found.costs)
+    assert -1.3 < total < -0.4  # all torques doubled: the time shrinks by about the root of 2, speeds allowing
+    assert sum(cost.share for cost in found.costs) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_motion_that_stops_and_pauses_is_followed_part_by_part() -> None:
+    robot = bc.load_robot("planar_2r")
+    there = bc.waypoints(robot, [0.0, 2.0], [{}, {"elbow": 1.0}])
+    back = bc.waypoints(robot, [0.0, 2.0], [{"elbow": 1.0}, {"shoulder": 0.4}])
+    whole = bc.join(there, bc.dwell(robot, {"elbow": 1.0}, 1.0), back)
+    found = bc.time_optimal(robot, whole, costs=False)
+    parts = [bc.time_optimal(robot, part, costs=False).duration for part in (there, back)]
+    assert found.duration == pytest.approx(sum(parts), rel=1e-6)
+    assert any("2 parts" in warning for warning in found.warnings)
+
+
+def test_torques_that_cannot_hold_the_arm_are_refused_with_the_place_and_the_limit(tmp_path: Path) -> None:
+    robot = rotor(tmp_path, gravity=9.81)
+    with pytest.raises(bc.BellcrankError, match=r"at .* % of the path the torque of hinge"):
+        fastest(robot, 1.0, 0.5 * MASS * 9.81 * LENGTH)
+
+
+def test_a_motion_that_nothing_limits_is_refused() -> None:
+    robot = bc.load_robot("planar_2r")
+    path = bc.joint_path(robot, [{}, {"shoulder": 1.0}])
+    with pytest.raises(bc.InputError, match="nothing limits the motion"):
+        bc.time_optimal(robot, path, bc.MotionLimits(speed="none", torque="none"))
+    with pytest.raises(bc.InputError, match="nothing limits the acceleration"):
+        bc.time_optimal(robot, path, bc.MotionLimits(torque="none"))
+
+
+def test_forces_that_depend_on_time_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "push.csv").write_text("time [s],elbow torque [N m]\n0,0\n1,3\n")
+    (tmp_path / "s.yaml").write_text(
+        "name: s\nurdf: planar_2r\nforces:\n  - {kind: torque, name: push, joint: elbow, file: push.csv}\n"
+        "motions:\n  swing: {kind: waypoints, times: [0, 1], positions: [{}, {elbow: 1}]}\n"
+        "simulate: {duration: 1}\n"
+    )
+    with pytest.raises(bc.InputError, match="depends on time"):
+        bc.time_optimal(bc.load_scene(tmp_path / "s.yaml"), "swing")
+
+
+def test_an_acceleration_of_a_joint_is_kept() -> None:
+    robot = bc.load_robot("planar_2r", friction="none")
+    path = bc.joint_path(robot, [{}, {"shoulder": 1.0}])
+    limits = bc.MotionLimits(speed="none", torque="none", acceleration={"shoulder": 2.0, "elbow": 1.0})
+    assert bc.time_optimal(robot, path, limits, costs=False).duration == pytest.approx(2.0 * np.sqrt(0.5), rel=1e-8)
+
+
+def test_a_tool_speed_is_kept() -> None:
+    robot = bc.load_robot("planar_2r", friction="none")
+    path = bc.joint_path(robot, [{}, {"shoulder": 1.0}])
+    limits = bc.MotionLimits(speed="none", torque="none", acceleration={"shoulder": 50.0}, tool="tip", tool_speed=0.5)
+    motion = bc.time_optimal(robot, path, limits, costs=False).motion
+    speed = np.linalg.norm(robot.frame_velocity("tip", motion.position, motion.velocity)[0], axis=1)
+    assert speed.max() == pytest.approx(0.5, rel=1e-6)
