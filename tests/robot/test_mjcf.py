@@ -152,3 +152,14 @@ def test_angles_of_urdf_are_exact_at_a_pitch_of_90_degrees():
             rotation = turn(2, yaw) @ turn(1, np.pi / 2 - offset) @ turn(0, roll)
             x, y, z = roll_pitch_yaw(rotation)
             assert np.abs(turn(2, z) @ turn(1, y) @ turn(0, x) - rotation).max() < 1e-15
+
+
+def test_a_biped_of_mjcf_starts_closed_near_its_keyframe_and_keeps_its_energy():
+    path = FILES / "biped.xml"
+    run, robot = bc.simulate(path, duration=0.02, samples=5), bc.load_robot(path)
+    assert run.success
+    assert run.constraint_residual() < 1e-10
+    assert run.energy_drift() < 1e-6  # the work of the dampers included
+    home = robot.file.start
+    for name in ("left-knee", "left-tarsus", "left-crank", "left-foot"):
+        assert run.position[0, robot.joint(name).q] == pytest.approx(home[name], abs=0.2)
