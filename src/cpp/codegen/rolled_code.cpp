@@ -7,7 +7,8 @@
 namespace bellcrank {
 namespace {
 
-constexpr double WORTH = 0.6;  // the largest share of the operations that the code may have
+constexpr double WORTH = 0.6;            // the largest share of the operations that the code may have
+constexpr long STACK = 4 * 1024 * 1024;  // bytes: half of what a thread usually has
 
 void write_straight(PartWriter& part, const Segment& segment, const RolledPlan& plan) {
   for (const int leaf : segment.leaves) part.write_copy(leaf);
@@ -29,6 +30,7 @@ std::optional<Code> write_rolled(const Graph& graph, const Uses& uses, const std
   if (operations < limits.rolled) return {};
   const RolledPlan plan = rolled_plan(graph, uses, stages, limits, style.lanes.width > 1 ? 1 : style.packed);
   if (plan.length > WORTH * operations) return {};
+  if (plan.memory * static_cast<long>(sizeof(double)) * style.lanes.width > STACK) return {};
   Code code;
   FunctionWriter functions(style, code);
   for (std::size_t s = 0; s < plan.segments.size(); ++s) {

@@ -7,7 +7,7 @@
 
 namespace bellcrank {
 
-// The code with a loop for each repetition; nothing where that would save little.
+// The code with a loop for each repetition; nothing where that would save little, or take too much of the stack.
 std::optional<Code> write_rolled(const Graph& graph, const Uses& uses, const std::vector<Stage>& stages,
                                  const CodeStyle& style, const Limits& limits);
 

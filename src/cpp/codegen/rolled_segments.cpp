@@ -7,6 +7,7 @@ namespace {
 
 constexpr int FEWEST_ANGLES = 16;  // whose sines are computed in a loop
 constexpr int FEWEST_COPIES = 8;   // outputs that are copied in a loop
+constexpr int LONG = 2'000;         // operations of straight code
 
 // Divides a graph's operations into loops and straight code.
 class Divider {
@@ -31,14 +32,43 @@ class Divider {
   RolledPlan plan_;
   std::vector<int> pending_;  // straight steps that are not in a segment yet
 
+  // In the graph's order; depth first, which takes more memory, where long code becomes a good deal shorter.
   void add_operations(const std::vector<int>& operations) {
+    std::vector<int> deep;
+    for (const int place : depth_first(reads_among(graph_, operations), places_of(operations)))
+      deep.push_back(operations[place]);
+    const std::vector<Run> runs = repetitions(graph_, operations), deep_runs = repetitions(graph_, deep);
+    const int count = static_cast<int>(operations.size());
+    const int left = count - saved(runs), deep_left = count - saved(deep_runs);
+    if (left > LONG && deep_left < 0.9 * left) {
+      add_runs(deep, deep_runs);
+    } else {
+      add_runs(operations, runs);
+    }
+  }
+
+  static int saved(const std::vector<Run>& runs) {
+    int count = 0;
+    for (const Run& run : runs) count += (run.count - 1) * run.period;
+    return count;
+  }
+
+  // Where the operations that no other of these reads are among them.
+  std::vector<int> places_of(const std::vector<int>& operations) const {
+    std::vector<int> place(graph_.nodes.size()), found;
+    for (std::size_t i = 0; i < operations.size(); ++i) place[operations[i]] = static_cast<int>(i);
+    for (const int end : ends_of(graph_, operations)) found.push_back(place[end]);
+    return found;
+  }
+
+  void add_runs(const std::vector<int>& operations, const std::vector<Run>& runs) {
     int done = 0;
     const auto add_straight = [&](int end) {
       const std::vector<int> part(operations.begin() + done, operations.begin() + end);
       const std::vector<int> order = locally_ordered(graph_, part, ends_of(graph_, part), limits_.quick(graph_));
       pending_.insert(pending_.end(), order.begin(), order.end());
     };
-    for (const Run& run : repetitions(graph_, operations)) {
+    for (const Run& run : runs) {
       add_straight(run.start);
       done = run.start + run.period * run.count;
       add_loop({run.period, run.count, {operations.begin() + run.start, operations.begin() + done}});
