@@ -6,9 +6,9 @@ every call, 15 % for 13,000 operations of a humanoid in eight lanes. Therefore t
 (`joined`), unless the code is very long, or so many values are live at once that they are in memory anyway: forty loops
 of four bars, 9,000 operations, then take half the time to compile, and a tenth less to run.
 
-Code of a chain's bodies or of a row of linkages repeats itself: there, loops take the place of straight code, bit for bit
-the same (src/cpp/codegen/rolled_plan.hpp). Their length, and so the time to compile, hardly grows with the number of
-bodies; a chain of 100 spatial joints then also runs a sixth faster.
+Code of a chain's bodies or of a row of linkages repeats itself: there, loops take the place of straight code, with the
+same results to the last bit (src/cpp/codegen/rolled_plan.hpp). Their length, and so the time to compile, hardly grows
+with the number of bodies; a chain of 100 spatial joints then also runs a sixth faster.
 
 Sines are computed together in waves as early as possible, the rest in an order in which few values are live
 (src/cpp/codegen/schedule.hpp, instruction_order.hpp).
