@@ -1,37 +1,92 @@
-"""`bellcrank check`: findings about robot files."""
+"""`bellcrank check`: findings about robot files, and the start and mobility of mechanisms."""
 
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from bellcrank.commands.options import add_trust
+from bellcrank.errors import InputError
+from bellcrank.files.access import FileAccess
+from bellcrank.files.atomic_write import check_file, default_place
 from bellcrank.robot.catalog import find_urdf
 from bellcrank.robot.check import check_urdf, format_findings
+from bellcrank.robot.robot_file import read_robot_file
 from bellcrank.robot.xml_tree import parse_xml, read_text
+
+CONFIGURATIONS = (".yaml", ".yml")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The files to check."""
+    """The files to check, and the page to write."""
     parser.add_argument(
         "files",
         metavar="FILE",
         nargs="+",
-        help="robot files (URDF, xacro, MJCF, SDF), or names that `bellcrank robots` lists, such as ur5",
+        help="robot files (URDF, xacro, MJCF, SDF), names that `bellcrank robots` lists, such as ur5, or "
+        "configurations (YAML) of mechanisms",
+    )
+    parser.add_argument(
+        "--html",
+        nargs="?",
+        const="",
+        metavar="PAGE",
+        help="write a page that shows the mechanism at its start, or the gaps of its loops where it has none (default: "
+        "FILE_start.html in the current folder); write it after the files",
     )
     add_trust(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the findings about each file. Exit code 0: no errors; 1: a file has errors. Raises InputError, before
-    anything is printed, where a file does not exist or is not XML.
+    """Print the findings about each file. Exit code 0: no errors; 1: a file has errors, or a mechanism has no start.
+    Raises InputError, before anything is printed, where a file does not exist or is not XML.
     """
-    paths = [find_urdf(name) for name in args.files]
+    if args.html and len(args.files) > 1:
+        raise InputError(f"--html {args.html}: expected one FILE, found {len(args.files)}; write --html without a name")
+    paths = [Path(name) if _is_configuration(name) else find_urdf(name) for name in args.files]
     for path in paths:
-        parse_xml(read_text(path), path)
-    status = 0
-    for path in paths:
-        findings = check_urdf(path, trust=args.trust)
-        print(f"{path}:\n{format_findings(findings)}", flush=True)
-        if any(found.severity == "error" for found in findings):
-            status = 1
-    return status
+        if not _is_configuration(path):
+            parse_xml(read_text(path), path)
+    pages = [_page(args.html, path) for path in paths]
+    return max(_check(path, page, args.trust) for path, page in zip(paths, pages, strict=True))
+
+
+def _is_configuration(name: str | Path) -> bool:
+    return Path(name).suffix.lower() in CONFIGURATIONS
+
+
+def _page(asked: str | None, path: Path) -> Path | None:
+    if asked is None:
+        return None
+    page = Path(asked) if asked else default_place(f"{path.stem}_start.html")
+    check_file("--html", page)
+    return page
+
+
+def _check(path: Path, page: Path | None, trust: list[str]) -> int:
+    """Print the findings about a file and write its page; 1 where there are errors."""
+    if _is_configuration(path):
+        print(f"{path}:", flush=True)
+        return _check_mechanism(path, page, trust)
+    findings = check_urdf(path, trust=trust)
+    print(f"{path}:\n{format_findings(findings)}", flush=True)
+    if any(found.severity == "error" for found in findings):
+        return 1
+    if page is None and not read_robot_file(path, FileAccess.of(path.resolve(), trust)).loops:
+        return 0
+    return _check_mechanism(path, page, trust)
+
+
+def _check_mechanism(path: Path, page: Path | None, trust: list[str]) -> int:
+    """Print what is found about the mechanism of a file and write its page; 1 where it has no start."""
+    from bellcrank.reports.mechanism_check import check_mechanism
+    from bellcrank.scene.scene import load_scene
+
+    checked = check_mechanism(load_scene(path, trust=trust))
+    print(checked)
+    if page is not None:
+        from bellcrank.replays.page.page import write_page
+
+        written = write_page(checked.film(), page)
+        print(f"wrote {written} ({written.stat().st_size / 1e6:.2f} MB)")
+    return 0 if checked.has_start else 1

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bellcrank.cached_values import computed_once
 from bellcrank.dynamics.consistent_starts import consistent_postures, consistent_velocities, reason
 from bellcrank.dynamics.constraint_rows import rows_of
-from bellcrank.dynamics.posture_search import Constrained, StartCode
+from bellcrank.dynamics.posture_search import Constrained, Search, StartCode, search_postures
 from bellcrank.dynamics.start_diagnosis import StartFailure, diagnose_start
 from bellcrank.dynamics.system import system_parameters
 from bellcrank.errors import InputError
@@ -85,17 +85,26 @@ def consistent_posture(scene: Scene, q: Array, held: Mask) -> Array:
     return np.asarray(found[0])
 
 
+def given_posture(scene: Scene) -> Array:
+    """The position (nq,) that a scene gives for its start, before constraints change it."""
+    name = scene.initial.motion
+    return scene.initial.posture(scene.robot, None if name is None else scene.motion(name))
+
+
 def start_failure(scene: Scene) -> StartFailure | None:
     """Why a scene has no consistent posture at its start; None where it has one."""
-    name = scene.initial.motion
-    q, held = scene.initial.posture(scene.robot, None if name is None else scene.motion(name)), _held(scene)
+    q, held = given_posture(scene), scene.initial.held(scene.robot)[0]
     if not scene.constraints or not consistent_postures(scene, _one(scene), q[None], held)[1].code[0]:
         return None
     return diagnose_start(scene, _one(scene), q, held)
 
 
-def _held(scene: Scene) -> Mask:
-    return scene.initial.held(scene.robot)[0]
+def starts_further_away(scene: Scene) -> bool:
+    """Whether the start of a scene that has one was found by the further searches, away from the given posture."""
+    if not scene.constraints:
+        return False
+    search = Search(scene.initial.held(scene.robot)[0])
+    return bool(search_postures(scene, _one(scene), given_posture(scene)[None], search)[1].code[0])
 
 
 def consistent_velocity(scene: Scene, q: Array, v: Array, held: Mask) -> Array:

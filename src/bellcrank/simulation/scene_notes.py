@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.consistent_start import consistent_start
+from bellcrank.dynamics.consistent_start import consistent_start, given_posture, starts_further_away
 from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
 from bellcrank.dynamics.system import system_of, system_parameters
@@ -40,6 +40,7 @@ def scene_notes(scene: Scene, duration: float | None = None) -> tuple[str, ...]:
     duration = scene.settings.duration if duration is None else duration
     return (
         *_rows(scene),
+        *_branch(scene),
         *_start(scene),
         *_saved(scene),
         *_limits(scene),
@@ -81,6 +82,20 @@ def _coupled_motors(scene: Scene) -> Iterator[str]:
             f"the rotors of the motors of coupled transmissions are not included: {', '.join(names)}; controllers act "
             "on the joints"
         )
+
+
+def _branch(scene: Scene) -> Iterator[str]:
+    """A start that is not near the given posture and may be on another branch than is meant."""
+    if not starts_further_away(scene):
+        return
+    moved = np.abs(consistent_start(scene)[0] - given_posture(scene))
+    k = int(moved.argmax())
+    joint = next(j for j in reversed(scene.robot.joints) if j.q <= k)
+    yield (
+        "no posture near the given one satisfies the constraints; of the starts found further away the nearest is "
+        f"taken: joint '{joint.name}' moves most, by {moved[k]:.3g} (SI units); another branch may be meant: write "
+        "guesses nearer to it ({guess: …})"
+    )
 
 
 def _start(scene: Scene) -> Iterator[str]:
