@@ -5,9 +5,9 @@ import re
 
 from bellcrank.cli import main
 
-TRIANGLE = """<robot name="triangle"><link name="ground"/>
-<link name="left"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
-<link name="right"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+BODY = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+TRIANGLE = f"""<robot name="triangle"><link name="ground"/>
+<link name="left">{BODY}</link><link name="right">{BODY}</link>
 <joint name="a" type="continuous"><parent link="ground"/><child link="left"/><axis xyz="0 0 1"/></joint>
 <joint name="b" type="continuous"><parent link="ground"/><child link="right"/><origin xyz="3 0 0"/><axis xyz="0 0 1"/>
 </joint></robot>"""

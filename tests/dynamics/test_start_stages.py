@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
-from tests.support.random_mechanisms import random_mechanism
 
 import bellcrank as bc
 from bellcrank.dynamics.consistent_start import consistent_start, given_posture, start_failure, starts_further_away
 from bellcrank.dynamics.start_diagnosis import constraint_gaps
 from bellcrank.simulation.scene_notes import scene_notes
+from tests.support.random_mechanisms import random_mechanism
 
 LINK = (
     '<link name="{0}"><inertial><mass value="1"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/>'
@@ -19,7 +19,7 @@ ARM += '<axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/>
 
 
 def arms(folder, constraints, apart, tilt=0.0, start=""):
-    """Two arms of two links of 1 m each, `apart` m from base to base; one tip is tilted out of the plane by `tilt` rad."""
+    """Two arms of two links of 1 m each, `apart` m from base to base; one tip is tilted out of the plane, rad."""
     joints = "".join(
         ARM.format(f"{side}_{k}", "ground" if k == 1 else f"{side}_1", f"{side}_{k}", x if k == 1 else 1.0,
                    LINK.format(f"{side}_{k}"))

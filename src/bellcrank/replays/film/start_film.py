@@ -37,8 +37,9 @@ THICKNESS = 0.01  # of the size of the robot: the radius of the balls at both si
 def film_of_start(scene: Scene, posture: Array, gaps: Sequence[Gap], facts: Sequence[tuple[str, str]]) -> Film:
     """The robot of a scene at a position (nq,), and the gaps of loops between frames.
 
-    A gap is drawn as balls at both sides, red and blue, with a rod between them, in a layer that can be hidden; where a
-    loop fixes rotations that differ, a pin at each side shows the z axis of its frame. `facts` are (name, value) for the header.
+    A gap is drawn as balls at both sides, red and blue, with a rod between them, in a layer that can be hidden. Where a
+    loop fixes rotations that differ, a pin at each side shows the z axis of its frame. `facts` are (name, value) for
+    the header.
     """
     robot = scene.robot
     bodies, notes = film_bodies(robot, "reduced")
