@@ -132,8 +132,8 @@ def _with_imported_types(file: RobotFile, fields: Fields) -> RobotFile:
     """The robot file with the types of joints that Gepetto's YAML files under `constraints` give. Raises InputError."""
     for entry in _importers(fields):
         if entry.get("kind") == "gepetto":
-            path = Fields(entry, fields.where, "constraints", fields.access).file("file")
-            if path.is_file():  # a missing one is refused where the constraints are read
+            path = fields.access.folder / str(entry["file"])
+            if fields.access.allows(path) and path.is_file():  # otherwise refused where the constraints are read
                 urdf, notes = with_joint_types(file.urdf, read_gepetto(path).joint_types, path)
                 file = replace(file, urdf=urdf, notes=(*file.notes, *notes))
     return file
