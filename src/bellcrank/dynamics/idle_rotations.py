@@ -47,7 +47,7 @@ def _sparse(basis: Array) -> Array:
     rows = basis.T.copy()
     for k in range(len(rows)):
         rest = np.abs(rows[k:])
-        row, column = np.unravel_index(int(rest.argmax()), rest.shape)
+        row, column = divmod(int(rest.argmax()), rest.shape[1])
         rows[[k, k + row]] = rows[[k + row, k]]
         rows[k] /= rows[k, column]
         others = np.arange(len(rows)) != k
