@@ -2,7 +2,7 @@
 
 A scene of a robot file has the same keys as one that a user writes: frames and constraints for loops, forces for
 springs, actuated for motors, initial for the start. Entries that the scene has itself, by the same name, take
-precedence; `robot_file: tree` uses none of the file's. Merging twice changes nothing.
+precedence; `robot_file: tree` uses none of the file's but its notes. Merging twice changes nothing.
 """
 
 from __future__ import annotations
@@ -52,8 +52,10 @@ def with_robot_file(data: Mapping[str, Any], source: Path, access: FileAccess) -
         raise InputError(f"{source}: {error}") from None
     file = _with_imported_types(file, fields)
     merged: SourceMapping = source_mapping(data)
-    if fields.choice("robot_file", CHOICES, "all") == "all":
-        _merge(merged, _entries(file, _imported(fields)))
+    entries = _entries(file, _imported(fields))
+    if fields.choice("robot_file", CHOICES, "all") == "tree":
+        entries = {key: value for key, value in entries.items() if key == "notes"}
+    _merge(merged, entries)
     return merged, file
 
 
@@ -135,7 +137,7 @@ def _with_imported_types(file: RobotFile, fields: Fields) -> RobotFile:
             path = fields.access.folder / str(entry["file"])
             if fields.access.allows(path) and path.is_file():  # otherwise refused where the constraints are read
                 urdf, notes = with_joint_types(file.urdf, read_gepetto(path).joint_types, path)
-                file = replace(file, urdf=urdf, notes=(*file.notes, *notes))
+                file = replace(file, urdf=urdf, notes=tuple(dict.fromkeys((*file.notes, *notes))))
     return file
 
 
