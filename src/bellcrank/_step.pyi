@@ -19,6 +19,9 @@ def evaluate_rows(
 ) -> tuple[NDArray[np.float64], ...]:
     """The code for one sample, row by row; an input (1, m) holds for all samples."""
 
+def code_maker() -> int:
+    """The address of the C function void *(PyObject *maker): the address that the Python function `maker` returns."""
+
 class SampleCall:
     """A compiled function of one sample with one output, of this address, whose code lives as long as `code`.
 

@@ -423,7 +423,7 @@ def test_machine_code_of_scenes_that_are_gone_is_freed():
     def one(k):
         changed = scene.with_overrides({"outputs": {"x": {"expression": f"{k} * sin(t)"}}})
         run = bc.simulate(changed, duration=0.01, samples=2)
-        return [run, *system_of(changed).rhs._loaded.values(), *system_of(changed).stage._loaded.values()]
+        return [run, *system_of(changed).rhs._codes.values(), *system_of(changed).stage._codes.values()]
 
     import weakref
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
@@ -21,6 +20,8 @@ from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.expression_graph import Graph, graph_of
 from bellcrank.codegen.kernels import KINDS
 from bellcrank.codegen.locks import making
+from bellcrank.codegen.machine_code import MachineCode, Source
+from bellcrank.codegen.recipe import Recipe
 from bellcrank.errors import CompileError, InputError
 
 if TYPE_CHECKING:
@@ -41,17 +42,29 @@ class Compiled:
 
     def __init__(self, name: str, recipe: str, graph: Callable[[], Graph], inputs: Sequence[int] = ()) -> None:
         """`recipe` is its key in the cache; a cached recipe whose first inputs have other sizes is not used."""
-        self.name, self._recipe, self._graph = name, recipe, graph
-        self._loaded: dict[tuple[str, str], machine.Loaded] = {}
-        stored = _read_recipe(recipe)
-        if stored is None or stored["inputs"][: len(inputs)] != list(inputs):
-            stored = {**_sizes(graph()), "objects": {}}
-        self._hints: dict[str, str] = stored["objects"]
-        self.input_sizes: tuple[int, ...] = tuple(stored["inputs"])
-        self.output_sizes: tuple[int, ...] = tuple(stored["outputs"])
+        self.name, self._key, self._graph = name, recipe, graph
+        self._inputs = tuple(inputs)
+        self._found: Recipe | None = None
+        self._codes: dict[tuple[str, str], MachineCode] = {}
+
+    def _recipe(self) -> Recipe:
+        if self._found is None:
+            with making:
+                self._found = Recipe.load(self._key, self._inputs) or Recipe.of(self._key, self._graph())
+        return self._found
+
+    @property
+    def input_sizes(self) -> tuple[int, ...]:
+        """The sizes of the inputs."""
+        return self._recipe().input_sizes
+
+    @property
+    def output_sizes(self) -> tuple[int, ...]:
+        """The sizes of the outputs."""
+        return self._recipe().output_sizes
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _unpickled, (self.name, self._recipe, self.graph)
+        return _unpickled, (self.name, self._key, self.graph)
 
     def __copy__(self) -> Self:
         return self
@@ -71,50 +84,21 @@ class Compiled:
 
     def address(self, kind: str) -> int:
         """The address of the machine code; kernels.py describes its signature."""
+        return self.code(kind).address
+
+    def lazy_address(self, kind: str) -> int:
+        """The address of machine code that is compiled when the integrator first calls it, if there is none."""
+        return self.code(kind).lazy_address
+
+    def code(self, kind: str) -> MachineCode:
+        """The machine code of a kind for the target of this moment."""
         key = (kind, machine.target_name())
-        if key not in self._loaded:
+        code = self._codes.get(key)
+        if code is None:
             with making:
-                if key not in self._loaded:
-                    loaded = self._kept(kind)
-                    if loaded is None:
-                        ir = self.ir(kind)
-                        loaded = self._made(kind, ir, machine.object_code(ir, machine.target(), self._level))
-                    self._loaded[key] = loaded
-        return self._loaded[key].address
-
-    @property
-    def _level(self) -> int:
-        """LLVM's optimisation level."""
-        return 0 if self.graph.soon_compiled else 2
-
-    def _hint(self, kind: str) -> str:
-        chosen = machine.target()
-        return f"{kind}:{chosen.name}:{chosen.cpu}:{chosen.features}"
-
-    def _kept(self, kind: str) -> machine.Loaded | None:
-        """The cached code, loaded; None where the cache has none for these sizes."""
-        key = self._hints.get(self._hint(kind))
-        data = disk.load(key) if key else None
-        sizes, _, code = (data or b"").partition(b"\n")
-        if code and sizes == self._signature():
-            try:
-                return machine.Loaded(self.name, code, machine.target())
-            except (RuntimeError, KeyError):
-                pass  # this LLVM cannot load it: compile again
-        return None
-
-    def _made(self, kind: str, ir: str, code: bytes) -> machine.Loaded:
-        """Load new code, and store it in the cache with its sizes."""
-        sizes = _sizes(self.graph)
-        self.input_sizes, self.output_sizes = tuple(sizes["inputs"]), tuple(sizes["outputs"])
-        key = machine.object_key(ir, machine.target(), self._level)
-        disk.store(key, self._signature() + b"\n" + code)
-        self._hints[self._hint(kind)] = key
-        disk.store(self._recipe, json.dumps({**sizes, "objects": self._hints}).encode())
-        return machine.Loaded(self.name, code, machine.target())
-
-    def _signature(self) -> bytes:
-        return json.dumps([self.input_sizes, self.output_sizes]).encode()
+                source = Source(self.name, self._recipe, self._graph)
+                code = self._codes.setdefault(key, MachineCode(source, kind, machine.target()))
+        return code
 
     def prepared(self, arrays: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], int]:
         """A function that calls the batch code on these arrays without checks.
@@ -197,30 +181,23 @@ def make_ready(wanted: Sequence[tuple[Compiled, str]]) -> list[int]:
 
     Returns the addresses of the machine code.
     """
-    name = machine.target_name()
-    if not all((kind, name) in function._loaded for function, kind in wanted):
-        _make(wanted, name)
-    return [function._loaded[kind, name].address for function, kind in wanted]
+    codes = [function.code(kind) for function, kind in wanted]
+    if not all(code.is_made for code in codes):
+        with making, ThreadPoolExecutor(1) as compiler:
+            _make(dict.fromkeys(codes), compiler)
+    return [code.address for code in codes]
 
 
-def _make(wanted: Sequence[tuple[Compiled, str]], name: str) -> None:
-    """Compile the functions that have no machine code for the target `name`."""
-    chosen, process = machine.target(), os.getpid()
-    with making, ThreadPoolExecutor(1) as compiler:
-        begun = []
-        for function, kind in wanted:
-            if (kind, name) in function._loaded:
-                continue
-            loaded = function._kept(kind)
-            if loaded is not None:
-                function._loaded[kind, name] = loaded
-                continue
-            ir = function.ir(kind)
-            begun.append((function, kind, ir, compiler.submit(machine.object_code, ir, chosen, function._level)))
-        for function, kind, ir, code in begun:
-            # a forked process does not have the compiling thread
-            made = code.result() if os.getpid() == process else machine.object_code(ir, chosen, function._level)
-            function._loaded[kind, name] = function._made(kind, ir, made)
+def _make(codes: Iterable[MachineCode], compiler: ThreadPoolExecutor) -> None:
+    process, begun = os.getpid(), []
+    for code in codes:
+        if not code.is_made and not code.load():
+            draft = code.draft()
+            begun.append((code, draft, compiler.submit(machine.object_code, draft.ir, code.target, draft.level)))
+    for code, draft, made in begun:
+        # a forked process does not have the compiling thread
+        here = os.getpid() != process
+        code.finish(draft, machine.object_code(draft.ir, code.target, draft.level) if here else made.result())
 
 
 @cache
@@ -265,10 +242,6 @@ def _unpickled(name: str, recipe: str, graph: Graph) -> Compiled:
     return Compiled(name, recipe, lambda: graph, graph.input_sizes)
 
 
-def _sizes(graph: Graph) -> dict[str, list[int]]:
-    return {"inputs": list(graph.input_sizes), "outputs": [size for size, *_ in graph.outputs]}
-
-
 def _serialized(function: Any) -> bytes:
     if isinstance(function, bytes):
         return function
@@ -276,8 +249,3 @@ def _serialized(function: Any) -> bytes:
         arguments.refuse("build", "a function that makes a casadi.Function", function, remedy="this is what it made")
     text: str = function.serialize()
     return text.encode("latin-1")
-
-
-def _read_recipe(key: str) -> dict[str, Any] | None:
-    stored: dict[str, Any] | None = disk.load_data(key, {"inputs": [int], "outputs": [int], "objects": {str: str}})
-    return stored if stored and min([*stored["inputs"], *stored["outputs"]], default=0) >= 0 else None

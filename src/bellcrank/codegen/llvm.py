@@ -12,6 +12,8 @@ from typing import Any
 
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen import locks
+from bellcrank.codegen.object_code import llvm, target_machine
+from bellcrank.codegen.object_code import object_code as emitted
 from bellcrank.errors import CompileError, InputError
 from bellcrank.messages import unknown_name
 
@@ -40,15 +42,6 @@ def processor() -> str:
         return platform.processor() or platform.machine()
 
 
-@cache
-def _llvm() -> Any:
-    import llvmlite.binding as llvm
-
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    return llvm
-
-
 _LEVELS = {
     "avx512": ("skylake-avx512", "+avx512f,+avx512dq,+avx512vl,+fma", 8, True),
     "avx2": ("haswell", "+avx2,+fma,-avx512f", 4, True),
@@ -73,11 +66,10 @@ def target_name() -> str:
 def _target(name: str) -> Target:
     if name != "native" and name not in _LEVELS:
         raise InputError("BELLCRANK_TARGET: " + unknown_name("target", name, ["native", *_LEVELS]))
-    llvm = _llvm()
-    has = llvm.get_host_cpu_features()
+    has = llvm().get_host_cpu_features()
     if name == "native":
         lanes = 8 if has.get("avx512f") and has.get("avx512dq") else 4 if has.get("avx2") else 2
-        return Target(name, llvm.get_host_cpu_name(), has.flatten(), lanes, bool(has.get("fma")))
+        return Target(name, llvm().get_host_cpu_name(), has.flatten(), lanes, bool(has.get("fma")))
     cpu, features, lanes, fused = _LEVELS[name]
     missing = [f[1:] for f in features.split(",") if f.startswith("+") and not has.get(f[1:])]
     if missing:
@@ -88,17 +80,8 @@ def _target(name: str) -> Target:
 
 
 @cache
-def _target_machine(chosen: Target, level: int = 2) -> Any:
-    llvm = _llvm()
-    triple = llvm.Target.from_triple(llvm.get_process_triple())
-    return triple.create_target_machine(
-        cpu=chosen.cpu, features=chosen.features, opt=level, reloc="pic", codemodel="small", jit=True
-    )
-
-
-@cache
 def _jit(chosen: Target) -> Any:
-    return _llvm().create_lljit_compiler(_target_machine(chosen))
+    return llvm().create_lljit_compiler(target_machine(chosen.cpu, chosen.features, 2))
 
 
 def object_key(ir: str, chosen: Target, level: int = 2) -> str:
@@ -113,37 +96,25 @@ def object_code(ir: str, chosen: Target, level: int = 2) -> bytes:
 
     Level 0 takes a sixth of the time, and the code twice as long. The results are the same to the last bit.
     """
-    llvm = _llvm()
     with locks.llvm:
         try:
-            module = llvm.parse_assembly(ir)
+            return emitted(ir, chosen.cpu, chosen.features, level)
         except RuntimeError as error:
             raise CompileError(f"LLVM refused generated code (a bug in bellcrank): {error}") from error
-        module.triple = llvm.get_process_triple()
-        machine = _target_machine(chosen, level)
-        if level and " alwaysinline " in ir:
-            _join(llvm, module, machine)
-        return bytes(machine.emit_object(module))
-
-
-def _join(llvm: Any, module: Any, machine: Any) -> None:
-    """Make one function of those into which the code is divided (schedule.py); what they pass on stays in registers."""
-    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(0))
-    inliner = llvm.create_new_module_pass_manager()
-    inliner.add_always_inliner_pass()
-    inliner.run(module, builder)
-    scalars = llvm.create_new_function_pass_manager()
-    scalars.add_sroa_pass()
-    scalars.run(module.get_function("evaluate"), builder)
 
 
 class Loaded:
-    """Machine code in memory; the address of `evaluate` stays valid as long as this object lives, which frees it."""
+    """Machine code in memory; the address of `evaluate` stays valid as long as this object lives, which frees it.
 
-    def __init__(self, name: str, code: bytes, chosen: Target) -> None:
-        llvm = _llvm()
+    Attributes:
+        addresses: The addresses of `evaluate` and other symbols that were asked for.
+    """
+
+    def __init__(self, name: str, code: bytes, chosen: Target, symbols: tuple[str, ...] = ("evaluate",)) -> None:
         with locks.llvm:
-            builder = llvm.JITLibraryBuilder().add_object_img(code).add_current_process()
-            unique = f"{name}.{next(_serial)}"  # LLVM needs a unique name
-            self._library = builder.export_symbol("evaluate").link(_jit(chosen), unique)
-            self.address: int = self._library["evaluate"]
+            builder = llvm().JITLibraryBuilder().add_object_img(code).add_current_process()
+            for symbol in symbols:
+                builder.export_symbol(symbol)
+            self._library = builder.link(_jit(chosen), f"{name}.{next(_serial)}")  # LLVM needs a unique name
+            self.addresses: dict[str, int] = {symbol: self._library[symbol] for symbol in symbols}
+            self.address = self.addresses["evaluate"]

@@ -13,6 +13,7 @@ from bellcrank._step import has_lanes
 from bellcrank._step import integrate_ensemble as integrate_in_lanes
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import make_ready
+from bellcrank.codegen.machine_code import raise_failure
 from bellcrank.dynamics.system import system_of
 from bellcrank.simulation.ensemble_problem import EnsembleProblem, EnsembleResult, LaneKernels
 from bellcrank.simulation.integration import event_search, scene_kernels, state_layout, step_control
@@ -91,7 +92,9 @@ def integrate_ensemble(
         threads=threads,
         progress=progress,
     )
-    return EnsembleResult(**integrate_in_lanes(problem))
+    columns = integrate_in_lanes(problem)
+    raise_failure()
+    return EnsembleResult(**columns)
 
 
 def _lane_kernels(scene: Scene, system: System, projected: bool, observe: bool) -> LaneKernels | None:
@@ -99,14 +102,15 @@ def _lane_kernels(scene: Scene, system: System, projected: bool, observe: bool) 
     width = machine.target().lanes
     if not has_lanes(width):
         return None
-    code = {"rhs": system.rhs}
+    code, later = {"rhs": system.rhs}, {}
     if scene.constraints:
-        code["fallback"] = system.fallback
+        later["fallback"] = system.fallback
     if scene.events:
         code["events"] = system.events
     if projected:
-        code["project"], code["project_fallback"] = system.project, system.project_fallback
+        later["project"], later["project_fallback"] = system.project, system.project_fallback
     if observe:
         code["observe"] = system.plain_observe
-    addresses = make_ready([(function, "lanes") for function in code.values()])
-    return LaneKernels(width=width, **dict(zip(code, addresses, strict=True)))
+    addresses = dict(zip(code, make_ready([(function, "lanes") for function in code.values()]), strict=True))
+    addresses |= {name: function.lazy_address("lanes") for name, function in later.items()}
+    return LaneKernels(width=width, **addresses)

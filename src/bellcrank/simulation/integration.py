@@ -14,6 +14,7 @@ from bellcrank._step import PreparedProblem
 from bellcrank.cached_values import computed_once
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import make_ready
+from bellcrank.codegen.machine_code import raise_failure
 from bellcrank.dynamics.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.compiled_equations import LARGEST_STAGED, System
 from bellcrank.dynamics.consistent_start import consistent_start
@@ -87,6 +88,7 @@ class Integration:
         else:
             checkpoints.begin(self.scene, self.settings, self.parameters, self.signals)
             result = self.stepper.run(progress, checkpoints.add, checkpoints.every)
+        raise_failure()
         status = _STATUSES[result.status]
         if status is Status.INTERRUPTED:
             interruption.cut_short()
@@ -198,7 +200,7 @@ def until_turned_over(run: Trajectory) -> Trajectory:
 
 
 def scene_kernels(scene: Scene, system: System, implicit: bool, projected: bool, batched: bool) -> Kernels:
-    """The compiled functions that a run calls; those that are missing are compiled."""
+    """The compiled functions that a run calls; those that not every run needs are compiled when first called."""
     staged = not implicit and system.size <= LARGEST_STAGED
     code = {"rhs": (system.stage if staged else system.rhs, "scalar")}
     if scene.events:
@@ -207,13 +209,15 @@ def scene_kernels(scene: Scene, system: System, implicit: bool, projected: bool,
         code["jacobian"] = (system.jacobian, "scalar")
     elif implicit:
         code["tangent"] = (system.tangent, "batch")
+    later = {}
     if scene.constraints:
-        code["fallback"] = (system.fallback_stage if staged else system.fallback, "scalar")
+        later["fallback"] = (system.fallback_stage if staged else system.fallback, "scalar")
     if projected:
-        code["project"], code["project_fallback"] = (system.project, "scalar"), (system.project_fallback, "scalar")
+        later["project"], later["project_fallback"] = (system.project, "scalar"), (system.project_fallback, "scalar")
     if batched:
-        code["project_batch"] = (system.project, "batch")
+        later["project_batch"] = (system.project, "batch")
     addresses = dict(zip(code, make_ready(tuple(code.values())), strict=True))
+    addresses |= {name: function.lazy_address(kind) for name, (function, kind) in later.items()}
     return Kernels(staged=staged, lanes=machine.target().lanes if implicit or batched else 1, **addresses)
 
 

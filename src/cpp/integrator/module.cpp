@@ -12,6 +12,7 @@
 #include "../files/csv_rows.hpp"
 #include "consistent_starts.hpp"
 #include "integrate.hpp"
+#include "lazy_kernel.hpp"
 #include "sample_call.hpp"
 
 namespace nb = nanobind;
@@ -86,6 +87,7 @@ NB_MODULE(_step, m) {
   m.def("evaluate", &evaluate);
   m.def("evaluate_rows", &evaluate_rows);
   bellcrank::bind_sample_call(m);
+  bellcrank::bind_lazy_kernel(m);
   bellcrank::bind_integrate(m);
   bellcrank::bind_ensemble(m);
   bellcrank::bind_tableaus(m);

@@ -1,0 +1,151 @@
+"""The machine code of a function for one kind and one target, in two tiers.
+
+Long code is compiled quickly first, at LLVM's level 0, and optimised in another process meanwhile (full_tier.py). Both
+give the same results to the last bit, so that it does not matter when the optimised code takes over. Short code is
+optimised at once, and code that is called seldom never is, if it is long.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from bellcrank.codegen import full_tier
+from bellcrank.codegen import llvm as machine
+from bellcrank.codegen.entry import Entry
+from bellcrank.codegen.expression_graph import Graph
+from bellcrank.codegen.kernels import KINDS
+from bellcrank.codegen.locks import making
+from bellcrank.codegen.recipe import Recipe, StoredCode
+
+_FULL, _QUICK = 2, 0  # LLVM's levels
+_failures: list[BaseException] = []  # of code that the integrator needed
+
+
+@dataclass(frozen=True)
+class Source:
+    """What machine code is made of: the function's name, its cached recipe, and its graph, traced when needed."""
+
+    name: str
+    recipe: Callable[[], Recipe]
+    graph: Callable[[], Graph]
+
+
+@dataclass(frozen=True)
+class Draft:
+    """LLVM IR that is to be compiled: at which level, and whether the optimised code is to come later."""
+
+    ir: str
+    level: int
+    improved: bool
+
+
+class MachineCode:
+    """Code at one address, made when asked for, or when first called.
+
+    Attributes:
+        kind: The kind of the function (kernels.py).
+        target: The processor.
+    """
+
+    def __init__(self, source: Source, kind: str, target: machine.Target) -> None:
+        self._source, self.kind, self.target = source, kind, target
+        self._entry: Entry | None = None
+        self._loaded: list[machine.Loaded] = []  # the last of them runs; calls may still be in those before
+
+    @property
+    def is_made(self) -> bool:
+        """Whether there is code to call."""
+        return bool(self._loaded)
+
+    @property
+    def address(self) -> int:
+        """The address of the function; the code is compiled if there is none."""
+        if not self._loaded:
+            self.make()
+        return self._entry.address if self._entry is not None else self._loaded[-1].address
+
+    @property
+    def lazy_address(self) -> int:
+        """The address of the function; where there is no code yet, it is compiled when first called.
+
+        Only the integrator may call it, which then asks `raise_failure`.
+        """
+        with making:
+            if not self.is_made and self._entry is None:
+                self._entry = self._new_entry()
+            return self.address if self._entry is None else self._entry.address
+
+    def make(self) -> int:
+        """The address of the code itself, which is made if there is none."""
+        with making:
+            if not self.is_made and not self.load():
+                draft = self.draft()
+                self.finish(draft, machine.object_code(draft.ir, self.target, draft.level))
+            return self._loaded[-1].address
+
+    def load(self) -> bool:
+        """Take the code from the cache; False where it has none."""
+        stored = self._source.recipe().code(self.kind, self.target)
+        if stored is None:
+            return False
+        try:
+            self._use(stored.code, improved=bool(stored.ir))
+        except (RuntimeError, KeyError):
+            return False  # this LLVM cannot load it: compile again
+        if stored.ir:
+            full_tier.ask(self, stored.ir, self.target)
+        return True
+
+    def draft(self) -> Draft:
+        """The IR of the function, and how it is to be compiled first."""
+        graph = self._source.graph()
+        ir = KINDS[self.kind](graph, self.target.lanes, self.target.fused)
+        return Draft(ir, _QUICK if graph.is_long else _FULL, graph.is_long and not graph.seldom)
+
+    def finish(self, draft: Draft, code: bytes) -> None:
+        """Load the code of a draft, store it, and ask for the optimised code that is to come."""
+        made = StoredCode(code, full_tier.compressed(draft.ir) if draft.improved else b"")
+        key = machine.object_key(draft.ir, self.target, draft.level)
+        self._source.recipe().store(self.kind, self.target, made, key, self._source.graph())
+        self._use(code, draft.improved)
+        if draft.improved:
+            full_tier.ask(self, made.ir, self.target)
+
+    def improve(self, code: bytes, ir: str) -> None:
+        """Use optimised code of the IR from now on, and store it."""
+        key = machine.object_key(ir, self.target, _FULL)
+        with making:
+            self._source.recipe().store(self.kind, self.target, StoredCode(code), key)
+            self._use(code, improved=False)
+
+    def _use(self, code: bytes, improved: bool) -> None:
+        loaded = machine.Loaded(self._source.name, code, self.target)
+        if improved and self._entry is None:
+            self._entry = self._new_entry()
+        if self._entry is not None:
+            self._entry.use(loaded.address)
+        self._loaded.append(loaded)
+
+    def _new_entry(self) -> Entry:
+        itself = weakref.ref(self)
+
+        def made() -> int:
+            """The address of the code, for the integrator; 0 where it cannot be made."""
+            found = itself()
+            try:
+                return 0 if found is None else found.make()
+            except BaseException as error:  # the integrator's caller raises it
+                _failures.append(error)
+                return 0
+
+        return Entry(self._source.name, self.kind, self.target, made)
+
+
+def raise_failure() -> None:
+    """Raise the error that kept the integrator from code that it needed, if there was one."""
+    if _failures:
+        error = _failures[0]
+        _failures.clear()
+        raise error
