@@ -265,7 +265,7 @@ class System:
             slope = casadi.jacobian(time_derivative(found, s), s.v)
             return self._state_function("way", [found, _flat(slope)])
 
-        return self._compiled("way", build)
+        return self._compiled("way", build, seldom=True)
 
     # ---- results
 
