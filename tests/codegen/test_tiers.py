@@ -14,19 +14,21 @@ import pytest
 import bellcrank as bc
 from bellcrank.codegen import full_tier
 from bellcrank.codegen import llvm as machine
-from bellcrank.codegen.compile import compiled, make_ready
+from bellcrank.codegen.compile import compiled
 from bellcrank.dynamics.system import system_of
 from bellcrank.errors import CompileError
 
 
 def long_function(name="long", terms=600):
-    """About 7 operations a term, all of which matter."""
+    """About 6 operations a term, all of which matter, in no order that repeats itself."""
 
     def build():
         x = casadi.SX.sym("x", 8)
-        y = casadi.sin(x[0])
-        for k in range(terms):
-            y = casadi.sqrt(1 + y * y) * x[k % 8] - (0.3 + k) / (1.1 + y * y) + x[(k + 3) % 8]
+        y, random = casadi.sin(x[0]), np.random.default_rng(terms)
+        for _ in range(terms):
+            a, b = (x[int(k)] for k in random.integers(0, 8, 2))
+            root, ratio = casadi.sqrt(1 + y * y) * a, random.random() / (1.1 + y * y)
+            y = [root - ratio + b, ratio + b * root, b - root, ratio * a - root * b][random.integers(4)]
         return casadi.Function("long", [x], [casadi.vertcat(y, x)])
 
     return compiled(name, ("test", str(terms)), build)
@@ -74,7 +76,9 @@ def test_quickly_compiled_code_is_cached_until_optimised_code_is(fresh_cache, mo
 
 
 @pytest.mark.parametrize("reason", ["no interpreter", "it fails"])
-def test_quickly_compiled_code_stays_where_the_compiling_process_cannot_help(reason, fresh_cache, monkeypatch, tmp_path):
+def test_quickly_compiled_code_stays_where_the_compiling_process_cannot_help(
+    reason, fresh_cache, monkeypatch, tmp_path
+):
     full_tier._optimiser.end()
     monkeypatch.setattr(full_tier, "_optimiser", full_tier._Optimiser())
     if reason == "no interpreter":
