@@ -320,6 +320,7 @@ def test_total_mass(read):
         (joint().replace("<body ", '<body gravcomp="1" '), "", "gravcomp is not used"),
         (joint() + '<body name="m" mocap="true"/>', "", "mocap bodies stand still (m)."),
         (joint(), "<sensor><clock/></sensor><custom><text name='a'/></custom>", "not used: <custom>, <sensor>."),
+        (joint() + "<light/>", "<sensor><clock/></sensor>", "not used: <sensor>, <light>."),
         (joint(), '<tendon><fixed><joint joint="j" coef="1"/></fixed></tendon>', "1 tendons are not modelled"),
         (joint(), '<equality><joint joint1="j" active="false"/></equality>', "is inactive and left out"),
         (joint(), '<equality><tendon tendon1="t"/></equality>', "<tendon> under <equality> is not modelled"),

@@ -36,6 +36,7 @@ KNOWN: Final = {  # attributes that are used, or of which a sentence below speak
 }  # fmt: skip
 FLAGS: Final = ("gravity", "equality", "spring", "damper", "passive", "frictionloss")  # that are obeyed where disabled
 QUIET: Final = ("visual", "statistic", "size", "custom", "extension", "sensor", "contact")
+IN_BODIES: Final = ("light", "camera", "plugin")
 FLUID: Final = ("density", "viscosity", "wind", "magnetic")
 
 
@@ -93,7 +94,8 @@ def _bodies(bodies: Sequence[Body]) -> Iterator[str]:
 
 def _sections(root: MjcfElement) -> Iterator[str]:
     found = {element.tag for element in root.children if element.children or element.attributes}
-    quiet = [tag for tag in QUIET if tag in found]
+    found |= {element.tag for world in root.find_all("worldbody") for element in world.walk()} & {*IN_BODIES}
+    quiet = [tag for tag in (*QUIET, *IN_BODIES) if tag in found]
     if quiet:
         yield f"not used: {', '.join(f'<{tag}>' for tag in quiet)}."
     for tag, what in (("tendon", "tendons"), ("deformable", "deformable bodies")):
