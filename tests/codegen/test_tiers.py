@@ -6,6 +6,7 @@ import subprocess
 import sys
 import textwrap
 import time
+from pathlib import Path
 
 import casadi
 import numpy as np
@@ -192,7 +193,7 @@ BEGIN = """
 
 
 def in_a_process(code, folder, **more):
-    text = textwrap.dedent(BEGIN.format(here=os.path.dirname(__file__))) + textwrap.dedent(code)
+    text = textwrap.dedent(BEGIN.format(here=str(Path(__file__).parent))) + textwrap.dedent(code)
     environment = os.environ | {"BELLCRANK_CACHE": str(folder)}
     return subprocess.Popen(
         [sys.executable, "-c", text], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, **more
@@ -204,8 +205,7 @@ def is_running(pid):
         os.kill(pid, 0)
     except ProcessLookupError:
         return False
-    with open(f"/proc/{pid}/stat") as file:
-        return file.read().rsplit(")", 1)[1].split()[0] != "Z"
+    return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
 
 
 def ended_within(pid, seconds):

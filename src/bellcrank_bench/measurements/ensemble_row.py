@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from bellcrank.codegen.full_tier import wait_for_optimised_code
 from bellcrank_bench.measurements.row import finite
 
 BUDGET = 20.0  # s for which the functions of a table are repeated
@@ -85,6 +86,7 @@ def best_in_turns(functions: Sequence[Callable[[], Duration]], repeats: int) -> 
     best, begun = [Duration()] * len(functions), time.perf_counter()
     for _ in range(repeats):
         best = [known.best(function()) for known, function in zip(best, functions, strict=True)]
+        wait_for_optimised_code()  # which the next turns run
         if time.perf_counter() - begun > BUDGET:
             break
     return best

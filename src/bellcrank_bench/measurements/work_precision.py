@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
+from bellcrank.codegen.full_tier import wait_for_optimised_code
 from bellcrank_bench.c_baseline.baseline import NAME as C_BASELINE
 from bellcrank_bench.measurements.row import Row
 from bellcrank_bench.peers.peer import Outcome, Run
@@ -44,6 +45,7 @@ def measure(runs: Sequence[Run], reference: Reference, repeats: int = REPEATS, b
                 outcomes[k].append(run.once())
             except Exception as error:  # a peer may raise anything; the row counts as failed and says why
                 failures[k] = f"{type(error).__name__}: {error}".splitlines()[0]
+        wait_for_optimised_code()  # which the next turns run
         elapsed = (time.perf_counter() - begun) / len(runs)
         if elapsed > budget or (turn >= repeats and elapsed > LEAST_TIME * repeats / REPEATS):
             break
