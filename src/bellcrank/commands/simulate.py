@@ -31,7 +31,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "scene", metavar="SCENE", help="a scene or robot configuration: a path, or a name that `bellcrank robots` lists"
     )
     parser.add_argument("--duration", metavar="S", help="simulated time, s")
-    parser.add_argument("--solver", metavar="NAME", help="DOP853, RK45, Radau (for stiff scenes) or RK4 (fixed step)")
+    parser.add_argument(
+        "--solver",
+        metavar="NAME",
+        help="DOP853, RK45, Radau (for stiff scenes), auto (DOP853 or Radau) or RK4 (fixed step)",
+    )
     parser.add_argument("--rtol", metavar="X", help="relative tolerance of positions and velocities")
     parser.add_argument(
         "--atol", metavar="X", help="absolute tolerance of positions and velocities (rad, m, rad/s, m/s)"

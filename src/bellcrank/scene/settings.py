@@ -14,7 +14,8 @@ from bellcrank.memory import check_memory
 from bellcrank.messages import unknown_name
 
 STABILISATIONS = ("projection", "none", "baumgarte")
-SOLVERS = ("RK45", "RK4", "DOP853", "Radau")
+SOLVERS = ("RK45", "RK4", "DOP853", "Radau", "auto")
+IMPLICIT = ("Radau", "auto")  # those that may need derivatives
 FINEST_RTOL = 1e-13  # for smaller values the error estimate consists of rounding errors
 MOST_NUMBERS = 4 * 10**9 // 8  # doubles in the states of a run: 4 GB
 
@@ -43,7 +44,8 @@ class Settings:
 
     Args:
         duration: Simulated time, s.
-        solver: "RK45" or "DOP853" (explicit, variable step), "Radau" (implicit, for stiff equations) or "RK4" (fixed
+        solver: "RK45" or "DOP853" (explicit, variable step), "Radau" (implicit, for stiff equations), "auto" (DOP853
+            where the equations are not stiff, Radau where they are; with a fixed step always DOP853) or "RK4" (fixed
             step).
         rtol: Relative tolerance of the error of one step, from 1e-13 to 1.
         atol: Absolute tolerance of the error of one step: rad, m, rad/s, m/s.

@@ -140,7 +140,7 @@ def gains_from(pilot: Trajectory, settings: Settings) -> AutomaticGains:
     steps = max(statistics.steps, 1) / (end if end > 0.0 else settings.duration)
     rate = float(max(pilot.settings.rtol, pilot.settings.atol) ** (1.0 / PILOT_ORDER) * steps)
     gain = PER_RATE * rate
-    if settings.step is not None and settings.solver != "Radau":
+    if settings.step is not None and settings.solver != "Radau":  # "auto" takes DOP853 then
         gain = min(gain, LARGEST_DECAY / settings.step)
     return AutomaticGains(gain, gain, rate, statistics.evaluations)
 

@@ -58,7 +58,8 @@ def integrate_ensemble(
 ) -> EnsembleResult:
     """Integrate many runs of a scene, each as `simulate` does, and find the extremes of its observed quantities.
 
-    Explicit methods step as many runs at once as the processor has SIMD lanes; Radau steps one by one. A row of the
+    Explicit methods step as many runs at once as the processor has SIMD lanes; Radau steps one by one, and so does
+    "auto" a run that becomes stiff. A row of the
     result depends on its own start, parameters and settings alone, to the last bit.
 
     Args:
@@ -75,7 +76,7 @@ def integrate_ensemble(
     implicit = settings.solver == "Radau"
     projected = bool(scene.constraints) and settings.stabilisation.kind == "projection"
     problem = EnsembleProblem(
-        kernels=scene_kernels(scene, system, implicit, projected, batched=False),
+        kernels=scene_kernels(scene, settings, projected, batched=False),
         lanes=None if implicit else _lane_kernels(scene, system, projected, observe),
         layout=state_layout(scene),
         control=step_control(settings),

@@ -122,7 +122,14 @@ def is_comparable(run: Trajectory) -> bool:
 
 def _more_steps(settings: Settings) -> float:
     """By about what factor a finer run takes more steps."""
-    return 2.0 if settings.step else float(FINER ** (-1.0 / methods()[settings.solver]))
+    return 2.0 if settings.step else float(FINER ** (-1.0 / _order(settings)))
+
+
+def _order(settings: Settings) -> int:
+    """The order of the method; of "auto" that of DOP853 with a fixed step, and else the lower one."""
+    if settings.solver == "auto":
+        return methods()["DOP853" if settings.step else "Radau"]
+    return methods()[settings.solver]
 
 
 def _finer(run: Trajectory) -> tuple[Settings, float]:
@@ -133,7 +140,7 @@ def _finer(run: Trajectory) -> tuple[Settings, float]:
     """
     s = run.settings
     if s.step:
-        return replace(s, step=max(s.step / 2, TINIEST)), 0.5 ** methods()[s.solver]
+        return replace(s, step=max(s.step / 2, TINIEST)), 0.5 ** _order(s)
     factor = max(FINER, FINEST_RTOL / s.rtol)
     if factor > 0.5:
         return replace(s, rtol=10.0 * s.rtol, atol=10.0 * s.atol), 0.0

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,12 @@ from numpy.typing import NDArray
 from bellcrank._step import PreparedProblem
 from bellcrank.cached_values import computed_once
 from bellcrank.codegen import llvm as machine
+<<<<<<< HEAD
 from bellcrank.codegen.compile import make_ready
 from bellcrank.codegen.machine_code import raise_failure
+=======
+from bellcrank.codegen.compile import Compiled, make_ready
+>>>>>>> af6db77 (Stiffness is detected; solver auto switches between DOP853 and Radau, whose systems are reduced to the velocities)
 from bellcrank.dynamics.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.compiled_equations import LARGEST_STAGED, System
 from bellcrank.dynamics.consistent_start import consistent_start
@@ -29,7 +34,14 @@ from bellcrank.robot.joints import unit_vectors
 from bellcrank.scene.constraint_conditions import ContactLost
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.events import Event, event_at
-from bellcrank.simulation.integration_problem import EventSearch, IntegrationProblem, Kernels, StateLayout, StepControl
+from bellcrank.simulation.integration_problem import (
+    DerivativeKernels,
+    EventSearch,
+    IntegrationProblem,
+    Kernels,
+    StateLayout,
+    StepControl,
+)
 from bellcrank.simulation.statistics import statistics_of
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
@@ -134,7 +146,7 @@ def prepared_integration(
         and system.size <= LARGEST_STAGED
         and len(times) >= BATCH_OUTPUTS
     )
-    kernels = scene_kernels(scene, system, settings.solver == "Radau", projected, batched)
+    kernels = scene_kernels(scene, settings, projected, batched)
     problem = IntegrationProblem(
         kernels=kernels,
         layout=state_layout(scene),
@@ -199,17 +211,28 @@ def until_turned_over(run: Trajectory) -> Trajectory:
 # ---- the integrator's records
 
 
+<<<<<<< HEAD
 def scene_kernels(scene: Scene, system: System, implicit: bool, projected: bool, batched: bool) -> Kernels:
     """The compiled functions that a run calls; those that not every run needs are compiled when first called."""
+=======
+def scene_kernels(scene: Scene, settings: Settings, projected: bool, batched: bool) -> Kernels:
+    """The compiled functions that a run calls; what is missing is compiled, derivatives when they are needed."""
+    system, implicit = system_of(scene), settings.solver == "Radau"
+>>>>>>> af6db77 (Stiffness is detected; solver auto switches between DOP853 and Radau, whose systems are reduced to the velocities)
     staged = not implicit and system.size <= LARGEST_STAGED
     code = {"rhs": (system.stage if staged else system.rhs, "scalar")}
     if scene.events:
         code["events"] = (system.events, "scalar")
+<<<<<<< HEAD
     if implicit and system.whole_jacobian:
         code["jacobian"] = (system.jacobian, "scalar")
     elif implicit:
         code["tangent"] = (system.tangent, "batch")
     later = {}
+=======
+    if implicit:
+        code |= _derivatives(system)
+>>>>>>> af6db77 (Stiffness is detected; solver auto switches between DOP853 and Radau, whose systems are reduced to the velocities)
     if scene.constraints:
         later["fallback"] = (system.fallback_stage if staged else system.fallback, "scalar")
     if projected:
@@ -217,8 +240,37 @@ def scene_kernels(scene: Scene, system: System, implicit: bool, projected: bool,
     if batched:
         later["project_batch"] = (system.project, "batch")
     addresses = dict(zip(code, make_ready(tuple(code.values())), strict=True))
+<<<<<<< HEAD
     addresses |= {name: function.lazy_address(kind) for name, (function, kind) in later.items()}
     return Kernels(staged=staged, lanes=machine.target().lanes if implicit or batched else 1, **addresses)
+=======
+    return Kernels(
+        staged=staged,
+        lanes=machine.target().lanes if implicit or batched else 1,
+        derivatives=_LateDerivatives(ref(system)) if settings.solver == "auto" else None,
+        **addresses,
+    )
+
+
+@dataclass(frozen=True)
+class _LateDerivatives:
+    """Compiles the derivatives of a system when called; the integrator, which keeps this, does not keep the system."""
+
+    system: ref[System]
+
+    def __call__(self) -> DerivativeKernels:
+        system = self.system()
+        assert system is not None, "whoever integrates keeps the scene"
+        wanted = _derivatives(system)
+        addresses = dict(zip(wanted, make_ready(tuple(wanted.values())), strict=True))
+        return DerivativeKernels(lanes=machine.target().lanes, **addresses)
+
+
+def _derivatives(system: System) -> dict[str, tuple[Compiled, str]]:
+    if system.whole_jacobian:
+        return {"jacobian": (system.jacobian, "scalar")}
+    return {"tangent": (system.tangent, "batch")}
+>>>>>>> af6db77 (Stiffness is detected; solver auto switches between DOP853 and Radau, whose systems are reduced to the velocities)
 
 
 @computed_once
@@ -229,6 +281,7 @@ def state_layout(scene: Scene) -> StateLayout:
     return StateLayout(
         norm_size=system.size if prescribed else system.nq + system.nv,
         nq=system.nq,
+        joints=[(joint.q, joint.nq, joint.v, joint.nv) for joint in scene.robot.joints],
         unit_parts=[(part.start, part.stop - part.start) for part in unit_vectors(scene.robot.joints)],
         weights=coordinate_weights(scene) if scene.constraints else None,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -22,8 +22,9 @@ class Kernels:
 
     Attributes:
         rhs: The state's rate; where `fallback` is given, a guard as well.
-        staged: `rhs` and `fallback` take (t, x, u, p, k, s) and evaluate at x + s k; up to 16 states, not for Radau.
+        staged: `rhs` and `fallback` take (t, x, u, p, k, s) and evaluate at x + s k; up to 16 states.
         fallback: The state's rate where the guard of `rhs` is not positive.
+        derivatives: Makes the derivatives when a method first needs them; None: those below.
         jacobian: d rhs / dx (n, n), column by column, for Radau.
         tangent: d rhs / dx · dx for many dx at once, for Radau without a Jacobian.
         lanes: How many rows a batch kernel computes at once.
@@ -36,6 +37,7 @@ class Kernels:
     rhs: int
     staged: bool = False
     fallback: int = 0
+    derivatives: Callable[[], DerivativeKernels] | None = None
     jacobian: int = 0
     tangent: int = 0
     lanes: int = 1
@@ -46,6 +48,15 @@ class Kernels:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class DerivativeKernels:
+    """Addresses of the derivatives of the right-hand side, as in Kernels: `jacobian` or `tangent`, and `lanes`."""
+
+    jacobian: int = 0
+    tangent: int = 0
+    lanes: int = 1
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class StateLayout:
     """The parts of a state.
 
@@ -53,12 +64,15 @@ class StateLayout:
         norm_size: How many of the first entries the error control looks at.
         nq: How many of the first entries are positions.
         unit_parts: (first, length) of the parts that stay unit vectors.
+        joints: (first of q, their number, first of v, their number) of each joint, ascending, where q' of a joint
+            depends on its own q and v alone and no rate depends on what follows v; empty: not known.
         weights: 1 over the characteristic size of each position (nq,), for corrections; None: all are 1.
     """
 
     norm_size: int
     nq: int = 0
     unit_parts: Sequence[tuple[int, int]] = ()
+    joints: Sequence[tuple[int, int, int, int]] = ()
     weights: Array | None = None
 
 
@@ -82,7 +96,7 @@ class StepControl:
     """The method and its step sizes.
 
     Attributes:
-        method: "RK4", "RK45", "DOP853" or "Radau".
+        method: "RK4", "RK45", "DOP853", "Radau" or "auto", which switches between the last two.
         rtol: Relative tolerance.
         atol: Absolute tolerance; the error is kept below atol + rtol |x|, as in scipy.integrate.solve_ivp.
         step: A fixed step size, s; 0: the error control chooses it.

@@ -61,10 +61,15 @@ _STATISTICS = keys(
     {
         "steps": count, "rejected": count, "evaluations": count, "jacobians": count, "factorisations": count,
         "kernel_time": amount,
+        "stiff_steps": count, "stiff_since": maybe(amount), "implicit_steps": count, "implicit_evaluations": count,
+        "switches": count, "switch_times": each(amount),
         "unresolved": each(lambda value, name: Unresolved(**_UNRESOLVED(value, name))),
         "longest_step": maybe(amount), "omitted_events": named(count),
     },
-    optional=("unresolved", "longest_step", "omitted_events"),
+    optional=(
+        "stiff_steps", "stiff_since", "implicit_steps", "implicit_evaluations", "switches", "switch_times",
+        "unresolved", "longest_step", "omitted_events",
+    ),
 )  # fmt: skip
 _ABOUT = keys(
     {
@@ -87,7 +92,8 @@ def checked_about(about: dict[str, Any]) -> dict[str, Any]:
     """
     found: dict[str, Any] = _ABOUT(about, "")
     statistics = found["statistics"]
-    found["statistics"] = Statistics(**statistics | {"unresolved": tuple(statistics.get("unresolved", ()))})
+    lists = {name: tuple(statistics.get(name, ())) for name in ("unresolved", "switch_times")}
+    found["statistics"] = Statistics(**statistics | lists)
     return found
 
 

@@ -17,6 +17,7 @@ LARGEST_RESIDUAL, LARGEST_DRIFT = 1e-6, 1e-3  # relative, above which a run is n
 LARGEST_CONSTRAINT_RESIDUAL = 1e-3  # rad, or of the mechanism's characteristic length
 EVENT_TOLERANCE = 1e-6  # of an event function's largest value, by which it may miss zero at the event
 LIMIT_TOLERANCE = 1e-9  # rad, or of the larger end of a range in m, by which a joint may pass its limit
+STIFF, SLOW = 0.1, 20_000  # of the steps, and evaluations: by so many stiff steps a long run is slowed down
 NOISE = 1e-7  # of the energies: rounding and tolerance
 
 
@@ -44,7 +45,21 @@ def run_warnings(run: Trajectory) -> tuple[str, ...]:
         found.append("the energy balance is violated: take smaller tolerances or steps")
     if least < -NOISE * largest:
         found.append(f"kinetic energy is negative (down to {least:.3g} J): check masses and inertias")
+    found += _stiffness(run)
     return (*found, *_open_constraints(run), *_departure(run), *_false_events(run), *_missed_events(run))
+
+
+def _stiffness(run: Trajectory) -> list[str]:
+    """A clause on a run of an explicit solver in which stability limits the steps."""
+    cost, solver = run.statistics, run.settings.solver
+    few = cost.evaluations < SLOW or cost.stiff_steps < STIFF * cost.steps
+    if solver == "auto" or few:
+        return []
+    return [
+        f"the equations are stiff from {cost.stiff_since:.4g} s on: stability, not accuracy, limits "
+        f"{cost.stiff_steps} of {cost.steps} steps of {solver}; take solver: auto or Radau, which may be many times "
+        "faster"
+    ]
 
 
 def _energies(run: Trajectory) -> tuple[float, float, float, float]:

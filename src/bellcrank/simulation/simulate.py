@@ -45,7 +45,7 @@ def simulate(
     Args:
         scene: A scene, or the path or name of a scene file.
         duration: s.
-        solver: "DOP853", "RK45", "Radau" (for stiff scenes) or "RK4".
+        solver: "DOP853", "RK45", "Radau" (for stiff scenes), "auto" (DOP853 or Radau, as the scene needs) or "RK4".
         rtol: Relative tolerance.
         atol: Absolute tolerance.
         step: Fixed step size, s; it switches the error control off. Tolerances or a solver given here switch off a

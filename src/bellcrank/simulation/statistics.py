@@ -45,6 +45,12 @@ class Statistics:
         factorisations: LU factorisations.
         kernel_time: Time in the integrator alone, s.
         unresolved: Events of which crossings may have been missed.
+        stiff_steps: Steps of an explicit method that stiffness held short.
+        stiff_since: When the first of them began, s; None: there is none.
+        implicit_steps: How many of the steps are those of an implicit method.
+        implicit_evaluations: How many of the evaluations are.
+        switches: How often solver "auto" changed between DOP853 and Radau.
+        switch_times: When, s: first to Radau, then back, and so on; at most 1000.
         longest_step: The longest step, s; None where it is not known.
         omitted_events: How many events of a name happened that the run does not keep: of more than 100,000 events, each
             name keeps at least its first 100 and its last.
@@ -56,6 +62,12 @@ class Statistics:
     jacobians: int
     factorisations: int
     kernel_time: float
+    stiff_steps: int = 0
+    stiff_since: float | None = None
+    implicit_steps: int = 0
+    implicit_evaluations: int = 0
+    switches: int = 0
+    switch_times: tuple[float, ...] = ()
     unresolved: tuple[Unresolved, ...] = ()
     longest_step: float | None = None
     omitted_events: Mapping[str, int] = field(default_factory=dict)
@@ -81,6 +93,12 @@ def statistics_of(scene: Scene, found: StepResult | StepBlock, kept: NDArray[np.
         jacobians=found.jacobians,
         factorisations=found.factorisations,
         kernel_time=found.seconds,
+        stiff_steps=found.stiff_steps,
+        stiff_since=found.stiff_since if found.stiff_steps else None,
+        implicit_steps=found.implicit_steps,
+        implicit_evaluations=found.implicit_evaluations,
+        switches=found.switches,
+        switch_times=tuple(found.switch_time.tolist()) if found.switches else (),
         unresolved=unresolved,
         longest_step=found.longest_step,
         omitted_events=omitted,

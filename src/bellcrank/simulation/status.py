@@ -37,12 +37,12 @@ class Status(StrEnum):
 _ADVICE = {
     Status.FINISHED: "the whole duration was simulated",
     Status.EVENT: "an event with stop: true ended the run",
-    Status.STEP_TOO_SMALL: "the step size fell below the resolution of time; the scene is stiff (try solver Radau), a "
+    Status.STEP_TOO_SMALL: "the step size fell below the resolution of time; the scene is stiff (try solver auto), a "
     "force jumps, or the mechanism is close to a singular configuration there",
     Status.NON_FINITE: "the accelerations are no longer finite; check the configuration and the forces there, and for "
     "a fixed step try a smaller one",
     Status.EVALUATIONS_SPENT: "the limit of evaluations is reached; raise max_evaluations, loosen the tolerances, or "
-    "try solver Radau if the scene is stiff",
+    "take solver auto or Radau if the scene is stiff",
     Status.PRESCRIBED_MOTION_ENDED: "a prescribed motion ends, or its velocity jumps, while the joint moves; extend "
     "the motion or shorten the run",
     Status.TURNED_OVER: "a weld or hinge is turned by more than a quarter turn: its equations also hold at half a "

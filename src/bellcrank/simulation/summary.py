@@ -17,10 +17,12 @@ from bellcrank.simulation.run_warnings import run_notes
 
 if TYPE_CHECKING:
     from bellcrank.simulation.events import Event
+    from bellcrank.simulation.statistics import Statistics
     from bellcrank.simulation.trajectory import Trajectory
 
 EVENTS = 5  # events listed one by one
 JOINTS = 24  # joints listed
+SWITCHES = 4  # changes of method listed
 LEAVING = 5  # joints listed that leave their range
 CONSTRAINTS = 8  # constraints listed
 UNASKED = 1.0  # s that an error estimate may take without being asked for
@@ -67,6 +69,8 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
     effort = f"{_count(cost.steps, 'step')} and {cost.rejected} rejected, {_count(cost.evaluations, 'evaluation')}"
     if len(run.steps) - 1 < cost.steps:
         effort += f", the times of {len(run.steps) - 1} steps are kept"
+    if cost.switches:
+        effort += f", of which Radau {_count(cost.implicit_steps, 'step')} and {cost.implicit_evaluations} evaluations"
     if cost.jacobians:
         effort += f", {_count(cost.jacobians, 'Jacobian')}, {_count(cost.factorisations, 'factorisation')}"
     last = run.part(slice(-1, None))
@@ -79,6 +83,7 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
         ]
     rows = [
         ("solver", f"{settings.solver}, {how}"),
+        *_switches(cost),
         ("cost", f"{effort}, {_seconds(cost.kernel_time)} in the integrator"),
         *((("events" if k == 0 else ""), text) for k, text in enumerate(_events(run))),
         ("energy at the end", f"kinetic {t:.6g} J, potential {v:.6g} J{work}"),
@@ -93,6 +98,16 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
     if len(notes) > LEAVING:
         rows.append(("", f"… and {_count(len(notes) - LEAVING, 'more joint')} that leave their range"))
     return rows + [("warning", text) for text in (*run.warnings, *run.robot.inertia_warnings)]
+
+
+def _switches(cost: Statistics) -> list[tuple[str, str]]:
+    """When solver "auto" changed its method."""
+    if not cost.switches:
+        return []
+    names = ["Radau" if k % 2 == 0 else "DOP853" for k in range(SWITCHES)]
+    listed = [f"{name} from {time:.6g} s" for name, time in zip(names, cost.switch_times, strict=False)]
+    more = f", … ({cost.switches} in all)" if cost.switches > len(listed) else ""
+    return [("methods", f"DOP853, {', '.join(listed)}{more}")]
 
 
 def _known(value: float, unit: str) -> str:

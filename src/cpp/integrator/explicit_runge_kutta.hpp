@@ -5,6 +5,7 @@
 
 #include "step_size_control.hpp"
 #include "stage_polynomials.hpp"
+#include "stiffness_detection.hpp"
 #include "runge_kutta_stages.hpp"
 
 namespace bellcrank {
@@ -13,6 +14,8 @@ namespace BELLCRANK_ISA {
 template <class Method, int Blocks>
 class ExplicitRungeKutta {
  public:
+  static constexpr bool switches = false;
+
   explicit ExplicitRungeKutta(Rhs& rhs)
       : rhs_(rhs), p_(rhs.problem), blocks_((p_.n + 3) / 4), main_(blocks_, rhs), redo_(blocks_, rhs), x_(lanes()),
         old_(lanes()), tolerance_(lanes()), dense_(lanes() * 7) {
@@ -24,7 +27,11 @@ class ExplicitRungeKutta {
 
   double t, t_old;
   std::int64_t rejected = 0;
-  void add_counts(Counts& counts) const { counts.rejected = rejected; }
+  void add_counts(Counts& counts) const {
+    counts.rejected = rejected;
+    counts.stiff_steps = stiffness.steps(), counts.stiff_since = stiffness.since();
+  }
+  StiffnessDetector stiffness;
   const double* state() const { return x_; }
   const double* old_state() const { return old_; }
 
@@ -71,6 +78,7 @@ class ExplicitRungeKutta {
         if (again) factor = smaller(1, factor);
         next_ = h * factor;
         if (end == bound && !again) next_ = larger(next_, proposed);  // a stop does not limit the next step
+        if (stiffness.due()) test_stiffness(h);
         return Outcome::accepted;
       }
       main_.first = main_.k;
@@ -78,6 +86,15 @@ class ExplicitRungeKutta {
       h *= bad ? least_factor : larger(least_factor, safety * shrink(error));
     }
   }
+
+  // Goes on at a state that another method reached, with steps of size h at first. False: its slope is not finite.
+  bool resume(double time, const double* x, double h) {
+    t = t_old = time, next_ = h;
+    std::memcpy(x_, x, p_.n * sizeof(double));
+    return begin();
+  }
+  double next_step() const { return next_; }
+  const double* slope() const { return main_.k + last * lanes(); }  // at the current time
 
   // One step of fixed size.
   Outcome fixed(double end) {
@@ -219,6 +236,22 @@ class ExplicitRungeKutta {
     }
     t = end;
     return true;
+  }
+
+  __attribute__((noinline)) void test_stiffness(double h) {
+    if constexpr (Method::estimator > 0) {
+      constexpr int stage = last - 1;  // at the step's end as well
+      double* argument = redo_.x;
+      main_.template sum<stage>(old_, h, argument);
+      const double *f = main_.k, *g = main_.k + stage * lanes(), *end = slope();
+      SquareSums near, near_slopes, own, own_slopes;
+      for (int i = 0; i < moving(p_); ++i) {
+        near.add(i, x_[i] - argument[i], p_), near_slopes.add(i, end[i] - g[i], p_);
+        own.add(i, x_[i] - old_[i], p_), own_slopes.add(i, end[i] - f[i], p_);
+      }
+      const double fast = rate_square(p_, near, near_slopes);
+      stiffness.note(held_short<Method>(h, fast, rate_square(p_, own, own_slopes)), t_old);
+    }
   }
 
   bool finite(const double* x) const { return finite(x, rhs_.rest()); }

@@ -100,7 +100,12 @@ Class& with_counts(Class& c) {
       .def_prop_ro("rejected", [](const Owner& r) { return r.counts.rejected; })
       .def_prop_ro("evaluations", [](const Owner& r) { return r.counts.evaluations; })
       .def_prop_ro("jacobians", [](const Owner& r) { return r.counts.jacobians; })
-      .def_prop_ro("factorisations", [](const Owner& r) { return r.counts.factorisations; });
+      .def_prop_ro("factorisations", [](const Owner& r) { return r.counts.factorisations; })
+      .def_prop_ro("stiff_steps", [](const Owner& r) { return r.counts.stiff_steps; })
+      .def_prop_ro("stiff_since", [](const Owner& r) { return r.counts.stiff_since; })
+      .def_prop_ro("implicit_steps", [](const Owner& r) { return r.counts.implicit_steps; })
+      .def_prop_ro("implicit_evaluations", [](const Owner& r) { return r.counts.implicit_evaluations; })
+      .def_ro("switches", &Owner::switches);
 }
 
 }  // namespace
@@ -123,6 +128,7 @@ void bind_integrate(nb::module_& m) {
       .def_prop_ro("event_time", [](nb::handle h) { return view(h, nb::cast<StepResult&>(h).event_time); })
       .def_prop_ro("event_state",
                    [](nb::handle h) { auto& r = nb::cast<StepResult&>(h); return view(h, r.event_state, r.n); })
+      .def_prop_ro("switch_time", [](nb::handle h) { return view(h, nb::cast<StepResult&>(h).switch_time); })
       .def_prop_ro("event_counts", [](nb::handle h) { return view(h, nb::cast<StepResult&>(h).event_counts); })
       .def_prop_ro("unresolved_count", [](nb::handle h) { return view(h, nb::cast<StepResult&>(h).unresolved_count); })
       .def_prop_ro("unresolved_time", [](nb::handle h) { return view(h, nb::cast<StepResult&>(h).unresolved_time); })
@@ -140,6 +146,7 @@ void bind_integrate(nb::module_& m) {
       .def_ro("event_index", &StepBlock::event_index)
       .def_ro("event_time", &StepBlock::event_time)
       .def_ro("event_state", &StepBlock::event_state)
+      .def_ro("switch_time", &StepBlock::switch_time)
       .def_ro("event_counts", &StepBlock::event_counts)
       .def_ro("unresolved_count", &StepBlock::unresolved_count)
       .def_ro("unresolved_time", &StepBlock::unresolved_time)

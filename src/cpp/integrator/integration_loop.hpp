@@ -52,7 +52,9 @@ class IntegrationLoop {
       }
       while (stepper_.t < bound) {
         const std::int64_t rejected = stepper_.rejected;
+        const bool implicit = is_implicit();
         const Outcome outcome = Fixed ? stepper_.fixed(grid(bound)) : stepper_.advance(bound);
+        if (is_implicit() != implicit) record_.switched(stepper_.t_old, !implicit);
         if (outcome != Outcome::accepted) return status_of(outcome);
         ++counts_.accepted;
         if (p_.event_count) {
@@ -68,6 +70,11 @@ class IntegrationLoop {
       }
     }
     return Status::finished;
+  }
+
+  bool is_implicit() const {
+    if constexpr (Stepper::switches) return stepper_.implicit();
+    return false;
   }
 
   void count() {

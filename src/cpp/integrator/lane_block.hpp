@@ -18,6 +18,7 @@ struct LaneNumbers {
   Vec next;                  // the step size to try; with a fixed step the number of the next point of its grid
   Vec tried, bad;            // 1: the step was tried with another size; and that was not finite
   Vec evaluations, accepted, rejected;
+  Vec untested, suspicions, unsuspicious;  // of stiffness_detection.hpp
   Vec eventful;              // 1: the step may have an event
 };
 

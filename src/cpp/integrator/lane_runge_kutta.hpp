@@ -2,6 +2,7 @@
 #pragma once
 
 #include "lane_equations.hpp"
+#include "stiffness_detection.hpp"
 #include "runge_kutta_tableaus.hpp"
 
 namespace bellcrank {
@@ -71,6 +72,27 @@ class LaneRungeKutta {
     if constexpr (Method::fsal) return e;
     const Vec both = fifth + 0.01 * third;
     return both == 0.0 ? Vec{} : e * (fifth / both);
+  }
+
+  // Lanes in which a step of size h is held short by a part that is not seen in the solution (stiffness_detection.hpp).
+  Mask held_short(const LaneBlock& block, Vec h) {
+    const Problem& p = equations_.problem;
+    sum<last - 1, 0>(block, h, argument_);
+    const Vec *f = block.k, *g = block.k + (last - 1) * n_, *end = block.k + last * n_;
+    Vec near[2] = {}, near_slopes[2] = {}, own[2] = {}, own_slopes[2] = {};
+    for (int i = 0; i < moving(p); ++i) {
+      const int part = i >= p.nq && p.nq > 0;
+      const auto add = [part](Vec* sums, Vec value) { sums[part] += value * value; };
+      add(near, block.x[i] - argument_[i]), add(near_slopes, end[i] - g[i]);
+      add(own, block.x[i] - block.old[i]), add(own_slopes, end[i] - f[i]);
+    }
+    const auto rate_square = [&p](const Vec* states, const Vec* slopes) {
+      const Vec rate = p.nq == 0 ? slopes[0] / states[0] : root(slopes[1] / states[0]);
+      return states[0] > 0.0 ? rate : Vec{};
+    };
+    const Vec fast = rate_square(near, near_slopes), square = h * h * fast;
+    return (square > Method::stability * Method::stability) |
+           ((square > Method::accuracy * Method::accuracy) & (fast > 100.0 * rate_square(own, own_slopes)));
   }
 
   // Repeats accepted steps with other sizes, so that the states at t_old + h are ends of steps; they are settled in the

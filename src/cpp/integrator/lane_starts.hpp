@@ -89,6 +89,7 @@ class LaneStarts {
     b.max_step[lane] = of(d.max_step, problem_.max_step);
     b.max_evaluations[lane] = of(d.max_evaluations, static_cast<double>(problem_.max_evaluations));
     b.next[lane] = b.tried[lane] = b.bad[lane] = 0;
+    b.untested[lane] = b.suspicions[lane] = b.unsuspicious[lane] = 0;
     b.evaluations[lane] = b.accepted[lane] = b.rejected[lane] = 0;
     for (int i = 0; i < d.np; ++i) b.p[i][lane] = d.p[row * d.np + i];
     for (int i = 0; i < b.n; ++i) b.old[i][lane] = d.x0[row * b.n + i];

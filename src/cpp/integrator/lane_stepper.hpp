@@ -5,6 +5,7 @@
 
 #include "lane_starts.hpp"
 #include "step_size_control.hpp"
+#include "stiffness_detection.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
@@ -12,9 +13,11 @@ namespace BELLCRANK_ISA {
 template <class Method>
 class LaneStepper {
  public:
-  LaneStepper(const Ensemble& e, Worker& worker)
+  // leave_when_stiff: a run that becomes stiff is begun anew as a single run.
+  LaneStepper(const Ensemble& e, Worker& worker, bool leave_when_stiff = false)
       : ensemble_(e), worker_(worker), equations_(e), method_(equations_), block_(e, Method::rows),
-        search_(equations_, method_, worker), starts_(equations_, search_, worker), slope_(e.common.n) {}
+        search_(equations_, method_, worker), starts_(equations_, search_, worker), slope_(e.common.n),
+        leave_when_stiff_(leave_when_stiff) {}
 
   // Runs designs until there are none left, or the worker is stopped.
   void operator()() {
@@ -37,6 +40,7 @@ class LaneStepper {
   LaneSearch<Method> search_;
   LaneStarts<Method> starts_;
   Vectors slope_;
+  const bool leave_when_stiff_;
   Bits active_ = 0, jumped_ = 0;  // lanes that hold a run; that have passed a stop and need their first stage anew
 
   // The next run into a lane; one without keeps the last good state of its former run.
@@ -109,9 +113,13 @@ class LaneStepper {
     b.evaluations += active ? splat(Method::stages - 1) + (Method::fsal | good ? splat(1) : Vec{}) : Vec{};
     good &= all_finite();
     adapt(h, proposed, until, error, active, good);
-    const Bits failed = bits(active & fixed & ~good);
-    proceed(bits(good), until);
+    const Bits failed = bits(active & fixed & ~good), stiff = leave_when_stiff_ ? stiff_lanes(h, good & ~fixed) : 0;
+    proceed(bits(good) & ~stiff, until);
     end(failed, Status::non_finite);
+    each(stiff, [&](int l) {
+      worker_.single(static_cast<std::int64_t>(b.design[l]));
+      refill(l);
+    });
   }
 
   // Where the steps end: at the size to try, or at the next point of the grid of a fixed step; at stops at the latest.
@@ -152,6 +160,26 @@ class LaneStepper {
     }
     b.tried = rejected ? splat(1) : good ? Vec{} : b.tried;
     b.bad = rejected & bad ? splat(1) : tried ? Vec{} : b.bad;
+  }
+
+  // Lanes whose run has become stiff with this step of size h, by the rules of stiffness_switching.hpp.
+  Bits stiff_lanes(Vec h, Mask good) {
+    if constexpr (Method::estimator > 0) {
+      using Rules = StiffnessDetector;
+      LaneBlock& b = block_;
+      b.untested += good ? splat(1) : Vec{};
+      const Mask due = good & ((b.suspicions > 0.0) | (b.accepted <= Rules::early) | (b.untested >= Rules::interval));
+      if (!bits(due)) return 0;
+      const Mask suspicious = due & method_.held_short(b, h), calm = due & ~suspicious;
+      b.untested = due ? Vec{} : b.untested;
+      b.suspicions += suspicious ? splat(1) : Vec{};
+      b.unsuspicious = suspicious ? Vec{} : b.unsuspicious + (calm & (b.suspicions > 0.0) ? splat(1) : Vec{});
+      const Mask over = b.unsuspicious >= Rules::most_calm;
+      b.suspicions = over ? Vec{} : b.suspicions, b.unsuspicious = over ? Vec{} : b.unsuspicious;
+      const Vec left = (b.t1 - b.t_old) * (Method::stages / h);  // evaluations
+      return bits((b.suspicions >= quick_series) & (left > costly)) & active_;
+    }
+    return 0;
   }
 
   // Searches the steps in `good` lanes, which were accepted and end at `until`; then the next steps begin there.

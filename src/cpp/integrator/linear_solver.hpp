@@ -72,13 +72,21 @@ class RealLu : Pivots<Blocks> {
  public:
   explicit RealLu(int n) : Base(n), lower_(n * stride()), upper_(n * stride()), inverse_(stride()) {}
 
+  // Room for the matrix, column by column, each of whole lanes; factorise() overwrites it.
+  double* matrix() { return lower_; }
+
   // Factorises shift I - h J; false where it is singular or not finite.
   bool factorise(double shift, double h, const double* jacobian) {
-    Base::start();
     double* a = lower_;
     const std::size_t w = stride();
     for (int j = 0; j < n_; ++j)
       for (int i = 0; i < n_; ++i) a[j * w + i] = (i == j ? shift : 0) - h * jacobian[j * n_ + i];
+    return factorise();
+  }
+  bool factorise() {
+    Base::start();
+    double* a = lower_;
+    const std::size_t w = stride();
     for (int k = 0; k < n_; ++k) {
       double* column = a + k * w;
       int best = k;
@@ -132,9 +140,11 @@ class ComplexLu : Pivots<Blocks> {
  public:
   explicit ComplexLu(int n) : Base(n), lower_(n * stride()), upper_(n * stride()), inverse_(stride()) {}
 
+  double* matrix() { return lower_.re; }
+  double* imaginary_matrix() { return lower_.im; }
+
   // Factorises (re + i im) I - h J.
   bool factorise(double re, double im, double h, const double* jacobian) {
-    Base::start();
     double *a = lower_.re, *b = lower_.im;
     const std::size_t w = stride();
     for (int j = 0; j < n_; ++j)
@@ -142,6 +152,12 @@ class ComplexLu : Pivots<Blocks> {
         a[j * w + i] = (i == j ? re : 0) - h * jacobian[j * n_ + i];
         b[j * w + i] = i == j ? im : 0;
       }
+    return factorise();
+  }
+  bool factorise() {
+    Base::start();
+    double *a = lower_.re, *b = lower_.im;
+    const std::size_t w = stride();
     for (int k = 0; k < n_; ++k) {
       double *p = a + k * w, *q = b + k * w;
       int best = k;

@@ -24,15 +24,36 @@ struct Unit {
   int start, length;
 };
 
+// The parts of q and v of a joint: q' of a joint depends on its own q and v alone.
+struct JointBlock {
+  int q, nq, v, nv;
+};
+
+// The derivatives of rhs by x: the whole matrix, column by column, or along many directions at once.
+struct DerivativeKernels {
+  Kernel jacobian;
+  BatchKernel tangent;
+  int lanes;
+};
+class Derivatives {
+ public:
+  virtual DerivativeKernels kernels() = 0;  // may have to compile them
+
+ protected:
+  ~Derivatives() = default;
+};
+
 struct Problem {
-  Kernel rhs, jacobian, events;
+  Kernel rhs, events;
   Kernel fallback;  // used where the second output of rhs, a guard, is not positive; 0: there is no guard
   Kernel project, project_fallback;  // correction of x; the first gives a guard as well; or 0
   BatchKernel project_batch;  // `project` for many states at once, where there are no signals; or 0
   int nq, nv;
   const double* weights;  // (nq) 1 over the characteristic size of each position, for corrections; 0: all are 1
   bool staged;  // rhs and fallback take k and s as well and evaluate at x + s k
-  BatchKernel tangent;
+  Derivatives* derivatives;  // for implicit methods; or 0
+  const JointBlock* joints;  // the blocks of q and v, one a joint, in ascending order and without gaps; or 0
+  int joint_count;
   int n, norm_size, lanes;
   double t0, t1;
   const double *x0, *p;
@@ -57,6 +78,9 @@ struct Problem {
 
 struct Counts {
   std::int64_t accepted = 0, rejected = 0, evaluations = 0, jacobians = 0, factorisations = 0;
+  std::int64_t stiff_steps = 0;  // steps of an explicit method that stiffness held short
+  double stiff_since = __builtin_nan("");  // when the first of them began
+  std::int64_t implicit_steps = 0, implicit_evaluations = 0;  // those of an implicit method
 };
 
 // Receives what the engine finds.
@@ -69,6 +93,7 @@ class Record {
   virtual void event(int index, double t, const double* x) = 0;
   virtual void unresolved(int index, double t) = 0;  // crossings may be missed in the step from t on
   virtual void undefined(int index, double t) = 0;   // the event function is NaN in this step, first at t
+  virtual void switched(double, bool) {}  // from this time on the method is implicit, or explicit again
   virtual void end(double t, const double* x) = 0;
   // Called between steps, at time t and state x; true: stop. `attempts` becomes the number of steps until the next call.
   virtual bool look(double t, const double* x, const Counts& counts, std::int64_t* attempts) = 0;
@@ -76,6 +101,8 @@ class Record {
  protected:
   ~Record() = default;
 };
+
+constexpr const char* automatic = "auto";  // the method that switches between DOP853 and Radau
 
 namespace baseline {
 Status run(const char* method, const Problem& problem, Record& record, Counts& counts);

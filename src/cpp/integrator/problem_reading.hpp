@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <array>
 #include <memory>
+#include <mutex>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -12,6 +14,7 @@
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
@@ -45,6 +48,38 @@ Function function(nb::handle record, const char* name) {
 }
 
 
+// The derivatives of a record Kernels, whose functions may be compiled when they are first asked for.
+class DerivativeSource final : public Derivatives {
+ public:
+  explicit DerivativeSource(nb::handle kernels) : make_(kernels.attr("derivatives")) {
+    if (make_.is_none()) read(kernels);
+  }
+  bool exist() const { return !make_.is_none() || found_.jacobian || found_.tangent; }
+
+  // From any thread, without the GIL. Throws what Python raises.
+  DerivativeKernels kernels() override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (!found_.jacobian && !found_.tangent) {
+      nb::gil_scoped_acquire gil;
+      const nb::object made = make_();
+      read(made);
+      require(found_.jacobian || found_.tangent, "integrate: no derivatives were made");
+    }
+    return found_;
+  }
+
+ private:
+  const nb::object make_;  // () -> Kernels, or None
+  DerivativeKernels found_{};
+  std::mutex mutex_;
+
+  void read(nb::handle kernels) {
+    found_.jacobian = function<Kernel>(kernels, "jacobian");
+    found_.tangent = function<BatchKernel>(kernels, "tangent");
+    found_.lanes = std::max(1, get<int>(kernels, "lanes"));
+  }
+};
+
 // The times at which stages end, whatever the run's end: stops, and breaks of kinked signals; sorted.
 inline std::vector<double> all_jumps(const Vector& stops, const std::vector<Signal>& signals) {
   std::vector<double> found(stops.data(), stops.data() + stops.shape(0));
@@ -70,6 +105,7 @@ inline std::vector<double> stops_within(const std::vector<double>& jumps, double
 // What the record refers to is kept alive here, and `plain` points to it for the engine.
 struct ProblemReading {
   Problem plain{};
+  std::unique_ptr<DerivativeSource> derivatives;
   std::string method;
   std::vector<double> jumps;
 
@@ -94,6 +130,7 @@ struct ProblemReading {
   std::vector<std::pair<Vector, Cube>> pieces_;  // of the signals
   std::vector<Signal> signals_;
   std::vector<Unit> units_;
+  std::vector<JointBlock> joints_;
   std::vector<int> direction_;
   std::unique_ptr<bool[]> terminal_;
 
@@ -101,9 +138,9 @@ struct ProblemReading {
     plain.rhs = function<Kernel>(kernels, "rhs");
     plain.staged = get<bool>(kernels, "staged");
     plain.fallback = function<Kernel>(kernels, "fallback");
-    plain.jacobian = function<Kernel>(kernels, "jacobian");
-    plain.tangent = function<BatchKernel>(kernels, "tangent");
     plain.lanes = std::max(1, get<int>(kernels, "lanes"));
+    derivatives = std::make_unique<DerivativeSource>(kernels);
+    plain.derivatives = derivatives->exist() ? derivatives.get() : nullptr;
     plain.events = function<Kernel>(kernels, "events");
     plain.project = function<Kernel>(kernels, "project");
     plain.project_fallback = function<Kernel>(kernels, "project_fallback");
@@ -121,6 +158,12 @@ struct ProblemReading {
       require(start >= 0 && length > 0 && start + length <= plain.n, "integrate: unit part outside the state");
       units_.push_back({start, length});
     }
+    for (auto [q, nq, v, nv] : get<std::vector<std::array<int, 4>>>(layout, "joints")) {
+      require(nq > 0 && nv > 0 && q >= 0 && v >= 0 && q + nq <= plain.nq && plain.nq + v + nv <= plain.n,
+              "integrate: the coordinates of a joint outside the state");
+      joints_.push_back({q, nq, v, nv});
+    }
+    plain.joints = joints_.empty() ? nullptr : joints_.data(), plain.joint_count = static_cast<int>(joints_.size());
     plain.units = units_.data(), plain.unit_count = static_cast<int>(units_.size());
     if (!layout.attr("weights").is_none()) {
       weights_ = get<Vector>(layout, "weights");
@@ -135,13 +178,15 @@ struct ProblemReading {
     plain.step = get<double>(control, "step"), plain.first_step = get<double>(control, "first_step");
     plain.max_step = get<double>(control, "max_step");
     plain.max_evaluations = get<std::int64_t>(control, "max_evaluations");
-    require(method == "RK4" || method == "RK45" || method == "DOP853" || method == "Radau",
+    require(method == "RK4" || method == "RK45" || method == "DOP853" || method == "Radau" ||
+                method == automatic,
             "integrate: unknown method");
     require(stepped || plain.step > 0 || method != "RK4", "integrate: RK4 needs a step");
     require(stepped || plain.step > 0 || (plain.rtol >= 0 && plain.atol >= 0 && plain.rtol + plain.atol > 0),
             "integrate: rtol and atol must not be negative or both zero");
     require(plain.max_step > 0 && plain.first_step >= 0 && plain.step >= 0, "integrate: steps must be positive");
-    require(method != "Radau" || plain.jacobian || plain.tangent, "integrate: Radau needs a Jacobian or a tangent");
+    require((method != "Radau" && method != automatic) || plain.derivatives,
+            "integrate: Radau needs a Jacobian or a tangent");
   }
 
   void read_events(nb::handle events) {

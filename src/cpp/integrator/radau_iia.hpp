@@ -9,6 +9,8 @@ namespace BELLCRANK_ISA {
 template <int Blocks>
 class Radau {
  public:
+  static constexpr bool switches = false;
+
   explicit Radau(Rhs& rhs)
       : rhs_(rhs), p_(rhs.problem), equations_(rhs), x_(lanes()), old_(lanes()), f_(lanes()), start_f_(lanes()),
         end_f_(lanes()), base_(lanes()), q_(3 * lanes()), between_(lanes()), rates_(2 * lanes()),
@@ -24,6 +26,7 @@ class Radau {
     counts.rejected = rejected;
     counts.jacobians = equations_.jacobians;
     counts.factorisations = equations_.factorisations;
+    counts.implicit_steps = counts.accepted, counts.implicit_evaluations = rhs_.evaluations;
   }
   const double* state() const { return x_; }
   const double* old_state() const { return old_; }
@@ -33,6 +36,16 @@ class Radau {
     dense_h_ = 0;  // what lies before a stop says nothing of what follows
     return equations_.renew_jacobian(t, x_);
   }
+
+  // Goes on at a state that another method reached, with steps of size h at first. False: its slope is not finite.
+  bool resume(double time, const double* x, double h) {
+    t = t_old = time, next_ = h, last_h_ = 0;
+    copy(x_, x);
+    return begin();
+  }
+  double next_step() const { return next_; }
+  const StageEquations<Blocks>& equations() const { return equations_; }
+  const double* slope() const { return f_; }  // at the current time
 
   void choose_step(double bound) {
     next_ = p_.first_step > 0 ? p_.first_step : first_step(rhs_, t, x_, f_, bound, RadauIIA::estimator);

@@ -21,6 +21,7 @@ struct DormandPrince {
   static constexpr const char* name = "RK45";
   static constexpr int order = 5, estimator = 4, stages = 6, rows = 7, extra = 0, powers = 4;
   static constexpr bool fsal = true;
+  static constexpr double stability = 3.25, accuracy = 1;  // h |lambda| of stiffness_detection.hpp
   static constexpr double c[rows] = {0, 1. / 5, 3. / 10, 4. / 5, 8. / 9, 1, 1};
   static constexpr double a[rows][rows] = {
       {},
@@ -50,6 +51,7 @@ struct Dop853 {
   static constexpr const char* name = "DOP853";
   static constexpr int order = 8, estimator = 7, stages = 12, rows = 16, extra = 3, powers = 4;
   static constexpr bool fsal = false;
+  static constexpr double stability = 6.1, accuracy = 1.5;  // h |lambda| of stiffness_detection.hpp
   static constexpr double c[rows] = {0,
                                      0.526001519587677318785587544488e-01,
                                      0.789002279381515978178381316732e-01,

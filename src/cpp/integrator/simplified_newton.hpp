@@ -4,8 +4,7 @@
 #pragma once
 
 #include "step_size_control.hpp"
-#include "linear_solver.hpp"
-#include "runge_kutta_tableaus.hpp"
+#include "stage_matrices.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
@@ -22,13 +21,14 @@ class StageEquations {
   static constexpr int most_iterations = 6;
 
   explicit StageEquations(Rhs& rhs)
-      : rhs_(rhs), p_(rhs.problem), n_(p_.n), blocks_((n_ + 3) / 4), rows_(n_ > p_.lanes ? n_ : p_.lanes),
+      : rhs_(rhs), p_(rhs.problem), kernels_(p_.derivatives->kernels()), n_(p_.n), blocks_((n_ + 3) / 4),
+        rows_(n_ > kernels_.lanes ? n_ : kernels_.lanes),
         x_(lanes()), scale_(lanes()), tolerance_(lanes()), error_(lanes()), z_(3 * lanes()), w_(3 * lanes()),
         right_(3 * lanes()), change_(3 * lanes()), slopes_(3 * lanes()),
-        jacobian_(static_cast<std::size_t>(rows_) * n_), seeds_(p_.jacobian ? 0 : static_cast<std::size_t>(rows_) * n_),
-        real_(n_), complex_(n_), in_(x_, rhs) {
+        jacobian_(static_cast<std::size_t>(rows_) * n_), seeds_(kernels_.jacobian ? 0 : static_cast<std::size_t>(rows_) * n_),
+        matrices_(p_), in_(x_, rhs) {
     for (int i = 0; i < static_cast<int>(lanes()); ++i) tolerance_[i] = i < p_.norm_size ? p_.atol : INFINITY;
-    if (!p_.jacobian)
+    if (!kernels_.jacobian)
       for (int i = 0; i < n_; ++i) seeds_[static_cast<std::size_t>(i) * (n_ + 1)] = 1;
   }
 
@@ -38,6 +38,7 @@ class StageEquations {
   int blocks() const { return Blocks ? Blocks : blocks_; }
   std::size_t lanes() const { return 4 * static_cast<std::size_t>(blocks()); }
   double* stages() { return z_; }  // three stages less the start
+  const double* jacobian() const { return jacobian_; }
   const double* last() const { return z_ + 2 * lanes(); }
   double* error() { return error_; }
 
@@ -53,12 +54,13 @@ class StageEquations {
     rhs_.signals(in_.time);
     double* out = jacobian_;
     std::int32_t status;
-    if (p_.jacobian) {
-      status = p_.jacobian(in_.pointers, &out);
+    if (kernels_.jacobian) {
+      status = kernels_.jacobian(in_.pointers, &out);
     } else {
       const std::int64_t strides[5] = {0, 0, 0, 0, n_};
       in_.pointers[4] = seeds_;
-      status = p_.tangent(in_.pointers, &out, strides, rows_);
+      status = kernels_.tangent(in_.pointers, &out, strides, rows_);
+      in_.pointers[4] = rhs_.rest();
     }
     ++jacobians;
     jacobian_is_new = true;
@@ -71,8 +73,7 @@ class StageEquations {
     if (factor_h_ > 0 && std::fabs(factor_h_ - h) <= 1e-4 * h) return true;
     factor_h_ = 0;
     factorisations += 2;
-    if (!real_.factorise(RadauIIA::mu, h, jacobian_)) return false;
-    if (!complex_.factorise(RadauIIA::mu_real, -RadauIIA::mu_imaginary, h, jacobian_)) return false;
+    if (!matrices_.factorise(h, jacobian_)) return false;
     factor_h_ = h;
     return true;
   }
@@ -143,17 +144,17 @@ class StageEquations {
       at(right_ + 4 * b) =
           h * at(f + 4 * b) + (RadauIIA::e[0] * at(z) + RadauIIA::e[1] * at(z + w) + RadauIIA::e[2] * at(z + 2 * w));
     }
-    real_.solve(right_, error_);
+    matrices_.solve(right_, error_);
     return norm(error_, 1);
   }
 
  private:
   Rhs& rhs_;
   const Problem& p_;
+  const DerivativeKernels kernels_;
   int n_, blocks_, rows_;
   Buffer x_, scale_, tolerance_, error_, z_, w_, right_, change_, slopes_, jacobian_, seeds_;
-  RealLu<Blocks> real_;
-  ComplexLu<Blocks> complex_;
+  StageMatrices<Blocks> matrices_;
   Inputs in_;
   double factor_h_ = 0;
 
@@ -213,8 +214,8 @@ class StageEquations {
       at(r + w) = R[1][0] * a + R[1][1] * b + R[1][2] * c - (re * w1 - im * w2);
       at(r + 2 * w) = R[2][0] * a + R[2][1] * b + R[2][2] * c - (re * w2 + im * w1);
     }
-    real_.solve(right_, change_);
-    complex_.solve(right_ + w, right_ + 2 * w, change_ + w, change_ + 2 * w);
+    matrices_.solve(right_, change_);
+    matrices_.solve(right_ + w, right_ + 2 * w, change_ + w, change_ + 2 * w);
   }
   BELLCRANK_INLINE Lanes slope_lanes(const double* f) const { return Blocks ? fresh(f) : at(f); }
 

@@ -41,8 +41,9 @@ nb::object rest(const std::vector<T>& values, std::size_t* from, std::size_t col
 // What a checkpoint gets: what was found since the one before.
 struct StepBlock {
   nb::object time, state, event_index, event_time, event_state, steps, end_state;
-  nb::object event_counts, unresolved_count, unresolved_time, undefined_count, undefined_time;
+  nb::object switch_time, event_counts, unresolved_count, unresolved_time, undefined_count, undefined_time;
   double end_time = 0, seconds = 0, longest_step = 0;
+  std::int64_t switches = 0;
   Counts counts;
 };
 
@@ -120,6 +121,10 @@ class StepResult final : public Record {
   void undefined(int index, double t) override {
     if (!undefined_count[index]++) undefined_time[index] = t;
   }
+  void switched(double t, bool) override {
+    if (switch_time.size() < most_switches) switch_time.push_back(t);
+    ++switches;
+  }
   void end(double t, const double* x) override {
     end_time = t;
     end_state.assign(x, x + n);
@@ -131,11 +136,13 @@ class StepResult final : public Record {
     return !checkpoints.hand_over(block(t, x, now)) && watch.failed();
   }
 
-  static constexpr std::size_t room = 1024, most_steps = 100'000, most_events = 100'000;
+  static constexpr std::size_t room = 1024, most_steps = 100'000, most_events = 100'000, most_switches = 1000;
   static constexpr std::int64_t least_events = 100;
   int n;
   std::vector<double> time, state, end_state, steps, event_time, event_state;
   std::vector<int> event_index;
+  std::vector<double> switch_time;  // to the implicit method first, then back, and so on
+  std::int64_t switches = 0;
   double end_time = 0, seconds = 0, longest_step = 0;
   bool finite = true;           // all states
   bool events_complete = true;  // all events are kept, and no crossing may have been missed
@@ -185,6 +192,7 @@ class StepResult final : public Record {
     if (ends.back() != last_step) ends.push_back(last_step);
     found.longest_step = longest_step;
     found.steps = copied(ends.data(), ends.size());
+    found.switches = switches, found.switch_time = copied(switch_time.data(), switch_time.size());
     found.event_counts = copied(event_counts.data(), event_counts.size());
     found.unresolved_count = copied(unresolved_count.data(), unresolved_count.size());
     found.unresolved_time = copied(unresolved_time.data(), unresolved_time.size());
