@@ -81,7 +81,10 @@ def test_auto_returns_to_dop853(passing):
     assert run.switches == 2
     to_radau, back = run.switch_time
     assert to_radau < 0.1 and 4.5 < back < 8.0
-    assert np.abs(run.state[:, 0] - np.cos(times)).max() < 1e-7
+    # between the ends of Radau's long steps the cubic is less accurate than they are: 5e-6
+    assert np.abs(run.state[:, 0] - np.cos(times)).max() < 1e-5
+    ends = passing.run("auto", 1e-9, every_step=True)
+    assert np.abs(ends.state[:, 0] - np.cos(ends.time)).max() < 1e-8
     expected = np.pi * (0.5 + np.arange(13))
     assert np.abs(run.event_time - expected[expected < 40]).max() < 1e-7
     explicit, implicit = run.accepted - run.implicit_steps, run.evaluations - run.implicit_evaluations
@@ -128,6 +131,10 @@ def test_errors_while_derivatives_are_made_reach_the_caller(passing):
 
 
 # -- scenes
+
+
+def test_auto_is_the_default():
+    assert bc.Settings().solver == "auto"
 
 
 @pytest.mark.parametrize("name", ["planar_2r_swing", "spring_pendulum", "four_bar", "ur5_falling", "rolling_disk"])

@@ -68,7 +68,7 @@ class Settings:
     """
 
     duration: float = 10.0
-    solver: str = "DOP853"
+    solver: str = "auto"
     rtol: float = 1e-9
     atol: float = 1e-9
     step: float | None = None

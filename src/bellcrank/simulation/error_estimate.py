@@ -69,7 +69,7 @@ def error_estimate(run: Trajectory, seconds: float = math.inf) -> float | None:
 
 def expected_cost(run: Trajectory) -> float:
     """About how long `error_estimate` will integrate, s, from the kernel time of the run; without compiling."""
-    finer = _more_steps(run.settings)
+    finer = _more_steps(run)
     return run.statistics.kernel_time * (2.0 + 3.0 * finer if run.scene.constraints else finer)
 
 
@@ -116,20 +116,21 @@ def departure(run: Trajectory) -> Departure | None:
 def is_comparable(run: Trajectory) -> bool:
     """Whether a run has constraints and no projection, and a comparison takes at most about LONGEST seconds."""
     loose = bool(run.scene.constraints) and run.settings.stabilisation.kind != "projection"
-    cost = run.statistics.kernel_time * (1.0 + _more_steps(run.settings))
+    cost = run.statistics.kernel_time * (1.0 + _more_steps(run))
     return loose and bool((run.time > 0.0).any()) and cost <= LONGEST
 
 
-def _more_steps(settings: Settings) -> float:
+def _more_steps(run: Trajectory) -> float:
     """By about what factor a finer run takes more steps."""
-    return 2.0 if settings.step else float(FINER ** (-1.0 / _order(settings)))
+    return 2.0 if run.settings.step else float(FINER ** (-1.0 / _order(run)))
 
 
-def _order(settings: Settings) -> int:
-    """The order of the method; of "auto" that of DOP853 with a fixed step, and else the lower one."""
-    if settings.solver == "auto":
-        return methods()["DOP853" if settings.step else "Radau"]
-    return methods()[settings.solver]
+def _order(run: Trajectory) -> int:
+    """The order of the method; of "auto" that of Radau where the run changed to it."""
+    solver = run.settings.solver
+    if solver == "auto":
+        solver = "Radau" if run.statistics.switches else "DOP853"
+    return methods()[solver]
 
 
 def _finer(run: Trajectory) -> tuple[Settings, float]:
@@ -140,7 +141,7 @@ def _finer(run: Trajectory) -> tuple[Settings, float]:
     """
     s = run.settings
     if s.step:
-        return replace(s, step=max(s.step / 2, TINIEST)), 0.5 ** _order(s)
+        return replace(s, step=max(s.step / 2, TINIEST)), 0.5 ** _order(run)
     factor = max(FINER, FINEST_RTOL / s.rtol)
     if factor > 0.5:
         return replace(s, rtol=10.0 * s.rtol, atol=10.0 * s.atol), 0.0

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <array>
@@ -56,13 +57,21 @@ class DerivativeSource final : public Derivatives {
   }
   bool exist() const { return !make_.is_none() || found_.jacobian || found_.tangent; }
 
+  // How long it took to make them.
+  double seconds() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return seconds_;
+  }
+
   // From any thread, without the GIL. Throws what Python raises.
   DerivativeKernels kernels() override {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (!found_.jacobian && !found_.tangent) {
       nb::gil_scoped_acquire gil;
+      const auto begun = std::chrono::steady_clock::now();
       const nb::object made = make_();
       read(made);
+      seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
       require(found_.jacobian || found_.tangent, "integrate: no derivatives were made");
     }
     return found_;
@@ -71,7 +80,8 @@ class DerivativeSource final : public Derivatives {
  private:
   const nb::object make_;  // () -> Kernels, or None
   DerivativeKernels found_{};
-  std::mutex mutex_;
+  double seconds_ = 0;
+  mutable std::mutex mutex_;
 
   void read(nb::handle kernels) {
     found_.jacobian = function<Kernel>(kernels, "jacobian");

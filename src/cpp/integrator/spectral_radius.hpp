@@ -15,17 +15,17 @@ class SpectralRadius {
   double operator()(const double* jacobian) {
     constexpr int first = 4, last = 12;
     for (int i = 0; i < p_.n; ++i) y_[i] = 1 + 0.5 * std::cos(1.7 * i);
-    double growth = 0;  // logarithm of |J^last y| / |J^first y|
+    double growth = 1;  // |J^last y| / |J^first y|
     for (int k = 1; k <= last; ++k) {
       for (int i = 0; i < p_.n; ++i) next_[i] = 0;
       for (int j = 0; j < p_.norm_size; ++j)
         for (int i = 0; i < p_.norm_size; ++i) next_[i] += jacobian[static_cast<std::size_t>(j) * p_.n + i] * y_[j];
       const double before = measured(y_), after = measured(next_);
       if (!(after > 0 && before > 0 && after < INFINITY)) return 0;
-      if (k > first) growth += std::log(after / before);
+      if (k > first) growth *= after / before;
       for (int i = 0; i < p_.norm_size; ++i) y_[i] = next_[i] / after;
     }
-    return std::exp(growth / (last - first));
+    return std::pow(growth, 1.0 / (last - first));
   }
 
  private:

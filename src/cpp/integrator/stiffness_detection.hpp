@@ -47,7 +47,7 @@ inline bool held_short(double h, double fast, double own) {
 
 // Of method "auto" (stiffness_switching.hpp): a shorter series, because its mistakes cost little, and evaluations to the end
 // of a run from which on they are too many.
-constexpr int quick_series = 8;
+constexpr int quick_series = 6;
 constexpr double costly = 20000;
 
 class StiffnessDetector {

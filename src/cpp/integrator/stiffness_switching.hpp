@@ -10,7 +10,8 @@
 // A run that DOP853 ends soon is left to it, stiff or not: the derivatives that Radau needs may have to be compiled first,
 // which takes as long as some ten thousand evaluations, whatever their size.
 //
-// A switch that did not pay makes the next one harder: the tests take twice as many steps each time.
+// A switch to Radau that did not pay, less than halving the cost, makes the next one harder: it takes four times as many
+// tests. One back to DOP853 that did not last does so too: the next takes twice as many of Radau's steps.
 #pragma once
 
 #include "explicit_runge_kutta.hpp"
@@ -97,10 +98,14 @@ class StiffnessSwitching {
   SpectralRadius radius_;
   bool is_implicit_ = false;
   Effort effort_;              // of the steps since the series of stiff steps began, or of Radau's window
+  Effort phase_;               // of Radau's steps since the last switch
+  double explicit_rate_ = 0;   // DOP853's time per cost before that
   double limit_ = 0;           // DOP853's time per cost at its limit of stability, times the spectral radius there
   double limit_step_ = 0;      // its step there, times the spectral radius
-  int series_ = quick_series, window_ = first_window, windows_ = 0;
+  int series_ = quick_series, window_ = first_window;
   std::int64_t explicit_steps_ = 0;  // since the last switch
+  std::int64_t measured_ = 0;        // the number of the Jacobian whose spectral radius is known
+  double known_radius_ = 0;
   std::int64_t implicit_steps_ = 0, implicit_evaluations_ = 0, entered_ = 0;
 
   void take_times() {
@@ -133,7 +138,9 @@ class StiffnessSwitching {
     take_times();
     if (outcome != Outcome::accepted) return outcome;
     ++implicit_steps_;
-    effort_.time += t - t_old, effort_.cost += rhs_.evaluations - begun + overhead() - before, ++effort_.steps;
+    for (Effort* effort : {&effort_, &phase_}) {
+      effort->time += t - t_old, effort->cost += rhs_.evaluations - begun + overhead() - before, ++effort->steps;
+    }
     return outcome;
   }
 
@@ -145,10 +152,17 @@ class StiffnessSwitching {
   // After each window of Radau's steps: whether DOP853 at its limit of stability would go on faster.
   bool explicit_pays() {
     if (effort_.steps < window_) return false;
-    const double radius = radius_(implicit_->equations().jacobian()), rate = effort_.rate();
+    const double radius = spectral_radius(), rate = effort_.rate();
     effort_ = {};
-    ++windows_;
     return radius > 0 && limit_ > margin * rate * radius;
+  }
+
+  double spectral_radius() {
+    if (measured_ != implicit_->equations().jacobians) {
+      measured_ = implicit_->equations().jacobians;
+      known_radius_ = radius_(implicit_->equations().jacobian());
+    }
+    return known_radius_;
   }
 
   // Goes on with the other method; where that fails, with this one.
@@ -162,24 +176,24 @@ class StiffnessSwitching {
   }
 
   bool to_implicit() {
-    if (explicit_steps_ < 10 * series_ && windows_ > 0) window_ = window_ < 640 ? 2 * window_ : window_;
+    const bool lasted = explicit_steps_ >= 10 * series_ || phase_.steps == 0;
+    window_ = lasted ? first_window : window_ < 640 ? 2 * window_ : window_;
     if (!implicit_) implicit_ = new Implicit(rhs_);
     const double h = effort_.time / effort_.steps, rate = effort_.rate();
     explicit_.stiffness.restart(series_);
     explicit_steps_ = 0;
-    effort_ = {};
+    effort_ = phase_ = {};
     if (!implicit_->resume(t, explicit_.state(), h)) return false;
-    const double radius = radius_(implicit_->equations().jacobian());
-    limit_ = rate * radius, limit_step_ = h * radius;
-    windows_ = 0;
+    explicit_rate_ = rate;
+    limit_ = rate * spectral_radius(), limit_step_ = h * spectral_radius();
     return true;
   }
 
   bool to_explicit() {
-    if (windows_ <= 1) series_ = series_ < 10000 ? 2 * series_ : series_;  // Radau did not pay
-    const double radius = radius_(implicit_->equations().jacobian());
+    const bool paid = phase_.rate() > 2 * explicit_rate_;
+    series_ = paid ? quick_series : series_ < 100000 ? 4 * series_ : series_;
     explicit_.stiffness.restart(series_);
-    return explicit_.resume(t, implicit_->state(), smaller(limit_step_ / radius, implicit_->next_step()));
+    return explicit_.resume(t, implicit_->state(), smaller(limit_step_ / spectral_radius(), implicit_->next_step()));
   }
 };
 
