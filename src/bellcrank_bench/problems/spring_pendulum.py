@@ -69,13 +69,15 @@ def judge_stiff(run: Trajectory) -> list[Check]:
 
     angle, rate = solve_ivp(slow_rate, (0.0, 10.0), [pi / 4, 0.0], "DOP853", run.time, rtol=1e-13, atol=1e-14).y
     expected = np.stack([angle, p.free_length + epsilon * (p.g * np.cos(angle) + p.free_length * rate**2)], -1)
-    explicit = simulate(run.scene, **(STIFF_SETTINGS | {"solver": "DOP853"}))
+    explicit, auto = (simulate(run.scene, **(STIFF_SETTINGS | {"solver": solver})) for solver in ("DOP853", "auto"))
     cost, more = run.statistics, explicit.statistics.evaluations
     with_jacobians = cost.evaluations + 4 * cost.jacobians
     return [
         finished(run),
         Check("error of Radau", largest(run.position - expected), 5e-5, "rad, m"),
         Check("error of DOP853", largest(explicit.position - expected), 5e-5, "rad, m"),
+        Check("error of auto", largest(auto.position - expected), 5e-5, "rad, m"),
+        Check("evaluations, auto / Radau", auto.statistics.evaluations / cost.evaluations, 1.3, "times"),
         Check("evaluations, DOP853 / Radau", more / cost.evaluations, 20.0, "times", at_least=True),
         Check("the same, a Jacobian counted as 4", more / with_jacobians, 20.0, "times", at_least=True),
     ]
