@@ -59,7 +59,7 @@ def test_a_sound_run_is_ok_and_says_by_how_much_and_what_was_run(stopped):
         "event '<b>low</b>' ended the run" in document.verdict[0]
         and "the relative energy error is" in document.verdict[1]
     )
-    assert document.about[2].startswith("DOP853, rtol")
+    assert document.about[2].startswith("auto, rtol")
     assert document.about[-2:] == (f"bellcrank {bc.__version__}", dict(document.parts[-2].rows)["written on"])
     assert document.still.time == stopped.time[-1] and "<b>low</b>" in document.still.caption
     (events,) = (part for part in document.parts if part.title == "Events")
