@@ -14,12 +14,8 @@ from numpy.typing import NDArray
 from bellcrank._step import PreparedProblem
 from bellcrank.cached_values import computed_once
 from bellcrank.codegen import llvm as machine
-<<<<<<< HEAD
-from bellcrank.codegen.compile import make_ready
-from bellcrank.codegen.machine_code import raise_failure
-=======
 from bellcrank.codegen.compile import Compiled, make_ready
->>>>>>> af6db77 (Stiffness is detected; solver auto switches between DOP853 and Radau, whose systems are reduced to the velocities)
+from bellcrank.codegen.machine_code import raise_failure
 from bellcrank.dynamics.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.compiled_equations import LARGEST_STAGED, System
 from bellcrank.dynamics.consistent_start import consistent_start
@@ -211,28 +207,16 @@ def until_turned_over(run: Trajectory) -> Trajectory:
 # ---- the integrator's records
 
 
-<<<<<<< HEAD
-def scene_kernels(scene: Scene, system: System, implicit: bool, projected: bool, batched: bool) -> Kernels:
-    """The compiled functions that a run calls; those that not every run needs are compiled when first called."""
-=======
 def scene_kernels(scene: Scene, settings: Settings, projected: bool, batched: bool) -> Kernels:
-    """The compiled functions that a run calls; what is missing is compiled, derivatives when they are needed."""
+    """The compiled functions that a run calls; those that not every run needs are compiled when first called."""
     system, implicit = system_of(scene), settings.solver == "Radau"
->>>>>>> af6db77 (Stiffness is detected; solver auto switches between DOP853 and Radau, whose systems are reduced to the velocities)
     staged = not implicit and system.size <= LARGEST_STAGED
     code = {"rhs": (system.stage if staged else system.rhs, "scalar")}
     if scene.events:
         code["events"] = (system.events, "scalar")
-<<<<<<< HEAD
-    if implicit and system.whole_jacobian:
-        code["jacobian"] = (system.jacobian, "scalar")
-    elif implicit:
-        code["tangent"] = (system.tangent, "batch")
-    later = {}
-=======
     if implicit:
         code |= _derivatives(system)
->>>>>>> af6db77 (Stiffness is detected; solver auto switches between DOP853 and Radau, whose systems are reduced to the velocities)
+    later = {}
     if scene.constraints:
         later["fallback"] = (system.fallback_stage if staged else system.fallback, "scalar")
     if projected:
@@ -240,10 +224,7 @@ def scene_kernels(scene: Scene, settings: Settings, projected: bool, batched: bo
     if batched:
         later["project_batch"] = (system.project, "batch")
     addresses = dict(zip(code, make_ready(tuple(code.values())), strict=True))
-<<<<<<< HEAD
     addresses |= {name: function.lazy_address(kind) for name, (function, kind) in later.items()}
-    return Kernels(staged=staged, lanes=machine.target().lanes if implicit or batched else 1, **addresses)
-=======
     return Kernels(
         staged=staged,
         lanes=machine.target().lanes if implicit or batched else 1,
@@ -270,7 +251,6 @@ def _derivatives(system: System) -> dict[str, tuple[Compiled, str]]:
     if system.whole_jacobian:
         return {"jacobian": (system.jacobian, "scalar")}
     return {"tangent": (system.tangent, "batch")}
->>>>>>> af6db77 (Stiffness is detected; solver auto switches between DOP853 and Radau, whose systems are reduced to the velocities)
 
 
 @computed_once
