@@ -6,7 +6,12 @@ from scipy.optimize import least_squares
 
 import bellcrank as bc
 from bellcrank.dynamics.consistent_start import consistent_start, given_posture, start_failure, starts_further_away
+from bellcrank.dynamics.consistent_starts import consistent_postures
+from bellcrank.dynamics.constraint_rows import rows_of, velocity_units
+from bellcrank.dynamics.mobility import _jacobian, _null_space
+from bellcrank.dynamics.posture_search import Constrained, StartCode
 from bellcrank.dynamics.start_diagnosis import constraint_gaps
+from bellcrank.dynamics.system import system_parameters
 from bellcrank.simulation.scene_notes import scene_notes
 from tests.support.random_mechanisms import random_mechanism
 
@@ -90,9 +95,6 @@ def test_the_start_is_brought_near_the_given_posture(tmp_path):
     """No posture on the branch that a small step leads to is nearer: the gradient of the distance is across it."""
     scene = random_mechanism(78, tmp_path).scene
     q, given = consistent_start(scene)[0], given_posture(scene)
-    from bellcrank.dynamics.constraint_rows import velocity_units
-    from bellcrank.dynamics.mobility import _jacobian, _null_space
-
     units = velocity_units(scene)
     free = _null_space(_jacobian(scene, q, np.zeros(scene.robot.nv)))
     away = (q - given) / units
@@ -126,3 +128,17 @@ def test_least_squares_by_scipy_finds_no_start_either_where_none_is_found(tmp_pa
     best = min(least_squares(residuals, random.uniform(-3, 3, 4)).cost for _ in range(20))
     assert best > 1e-4
     assert start_failure(scene) is not None
+
+
+def test_an_ensemble_finds_the_starts_that_lone_designs_find(tmp_path, monkeypatch):
+    """In several blocks; with all joints held none has a start."""
+    scene = random_mechanism(4, tmp_path).scene
+    monkeypatch.setattr("bellcrank.dynamics.consistent_starts.BLOCK", 2)
+    rows = rows_of(scene)
+    designs = Constrained(np.tile(system_parameters(scene), (5, 1)), rows.unit[None], np.array([rows.length]))
+    given = np.tile(given_posture(scene), (5, 1))
+    found, verdicts = consistent_postures(scene, designs, given, np.zeros(scene.robot.nv, dtype=bool), threads=2)
+    assert (verdicts.code == StartCode.CONSISTENT).all()
+    np.testing.assert_array_equal(found, np.tile(consistent_start(scene)[0], (5, 1)))
+    found, verdicts = consistent_postures(scene, designs, given, np.ones(scene.robot.nv, dtype=bool))
+    assert (verdicts.code == StartCode.UNSATISFIED).all()

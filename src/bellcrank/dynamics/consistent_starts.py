@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+BLOCK = 1000  # designs whose further searches are in memory at a time
 
 
 def consistent_postures(
@@ -38,9 +39,9 @@ def consistent_postures(
     search = Search(held)
     found, judged = search_postures(scene, designs, q, search, threads)
     lost = np.flatnonzero((judged.code == StartCode.UNSATISFIED) | (judged.code == StartCode.TURNED_AROUND))
-    if len(lost):
-        reached, place = search_further(scene, designs.picked(lost), q[lost], search, threads)
-        found[lost[reached]], judged.code[lost[reached]] = place[reached], StartCode.CONSISTENT
+    for block in np.split(lost, range(BLOCK, len(lost), BLOCK)):
+        reached, place = search_further(scene, designs.picked(block), q[block], search, threads)
+        found[block[reached]], judged.code[block[reached]] = place[reached], StartCode.CONSISTENT
     _find_flat_disks(scene, designs, found, judged)
     return found, judged
 
