@@ -12,6 +12,7 @@ from bellcrank.robot.gepetto_file import gepetto_beside, read_gepetto
 from bellcrank.robot.joint_types import with_joint_types
 from bellcrank.robot.robot_file import JointMotor, RobotFile
 from bellcrank.robot.urdf_loops import TAGS, loops_of
+from bellcrank.robot.xacro_text import expanded
 from bellcrank.robot.xml_tree import Element, parse_xml
 
 _LOOP = re.compile(rf"<(?:{'|'.join(TAGS)})[\s>]")
@@ -22,6 +23,8 @@ def read_urdf_robot(text: str, source: Path, access: FileAccess) -> RobotFile:
 
     Raises InputError, one sentence, where a loop is wrong.
     """
+    if source.suffix == ".xacro":
+        text = expanded(text, source, access)
     beside = gepetto_beside(source, access)
     if beside is None and not _LOOP.search(text):
         return RobotFile(source=source, urdf=text)
