@@ -7,7 +7,8 @@ from bellcrank.errors import InputError
 
 PARTS = (
     '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro name="body" params="name mass">'
-    '<link name="${name}"><inertial><origin xyz="0 0 ${-l/2}"/><mass value="${mass}"/><inertia ixx="${mass*l**2/12}" ixy="0" ixz="0" '
+    '<link name="${name}"><inertial><origin xyz="0 0 ${-l/2}"/><mass value="${mass}"/>'
+    '<inertia ixx="${mass*l**2/12}" ixy="0" ixz="0" '
     'iyy="${mass*l**2/12}" iyz="0" izz="0.001"/></inertial></link></xacro:macro></robot>'
 )
 ARM = (

@@ -149,6 +149,7 @@ def read_robot_file(path: str | Path, access: FileAccess | None = None) -> Robot
 
     Example:
         >>> import bellcrank as bc
+        >>> from bellcrank.robot.robot_file import read_robot_file
         >>> read_robot_file(bc.load_robot("planar_2r").source).loops
         ()
     """
