@@ -165,7 +165,7 @@ class RobotConfig(Renamed):
             robot = robot_of(self.file or read_robot_file(self.urdf, access), options, access)
         except InputError as error:
             # The message already names the URDF where the configuration was made from it.
-            if self.source == self.urdf or str(error).startswith(str(self.urdf)):
+            if self.source.resolve() == self.urdf.resolve() or str(error).startswith(str(self.urdf)):
                 raise
             raise InputError(f"{self.source}: {error}") from None
         robot.inertia_warnings = (*robot.inertia_warnings, *self._unknown_inertias())

@@ -234,7 +234,8 @@ def _mechanism(config: RobotConfig, robot: Robot) -> Mechanism:
     from bellcrank.scene.renamed_keys import read_scene_data
     from bellcrank.scene.scene import load_scene
 
-    alone = config.source == config.urdf or read_scene_data(config.source)[0].keys().isdisjoint(SCENE_KEYS)
+    is_robot_file = config.source.resolve() == config.urdf.resolve()
+    alone = is_robot_file or read_scene_data(config.source)[0].keys().isdisjoint(SCENE_KEYS)
     if alone and not (config.file and (config.file.loops or config.file.springs)):
         return OpenChain(robot, actuated=config.actuated or None)
     trusted = () if config.access is None else [folder for folder in config.access.trusted if folder.is_dir()]

@@ -87,7 +87,7 @@ def config_text(selection: Selection, config: RobotConfig, path: Path) -> tuple[
 
 def _original(config: RobotConfig, folder: Path) -> dict[str, Any]:
     """The keys of the original file with the overrides of the selection, and with paths relative to a folder."""
-    if config.source == config.urdf:
+    if config.source.resolve() == config.urdf.resolve():
         named = next((name for name, urdf in catalog.names().items() if urdf == config.urdf), None)
         written = {"name": config.name, "urdf": named or _relative(config.urdf, folder)}
         changed: dict[str, Any] = plain(
