@@ -1,12 +1,12 @@
 """Closed-chain inverse dynamics of parallel robots that others built, against a KKT solution of plain Pinocchio.
 
-From the same files, with nothing of bellcrank but the motors' motion and the posture, which is checked: J holds the rows
-of both frames of each loop, v and a solve J v = 0 and J a = −J̇ v with the motors' rates, and S τ + Jᵀ λ = M a + h gives
-τ and λ (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 8). All are least-squares solutions, as J has redundant
-rows. The joints' order and the equations' frames differ from bellcrank's.
+From the same files, with nothing of bellcrank but the motors' motion and the posture, which is checked: J holds the
+rows of both frames of each loop, v and a solve J v = 0 and J a = −J̇ v with the motors' rates, and S τ + Jᵀ λ = M a + h
+gives τ and λ (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 8). All are least-squares solutions, as J has
+redundant rows. The joints' order and the equations' frames differ from bellcrank's.
 
-Where a weld of two hinges with one axis leaves the piece between them free to turn about it, a hinge without a motor holds
-it: it counts as a motor, in both computations.
+Where a weld of two hinges with one axis leaves the piece between them free to turn about it, a hinge without a motor
+holds it: it counts as a motor, in both computations.
 """
 
 from pathlib import Path
