@@ -1,6 +1,4 @@
-"""Motions of a closed linkage: which joints a motion prescribes, and the motion of all joints that follows from
-them.
-"""
+"""Motions of a closed linkage: which joints a motion prescribes, and the motion of all joints that follows."""
 
 from __future__ import annotations
 
@@ -22,6 +20,7 @@ from bellcrank.elements.frame_joints import path_frames
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.csv_files import unguarded
 from bellcrank.messages import unknown_name
+from bellcrank.motion.coordinates import position_labels
 from bellcrank.motion.csv_file import motion_text, read_motion
 from bellcrank.motion.entry_kinds import CsvEntry, DwellEntry, JoinEntry, WaypointsEntry
 from bellcrank.motion.motion import Motion, join, other_joints
@@ -120,8 +119,7 @@ class DependentMotions:
                 raise InputError(
                     f"motion '{wanted.name}' prescribes joint '{joint.name}' at {wanted.position[row, joint.q]:.6g} "
                     f"{unit} at {wanted.time[row]:.6g} s, but the constraints put it at "
-                    f"{found.position[row, joint.q]:.6g} {unit}: the motion prescribes more joints, or more "
-                    f"coordinates "
+                    f"{found.position[row, joint.q]:.6g} {unit}: the motion prescribes more joints, or more coordinates "
                     "of a frame, than the linkage has degrees of freedom, or is on another branch; leave that joint out"
                 )
 
@@ -267,7 +265,8 @@ def read_partial_motion(robot: Robot, path: Path, name: str, text: str | None = 
     text = motion_text(path) if text is None else text
     present = _joints_in_columns(robot, text)
     some = [joint for joint in robot.joints if joint.name in present]
-    if not some or len(some) == len(robot.joints):
+    whole = all(joint in some or joint.nv != 1 for joint in robot.joints)  # then other joints' columns may be there
+    if not some or len(some) == len(robot.joints) or (whole and _others_in_columns(robot, text)):
         return read_motion(robot, path, name, text)
     q, v = [joint.q for joint in some], [joint.v for joint in some]
     joints = tuple(replace(joint, q=k, v=k) for k, joint in enumerate(some))
@@ -281,12 +280,23 @@ def read_partial_motion(robot: Robot, path: Path, name: str, text: str | None = 
     return Motion(robot.joints, found.time, position, velocity, acceleration, name, found.notes, *noise)
 
 
-def _joints_in_columns(robot: Robot, text: str | None) -> set[str]:
-    """The joints whose positions are columns of a CSV text; none where it cannot be read."""
+def _titles(text: str | None) -> set[str]:
+    """The titles of the columns of a CSV text, without units; none where it cannot be read."""
     try:
         rows = csv.reader(io.StringIO(text or ""))
         header = next((row for row in rows if any(cell.strip() for cell in row)), [])
     except csv.Error:
         return set()
-    titles = {" ".join(unguarded(cell).split()).partition(" [")[0] for cell in header}
+    return {" ".join(unguarded(cell).split()).partition(" [")[0] for cell in header}
+
+
+def _others_in_columns(robot: Robot, text: str | None) -> bool:
+    """Whether positions of joints with several degrees of freedom are columns of a CSV text."""
+    others = position_labels([joint for joint in robot.joints if joint.nv != 1])
+    return not _titles(text).isdisjoint(title for title, _ in others)
+
+
+def _joints_in_columns(robot: Robot, text: str | None) -> set[str]:
+    """The joints of one degree of freedom whose positions are columns of a CSV text; none where it cannot be read."""
+    titles = _titles(text)
     return {joint.name for joint in robot.joints if joint.nv == 1 and f"{joint.name} position" in titles}

@@ -82,11 +82,15 @@ class MotionHistory:
         motion: Name of the motion.
         time: Times (n,), s; a time that occurs twice holds both limits of a jump.
         joints: The history of each joint.
+        multiplier_names: (constraint, label) of each multiplier of the constraints; none for an open chain.
+        multipliers: Forces and moments (n, rows) of the constraints, N or N m, such as those in rods.
     """
 
     motion: str
     time: Array
     joints: tuple[JointHistory, ...]
+    multiplier_names: tuple[tuple[str, str], ...]
+    multipliers: Array
 
     def joint(self, name: str) -> JointHistory:
         """The history of one joint.
@@ -120,15 +124,26 @@ def joint_torques(
 
     Where a time occurs twice, its first row is the limit from before; so is the row at `end` s, where a motion ends.
     """
+    return _torques_and_multipliers(mechanism, joints, actuators, states, end)[0]
+
+
+def _torques_and_multipliers(
+    mechanism: Mechanism,
+    joints: Sequence[RobotJoint],
+    actuators: Mapping[str, Actuator],
+    states: SampledStates,
+    end: float | None,
+) -> tuple[Array, Array]:
+    """As `joint_torques`, and the multipliers (n, rows) of the constraints, N or N m."""
     time, q, v, a = states
-    every = mechanism.torques(force_times(time, end), q, v, a)[0]
+    every, multipliers = mechanism.torques(force_times(time, end), q, v, a)
     places = {joint.name: k for k, joint in enumerate(mechanism.motors)}
     found = np.zeros((len(time), len(joints)))
     for k, joint in enumerate(joints):
         if joint.name in places:
             rotor = mechanism.robot.rotor_inertia[joint.v] if joint.name in actuators else 0.0
             found[:, k] = every[:, places[joint.name]] - rotor * a[:, joint.v]
-    return found
+    return found, multipliers
 
 
 def motion_history(
@@ -136,7 +151,8 @@ def motion_history(
 ) -> MotionHistory:
     """The history of joints at the rows of a motion."""
     states = SampledStates(motion.time, motion.position, motion.velocity, motion.acceleration)
-    torques = joint_torques(mechanism, joints, actuators, states, float(motion.time[-1]))
+    end = float(motion.time[-1])
+    torques, multipliers = _torques_and_multipliers(mechanism, joints, actuators, states, end)
     histories = []
     for joint, torque in zip(joints, torques.T, strict=True):
         velocity, acceleration = motion.velocity[:, joint.v], motion.acceleration[:, joint.v]
@@ -156,7 +172,7 @@ def motion_history(
                 shaft=shaft,
             )
         )
-    return MotionHistory(motion.name, motion.time, tuple(histories))
+    return MotionHistory(motion.name, motion.time, tuple(histories), mechanism.multiplier_names, multipliers)
 
 
 def sizing_histories(sizing: Sizing) -> dict[str, MotionHistory]:

@@ -20,6 +20,7 @@ from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.files.access import read_text
+from bellcrank.files.csv_files import write_table
 from bellcrank.motion.csv_file import write_motion
 from bellcrank.motion.motion import Motion
 from bellcrank.sizing.joint_histories import MotionHistory, motion_history
@@ -30,8 +31,16 @@ from bellcrank.sizing.sizing_csv import csv_text
 from bellcrank.text import file_name
 
 RESULTS = ("sizing.csv", "sizing.json")
-FILES = (*RESULTS, "history_*.csv", "over_time_*.png", "*torque_speed.png")  # all that a sizing writes
-_OURS = re.compile(r"\A(?:history_[^/\\\0]+\.csv|over_time_[^/\\\0]+\.png|(?:motor_)?torque_speed\.png|sizing\.csv)\Z")
+FILES = (
+    *RESULTS,
+    "history_*.csv",
+    "constraint_forces_*.csv",
+    "over_time_*.png",
+    "*torque_speed.png",
+)  # all that a sizing writes
+_OURS = re.compile(
+    r"\A(?:(?:history|constraint_forces)_[^/\\\0]+\.csv|over_time_[^/\\\0]+\.png|(?:motor_)?torque_speed\.png|sizing\.csv)\Z"
+)
 
 
 def write_results(sizing: Sizing, folder: str | Path, others: Iterable[Path] = ()) -> list[Path]:
@@ -49,10 +58,11 @@ def write_results(sizing: Sizing, folder: str | Path, others: Iterable[Path] = (
 
 
 def write_histories(sizing: Sizing, folder: str | Path) -> list[Path]:
-    """Write history_<motion>.csv for each motion of a sizing, and return their paths.
+    """Write the files of each motion of a sizing, history_<motion>.csv and others, and return their paths.
 
     A file holds the motion's rows with the torques of all joints with one degree of freedom and, with actuators,
-    torque, speed and power at the motor shafts. It can be read as a motion again. Raises InputError where a file cannot
+    torque, speed and power at the motor shafts. It can be read as a motion again. For a closed linkage,
+    constraint_forces_<motion>.csv holds the constraints' multipliers. Raises InputError where a file cannot
     be written.
     """
     mechanism, motions, actuators = sizing_inputs(sizing)
@@ -62,6 +72,8 @@ def write_histories(sizing: Sizing, folder: str | Path) -> list[Path]:
         history = motion_history(mechanism, joints, actuators, motion)
         torque = np.column_stack([joint.torque for joint in history.joints])
         paths.append(write_motion(motion, Path(folder) / f"history_{name}.csv", torque, _shaft_columns(history)))
+        if history.multiplier_names:
+            paths.append(_write_constraint_forces(history, Path(folder) / f"constraint_forces_{name}.csv"))
     return paths
 
 
@@ -74,6 +86,15 @@ def _shaft_columns(history: MotionHistory) -> dict[tuple[str, str], NDArray[np.f
             columns[f"{joint.name} shaft speed", "rad/s"] = joint.shaft.speed
             columns[f"{joint.name} shaft power", "W"] = joint.shaft.power
     return columns
+
+
+def _write_constraint_forces(history: MotionHistory, path: Path) -> Path:
+    """Write the multipliers over time, titled as in the CSV file of a run."""
+    labels = [("time", "s")]
+    for name, label in history.multiplier_names:
+        what, _, unit = label.rpartition("[")
+        labels.append((f"{name} {what}".strip(), unit.removesuffix("]")))
+    return write_table(path, labels, [np.column_stack([history.time, history.multipliers])])
 
 
 def file_names(motions: Sequence[Motion]) -> list[str]:
