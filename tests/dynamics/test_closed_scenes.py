@@ -18,7 +18,7 @@ from bellcrank_bench.textbook.rolling_disk import SixCoordinateDisk, free_base
 
 SHIPPED = {  # with the number of rows that bind
     "four_bar": 2, "rolling_disk": 3, "rolling_disk_b": 3, "rolling_disk_c": 3, "rolling_disk_six": 3,
-    "n_four_bar_2": 4, "bricard": 5, "five_bar": 2, "two_wheeler": 6,
+    "n_four_bar_2": 4, "bricard": 5, "five_bar": 2, "two_wheeler": 6, "delta": 6, "planar_delta": 4,
 }  # fmt: skip
 
 

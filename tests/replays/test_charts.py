@@ -114,6 +114,8 @@ def test_every_bundled_run_is_shown_as_it_is_at_random_times(name):
 
 def sized(name):
     config = bc.load_robot_config(name)
+    if "delta" in name:  # the tool's path is that of a closed linkage
+        return bc.size(name)
     robot = config.robot()
     return bc.size(robot, [config.motion(robot, each) for each in config.motions], config.actuators)
 

@@ -388,7 +388,8 @@ def test_full_detail_keeps_every_face_that_has_an_area():
 
 
 def test_every_named_robot_has_bodies_that_are_frames_with_finite_shapes():
-    for name in ("four_bar", "bricard", "thin_disk", "spring_pendulum", "five_bar", "two_wheeler", "simple_humanoid"):
+    names = ("four_bar", "bricard", "thin_disk", "spring_pendulum", "five_bar", "delta", "planar_delta", "two_wheeler")
+    for name in (*names, "simple_humanoid"):
         robot = bc.load_robot(name, floating_base=name == "thin_disk")
         found, _ = robot_bodies(robot)
         assert found and len({body.name for body in found}) == len(found)

@@ -119,8 +119,8 @@ class DependentMotions:
                 raise InputError(
                     f"motion '{wanted.name}' prescribes joint '{joint.name}' at {wanted.position[row, joint.q]:.6g} "
                     f"{unit} at {wanted.time[row]:.6g} s, but the constraints put it at "
-                    f"{found.position[row, joint.q]:.6g} {unit}: the motion prescribes more joints, or more coordinates "
-                    "of a frame, than the linkage has degrees of freedom, or is on another branch; leave that joint out"
+                    f"{found.position[row, joint.q]:.6g} {unit}: the motion prescribes more joints or coordinates "
+                    "of a frame than the linkage has degrees of freedom, or is on another branch; leave that joint out"
                 )
 
     # ---- motions of frames
@@ -265,8 +265,9 @@ def read_partial_motion(robot: Robot, path: Path, name: str, text: str | None = 
     text = motion_text(path) if text is None else text
     present = _joints_in_columns(robot, text)
     some = [joint for joint in robot.joints if joint.name in present]
-    whole = all(joint in some or joint.nv != 1 for joint in robot.joints)  # then other joints' columns may be there
-    if not some or len(some) == len(robot.joints) or (whole and _others_in_columns(robot, text)):
+    rest = [joint for joint in robot.joints if joint not in some]
+    others = {title for title, _ in position_labels([joint for joint in rest if joint.nv != 1])}
+    if not some or not rest or (all(joint.nv != 1 for joint in rest) and not others.isdisjoint(_titles(text))):
         return read_motion(robot, path, name, text)
     q, v = [joint.q for joint in some], [joint.v for joint in some]
     joints = tuple(replace(joint, q=k, v=k) for k, joint in enumerate(some))
@@ -288,12 +289,6 @@ def _titles(text: str | None) -> set[str]:
     except csv.Error:
         return set()
     return {" ".join(unguarded(cell).split()).partition(" [")[0] for cell in header}
-
-
-def _others_in_columns(robot: Robot, text: str | None) -> bool:
-    """Whether positions of joints with several degrees of freedom are columns of a CSV text."""
-    others = position_labels([joint for joint in robot.joints if joint.nv != 1])
-    return not _titles(text).isdisjoint(title for title, _ in others)
 
 
 def _joints_in_columns(robot: Robot, text: str | None) -> set[str]:
