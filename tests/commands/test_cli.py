@@ -48,7 +48,7 @@ actuators:
 BROKEN = [
     ("truncated XML", "arm.urdf", URDF[-400:], "", "arm.urdf"),
     ("empty URDF", "arm.urdf", URDF, "", "empty"),
-    ("no robot element", "arm.urdf", URDF, "<sdf/>", "robot"),
+    ("no robot element", "arm.urdf", URDF, "<html/>", "robot"),
     ("NaN mass", "arm.urdf", 'mass value="2"', 'mass value="nan"', "mass"),
     ("infinite inertia", "arm.urdf", 'izz="0.2"', 'izz="inf"', "izz"),
     ("negative mass", "arm.urdf", 'mass value="2"', 'mass value="-2"', "mass"),

@@ -459,7 +459,7 @@ def test_the_path_of_a_frame_is_drawn_in_its_plane(arm, tmp_path):
 def test_the_summary_says_why_it_ended_what_it_cost_and_certifies_itself(damped):
     text = damped.summary()
     for piece in (
-        "Swinging arm: finished at 3 s", "DOP853, rtol 1e-10", f"{damped.statistics.evaluations} evaluations",
+        "Swinging arm: finished at 3 s", "auto, rtol 1e-10", f"{damped.statistics.evaluations} evaluations",
         f"energy drift       {damped.energy_drift():.1e}", f"{damped.equation_residual():.1e}",
         f"{damped.position[-1, 0]:.6g} rad", f"work {damped.work[-1]:.6g} J",
     ):  # fmt: skip

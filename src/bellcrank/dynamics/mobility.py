@@ -42,6 +42,12 @@ class Mobility:
         passive_joints: The joints that move in these.
         nearby_freedoms: The number of freedoms at consistent postures near the start, which is smaller where the start
             is singular.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> found = bc.mobility(bc.load_scene("four_bar"))
+        >>> found.freedoms, found.joint_freedoms, found.rank
+        (1, 3, 2)
     """
 
     freedoms: int

@@ -32,6 +32,11 @@ class LimitCost:
         share: The share of the motion's time during which the limit is active.
         derivative: Relative change of the time per relative change of the limit, dT/T over dL/L; -0.3 means that a
             limit 1 % larger saves 0.3 % of the time. NaN where it was not computed.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> bc.LimitCost("torque of elbow", 0.4, -0.3).share
+        0.4
     """
 
     limit: str
@@ -118,7 +123,7 @@ class FastestMotion:
         Example:
             >>> import bellcrank as bc
             >>> sorted(bc.time_optimal("planar_2r", "elbow_up").as_dict())[:3]
-            ['costs', 'duration', 'original_duration']
+            ['costs', 'duration', 'excess']
         """
         original = self.original_duration
         return {
@@ -153,8 +158,7 @@ class FastestMotion:
 
         Example:
             >>> import bellcrank as bc, tempfile
-            >>> folder = tempfile.TemporaryDirectory()
-            >>> bc.time_optimal("planar_2r", "elbow_up").to_json(folder.name + "/fastest.json").name
+            >>> bc.time_optimal("planar_2r", "elbow_up").to_json(tempfile.mkdtemp() + "/fastest.json").name
             'fastest.json'
         """
         target = arguments.path("path", path)
@@ -175,8 +179,7 @@ class FastestMotion:
 
         Example:
             >>> import bellcrank as bc, tempfile
-            >>> folder = tempfile.TemporaryDirectory()
-            >>> bc.time_optimal("planar_2r", "elbow_up").limits_to_csv(folder.name + "/limits.csv").name
+            >>> bc.time_optimal("planar_2r", "elbow_up").limits_to_csv(tempfile.mkdtemp() + "/limits.csv").name
             'limits.csv'
         """
         target = arguments.path("path", path)
@@ -202,8 +205,7 @@ class FastestMotion:
 
         Example:
             >>> import bellcrank as bc, tempfile
-            >>> folder = tempfile.TemporaryDirectory()
-            >>> bc.time_optimal("planar_2r", "elbow_up").plot(folder.name + "/fastest.png").name
+            >>> bc.time_optimal("planar_2r", "elbow_up").plot(tempfile.mkdtemp() + "/fastest.png").name
             'fastest.png'
         """
         from bellcrank.planning.fastest_plot import plot_fastest

@@ -61,6 +61,12 @@ class JointPath:
 
         Raises:
             InputError: A parameter lies outside the path.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> path = bc.joint_path(bc.load_robot("planar_2r"), [{}, {"elbow": 1.0}])
+            >>> path.at([0.5])[0].round(6)
+            array([[0. , 0.5]])
         """
         places = arguments.vector("s", s, None)
         if places.size and (places.min() < 0.0 or places.max() > self.length):
@@ -68,7 +74,17 @@ class JointPath:
         return self.spline(places, 0), self.spline(places, 1), self.spline(places, 2)
 
     def turning_points(self) -> Array:
-        """Values of s strictly inside the path at which a joint changes its direction."""
+        """Values of s strictly inside the path at which a joint changes its direction.
+
+        Returns:
+            Path parameters (n,), rising.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> path = bc.joint_path(bc.load_robot("planar_2r"), [{}, {"elbow": 1.0}, {}])
+            >>> path.turning_points().round(6)
+            array([1.])
+        """
         s = np.linspace(0.0, self.length, 50 * max(20, len(self.knots)) + 1)
         first = self.spline(s, 1)
         found: list[float] = []

@@ -70,7 +70,25 @@ class MotionLimits:
             arguments.refuse("tool", "a frame together with tool_speed", self.tool, "limits")
 
     def of_joints(self, key: Literal["speed", "acceleration", "torque"], robot: Robot) -> Array:
-        """The limits (nv,) of all joints, infinite where there is none. Raises InputError for an unknown joint."""
+        """The limits of all joints of a robot.
+
+        Args:
+            key: "speed", "acceleration" or "torque".
+            robot: The robot.
+
+        Returns:
+            Limits (nv,), infinite where there is none.
+
+        Raises:
+            InputError: An argument is wrong, or the robot has no joint of a name.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.MotionLimits(speed={"elbow": 2.0}).of_joints("speed", bc.load_robot("planar_2r"))
+            array([inf,  2.])
+        """
+        arguments.one_of("key", key, ("speed", "acceleration", "torque"))
+        arguments.robot(robot)
         given = getattr(self, key)
         limits = np.full(robot.nv, np.inf)
         if given == "urdf":

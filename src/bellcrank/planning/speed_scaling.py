@@ -133,8 +133,7 @@ class SpeedFactor:
 
         Example:
             >>> import bellcrank as bc, tempfile
-            >>> folder = tempfile.TemporaryDirectory()
-            >>> bc.speed_factor("planar_2r", "elbow_up").plot(folder.name + "/factor.png").name
+            >>> bc.speed_factor("planar_2r", "elbow_up").plot(tempfile.mkdtemp() + "/factor.png").name
             'factor.png'
         """
         from bellcrank.planning.fastest_plot import plot_factor
@@ -173,7 +172,7 @@ def speed_factor(
     Example:
         >>> import bellcrank as bc
         >>> round(bc.speed_factor("planar_2r", "elbow_up").factor, 3)
-        11.103
+        11.094
     """
     limits = MotionLimits() if limits is None else arguments.instance("limits", limits, MotionLimits, "MotionLimits")
     arguments.instance("motion", motion, (Motion, str, Path), "a Motion, the name of a motion, or a CSV file")

@@ -84,7 +84,7 @@ def time_optimal(
         >>> path = bc.joint_path(arm, [{}, {"shoulder": 1.0, "elbow": -0.5}])
         >>> limits = bc.MotionLimits(torque={"shoulder": 60.0, "elbow": 30.0}, speed="none")
         >>> round(bc.time_optimal(arm, path, limits, costs=False).duration, 4)
-        1.0126
+        1.5061
     """
     limits = MotionLimits() if limits is None else arguments.instance("limits", limits, MotionLimits, "MotionLimits")
     if grid is not None:
@@ -133,8 +133,14 @@ def _subject(
     if isinstance(path, JointPath):
         subject = sizing_subject(robot, [_placeholder(path)], payloads, trust, None, overrides)
     else:
-        arguments.instance("path", path, (Motion, str, Path), "a JointPath, a Motion, a motion's name or a CSV file")
-        subject = sizing_subject(robot, [path], payloads, trust, None, overrides)
+        kinds = "a JointPath, a Motion, the name of a motion, or the path of a CSV file"
+        arguments.instance("path", path, (Motion, str, Path), kinds)
+        if isinstance(path, str):
+            arguments.text("path", path, kinds)
+        try:
+            subject = sizing_subject(robot, [path], payloads, trust, None, overrides)
+        except InputError as error:
+            raise InputError(str(error).replace("argument 'motions'", "argument 'path'")) from None
         motion = subject.motions[0]
     if subject.config is not None and subject.config.transmissions:
         raise InputError(
