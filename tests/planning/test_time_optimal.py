@@ -244,7 +244,9 @@ def test_an_acceleration_of_a_joint_is_kept() -> None:
     robot = bc.load_robot("planar_2r", friction="none")
     path = bc.joint_path(robot, [{}, {"shoulder": 1.0}])
     limits = bc.MotionLimits(speed="none", torque="none", acceleration={"shoulder": 2.0, "elbow": 1.0})
-    assert bc.time_optimal(robot, path, limits, costs=False).duration == pytest.approx(2.0 * np.sqrt(0.5), rel=1e-8)
+    found = bc.time_optimal(robot, path, limits, costs=False)
+    assert found.duration == pytest.approx(2.0 * np.sqrt(0.5), rel=1e-8)
+    assert found.warnings == ("no torque limits the motors at shoulder, elbow: none is known",)
 
 
 def test_a_tool_speed_is_kept() -> None:

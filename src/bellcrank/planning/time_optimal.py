@@ -238,6 +238,10 @@ def _warnings(
     motion: Motion,
 ) -> tuple[str, ...]:
     found = list(dict.fromkeys(bounds.notes))
+    limited = {name.joint for name in bounds.names if "torque" in name.what}
+    free = [joint.name for joint in bounds.mechanism.motors if joint.name not in limited]
+    if free:
+        found.append(f"no torque limits the motors at {', '.join(free)}: none is known")
     if original is not None:
         found += original.notes
         if len(paths) > 1:
