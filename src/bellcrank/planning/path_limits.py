@@ -237,9 +237,14 @@ class PathLimits:
     # ---- rows
 
     @cached_property
+    def _accelerated(self) -> list[int]:
+        """Velocity coordinates of the joints whose acceleration is limited."""
+        return np.flatnonzero(np.isfinite(self.limits.of_joints("acceleration", self.mechanism.robot))).tolist()
+
+    @cached_property
     def _rows(self) -> tuple[list[tuple[int, int, int, int, int, float, float]], list[NamedLimit], list[Polyline]]:
-        """Rows for the extension, their names, and curves. Quantities: k torques; k accelerations of all joints; for
-        each motor with a known shaft two torques there, driving and driven.
+        """Rows for the extension, their names, and curves. Quantities: k torques; the accelerations that are limited;
+        for each motor with a known shaft two torques there, driving and driven.
         """
         motors, robot = self.mechanism.motors, self.mechanism.robot
         rows: list[tuple[int, int, int, int, int, float, float]] = []
@@ -260,11 +265,11 @@ class PathLimits:
             if k in self._gears:
                 add((k, -1), (-1, -1, -1), self._gears[k], "gear torque", joint.name)
         accelerations = self.limits.of_joints("acceleration", robot)
-        for joint in robot.joints:
-            if np.isfinite(limit := accelerations[joint.v]):
-                add((len(motors) + joint.v, -1), (-1, -1, -1), float(limit), "acceleration", joint.name)
+        for number, column in enumerate(self._accelerated):
+            name = next(joint.name for joint in robot.joints if joint.v == column)
+            add((len(motors) + number, -1), (-1, -1, -1), float(accelerations[column]), "acceleration", name)
         for number, (k, (actuator, drive, brake)) in enumerate(self._driven.items()):
-            first = len(motors) + robot.nv + 2 * number
+            first = len(motors) + len(self._accelerated) + 2 * number
             factor = actuator.safety_factor / self.factors.get(f"motor torque of {motors[k].name}", 1.0)
             places = []
             for points in (drive, brake):
@@ -286,9 +291,12 @@ class PathLimits:
         a, b, d, c, w = terms
         motors, n = self.mechanism.motors, len(first)
         columns = [joint.v for joint in motors]
-        zero, none = np.zeros_like(first), np.zeros((n, first.shape[1], w.shape[2]))
         slope = first if slope is None else slope
-        parts = [[a, slope], [b, second], [d, zero], [c, zero], [w, none]]
+        parts = [[a], [b], [d], [c], [w]]
+        if limited := self._accelerated:
+            zero, none = np.zeros((n, len(limited))), np.zeros((n, len(limited), w.shape[2]))
+            for part, value in zip(parts, [slope[:, limited], second[:, limited], zero, zero, none], strict=True):
+                part.append(value)
         rate = first[:, columns].copy()
         for k, (actuator, _, _) in self._driven.items():
             ratio, inertia = actuator.ratio, actuator.shaft_inertia or 0.0
@@ -299,7 +307,9 @@ class PathLimits:
                 own += [b[:, k] * share + inertia * ratio * second[:, columns[k]], d[:, k] * share, c[:, k] * share]
                 for part, value in zip(parts, [*own, w[:, k] * share], strict=True):
                     part.append(value[:, None])
-        a, b, d, c, w = (np.ascontiguousarray(np.concatenate(part, axis=1)) for part in parts)
+        a, b, d, c, w = (
+            np.ascontiguousarray(np.concatenate(part, axis=1) if len(part) > 1 else part[0]) for part in parts
+        )
         rows, _, curves = self._rows
         return LimitArrays(
             a=a,

@@ -41,6 +41,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(default: all scenes that have designs); --peers adds MuJoCo's rollout and SciPy",
     )  # fmt: skip
     parser.add_argument(
+        "--fastest", nargs="*", metavar="ROBOT",
+        help="instead of scenes: the fastest motion along a path with torque limits, next to toppra and copp-py where "
+        "they are installed (default: ur5 panda planar_2r)",
+    )  # fmt: skip
+    parser.add_argument(
         "--designs", metavar="N", default="10000", help="designs of each ensemble of --ensembles (default 10000)"
     )
     parser.add_argument(
@@ -73,14 +78,16 @@ def run(arguments: argparse.Namespace) -> int:
     arguments.samples = whole_option("--samples", arguments.samples, 64, 10**8)
     arguments.designs = whole_option("--designs", arguments.designs, 1, 10**6)
     arguments.sweep_designs = whole_option("--sweep-designs", arguments.sweep_designs, 1, 10**6)
-    lists = (arguments.dynamics, arguments.ensembles)
+    lists = (arguments.dynamics, arguments.ensembles, arguments.fastest)
     others = (arguments.hard, arguments.gains, *(names is not None for names in lists))
     if sum([bool(arguments.scenes), *others]) > 1:
         raise InputError(
-            "bench: scenes, --hard, --gains, --dynamics and --ensembles are separate benchmarks; name robots after "
-            "--dynamics and scenes after --ensembles"
+            "bench: scenes, --hard, --gains, --dynamics, --ensembles and --fastest are separate benchmarks; name robots "
+            "after --dynamics or --fastest and scenes after --ensembles"
         )
-    if arguments.markdown and (arguments.hard or arguments.gains or arguments.ensembles is not None):
+    if arguments.markdown and (
+        arguments.hard or arguments.gains or arguments.ensembles is not None or arguments.fastest is not None
+    ):
         raise InputError("bench: --markdown is for scenes and --dynamics")
     if arguments.out:
         atomic_write.check_folder("--out", arguments.out)
@@ -93,6 +100,8 @@ def run(arguments: argparse.Namespace) -> int:
             return _gains(arguments.out)
         if arguments.ensembles is not None:
             return _ensembles(arguments)
+        if arguments.fastest is not None:
+            return _fastest(arguments)
         return _scenes(arguments) if arguments.dynamics is None else _dynamics(arguments)
 
 
@@ -211,6 +220,24 @@ def _ensembles(arguments: argparse.Namespace) -> int:
     if arguments.out:
         rows = [{"table": title, **row.data()} for title, found in tables.items() for row in found]
         _write_json(arguments.out / "ensembles.json", {"machine": facts, "rows": rows})
+    return 0
+
+
+def _fastest(arguments: argparse.Namespace) -> int:
+    from bellcrank_bench.measurements.fastest_speed import ROBOTS, fastest_rows
+    from bellcrank_bench.measurements.machine import machine_facts
+    from bellcrank_bench.measurements.row import Row
+    from bellcrank_bench.tables.text import fastest_table
+
+    rows: list[Row] = []
+    for name in bars()(arguments.fastest or ROBOTS, desc="bench", unit="robot", disable=None):
+        rows += fastest_rows(name, arguments.repeats)
+    facts = machine_facts()
+    print(f"{facts['cpu']}, one thread, best of {arguments.repeats} rounds; each row's error is the relative difference "
+          "of its motion's time from the first row with the same limits")  # fmt: skip
+    print(fastest_table(rows))
+    if arguments.out:
+        _write_json(arguments.out / "fastest.json", {"machine": facts, "rows": [row.scene_data() for row in rows]})
     return 0
 
 

@@ -79,6 +79,17 @@ def dynamics_table(rows: Sequence[Row]) -> str:
     return "\n".join(lines)
 
 
+def fastest_table(rows: Sequence[Row]) -> str:
+    """A line per row, with how many times as long it takes as the first row of its robot."""
+    base: dict[str, float] = {}
+    lines = []
+    for row in rows:
+        ratio = row.seconds / base.setdefault(row.subject, row.seconds)
+        numbers = f"{row.seconds * 1e3:8.3f} ms  {ratio:6.2f} x  error {row.error:.1e}  {row.note}"
+        lines.append(f"  {row.subject:10} {row.tool:14} {row.method:30} {row.failure or numbers}")
+    return "\n".join(lines)
+
+
 def ensemble_table(rows: Sequence[EnsembleRow]) -> str:
     """A line per row: its time and CPU time, each also as a multiple of its base, and its error."""
     head = f"  {'':76}{'time':>12}{'ratio':>9}{'CPU time':>13}{'ratio':>9}   error"

@@ -48,7 +48,7 @@ constexpr double unlimited = std::numeric_limits<double>::infinity();
 
 // p2 y² + p1 y + p0, the same as the bound itself near a y, and for y in [low, high] up to the curvature of σ.
 struct Parabola {
-  double p2 = 0, p1 = 0, p0 = 0;
+  double p2, p1, p0;  // not set by default: arrays of them are made for each speed
   double operator()(double y) const { return (p2 * y + p1) * y + p0; }
 
   // The smallest root above y at which the value becomes negative; infinite without one.
@@ -99,8 +99,12 @@ class LimitsAtPlace {
     for (std::size_t k = 0; k < count; ++k) values[k] = value(k, y, found);
     for (std::size_t r = 0; r < limits_.rows.size(); ++r) {
       const LimitRow& row = limits_.rows[r];
+      if (row.motor < 0) {
+        add_constant(found, row, a[row.drive], values[row.drive], y, r);
+        continue;
+      }
       const Parabola limit = limit_at(row, y, found);
-      const double turning = row.motor < 0 ? 0.0 : limits_.motor_rate[place_ * limits_.motors + row.motor];
+      const double turning = limits_.motor_rate[place_ * limits_.motors + row.motor];
       if (row.back < 0 || turning == 0.0 || (y <= limits_.creep && row.sense * turning < 0.0)) {
         add(found, bound(row, row.drive, a, values, limit, y, r));
       } else if (row.sense * turning > 0.0) {
@@ -223,8 +227,21 @@ class LimitsAtPlace {
                   limit.p0 - row.sense * values[k].p0};
     const int number = static_cast<int>(r);
     if (std::abs(slope) <= limits_.negligible[k]) return {Kind::speed, {rest(y), rest, number, k}};
-    rest = {rest.p2 / slope, rest.p1 / slope, rest.p0 / slope};
+    const double inverse = 1.0 / slope;
+    rest = {rest.p2 * inverse, rest.p1 * inverse, rest.p0 * inverse};
     return {slope > 0 ? Kind::most : Kind::least, {rest(y), rest, number, k}};
+  }
+
+  // The same for a constant limit of one quantity; the shape is written only for a bound that is tighter.
+  void add_constant(Bounds& found, const LimitRow& row, double a, const Parabola& value, double y, std::size_t r) const {
+    const double slope = row.sense * a, rest = row.limit - row.sense * value(y);
+    const bool by_speed = std::abs(slope) <= limits_.negligible[row.drive];
+    const double inverse = by_speed ? 1.0 : 1.0 / slope, u = rest * inverse;
+    Bound& own = by_speed ? found.speed : slope > 0 ? found.most : found.least;
+    if (by_speed || slope > 0 ? u >= own.value : u <= own.value) return;
+    own.value = u, own.row = static_cast<int>(r), own.quantity = row.drive;
+    const double scale = row.sense * inverse;
+    own.shape = {-scale * value.p2, -scale * value.p1, row.limit * inverse - scale * value.p0};
   }
 
   static void add(Bounds& found, const Sided& one) {

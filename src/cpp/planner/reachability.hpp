@@ -97,6 +97,18 @@ inline double largest_allowed(const LimitsAtPlace& place, const Goal& goal, std:
   return nearest_allowed(place, goal, place.fastest(), 0.0, cause);
 }
 
+// The same from a guess: where a pair of limits leaves no u at the guess, nor at any speed above it, the search begins
+// there.
+inline double largest_allowed(const LimitsAtPlace& place, const Goal& goal, double guess, std::pair<int, int>& cause) {
+  const double from = place.fastest();
+  if (!(guess > 0 && guess < from)) return largest_allowed(place, goal, cause);
+  const Bounds b = with_goal(place.bounds(guess), guess, goal);
+  const Parabola &p = b.most.shape, &q = b.least.shape;
+  const bool settled = !allowed(b) && b.gap() < 0 && b.high >= from &&
+                       std::isnan(crossing({p.p2 - q.p2, p.p1 - q.p1, p.p0 - q.p0}, guess, guess, from));
+  return settled ? nearest_allowed(place, goal, guess, 0.0, cause) : largest_allowed(place, goal, cause);
+}
+
 struct Cell {
   enum Kind : int { forward, backward, riding, crossing };
 };
@@ -122,7 +134,7 @@ inline Fastest fastest_on_grid(const PathLimits& limits, const double* s, std::s
   for (std::size_t i = n - 1; i-- > 0;) {
     const LimitsAtPlace place(limits, i);
     const Goal goal{f.slowest[i + 1], f.fastest[i + 1], s[i + 1] - s[i]};
-    double top = largest_allowed(place, goal, f.cause);
+    double top = largest_allowed(place, goal, 1.05 * goal.fastest, f.cause);
     if (goal.step == 0 && !std::isnan(top)) top = std::min(top, goal.fastest);
     if (std::isnan(top)) return f.failed = static_cast<int>(i), f;
     std::pair<int, int> ignored;
@@ -134,14 +146,16 @@ inline Fastest fastest_on_grid(const PathLimits& limits, const double* s, std::s
     return f;
   }
   f.y[0] = std::min(begin, f.fastest[0]);
+  Bounds ahead = LimitsAtPlace(limits, 0).bounds(f.y[0]);  // at place i and f.y[i]
   for (std::size_t i = 0; i + 1 < n; ++i) {
     const double step = s[i + 1] - s[i];
     if (step == 0) {
       f.y[i + 1] = std::min(f.y[i], f.fastest[i + 1]);
+      ahead = LimitsAtPlace(limits, i + 1).bounds(f.y[i + 1]);
       continue;
     }
     const LimitsAtPlace place(limits, i);
-    const Bounds own = place.bounds(f.y[i]);
+    const Bounds own = ahead;
     const Bounds all = with_goal(own, f.y[i], {f.slowest[i + 1], f.fastest[i + 1], step});
     f.gap[i] = own.hole;
     const double x = std::max(0.0, f.y[i] * f.y[i] + 2 * step * all.most.value);
@@ -149,10 +163,11 @@ inline Fastest fastest_on_grid(const PathLimits& limits, const double* s, std::s
     if (i + 2 < n) {
       const LimitsAtPlace next(limits, i + 1);
       const Goal beyond{f.slowest[i + 2], f.fastest[i + 2], s[i + 2] - s[i + 1]};
-      Bounds there = with_goal(next.bounds(f.y[i + 1]), f.y[i + 1], beyond);
+      ahead = next.bounds(f.y[i + 1]);
+      const Bounds there = with_goal(ahead, f.y[i + 1], beyond);
       if (!allowed(there) && f.y[i + 1] < f.fastest[i + 1]) {  // a hole among the controllable speeds
         const double lower = nearest_allowed(next, beyond, f.y[i + 1], f.slowest[i + 1], f.cause);
-        if (!std::isnan(lower)) f.y[i + 1] = lower, f.gap[i + 1] = 1;
+        if (!std::isnan(lower)) f.y[i + 1] = lower, f.gap[i + 1] = 1, ahead = next.bounds(lower);
       }
     }
     const double u = (f.y[i + 1] * f.y[i + 1] - f.y[i] * f.y[i]) / (2 * step);
