@@ -246,6 +246,9 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
                            **limits}),
         "waypoints": (bc.waypoints, {"robot": robot, "times": [0.0, 1.0], "positions": [[0, 0], {"elbow": 1.0}],
                                      "samples": 11, "name": "own"}),
+        "point_to_point": (bc.point_to_point, {
+            "robot": robot, "positions": [[0, 0], {"elbow": 1.0}], "speed": {"elbow": 2.0}, "acceleration": 5.0,
+            "jerk": {"elbow": 50.0}, "profile": "s_curve", "blend": 0.1, "share": 0.5, "samples": 11, "name": "own"}),
         "dwell": (bc.dwell, {"robot": robot, "position": [0.0, 0.0], "duration": 1.0, "name": "own"}),
         "join": (lambda motions, name: bc.join(motion, motions, name=name),
                  {"motions": bc.dwell(robot, [1.0, 1.0], 1.0), "name": None}),

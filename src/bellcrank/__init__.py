@@ -23,6 +23,7 @@ _HOME = {
     "circle": "motion.frame_motions",
     "line": "motion.frame_motions",
     "waypoints": "motion.waypoints",
+    "point_to_point": "motion.point_to_point",
     "dwell": "motion.waypoints",
     "join": "motion.motion",
     "read_motion": "motion.csv_file",
@@ -122,6 +123,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "load_scene",
     "mobility",
     "plot",
+    "point_to_point",
     "prepare",
     "read_motion",
     "replay",
@@ -157,6 +159,7 @@ if TYPE_CHECKING:
     from bellcrank.motion.csv_file import read_motion, write_motion
     from bellcrank.motion.frame_motions import circle, line
     from bellcrank.motion.motion import Motion, join
+    from bellcrank.motion.point_to_point import point_to_point
     from bellcrank.motion.waypoints import dwell, waypoints
     from bellcrank.planning.fastest_motion import FastestMotion, LimitCost
     from bellcrank.planning.joint_path import JointPath, joint_path

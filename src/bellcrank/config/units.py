@@ -37,6 +37,14 @@ UNITS: Final[dict[str, dict[str, float]]] = {
         "°/s^2": _DEGREE,
         "°/s²": _DEGREE,
     },
+    "rad/s^3": {
+        "rad/s^3": 1.0,
+        "rad/s³": 1.0,
+        "deg/s^3": _DEGREE,
+        "deg/s³": _DEGREE,
+        "°/s^3": _DEGREE,
+        "°/s³": _DEGREE,
+    },
     "N/m": {"N/m": 1.0, "N/mm": 1000.0, "kN/m": 1000.0, "N/µm": 1e6, "N/μm": 1e6, "N/um": 1e6},
     "N m/rad": {
         "N m/rad": 1.0,
@@ -61,7 +69,10 @@ UNITS: Final[dict[str, dict[str, float]]] = {
     "rad or m": {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE, "m": 1.0, "cm": 0.01, "mm": 0.001},
 }
 # What joints of both kinds share is written in either unit.
-for _turning, _sliding in (("N m", "N"), ("N m/rad", "N/m"), ("N m s/rad", "N s/m")):
+for _turning, _sliding in (
+    ("N m", "N"), ("N m/rad", "N/m"), ("N m s/rad", "N s/m"),
+    ("rad/s", "m/s"), ("rad/s^2", "m/s^2"), ("rad/s^3", "m/s^3"),
+):  # fmt: skip
     UNITS[f"{_turning} or {_sliding}"] = UNITS[_turning] | UNITS[_sliding]
 
 

@@ -22,9 +22,9 @@ from bellcrank.files.csv_files import unguarded
 from bellcrank.messages import unknown_name
 from bellcrank.motion.coordinates import position_labels
 from bellcrank.motion.csv_file import motion_text, read_motion
-from bellcrank.motion.entry_kinds import CsvEntry, DwellEntry, JoinEntry, WaypointsEntry
+from bellcrank.motion.entry_kinds import CsvEntry, DwellEntry, JoinEntry
 from bellcrank.motion.motion import Motion, join, other_joints
-from bellcrank.motion.motion_entry import MotionEntry, Posture
+from bellcrank.motion.motion_entry import MotionEntry
 from bellcrank.motion.path_entries import PathEntry
 from bellcrank.motion.waypoints import dwell
 from bellcrank.robot.robot import Robot, RobotJoint
@@ -206,18 +206,11 @@ def _prescribed_joints(entry: MotionEntry, robot: Robot, entries: Mapping[str, M
         found = [_prescribed_joints(part, robot, entries) for part in parts]
         return set.intersection(*found) if found else one
     names: set[str] = set()
-    for posture in _postures(entry):
+    for posture in entry.postures or ((),):
         if not isinstance(posture, Mapping):
             return one
         names |= {str(name) for name in posture}
     return names
-
-
-def _postures(entry: MotionEntry) -> tuple[Posture, ...]:
-    """The postures that waypoints or a dwell name."""
-    if isinstance(entry, WaypointsEntry):
-        return entry.positions
-    return (entry.position,) if isinstance(entry, DwellEntry) and entry.position is not None else ((),)
 
 
 # ---- paths with changed lengths

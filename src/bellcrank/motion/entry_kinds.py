@@ -2,7 +2,8 @@
 
 Kinds and their keys, units as elsewhere (m, rad or "… deg", s): circle {frame, center, radius, normal, turns}
 and line {frame, end, begin}, both with {start, duration, speed, acceleration, jerk, profile, orientation,
-samples, coordinates}; waypoints {times, positions, samples}; dwell {position, duration}; csv {file}; join {parts: names
+samples, coordinates}; waypoints {times, positions, samples}; point_to_point {from, to, positions, speed,
+acceleration, jerk, profile, blend, share, samples}; dwell {position, duration}; csv {file}; join {parts: names
 of motions, or motions in place}. A part of a join without `start` or `position` starts where the part before it ended.
 """
 
@@ -19,6 +20,7 @@ from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.motion.motion_entry import MotionEntry, Posture, posture_of, read_posture
 from bellcrank.motion.path_entries import CircleEntry, LineEntry
+from bellcrank.motion.point_to_point_entry import PointToPointEntry
 
 if TYPE_CHECKING:
     from bellcrank.motion.coordinates import Array
@@ -53,6 +55,11 @@ class WaypointsEntry(MotionEntry):
         postures = tuple(posture_of(fields, "positions", entry) for entry in positions)
         return cls(name, fields, times, postures, fields.integer("samples", 1001, minimum=2))
 
+    @property
+    def postures(self) -> tuple[Posture, ...]:
+        """As in MotionEntry."""
+        return self.positions
+
     def motion(self, robot: Robot, entries: Mapping[str, MotionEntry], previous: Array | None) -> Motion:
         """As `build`."""
         from bellcrank.motion.waypoints import waypoints
@@ -75,6 +82,11 @@ class DwellEntry(MotionEntry):
         position = read_posture(fields, "position") if "position" in fields else None
         fields.known("position")
         return cls(name, fields, duration, position)
+
+    @property
+    def postures(self) -> tuple[Posture, ...]:
+        """As in MotionEntry."""
+        return () if self.position is None else (self.position,)
 
     def motion(self, robot: Robot, entries: Mapping[str, MotionEntry], previous: Array | None) -> Motion:
         """As `build`."""
@@ -153,7 +165,9 @@ class JoinEntry(MotionEntry):
         return join(*motions, name=self.name)
 
 
-_CLASSES: tuple[type[MotionEntry], ...] = (CircleEntry, LineEntry, WaypointsEntry, DwellEntry, CsvEntry, JoinEntry)
+_CLASSES: tuple[type[MotionEntry], ...] = (
+    CircleEntry, LineEntry, WaypointsEntry, PointToPointEntry, DwellEntry, CsvEntry, JoinEntry,
+)  # fmt: skip
 KINDS: dict[str, type[MotionEntry]] = {entry.kind: entry for entry in _CLASSES}
 
 

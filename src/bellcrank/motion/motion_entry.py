@@ -32,6 +32,11 @@ class MotionEntry(ABC):
     def read(cls, name: str, fields: Fields) -> Self:
         """The entry of a mapping. Raises InputError naming file and key."""
 
+    @property
+    def postures(self) -> tuple[Posture, ...]:
+        """The postures that the entry names; none where it moves a frame, or holds other motions."""
+        return ()
+
     @abstractmethod
     def motion(self, robot: Robot, entries: Mapping[str, MotionEntry], previous: Array | None) -> Motion:
         """As `build`; errors need not name the configuration."""

@@ -57,10 +57,11 @@ class Profile:
         s = _horner(c, u, 0)
         return s, _horner(first, u, 1), _horner(second, u, 2)
 
-    def rows(self, samples: int) -> tuple[Array, Array, Array, Array]:
+    def rows(self, samples: int, through: Array | None = None) -> tuple[Array, Array, Array, Array]:
         """Time, distance, speed and acceleration of at least `samples` rows, evenly spaced within each piece.
 
-        Every break is a row; where the acceleration jumps there are two rows of one time, the limits from either side.
+        Every break is a row, and so are the distances `through`; where the acceleration jumps there are two rows of
+        one time, the limits from either side.
         """
         count = len(self.coefficients)
         times, pieces = [], []
@@ -70,6 +71,8 @@ class Profile:
             steps = samples - 1 if count == 1 else max(2, int(np.ceil(share - 1e-9)))
             even = begin + (end - begin) * (np.arange(steps + 1) / steps)
             even[-1] = end
+            if through is not None:
+                even = np.union1d(even, self._times_within(k, through))
             times.append(even if k == 0 or self.kind == "trapezoid" else even[1:])
             pieces.append(np.full(len(times[-1]), k))
         time, piece = np.concatenate(times), np.concatenate(pieces)
@@ -81,6 +84,19 @@ class Profile:
         if self.kind in ("quintic", "s_curve"):
             acceleration[0] = acceleration[-1] = 0.0
         return time, s, speed, acceleration
+
+    def _times_within(self, k: int, distances: Array) -> Array:
+        """The times strictly inside piece k at which distances are reached, those next to its ends left out."""
+        begin, end = float(self.breaks[k]), float(self.breaks[k + 1])
+        edges = self._piece(k, np.array([begin, end]))[0]
+        wanted = distances[(distances > edges[0]) & (distances < edges[1])]
+        low, high = np.full(len(wanted), begin), np.full(len(wanted), end)
+        for _ in range(100):  # the distance increases: bisection to the last digit
+            middle = (low + high) / 2.0
+            short = self._piece(k, middle)[0] < wanted
+            low, high = np.where(short, middle, low), np.where(short, high, middle)
+        apart = 1e-9 * (end - begin)
+        return np.asarray(high[(high - begin > apart) & (end - high > apart)])
 
     def peaks(self) -> tuple[float, float, float]:
         """Largest speed, acceleration and jerk (infinite where the acceleration jumps, the ends included)."""

@@ -1,0 +1,124 @@
+"""Paths of segments whose corners are rounded by blends, with a continuous third derivative.
+
+A blend begins at a distance r before the corner P and ends at the distance r behind it. Over its length 2 r the first
+segment A slows down to rest at the corner while the second one B sets off from it, and the path is their sum:
+
+    x(s) = A(a(s)) + B(b(s)) − P,    a' = 1 − h(σ),  b' = h(σ),  h = 10 σ³ − 15 σ⁴ + 6 σ⁵,  σ = (s − s_P + r) / (2 r).
+
+h, h' and h'' vanish at the beginning, and 1 − h, h' and h'' at the end, so that the path continues both segments with
+their derivatives up to the third. |x'| is at most 1 where the segments are parameterised by their length. At σ = 1/2
+the path is within 5/16 r of the corner; between straight segments of directions e and f it is 5/32 r |f − e| away.
+(Sums of the motions along two segments are the usual way to pass a corner: L. Biagiotti, C. Melchiorri, Trajectory
+Planning for Automatic Machines and Robots, 8.11; the polynomial is ours.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+
+from bellcrank.errors import InputError
+from bellcrank.motion.coordinates import Array
+
+HALF = 0.5 * (1.0 + 1e-9)  # of a segment: a longer blend would meet the next one
+STEEPEST, MOST_BENT = 15.0 / 8.0, 10.0 / sqrt(3.0)  # largest h' and |h''|
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """A segment from `begin` to `end` (m,) of a length; `curve` takes lengths (n,) and gives positions (n, m) and their
+    first and second derivatives with respect to the length.
+    """
+
+    begin: Array
+    end: Array
+    length: float
+    curve: Callable[[Array], tuple[Array, Array, Array]]
+
+
+@dataclass(frozen=True, eq=False)
+class BlendedPath:
+    """Segments one after the other, with a blend around each corner between two of them.
+
+    `blends` are the distances r from the corners at which the blends begin and end.
+    """
+
+    segments: tuple[Segment, ...]
+    blends: tuple[float, ...]
+
+    @property
+    def corners(self) -> Array:
+        """The path parameters of begin, corners and end."""
+        return np.concatenate([[0.0], np.cumsum([segment.length for segment in self.segments])])
+
+    @property
+    def length(self) -> float:
+        """The end of the path parameter."""
+        return float(self.corners[-1])
+
+    @property
+    def knots(self) -> Array:
+        """Path parameters of begin and end of the path and of all blends: the fourth derivative jumps there."""
+        corners, r = self.corners[1:-1], np.array(self.blends)
+        return np.unique(np.concatenate([[0.0], corners - r, corners + r, [self.length]]))
+
+    def __call__(self, s: Array) -> tuple[Array, Array, Array]:
+        """Positions (n, m) at path parameters (n,), and their first and second derivatives."""
+        parts = [np.empty((len(s), len(self.segments[0].begin))) for _ in range(3)]
+        corners, r = self.corners, (0.0, *self.blends, 0.0)
+        for k, segment in enumerate(self.segments):
+            inside = (s >= corners[k] + r[k]) & (s <= corners[k + 1] - r[k + 1])
+            _fill(parts, inside, segment.curve(s[inside] - corners[k]))
+        for k, radius in enumerate(self.blends):
+            inside = np.abs(s - corners[k + 1]) < radius
+            _fill(parts, inside, _blend(self.segments[k], self.segments[k + 1], radius, s[inside] - corners[k + 1]))
+        return parts[0], parts[1], parts[2]
+
+
+def blended(segments: Sequence[Segment], blends: Sequence[float], title: str, unit: str) -> BlendedPath:
+    """The path of segments with a blend at each corner between them. Raises InputError where a blend takes more than
+    half of a segment; `title` is what the message begins with, `unit` the lengths' unit.
+    """
+    for k, radius in enumerate(blends):
+        for segment, number in ((segments[k], k + 1), (segments[k + 1], k + 2)):
+            if radius > HALF * segment.length:
+                raise InputError(
+                    f"{title}: the blend of {radius:g} {unit} at point {k + 2} is longer than half of segment {number}"
+                    f", which is {segment.length:.6g} {unit} long; choose at most {0.5 * segment.length:.6g} {unit} there"
+                )
+    return BlendedPath(tuple(segments), tuple(float(radius) for radius in blends))
+
+
+def straight(begin: Array, end: Array) -> Segment:
+    """The straight segment between two different points (m,)."""
+    length = float(np.linalg.norm(end - begin))
+    direction = (end - begin) / length
+
+    def curve(s: Array) -> tuple[Array, Array, Array]:
+        return begin + s[:, None] * direction, np.tile(direction, (len(s), 1)), np.zeros((len(s), len(begin)))
+
+    return Segment(begin, end, length, curve)
+
+
+def _fill(parts: list[Array], inside: Array, values: tuple[Array, Array, Array]) -> None:
+    for part, value in zip(parts, values, strict=True):
+        part[inside] = value
+
+
+def _blend(first: Segment, second: Segment, radius: float, s: Array) -> tuple[Array, Array, Array]:
+    """The blend at path parameters s (n,) from the corner, within ± radius."""
+    x = (s + radius) / (2.0 * radius)
+    h = x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
+    slope = 30.0 * (x * (1.0 - x)) ** 2 / (2.0 * radius)
+    gone = 2.0 * radius * x**4 * (2.5 - 3.0 * x + x * x)  # ∫ h ds
+    a, a1, a2 = first.curve(first.length + s - gone)
+    b, b1, b2 = second.curve(gone)
+    h, slope = h[:, None], slope[:, None]
+    return (
+        a + b - second.begin,
+        a1 * (1.0 - h) + b1 * h,
+        a2 * (1.0 - h) ** 2 + b2 * h * h + (b1 - a1) * slope,
+    )
