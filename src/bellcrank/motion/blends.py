@@ -85,9 +85,10 @@ def blended(segments: Sequence[Segment], blends: Sequence[float], title: str, un
     for k, radius in enumerate(blends):
         for segment, number in ((segments[k], k + 1), (segments[k + 1], k + 2)):
             if radius > HALF * segment.length:
+                most = 0.5 * segment.length
                 raise InputError(
                     f"{title}: the blend of {radius:g} {unit} at point {k + 2} is longer than half of segment {number}"
-                    f", which is {segment.length:.6g} {unit} long; choose at most {0.5 * segment.length:.6g} {unit} there"
+                    f", which is {segment.length:.6g} {unit} long; choose at most {most:.6g} {unit} there"
                 )
     return BlendedPath(tuple(segments), tuple(float(radius) for radius in blends))
 
