@@ -1,9 +1,9 @@
 """Timing of a path of sections: the speed is constant in blends and changes between them.
 
 Each section has its own limits of speed, acceleration and jerk along the path. The speeds at the borders are the
-largest from which the speeds at the neighbouring borders are reached (passes forward and backward); within a section
-the speed rises to a peak and falls, with constant acceleration or in seven pieces of constant jerk, as between speeds that
-are not 0 in L. Biagiotti, C. Melchiorri, Trajectory Planning for Automatic Machines and Robots, 3.2.3 and 3.4.
+largest from which the speeds at the neighbouring borders are reached (passes forward and backward). Within a section
+the speed rises to a peak and falls, with constant acceleration or in seven pieces of constant jerk, as between speeds
+that are not 0 in L. Biagiotti, C. Melchiorri, Trajectory Planning for Automatic Machines and Robots, 3.2.3 and 3.4.
 """
 
 from __future__ import annotations
