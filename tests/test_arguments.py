@@ -38,6 +38,7 @@ MADE_BY = {
     "FastestMotion": "time_optimal",
     "LimitCost": "time_optimal",
     "SpeedFactor": "speed_factor",
+    "RepeatedCycle": "repeated_cycle",
     "JointPath": "joint_path",
 }
 ERRORS = ("BellcrankError", "InputError", "NotSavedError", "UnreachableError", "CompileError")
@@ -271,6 +272,10 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
             "overrides": None, "trust": [], "progress": None}),
         "speed_factor": (bc.speed_factor, {"robot": robot, "motion": motion, "limits": None, "payloads": [payload],
                                            "overrides": None, "trust": []}),
+        "repeated_cycle": (bc.repeated_cycle, {
+            "robot": robot, "motion": motion, "limit": "rms", "by": "pause", "actuators": {"shoulder": actuator},
+            "payloads": [payload], "overrides": None, "trust": []}),
+        **of(bc.repeated_cycle("geared_pendulum", "lift_and_return"), as_dict={}, table={}, to_json={"path": "c.json"}),
         **of(fast, as_dict={}, table={}, limits_to_csv={"path": "f.csv"},
              plot={"path": "f.png"}, to_json={"path": "f.json"}),
         **of(factor, table={}, plot={"path": "k.png"}, scaled={"factor": 0.5}),

@@ -56,6 +56,8 @@ _HOME = {
     "Sweep": "studies.sweep_result",
     "time_optimal": "planning.time_optimal",
     "speed_factor": "planning.speed_scaling",
+    "repeated_cycle": "planning.repeated_cycle",
+    "RepeatedCycle": "planning.cycle_result",
     "SpeedFactor": "planning.speed_scaling",
     "FastestMotion": "planning.fastest_motion",
     "LimitCost": "planning.fastest_motion",
@@ -97,6 +99,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "Payload",
     "PreparedRun",
     "PreparedSimulation",
+    "RepeatedCycle",
     "Robot",
     "RobotConfig",
     "SampleStatistics",
@@ -126,6 +129,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "point_to_point",
     "prepare",
     "read_motion",
+    "repeated_cycle",
     "replay",
     "report",
     "scene_inverse_dynamics",
@@ -161,9 +165,11 @@ if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion, join
     from bellcrank.motion.point_to_point import point_to_point
     from bellcrank.motion.waypoints import dwell, waypoints
+    from bellcrank.planning.cycle_result import RepeatedCycle
     from bellcrank.planning.fastest_motion import FastestMotion, LimitCost
     from bellcrank.planning.joint_path import JointPath, joint_path
     from bellcrank.planning.motion_limits import MotionLimits
+    from bellcrank.planning.repeated_cycle import repeated_cycle
     from bellcrank.planning.speed_scaling import SpeedFactor, speed_factor
     from bellcrank.planning.time_optimal import time_optimal
     from bellcrank.replays.replay import replay, show

@@ -58,6 +58,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="do not change how the speed varies along the path: speed the motion up by a factor such as 1.2, or by "
         "the largest that the limits allow",
     )  # fmt: skip
+    parser.add_argument(
+        "--repeat", choices=("pause", "speed"),
+        help="also find the shortest pause after the motion, or the highest speed of it, at which the motors bear its "
+        "repetition for ever",
+    )  # fmt: skip
+    parser.add_argument(
+        "--repeat-limit", choices=("rms", "temperature"), default="rms",
+        help="what limits the repetition: the RMS torque against the continuous torque, or the winding's temperature "
+        "(default: rms)",
+    )  # fmt: skip
     add_set(parser, "payloads.1.mass='5 kg'")
     add_trust(parser)
     parser.add_argument(
@@ -78,6 +88,8 @@ def run(arguments: argparse.Namespace) -> int:
     config = config_with_changes(arguments.robot, arguments.changes, arguments.trust)
     payloads = [parse_payload(text) for text in arguments.payload]
     motions = arguments.motion or list(_motions(config))
+    if arguments.repeat is not None and arguments.scale is not None:
+        raise InputError("--repeat is for the fastest motion; leave --scale out")
     if not motions:
         raise InputError(
             f"{arguments.robot}: there is no motion whose path could be followed; give a CSV file (--motion FILE), or "
@@ -118,6 +130,23 @@ def _fastest(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Path
     files.append(found.to_json(folder / f"fastest_{stem}.json"))
     if not arguments.no_plots:
         files.append(found.plot(folder / f"fastest_{stem}.png"))
+    if arguments.repeat is not None:
+        _repeated(arguments, (config, found.motion, payloads, stem), folder, files)
+
+
+def _repeated(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Path, files: list[Path]) -> None:
+    from bellcrank.motion.csv_file import write_motion
+    from bellcrank.planning.repeated_cycle import repeated_cycle
+
+    config, motion, payloads, stem = given
+    cycle = repeated_cycle(
+        config, motion, limit=arguments.repeat_limit, by=arguments.repeat, payloads=payloads, trust=arguments.trust
+    )
+    print("\n" + cycle.table())
+    for warning in cycle.warnings:
+        print(f"warning: {warning}")
+    write_motion(cycle.motion, folder / f"cycle_{stem}.csv")
+    files += [folder / f"cycle_{stem}.csv", cycle.to_json(folder / f"cycle_{stem}.json")]
 
 
 def _scaled(

@@ -82,8 +82,8 @@ def run(arguments: argparse.Namespace) -> int:
     others = (arguments.hard, arguments.gains, *(names is not None for names in lists))
     if sum([bool(arguments.scenes), *others]) > 1:
         raise InputError(
-            "bench: scenes, --hard, --gains, --dynamics, --ensembles and --fastest are separate benchmarks; name robots "
-            "after --dynamics or --fastest and scenes after --ensembles"
+            "bench: scenes, --hard, --gains, --dynamics, --ensembles and --fastest are separate benchmarks; name "
+            "robots after --dynamics or --fastest and scenes after --ensembles"
         )
     if arguments.markdown and (
         arguments.hard or arguments.gains or arguments.ensembles is not None or arguments.fastest is not None
@@ -233,7 +233,7 @@ def _fastest(arguments: argparse.Namespace) -> int:
     for name in bars()(arguments.fastest or ROBOTS, desc="bench", unit="robot", disable=None):
         rows += fastest_rows(name, arguments.repeats)
     facts = machine_facts()
-    print(f"{facts['cpu']}, one thread, best of {arguments.repeats} rounds; each row's error is the relative difference "
+    print(f"{facts['cpu']}, one thread, best of {arguments.repeats} rounds; a row's error is the relative difference "
           "of its motion's time from the first row with the same limits")  # fmt: skip
     print(fastest_table(rows))
     if arguments.out:

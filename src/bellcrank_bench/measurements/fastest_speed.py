@@ -1,8 +1,8 @@
 """The time to find the fastest motion along a path with torque limits on a fixed grid, next to toppra and copp-py.
 
 The clock covers what a new path costs a warm process on one thread: positions and derivatives of the spline, the
-torques at the grid, and the passes of reachability analysis. Calls of the tools alternate, so that ratios do not mix two
-states of the machine.
+torques at the grid, and the passes of reachability analysis. Calls of the tools alternate, so that ratios do not mix
+two states of the machine.
 """
 
 from __future__ import annotations

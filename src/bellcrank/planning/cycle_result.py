@@ -1,0 +1,147 @@
+"""`RepeatedCycle`: a cycle that motors bear for ever."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from bellcrank import arguments
+from bellcrank.files.atomic_write import write_text
+from bellcrank.motion.motion import Motion
+
+By = Literal["pause", "speed"]
+Limit = Literal["rms", "temperature"]
+LIMITS = {"rms": "RMS torque", "temperature": "winding temperature"}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RepeatedCycle:
+    """A cycle that motors bear for ever.
+
+    Attributes:
+        robot: Name of the robot.
+        motion: The whole cycle, with its pause: like any other motion, it can be sized, written and replayed.
+        original_duration: The time of the motion alone, as it was given, s.
+        limit: "rms" or "temperature".
+        by: "pause" or "speed".
+        pause: The pause at the end of the motion, s; 0 for none.
+        factor: The factor of the motion's speed; 1 as given.
+        joint: The joint whose motor sets the pause or the factor; "" where the motion can be repeated as it is.
+        original_uses: The share of the limit that each motor uses if the motion repeats as it is, by joint.
+        uses: The same in the cycle found.
+        warnings: What was not taken into account.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> fastest = bc.time_optimal("geared_pendulum", "lift_and_return", costs=False)
+        >>> bc.repeated_cycle("geared_pendulum", fastest.motion).joint
+        'shoulder'
+    """
+
+    robot: str
+    motion: Motion
+    original_duration: float
+    limit: Limit
+    by: By
+    pause: float
+    factor: float
+    joint: str
+    original_uses: Mapping[str, float]
+    uses: Mapping[str, float]
+    warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def duration(self) -> float:
+        """The time of the whole cycle, s."""
+        return self.motion.duration
+
+    def __repr__(self) -> str:
+        return f"RepeatedCycle({self.robot!r}, {self.motion.name!r}: {self.duration:.6g} s)"
+
+    def table(self) -> str:
+        """The cycle, and what its motors use of their limits.
+
+        Returns:
+            The text of a table.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> fastest = bc.time_optimal("geared_pendulum", "lift_and_return", costs=False)
+            >>> print(bc.repeated_cycle("geared_pendulum", fastest.motion).table().splitlines()[0].split(":")[0])
+            to repeat, by the RMS torque of shoulder
+        """
+        if not self.joint:
+            what = f"it can repeat without a pause, by the {LIMITS[self.limit]}"
+        elif self.by == "pause":
+            what = (
+                f"to repeat, by the {LIMITS[self.limit]} of {self.joint}: a pause of {self.pause:.6g} s, "
+                f"a cycle of {self.duration:.6g} s"
+            )
+        else:
+            what = (
+                f"to repeat, by the {LIMITS[self.limit]} of {self.joint}: at {100.0 * self.factor:.4g} % of the speed, "
+                f"a cycle of {self.duration:.6g} s"
+            )
+        width = max([len(name) for name in self.uses] + [5])
+        lines = [what, "", f"{'motor':<{width}}  used at once  used in the cycle"]
+        for name, use in self.uses.items():
+            lines.append(f"{name:<{width}}  {100.0 * self.original_uses[name]:10.1f} %  {100.0 * use:15.1f} %")
+        return "\n".join(lines)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The result as data for JSON, without the motion's rows.
+
+        Returns:
+            Times in s; shares of the limit by joint, None where infinite.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> fastest = bc.time_optimal("geared_pendulum", "lift_and_return", costs=False)
+            >>> bc.repeated_cycle("geared_pendulum", fastest.motion).as_dict()["by"]
+            'pause'
+        """
+
+        def finite(uses: Mapping[str, float]) -> dict[str, float | None]:
+            return {name: use if np.isfinite(use) else None for name, use in uses.items()}
+
+        return {
+            "robot": self.robot,
+            "motion": self.motion.name,
+            "limit": self.limit,
+            "by": self.by,
+            "pause": self.pause,
+            "factor": self.factor,
+            "duration": self.duration,
+            "original_duration": self.original_duration,
+            "joint": self.joint or None,
+            "original_uses": finite(self.original_uses),
+            "uses": finite(self.uses),
+            "warnings": list(self.warnings),
+        }
+
+    def to_json(self, path: str | Path) -> Path:
+        """Write `as_dict` as JSON.
+
+        Args:
+            path: The file.
+
+        Returns:
+            Its path.
+
+        Raises:
+            InputError: The file cannot be written.
+
+        Example:
+            >>> import bellcrank as bc, tempfile
+            >>> fastest = bc.time_optimal("geared_pendulum", "lift_and_return", costs=False)
+            >>> bc.repeated_cycle("geared_pendulum", fastest.motion).to_json(tempfile.mkdtemp() + "/cycle.json").name
+            'cycle.json'
+        """
+        target = arguments.path("path", path)
+        write_text(target, json.dumps(self.as_dict(), indent=2, ensure_ascii=False) + "\n")
+        return target

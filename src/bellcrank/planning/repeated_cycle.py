@@ -1,0 +1,238 @@
+"""`bellcrank.repeated_cycle`: how long a pause, or how much slower a motion, so that motors bear its repetition."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank import arguments
+from bellcrank.actuators.actuator import Actuator
+from bellcrank.dynamics.mechanism import Mechanism
+from bellcrank.errors import BellcrankError, InputError
+from bellcrank.files.access import Trust
+from bellcrank.motion.motion import Motion, join
+from bellcrank.planning.cycle_loads import MotorCycle, motor_cycles
+from bellcrank.planning.cycle_result import LIMITS, By, Limit, RepeatedCycle
+from bellcrank.planning.speed_scaling import scaled_motion
+from bellcrank.robot.payload import Payload
+from bellcrank.sizing.size import sizing_subject
+
+if TYPE_CHECKING:
+    from bellcrank.robot.robot import Robot
+    from bellcrank.scene.robot_config import RobotConfig
+    from bellcrank.scene.scene import Scene
+
+Array = NDArray[np.float64]
+REACHED = 1e-9  # a use may exceed 1 by this
+LONGEST_PAUSE = 1e7  # times the motion's time
+FACTORS = 60  # speed factors between 1 and SLOWEST at which the uses are looked at
+SLOWEST = 1e-3
+
+
+def repeated_cycle(
+    robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
+    motion: Motion | str | Path,
+    *,
+    limit: Limit = "rms",
+    by: By = "pause",
+    actuators: Mapping[str, Actuator] | None = None,
+    payloads: Iterable[Payload] = (),
+    overrides: Mapping[str, Any] | None = None,
+    trust: Trust = (),
+) -> RepeatedCycle:
+    """Find the shortest pause after a motion, or the highest speed of it, at which motors bear its repetition for ever.
+
+    With a pause, the posture at the end of the motion is held; the pause follows in closed form where the continuous
+    torque does not depend on the speed, (∫T² + T_h² p) / (t + p) = L², else as a bracketed root. A lower speed scales
+    the whole motion in time, and the factor is the root that is nearest to 1. Neither is the shortest of all cycles:
+    a motion that saves torque where it costs little time can be shorter.
+
+    Args:
+        robot: As in `bellcrank.size`: a Robot or Linkage, a RobotConfig, a Scene, or the path or name of one.
+        motion: A Motion, such as that of `time_optimal`, the name of a motion of the configuration, or a CSV file.
+        limit: "rms": the RMS shaft torque stays within the continuous torque at the mean speed, with the safety factor,
+            as in `bellcrank.size`. "temperature": the winding stays within its permitted temperature in the periodic
+            state of the two-body thermal model; for motors of a catalogue.
+        by: "pause" or "speed".
+        actuators: Motor and gear by joint; by default those of the configuration.
+        payloads: Payloads besides those that the robot carries.
+        overrides: Values of a scene, configuration or URDF to change, by dotted path.
+        trust: Folders whose files a configuration or URDF may name.
+
+    Returns:
+        The cycle.
+
+    Raises:
+        InputError: An argument is wrong, or no motor's limit is known.
+        BellcrankError: No pause is long enough, or no speed low enough.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> fastest = bc.time_optimal("geared_pendulum", "lift_and_return", costs=False)
+        >>> cycle = bc.repeated_cycle("geared_pendulum", fastest.motion)
+        >>> round(bc.size("geared_pendulum", [cycle.motion]).joint("shoulder").shaft.margins["rated torque"], 9)
+        0.0
+    """
+    arguments.one_of("limit", limit, tuple(LIMITS))
+    arguments.one_of("by", by, ("pause", "speed"))
+    kinds = "a Motion, the name of a motion, or the path of a CSV file"
+    arguments.instance("motion", motion, (Motion, str, Path), kinds)
+    if actuators is not None:
+        for name, one in arguments.mapping("actuators", actuators, "a mapping of joint names to Actuators").items():
+            arguments.instance(f'actuators["{name:.80}"]', one, Actuator, "an Actuator")
+    subject = sizing_subject(robot, [motion], payloads, trust, actuators, overrides)
+    if subject.config is not None and subject.config.transmissions:
+        raise InputError(
+            f"{subject.config.source}: transmissions: the repeated cycle does not know motors that move several joints"
+        )
+    mechanism, given = subject.mechanism, subject.motions[0]
+    if given.duration <= 0.0:
+        raise InputError(f"motion '{given.name}' takes no time; there is nothing to repeat")
+
+    def cycles_at(factor: float) -> dict[str, MotorCycle]:
+        return motor_cycles(mechanism, subject.actuators, scaled_motion(given, factor) if factor != 1.0 else given)
+
+    cycles = cycles_at(1.0)
+    uses, unknown = _uses(cycles, limit, 0.0)
+    if not uses:
+        raise InputError(_nothing_known(limit, subject.actuators))
+    pause, factor, joint, final = 0.0, 1.0, "", uses
+    if max(uses.values()) > 1.0 + REACHED and by == "pause":
+        pause, joint = _pause({name: cycles[name] for name in uses}, limit)
+        final, _ = _uses(cycles, limit, pause)
+        _check_bearable(final, limit)
+    elif max(uses.values()) > 1.0 + REACHED:
+        factor, joint, final = _factor(lambda k: _uses(cycles_at(k), limit, 0.0)[0], limit)
+    name = mechanism.robot.name if subject.config is None else subject.config.name
+    return RepeatedCycle(
+        robot=name,
+        motion=_whole(given, factor, pause),
+        original_duration=given.duration,
+        limit=limit,
+        by=by,
+        pause=pause,
+        factor=factor,
+        joint=joint,
+        original_uses=uses,
+        uses=final,
+        warnings=_warnings(given, mechanism, {*uses}, unknown, limit),
+    )
+
+
+def _use(cycle: MotorCycle, limit: Limit, pause: float) -> float | None:
+    return cycle.rms_use(pause) if limit == "rms" else cycle.temperature_use(pause)
+
+
+def _uses(cycles: Mapping[str, MotorCycle], limit: Limit, pause: float) -> tuple[dict[str, float], list[str]]:
+    """The known uses by joint, and the joints of unknown ones."""
+    found = {name: _use(cycle, limit, pause) for name, cycle in cycles.items()}
+    return {n: use for n, use in found.items() if use is not None}, [n for n, use in found.items() if use is None]
+
+
+def _pause(cycles: Mapping[str, MotorCycle], limit: Limit) -> tuple[float, str]:
+    """The shortest pause that all motors need, s, and the joint of the motor that needs it."""
+    needed = {name: _pause_of(name, cycle, limit) for name, cycle in cycles.items()}
+    joint = max(needed, key=lambda name: needed[name])
+    return needed[joint], joint
+
+
+def _pause_of(name: str, cycle: MotorCycle, limit: Limit) -> float:
+    from scipy.optimize import brentq
+
+    def over(pause: float) -> float:
+        use = _use(cycle, limit, pause)
+        if use is None:
+            raise InputError(
+                f"the {LIMITS[limit]} of the motor at joint '{name}' is known without a pause, but not with one of "
+                f"{pause:.4g} s: its limit at low mean speed is unknown"
+            )
+        return min(use, 1e3) - 1.0  # finite on thermal runaway too
+
+    if over(0.0) <= REACHED:
+        return 0.0
+    if limit == "rms" and (exact := cycle.pause_for_rms()) is not None:
+        return exact
+    high, longest = cycle.duration, LONGEST_PAUSE * cycle.duration
+    while over(high) > 0.0:
+        high *= 4.0
+        if high > longest:
+            raise BellcrankError(
+                f"no pause is long enough: to hold the last posture takes {100.0 * (over(high) + 1.0):.4g} % of the "
+                f"{LIMITS[limit]} of the motor at joint '{name}'; end the motion in another posture, or choose a "
+                "larger motor"
+            )
+    return float(brentq(over, 0.0, high, xtol=1e-12 * high, rtol=1e-14))
+
+
+def _check_bearable(uses: Mapping[str, float], limit: Limit) -> None:
+    worst = max(uses, key=lambda name: uses[name])
+    if uses[worst] > 1.0 + 1e3 * REACHED:
+        raise BellcrankError(
+            f"no pause suffices for all motors: with the one that the others need, holding the last posture takes "
+            f"{100.0 * uses[worst]:.4g} % of the {LIMITS[limit]} of the motor at joint '{worst}'; end the motion in "
+            "another posture, or choose a larger motor"
+        )
+
+
+def _factor(uses: Callable[[float], dict[str, float]], limit: Limit) -> tuple[float, str, dict[str, float]]:
+    """The largest speed factor below 1 at which no use exceeds 1, its joint, and the uses."""
+    from scipy.optimize import brentq
+
+    def over(factor: float) -> float:
+        return min(max(uses(factor).values()), 1e3) - 1.0
+
+    high = 1.0
+    for low in np.geomspace(1.0, SLOWEST, FACTORS)[1:].tolist():
+        if over(low) <= 0.0:
+            root = float(brentq(over, low, high, xtol=1e-13, rtol=1e-13))
+            found = uses(root)
+            return root, max(found, key=lambda name: found[name]), found
+        high = low
+    found = uses(high)
+    worst = max(found, key=lambda name: found[name])
+    raise BellcrankError(
+        f"no speed is low enough: at a thousandth of the speed the motion takes {100.0 * found[worst]:.4g} % of the "
+        f"{LIMITS[limit]} of the motor at joint '{worst}', mostly to hold postures; choose a larger motor"
+    )
+
+
+def _whole(motion: Motion, factor: float, pause: float) -> Motion:
+    if factor != 1.0:
+        return scaled_motion(motion, factor)
+    if pause == 0.0:
+        return motion
+    still = np.zeros((2, motion.nv))
+    rest = Motion(
+        motion.joints, np.array([0.0, pause]), np.repeat(motion.position[-1:], 2, axis=0), still, still, "pause"
+    )
+    return join(motion, rest, name=f"{motion.name} and pause")
+
+
+def _nothing_known(limit: Limit, actuators: Mapping[str, Actuator]) -> str:
+    if not actuators:
+        return "no joint has an actuator; give actuators, or a configuration with some"
+    if limit == "temperature":
+        return (
+            "no motor's temperature is known: actuators need motors of a catalogue with resistance, torque constant, "
+            "thermal resistances and time constants, and the largest winding temperature"
+        )
+    return "no motor's continuous torque is known: give rated_torque"
+
+
+def _warnings(
+    motion: Motion, mechanism: Mechanism, known: set[str], unknown: list[str], limit: Limit
+) -> tuple[str, ...]:
+    found = list(motion.warnings)
+    missing = [joint.name for joint in mechanism.motors if joint.name not in known and joint.name not in unknown]
+    if unknown:
+        found.append(f"the limit of the {LIMITS[limit]} is unknown of the motors at {', '.join(unknown)}: left out")
+    if missing:
+        found.append(f"no motor, or not enough of it, is known at {', '.join(missing)}: left out")
+    gap = float(np.max(np.abs(motion.position[-1] - motion.position[0])))
+    if gap > 1e-6:
+        found.append(f"the motion ends {gap:.3g} rad or m from where it starts; the way back is not part of the cycle")
+    return tuple(dict.fromkeys(found))
