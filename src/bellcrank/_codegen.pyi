@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from bellcrank.codegen.expression_graph import Graph
 from bellcrank.codegen.schedule import Limits
 
+CASADI_VERSION: str
+"""The version of casadi whose headers and library the tracer `_trace` was built with."""
 ASSIGN: int
 STORE: int
 

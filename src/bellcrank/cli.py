@@ -26,6 +26,9 @@ _COMMANDS = {
     "check": "find errors in URDF files",
     "catalogue": "list, show and check motors and gears to choose from",
     "robots": "list the names of robots, robot configurations and scenes",
+    "demo": "write a gallery of pages of bundled robots and scenes",
+    "doctor": "print versions, processor, cache, browser and extras, and what is wrong",
+    "completion": "print a script that completes commands in a shell",
 }
 
 

@@ -84,16 +84,34 @@ def _default(base: Path) -> Path | None:
 
 @cache
 def _chosen(name: str) -> Path | None:
-    expanded = os.path.expanduser(name)
-    path = Path(_BEGUN_IN, expanded)
     try:
-        if expanded.startswith("~") or not path.is_absolute():
-            raise OSError("the home folder does not exist" if expanded.startswith("~") else "the path is not absolute")
-        return _own(path)
+        return _named(name)
     except OSError as error:
         why = error.strerror or str(error)
         warnings.warn(f"BELLCRANK_CACHE={name}: the folder is not used as a cache: {why}", stacklevel=2)
         return None
+
+
+def _named(name: str) -> Path:
+    """The cache's folder in the one that BELLCRANK_CACHE names; OSError says why it cannot be used."""
+    expanded = os.path.expanduser(name)
+    path = Path(_BEGUN_IN, expanded)
+    if expanded.startswith("~") or not path.is_absolute():
+        raise OSError("the home folder does not exist" if expanded.startswith("~") else "the path is not absolute")
+    return _own(path)
+
+
+def why_unused() -> str:
+    """Why the folder of the cache cannot be used, with its path; "" where it can."""
+    chosen = os.environ.get("BELLCRANK_CACHE", "")
+    base = users_folder("XDG_CACHE_HOME", ".cache")
+    if not chosen and base is None:
+        return "there is no home folder"
+    try:
+        _named(chosen) if chosen else _own(Path(base or "", "bellcrank"))
+    except OSError as error:
+        return f"{chosen or base}: {error.strerror or error}"
+    return ""
 
 
 def _own(base: Path) -> Path:

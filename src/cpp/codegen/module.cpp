@@ -123,6 +123,7 @@ NB_MODULE(_codegen, m) {
         "sine_codes"_a);
   m.def("contract", &contract, "graph"_a);
   m.def("schedule", &schedule, "graph"_a, "limits"_a);
+  m.attr("CASADI_VERSION") = BELLCRANK_CASADI_VERSION;
   m.attr("ASSIGN") = Instructions::ASSIGN;
   m.attr("STORE") = Instructions::STORE;
 }
