@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from bellcrank import cli
+from bellcrank.commands.parser import parser as whole_parser
 
 HEAD = """# Command line reference
 
@@ -22,8 +22,8 @@ Made from the command line's own parsers; `bellcrank COMMAND --help` prints the 
 
 def commands() -> dict[str, argparse.ArgumentParser]:
     """The parser of each command by name."""
-    names = _subparsers(cli._parser([])).choices
-    return {name: _subparsers(cli._parser([name])).choices[name] for name in names}
+    names = _subparsers(whole_parser([])).choices
+    return {name: _subparsers(whole_parser([name])).choices[name] for name in names}
 
 
 def page() -> str:

@@ -8,41 +8,9 @@ import threading
 from typing import TYPE_CHECKING
 
 from bellcrank.terminal import interruption
-from bellcrank.version import version
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Sequence
-
-_COMMANDS = {
-    "size": "size the motors of a robot over its motions",
-    "select": "choose the motor and gear of each joint from a catalogue",
-    "fastest": "find the fastest motion along a path within the limits of joints and motors",
-    "simulate": "simulate a scene, and check the accuracy of the result",
-    "sweep": "simulate a scene for many values of its parameters",
-    "replay": "write the replay of a run or a sizing as one HTML page",
-    "report": "write the report of a run or a sizing as one HTML page: verdict, tables, pictures, replay",
-    "plot": "draw a run, a scene or a sizing",
-    "check": "find errors in URDF files",
-    "catalogue": "list, show and check motors and gears to choose from",
-    "robots": "list the names of robots, robot configurations and scenes",
-    "demo": "write a gallery of pages of bundled robots and scenes",
-    "doctor": "print versions, processor, cache, browser and extras, and what is wrong",
-    "completion": "print a script that completes commands in a shell",
-}
-
-
-def _modules(given: list[str]) -> dict[str, str]:
-    """Module of each subcommand by name: bellcrank's own and, unless one of these is given, those that other packages
-    add through the entry point group "bellcrank.commands".
-    """
-    own = {name: f"bellcrank.commands.{name}" for name in _COMMANDS}
-    if given[:1] and given[0] in own:
-        return own  # searching for entry points takes time
-    from importlib.metadata import entry_points
-
-    added = {entry.name: entry.value for entry in entry_points(group="bellcrank.commands")}
-    return own | {name: added[name] for name in sorted(added) if name not in own}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -91,28 +59,6 @@ def _interrupted() -> int:
     return interruption.exit_status() or 130
 
 
-def _parser(given: list[str]) -> argparse.ArgumentParser:
-    """The parser of all commands; only the given command has its arguments."""
-    import argparse
-    import importlib
-
-    parser = argparse.ArgumentParser(
-        prog="bellcrank",
-        description="Size motors and simulate robots from a URDF.",
-        epilog="Exit codes: 0: success; 1: a limit is exceeded, a check failed or a run ended early; 2: invalid input, "
-        "explained in one line; 128 + n: interrupted by signal n.",
-    )
-    parser.add_argument("--version", action="version", version=f"bellcrank {version()}")
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name, module in _modules(given).items():
-        summary = _COMMANDS.get(name) or importlib.import_module(module).SUMMARY
-        sub = commands.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
-        if given[:1] == [name]:  # only this command's module is loaded, so that help is quick
-            importlib.import_module(module).add_arguments(sub)
-            sub.set_defaults(module=module)
-    return parser
-
-
 def _run(given: list[str]) -> int:
     """Run a command. Control characters in what it prints, which names in files may contain, are escaped."""
     from bellcrank.terminal.streams import printable_streams
@@ -126,6 +72,7 @@ def _command(given: list[str]) -> int:
     import importlib
     import traceback
 
+    from bellcrank.commands.parser import overview, parser
     from bellcrank.errors import BellcrankError
     from bellcrank.text import ERRORS, one_line
 
@@ -134,7 +81,10 @@ def _command(given: list[str]) -> int:
         if reconfigure is not None:
             reconfigure(errors=ERRORS)  # a terminal without ² shows \xb2; files contain ²
     try:
-        parsed = _parser(given).parse_args(given)
+        if not given:
+            print(overview())
+            return 0
+        parsed = parser(given).parse_args(given)
         status: int = importlib.import_module(parsed.module).run(parsed)
         sys.stdout.flush()
         return status

@@ -5,6 +5,12 @@ from __future__ import annotations
 import argparse
 import shutil
 import textwrap
+import warnings
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from bellcrank.commands.installation import Finding
 
 _MARKS = {"ok": " ", "missing": "-", "fault": "!"}
 _SUBJECT = 12
@@ -16,15 +22,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print what was found. Exit code 0 where bellcrank works, 1 where it does not."""
-    from bellcrank.commands.installation import Finding, findings
+    from bellcrank.commands.installation import findings
 
     width = max(60, min(shutil.get_terminal_size().columns, 120))
     faults: list[Finding] = []
     missing: list[Finding] = []
-    for finding in findings():
+    for finding in _without_warnings(findings()):
         start = f"{_MARKS[finding.state]} {finding.subject:{_SUBJECT}} "
         indent = " " * len(start) if len(start) <= _SUBJECT + 3 else " " * (_SUBJECT + 3)
-        print(textwrap.fill(finding.text, width, initial_indent=start, subsequent_indent=indent), flush=True)
+        wrapped = textwrap.TextWrapper(
+            width, initial_indent=start, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+        )
+        print(wrapped.fill(finding.text), flush=True)
         (faults if finding.state == "fault" else missing if finding.state == "missing" else []).append(finding)
     print()
     for finding in faults:
@@ -34,3 +43,10 @@ def run(arguments: argparse.Namespace) -> int:
     verdict = "works, but for what is marked -" if missing else "works"
     print(f"bellcrank does not work: {len(faults)} fault(s)" if faults else f"bellcrank {verdict}")
     return 1 if faults else 0
+
+
+def _without_warnings(found: Iterator[Finding]) -> Iterator[Finding]:
+    """The findings; what libraries warn of while they are looked for is among them."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield from found

@@ -120,7 +120,8 @@ def _packages() -> Iterator[Finding]:
 
 
 def _casadi() -> Finding:
-    from bellcrank.codegen.tracer import CASADI_VERSION, check_casadi, extension
+    from bellcrank._codegen import CASADI_VERSION
+    from bellcrank.codegen.tracer import check_casadi, extension
 
     try:
         check_casadi()
@@ -147,7 +148,7 @@ def _processor() -> Finding:
 
 
 def _compiling() -> Finding:
-    """A small function is compiled and called, past the cache."""
+    """A small function is compiled, or taken from the cache, and called."""
     import numpy as np
 
     from bellcrank.robot.load import load_robot

@@ -21,7 +21,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     print("robot configurations and scenes:")
     for name, path in names().items():
-        title, uses = _facts(path)
+        title, uses = title_and_uses(path)
         print(f"  {name:20} {uses:16} {title}")
     print("URDFs (bundled, and from example-robot-data):")
     for name, path in sorted(catalog.names().items()):
@@ -29,7 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _facts(path: Path) -> tuple[str, str]:
+def title_and_uses(path: Path) -> tuple[str, str]:
     """The title of a configuration, and the commands that it is for."""
     from bellcrank.config.yaml_file import read_yaml
 

@@ -1,0 +1,72 @@
+"""The parser of the command line: every command, its summary and, where they are needed, its arguments."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+
+from bellcrank.version import version
+
+COMMANDS = {
+    "size": "size the motors of a robot over its motions",
+    "select": "choose the motor and gear of each joint from a catalogue",
+    "fastest": "find the fastest motion along a path within the limits of joints and motors",
+    "simulate": "simulate a scene, and check the accuracy of the result",
+    "sweep": "simulate a scene for many values of its parameters",
+    "replay": "write the replay of a run or a sizing as one HTML page",
+    "report": "write the report of a run or a sizing as one HTML page: verdict, tables, pictures, replay",
+    "plot": "draw a run, a scene or a sizing",
+    "check": "find errors in URDF files",
+    "catalogue": "list, show and check motors and gears to choose from",
+    "robots": "list the names of robots, robot configurations and scenes",
+    "demo": "write a gallery of pages of bundled robots and scenes",
+    "doctor": "print versions, processor, cache, browser and extras, and what is wrong",
+    "completion": "print the script with which a shell completes commands",
+}
+OVERVIEW = """bellcrank {version}: size the motors of robots, and simulate robots, from a URDF, MJCF or SDFormat file
+
+  bellcrank size ur5             what each motor must deliver over a motion, against its data sheet
+  bellcrank select ur5           which motors and gears of a catalogue do it
+  bellcrank fastest ur5          the shortest cycle that the motors allow
+  bellcrank simulate four_bar    how a robot, linkage or rolling body moves, and how exact that is
+  bellcrank replay four_bar      the motion as one page for any browser
+  bellcrank demo                 all of this at a glance: a gallery of pages, in a few seconds
+  bellcrank doctor               whether everything that it needs is here
+`bellcrank --help` lists every command, `bellcrank COMMAND --help` explains one, `bellcrank robots` lists robots."""
+
+
+def overview() -> str:
+    """What bellcrank can do, in ten lines."""
+    return OVERVIEW.format(version=version())
+
+
+def parser(given: list[str], *, whole: bool = False) -> argparse.ArgumentParser:
+    """The parser of all commands. Only the given command has its arguments, or all of them have with `whole`."""
+    made = argparse.ArgumentParser(
+        prog="bellcrank",
+        description="Size motors and simulate robots from a URDF.",
+        epilog="Exit codes: 0: success; 1: a limit is exceeded, a check failed or a run ended early; 2: invalid input, "
+        "explained in one line; 128 + n: interrupted by signal n.",
+    )
+    made.add_argument("--version", action="version", version=f"bellcrank {version()}")
+    commands = made.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name, module in _modules(given).items():
+        summary = COMMANDS.get(name) or importlib.import_module(module).SUMMARY
+        sub = commands.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
+        if whole or given[:1] == [name]:  # only this command's module is loaded, so that help is quick
+            importlib.import_module(module).add_arguments(sub)
+            sub.set_defaults(module=module)
+    return made
+
+
+def _modules(given: list[str]) -> dict[str, str]:
+    """Module of each subcommand by name: bellcrank's own and, unless one of these is given, those that other packages
+    add through the entry point group "bellcrank.commands".
+    """
+    own = {name: f"bellcrank.commands.{name}" for name in COMMANDS}
+    if given[:1] and given[0] in own:
+        return own  # searching for entry points takes time
+    from importlib.metadata import entry_points
+
+    added = {entry.name: entry.value for entry in entry_points(group="bellcrank.commands")}
+    return own | {name: added[name] for name in sorted(added) if name not in own}
