@@ -117,6 +117,7 @@ WORDS = {
     "shipped": ("is also at",),
     "catalogue": ("file", "folder"),
     "keep": ("axis",),
+    "parameters": ("parameter",),
     "reference_temperature": ("reference temperature",),
 }
 
@@ -319,7 +320,10 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         **of(robot, carrier={"link": "link_1"}, configuration_rate={"q": q, "v": v},
              compiled={"key": "own", "build": casadi_square, "seldom": False, "inputs": (1,)},
              dynamics={"algorithm": "inverse_dynamics"}, energy={"q": q, "v": v},
-             forward_dynamics={"q": q, "v": v, "tau": a}, frame_pose={"name": "tip", "q": q},
+             forward_dynamics={"q": q, "v": v, "tau": a}, forward_dynamics_derivatives={"q": q, "v": v, "tau": a},
+             inverse_dynamics_derivatives=states,
+             inverse_dynamics_parameter_derivatives={**states, "parameters": ["link.link_1.mass"]},
+             frame_pose={"name": "tip", "q": q},
              frame_velocity={"name": "tip", "q": q, "v": v}, frame_index={"name": "tip"},
              friction_torque={"v": v}, gravity_torque={"q": q},
              inertia_diagonal={"q": q},

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bellcrank.robot.mass_diagonal import inertia_diagonal
 from bellcrank.robot.traced_tree import SCALE, setting, trace_tree
-from bellcrank.robot.tree import Tree
+from bellcrank.robot.tree import Tree, TreeJoint
 
 if TYPE_CHECKING:
     import casadi
@@ -32,6 +32,16 @@ class Equations:
     viscous: Array
     coulomb: Array
     width: float
+
+    @property
+    def positions(self) -> int:
+        """nq."""
+        return sum(joint.nq for joint in self._independent())
+
+    @property
+    def velocities(self) -> int:
+        """nv."""
+        return sum(joint.nv for joint in self._independent())
 
     def algorithm(self, name: str) -> casadi.Function:
         """One of the tracer's algorithms as it is, without friction, with an empty p where it takes one."""
@@ -70,10 +80,12 @@ class Equations:
 
     def _velocities(self) -> list[slice]:
         """Where the velocities of the independent joints stand in v."""
-        followers = self.tree.followers()
-        sizes = [joint.nv for k, joint in enumerate(self.tree.joints, 1) if k not in followers]
-        ends = np.cumsum([0, *sizes]).tolist()
+        ends = np.cumsum([0, *(joint.nv for joint in self._independent())]).tolist()
         return [slice(a, b) for a, b in pairwise(ends)]
+
+    def _independent(self) -> list[TreeJoint]:
+        followers = self.tree.followers()
+        return [joint for k, joint in enumerate(self.tree.joints, 1) if k not in followers]
 
     def gravity_torque(self) -> casadi.Function:
         """(q) -> the torques that hold the robot at rest."""

@@ -14,10 +14,11 @@ from bellcrank._step import SampleCall
 from bellcrank.cached_values import cached_property
 from bellcrank.codegen.compile import Compiled
 from bellcrank.errors import InputError
-from bellcrank.robot.compiled_robot import NO_PARAMETERS, CompiledRobot
+from bellcrank.robot.compiled_robot import NO_PARAMETERS
 from bellcrank.robot.joints import RobotJoint
 from bellcrank.robot.payload import Payload
 from bellcrank.robot.robot_cache import robot_data
+from bellcrank.robot.robot_derivatives import RobotDerivatives
 from bellcrank.robot.state_checks import QVA, QVTAU, all_finite
 
 __all__ = ["BLOCK_NUMBERS", "LARGEST_WHOLE", "Robot", "RobotJoint"]
@@ -27,7 +28,7 @@ LARGEST_WHOLE = 60  # joints up to which the mass matrix is one expression
 BLOCK_NUMBERS = 4_000_000  # of mass matrices in memory at a time
 
 
-class Robot(CompiledRobot):
+class Robot(RobotDerivatives):
     """A URDF robot and its dynamics, made by `load_robot`.
 
     Position is (nq,) or (n, nq), velocity, acceleration and torque (nv,) or (n, nv): one number a joint of one degree

@@ -101,6 +101,7 @@ NB_MODULE(_trace, m) {
           },
           "joints"_a, "frames"_a, "mimics"_a, "settings"_a, "gravity"_a, "parameters"_a)
       .def("inverse_dynamics", [](const Tree& t) { return serialized(t.inverse_dynamics()); })
+      .def("inverse_dynamics_derivatives", [](const Tree& t) { return serialized(t.inverse_dynamics_derivatives()); })
       .def("reactions", [](const Tree& t) { return serialized(t.reactions()); })
       .def("forward_dynamics", [](const Tree& t) { return serialized(t.forward_dynamics()); })
       .def("mass_matrix", [](const Tree& t) { return serialized(t.mass_matrix()); })

@@ -71,6 +71,8 @@ class Tree {
   ~Tree();
 
   ::casadi::Function inverse_dynamics() const;  // (q, v, a, p) -> tau
+  ::casadi::Function inverse_dynamics_derivatives() const;  // (q, v, a, p) -> sparse dtau/dq, dtau/dv, M; dq in the
+                                                // tangent space: to the right, as v
   ::casadi::Function reactions() const;         // (q, v, a, p) -> wrench through each joint, joint frame
   ::casadi::Function forward_dynamics() const;  // (q, v, tau, p) -> a
   ::casadi::Function mass_matrix() const;       // (q, p) -> M, dense, row by row

@@ -1,0 +1,173 @@
+"""The derivatives of a robot's dynamics as machine code that is compiled when first called."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank import arguments
+from bellcrank.errors import InputError
+from bellcrank.robot.compiled_robot import CompiledRobot
+from bellcrank.robot.derivative_equations import DerivativeEquations
+from bellcrank.robot.joints import joint_named, require_uniform
+from bellcrank.robot.parameter_derivatives import ParameterDerivatives
+from bellcrank.robot.state_checks import QVA, QVTAU, all_finite
+
+Array = NDArray[np.float64]
+
+
+class InverseDynamicsDerivatives(NamedTuple):
+    """The derivatives of the torques tau(q, v, a), (nv, nv) or (n, nv, nv); row: torque, column: along which.
+
+    Attributes:
+        by_position: ∂tau/∂q, column k along δ_k of q ⊕ δ.
+        by_velocity: ∂tau/∂v.
+        mass_matrix: ∂tau/∂a = M(q).
+    """
+
+    by_position: Array
+    by_velocity: Array
+    mass_matrix: Array
+
+
+class ForwardDynamicsDerivatives(NamedTuple):
+    """The derivatives of the accelerations a(q, v, tau), (nv, nv) or (n, nv, nv); row: acceleration.
+
+    Attributes:
+        by_position: ∂a/∂q, column k along δ_k of q ⊕ δ.
+        by_velocity: ∂a/∂v.
+        inverse_mass_matrix: ∂a/∂tau = M(q)⁻¹.
+    """
+
+    by_position: Array
+    by_velocity: Array
+    inverse_mass_matrix: Array
+
+
+class RobotDerivatives(CompiledRobot):
+    """A robot and the derivatives of its dynamics; `Robot` adds the dynamics."""
+
+    def inverse_dynamics_derivatives(self, q: Any, v: Any, a: Any) -> InverseDynamicsDerivatives:
+        """The derivatives of `inverse_dynamics` by position, velocity and acceleration, friction included.
+
+        The position varies in its tangent space, as in Pinocchio: column k of ∂tau/∂q is the derivative along δ_k of
+        q ⊕ δ, the position that the velocity δ reaches from q in one second. For joints of one degree of freedom this
+        is the plain derivative by q_k; for a free base δ is a displacement (m) and a rotation vector (rad) in the
+        base's own axes, for a spherical joint a rotation vector in the child's axes.
+
+        Source: Carpentier & Mansard, Analytical Derivatives of Rigid Body Dynamics Algorithms, RSS 2018, by Pinocchio;
+        for few joints plain differentiation of the recursive Newton-Euler algorithm, where that has fewer operations.
+
+        Args:
+            q: Position (nq,) or (n, nq).
+            v: Velocity (nv,) or (n, nv).
+            a: Acceleration (nv,) or (n, nv), rad/s² or m/s².
+
+        Returns:
+            ∂tau/∂q, ∂tau/∂v and M, each (nv, nv) or (n, nv, nv), N m or N over rad or m, rad/s or m/s, rad/s² or m/s².
+
+        Raises:
+            InputError: A shape is wrong, a number is not finite, or a derivative overflows.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> robot = bc.load_robot("planar_2r", gravity=(0, -9.81, 0))
+            >>> q, v, a = [0.1, 0.2], [0.3, 0.4], [0.5, 0.6]
+            >>> by_q, by_v, mass = robot.inverse_dynamics_derivatives(q, v, a)
+            >>> higher = robot.inverse_dynamics([0.1 + 1e-6, 0.2], v, a)
+            >>> lower = robot.inverse_dynamics([0.1 - 1e-6, 0.2], v, a)
+            >>> bool((abs((higher - lower) / 2e-6 - by_q[:, 0]) < 1e-8).all())
+            True
+        """
+        states = self._check.states(QVA, q, v, a)
+        code = self._code("inverse_dynamics_derivatives", lambda: self._derivatives().inverse_dynamics())
+        return InverseDynamicsDerivatives(*self._matrices(code(*states), self.nv))
+
+    def forward_dynamics_derivatives(self, q: Any, v: Any, tau: Any) -> ForwardDynamicsDerivatives:
+        """The derivatives of `forward_dynamics` by position, velocity and torque, friction included.
+
+        They follow from those of inverse dynamics at the acceleration that tau causes: ∂a/∂x = −M⁻¹ ∂tau/∂x. The
+        position varies in its tangent space as in `inverse_dynamics_derivatives`.
+
+        Source: Carpentier & Mansard, Analytical Derivatives of Rigid Body Dynamics Algorithms, RSS 2018; M⁻¹ by the
+        factorisation LᵀDL of a tree's mass matrix, Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 6.5.
+
+        Args:
+            q: Position (nq,) or (n, nq).
+            v: Velocity (nv,) or (n, nv).
+            tau: Torques or forces (nv,) or (n, nv), N m or N.
+
+        Returns:
+            ∂a/∂q, ∂a/∂v and M⁻¹, each (nv, nv) or (n, nv, nv).
+
+        Raises:
+            InputError: A shape is wrong, a number is not finite, or the mass matrix is singular.
+
+        Example:
+            >>> import bellcrank as bc, numpy as np
+            >>> robot = bc.load_robot("planar_2r")
+            >>> by_q, by_v, inverse = robot.forward_dynamics_derivatives([0.1, 0.2], [0.3, 0.4], [0.0, 0.0])
+            >>> bool(np.allclose(inverse @ robot.mass_matrix([0.1, 0.2]), np.eye(2)))
+            True
+        """
+        states = self._check.states(QVTAU, q, v, tau)
+        code = self._code("forward_dynamics_derivatives", lambda: self._derivatives().forward_dynamics())
+        found = code(*states)
+        if not all(all_finite(each.reshape(-1)) for each in found) and not np.isfinite(found[2]).all():
+            raise InputError(
+                f"{self.name}: forward dynamics has no finite derivatives: the mass matrix is singular; give the links "
+                "that move without inertia mass (`bellcrank check` names them)"
+            )
+        return ForwardDynamicsDerivatives(*self._matrices(found, self.nv))
+
+    def inverse_dynamics_parameter_derivatives(self, q: Any, v: Any, a: Any, parameters: Sequence[str]) -> Array:
+        """The derivatives of `inverse_dynamics` by numbers of the robot file: lengths, masses, centres of mass, ….
+
+        A parameter is "joint.NAME.origin.x" (y, z in m; roll, pitch, yaw in rad), "link.NAME.mass" (kg),
+        "link.NAME.cg.x" (y, z; the centre of mass in the link's frame, m), "link.NAME.inertia.xx" (xy, yy, xz, yz, zz;
+        about the centre of mass, kg m²) or "link.NAME.scale" (a factor on mass and inertia), as `sets` of a scene's
+        parameters names them; or one of a joint's own: "joint.NAME.rotor_inertia" (kg m² or kg), "joint.NAME.viscous"
+        and "joint.NAME.coulomb" (its friction) or "joint.NAME.ratio" and "joint.NAME.offset" of a joint that mimics
+        another one; or "gravity.x" (y, z), m/s².
+
+        Args:
+            q: Position (nq,) or (n, nq).
+            v: Velocity (nv,) or (n, nv).
+            a: Acceleration (nv,) or (n, nv).
+            parameters: The names of np parameters.
+
+        Returns:
+            ∂tau/∂p, (nv, np) or (n, nv, np): N m or N over the unit of the parameter.
+
+        Raises:
+            InputError: A parameter is unknown, a shape is wrong, a number is not finite, or a derivative overflows.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> robot = bc.load_robot("planar_2r", gravity=(0, -9.81, 0))
+            >>> rest = [0.0, 0.0]
+            >>> robot.inverse_dynamics_parameter_derivatives(rest, rest, rest, ["link.link_2.mass"]).shape
+            (2, 1)
+        """
+        names = arguments.several("parameters", parameters, str, "names of parameters")
+        states = self._check.states(QVA, q, v, a)
+        derivatives = ParameterDerivatives(self.equations, tuple(names), self._velocity_place)
+        derivatives.check()
+        if not names:
+            return np.zeros((*np.broadcast_shapes(*(x.shape[:-1] for x in states)), self.nv, 0))
+        code = self._code(f"parameter derivatives {names}", derivatives.function)
+        return self._matrices((code(*states),), len(names))[0]
+
+    def _derivatives(self) -> DerivativeEquations:
+        return DerivativeEquations(self.equations)
+
+    def _velocity_place(self, name: str) -> slice:
+        joint = require_uniform(joint_named(self.name, self.joints, self.mimics(), name), "a parameter")
+        return slice(joint.v, joint.v + joint.nv)
+
+    def _matrices(self, found: Sequence[Array], width: int) -> list[Array]:
+        """Each answer (…, nv width) as matrices (…, nv, width), which are finite."""
+        return [self._check.answer("a derivative", each).reshape(*each.shape[:-1], self.nv, width) for each in found]
