@@ -248,6 +248,10 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
                            **limits}),
         "waypoints": (bc.waypoints, {"robot": robot, "times": [0.0, 1.0], "positions": [[0, 0], {"elbow": 1.0}],
                                      "samples": 11, "name": "own"}),
+        "tool_path": (bc.tool_path, {
+            "robot": robot, "frame": "tip", "points": [(1.3, 0.9, 0), {"to": (1.2, 1.2, 0), "blend": 0.05}],
+            "acceleration": 1.0, "speed": 1.0, "jerk": 10.0, "blend": 0.1, "profile": "s_curve", "start": start,
+            "begin": None, "orientation": None, "coordinates": ("x", "y"), "samples": 11, "name": "own"}),
         "point_to_point": (bc.point_to_point, {
             "robot": robot, "positions": [[0, 0], {"elbow": 1.0}], "speed": {"elbow": 2.0}, "acceleration": 5.0,
             "jerk": {"elbow": 50.0}, "profile": "s_curve", "blend": 0.1, "share": 0.5, "samples": 11, "name": "own"}),
@@ -267,7 +271,8 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
                            "payloads": [payload], "allow_massless": [], "overrides": None, "trust": []}),
         "MotionLimits": (bc.MotionLimits, {"speed": {"elbow": 2.0}, "acceleration": "none", "torque": "urdf",
                                            "actuators": True, "tool": "tip", "tool_speed": 0.5}),
-        "joint_path": (bc.joint_path, {"robot": robot, "positions": [{}, {"elbow": 1.0}], "parameters": [0.0, 1.0]}),
+        "joint_path": (bc.joint_path, {"robot": robot, "positions": [{}, {"elbow": 1.0}], "parameters": [0.0, 1.0],
+                                       "blend": 0.0}),
         "time_optimal": (bc.time_optimal, {
             "robot": robot, "path": motion, "limits": None, "grid": 20, "costs": False, "payloads": [payload],
             "overrides": None, "trust": [], "progress": None}),

@@ -23,6 +23,7 @@ _HOME = {
     "circle": "motion.frame_motions",
     "line": "motion.frame_motions",
     "waypoints": "motion.waypoints",
+    "tool_path": "motion.tool_path",
     "point_to_point": "motion.point_to_point",
     "dwell": "motion.waypoints",
     "join": "motion.motion",
@@ -141,6 +142,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "speed_factor",
     "sweep",
     "time_optimal",
+    "tool_path",
     "waypoints",
     "write_catalogue",
     "write_motion",
@@ -164,6 +166,7 @@ if TYPE_CHECKING:
     from bellcrank.motion.frame_motions import circle, line
     from bellcrank.motion.motion import Motion, join
     from bellcrank.motion.point_to_point import point_to_point
+    from bellcrank.motion.tool_path import tool_path
     from bellcrank.motion.waypoints import dwell, waypoints
     from bellcrank.planning.cycle_result import RepeatedCycle
     from bellcrank.planning.fastest_motion import FastestMotion, LimitCost

@@ -126,7 +126,9 @@ def test_the_path_of_a_blend_misses_the_corner_by_the_closed_form_and_is_smooth(
 
 def test_a_blend_longer_than_half_of_a_segment_is_refused(arm: bc.Robot) -> None:
     points = [{}, {"elbow": 1.0}, {"elbow": 1.0, "shoulder": 0.3}]
-    with pytest.raises(bc.InputError, match=r"blend of 0.2 rad or m at point 2 .* half of segment 2.* at most 0.15 "):
+    with pytest.raises(
+        bc.InputError, match=r"blend of 0.2 rad or m at point 2 .* half of the segment behind it.* at most 0.15 "
+    ):
         bc.point_to_point(arm, points, acceleration=1.0, jerk=1.0, blend=0.2)
 
 

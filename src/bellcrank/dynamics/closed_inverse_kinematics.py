@@ -100,7 +100,7 @@ class ClosedInverseKinematics:
     def motion(self) -> Motion:
         """The motion of all joints along the path. Raises UnreachableError with the time and the frame's position."""
         path, robot = self.path, self.robot
-        time, s, speed, growth = path.timing.rows(path.samples)
+        time, s, speed, growth = path.rows()
         x, first, second = path.curve(s)
         end = self.attitude if self.rotation is None else self.rotation
         q = np.empty((len(s), robot.nq))

@@ -141,10 +141,16 @@ class DependentMotions:
             if entry.start is not None:
                 start = self._start_posture(entry.start, start)
             here = self.robot.frame_pose(frame, start)[0]
-            follower = ClosedInverseKinematics(self.kinematics, entry.path(here), start)
-            freedoms, prescribed = follower.prescribed()
-            if prescribed == freedoms:
-                return follower.motion()
+            motions: list[Motion] = []
+            for path in entry.paths(here):
+                last = motions[-1].position[-1] if motions else start
+                follower = ClosedInverseKinematics(self.kinematics, path, last)
+                freedoms, prescribed = follower.prescribed()
+                if prescribed != freedoms:
+                    break
+                motions.append(follower.motion())
+            else:
+                return motions[0] if len(motions) == 1 else join(*motions, name=entry.name)
             if entry.options.coordinates is not None or not self._open_chain_suffices(frame):
                 raise InputError(follower.too_few_coordinates())
             return None

@@ -68,27 +68,32 @@ class BlendedPath:
     def __call__(self, s: Array) -> tuple[Array, Array, Array]:
         """Positions (n, m) at path parameters (n,), and their first and second derivatives."""
         parts = [np.empty((len(s), len(self.segments[0].begin))) for _ in range(3)]
-        corners, r = self.corners, (0.0, *self.blends, 0.0)
-        for k, segment in enumerate(self.segments):
-            inside = (s >= corners[k] + r[k]) & (s <= corners[k + 1] - r[k + 1])
-            _fill(parts, inside, segment.curve(s[inside] - corners[k]))
-        for k, radius in enumerate(self.blends):
-            inside = np.abs(s - corners[k + 1]) < radius
-            _fill(parts, inside, _blend(self.segments[k], self.segments[k + 1], radius, s[inside] - corners[k + 1]))
+        corners, r = self.corners, np.array(self.blends)
+        piece = np.searchsorted(np.column_stack([corners[1:-1] - r, corners[1:-1] + r]).ravel(), s, side="right")
+        for k in np.unique(piece).tolist():  # segments and blends by turns
+            inside, number = piece == k, k // 2
+            if k % 2 == 0:
+                values = self.segments[number].curve(s[inside] - corners[number])
+            else:
+                before, after = self.segments[number : number + 2]
+                values = _blend(before, after, self.blends[number], s[inside] - corners[number + 1])
+            for part, value in zip(parts, values, strict=True):
+                part[inside] = value
         return parts[0], parts[1], parts[2]
 
 
-def blended(segments: Sequence[Segment], blends: Sequence[float], title: str, unit: str) -> BlendedPath:
+def blended(segments: Sequence[Segment], blends: Sequence[float], title: str, unit: str, first: int = 1) -> BlendedPath:
     """The path of segments with a blend at each corner between them. Raises InputError where a blend takes more than
-    half of a segment; `title` is what the message begins with, `unit` the lengths' unit.
+    half of a segment; `title` is what the message begins with, `unit` the lengths' unit, `first` the number of the
+    first corner.
     """
     for k, radius in enumerate(blends):
-        for segment, number in ((segments[k], k + 1), (segments[k + 1], k + 2)):
+        for segment, side in ((segments[k], "before"), (segments[k + 1], "behind")):
             if radius > HALF * segment.length:
                 most = 0.5 * segment.length
                 raise InputError(
-                    f"{title}: the blend of {radius:g} {unit} at point {k + 2} is longer than half of segment {number}"
-                    f", which is {segment.length:.6g} {unit} long; choose at most {most:.6g} {unit} there"
+                    f"{title}: the blend of {radius:g} {unit} at point {k + first} is longer than half of the segment "
+                    f"{side} it, which is {segment.length:.6g} {unit} long; choose at most {most:.6g} {unit} there"
                 )
     return BlendedPath(tuple(segments), tuple(float(radius) for radius in blends))
 
@@ -102,11 +107,6 @@ def straight(begin: Array, end: Array) -> Segment:
         return begin + s[:, None] * direction, np.tile(direction, (len(s), 1)), np.zeros((len(s), len(begin)))
 
     return Segment(begin, end, length, curve)
-
-
-def _fill(parts: list[Array], inside: Array, values: tuple[Array, Array, Array]) -> None:
-    for part, value in zip(parts, values, strict=True):
-        part[inside] = value
 
 
 def _blend(first: Segment, second: Segment, radius: float, s: Array) -> tuple[Array, Array, Array]:

@@ -2,7 +2,8 @@
 
 Kinds and their keys, units as elsewhere (m, rad or "… deg", s): circle {frame, center, radius, normal, turns}
 and line {frame, end, begin}, both with {start, duration, speed, acceleration, jerk, profile, orientation,
-samples, coordinates}; waypoints {times, positions, samples}; point_to_point {from, to, positions, speed,
+samples, coordinates}; tool_path {frame, points, begin, blend, and the others
+of a line}; waypoints {times, positions, samples}; point_to_point {from, to, positions, speed,
 acceleration, jerk, profile, blend, share, samples}; dwell {position, duration}; csv {file}; join {parts: names
 of motions, or motions in place}. A part of a join without `start` or `position` starts where the part before it ended.
 """
@@ -21,6 +22,7 @@ from bellcrank.messages import format_value, unknown_name
 from bellcrank.motion.motion_entry import MotionEntry, Posture, posture_of, read_posture
 from bellcrank.motion.path_entries import CircleEntry, LineEntry
 from bellcrank.motion.point_to_point_entry import PointToPointEntry
+from bellcrank.motion.tool_path_entry import ToolPathEntry
 
 if TYPE_CHECKING:
     from bellcrank.motion.coordinates import Array
@@ -166,7 +168,7 @@ class JoinEntry(MotionEntry):
 
 
 _CLASSES: tuple[type[MotionEntry], ...] = (
-    CircleEntry, LineEntry, WaypointsEntry, PointToPointEntry, DwellEntry, CsvEntry, JoinEntry,
+    CircleEntry, LineEntry, ToolPathEntry, WaypointsEntry, PointToPointEntry, DwellEntry, CsvEntry, JoinEntry,
 )  # fmt: skip
 KINDS: dict[str, type[MotionEntry]] = {entry.kind: entry for entry in _CLASSES}
 

@@ -12,7 +12,7 @@ from bellcrank.motion.coordinates import Array
 from bellcrank.motion.frame_task import check_plane, frame_task
 from bellcrank.motion.inverse_kinematics import NEAR_SINGULAR, follow
 from bellcrank.motion.limit_notes import limit_notes
-from bellcrank.motion.motion import Motion
+from bellcrank.motion.motion import Motion, join
 from bellcrank.motion.path import (
     AXES,
     Circle,
@@ -172,10 +172,20 @@ def line(
     return follow_path(robot, Line(end, begin).path(options, here), posture)
 
 
+def follow_paths(robot: Robot, paths: Sequence[FramePath], start: Array) -> Motion:
+    """The motion along paths, one after the other, from the branch of the posture `start` (nq,). Raises
+    BellcrankError.
+    """
+    motions: list[Motion] = []
+    for path in paths:
+        motions.append(follow_path(robot, path, motions[-1].position[-1] if motions else start))
+    return motions[0] if len(motions) == 1 else join(*motions, name=paths[0].name)
+
+
 def follow_path(robot: Robot, path: FramePath, start: Array) -> Motion:
     """The motion along a path, on the branch of the posture `start` (nq,). Raises BellcrankError."""
     title, frame, curve, name = f"motion '{path.name}'", path.frame, path.curve, path.name
-    time, s, speed, growth = path.timing.rows(path.samples)
+    time, s, speed, growth = path.rows()
     rotation = wanted_rotation(path, robot.frame_pose(frame, start)[1])
     task = frame_task(robot, frame, start, rotation, title, path.coordinates)
     check_plane(task, curve(s)[0], time, title)

@@ -42,6 +42,11 @@ class FramePath:
     orientation: Orientation | None
     samples: int
     coordinates: tuple[str, ...]
+    knots: Array | None = None  # lengths at which there is a row
+
+    def rows(self) -> tuple[Array, Array, Array, Array]:
+        """Time, length, speed and acceleration of the rows."""
+        return self.timing.rows(self.samples, self.knots)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,16 +28,16 @@ class PathEntry(MotionEntry):
     start: Posture | None
 
     @abstractmethod
-    def path(self, here: Array) -> FramePath:
-        """The path, for a frame that is `here` (3,) m at the start. Raises InputError."""
+    def paths(self, here: Array) -> tuple[FramePath, ...]:
+        """The paths from stop to stop, for a frame that is `here` (3,) m at the start. Raises InputError."""
 
     def motion(self, robot: Robot, entries: Mapping[str, MotionEntry], previous: Array | None) -> Motion:
         """As `build`."""
-        from bellcrank.motion.frame_motions import follow_path, start_posture
+        from bellcrank.motion.frame_motions import follow_paths, start_posture
 
         start = start_posture(robot, previous if self.start is None else self.start)
         here = robot.frame_pose(self.options.frame, start)[0]
-        return follow_path(robot, self.path(here), start)
+        return follow_paths(robot, self.paths(here), start)
 
 
 @dataclass(frozen=True)
@@ -61,9 +61,9 @@ class CircleEntry(PathEntry):
         )
         return cls(name, fields, options, start, circle)
 
-    def path(self, here: Array) -> FramePath:
+    def paths(self, here: Array) -> tuple[FramePath, ...]:
         """The path, which does not depend on where the frame is."""
-        return self.circle.path(self.options)
+        return (self.circle.path(self.options),)
 
 
 @dataclass(frozen=True)
@@ -84,9 +84,9 @@ class LineEntry(PathEntry):
         fields.known("begin")
         return cls(name, fields, options, start, Line(end, begin))
 
-    def path(self, here: Array) -> FramePath:
+    def paths(self, here: Array) -> tuple[FramePath, ...]:
         """The path, from `here` (3,) m where the entry gives no begin."""
-        return self.line.path(self.options, here)
+        return (self.line.path(self.options, here),)
 
 
 def _read_path(name: str, fields: Fields, profile: str) -> tuple[PathOptions, Posture | None]:
@@ -102,6 +102,12 @@ def _read_path(name: str, fields: Fields, profile: str) -> tuple[PathOptions, Po
     if timing["duration"] is None and timing["speed"] is None and timing["acceleration"] is None:
         raise fields.error("", "the key 'duration' is missing (or limits: 'speed', 'acceleration', 'jerk')")
     profile = fields.choice("profile", PROFILES, profile)
+    place, start = read_place(fields)
+    return PathOptions(name=name, profile=profile, **place, **timing), start
+
+
+def read_place(fields: Fields) -> tuple[dict[str, Any], Posture | None]:
+    """Which frame moves, with which orientation and coordinates and how many rows; and the start posture."""
     samples = fields.integer("samples", 1001, minimum=2)
     start = read_posture(fields, "start") if "start" in fields else None
     orientation: str | tuple[float, ...] | None = None
@@ -110,16 +116,13 @@ def _read_path(name: str, fields: Fields, profile: str) -> tuple[PathOptions, Po
         orientation = "hold" if held else fields.vector("orientation", 3, "rad")
     coordinates = _read_coordinates(fields) if "coordinates" in fields else None
     fields.known("start", "orientation", "coordinates")
-    options = PathOptions(
-        name=name,
-        frame=fields.text("frame"),
-        profile=profile,
-        orientation=orientation,
-        samples=samples,
-        coordinates=coordinates,
-        **timing,
-    )
-    return options, start
+    found = {
+        "frame": fields.text("frame"),
+        "orientation": orientation,
+        "samples": samples,
+        "coordinates": coordinates,
+    }
+    return found, start
 
 
 def _read_coordinates(fields: Fields) -> tuple[str, ...]:

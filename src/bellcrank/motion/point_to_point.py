@@ -102,7 +102,7 @@ def point_to_point(
     lines = [straight(a, b) for a, b in pairwise(points)]
     paths = [BlendedPath((line,), ()) for line in lines]
     if blend > 0.0:
-        paths = [blended(lines, [blend] * (len(lines) - 1), title, "rad or m")]
+        paths = [blended(lines, [blend] * (len(lines) - 1), title, "rad or m", 2)]
     parts = [_along(robot, path, _timing(robot, path, limits, profile, title), samples, name) for path in paths]
     motion = parts[0] if len(parts) == 1 else join(*parts, name=name)
     notes = (*motion.notes, *limit_notes(robot, name, motion.time, motion.position))

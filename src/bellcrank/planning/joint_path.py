@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.errors import InputError
+from bellcrank.motion.blends import blended, straight
 from bellcrank.motion.motion import AT_REST
 from bellcrank.robot.joints import JointLike, require_one_degree
 
@@ -109,21 +110,24 @@ def joint_path(
     robot: Robot,
     positions: Sequence[Mapping[str, float] | Sequence[float] | Array] | Array,
     parameters: Sequence[float] | Array | None = None,
+    blend: float = 0.0,
 ) -> JointPath:
-    """A path through given postures: the natural cubic spline.
+    """A path through given postures: the natural cubic spline; or straight lines whose corners are cut by blends.
 
     Args:
         robot: The robot; each of its joints has one degree of freedom.
         positions: Two postures or more: joint positions by name (other joints are neutral), or (nq,), rad or m.
         parameters: Increasing values of the path parameter at the postures, the first 0; by default the sum of the
             straight distances between postures.
+        blend: Distance before and behind each inner posture, in joint space (rad and m), between which the path leaves
+            the straight lines and cuts the corner; it misses the posture by at most 5/16 of it. 0: the spline.
 
     Returns:
         The path.
 
     Raises:
-        InputError: An argument is wrong, two postures that follow each other are the same, or a joint has several
-            degrees of freedom.
+        InputError: An argument is wrong, two postures that follow each other are the same, a joint has several
+            degrees of freedom, or a blend takes more than half of the line between two postures.
 
     Example:
         >>> import bellcrank as bc
@@ -143,6 +147,11 @@ def joint_path(
     if np.any(steps == 0.0):
         k = int(np.argmin(steps))
         raise InputError(f"positions {k} and {k + 1} are the same; a path needs a distance between them")
+    blend = arguments.number("blend", blend, "rad or m", least=0.0, most=1e9)
+    if blend > 0.0:
+        if parameters is not None:
+            raise InputError("argument 'blend': it goes with straight lines, which take no 'parameters'")
+        return _with_blends(joints, points, blend)
     if parameters is None:
         knots = np.concatenate([[0.0], np.cumsum(steps)])
     else:
@@ -151,6 +160,12 @@ def joint_path(
             arguments.refuse("parameters", f"{len(points)} numbers that begin with 0", parameters)
     spline = CubicSpline(knots, points, bc_type="natural")
     return JointPath(joints, float(knots[-1]), lambda s, order: np.asarray(spline(s, order)), knots)
+
+
+def _with_blends(joints: tuple[JointLike, ...], points: Array, blend: float) -> JointPath:
+    lines = [straight(a, b) for a, b in pairwise(points)]
+    path = blended(lines, [blend] * (len(lines) - 1), "path of joints", "rad or m", 2)
+    return JointPath(joints, path.length, lambda s, order: path(np.asarray(s))[order], path.knots)
 
 
 def one_degree_joints(robot: Robot) -> tuple[JointLike, ...]:
