@@ -69,7 +69,8 @@ def _target(name: str) -> Target:
     has = llvm().get_host_cpu_features()
     if name == "native":
         lanes = 8 if has.get("avx512f") and has.get("avx512dq") else 4 if has.get("avx2") else 2
-        return Target(name, llvm().get_host_cpu_name(), has.flatten(), lanes, bool(has.get("fma")))
+        fused = bool(has.get("fma")) or platform.machine() in ("aarch64", "arm64")  # every ARM of 64 bits has it
+        return Target(name, llvm().get_host_cpu_name(), has.flatten(), lanes, fused)
     cpu, features, lanes, fused = _LEVELS[name]
     missing = [f[1:] for f in features.split(",") if f.startswith("+") and not has.get(f[1:])]
     if missing:

@@ -18,11 +18,17 @@ from bellcrank.studies.execution import Part, Work
 DESIGNS_A_THREAD = 32  # at least, in one call: four times the widest SIMD lanes, so that few lanes wait at its end
 
 
+def _processors() -> int:
+    """The number of processors that this process may use; all of them where the system does not tell."""
+    usable = getattr(os, "sched_getaffinity", None)
+    return len(usable(0)) if usable else os.cpu_count() or 1
+
+
 class LocalExecutor:
     """Runs designs in `threads` threads of this process, by default one a processor."""
 
     def __init__(self, threads: int | None = None) -> None:
-        self.threads = threads or len(os.sched_getaffinity(0))
+        self.threads = threads or _processors()
 
     def __enter__(self) -> Self:
         return self

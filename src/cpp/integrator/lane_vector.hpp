@@ -1,8 +1,11 @@
 // SIMD lanes: one double a lane, as many lanes as a register has. Nothing here lets one lane's value reach another lane.
 #pragma once
 
+#ifdef __SSE2__
 #include <immintrin.h>
+#endif
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -35,8 +38,12 @@ BELLCRANK_INLINE Bits bits(Mask m) {
   return _mm512_movepi64_mask((__m512i)m);
 #elif defined(__AVX2__)
   return static_cast<Bits>(_mm256_movemask_pd((__m256d)m));
-#else
+#elif defined(__SSE2__)
   return static_cast<Bits>(_mm_movemask_pd((__m128d)m));
+#else
+  Bits found = 0;
+  for (int lane = 0; lane < width; ++lane) found |= static_cast<Bits>(m[lane] != 0) << lane;
+  return found;
 #endif
 }
 BELLCRANK_INLINE bool any(Mask m) { return bits(m) != 0; }
@@ -58,8 +65,11 @@ BELLCRANK_INLINE Vec root(Vec v) {
   return (Vec)_mm512_sqrt_pd((__m512d)v);
 #elif defined(__AVX2__)
   return (Vec)_mm256_sqrt_pd((__m256d)v);
-#else
+#elif defined(__SSE2__)
   return (Vec)_mm_sqrt_pd((__m128d)v);
+#else
+  for (int lane = 0; lane < width; ++lane) v[lane] = std::sqrt(v[lane]);
+  return v;
 #endif
 }
 
