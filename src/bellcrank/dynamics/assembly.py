@@ -12,7 +12,7 @@ Algorithms (2008), ch. 7, by Pinocchio.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from bellcrank.dynamics.base_frame_elimination import mass_matrix
 from bellcrank.dynamics.constraint_derivatives import SymbolicRows, differentiate_constraints
@@ -121,19 +121,7 @@ def assemble(scene: Scene) -> Assembly:
 
     robot = scene.robot
     s = Symbols(robot, scene.parameters, scene.frames, scene.initial.clock)
-    actuator, passive = casadi.SX.zeros(robot.nv, 1), casadi.SX.zeros(robot.nv, 1)
-    potential, power = casadi.SX(0), casadi.SX(0)
-    for item in (*scene.forces, *scene.control):
-        applied = item.generalised_force(s)
-        if applied.actuator:
-            actuator += applied.force
-        else:
-            passive += applied.force
-        potential += applied.potential
-        power += applied.power
-    friction = robot.equations.friction(s.v)
-    passive -= friction
-    power -= casadi.dot(friction, s.v)
+    actuator, passive, potential, power = applied_forces(scene, s)
     torque = actuator + passive
     newton_euler = s.algorithm("inverse_dynamics")
     bias = newton_euler(s.q, s.v, casadi.SX(robot.nv, 1), s.tracer_parameters)
@@ -194,6 +182,34 @@ def assemble(scene: Scene) -> Assembly:
         event_equations=event_equations,
         solution=solution,
     )
+
+
+class AppliedForces(NamedTuple):
+    """Joint forces (nv) of motors and of everything else, the potential energy, and the power of what has none."""
+
+    actuator: casadi.SX
+    passive: casadi.SX
+    potential: casadi.SX
+    power: casadi.SX
+
+
+def applied_forces(scene: Scene, s: Symbols) -> AppliedForces:
+    """The forces, controllers and friction of a scene. Raises InputError where a force cannot act on this robot."""
+    import casadi
+
+    robot = scene.robot
+    actuator, passive = casadi.SX.zeros(robot.nv, 1), casadi.SX.zeros(robot.nv, 1)
+    potential, power = casadi.SX(0), casadi.SX(0)
+    for item in (*scene.forces, *scene.control):
+        applied = item.generalised_force(s)
+        if applied.actuator:
+            actuator += applied.force
+        else:
+            passive += applied.force
+        potential += applied.potential
+        power += applied.power
+    friction = robot.equations.friction(s.v)
+    return AppliedForces(actuator, passive - friction, potential, power - casadi.dot(friction, s.v))
 
 
 def _symbolic_rows(scene: Scene) -> tuple[SymbolicRows, casadi.SX]:

@@ -1,0 +1,1 @@
+"""Linear analysis: operating points, linearised equations, modes and root loci."""

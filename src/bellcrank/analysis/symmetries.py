@@ -1,0 +1,202 @@
+"""The symmetries of a scene's equations: motions of the whole state that turn solutions into solutions.
+
+Candidates are the one-parameter groups
+
+- of every joint of one degree of freedom: its coordinate shifted (a wheel about its axle, a carriage on its rail);
+- of every joint of several degrees of freedom: moved on its parent ("left": a free base moved or turned in the world),
+  or turned in its own axes ("right": a disk about its own axis), where v turns too.
+
+As fields on the state (q, v), with a displacement a of the position (tangent_space.py) and a change b of v,
+
+    left: a = Ad(q)⁻¹ e, b = 0;     right: a = η, b = ad(v) η;     shift: a = unit vector, b = 0.
+
+A linear combination of them is a symmetry if it is carried along by the linearised equations, v̇ = F(q, v),
+
+    ∂F/∂δ a + ∂F/∂v b = ḃ   (ḃ = ad(v̇) η on the right, else 0),
+
+and keeps the constraints, ∂φ/∂δ a = 0 and ∂w/∂δ a + J b = 0. That is linear in the coefficients and is solved at some
+random states that satisfy the constraints. Source: Marsden & Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., 9.3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from bellcrank.dynamics.constraint_rows import velocity_units
+from bellcrank.dynamics.consistent_start import displaced
+from bellcrank.dynamics.linear_equations import LinearEquations, equation_code
+from bellcrank.dynamics.tangent_space import adjoint, cross
+from bellcrank.errors import InputError
+from bellcrank.numerics import svd
+from bellcrank.robot.joints import RobotJoint
+
+if TYPE_CHECKING:
+    from bellcrank.robot.robot import Robot
+    from bellcrank.scene.scene import Scene
+
+Array = NDArray[np.float64]
+STATES = 3  # random states in which the conditions must hold
+ASIDE = 0.2  # rad or characteristic lengths: how far these are from the given one
+ZERO = 1e-9  # of a condition's own terms: less is rounding
+PASSES = 20  # of the projection onto the constraints
+CLOSED = 1e-10  # characteristic lengths or rad: the residual of a projected state
+
+
+@dataclass(frozen=True, eq=False)
+class Fields:
+    """Fields on the state: displacements (nv, k), changes of v (nv, k), and the right increments η (nv, k) among them."""
+
+    displacement: Array
+    change: Array
+    right: Array
+
+    def combined(self, coefficients: Array) -> Fields:
+        """Linear combinations of the fields; `coefficients` (k, n)."""
+        return Fields(self.displacement @ coefficients, self.change @ coefficients, self.right @ coefficients)
+
+
+@dataclass(frozen=True, eq=False)
+class Symmetries:
+    """The symmetries of a scene: an orthonormal basis (candidates, k), and the names of the candidates."""
+
+    scene: Scene
+    basis: Array
+    candidates: tuple[str, ...]
+
+    @property
+    def count(self) -> int:
+        """The dimension of the symmetry group."""
+        return int(self.basis.shape[1])
+
+    def fields(self, q: Array, v: Array) -> Fields:
+        """The fields of the basis at a state."""
+        return candidate_fields(self.scene, q, v).combined(self.basis)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The candidates that take part in symmetries; combinations are not told apart."""
+        part = np.abs(self.basis).max(axis=1, initial=0.0)
+        return tuple(name for name, size in zip(self.candidates, part, strict=True) if size > 1e-6)
+
+
+def candidate_names(robot: Robot) -> tuple[str, ...]:
+    """The names of the candidates, joint after joint."""
+    names: list[str] = []
+    for joint in robot.joints:
+        if joint.nv == 1:
+            names.append(f"shift of {joint.name}")
+            continue
+        axes = _axes(joint)
+        names += [f"{axis} of {joint.name} in its parent's axes" for axis in axes]
+        names += [f"{axis} of {joint.name} in its own axes" for axis in axes]
+    return tuple(names)
+
+
+def candidate_fields(scene: Scene, q: Array, v: Array) -> Fields:
+    """The fields of all candidates at a state; translations by one characteristic length."""
+    robot, unit = scene.robot, velocity_units(scene) if scene.constraints else np.ones(scene.robot.nv)
+    displacement: list[Array] = []
+    right: list[Array] = []
+    none = np.zeros(robot.nv)
+    for joint in robot.joints:
+        part = slice(joint.v, joint.v + joint.nv)
+        own = np.eye(robot.nv)[part] * unit
+        if joint.nv == 1:
+            displacement, right = [*displacement, own[0]], [*right, none]
+            continue
+        moved = np.zeros((joint.nv, robot.nv))
+        moved[:, part] = (_to_body(joint, q) * unit[part]).T
+        displacement += [*moved, *own]
+        right += [none] * joint.nv + [*own]
+    a, eta = np.array(displacement).T, np.array(right).T
+    return Fields(a, adjoint(robot, v) @ eta, eta)
+
+
+def symmetries_of(scene: Scene, time: float, q: Array, v: Array) -> Symmetries:
+    """The symmetries of a scene's equations at a time, found from states near a given one (q, v)."""
+    robot = scene.robot
+    unit = velocity_units(scene) if scene.constraints else np.ones(robot.nv)
+    random = np.random.default_rng(0)
+    conditions = []
+    for _ in range(STATES):
+        there_q, there_v, at = _state_nearby(scene, time, q, v, random)
+        fields = candidate_fields(scene, there_q, there_v)
+        by_q, by_v = at.solved_by("position")[0], at.solved_by("velocity")[0]
+        carried = adjoint(robot, at.acceleration) @ fields.right
+        h = len(at.position_residual)
+        zero = np.zeros((h, robot.nv))
+        parts = (by_q, by_v, -np.eye(robot.nv)), (at.jacobian[:h], zero, zero), (
+            at.velocity_by_position, at.jacobian, np.zeros((len(at.jacobian), robot.nv)),
+        )  # fmt: skip
+        for matrices in parts:
+            terms = list(zip(matrices, (fields.displacement, fields.change, carried), strict=True))
+            size = sum(np.abs(m) @ np.abs(x).max(axis=1, initial=0.0) + np.abs(m) @ unit for m, x in terms)
+            rows = sum(m @ x for m, x in terms)
+            conditions.append(np.asarray(rows) / np.where(size > 0.0, size, 1.0)[:, None])
+    names = candidate_names(robot)
+    _, values, vectors = svd(np.concatenate(conditions), "the conditions of symmetry are")
+    return Symmetries(scene, np.asarray(vectors[np.count_nonzero(values > ZERO) :].T), names)
+
+
+def project(scene: Scene, time: float, q: Array, v: Array) -> tuple[Array, Array, LinearEquations]:
+    """The nearest state that satisfies the constraints, by Newton's method. Raises InputError where there is none."""
+    code = equation_code(scene)
+    at = code.at(time, q, v)
+    unit = velocity_units(scene) if scene.constraints else np.ones(len(v))
+    for _ in range(PASSES):
+        h = len(at.position_residual)
+        if np.abs(at.position_residual).max(initial=0.0) <= CLOSED * unit.max():
+            break
+        step = np.linalg.lstsq(at.jacobian[:h] * unit, -at.position_residual, rcond=1e-8)[0] * unit
+        q = displaced(scene, q, step)
+        at = code.at(time, q, v)
+    else:
+        raise InputError(f"{scene.source}: no posture near the operating point satisfies the constraints")
+    if len(at.jacobian):
+        v = v - np.linalg.lstsq(at.jacobian * unit, at.velocity_residual, rcond=1e-8)[0] * unit
+        at = code.at(time, q, v)
+    return q, v, at
+
+
+def _state_nearby(
+    scene: Scene, time: float, q: Array, v: Array, random: np.random.Generator
+) -> tuple[Array, Array, LinearEquations]:
+    """A random state near (q, v) that satisfies the constraints, the nearer the harder one is to find."""
+    robot = scene.robot
+    unit = velocity_units(scene) if scene.constraints else np.ones(robot.nv)
+    at = equation_code(scene).at(time, q, v)
+    free = at.solver.free if len(at.jacobian) else np.eye(robot.nv)
+    for share in (ASIDE, ASIDE / 4.0, ASIDE / 16.0):
+        step, speed = (free @ random.normal(size=free.shape[1]) for _ in range(2))
+        length = np.linalg.norm(step / unit)
+        try:
+            there = displaced(scene, q, share * step / (length if length > 0.0 else 1.0))
+            return project(scene, time, there, v + speed)
+        except InputError:
+            continue
+    return q, v, at
+
+
+def _axes(joint: RobotJoint) -> tuple[str, ...]:
+    if joint.kind == "spherical":
+        return tuple(f"rotation about {axis}" for axis in "xyz")
+    if joint.kind == "planar":
+        return ("translation along x", "translation along y", "rotation")
+    return (*[f"translation along {axis}" for axis in "xyz"], *[f"rotation about {axis}" for axis in "xyz"])
+
+
+def _to_body(joint: RobotJoint, q: Array) -> Array:
+    """Ad(q)⁻¹ (nv, nv) of a joint: the velocity in its own axes of a motion in its parent's, about the parent's origin."""
+    own = q[joint.q : joint.q + joint.nq]
+    if joint.kind == "planar":
+        x, y, c, s = own
+        return np.array([[c, s, s * x - c * y], [-s, c, c * x + s * y], [0.0, 0.0, 1.0]])
+    turn = Rotation.from_quat(own[-4:]).as_matrix().T
+    if joint.kind == "spherical":
+        return np.asarray(turn)
+    return np.block([[turn, -turn @ cross(own[:3])], [np.zeros((3, 3)), turn]])
