@@ -23,6 +23,10 @@ from bellcrank.errors import BellcrankError, InputError
 # Classes that functions of the interface make, and which have no checks of their own: their methods are called here.
 MADE_BY = {
     "Mobility": "mobility",
+    "SceneDerivatives": "scene_derivatives",
+    "Slopes": "scene_derivatives",
+    "Linearisation": "linearise",
+    "Mode": "linearise",
     "Robot": "load_robot",
     "Scene": "load_scene",
     "RobotConfig": "load_robot_config",
@@ -189,7 +193,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
     """Every public function and method with arguments that it takes, cheap ones; files go into the working folder."""
     robot = bc.load_robot("planar_2r")
     pendulum, four_bar = bc.load_scene("pendulum"), bc.load_scene("four_bar")
-    linkage = bc.Linkage(four_bar)
+    linkage, linear = bc.Linkage(four_bar), bc.linearise(pendulum)
     config = bc.load_robot_config("planar_2r")
     actuator = bc.Actuator(100.0, 1.0, 2.0, 300.0, 400.0)
     payload = bc.Payload(1.0, "tip")
@@ -313,6 +317,12 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
             "folder": None}),
         "scene_inverse_dynamics": (bc.scene_inverse_dynamics, one_motor),
         "Linkage": (bc.Linkage, {"scene": four_bar, "robot": four_bar.robot, "actuated": ["crank"]}),
+        "scene_derivatives": (bc.scene_derivatives, {
+            "scene": pendulum, "q": [0.1], "v": [0.2], "time": 0.0, "torque": [0.3]}),
+        "linearise": (bc.linearise, {
+            "scene": pendulum, "at": "start", "inputs": ["swing"], "keep_symmetries": True}),
+        **of(linear, to_json={"path": "modes.json"}, to_mat={"path": "modes.mat"}, to_dict={}),
+        **of(linear.modes[0], to_dict={}),
         "mobility": (bc.mobility, {"scene": four_bar}),
         "plot": (bc.plot, {"run": run, "path": None, "frame": "P1"}),
         "replay": (bc.replay, {"source": motion, "path": "page.html", "robot": robot, "trace": ["tip"],

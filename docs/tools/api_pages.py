@@ -16,12 +16,13 @@ TITLES = {
     "planning": "Fastest motions",
     "scene": "Robot configurations and scenes",
     "simulation": "Simulation",
+    "analysis": "Linear analysis",
     "studies": "Sweeps",
-    "dynamics": "Inverse dynamics of scenes",
+    "dynamics": "Inverse dynamics and derivatives of scenes",
     "replays": "Replays and reports",
     "errors": "Errors",
 }
-ROOMS = {"reports": "replays", "analysis": "simulation"}  # rooms without a page of their own
+ROOMS = {"reports": "replays"}  # rooms without a page of their own
 OLD_ARGUMENTS = (  # function, old argument, new one: decorators tell no one outside
     ("size", "drives", "actuators"),
     ("replay, show, report", "thing", "source"),

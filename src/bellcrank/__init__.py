@@ -53,6 +53,9 @@ _HOME = {
     "PreparedRun": "simulation.prepared_simulation",
     "Trajectory": "simulation.trajectory",
     "load_run": "simulation.load_run",
+    "linearise": "analysis.linearise",
+    "Linearisation": "analysis.linearisation",
+    "Mode": "analysis.mode",
     "sweep": "studies.sweep",
     "Sweep": "studies.sweep_result",
     "time_optimal": "planning.time_optimal",
@@ -68,6 +71,9 @@ _HOME = {
     "sobol_indices": "studies.sensitivity_study",
     "Sensitivity": "studies.sensitivity",
     "SampleStatistics": "studies.sample_statistics",
+    "scene_derivatives": "dynamics.scene_derivatives",
+    "SceneDerivatives": "dynamics.scene_derivatives",
+    "Slopes": "dynamics.scene_derivatives",
     "scene_inverse_dynamics": "dynamics.scene_inverse_dynamics",
     "Linkage": "dynamics.closed_inverse_dynamics",
     "Mobility": "dynamics.mobility",
@@ -90,8 +96,10 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "InputError",
     "JointPath",
     "LimitCost",
+    "Linearisation",
     "Linkage",
     "Mobility",
+    "Mode",
     "Motion",
     "MotionLimits",
     "Motor",
@@ -105,10 +113,12 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "RobotConfig",
     "SampleStatistics",
     "Scene",
+    "SceneDerivatives",
     "Selection",
     "Sensitivity",
     "Settings",
     "Sizing",
+    "Slopes",
     "SpeedFactor",
     "Sweep",
     "Trajectory",
@@ -120,6 +130,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "join",
     "joint_path",
     "line",
+    "linearise",
     "load_catalogue",
     "load_robot",
     "load_robot_config",
@@ -133,6 +144,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "repeated_cycle",
     "replay",
     "report",
+    "scene_derivatives",
     "scene_inverse_dynamics",
     "select",
     "show",
@@ -158,8 +170,12 @@ if TYPE_CHECKING:
     from bellcrank.actuators.gear import Gear
     from bellcrank.actuators.motor import Motor
     from bellcrank.actuators.mount import Mount
+    from bellcrank.analysis.linearisation import Linearisation
+    from bellcrank.analysis.linearise import linearise
+    from bellcrank.analysis.mode import Mode
     from bellcrank.dynamics.closed_inverse_dynamics import Linkage
     from bellcrank.dynamics.mobility import Mobility, mobility
+    from bellcrank.dynamics.scene_derivatives import SceneDerivatives, Slopes, scene_derivatives
     from bellcrank.dynamics.scene_inverse_dynamics import scene_inverse_dynamics
     from bellcrank.errors import BellcrankError, CompileError, InputError, NotSavedError, UnreachableError
     from bellcrank.motion.csv_file import read_motion, write_motion

@@ -1,6 +1,7 @@
-"""The benchmark bicycle of J. P. Meijaard, J. M. Papadopoulos, A. Ruina & A. L. Schwab, Linearized dynamics equations for
-the balance and steer of a bicycle: a benchmark and review, Proc. R. Soc. A 463 (2007): its 25 parameters (table 1) as a
-URDF with two rolling disks, and its published linear equations (eq. 5.4).
+"""The benchmark bicycle of Meijaard et al.: 25 parameters as a URDF with two rolling disks, and its linear equations.
+
+J. P. Meijaard, J. M. Papadopoulos, A. Ruina & A. L. Schwab, Linearized dynamics equations for the balance and steer of
+a bicycle: a benchmark and review, Proc. R. Soc. A 463 (2007): parameters in table 1, published matrices in eq. 5.4.
 
 The paper's axes are x forwards, y to the right and z down, from the rear contact; here z is up and y to the left, which
 changes the sign of products of inertia with z. The rear frame is the free base, its frame at the rear wheel's centre.
@@ -74,7 +75,8 @@ friction: none
 constraints:
   - {{name: rear, kind: rolling_disk, frame: rear_wheel, axis: [0, 1, 0], radius: {REAR_RADIUS}}}
   - {{name: front, kind: rolling_disk, frame: front_wheel, axis: [0, 1, 0], radius: {FRONT_RADIUS}}}
-base: {{position: [0, 0, {REAR_RADIUS}], rpy: [0, 0, 0], linear_velocity: [{speed!r}, 0, 0], angular_velocity: [0, 0, 0]}}
+base: {{position: [0, 0, {REAR_RADIUS}], rpy: [0, 0, 0],
+       linear_velocity: [{speed!r}, 0, 0], angular_velocity: [0, 0, 0]}}
 initial: {{steer: 0, rear_axle: 0, front_axle: 0,
   velocity: {{steer: 0, rear_axle: {speed / REAR_RADIUS!r}, front_axle: {speed / FRONT_RADIUS!r}}}}}
 """,

@@ -1,9 +1,10 @@
 """Independent coordinates of a constrained scene near an operating point.
 
 Displacements that satisfy the holonomic rows are δ = T δ_I, changes of velocity that satisfy all rows are
-v = N v_I + W δ_I: the dependent velocities also depend on the position, W being the solution of J W = −∂w/∂δ T. Positions
-are reduced by holonomic rows only, velocities by all of them: a rolling wheel has more positions than velocities. A
-linear field on all (δ, v) that keeps the constraints is then S A [T 0; W N], S being the independent rows.
+v = N v_I + W δ_I: the dependent velocities also depend on the position, W being the solution of J W = −∂w/∂δ T.
+Positions are reduced by holonomic rows only, velocities by all of them: a rolling wheel has more positions than
+velocities. A linear field on all (δ, v) that keeps the constraints is then S A [T 0; W N], S being the independent
+rows.
 
 Which coordinates are independent follows from QR factorisations with pivoting. Sources: D. L. Peterson, G. Gede & M.
 Hubbard, Symbolic linearization of equations of motion of constrained multibody systems, Multibody System Dynamics 33
@@ -109,5 +110,3 @@ def coordinate_names(robot: Robot) -> tuple[tuple[str, str], ...]:
             names += [(f"{joint.name} {axis}", "m") for axis in "xyz"]
         names += [(f"{joint.name} rotation {axis}", "rad") for axis in "xyz"]
     return tuple(names)
-
-

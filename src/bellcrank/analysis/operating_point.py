@@ -1,10 +1,10 @@
 """Operating points: equilibria, and steady motions, which are equilibria of a moving frame (relative equilibria).
 
-With f the equations' field on the state (q, v) and X = Σ yₖ Xₖ a symmetry (symmetries.py), a state with f = X moves along
-the symmetry: the wheels of a bicycle that rides straight turn and its frame travels, while the equations stay the same.
-Seen in the frame that moves along, it is an equilibrium of f − X, and its stability is that of the linearisation of f − X,
-not of f alone. With y = 0 it is an equilibrium. Source: Marsden & Ratiu, Introduction to Mechanics and Symmetry, 2nd ed.,
-1.9; J. Ostrowski & J. Burdick, IEEE Conf. Robotics and Automation 1996.
+With f the equations' field on the state (q, v) and X = Σ yₖ Xₖ a symmetry (symmetries.py), a state with f = X moves
+along the symmetry: the wheels of a bicycle that rides straight turn and its frame travels, while the equations stay
+the same. Seen in the frame that moves along, it is an equilibrium of f − X, and its stability is that of the
+linearisation of f − X, not of f alone. With y = 0 it is an equilibrium. Source: Marsden & Ratiu, Introduction to
+Mechanics and Symmetry, 2nd ed., 1.9; J. Ostrowski & J. Burdick, IEEE Conf. Robotics and Automation 1996.
 """
 
 from __future__ import annotations

@@ -15,7 +15,8 @@ A linear combination of them is a symmetry if it is carried along by the lineari
     ∂F/∂δ a + ∂F/∂v b = ḃ   (ḃ = ad(v̇) η on the right, else 0),
 
 and keeps the constraints, ∂φ/∂δ a = 0 and ∂w/∂δ a + J b = 0. That is linear in the coefficients and is solved at some
-random states that satisfy the constraints. Source: Marsden & Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., 9.3.
+random states that satisfy the constraints. Source: Marsden & Ratiu, Introduction to Mechanics and Symmetry, 2nd ed.,
+9.3.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bellcrank.dynamics.constraint_rows import velocity_units
 from bellcrank.dynamics.consistent_start import displaced
+from bellcrank.dynamics.constraint_rows import velocity_units
 from bellcrank.dynamics.linear_equations import LinearEquations, equation_code
 from bellcrank.dynamics.tangent_space import adjoint, cross
 from bellcrank.errors import InputError
@@ -49,7 +50,7 @@ CLOSED = 1e-10  # characteristic lengths or rad: the residual of a projected sta
 
 @dataclass(frozen=True, eq=False)
 class Fields:
-    """Fields on the state: displacements (nv, k), changes of v (nv, k), and the right increments η (nv, k) among them."""
+    """Fields on the state: displacements (nv, k), changes of v (nv, k), and the η (nv, k) of those on the right."""
 
     displacement: Array
     change: Array
@@ -148,10 +149,11 @@ def project(scene: Scene, time: float, q: Array, v: Array) -> tuple[Array, Array
     code = equation_code(scene)
     at = code.at(time, q, v)
     unit = velocity_units(scene) if scene.constraints else np.ones(len(v))
+    h, closed = len(at.position_residual), False
     for _ in range(PASSES):
-        h = len(at.position_residual)
-        if np.abs(at.position_residual).max(initial=0.0) <= CLOSED * unit.max():
+        if closed or not at.position_residual.any():
             break
+        closed = bool(np.abs(at.position_residual).max() <= CLOSED * unit.max())  # one more step squares the residual
         step = np.linalg.lstsq(at.jacobian[:h] * unit, -at.position_residual, rcond=1e-8)[0] * unit
         q = displaced(scene, q, step)
         at = code.at(time, q, v)
@@ -191,7 +193,7 @@ def _axes(joint: RobotJoint) -> tuple[str, ...]:
 
 
 def _to_body(joint: RobotJoint, q: Array) -> Array:
-    """Ad(q)⁻¹ (nv, nv) of a joint: the velocity in its own axes of a motion in its parent's, about the parent's origin."""
+    """Ad(q)⁻¹ (nv, nv) of a joint: the velocity in its own axes of a motion in its parent's axes."""
     own = q[joint.q : joint.q + joint.nq]
     if joint.kind == "planar":
         x, y, c, s = own

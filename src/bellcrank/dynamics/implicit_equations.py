@@ -75,13 +75,6 @@ class ImplicitEquations:
         rate = s.algorithm("configuration_rate")(s.q, step)
         return casadi.sparsify(casadi.jacobian(expression, s.q) @ casadi.jacobian(rate, step))
 
-    def by_time(self, expression: casadi.SX) -> casadi.SX:
-        """The explicit derivative of an expression by time, signals advancing at their rates."""
-        import casadi
-
-        s = self.symbols
-        return casadi.jtimes(expression, casadi.vertcat(s.t, s.u), casadi.vertcat(1.0, s.signal_rates))
-
 
 def implicit_equations(scene: Scene) -> ImplicitEquations:
     """The unsolved equations of a scene. Raises InputError where a force cannot act on its robot."""

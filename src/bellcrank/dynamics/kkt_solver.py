@@ -3,8 +3,8 @@
     [ M   Jᵀ ] [  a ]   [ f ]
     [ J   0  ] [ −λ ] = [ b ]
 
-With the singular value decomposition J = U Σ Vᵀ of rank r, V = (Y, Z): a = J⁺ b + Z z, where Zᵀ M Z z = Zᵀ (f − M J⁺ b),
-and λ = (Jᵀ)⁺ (M a − f), the smallest of all λ that fit. This is the null-space method: Nocedal & Wright, Numerical
+With the singular value decomposition J = U Σ Vᵀ of rank r, V = (Y, Z): a = J⁺ b + Z z, where Zᵀ M Z z = Zᵀ (f − M J⁺
+b), and λ = (Jᵀ)⁺ (M a − f), the smallest of all λ that fit. This is the null-space method: Nocedal & Wright, Numerical
 Optimization, 2nd ed., 16.2. M need not be regular, only Zᵀ M Z.
 """
 

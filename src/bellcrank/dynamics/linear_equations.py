@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import casadi
 
     from bellcrank.codegen.compile import Compiled
+    from bellcrank.elements.signals import Signal
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -42,7 +43,7 @@ class LinearEquations:
         jacobian: J (m, nv) = ∂w/∂v; its first h rows are ∂φ/∂δ.
         velocity_by_position: ∂w/∂δ (m, nv).
         residual_by: ∂(r₁, r₂)/∂… (nv + m, …) by "position" (a displacement δ), "velocity", "time", "torque",
-            "signals" and "parameters".
+            "signals" and "parameters"; that by "time" has the signals advance with it.
     """
 
     acceleration: Array
@@ -89,6 +90,8 @@ class EquationCode:
         found = self._slopes(*inputs, acceleration, multipliers, tau)
         found = found if isinstance(found, tuple) else (found,)
         slopes = [pattern.matrix(x) for pattern, x in zip(self._patterns("slopes"), found, strict=True)]
+        residual_by = dict(zip(_RESIDUAL, slopes[1:], strict=True))
+        residual_by["time"] = residual_by["time"] + residual_by["signals"] @ signal_rates(scene.signals, time)[:, None]
         return LinearEquations(
             acceleration=acceleration,
             multipliers=multipliers,
@@ -97,7 +100,7 @@ class EquationCode:
             velocity_residual=velocity,
             jacobian=jacobian,
             velocity_by_position=slopes[0],
-            residual_by=dict(zip(_RESIDUAL, slopes[1:], strict=True)),
+            residual_by=residual_by,
         )
 
     def outputs_at(self, time: float, q: Array, v: Array, at: LinearEquations) -> tuple[Array, dict[str, Array]]:
@@ -185,14 +188,21 @@ def _slope(e: ImplicitEquations, expression: casadi.SX, direction: str) -> casad
 
     if direction == "position":
         return e.by_displacement(expression)
-    if direction == "time":
-        return casadi.sparsify(e.by_time(expression))
     s = e.symbols
     symbols = {
-        "velocity": s.v, "acceleration": e.acceleration, "multipliers": e.multipliers, "torque": e.torque,
+        "time": s.t, "velocity": s.v, "acceleration": e.acceleration, "multipliers": e.multipliers, "torque": e.torque,
         "signals": s.u, "parameters": s.p,
     }  # fmt: skip
     return casadi.sparsify(casadi.jacobian(expression, symbols[direction]))
+
+
+def signal_rates(signals: Sequence[Signal], time: float) -> Array:
+    """The time derivatives (nu,) of signals, those of the highest derivatives in u included."""
+    rates = [np.zeros(0)]
+    for signal in signals:
+        width = signal.coefficients.shape[2]
+        rates.append(replace(signal, derivatives=signal.derivatives + 1).at(np.array([time]))[0, width:])
+    return np.concatenate(rates)
 
 
 @computed_once

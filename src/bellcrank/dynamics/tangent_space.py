@@ -1,8 +1,8 @@
 """Small displacements of a position: the convention of all derivatives by q, and the velocity of a displacement.
 
-A displacement δ (nv) is a right increment: the position q ⊕ δ is q moved for a unit of time along E(q) δ, so that δ is in
-the axes of the velocity v. For a free base that is a translation (m) and a rotation vector (rad) in the base's own axes,
-for a joint of one degree of freedom the change of its coordinate.
+A displacement δ (nv) is a right increment: the position q ⊕ δ is q moved for a unit of time along E(q) δ, so that δ
+is in the axes of the velocity v. For a free base that is a translation (m) and a rotation vector (rad) in the base's
+own axes, for a joint of one degree of freedom the change of its coordinate.
 
 If q moves with v, and a neighbouring position q ⊕ δ with v + δv, then δ̇ = δv − ad(v) δ: the axes of δ turn with the
 body. Source: Murray, Li & Sastry, A Mathematical Introduction to Robotic Manipulation (1994), 2.4; Selig, Geometric
@@ -30,7 +30,7 @@ def cross(vector: Array) -> Array:
 
 
 def adjoint(robot: Robot, v: Array) -> Array:
-    """ad(v) (nv, nv): the Lie bracket [v, δ] = ad(v) δ of two velocities, joint by joint; 0 for one degree of freedom."""
+    """ad(v) (nv, nv), joint by joint: the Lie bracket [v, δ] = ad(v) δ; 0 for one degree of freedom."""
     matrix = np.zeros((robot.nv, robot.nv))
     for joint in robot.joints:
         part = slice(joint.v, joint.v + joint.nv)

@@ -1,0 +1,244 @@
+"""The result of a linearisation: matrices with named states, inputs and outputs, and modes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank import arguments
+from bellcrank.analysis.mode import Mode, pair
+from bellcrank.errors import BellcrankError, InputError
+from bellcrank.files.atomic_write import write_text, writing
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+GROWTH = 1e-8  # of the largest |λ|: a smaller real part is rounding
+EQUILIBRIUM, STEADY_MOTION, MOVING = "equilibrium", "relative equilibrium", "not steady"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Linearisation:
+    """Linear equations ẋ = A x + B u, y = C x + D u of small deviations from an operating point.
+
+    Made by `linearise`. A state "NAME" is a deviation of a coordinate and "NAME rate" of its velocity; those of a free
+    base are along and about its own axes ("x", "rotation x").
+
+    Attributes:
+        name: The scene's name.
+        kind: "equilibrium"; "relative equilibrium", a steady motion, whose equations hold in the frame that moves
+            along; or "not steady", where A belongs to one moment of a motion only and its eigenvalues say nothing of
+            stability.
+        time: s.
+        position: q (nq,) of the operating point.
+        velocity: v (nv,) of the operating point.
+        states: (name, unit) of each state (n).
+        inputs: (name, unit) of each input (m).
+        outputs: (name, unit) of each output (p).
+        A: (n, n).
+        B: (n, m).
+        C: (p, n).
+        D: (p, m).
+        modes: The modes by rising |λ|, those along symmetries last; empty if the kind is "not steady".
+        symmetries: The motions along which nothing changes.
+        symmetries_removed: Whether they are left out of the states, as for a relative equilibrium.
+        residual: |f| or, in the moving frame, |f − X|, as a share of the terms of the equations.
+        notes: What else to know about the result.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> linear = bc.linearise(bc.load_scene("pendulum"))
+        >>> linear.kind, linear.A.round(3).tolist()
+        ('equilibrium', [[0.0, 1.0], [-9.81, 0.0]])
+    """
+
+    name: str
+    kind: str
+    time: float
+    position: Array
+    velocity: Array
+    states: tuple[tuple[str, str], ...]
+    inputs: tuple[tuple[str, str], ...]
+    outputs: tuple[tuple[str, str], ...]
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    modes: tuple[Mode, ...]
+    symmetries: tuple[str, ...]
+    symmetries_removed: bool
+    residual: float
+    notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
+        return f"Linearisation('{self.name}', {self.kind}, {sizes})"
+
+    @property
+    def steady(self) -> bool:
+        """Whether the operating point is an equilibrium or a relative equilibrium."""
+        return self.kind != MOVING
+
+    @property
+    def eigenvalues(self) -> Complex:
+        """All eigenvalues (n,), 1/s, in the order of the modes, conjugate ones side by side.
+
+        Raises:
+            InputError: The operating point is not steady; `frozen_eigenvalues` are those of A at this moment.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.linearise(bc.load_scene("pendulum")).eigenvalues.round(4).tolist()
+            [3.1321j, -3.1321j]
+        """
+        if not self.steady:
+            raise InputError(
+                f"{self.name}: the operating point at {self.time:g} s is neither an equilibrium nor a steady motion "
+                f"(residual {self.residual:.2g}), so that eigenvalues say nothing of stability; those of A at this "
+                "moment are in frozen_eigenvalues, and bc.floquet takes a periodic motion"
+            )
+        found: list[complex] = []
+        for mode in self.modes:
+            found += [mode.eigenvalue, mode.eigenvalue.conjugate()] if mode.oscillates else [mode.eigenvalue]
+        return np.array(found, dtype=np.complex128)
+
+    @property
+    def frozen_eigenvalues(self) -> Complex:
+        """The eigenvalues (n,) of A, 1/s, whatever the operating point.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.linearise(bc.load_scene("pendulum"), at=0.3).frozen_eigenvalues.shape
+            (2,)
+        """
+        values = np.linalg.eigvals(self.A) if self.A.size else np.zeros(0)
+        return np.asarray(values, dtype=np.complex128)
+
+    @property
+    def stable(self) -> bool | None:
+        """Whether no mode grows; None where the operating point is not steady. Undamped oscillations do not grow."""
+        if not self.steady:
+            return None
+        largest = max((mode.natural_frequency for mode in self.modes), default=0.0)
+        return all(mode.eigenvalue.real <= GROWTH * largest for mode in self.modes)
+
+    # ---- other formats
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as data that JSON can hold; complex numbers as [real, imaginary].
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.linearise(bc.load_scene("pendulum")).to_dict()["states"]
+            [['swing', 'rad'], ['swing rate', 'rad/s']]
+        """
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "stable": self.stable,
+            "time": self.time,
+            "position": self.position.tolist(),
+            "velocity": self.velocity.tolist(),
+            "states": [list(entry) for entry in self.states],
+            "inputs": [list(entry) for entry in self.inputs],
+            "outputs": [list(entry) for entry in self.outputs],
+            "A": self.A.tolist(),
+            "B": self.B.tolist(),
+            "C": self.C.tolist(),
+            "D": self.D.tolist(),
+            "modes": [mode.to_dict() for mode in self.modes],
+            "frozen_eigenvalues": [pair(x) for x in self.frozen_eigenvalues.tolist()],
+            "symmetries": list(self.symmetries),
+            "symmetries_removed": self.symmetries_removed,
+            "residual": self.residual,
+            "notes": list(self.notes),
+        }
+
+    def to_json(self, path: str | Path) -> None:
+        """Write the result as JSON.
+
+        Args:
+            path: The file to write.
+
+        Raises:
+            InputError: The file cannot be written.
+
+        Example:
+            >>> import tempfile, pathlib, bellcrank as bc
+            >>> file = pathlib.Path(tempfile.mkdtemp()) / "modes.json"
+            >>> bc.linearise(bc.load_scene("pendulum")).to_json(file)
+            >>> file.exists()
+            True
+        """
+        write_text(arguments.path("path", path), json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n")
+
+    def to_mat(self, path: str | Path) -> None:
+        """Write A, B, C, D, the names and the eigenvalues as a MATLAB file, for ss(A, B, C, D).
+
+        Args:
+            path: The .mat file to write.
+
+        Raises:
+            InputError: The file cannot be written.
+
+        Example:
+            >>> import tempfile, pathlib, bellcrank as bc
+            >>> file = pathlib.Path(tempfile.mkdtemp()) / "pendulum.mat"
+            >>> bc.linearise(bc.load_scene("pendulum")).to_mat(file)
+            >>> from scipy.io import loadmat
+            >>> loadmat(file)["A"].round(2).tolist()
+            [[0.0, 1.0], [-9.81, 0.0]]
+        """
+        from scipy.io import savemat
+
+        def cells(entries: tuple[tuple[str, str], ...]) -> Any:
+            found = np.empty((len(entries), 1), dtype=object)  # a cell array of texts
+            found[:, 0] = [f"{name} [{unit}]" for name, unit in entries]
+            return found
+
+        data = {
+            "A": self.A, "B": self.B, "C": self.C, "D": self.D, "kind": self.kind, "name": self.name,
+            "states": cells(self.states), "inputs": cells(self.inputs), "outputs": cells(self.outputs),
+            "position": self.position, "velocity": self.velocity,
+        }  # fmt: skip
+        data["eigenvalues" if self.steady else "frozen_eigenvalues"] = (
+            self.eigenvalues if self.steady else self.frozen_eigenvalues
+        )
+        with writing(arguments.path("path", path)) as file:
+            savemat(file, data, appendmat=False)
+
+    def to_control(self) -> Any:
+        """The state space of python-control, with the names of states, inputs and outputs.
+
+        Returns:
+            control.StateSpace.
+
+        Raises:
+            BellcrankError: python-control is not installed.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> linear = bc.linearise(bc.load_scene("pendulum"))
+            >>> try:
+            ...     order = linear.to_control().nstates
+            ... except bc.BellcrankError:  # python-control is not installed
+            ...     order = len(linear.states)
+            >>> order
+            2
+        """
+        try:
+            import control
+        except ImportError:
+            raise BellcrankError("to_control requires the package python-control: pip install control") from None
+
+        def plain(entries: tuple[tuple[str, str], ...]) -> list[str]:
+            return [name.replace(".", "_") for name, _ in entries]  # names with dots stand for signals of subsystems
+
+        return control.ss(
+            self.A, self.B, self.C, self.D,
+            states=plain(self.states), inputs=plain(self.inputs), outputs=plain(self.outputs), name=self.name,
+        )  # fmt: skip

@@ -1,0 +1,247 @@
+"""`linearise`: a scene's linear equations about an operating point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank import arguments
+from bellcrank.analysis.independent_states import IndependentStates, coordinate_names, independent_states
+from bellcrank.analysis.linearisation import EQUILIBRIUM, MOVING, STEADY_MOTION, Linearisation
+from bellcrank.analysis.modal_analysis import Quotient, modes_of
+from bellcrank.analysis.operating_point import OperatingPoint, operating_point, state_units, steady_point
+from bellcrank.analysis.symmetries import symmetries_of
+from bellcrank.dynamics.consistent_start import consistent_start
+from bellcrank.dynamics.linear_equations import equation_code
+from bellcrank.dynamics.start_stages import motors_of
+from bellcrank.elements.joint_forces import Friction
+from bellcrank.errors import InputError
+from bellcrank.messages import format_value, unknown_name
+from bellcrank.scene.scene import Scene, load_scene
+from bellcrank.simulation.simulate import simulate
+from bellcrank.simulation.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from bellcrank.robot.robot import RobotJoint
+
+Array = NDArray[np.float64]
+Names = tuple[tuple[str, str], ...]
+AT = ("start", "equilibrium", "steady")
+SAME_TIME = 1e-9  # s
+STILL = 1e-9  # rad/s or characteristic lengths per second: a slower motion is none
+INVARIANT = 1e-8  # of the largest entry: an output that changes less along symmetries does not depend on them
+
+
+def linearise(
+    scene: Scene | Trajectory | str | Path,
+    at: str | float | None = None,
+    *,
+    inputs: Sequence[str] | None = None,
+    keep_symmetries: bool | None = None,
+) -> Linearisation:
+    """Linearise a scene's equations of motion about an operating point.
+
+    With the position q ⊕ δ (a small displacement δ, in the axes of v), the equations v̇ = F(q, v, τ) are differentiated
+    exactly, by implicit differentiation of the equations with their multipliers. Constraints are eliminated:
+    positions by the holonomic rows, velocities by all rows.
+
+    A steady motion (a wheel that rolls straight or round a circle) is a relative equilibrium: it moves along a
+    symmetry of the equations, and its A holds in the frame that moves along. Symmetries are found from the
+    equations. Their directions are then left out of the states, unless `keep_symmetries`.
+
+    Args:
+        scene: A scene, the path or name of one, or a run.
+        at: "equilibrium", the nearest equilibrium to the scene's start, at rest; "steady", the nearest steady motion to
+            the start; "start", the start as it is; or a time, s, of a run. By default "steady" where the start moves
+            and a steady motion is found, else "equilibrium".
+        inputs: Names of the joints whose torque or force is an input; by default those with motors, or all joints of
+            one degree of freedom where none has one.
+        keep_symmetries: Whether states along symmetries are kept; by default for equilibria only.
+
+    Returns:
+        A, B, C and D with names, and the modes. The outputs are those of the scene, or all joints where it has none;
+        outputs that change along symmetries that are left out are left out too, which `notes` says.
+
+    Raises:
+        InputError: There is no equilibrium or steady motion near the start, or an argument is wrong.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> linear = bc.linearise("pendulum")
+        >>> [name for name, unit in linear.states], linear.eigenvalues.round(4).tolist()
+        (['swing', 'swing rate'], [3.1321j, -3.1321j])
+    """
+    run = scene if isinstance(scene, Trajectory) else None
+    if run is not None:
+        scene = run.scene
+    elif not isinstance(scene, Scene):
+        scene = load_scene(arguments.subject("scene", scene, "a scene"))
+    joints = _input_joints(scene, inputs)
+    if keep_symmetries is not None:
+        keep_symmetries = arguments.flag("keep_symmetries", keep_symmetries)
+    return linear_equations(_point(scene, run, at), joints, keep_symmetries)
+
+
+def linear_equations(point: OperatingPoint, joints: Sequence[RobotJoint], keep: bool | None) -> Linearisation:
+    """The linear equations at an operating point, the torques of some joints being the inputs."""
+    scene = point.symmetries.scene
+    kind = MOVING if not point.steady else EQUILIBRIUM if point.at_rest else STEADY_MOTION
+    states = independent_states(point)
+    rows, embedding = states.rows, states.embedding
+    a = point.linear_field[rows] @ embedding
+    by_torque = point.equations.solved_by("torque")[0][:, [joint.v for joint in joints]]
+    b = np.concatenate([np.zeros((len(states.positions), len(joints))), by_torque[list(states.velocities)]])
+    fields = point.fields
+    directions = np.concatenate([fields.displacement, fields.change])[rows]
+    units = np.tile(state_units(scene), 2)[rows]
+    quotient = Quotient.of(directions, len(states.positions), units)
+    removed = kind == STEADY_MOTION if keep is None else not keep
+    outputs, c, d = _outputs(point, joints)
+    c = c @ embedding
+    notes = _notes(scene)
+    if removed and point.symmetries.count:
+        varies = np.abs(c @ quotient.directions).max(axis=1, initial=0.0) > INVARIANT * np.abs(c).max(initial=0.0)
+        if varies.any():
+            gone = ", ".join(name for (name, _), out in zip(outputs, varies, strict=True) if out)
+            notes += (f"outputs that change along symmetries are left out: {gone}",)
+        fixed = np.flatnonzero(~varies)
+        outputs, c, d = tuple(outputs[k] for k in fixed), c[fixed], d[fixed]
+    reduce = removed and point.symmetries.count > 0
+    modes = modes_of(a, quotient, embedding[: len(point.velocity)], reduced=reduce) if point.steady else ()
+    kept = quotient.kept if reduce else list(range(len(a)))
+    names = _state_names(scene, states)
+    return Linearisation(
+        name=scene.name,
+        kind=kind,
+        time=point.time,
+        position=point.position,
+        velocity=point.velocity,
+        states=tuple(names[k] for k in kept),
+        inputs=tuple((f"{joint.name} {what}", unit) for joint in joints for what, unit in [_effort(joint)]),
+        outputs=outputs,
+        A=quotient.field(a) if reduce else a,
+        B=quotient.projection @ b if reduce else b,
+        C=c[:, kept],
+        D=d,
+        modes=modes,
+        symmetries=point.symmetries.names,
+        symmetries_removed=reduce,
+        residual=point.residual,
+        notes=notes,
+    )
+
+
+def _point(scene: Scene, run: Trajectory | None, at: str | float | None) -> OperatingPoint:
+    """The operating point that `at` asks for. Raises InputError where there is none."""
+    if arguments.is_number(at):
+        time, q, v = _state_at(scene, run, arguments.number("at", at, "s", least=0.0))
+        return operating_point(scene, time, q, v, symmetries_of(scene, time, q, v))
+    if at is not None and at not in AT:
+        expected = f"{', '.join(map(repr, AT))} or a time (s)"
+        if isinstance(at, str):
+            raise InputError(f"argument 'at': {unknown_name('choice', at, AT)}, or a time (s)")
+        arguments.refuse("at", expected, at)
+    q, v = (run.position[0], run.velocity[0]) if run is not None else consistent_start(scene)
+    wanted = ("steady" if v.any() else "equilibrium") if at is None else at
+    if wanted == "start":
+        return operating_point(scene, 0.0, q, v, symmetries_of(scene, 0.0, q, v))
+    found = None
+    if wanted == "steady":
+        found = steady_point(operating_point(scene, 0.0, q, v, symmetries_of(scene, 0.0, q, v)))
+        slow = np.abs(found.velocity / state_units(scene)).max(initial=0.0) <= STILL
+        if found.steady and not slow:
+            return found
+    if wanted == "equilibrium" or at is None:
+        q, v = (q if found is None or not found.steady else found.position), np.zeros_like(v)
+        found = steady_point(operating_point(scene, 0.0, q, v, symmetries_of(scene, 0.0, q, v)))
+        if found.steady:
+            return found
+    what = {None: "equilibrium or steady motion", "steady": "steady motion"}.get(at, "equilibrium")
+    share = "" if found is None or found.steady else f" (residual {found.residual:.2g} of the equations' terms)"
+    raise InputError(
+        f"{scene.source}: no {what} was found near the start{share}; start nearer to one (initial: …), or linearise at "
+        "'start' or at a time of a run"
+    )
+
+
+def _state_at(scene: Scene, run: Trajectory | None, time: float) -> tuple[float, Array, Array]:
+    """The time and state of a run at a time; the scene is simulated up to it where there is no run yet."""
+    if run is None:
+        if time == 0.0:
+            return 0.0, *consistent_start(scene)
+        run = simulate(scene, duration=time, samples=2)
+    k = int(np.argmin(np.abs(run.time - time)))
+    if abs(run.time[k] - time) > SAME_TIME * max(time, 1.0):
+        raise InputError(
+            f"argument 'at': the run has no row at {time:g} s; the nearest is at {format_value(float(run.time[k]))} s "
+            f"(it ends at {run.time[-1]:g} s: {run.status})"
+        )
+    return float(run.time[k]), run.position[k], run.velocity[k]
+
+
+def _input_joints(scene: Scene, names: Sequence[str] | None) -> list[RobotJoint]:
+    joints = {joint.name: joint for joint in scene.robot.joints if joint.nv == 1}
+    if names is None:
+        motors = [name for name in motors_of(scene) if name in joints]
+        return [joints[name] for name in motors] if motors else list(joints.values())
+    listed = arguments.several("inputs", names, str, "names of joints")
+    for name in listed:
+        if name not in joints:
+            raise InputError(f"argument 'inputs': {unknown_name('joint', name, joints)}")
+    return [joints[name] for name in dict.fromkeys(listed)]
+
+
+def _effort(joint: RobotJoint) -> tuple[str, str]:
+    return ("force", "N") if joint.kind == "prismatic" else ("torque", "N m")
+
+
+def _state_names(scene: Scene, states: IndependentStates) -> Names:
+    names = coordinate_names(scene.robot)
+    rates = [(f"{names[k][0]} rate", f"{names[k][1]}/s") for k in states.velocities]
+    return (*(names[k] for k in states.positions), *rates)
+
+
+def _outputs(point: OperatingPoint, joints: Sequence[RobotJoint]) -> tuple[Names, Array, Array]:
+    """The outputs, and their derivatives by all (δ, v) and by the inputs, v̇ and λ following from these."""
+    scene, at, nv = point.symmetries.scene, point.equations, len(point.velocity)
+    columns = [joint.v for joint in joints]
+    if not scene.outputs:
+        own = [joint for joint in scene.robot.joints if joint.nv == 1]
+        names = coordinate_names(scene.robot)
+        found = [names[j.v] for j in own] + [(f"{j.name} rate", f"{names[j.v][1]}/s") for j in own]
+        rows = [j.v for j in own] + [nv + j.v for j in own]
+        return tuple(found), np.eye(2 * nv)[rows], np.zeros((len(rows), len(joints)))
+    _, slopes = equation_code(scene).outputs_at(point.time, point.position, point.velocity, at)
+
+    def total(direction: str) -> Array:
+        acceleration, multipliers = at.solved_by(direction)
+        return slopes[direction] + slopes["acceleration"] @ acceleration + slopes["multipliers"] @ multipliers
+
+    labels = [label for output in scene.outputs.values() for label in output.labels]
+    parts = [label.removesuffix("]").rpartition(" [") for label in labels]
+    titles = tuple((title, unit) for title, _, unit in parts)
+    return titles, np.hstack([total("position"), total("velocity")]), total("torque")[:, columns]
+
+
+def _notes(scene: Scene) -> tuple[str, ...]:
+    """What a linear model does not tell of this scene."""
+    rough = [force.name for force in scene.forces if isinstance(force, Friction) and force.coulomb]
+    if scene.robot.coulomb.any() or rough:
+        return (
+            "Coulomb friction is smoothed within a small velocity; at rest its slope there is a large viscous "
+            "coefficient, and a joint may stay where it is although the linear equations say that it creeps",
+        )
+    return ()
+
+
+def describe(kind: str) -> Any:
+    """One sentence about a kind of operating point."""
+    return {
+        EQUILIBRIUM: "an equilibrium",
+        STEADY_MOTION: "a relative equilibrium: a steady motion, seen in the frame that moves along",
+        MOVING: "neither an equilibrium nor a steady motion",
+    }[kind]

@@ -1,0 +1,111 @@
+"""Eigenvalues and modes of linear equations with symmetries.
+
+The symmetries' own directions G (n, k) are an invariant subspace of A, A G = G Λ. Eigenvalues are computed block by
+block, those of Λ and those of A on the quotient, since together they have defective zeros (position and velocity of
+a cart), of which an eigenvalue routine returns the square root of its rounding. Source: Golub & Van Loan, Matrix
+Computations, 4th ed., 7.1 and 7.6.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr
+
+from bellcrank.analysis.mode import Mode, normalised, sort_key
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+ROUNDING = 1e-12  # of the largest entry of A: eigenvalues, real and imaginary parts below this are 0
+NEUTRAL = 1e-6  # of the largest eigenvalue: an eigenvalue nearer than this to one of Λ has no eigenvector of its own
+
+
+@dataclass(frozen=True, eq=False)
+class Quotient:
+    """Linear equations without the directions of their symmetries.
+
+    Attributes:
+        kept: The states that remain.
+        dropped: The states (k of them) that the symmetries move.
+        projection: (n − k, n): remaining states of all states, the same along the symmetries.
+        directions: G (n, k), the identity on the dropped states.
+    """
+
+    kept: list[int]
+    dropped: list[int]
+    projection: Array
+    directions: Array
+
+    @classmethod
+    def of(cls, directions: Array, positions: int, units: Array) -> Self:
+        """From directions G (n, k); positions, the first of the states, are dropped before velocities."""
+        n, k = directions.shape
+        weights = np.where(np.arange(n) < positions, 1.0, 1e-3) / units
+        _, _, order = qr((directions * weights[:, None]).T, mode="economic", pivoting=True)
+        dropped = sorted(int(place) for place in order[:k])
+        kept = [place for place in range(n) if place not in dropped]
+        solved = directions @ np.linalg.inv(directions[dropped]) if k else directions
+        projection = np.zeros((len(kept), n))
+        projection[range(len(kept)), kept] = 1.0
+        projection[:, dropped] = -solved[kept]
+        return cls(kept, dropped, projection, solved)
+
+    def field(self, matrix: Array) -> Array:
+        """A on the quotient (n − k, n − k)."""
+        return self.projection @ matrix[:, self.kept]
+
+    def along(self, matrix: Array) -> Array:
+        """Λ (k, k)."""
+        return (matrix @ self.directions)[self.dropped]
+
+
+def modes_of(matrix: Array, quotient: Quotient, embedding: Array, *, reduced: bool) -> tuple[Mode, ...]:
+    """The modes of A = `matrix` (n, n), those along symmetries last; without these if `reduced`.
+
+    Their shapes are over the remaining states if `reduced`, else over all. `embedding` (nv, n) gives the
+    displacement of all degrees of freedom.
+    """
+    field, along = quotient.field(matrix), quotient.along(matrix)
+    scale = float(np.abs(matrix).max(initial=0.0))
+    values, vectors = np.linalg.eig(field) if len(field) else (np.zeros(0), np.zeros((0, 0)))
+    group = np.asarray(np.linalg.eigvals(along) if len(along) else np.zeros(0), dtype=np.complex128)
+    found = []
+    largest = max(np.abs(values).max(initial=0.0), np.abs(group).max(initial=0.0))
+    for value, vector in zip(values, vectors.T, strict=True):
+        whole = _lifted(matrix, quotient, complex(value), vector, group, NEUTRAL * largest)
+        found.append((_rounded(complex(value), scale), whole, False))
+    if not reduced:
+        _, basis = np.linalg.eig(along) if len(along) else (group, np.zeros((0, 0)))
+        for value, vector in zip(group, basis.T, strict=True):
+            found.append((_rounded(complex(value), scale), quotient.directions @ vector, True))
+    found = [entry for entry in found if entry[0].imag >= 0.0]
+    return tuple(
+        Mode(
+            eigenvalue=value,
+            shape=normalised(np.asarray(whole[quotient.kept] if reduced else whole, dtype=np.complex128)),
+            displacement=normalised(np.asarray(embedding @ whole, dtype=np.complex128)),
+            symmetry=symmetry,
+        )
+        for value, whole, symmetry in sorted(found, key=lambda entry: (entry[2], sort_key(entry[0])))
+    )
+
+
+def _lifted(matrix: Array, quotient: Quotient, value: complex, vector: Complex, group: Complex, near: float) -> Complex:
+    """The eigenvector (n,) over all states of one of the quotient; without the symmetries' part where λ is one of Λ."""
+    n, k = quotient.directions.shape
+    whole = np.zeros(n, dtype=np.complex128)
+    whole[quotient.kept] = vector
+    if k and np.abs(group - value).min() > near:
+        # (λ − Λ) s = what the remaining states do along the symmetries
+        push = (matrix @ whole)[quotient.dropped]
+        whole = whole + quotient.directions @ np.linalg.solve(value * np.eye(k) - quotient.along(matrix), push)
+    return whole
+
+
+def _rounded(value: complex, scale: float) -> complex:
+    real = value.real if abs(value.real) > ROUNDING * scale else 0.0
+    imaginary = value.imag if abs(value.imag) > ROUNDING * scale else 0.0
+    return complex(real, imaginary)
