@@ -321,7 +321,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
             "scene": pendulum, "q": [0.1], "v": [0.2], "time": 0.0, "torque": [0.3]}),
         "linearise": (bc.linearise, {
             "scene": pendulum, "at": "start", "inputs": ["swing"], "keep_symmetries": True}),
-        **of(linear, to_json={"path": "modes.json"}, to_mat={"path": "modes.mat"}, to_dict={}),
+        **of(linear, to_control={}, to_json={"path": "modes.json"}, to_mat={"path": "modes.mat"}, to_dict={}),
         **of(linear.modes[0], to_dict={}),
         "mobility": (bc.mobility, {"scene": four_bar}),
         "plot": (bc.plot, {"run": run, "path": None, "frame": "P1"}),

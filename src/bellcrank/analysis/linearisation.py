@@ -222,13 +222,9 @@ class Linearisation:
 
         Example:
             >>> import bellcrank as bc
-            >>> linear = bc.linearise(bc.load_scene("pendulum"))
-            >>> try:
-            ...     order = linear.to_control().nstates
-            ... except bc.BellcrankError:  # python-control is not installed
-            ...     order = len(linear.states)
-            >>> order
-            2
+            >>> system = bc.linearise(bc.load_scene("pendulum")).to_control()
+            >>> system.nstates, system.state_labels
+            (2, ['swing', 'swing rate'])
         """
         try:
             import control

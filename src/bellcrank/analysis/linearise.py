@@ -140,11 +140,10 @@ def _point(scene: Scene, run: Trajectory | None, at: str | float | None) -> Oper
     if arguments.is_number(at):
         time, q, v = _state_at(scene, run, arguments.number("at", at, "s", least=0.0))
         return operating_point(scene, time, q, v, symmetries_of(scene, time, q, v))
-    if at is not None and at not in AT:
-        expected = f"{', '.join(map(repr, AT))} or a time (s)"
-        if isinstance(at, str):
-            raise InputError(f"argument 'at': {unknown_name('choice', at, AT)}, or a time (s)")
-        arguments.refuse("at", expected, at)
+    if isinstance(at, str) and at not in AT:
+        raise InputError(f"argument 'at': {unknown_name('choice', at, AT)}, or a time (s)")
+    if at is not None and not isinstance(at, str):
+        arguments.refuse("at", f"{', '.join(map(repr, AT))} or a time (s)", at)
     q, v = (run.position[0], run.velocity[0]) if run is not None else consistent_start(scene)
     wanted = ("steady" if v.any() else "equilibrium") if at is None else at
     if wanted == "start":
