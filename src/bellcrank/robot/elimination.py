@@ -13,14 +13,12 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import casadi
 
-Row = dict[int, "casadi.SX"]  # the entries of a sparse row, by column
-
 
 @dataclass(frozen=True)
 class Factorisation:
-    """L without its diagonal, row by row, and 1 / D."""
+    """The entries of L below its diagonal, row by row and by column, and 1 / D."""
 
-    lower: list[Row]
+    lower: list[dict[int, casadi.SX]]
     reciprocal: list[casadi.SX]
 
     @classmethod
@@ -28,71 +26,49 @@ class Factorisation:
         """The factors of a symmetric matrix, of which the lower triangle is read."""
         import casadi
 
-        left = _rows_of(matrix, lower=True)
-        lower: list[Row] = [{} for _ in left]
-        reciprocal: list[casadi.SX] = []
-        for k in range(len(left) - 1, -1, -1):
-            row = left[k]
-            reciprocal.append(1.0 / row.pop(k, casadi.SX(0.0)))  # infinite where there is no inertia
-            lower[k] = {j: entry * reciprocal[-1] for j, entry in row.items()}
-            for i, scaled in lower[k].items():
-                for j, entry in row.items():
-                    if j <= i:
-                        _subtract(left[i], j, scaled * entry)
-        return cls(lower, reciprocal[::-1])
+        rows = casadi.vertsplit(casadi.tril(matrix))
+        lower: list[dict[int, casadi.SX]] = [{} for _ in rows]
+        reciprocal: list[casadi.SX] = [casadi.SX(0)] * len(rows)
+        for k in range(len(rows) - 1, -1, -1):
+            reciprocal[k] = 1.0 / casadi.densify(rows[k][k])  # infinite where there is no inertia
+            left = rows[k][:k]
+            for i in left.sparsity().get_triplet()[1]:
+                lower[k][i] = left[i] * reciprocal[k]
+                rows[i] = rows[i] - lower[k][i] * rows[k] * _up_to(i, len(rows))
+        return cls(lower, reciprocal)
 
     def solve(self, right: casadi.SX) -> casadi.SX:
         """A⁻¹ B, sparse where it is zero."""
-        rows = _rows_of(right)
+        import casadi
+
+        rows = casadi.vertsplit(right)
         for k in range(len(rows) - 1, -1, -1):
             for i, factor in self.lower[k].items():
-                for column, entry in rows[k].items():
-                    _subtract(rows[i], column, factor * entry)
-        for k, row in enumerate(rows):
-            rows[k] = {column: entry * self.reciprocal[k] for column, entry in row.items()}
-            for i, factor in self.lower[k].items():
-                for column, entry in rows[i].items():
-                    _subtract(rows[k], column, factor * entry)
-        return _matrix(rows, right.size2())
+                rows[i] = rows[i] - factor * rows[k]
+        for k, factors in enumerate(self.lower):
+            rows[k] = rows[k] * self.reciprocal[k]
+            for i, factor in factors.items():
+                rows[k] = rows[k] - factor * rows[i]
+        return casadi.vertcat(*rows)
 
     def inverse(self) -> casadi.SX:
         """A⁻¹, from L A⁻¹ = D⁻¹ L⁻ᵀ, whose right-hand side is an upper triangle with the diagonal D⁻¹."""
-        rows: list[Row] = [{} for _ in self.lower]
+        import casadi
+
+        size = len(self.lower)
+        found = casadi.SX(size, size)
         for k, factors in enumerate(self.lower):
-            for j in range(k):
-                for i, factor in factors.items():
-                    if j in rows[i]:
-                        _subtract(rows[k], j, factor * rows[i][j])
-                if j in rows[k]:
-                    rows[j][k] = rows[k][j]
-            rows[k][k] = self.reciprocal[k]
+            row = casadi.SX(1, k)
             for i, factor in factors.items():
-                if i in rows[k]:
-                    _subtract(rows[k], k, factor * rows[k][i])
-        return _matrix(rows, len(rows))
+                row = row - factor * found[i, :k]
+            found[k, :k] = row
+            found[:k, k] = row.T
+            found[k, k] = self.reciprocal[k] - sum(factor * row[i] for i, factor in factors.items())
+        return found
 
 
-def _subtract(row: Row, column: int, term: casadi.SX) -> None:
-    row[column] = row[column] - term if column in row else -term
-
-
-def _rows_of(matrix: casadi.SX, lower: bool = False) -> list[Row]:
+def _up_to(last: int, width: int) -> casadi.DM:
+    """A sparse row of ones in the columns from 0 to `last`."""
     import casadi
 
-    rows: list[Row] = [{} for _ in range(matrix.size1())]
-    if not matrix.nnz():
-        return rows
-    places = zip(*matrix.sparsity().get_triplet(), casadi.vertsplit(matrix.nz[:]), strict=True)
-    for row, column, entry in places:
-        if column <= row or not lower:
-            rows[row][column] = entry
-    return rows
-
-
-def _matrix(rows: list[Row], width: int) -> casadi.SX:
-    import casadi
-
-    places = [(i, j) for i, row in enumerate(rows) for j in sorted(row)]
-    pattern = casadi.Sparsity.triplet(len(rows), width, [i for i, _ in places], [j for _, j in places])
-    by_column = sorted(places, key=lambda place: (place[1], place[0]))
-    return casadi.SX(pattern, casadi.vertcat(*[rows[i][j] for i, j in by_column]))
+    return casadi.DM(casadi.Sparsity.triplet(1, width, [0] * (last + 1), list(range(last + 1))))

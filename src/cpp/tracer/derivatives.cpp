@@ -48,16 +48,34 @@ SX reduced(const Symbolic& s, const Data::MatrixXs& full) {
   return SX(::casadi::Sparsity::triplet(n, n, rows, columns), vertcat(present));
 }
 
+// Where all of a robot moves with one joint, its forces depend on that joint's position by the direction of gravity
+// alone: they are those at the joint's neutral position in a world that is turned with it. There the joint's axes are
+// constants, and rows and columns of a free base are entries of forces.
+void turn_world_with_root(const Symbolic& s, const Workspace& placed, Model& model, VectorSX& q) {
+  for (int j = 2; j < model.njoints; ++j)
+    if (model.parents[j] == 0) return;
+  const auto& in_world = model.jointPlacements[1].rotation();
+  const Model::SE3::Vector3 in_joint = placed.oMi[1].rotation().transpose() * model.gravity.linear();
+  model.gravity.linear() = in_world * in_joint;
+  for (int i = 0; i < model.nqs[1]; ++i) q[i] = SX(0.0);
+  const JointKind kind = s.description.joints[0].kind;
+  if (kind == JointKind::FreeFlyer || kind == JointKind::Spherical) q[model.nqs[1] - 1] = SX(1.0);
+  if (kind == JointKind::Planar) q[2] = SX(1.0);
+}
+
 }  // namespace
 
 // With q_full, v_full, a_full = S (q, v, a) + offsets and tau = S' tau_full, each derivative is S' D S.
 ::casadi::Function Tree::inverse_dynamics_derivatives() const {
   const Symbolic& s = *symbolic_;
-  Workspace data(s.model);
-  make_room(s.model, data);
-  const int nv = s.model.nv;
+  Model model = s.model;
+  VectorSX q = s.q_full;
+  if (model.njoints > 1) turn_world_with_root(s, kinematics(*symbolic_), model, q);
+  Workspace data(model);
+  make_room(model, data);
+  const int nv = model.nv;
   Data::MatrixXs dq = Data::MatrixXs::Zero(nv, nv), dv = dq, da = dq;
-  pinocchio::computeRNEADerivatives(s.model, data, s.q_full, s.v_full, s.a_full, dq, dv, da);
+  pinocchio::computeRNEADerivatives(model, data, q, s.v_full, s.a_full, dq, dv, da);
   da.triangularView<Eigen::StrictlyLower>() = da.transpose().triangularView<Eigen::StrictlyLower>();
   return ::casadi::Function("inverse_dynamics_derivatives", {s.q, s.v, s.a, s.p},
                             {reduced(s, dq), reduced(s, dv), reduced(s, da)}, {"q", "v", "a", "p"},
