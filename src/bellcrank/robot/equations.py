@@ -47,9 +47,12 @@ class Equations:
         """One of the tracer's algorithms as it is, without friction, with an empty p where it takes one."""
         return _function(getattr(self._traced(self.tree), name)())
 
-    def frames(self, indices: Sequence[int]) -> casadi.Function:
-        """(q, v, p) -> per frame position 3, rotation 9 (row major), linear and angular velocity, world axes."""
-        return _function(self._traced(self.tree).frames(list(indices)))
+    def frames(self, indices: Sequence[int], targets: Sequence[str] = ()) -> casadi.Function:
+        """(q, v, p) -> per frame position 3, rotation 9 (row major), linear and angular velocity, world axes.
+
+        p are the numbers that `targets` name, as in `parametric`.
+        """
+        return _function(self._traced(self.tree, self._settings(targets), len(targets)).frames(list(indices)))
 
     def dynamics(self, name: str) -> casadi.Function:
         """ "inverse_dynamics" (q, v, a) -> tau, or "forward_dynamics" (q, v, tau) -> a, with friction."""
@@ -131,8 +134,10 @@ class Equations:
 
     def parametric(self, name: str, targets: Sequence[str]) -> casadi.Function:
         """An algorithm with the numbers that `targets` name (see trace.setting) left as p, without friction."""
-        settings = [(*setting(self.tree, target), k) for k, target in enumerate(targets)]
-        return _function(getattr(self._traced(self.tree, settings, len(targets)), name)())
+        return _function(getattr(self._traced(self.tree, self._settings(targets), len(targets)), name)())
+
+    def _settings(self, targets: Sequence[str]) -> list[tuple[int, int, int]]:
+        return [(*setting(self.tree, target), k) for k, target in enumerate(targets)]
 
     def _traced(self, tree: Tree, settings: Iterable[tuple[int, int, int]] = (), parameters: int = 0) -> Any:
         return trace_tree(tree, tuple(float(x) for x in self.gravity), list(settings), parameters)

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.codegen.compile import Compiled
 from bellcrank.errors import InputError
+from bellcrank.robot.casadi_functions import SIGNATURES, WITHOUT_PARAMETERS, CasadiFunctions
 from bellcrank.robot.compiled_robot import CompiledRobot
 from bellcrank.robot.derivative_equations import DerivativeEquations
 from bellcrank.robot.joints import joint_named, require_uniform
 from bellcrank.robot.parameter_derivatives import ParameterDerivatives
 from bellcrank.robot.state_checks import QVA, QVTAU, all_finite
+from bellcrank.robot.traced_tree import setting
+
+if TYPE_CHECKING:
+    import casadi
 
 Array = NDArray[np.float64]
 
@@ -83,8 +89,8 @@ class RobotDerivatives(CompiledRobot):
             True
         """
         states = self._check.states(QVA, q, v, a)
-        code = self._code("inverse_dynamics_derivatives", lambda: self._derivatives().inverse_dynamics())
-        return InverseDynamicsDerivatives(*self._matrices(code(*states), self.nv))
+        found = self.derivative_code("inverse_dynamics")(*states)
+        return InverseDynamicsDerivatives(*self._matrices(found, self.nv))
 
     def forward_dynamics_derivatives(self, q: Any, v: Any, tau: Any) -> ForwardDynamicsDerivatives:
         """The derivatives of `forward_dynamics` by position, velocity and torque, friction included.
@@ -114,14 +120,75 @@ class RobotDerivatives(CompiledRobot):
             True
         """
         states = self._check.states(QVTAU, q, v, tau)
-        code = self._code("forward_dynamics_derivatives", lambda: self._derivatives().forward_dynamics())
-        found = code(*states)
+        found = self.derivative_code("forward_dynamics")(*states)
         if not all(all_finite(each.reshape(-1)) for each in found) and not np.isfinite(found[2]).all():
             raise InputError(
                 f"{self.name}: forward dynamics has no finite derivatives: the mass matrix is singular; give the links "
                 "that move without inertia mass (`bellcrank check` names them)"
             )
         return ForwardDynamicsDerivatives(*self._matrices(found, self.nv))
+
+    def derivative_code(self, algorithm: str) -> Compiled:
+        """The machine code of the derivatives of an algorithm, for callers that need no checks.
+
+        Args:
+            algorithm: "inverse_dynamics" or "forward_dynamics".
+
+        Returns:
+            A function of arrays (nq,), (nv,), (nv,), or batches of them, with the three matrices row by row (nv²).
+
+        Raises:
+            InputError: There is no such algorithm.
+
+        Example:
+            >>> import bellcrank as bc, numpy as np
+            >>> code = bc.load_robot("planar_2r").derivative_code("inverse_dynamics")
+            >>> [matrix.shape for matrix in code(np.zeros(2), np.zeros(2), np.zeros(2))]
+            [(4,), (4,), (4,)]
+        """
+        arguments.one_of("algorithm", algorithm, ("inverse_dynamics", "forward_dynamics"))
+        return self._code(f"{algorithm}_derivatives", lambda: getattr(DerivativeEquations(self.equations), algorithm)())
+
+    def casadi(self, name: str, *, frame: str | None = None, parameters: Sequence[str] = ()) -> casadi.Function:
+        """One of the robot's functions as a casadi Function of expressions, with named inputs and outputs.
+
+        The functions are "inverse_dynamics" (q, v, a) -> tau, "forward_dynamics" (q, v, tau) -> a, both with the
+        robot's friction, "mass_matrix" (q) -> M, "energy" (q, v) -> kinetic, potential, "configuration_rate" (q, v) ->
+        q_rate, "frame" (q, v) -> position (3), rotation (3 × 3, frame to world), linear_velocity, angular_velocity (3,
+        world's axes), "inverse_dynamics_derivatives" (q, v, a) -> dtau_dq, dtau_dv, M and
+        "forward_dynamics_derivatives" (q, v, tau) -> da_dq, da_dv, M_inverse (nv × nv each). Inputs and outputs are
+        those of the methods of the same names, in SI units; their values agree to rounding.
+
+        Args:
+            name: The function.
+            frame: The name of the frame, for "frame".
+            parameters: Names of numbers that become a last input p, as in `inverse_dynamics_parameter_derivatives`;
+                those of links and of the origins of joints only, and not for the configuration rate and derivatives.
+
+        Returns:
+            A casadi.Function of SX expressions, which casadi differentiates further, and which MX graphs may call.
+
+        Raises:
+            InputError: There is no such function, frame or parameter.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> robot = bc.load_robot("planar_2r")
+            >>> robot.casadi("forward_dynamics")
+            Function(forward_dynamics:(q[2],v[2],tau[2])->(a[2]) SXFunction)
+            >>> robot.casadi("frame", frame="tip", parameters=["joint.elbow.origin.x"]).name_in()
+            ['q', 'v', 'p']
+        """
+        arguments.one_of("name", name, tuple(SIGNATURES))
+        names = tuple(arguments.several("parameters", parameters, str, "names of parameters"))
+        if names and name in WITHOUT_PARAMETERS:
+            raise InputError(f"{self.name}: '{name}' has no parameters; differentiate another function by p instead")
+        if (frame is not None) != (name == "frame"):
+            arguments.refuse("frame", "the name of a frame for 'frame', and None for other functions", frame, self.name)
+        index = 0 if frame is None else self.frame_index(frame)
+        for parameter in names:
+            setting(self._tree, parameter)
+        return CasadiFunctions(self.equations, names).function(name, index)
 
     def inverse_dynamics_parameter_derivatives(self, q: Any, v: Any, a: Any, parameters: Sequence[str]) -> Array:
         """The derivatives of `inverse_dynamics` by numbers of the robot file: lengths, masses, centres of mass, ….
@@ -160,9 +227,6 @@ class RobotDerivatives(CompiledRobot):
             return np.zeros((*np.broadcast_shapes(*(x.shape[:-1] for x in states)), self.nv, 0))
         code = self._code(f"parameter derivatives {names}", derivatives.function)
         return self._matrices((code(*states),), len(names))[0]
-
-    def _derivatives(self) -> DerivativeEquations:
-        return DerivativeEquations(self.equations)
 
     def _velocity_place(self, name: str) -> slice:
         joint = require_uniform(joint_named(self.name, self.joints, self.mimics(), name), "a parameter")

@@ -30,6 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="instead of scenes: batches of inverse and forward dynamics of robots (default: ur5 panda talos)",
     )  # fmt: skip
     parser.add_argument(
+        "--derivatives", action="store_true",
+        help="with --dynamics: the derivatives of inverse and forward dynamics, next to Pinocchio's in C++",
+    )  # fmt: skip
+    parser.add_argument(
         "--hard", action="store_true", help="instead of scenes: the hard cases, each checked against its known answer"
     )
     parser.add_argument(
@@ -91,6 +95,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError("bench: --markdown is for scenes and --dynamics")
     if arguments.out:
         atomic_write.check_folder("--out", arguments.out)
+    if arguments.derivatives:
+        return _derivatives(arguments)
     if arguments.markdown:
         atomic_write.check_folder("--markdown", arguments.markdown.parent)
     with interruption.whole_runs():
@@ -186,6 +192,25 @@ def _dynamics(arguments: argparse.Namespace) -> int:
     if arguments.markdown:
         _write_text(arguments.markdown, markdown.dynamics_table(rows))
     return 0
+
+
+def _derivatives(arguments: argparse.Namespace) -> int:
+    from bellcrank_bench.measurements.derivative_speed import derivative_rows
+    from bellcrank_bench.measurements.dynamics_speed import ROBOTS
+    from bellcrank_bench.measurements.machine import machine_facts
+    from bellcrank_bench.tables.text import dynamics_table
+
+    facts, rows = machine_facts(), []
+    print(f"{facts['cpu']}, one thread, best of several, ns per sample; errors relative to Pinocchio")
+    with interruption.whole_runs():
+        for name in bars()(arguments.dynamics or list(ROBOTS), desc="bench", unit="robot", disable=None):
+            found = derivative_rows(name)
+            print(dynamics_table(found), flush=True)
+            rows += found
+    if arguments.out:
+        data = {"machine": facts, "rows": [row.dynamics_data() for row in rows]}
+        _write_json(arguments.out / "derivatives.json", data)
+    return int(any(row.failure for row in rows))
 
 
 def _ensembles(arguments: argparse.Namespace) -> int:

@@ -44,7 +44,7 @@ def forward_dynamics_calls(robot_name: str, repeats: int = 40) -> list[Row]:
     compiled: the lecture's equations (A. Ghosal, NPTEL 2022, lecture 18; c_baseline/planar_2r_swing.h). Mimic joints
     are independent here, because libpinocchio's algorithm does not take them.
     """
-    robot = _without_mimics(robot_name)
+    robot = without_mimics(robot_name)
     states = random_states(robot, SAMPLES)
     code = robot.dynamics("forward_dynamics")
     out = np.empty((SAMPLES, robot.nv))
@@ -72,7 +72,8 @@ def _time(rows: list[Row], runs: Sequence[Callable[[], object]], repeats: int) -
     return [replace(row, seconds=seconds / SAMPLES) for row, seconds in zip(rows, best, strict=True)]
 
 
-def _without_mimics(name: str) -> Robot:
+def without_mimics(name: str) -> Robot:
+    """The robot without friction, whose mimicking joints are independent."""
     gravity = (0.0, -9.81, 0.0) if name == "planar_2r" else (0.0, 0.0, -9.81)
     robot = load_robot(name, gravity, floating_base=name.startswith(FLOATING), friction="none")
     if not robot.mimics():

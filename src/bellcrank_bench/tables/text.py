@@ -75,7 +75,7 @@ def dynamics_table(rows: Sequence[Row]) -> str:
         ratio = base.setdefault((row.subject, row.method), row.seconds) / row.seconds
         times = f"{ratio:6.2f} x" if math.isfinite(ratio) else "       -"
         numbers = f"{row.nanoseconds:9.1f} ns  {times}  error {row.error:.1e}" if row.reached else "        -"
-        lines.append(f"  {row.subject:12} {row.method:17} {row.tool:31} {numbers}  {row.note}")
+        lines.append(f"  {row.subject:12} {row.method:17} {row.tool:31} {numbers}  {row.failure or row.note}")
     return "\n".join(lines)
 
 
