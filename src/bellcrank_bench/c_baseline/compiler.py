@@ -11,7 +11,7 @@ from pathlib import Path
 from bellcrank.errors import BellcrankError
 from bellcrank.files.temporaries import temporary_folder
 
-FLAGS = ("-O3", "-march=native", "-fno-math-errno")
+FLAGS: tuple[str, ...] = ("-O3", "-march=native", "-fno-math-errno")
 CPP_FLAGS = ("-O3",)  # types that are shared with a library need its alignment
 HEADERS = Path(__file__).parent
 
@@ -21,9 +21,9 @@ def shared_library(source: Path, options: Sequence[str] = ()) -> ctypes.CDLL:
 
     C++ sources have the suffix .cpp. Raises BellcrankError if there is no compiler, or if it fails.
     """
-    language, names, flags = ("C", ("gcc", "cc"), FLAGS)
+    language, names, flags = "C", ("gcc", "cc"), FLAGS
     if source.suffix == ".cpp":
-        language, names, flags = ("C++", ("g++", "c++"), CPP_FLAGS)
+        language, names, flags = "C++", ("g++", "c++"), CPP_FLAGS
     compiler = next(filter(None, map(shutil.which, names)), None)
     if compiler is None:
         raise BellcrankError(f"no {language} compiler: install {names[0]}")
