@@ -274,7 +274,9 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
                            "mass_tolerance": 0.1,
                            "payloads": [payload], "allow_massless": [], "overrides": None, "trust": []}),
         "MotionLimits": (bc.MotionLimits, {"speed": {"elbow": 2.0}, "acceleration": "none", "torque": "urdf",
-                                           "actuators": True, "tool": "tip", "tool_speed": 0.5}),
+                                           "actuators": True, "tool": "tip", "tool_speed": 0.5,
+                                           "tool_acceleration": 2.0, "tool_angular_speed": 1.0,
+                                           "tool_angular_acceleration": 3.0}),
         "joint_path": (bc.joint_path, {"robot": robot, "positions": [{}, {"elbow": 1.0}], "parameters": [0.0, 1.0],
                                        "blend": 0.0}),
         "time_optimal": (bc.time_optimal, {
@@ -341,7 +343,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
              inverse_dynamics_derivatives=states,
              inverse_dynamics_parameter_derivatives={**states, "parameters": ["link.link_1.mass"]},
              frame_pose={"name": "tip", "q": q},
-             frame_velocity={"name": "tip", "q": q, "v": v}, frame_index={"name": "tip"},
+             frame_velocity={"name": "tip", "q": q, "v": v}, frame_acceleration={"name": "tip", **states}, frame_index={"name": "tip"},
              friction_torque={"v": v}, gravity_torque={"q": q},
              inertia_diagonal={"q": q},
              inverse_dynamics=states, joint={"name": "elbow"}, joint_axis={"name": "elbow"}, joint_reactions=states,
@@ -518,6 +520,7 @@ def test_nan_and_inf_in_any_entry_of_a_state_are_refused_by_name_for_one_sample_
     functions = {name: (getattr(robot, name), names) for name, names in STATES.items()}
     functions["frame_pose"] = (partial(robot.frame_pose, "tip"), ("q",))
     functions["frame_velocity"] = (partial(robot.frame_velocity, "tip"), ("q", "v"))
+    functions["frame_acceleration"] = (partial(robot.frame_acceleration, "tip"), ("q", "v", "a"))
     for function, names in functions.values():
         for shape in ((2,), (9, 2)):
             good = {name: random.normal(size=shape) for name in names}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -256,3 +257,97 @@ def test_a_tool_speed_is_kept() -> None:
     motion = bc.time_optimal(robot, path, limits, costs=False).motion
     speed = np.linalg.norm(robot.frame_velocity("tip", motion.position, motion.velocity)[0], axis=1)
     assert speed.max() == pytest.approx(0.5, rel=1e-6)
+
+
+def tool_accelerations(robot: bc.Robot, motion: bc.Motion, frame: str) -> tuple[Array, Array]:
+    """Linear and angular accelerations (n, 3) of a frame between the rows, by differences of its velocity."""
+    step = np.diff(motion.time)
+    q, v, a = motion.at(np.concatenate([(motion.time[:-1] + share * step)[step > 0.0] for share in (0.2, 0.5, 0.8)]))
+    h = 1e-6
+    later, earlier = (robot.frame_velocity(frame, q + sign * h * v, v + sign * h * a) for sign in (1.0, -1.0))
+    return (later[0] - earlier[0]) / (2.0 * h), (later[1] - earlier[1]) / (2.0 * h)
+
+
+def test_the_acceleration_of_a_frame_is_that_of_differences() -> None:
+    robot = bc.load_robot("ur5")
+    rng = np.random.default_rng(4)
+    q, v, a = rng.uniform(-1.0, 1.0, (3, 20, 6))
+    linear, angular = robot.frame_acceleration("tool0", q, v, a)
+    h = 1e-6
+    later, earlier = (robot.frame_velocity("tool0", q + s * (v + 0.5 * s * a), v + s * a) for s in (h, -h))
+    assert linear == pytest.approx((later[0] - earlier[0]) / (2.0 * h), abs=1e-8)
+    assert angular == pytest.approx((later[1] - earlier[1]) / (2.0 * h), abs=1e-8)
+
+
+@pytest.mark.parametrize("more", [{}, {"tool_speed": 1.0}, {"torque": {"shoulder": 60.0, "elbow": 40.0}}])
+def test_the_acceleration_of_a_tool_is_kept_and_reached(more: dict[str, Any]) -> None:
+    robot = bc.load_robot("planar_2r", friction="none")
+    path = bc.joint_path(robot, [{}, {"shoulder": 0.7, "elbow": -0.9}, {"shoulder": 1.5, "elbow": 0.2}])
+    limits = bc.MotionLimits(**{"speed": "none", "torque": "none", "tool": "tip", "tool_acceleration": 3.0, **more})
+    found = bc.time_optimal(robot, path, limits)
+    norm = np.linalg.norm(tool_accelerations(robot, found.motion, "tip")[0], axis=1)
+    assert norm.max() <= 3.0 * (1.0 + 1e-6)
+    assert found.excess <= 1e-6
+    if not more:
+        assert norm.min() >= 3.0 * (1.0 - 1e-6)  # the only limit is always reached
+        assert found.costs[0].derivative == pytest.approx(-0.5, abs=1e-4)  # T is proportional to 1/√a
+
+
+def test_the_angular_acceleration_of_a_tool_is_kept() -> None:
+    robot = bc.load_robot("ur5", friction="none")
+    path = bc.joint_path(robot, np.random.default_rng(2).uniform(-1.0, 1.0, (3, 6)))
+    limits = bc.MotionLimits(
+        speed="none", torque="none", tool="tool0", tool_angular_acceleration=8.0, tool_angular_speed=1.5
+    )
+    found = bc.time_optimal(robot, path, limits, costs=False)
+    norm = np.linalg.norm(tool_accelerations(robot, found.motion, "tool0")[1], axis=1)
+    assert norm.max() == pytest.approx(8.0, rel=1e-6)
+    angular = np.linalg.norm(robot.frame_velocity("tool0", found.motion.position, found.motion.velocity)[1], axis=1)
+    assert angular.max() == pytest.approx(1.5, rel=1e-6)
+
+
+def test_a_circle_at_a_limited_acceleration_takes_the_time_of_its_closed_form() -> None:
+    """u² + x²/r² = a² gives x = a r sin(2 s/r) until x = a r; then the speed stays √(a r)."""
+    robot, a, r = bc.load_robot("planar_2r", friction="none"), 3.0, 0.3
+    circle = bc.circle(robot, "tip", (1.2, 0.0, 0.0), r, duration=2.0, start={"elbow": 1.0})
+    limits = bc.MotionLimits(speed="none", torque="none", tool="tip", tool_acceleration=a)
+    rising = np.pi * r / 4.0
+    start = quad(lambda w: 2.0 * w / np.sqrt(a * r * np.sin(2.0 * w * w / r)), 0.0, np.sqrt(rising), epsabs=1e-13)[0]
+    exact = 2.0 * start + (2.0 * np.pi * r - 2.0 * rising) / np.sqrt(a * r)
+    assert bc.time_optimal(robot, circle, limits, costs=False).duration == pytest.approx(exact, rel=1e-7)
+    assert bc.time_optimal(robot, circle, limits, grid=2000, costs=False).duration == pytest.approx(exact, rel=2e-3)
+
+
+def test_a_tool_without_limits_and_limits_without_a_tool_are_refused() -> None:
+    for wrong in ({"tool": "tip"}, {"tool_acceleration": 1.0}, {"tool": "tip", "tool_angular_speed": 0.0},
+                  {"tool": "tip", "tool_acceleration": np.nan}):  # fmt: skip
+        with pytest.raises(bc.InputError, match=r"tool"):
+            bc.MotionLimits(**wrong)  # type: ignore[arg-type]
+
+
+def test_speed_factors_know_the_acceleration_of_a_tool() -> None:
+    robot = bc.load_robot("planar_2r", friction="none")
+    motion = bc.waypoints(robot, [0.0, 1.0], [{}, {"shoulder": 1.0, "elbow": 0.5}])
+    limits = bc.MotionLimits(speed="none", torque="none", tool="tip", tool_acceleration=3.0)
+    found = bc.speed_factor(robot, motion, limits)
+    assert found.limit == "acceleration of frame tip"
+    faster = found.scaled()
+    norm = np.linalg.norm(tool_accelerations(robot, faster, "tip")[0], axis=1)
+    assert norm.max() == pytest.approx(3.0, rel=1e-4)  # eight samples between two rows
+
+
+def test_a_path_with_blends_is_passed_without_a_stop() -> None:
+    robot = bc.load_robot("planar_2r", friction="none")
+    postures = [{}, {"shoulder": 0.7, "elbow": -0.9}, {"shoulder": 1.5, "elbow": 0.2}]
+    path = bc.joint_path(robot, postures, blend=0.3)
+    limits = bc.MotionLimits(speed="none", torque={"shoulder": 60.0, "elbow": 40.0})
+    found = bc.time_optimal(robot, path, limits, costs=False)
+    assert found.excess <= 1e-5
+    assert found.speed[5:-5].min() > 0.0
+    corner = robot.posture(postures[1])
+    missed = np.linalg.norm(path.at(np.linspace(0.0, path.length, 20001))[0] - corner, axis=1).min()
+    assert 0.0 < missed <= 5.0 / 16.0 * 0.3
+    with pytest.raises(bc.InputError, match="longer than half"):
+        bc.joint_path(robot, postures, blend=2.0)
+    with pytest.raises(bc.InputError, match="no 'parameters'"):
+        bc.joint_path(robot, postures, [0.0, 1.0, 2.0], blend=0.1)

@@ -19,7 +19,13 @@ if TYPE_CHECKING:
     from bellcrank.planning.motion_limits import MotionLimits
     from bellcrank.scene.robot_config import RobotConfig
 
-UNITS = {"speed": "rad/s or m/s", "acceleration": "rad/s² or m/s²", "torque": "N m or N"}
+UNITS = {"speed": "rad/s or m/s", "acceleration": "rad/s^2 or m/s^2", "torque": "N m or N"}
+TOOL_UNITS = {
+    "tool_speed": "m/s",
+    "tool_acceleration": "m/s^2",
+    "tool_angular_speed": "rad/s",
+    "tool_angular_acceleration": "rad/s^2",
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,8 +53,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             help=f"the largest {key} of a joint, {unit}; may be repeated; 'none' for no limits (default: {default})",
         )  # fmt: skip
     parser.add_argument("--no-actuators", action="store_true", help="leave the limits of motors and gears out")
-    parser.add_argument("--tool", metavar="FRAME", default="", help="the frame whose speed --tool-speed limits")
-    parser.add_argument("--tool-speed", metavar="SPEED", help="the largest speed of the tool, m/s")
+    parser.add_argument("--tool", metavar="FRAME", default="", help="the frame that the --tool-… options limit")
+    for key, unit in TOOL_UNITS.items():
+        what = key.replace("_", " ").replace("tool ", "")
+        parser.add_argument(f"--{key.replace('_', '-')}", metavar="VALUE", help=f"the largest {what} of --tool, {unit}")
     parser.add_argument(
         "--grid", metavar="CELLS",
         help="use the first-order method on a fixed grid (default: cells that adapt themselves)",
@@ -193,8 +201,9 @@ def _limits(arguments: argparse.Namespace) -> MotionLimits:
             chosen[key] = "none"
         elif texts:
             chosen[key] = dict(_limit(f"--{key}", text, unit) for text in texts)
-    speed = number_option("--tool-speed", arguments.tool_speed, "m/s", above=0.0)
-    return MotionLimits(actuators=not arguments.no_actuators, tool=arguments.tool, tool_speed=speed, **chosen)
+    for key, unit in TOOL_UNITS.items():
+        chosen[key] = number_option(f"--{key.replace('_', '-')}", getattr(arguments, key), unit, above=0.0)
+    return MotionLimits(actuators=not arguments.no_actuators, tool=arguments.tool, **chosen)
 
 
 def _limit(option: str, text: str, unit: str) -> tuple[str, float]:

@@ -2,9 +2,9 @@
 
 At a point with a blend the frame passes the corner without a stop (`blends.py`), elsewhere it stops. On a straight line
 speed y, acceleration u and jerk w along the path are those of the frame. On an arc of radius R its acceleration is
-√(u² + y⁴/R²) and its jerk at most |w| + y³/R² + 3 y |u|/R: y⁴/R² and u² get a half of the square of the limit each,
-and the three terms of the jerk a third each. In a blend the path speed is constant and the frame's acceleration and jerk are
-|x''| y² and |x'''| y³.
+√(u² + y⁴/R²) and its jerk at most |w| + y³/R² + 3 y |u|/R. There y⁴/R² and u² get a half of the square of the limit
+each, and the three terms of the jerk a third each. In a blend the path speed is constant and the frame's acceleration
+and jerk are |x''| y² and |x'''| y³.
 """
 
 from __future__ import annotations

@@ -16,6 +16,12 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Limit = Literal["urdf", "none"] | Mapping[str, float]
+TOOL_UNITS = {
+    "tool_speed": "m/s",
+    "tool_acceleration": "m/s²",
+    "tool_angular_speed": "rad/s",
+    "tool_angular_acceleration": "rad/s²",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,11 +35,14 @@ class MotionLimits:
         acceleration: Largest acceleration of joints, rad/s² or m/s².
         torque: Largest torque or force of joints, without what the rotor of an actuator takes, N m or N.
         actuators: Whether the limits of the actuators count: torque over speed, largest speed, and the gear's.
-        tool: The frame of which `tool_speed` is the largest speed; "" for none.
-        tool_speed: m/s.
+        tool: The frame of which `tool_speed` and the others are limits; "" for none.
+        tool_speed: Largest speed of the frame's origin, m/s.
+        tool_acceleration: Largest acceleration of the frame's origin, m/s².
+        tool_angular_speed: Largest angular speed of the frame, rad/s.
+        tool_angular_acceleration: Largest angular acceleration of the frame, rad/s².
 
     Raises:
-        InputError: A limit is not a positive number.
+        InputError: A limit is not a positive number, or there is a frame without a limit, or the reverse.
 
     Example:
         >>> import bellcrank as bc
@@ -47,6 +56,9 @@ class MotionLimits:
     actuators: bool = True
     tool: str = ""
     tool_speed: float | None = None
+    tool_acceleration: float | None = None
+    tool_angular_speed: float | None = None
+    tool_angular_acceleration: float | None = None
 
     def __post_init__(self) -> None:
         for key, unit in (("speed", "rad/s or m/s"), ("acceleration", "rad/s² or m/s²"), ("torque", "N m or N")):
@@ -63,11 +75,12 @@ class MotionLimits:
             object.__setattr__(self, key, numbers)
         arguments.flag("actuators", self.actuators, where="limits")
         arguments.text("tool", self.tool, "the name of a frame", empty=True, where="limits")
-        if self.tool_speed is not None:
-            speed = arguments.number("tool_speed", self.tool_speed, "m/s", above=0.0, most=arguments.LARGEST)
-            object.__setattr__(self, "tool_speed", speed)
-        if (self.tool == "") != (self.tool_speed is None):
-            arguments.refuse("tool", "a frame together with tool_speed", self.tool, "limits")
+        for key, unit in TOOL_UNITS.items():
+            if (value := getattr(self, key)) is not None:
+                checked_value = arguments.number(key, value, unit, above=0.0, most=arguments.LARGEST, where="limits")
+                object.__setattr__(self, key, checked_value)
+        if (self.tool == "") != all(getattr(self, key) is None for key in TOOL_UNITS):
+            arguments.refuse("tool", "a frame together with a limit of it, such as tool_speed", self.tool, "limits")
 
     def of_joints(self, key: Literal["speed", "acceleration", "torque"], robot: Robot) -> Array:
         """The limits of all joints of a robot.

@@ -25,6 +25,7 @@ from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.mechanism import Mechanism, coulomb_widths
 from bellcrank.errors import InputError
 from bellcrank.planning.motion_limits import MotionLimits
+from bellcrank.planning.tool_limits import NormCoefficients, ToolLimits
 from bellcrank.planning.torque_speed_limits import Polyline, torque_speed_polylines
 
 if TYPE_CHECKING:
@@ -132,11 +133,13 @@ class PathLimits:
     def at(self, path: JointPath, s: Array) -> LimitArrays:
         """The limits at places s (n,) of a path."""
         q, first, second = (path.spline(s, order) for order in (0, 1, 2))
-        return self._arrays(self._terms(q, first, second), first, second, self._fastest(q, first))
+        norms = self._norms(q, first, second, first)
+        return self._arrays(self._terms(q, first, second), first, second, self._fastest(q, first, norms), norms)
 
     def fastest(self, path: JointPath, s: Array) -> Array:
         """The largest path speed (n,) that the limits of speeds allow at places s (n,) of a path."""
-        return self._fastest(path.spline(s, 0), path.spline(s, 1))
+        q, first, second = (path.spline(s, order) for order in (0, 1, 2))
+        return self._fastest(q, first, self._norms(q, first, second, first))
 
     def of_motion(self, q: Array, v: Array, a: Array) -> LimitArrays:
         """The limits of a motion of positions q, velocities v and accelerations a (n, nv) that is faster by the path
@@ -145,7 +148,8 @@ class PathLimits:
         terms = self._terms(q, v, a)
         still = np.zeros_like(v)
         terms = (np.zeros_like(terms[0]), *terms[1:])
-        return self._arrays(terms, v, a, self._fastest(q, v), slope=still)
+        norms = self._norms(q, v, a, still)
+        return self._arrays(terms, v, a, self._fastest(q, v, norms), norms, slope=still)
 
     def check_states(self, q: Array, first: Array, second: Array) -> None:
         """Raise InputError where the torques at places of a path, with derivatives of the positions with respect to the
@@ -280,13 +284,41 @@ class PathLimits:
             add(pair, (k, places[0], places[1]), top, "motor torque", motors[k].name)
         return rows, names, curves
 
-    @property
+    @cached_property
     def names(self) -> list[NamedLimit]:
-        """The names of the rows."""
-        return self._rows[1]
+        """The names of the rows, and of the norms that follow them."""
+        return [*self._rows[1], *(NamedLimit(what, self._tool_name, "") for what in self._norm_names)]
+
+    @property
+    def _tool_name(self) -> str:
+        return f"frame {self.limits.tool}"
+
+    @property
+    def _norm_names(self) -> list[str]:
+        """What of the tool's acceleration is limited."""
+        found = [what for what, _, _ in self._tool.accelerations]
+        return [what for what in found if self.only in ("", f"{what} of {self._tool_name}")]
+
+    @cached_property
+    def _tool(self) -> ToolLimits:
+        return ToolLimits(self.mechanism.robot, self.limits)
+
+    def _norms(self, q: Array, first: Array, second: Array, slope: Array) -> NormCoefficients:
+        """The limits of the tool's accelerations that count, with their factors."""
+        found = self._tool.norms(q, first, second, slope)
+        kept = [k for k, (what, _, _) in enumerate(self._tool.accelerations) if what in self._norm_names]
+        factors = [self.factors.get(f"{what} of {self._tool_name}", 1.0) for what in self._norm_names]
+        columns = (np.ascontiguousarray(values[:, kept]) for values in (found.along, found.bend, found.across))
+        return NormCoefficients(*columns, found.limit[kept] * factors)
 
     def _arrays(
-        self, terms: tuple[Array, ...], first: Array, second: Array, fastest: Array, slope: Array | None = None
+        self,
+        terms: tuple[Array, ...],
+        first: Array,
+        second: Array,
+        fastest: Array,
+        norms: NormCoefficients,
+        slope: Array | None = None,
     ) -> LimitArrays:
         a, b, d, c, w = terms
         motors, n = self.mechanism.motors, len(first)
@@ -322,6 +354,10 @@ class PathLimits:
             fastest=fastest,
             width=self._widths,
             negligible=NEGLIGIBLE * np.max(np.abs(a), axis=0),
+            along=norms.along,
+            bend=norms.bend,
+            across=norms.across,
+            norm=norms.limit,
             creep=self.creep if any(row[1] >= 0 for row in rows) else 0.0,
             rows=list(rows),
             curves=list(curves),
@@ -329,15 +365,17 @@ class PathLimits:
 
     # ---- speeds
 
-    def _fastest(self, q: Array, first: Array) -> Array:
-        """The largest path speed (n,) that the limits of speeds allow."""
-        fastest = np.full(len(q), 1e12)
+    def _fastest(self, q: Array, first: Array, norms: NormCoefficients) -> Array:
+        """The largest path speed (n,) that the limits of speeds, and of accelerations across the path, allow."""
+        fastest = np.minimum(1e12, np.min(norms.fastest(), axis=1, initial=np.inf))
         for _, speeds in self.speed_limits(q, first):
             fastest = np.minimum(fastest, speeds)
         return fastest
 
-    def speed_limits(self, q: Array, first: Array) -> list[tuple[NamedLimit, Array]]:
-        """The largest path speeds (n,) of each limit of a speed, by name."""
+    def speed_limits(self, q: Array, first: Array, second: Array | None = None) -> list[tuple[NamedLimit, Array]]:
+        """The largest path speeds (n,) of each limit of a speed, by name; given `second`, also those of accelerations
+        of the tool across the path.
+        """
         robot = self.mechanism.robot
         limits = self.limits.of_joints("speed", robot)
         found = []
@@ -347,10 +385,13 @@ class PathLimits:
                     found.append((NamedLimit("speed", joint.name, ""), limit / np.abs(first[:, joint.v])))
             for joint, top in self._shaft_speeds():
                 found.append((NamedLimit("motor speed", joint.name, ""), top / np.abs(first[:, joint.v])))
-            if self.limits.tool_speed is not None:
-                moved = np.linalg.norm(robot.frame_velocity(self.limits.tool, q, first)[0], axis=1)
-                found.append((NamedLimit("speed", f"frame {self.limits.tool}", ""), self.limits.tool_speed / moved))
-        return [(name, speeds * self.factors.get(name.group, 1.0)) for name, speeds in found]
+            for what, rates, limit in self._tool.speed_rates(q, first):
+                found.append((NamedLimit(what, self._tool_name, ""), limit / rates))
+            found = [(name, speeds * self.factors.get(name.group, 1.0)) for name, speeds in found]
+            if second is not None:
+                tops = self._norms(q, first, second, first).fastest()
+                found += [(name, tops[:, k]) for k, name in enumerate(self.names[len(self._rows[1]) :])]
+        return found
 
     def _shaft_speeds(self) -> list[tuple[RobotJoint, float]]:
         """Motors with the largest speed of the joint, rad/s or m/s, that motor and gear allow."""

@@ -184,7 +184,7 @@ def speed_factor(
     time = _samples(given)
     q, v, a = given.at(time)
     bounds.check_states(q, v, a)
-    speeds = bounds.speed_limits(q, v)
+    speeds = bounds.speed_limits(q, v, a)
     if not bounds.names and not speeds:
         raise InputError("nothing limits the motion: the URDF gives no limits and there is no actuator; give limits")
     factor, place, row = largest_factor(bounds.of_motion(q, v, a), MOST)
@@ -245,5 +245,6 @@ def _uses(
         arrays = alone.of_motion(q, v, a)
         found[group] = np.array([1.0 + np.max(excess(arrays, np.full(len(q), k), still)) for k in factors])
     for name, largest in speeds:
-        found[name.group] = factors / float(np.min(largest))
+        if name.group not in found:  # an acceleration of the tool grows with the square of the factor
+            found[name.group] = factors / float(np.min(largest))
     return found

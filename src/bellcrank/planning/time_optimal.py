@@ -198,7 +198,7 @@ def _motion(path: JointPath, timing: PathTiming, name: str) -> Motion:
 def _labels(bounds: PathLimits, path: JointPath, timing: PathTiming) -> list[str]:
     """The active limit of each cell."""
     middle = (timing.s[1:] + timing.s[:-1]) / 2.0
-    speeds = bounds.speed_limits(path.spline(middle, 0), path.spline(middle, 1))
+    speeds = bounds.speed_limits(*(path.spline(middle, order) for order in (0, 1, 2)))
     tightest = np.argmin(np.stack([value for _, value in speeds]), axis=0) if speeds else np.zeros(len(middle), int)
     return [
         bounds.names[row].group

@@ -186,6 +186,33 @@ class CompiledRobot(RobotDescription):
         rows = self._check.answer("a velocity", self._frame(name)(*states, NO_PARAMETERS))
         return rows[..., 12:15], rows[..., 15:18]
 
+    def frame_acceleration(self, name: str, q: Any, v: Any, a: Any) -> tuple[Array, Array]:
+        """Linear acceleration of a frame's origin and angular acceleration of a frame, world axes: J a + J̇ v.
+
+        Args:
+            name: Name of a link, a joint or an added frame.
+            q: Position (nq,) or (n, nq).
+            v: Velocity (nv,) or (n, nv).
+            a: Acceleration (nv,) or (n, nv).
+
+        Returns:
+            Linear (m/s²) and angular (rad/s²) acceleration, (3,) or (n, 3) each; without gravity.
+
+        Raises:
+            InputError: There is no such frame, a shape is wrong, a number is not finite, or an acceleration overflows.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> arm = bc.load_robot("planar_2r")
+            >>> arm.frame_acceleration("tip", [0.0, 0.0], [1.0, 0.0], [0.5, 0.0])[0]
+            array([-2.,  1.,  0.])
+        """
+        states = self._check.states(QVA, q, v, a)
+        index = self.frame_index(name)
+        code = self._code(f"frame acceleration {index}", lambda: self.equations.frame_acceleration(index))
+        rows = self._check.answer("an acceleration", code(*states))
+        return rows[..., :3], rows[..., 3:]
+
     # ---- internals
 
     @cached_property

@@ -54,6 +54,17 @@ class Equations:
         """
         return _function(self._traced(self.tree, self._settings(targets), len(targets)).frames(list(indices)))
 
+    def frame_acceleration(self, index: int) -> casadi.Function:
+        """(q, v, a) -> linear and angular acceleration of a frame, world axes: the rate of its velocity."""
+        import casadi
+
+        frame, rate = self.frames([index]), self.algorithm("configuration_rate")
+        q, v = (casadi.SX.sym(n, frame.size1_in(k)) for k, n in enumerate(("q", "v")))
+        a = casadi.SX.sym("a", v.size1())
+        velocity = casadi.vertcat(*casadi.vertsplit(frame(q, v, casadi.SX(0, 1)))[12:18])
+        change = casadi.jtimes(velocity, q, rate(q, v)) + casadi.jtimes(velocity, v, a)
+        return casadi.Function("frame_acceleration", [q, v, a], [casadi.densify(change)])
+
     def dynamics(self, name: str) -> casadi.Function:
         """ "inverse_dynamics" (q, v, a) -> tau, or "forward_dynamics" (q, v, tau) -> a, with friction."""
         import casadi

@@ -22,12 +22,15 @@ struct LimitArrays {
   In<3> w;
   In<2> rate, motor_rate;
   In<1> fastest, width, negligible;
+  In<2> along, bend, across;
+  In<1> norm;
   PathLimits limits;
 
   LimitArrays(In<2> a, In<2> b, In<2> d, In<2> c, In<3> w, In<2> rate, In<2> motor_rate, In<1> fastest, In<1> width,
-              In<1> negligible, double creep, nb::list rows, nb::list curves)
+              In<1> negligible, In<2> along, In<2> bend, In<2> across, In<1> norm, double creep, nb::list rows,
+              nb::list curves)
       : a(a), b(b), d(d), c(c), w(w), rate(rate), motor_rate(motor_rate), fastest(fastest), width(width),
-        negligible(negligible) {
+        negligible(negligible), along(along), bend(bend), across(across), norm(norm) {
     PathLimits& l = limits;
     l.creep = creep;
     l.places = a.shape(0), l.quantities = a.shape(1), l.joints = rate.shape(1), l.motors = motor_rate.shape(1);
@@ -38,6 +41,11 @@ struct LimitArrays {
         negligible.shape(0) != l.quantities || l.quantities > LimitsAtPlace::most_quantities)
       throw nb::value_error("path limits: the arrays do not fit each other");
     l.a = a.data(), l.b = b.data(), l.d = d.data(), l.c = c.data(), l.w = w.data(), l.rate = rate.data();
+    l.norms = norm.shape(0);
+    if (!(same(along) && same(bend) && same(across)) || along.shape(1) != l.norms || bend.shape(1) != l.norms ||
+        across.shape(1) != l.norms)
+      throw nb::value_error("path limits: the arrays of norms do not fit each other");
+    l.along = along.data(), l.bend = bend.data(), l.across = across.data(), l.norm = norm.data();
     l.motor_rate = motor_rate.data(), l.fastest = fastest.data(), l.width = width.data(), l.negligible = negligible.data();
     for (nb::handle given : curves) {
       Curve curve;
@@ -169,9 +177,11 @@ nb::tuple largest_factor(const LimitArrays& given, double to) {
 
 NB_MODULE(_planner, m) {
   nb::class_<LimitArrays>(m, "LimitArrays")
-      .def(nb::init<In<2>, In<2>, In<2>, In<2>, In<3>, In<2>, In<2>, In<1>, In<1>, In<1>, double, nb::list, nb::list>(),
+      .def(nb::init<In<2>, In<2>, In<2>, In<2>, In<3>, In<2>, In<2>, In<1>, In<1>, In<1>, In<2>, In<2>, In<2>, In<1>,
+                    double, nb::list, nb::list>(),
            nb::arg("a"), nb::arg("b"), nb::arg("d"), nb::arg("c"), nb::arg("w"), nb::arg("rate"), nb::arg("motor_rate"),
-           nb::arg("fastest"), nb::arg("width"), nb::arg("negligible"), nb::arg("creep"), nb::arg("rows"), nb::arg("curves"));
+           nb::arg("fastest"), nb::arg("width"), nb::arg("negligible"), nb::arg("along"), nb::arg("bend"),
+           nb::arg("across"), nb::arg("norm"), nb::arg("creep"), nb::arg("rows"), nb::arg("curves"));
   m.def("fastest_on_grid", &on_grid, nb::arg("limits"), nb::arg("s"), nb::arg("begin"), nb::arg("end"));
   m.def("fastest_refined", &refined, nb::arg("limits"), nb::arg("r"), nb::arg("s"), nb::arg("ds"), nb::arg("narrow"), nb::arg("begin"), nb::arg("end"),
         nb::arg("speed_tolerance"), nb::arg("excess_tolerance"));

@@ -8,7 +8,12 @@
 // with coefficients that depend on the place s alone: b from centrifugal and Coriolis terms, d from viscous friction,
 // w from Coulomb friction smoothed over a width (J. Bobrow, S. Dubowsky, J. Gibson, Int. J. Robotics Research 4, 1985,
 // without friction; friction is ours). For a given y each limit bounds u from above or from below, or, where a = 0, is
-// a limit of y alone.
+// a limit of y alone. Besides, the norm of a vector A u + B x (a frame's acceleration) is limited by a cone: with
+// B = bend A + a part across A of the length `across`,
+//
+//   |A|² (u + bend x)² + across² x² <= limit²,
+//
+// which bounds u by -bend x ± √(limit² - across² x²) / |A|, and x by limit / across.
 #pragma once
 
 #include <cmath>
@@ -34,11 +39,12 @@ struct Curve {
   std::vector<double> speed, torque;  // at the shaft, rad/s and N m
 };
 
-// Coefficients at n places: arrays (n, quantities), (n, quantities, joints), (n, joints), (n, motors), (n).
+// Coefficients at n places: arrays (n, quantities), (n, quantities, joints), (n, joints), (n, motors), (n), (n, norms).
 struct PathLimits {
-  std::size_t places = 0, quantities = 0, joints = 0, motors = 0;
+  std::size_t places = 0, quantities = 0, joints = 0, motors = 0, norms = 0;
   const double *a = nullptr, *b = nullptr, *d = nullptr, *c = nullptr, *w = nullptr, *rate = nullptr;
   const double *motor_rate = nullptr, *fastest = nullptr, *width = nullptr, *negligible = nullptr;
+  const double *along = nullptr, *bend = nullptr, *across = nullptr, *norm = nullptr;  // norm: limits (norms)
   double creep = 0;  // up to this y the load counts as taking power, as it does at standstill
   std::vector<LimitRow> rows;
   std::vector<Curve> curves;
@@ -114,6 +120,7 @@ class LimitsAtPlace {
         add_looser(found, bound(row, row.drive, a, values, limit, y, r), bound(row, row.back, a, values, limit, y, r));
       }
     }
+    for (std::size_t k = 0; k < limits_.norms; ++k) add_norm(found, k, y);
     return found;
   }
 
@@ -133,6 +140,11 @@ class LimitsAtPlace {
       if (row.back >= 0 && row.sense * turning > 0.0) own = std::max(own, over(row.back));
       if (row.back >= 0 && row.sense * turning < 0.0 && y > limits_.creep) own = std::min(own, over(row.back));
       worst = std::max(worst, own / row.limit);
+    }
+    for (std::size_t k = 0; k < limits_.norms; ++k) {
+      const std::size_t at = place_ * limits_.norms + k;
+      const double x = y * y, along = limits_.along[at] * (u + limits_.bend[at] * x), across = limits_.across[at] * x;
+      worst = std::max(worst, std::hypot(along, across) / limits_.norm[k] - 1.0);
     }
     return worst;
   }
@@ -243,6 +255,25 @@ class LimitsAtPlace {
     const double scale = row.sense * inverse;
     own.shape = {-scale * value.p2, -scale * value.p1, row.limit * inverse - scale * value.p0};
   }
+
+  // The bounds of u by the limit of a norm, which are concave in x; their shapes are tangents in x. The row is counted
+  // on from the other rows.
+  void add_norm(Bounds& found, std::size_t k, double y) const {
+    const std::size_t at = place_ * limits_.norms + k;
+    const int row = static_cast<int>(limits_.rows.size() + k), quantity = static_cast<int>(limits_.quantities + k);
+    const double limit = limits_.norm[k], along = limits_.along[at], bend = limits_.bend[at], across = limits_.across[at];
+    const double x = y * y, share = across * x / limit;
+    if (along == 0.0 || share > 1.0)
+      add(found, {Kind::speed, {limit * (1.0 - share), {-across, 0, limit}, row, quantity}});
+    if (along == 0.0) return;
+    const double root = std::sqrt(std::max((1.0 - share) * (1.0 + share), least_root * least_root));
+    const double half = limit * root / along, slope = across * share / (along * root);  // of half over x, negative
+    const double most = -bend * x + half, least = -bend * x - half;
+    add(found, {Kind::most, {most, {-bend - slope, 0, half + slope * x}, row, quantity}});
+    add(found, {Kind::least, {least, {-bend + slope, 0, -half - slope * x}, row, quantity}});
+  }
+
+  static constexpr double least_root = 1e-8;  // near the largest x, where the bounds meet at an infinite slope
 
   static void add(Bounds& found, const Sided& one) {
     if (one.kind == Kind::most && one.bound.value < found.most.value) found.most = one.bound;

@@ -43,7 +43,8 @@ inline bool allowed(const Bounds& b) {
          (b.speed.row < 0 || b.speed.value >= -rounding * (1.0 + std::abs(b.speed.shape.p0)));
 }
 
-// The root of p in (low, high), the nearest to `from` (one end of it) at which p becomes >= 0; NaN without one.
+// The root of p in (low, high), the nearest to `from` (one end of it) at which p becomes >= 0; NaN without one. A root
+// that rounding has put beyond `from` counts as `from`: steep bounds meet within the last digits of a speed.
 inline double crossing(const Parabola& p, double from, double low, double high) {
   const bool down = from >= high;
   double roots[2];
@@ -60,6 +61,8 @@ inline double crossing(const Parabola& p, double from, double low, double high) 
     }
   }
   double best = std::nan("");
+  for (int k = 0; k < count; ++k)
+    if (std::abs(roots[k] - from) <= 1e-14 * from) roots[k] = from;
   for (int k = 0; k < count; ++k)
     if (roots[k] >= low && roots[k] <= high && (std::isnan(best) || (down ? roots[k] > best : roots[k] < best)))
       best = roots[k];

@@ -183,6 +183,8 @@ class RefinedPass {
     f.error[i] = std::max(f.error[i], over / tolerances_.excess);
     if (riding) {
       const double top = limits_.fastest[2 * i + 1];
+      const double below = 1 - middle / (top * top);  // along the tip of a cone the speed misses the tip by the step²
+      if (limits_.norms > 0 && below < 0.01) f.error[i] = std::max(f.error[i], below / tolerances_.excess);
       f.error[i] = std::max(f.error[i], 0.5 * (middle / (top * top) - 1) / tolerances_.excess);
     }
     if (narrow_[i]) f.error[i] = 0;
