@@ -308,8 +308,8 @@ class PathLimits:
         found = self._tool.norms(q, first, second, slope)
         kept = [k for k, (what, _, _) in enumerate(self._tool.accelerations) if what in self._norm_names]
         factors = [self.factors.get(f"{what} of {self._tool_name}", 1.0) for what in self._norm_names]
-        columns = (np.ascontiguousarray(values[:, kept]) for values in (found.along, found.bend, found.across))
-        return NormCoefficients(*columns, found.limit[kept] * factors)
+        along, bend, across = (np.ascontiguousarray(x[:, kept]) for x in (found.along, found.bend, found.across))
+        return NormCoefficients(along, bend, across, found.limit[kept] * np.array(factors))
 
     def _arrays(
         self,
@@ -367,7 +367,7 @@ class PathLimits:
 
     def _fastest(self, q: Array, first: Array, norms: NormCoefficients) -> Array:
         """The largest path speed (n,) that the limits of speeds, and of accelerations across the path, allow."""
-        fastest = np.minimum(1e12, np.min(norms.fastest(), axis=1, initial=np.inf))
+        fastest: Array = np.minimum(1e12, np.min(norms.fastest(), axis=1, initial=np.inf))
         for _, speeds in self.speed_limits(q, first):
             fastest = np.minimum(fastest, speeds)
         return fastest
