@@ -1,12 +1,9 @@
 """Inverse dynamics of a closed linkage: the torques that its motors must give, and the constraints' multipliers.
 
-Motors at the joints of S (nv, k), with the joint forces Q that the motion needs, satisfy
-
-    S τ + Jᵀ λ = Q,    hence  (Nᵀ S) τ = Nᵀ Q,
-
-as J N = 0 for the motions N that the constraints allow. More motors than degrees of freedom share the load with the
-least Σ τ². Source: Nakamura & Ghodoussi, Dynamics computation of closed-link robot mechanisms with nonredundant and
-redundant actuators, IEEE Trans. Robotics Autom. 5 (1989).
+Motors at the joints of S (nv, k), with the joint forces Q that the motion needs, satisfy S τ + Jᵀ λ = Q. More motors
+than degrees of freedom share the load with the least Σ τ², and idle rotations, such as that of a rod between two balls,
+turn freely (motor_shares.py). Source: Nakamura & Ghodoussi, Dynamics computation of closed-link robot mechanisms with
+nonredundant and redundant actuators, IEEE Trans. Robotics Autom. 5 (1989).
 """
 
 from __future__ import annotations
@@ -23,13 +20,16 @@ from bellcrank import arguments
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.dependent_motion import DependentMotions
-from bellcrank.dynamics.loop_kinematics import SINGULAR, LoopKinematics, jacobian_inverse, rank
+from bellcrank.dynamics.idle_motion import freed_motion
+from bellcrank.dynamics.idle_rotations import IdleRotation
+from bellcrank.dynamics.loop_kinematics import LoopKinematics
+from bellcrank.dynamics.motor_shares import MotorShares, motor_shares
 from bellcrank.dynamics.reactions import joint_reactions
 from bellcrank.dynamics.tree_inverse_dynamics import TreeInverseDynamics
 from bellcrank.elements.joint_constraints import PrescribedMotion
-from bellcrank.errors import InputError, UnreachableError
+from bellcrank.errors import InputError
 from bellcrank.motion.motion import Motion
-from bellcrank.numerics import products, pseudo_inverse, singular_values, svd
+from bellcrank.numerics import products
 from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.scene import Scene
 
@@ -91,8 +91,15 @@ class Linkage:
         self.equations = TreeInverseDynamics(self.robot, at_motion_times)
         self.kinematics = LoopKinematics(self._loaded)
         self.motors: tuple[RobotJoint, ...] = self._motors(actuated)
-        self._columns = [joint.v for joint in self.motors]
+        self.motor_columns = [joint.v for joint in self.motors]
         self._motions = DependentMotions(at_motion_times, self.kinematics, self.motors)
+
+    @property
+    def idle_rotations(self) -> tuple[IdleRotation, ...]:
+        """Rotations of links about the line through their connections that no motor drives, such as that of a rod
+        between two balls. They turn freely: no force but those of springs and friction acts on them.
+        """
+        return self._motions.idle_rotations
 
     def _motors(self, actuated: Sequence[str] | None) -> tuple[RobotJoint, ...]:
         source, config = self.scene.source, self.scene.config
@@ -145,7 +152,8 @@ class Linkage:
             InputError: The motion does not fit, or prescribes too few joints.
             UnreachableError: The linkage cannot follow it.
         """
-        return self._motions.along(motion, independent)
+        found, joints = self._motions.along(motion, independent)
+        return freed_motion(self, found), joints
 
     # ---- forces
 
@@ -167,15 +175,15 @@ class Linkage:
             UnreachableError: The motors cannot move the linkage.
         """
         t, q, v, a = self._rows(t=t, q=q, v=v, a=a)
-        return self._torques(t, self.equations.needed(t, q, v, a), self.kinematics.terms(t, q, v).jacobian)
+        jacobian = self.kinematics.terms(t, q, v).jacobian
+        return self._torques(self.equations.needed(t, q, v, a), motor_shares(self, q, jacobian, t))
 
-    def _torques(self, t: Array, need: Array, jacobian: Array) -> tuple[Array, Array]:
-        torque = products(torque_shares(self, jacobian, t), need)
-        left = need.copy()
-        left[:, self._columns] -= torque
-        inverse = jacobian_inverse(self.kinematics.scaled(jacobian).transpose(0, 2, 1))
-        units = self.kinematics.units
-        return torque, products(inverse, left * units) / rows_of(self.kinematics.scene).unit
+    def _torques(self, need: Array, shares: MotorShares) -> tuple[Array, Array]:
+        """Torques and multipliers for joint forces (n, nv), which idle rotations reduce."""
+        torque = products(shares.torques, need)
+        left = np.array(shares.released(need))
+        left[:, self.motor_columns] -= torque
+        return torque, shares.rows.multipliers(left * self.kinematics.units) / rows_of(self.kinematics.scene).unit
 
     def force_maps(self, t: Array, q: Array) -> tuple[Array, Array]:
         """The matrices that give the motors' torques and the constraints' multipliers for joint forces Q (nv).
@@ -193,15 +201,15 @@ class Linkage:
         """
         t, q = self._rows(t=t, q=q)
         jacobian = self.kinematics.jacobian(t, q)
-        shares = torque_shares(self, jacobian, t)
-        left = np.tile(np.eye(self.robot.nv), (len(t), 1, 1))
-        left[:, self._columns] -= shares
-        inverse = jacobian_inverse(self.kinematics.scaled(jacobian).transpose(0, 2, 1))
-        scaled = inverse @ (self.kinematics.units[:, None] * left)
+        found = motor_shares(self, q, jacobian, t)
+        shares = found.torques
+        left = np.array(found.released(np.tile(np.eye(self.robot.nv), (len(t), 1, 1))))
+        left[:, self.motor_columns] -= shares
+        scaled = found.rows.multipliers(self.kinematics.units[:, None] * left)
         return shares, np.asarray(scaled / rows_of(self.kinematics.scene).unit[:, None])
 
     def _shares_at(self, t: Array, q: Array) -> Array:
-        return torque_shares(self, self.kinematics.jacobian(t, q), t)
+        return motor_shares(self, q, self.kinematics.jacobian(t, q), t).torques
 
     def friction(self, t: Array, q: Array, v: Array) -> Array:
         """The part of the motors' torques that overcomes friction, also of joints without a motor.
@@ -275,7 +283,10 @@ class Linkage:
             UnreachableError: The motors cannot move the linkage.
         """
         t, q, v, a = self._rows(t=t, q=q, v=v, a=a)
-        return self._wrenches(t, q, v, a, self.torques(t, q, v, a)[1])
+        jacobian, need = self.kinematics.terms(t, q, v).jacobian, self.equations.needed(t, q, v, a)
+        shares = motor_shares(self, q, jacobian, t)
+        freed = a if shares.idle is None else a + shares.idle.accelerations(need)
+        return self._wrenches(t, q, v, freed, self._torques(need, shares)[1])
 
     def constraint_wrenches(self, t: Array, q: Array, v: Array, multipliers: Array) -> Array:
         """The wrench through each joint of the tree that multipliers of the constraints cause, in which it is linear.
@@ -327,9 +338,10 @@ class Linkage:
         t, q, v, a = self._rows(t=t, q=q, v=v, a=a)
         need = self.equations.needed(t, q, v, a)
         position, _, jacobian, _ = self.kinematics.terms(t, q, v)
-        torque, multipliers = self._torques(t, need, jacobian)
-        left = need - (jacobian.transpose(0, 2, 1) @ multipliers[:, :, None])[:, :, 0]
-        left[:, self._columns] -= torque
+        shares = motor_shares(self, q, jacobian, t)
+        torque, multipliers = self._torques(need, shares)
+        left = shares.released(need) - (jacobian.transpose(0, 2, 1) @ multipliers[:, :, None])[:, :, 0]
+        left[:, self.motor_columns] -= torque
         worst, scale = float(np.abs(left).max()), float(np.abs(need).max())
         return float(np.abs(position).max(initial=0.0)), worst / scale if scale else (
             0.0 if worst == 0.0 else float("inf")
@@ -341,39 +353,3 @@ class Linkage:
         sizes = {"q": self.robot.nq, "v": self.robot.nv, "a": self.robot.nv}
         return tuple(arguments.array(name, x, (n,) if name == "t" else (n, sizes[name])) for name, x in states.items())
 
-
-def torque_shares(linkage: Linkage, jacobian: Array, time: Array | None = None) -> Array:
-    """The matrices P (n, k, nv) that give the motors' least torques τ = P Q for joint forces Q.
-
-    Args:
-        jacobian: Jacobians of the constraints (n, m, nv), as `kinematics.jacobian` gives.
-        time: Times (n,) s for messages.
-
-    Returns:
-        The matrices P.
-
-    Raises:
-        InputError: The constraints leave no degree of freedom.
-        UnreachableError: The motors cannot move the linkage.
-    """
-    source, units = linkage.scene.source, linkage.kinematics.units
-    jacobian = linkage.kinematics.scaled(jacobian)
-    constrained = int(max(rank(jacobian[k]) for k in np.linspace(0, len(jacobian) - 1, 7).astype(int)))
-    _, _, vt = svd(jacobian, f"{source}: the constraints are")
-    null = vt[:, constrained:, :]  # rows: an orthonormal basis of the motions that the constraints allow
-    grip = null[:, :, linkage._columns]
-    if null.shape[1] == 0:
-        raise InputError(f"{source}: the constraints of {linkage.robot.name} leave no degree of freedom")
-    singular = singular_values(grip, f"{source}: the motions that the constraints allow are")
-    too_few = grip.shape[2] < grip.shape[1]
-    weak = int(np.argmin(singular[:, -1]))
-    if too_few or singular[weak, -1] < SINGULAR:
-        when = "" if time is None or too_few else f" at {time[weak]:.6g} s"
-        freedoms = f"{null.shape[1]} degree{'s' * (null.shape[1] != 1)} of freedom"
-        raise UnreachableError(
-            f"{source}: motors at {', '.join(joint.name for joint in linkage.motors)} cannot move the {freedoms} of "
-            f"{linkage.robot.name}{when}; actuate "
-            f"{'more joints' if too_few else 'another joint, or keep away from that posture'}"
-        )
-    null = null * units
-    return np.asarray(pseudo_inverse(null[:, :, linkage._columns], f"{source}: the constraints are") @ null)

@@ -11,6 +11,7 @@ is kept. The mechanism has nv − rank J degrees of freedom, of which the path p
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,13 +35,19 @@ if TYPE_CHECKING:
     from bellcrank.codegen.compile import Compiled
 
 Array = NDArray[np.float64]
+IDLE = 1e-6  # m or rad per rad: slower, a frame's coordinate is at rest in an idle rotation
 TURNED = 1e-9  # rad: at a larger angle from the prescribed orientation, the posture is another solution
 
 
 class ClosedInverseKinematics:
-    """A path of a frame of a closed linkage, from the posture `start` (nq,)."""
+    """A path of a frame of a closed linkage, from the posture `start` (nq,).
 
-    def __init__(self, kinematics: LoopKinematics, path: FramePath, start: Array) -> None:
+    The rates (nv,) of its `idle` rotations are not prescribed where they leave the frame's coordinates at rest.
+    """
+
+    def __init__(
+        self, kinematics: LoopKinematics, path: FramePath, start: Array, idle: Sequence[Array] = ()
+    ) -> None:
         self.kinematics, self.path, self.robot = kinematics, path, kinematics.robot
         self.rows = ["xyz".index(axis) for axis in path.coordinates]
         self.code: Compiled = self.robot.compiled(
@@ -51,6 +58,9 @@ class ClosedInverseKinematics:
         self.rotation = wanted_rotation(path, self.attitude)
         if self.rotation is not None:
             self.rows += [3, 4, 5]
+        frame = self._system(0.0, start, self.begin, self.attitude)[1][-len(self.rows) :]
+        still = [np.abs(frame @ (rates / kinematics.units)).max() < IDLE for rates in idle]
+        self.idle = sum(still)
 
     def _build(self) -> casadi.Function:
         """(q, v, p) -> position 3, rotation 9 (row major), Jacobian 6 nv (column by column), its rate times v 6."""
@@ -71,12 +81,14 @@ class ClosedInverseKinematics:
     # ---- what the path prescribes
 
     def prescribed(self) -> tuple[int, int]:
-        """The number of degrees of freedom of the mechanism at the start posture, and how many the path prescribes."""
+        """The number of degrees of freedom of the mechanism at the start posture without idle rotations, and how many
+        the path prescribes.
+        """
         _, jacobian = self._system(0.0, self.start, self.begin, self.attitude)
         constraints = len(jacobian) - len(self.rows)
         size = max(float(np.abs(jacobian).max(initial=0.0)), 1e-300)
         rank = self._rank(jacobian[:constraints], SINGULAR * size)
-        return self.robot.nv - rank, self._rank(jacobian, SINGULAR * size) - rank
+        return self.robot.nv - rank - self.idle, self._rank(jacobian, SINGULAR * size) - rank
 
     def _rank(self, matrix: Array, least: float) -> int:
         what = f"motion '{self.path.name}': the constraints and the frame at the start are"
@@ -123,15 +135,16 @@ class ClosedInverseKinematics:
         whole = np.concatenate([jacobian, frame], axis=1) / units[:, None] * kinematics.units
         what = f"motion '{self.path.name}': the constraints and the frame along it are"
         sizes = singular_values(whole, what)
-        worst = int(np.argmin(sizes[:, -1] / sizes[:, 0]))
-        if sizes[worst, -1] < DEAD * sizes[worst, 0]:
+        least = robot.nv - self.idle - 1
+        worst = int(np.argmin(sizes[:, least] / sizes[:, 0]))
+        if sizes[worst, least] < DEAD * sizes[worst, 0]:
             raise UnreachableError(
                 f"motion '{self.path.name}' passes a singular posture of the linkage at {time[worst]:.6g} s, with "
                 f"frame "
                 f"'{self.path.frame}' at {vector_text(position[worst])} m: there its path does not determine the "
                 "velocities of all joints; move the path"
             )
-        inverse = kinematics.units[:, None] * pseudo_inverse(whole, what) / units
+        inverse = kinematics.units[:, None] * pseudo_inverse(whole, what, rcond=SINGULAR if self.idle else None) / units
         wanted = np.concatenate([velocity, no_rotation], axis=1)[:, self.rows]
         v = (inverse @ np.concatenate([-residual, wanted], axis=1)[:, :, None])[:, :, 0]
         drift = kinematics.terms(time, q, v).drift

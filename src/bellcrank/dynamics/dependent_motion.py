@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.closed_inverse_kinematics import ClosedInverseKinematics
 from bellcrank.dynamics.consistent_start import consistent_posture
+from bellcrank.dynamics.idle_rotations import IdleRotation
 from bellcrank.dynamics.loop_kinematics import LoopKinematics
 from bellcrank.elements.frame_joints import path_frames
 from bellcrank.errors import BellcrankError, InputError
@@ -44,6 +46,11 @@ class DependentMotions:
         self.scene, self.kinematics, self.motors = scene, kinematics, tuple(motors)
         self.robot = scene.robot
         self.entries: Mapping[str, MotionEntry] = scene.config.motions
+
+    @cached_property
+    def idle_rotations(self) -> tuple[IdleRotation, ...]:
+        """The idle rotations that leave all motors at rest."""
+        return self.kinematics.idle_rotations([joint.v for joint in self.motors])
 
     def along(
         self, motion: Motion | str | Path, independent: Sequence[str] | None = None
@@ -93,8 +100,10 @@ class DependentMotions:
     # ---- independent joints
 
     def _candidates(self, given: set[str] | None) -> list[RobotJoint]:
-        """The joints that may be independent, motors first: those given, by default all."""
-        found = [joint for joint in self.robot.joints if joint.nv == 1 and (given is None or joint.name in given)]
+        """The joints that may be independent, motors first: those given, by default all without idle rotations."""
+        if given is None:
+            given = {joint.name for joint in self.robot.joints} - {n for turn in self.idle_rotations for n in turn.joints}
+        found = [joint for joint in self.robot.joints if joint.nv == 1 and joint.name in given]
         return sorted(found, key=lambda joint: joint not in self.motors)
 
     def _independent(
@@ -105,7 +114,7 @@ class DependentMotions:
             candidates = self._candidates(given)
         else:
             candidates = [self.robot.one_degree_joint(name, f"motion '{motion.name}'") for name in names]
-        return self.kinematics.independent(candidates, motion.name)
+        return self.kinematics.independent(candidates, motion.name, self.idle_rotations)
 
     def _check_agreement(self, wanted: Motion, found: Motion, joints: Sequence[RobotJoint]) -> None:
         """InputError where a motion prescribes dependent joints otherwise than the constraints move them."""
@@ -141,10 +150,10 @@ class DependentMotions:
             if entry.start is not None:
                 start = self._start_posture(entry.start, start)
             here = self.robot.frame_pose(frame, start)[0]
-            motions: list[Motion] = []
+            idle, motions = [turn.rates for turn in self.idle_rotations], list[Motion]()
             for path in entry.paths(here):
                 last = motions[-1].position[-1] if motions else start
-                follower = ClosedInverseKinematics(self.kinematics, path, last)
+                follower = ClosedInverseKinematics(self.kinematics, path, last, idle)
                 freedoms, prescribed = follower.prescribed()
                 if prescribed != freedoms:
                     break

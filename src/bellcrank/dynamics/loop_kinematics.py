@@ -7,7 +7,7 @@ constraints allow are v = N v_i with N_i = 1 and N_d = −J_d⁺ J_i.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -20,7 +20,7 @@ from bellcrank.dynamics.consistent_start import consistent_start, displaced
 from bellcrank.dynamics.constraint_alignment import alignment_cosines_along
 from bellcrank.dynamics.constraint_derivatives import SymbolicRows, differentiate_constraints
 from bellcrank.dynamics.constraint_rows import characteristic_length, rows_of, velocity_units
-from bellcrank.dynamics.idle_rotations import idle_rotations
+from bellcrank.dynamics.idle_rotations import IdleRotation, idle_rotations
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.symbols import Symbols
 from bellcrank.errors import InputError, UnreachableError
@@ -148,37 +148,47 @@ class LoopKinematics:
 
     # ---- degrees of freedom
 
-    def independent(self, candidates: Sequence[RobotJoint], name: str) -> tuple[RobotJoint, ...]:
+    @cached_property
+    def constrained(self) -> int:
+        """The rank of the constraints at the start posture."""
+        return rank(self.scaled_position_residual(0.0, self.start)[1])
+
+    def idle_rotations(self, prescribed: Collection[int]) -> tuple[IdleRotation, ...]:
+        """The idle rotations at the start posture that leave the velocity coordinates `prescribed` at rest."""
+        return idle_rotations(self.scene, self.start, self.scaled_position_residual(0.0, self.start)[1], prescribed)
+
+    def independent(
+        self, candidates: Sequence[RobotJoint], name: str, idle: Sequence[IdleRotation] = ()
+    ) -> tuple[RobotJoint, ...]:
         """The first candidates that are independent of each other, as many as the linkage has degrees of freedom.
 
-        Raises InputError, naming the motion, where there are too few.
+        The `idle` rotations need no joint. Raises InputError, naming the motion, where there are too few.
         """
-        jacobian = self.scaled_position_residual(0.0, self.start)[1]
-        constrained = rank(jacobian)
+        jacobian, constrained = self.scaled_position_residual(0.0, self.start)[1], self.constrained
         freedoms = self.robot.nv - constrained
         left, chosen = list(range(self.robot.nv)), list[RobotJoint]()
         for joint in candidates:
             without = [v for v in left if v != joint.v]
             if len(chosen) < freedoms and rank(jacobian[:, without]) == constrained:
                 left, chosen = without, [*chosen, joint]
-        if len(chosen) < freedoms:
+        if len(chosen) + self.idle_count(chosen, idle) < freedoms:
             given = f" ({', '.join(joint.name for joint in chosen)})" if chosen else ""
             dependent = [joint.name for joint in candidates if joint not in chosen]
             depend = f"; {', '.join(dependent)} depend{'s' * (len(dependent) == 1)} on them" if dependent else ""
-            idle = idle_rotations(self.robot, jacobian)
-            if idle and len(chosen) + len(idle) >= freedoms:
-                remedy = (
-                    f"no motor drives {len(idle)} of them: {'; '.join(idle)}; where such a turn does not matter, make "
-                    "the joint universal instead of spherical, or use a distance constraint instead of the rod"
-                )
-            else:
-                more = freedoms - len(chosen)
-                remedy = f"prescribe {more} more: write also the position of a joint that stays where it is"
+            more = freedoms - len(chosen) - len(idle)
+            turns = f"; {len(idle)} more are idle rotations, which need no motor: {'; '.join(map(str, idle))}"
             raise InputError(
                 f"motion '{name}': the mechanism has {freedoms} degree{'s' * (freedoms != 1)} of freedom and this "
-                f"motion prescribes {len(chosen)}{given}{depend}; {remedy}"
+                f"motion prescribes {len(chosen)}{given}{depend}{turns if idle else ''}; prescribe {more} more: write "
+                "also the position of a joint that stays where it is"
             )
         return tuple(chosen)
+
+    @staticmethod
+    def idle_count(joints: Sequence[RobotJoint], idle: Sequence[IdleRotation]) -> int:
+        """How many idle rotations there are beside the motion of these joints, which they leave at rest."""
+        columns = [joint.v for joint in joints]
+        return sum(not turn.rates[columns].any() for turn in idle)
 
     def are_independent(self, columns: Sequence[int]) -> bool:
         """Whether these degrees of freedom are independent of each other at the start posture."""
@@ -237,8 +247,9 @@ class LoopKinematics:
         _, residual, jacobian, _ = self.terms(time, q, v)
         scaled = self.scaled(jacobian)[:, :, dep]
         singular = singular_values(scaled, f"motion '{motion.name}': the constraints along it are")
-        worst = int(np.argmin(singular[:, -1] / singular[:, 0])) if len(dep) else 0
-        if len(dep) and singular[worst, -1] < DEAD * singular[worst, 0]:
+        least = self.constrained - 1  # the others of the dependent joints turn idly
+        worst = int(np.argmin(singular[:, least] / singular[:, 0])) if len(dep) else 0
+        if len(dep) and singular[worst, least] < DEAD * singular[worst, 0]:
             raise UnreachableError(
                 f"motion '{motion.name}' passes a dead point of the linkage at {time[worst]:.6g} s: there "
                 f"{leading.values(motion.position[worst, leading.places])} no longer determines the other joints; end "

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bellcrank.dynamics.closed_inverse_dynamics import Linkage, torque_shares
+from bellcrank.dynamics.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.motor_shares import motor_shares
 from bellcrank.errors import InputError
 from bellcrank.robot.articulated_inertia import vanishing_pivots
 from bellcrank.robot.joints import postures
@@ -89,7 +90,7 @@ def _moving(mechanism: Mechanism, k: int, joint: RobotJoint, motions: Sequence[M
     if isinstance(mechanism, Linkage):
         q = np.concatenate([motion.position[:: max(1, len(motion) // POSTURES)] for motion in motions])
         jacobian = mechanism.kinematics.jacobian(np.zeros(len(q)), q)
-        share = np.abs(torque_shares(mechanism, jacobian)[:, k]).max(axis=0)
+        share = np.abs(motor_shares(mechanism, q, jacobian).torques[:, k]).max(axis=0)
         found |= {j.name for j in robot.joints if share[j.v : j.v + j.nv].max() > MOVES * share.max()}
     leaders = {follower: leader for follower, leader, ratio, _ in robot.mimics() if ratio != 0.0}
     return [name for name in robot.all_joint_names if name in found or leaders.get(name) in found]
