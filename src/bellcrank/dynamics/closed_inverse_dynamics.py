@@ -352,4 +352,3 @@ class Linkage:
         n = len(arguments.array("t", states["t"], (None,), "s"))
         sizes = {"q": self.robot.nq, "v": self.robot.nv, "a": self.robot.nv}
         return tuple(arguments.array(name, x, (n,) if name == "t" else (n, sizes[name])) for name, x in states.items())
-

@@ -45,9 +45,7 @@ class ClosedInverseKinematics:
     The rates (nv,) of its `idle` rotations are not prescribed where they leave the frame's coordinates at rest.
     """
 
-    def __init__(
-        self, kinematics: LoopKinematics, path: FramePath, start: Array, idle: Sequence[Array] = ()
-    ) -> None:
+    def __init__(self, kinematics: LoopKinematics, path: FramePath, start: Array, idle: Sequence[Array] = ()) -> None:
         self.kinematics, self.path, self.robot = kinematics, path, kinematics.robot
         self.rows = ["xyz".index(axis) for axis in path.coordinates]
         self.code: Compiled = self.robot.compiled(

@@ -102,7 +102,9 @@ class DependentMotions:
     def _candidates(self, given: set[str] | None) -> list[RobotJoint]:
         """The joints that may be independent, motors first: those given, by default all without idle rotations."""
         if given is None:
-            given = {joint.name for joint in self.robot.joints} - {n for turn in self.idle_rotations for n in turn.joints}
+            given = {joint.name for joint in self.robot.joints} - {
+                n for turn in self.idle_rotations for n in turn.joints
+            }
         found = [joint for joint in self.robot.joints if joint.nv == 1 and joint.name in given]
         return sorted(found, key=lambda joint: joint not in self.motors)
 

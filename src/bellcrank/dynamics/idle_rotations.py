@@ -1,5 +1,6 @@
-"""Idle rotations of a closed linkage: turns of links about the line through their own connections, such as those of a
-rod between two balls, that no motor drives and that leave all other links at rest.
+"""Idle rotations of a closed linkage: turns of links about the line through their connections that no motor drives.
+
+Such is the turn of a rod between two balls; all other links stay at rest.
 
 A motion n of the joints, J n = 0, with all prescribed joints at rest, is an idle rotation where all links that move have
 one twist, a rotation about a line, and at least two joints or constraints connect them to links at rest. A link with
@@ -29,8 +30,12 @@ SMALL = 1e-7  # of the largest singular value or entry: below this, a number cou
 
 @dataclass(frozen=True, eq=False)
 class IdleRotation:
-    """A rotation that no motor drives: the rates (nv,) of the joints, and the names of the joints, and of the links with mass,
-    that move. The largest rate is 1.
+    """A rotation that no motor drives.
+
+    Attributes:
+        rates: The rates (nv,) of all joints; the largest is 1.
+        joints: The joints that move.
+        links: The links with mass that turn.
     """
 
     rates: Array
@@ -39,7 +44,9 @@ class IdleRotation:
 
     def __str__(self) -> str:
         links = ", ".join(f"'{name}'" for name in self.links) or "without mass"
-        return f"link{'s' * (len(self.links) > 1)} {links} (joint{'s' * (len(self.joints) > 1)} {', '.join(self.joints)})"
+        return (
+            f"link{'s' * (len(self.links) > 1)} {links} (joint{'s' * (len(self.joints) > 1)} {', '.join(self.joints)})"
+        )
 
 
 def idle_rotations(scene: Scene, q: Array, jacobian: Array, prescribed: Collection[int]) -> tuple[IdleRotation, ...]:

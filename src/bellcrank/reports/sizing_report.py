@@ -19,7 +19,7 @@ from bellcrank.reports.input_tables import (
 from bellcrank.sizing.joint_sizing import Peak
 from bellcrank.sizing.plots import sizing_figures
 from bellcrank.sizing.result import Sizing
-from bellcrank.sizing.tables import joint_rows, shaft_rows, sized_with, structure_rows, verdict
+from bellcrank.sizing.tables import STRUCTURE, force_rows, joint_rows, shaft_rows, sized_with, structure_rows, verdict
 from bellcrank.sizing.text_tables import TableContent
 
 
@@ -30,6 +30,8 @@ def sizing_document(sizing: Sizing, film: Film) -> Document:
         note = "Margins with the safety factor on torques."
         parts.append(_table("At the motor shafts", shaft_rows(sizing), note))
     parts.append(_table("Structure and energy", structure_rows(sizing)))
+    if sizing.structure:
+        parts.append(_table(STRUCTURE, force_rows(sizing)))
     parts.append(
         Facts(
             "Sized for",

@@ -38,6 +38,7 @@ from bellcrank.sizing.motion_peaks import JointPeaks, MotionPeaks, interpolation
 from bellcrank.sizing.motor_loads import MotorLoads
 from bellcrank.sizing.result import Sizing, SizingInputs
 from bellcrank.sizing.shaft_sizing import MotorSizing
+from bellcrank.sizing.structure_loads import worst_loads
 
 
 def size_mechanism(
@@ -107,6 +108,7 @@ def size_mechanism(
         urdf_errors=tuple(errors),
         allowed_massless=tuple(massless.allowed),
         motors=motors,
+        structure=worst_loads([peaks.structure for peaks in each]),
     )
 
 

@@ -16,6 +16,7 @@ from bellcrank.sizing.joint_loads import JointLoads
 from bellcrank.sizing.joint_sizing import Cycle, JointSizing, Peak
 from bellcrank.sizing.maxima import Maxima, maxima
 from bellcrank.sizing.motion_grid import Grid, grid_along, reversal_times
+from bellcrank.sizing.structure_loads import StructureLoad, structure_loads
 
 Array = NDArray[np.float64]
 TOLERATED = 0.02  # of the peak: it may exceed the largest torque at the rows by this without a warning
@@ -43,12 +44,16 @@ class JointPeaks:
 
 @dataclass(frozen=True)
 class MotionPeaks:
-    """The peaks and cycles of all joints along a motion, and those of the supply; None where these are unknown."""
+    """The peaks and cycles of all joints along a motion, those of the supply, and the loads in the structure.
+
+    The supply's are None where they are unknown; an open chain has no loads in its structure.
+    """
 
     joints: tuple[JointPeaks, ...]
     cycles: tuple[Cycle, ...]
     supply: Peak | None
     regeneration: Peak | None
+    structure: tuple[StructureLoad, ...] = ()
 
 
 def peaks_along(loads: JointLoads, motion: Motion) -> MotionPeaks:
@@ -67,10 +72,10 @@ def peaks_along(loads: JointLoads, motion: Motion) -> MotionPeaks:
     [supply], [regeneration] = peaks.pop("supply"), peaks.pop("regeneration")
     peaks["sampled_torque"] = _peaks_at_rows(loads, motion)
     joints = tuple(JointPeaks(**{name: each[k] for name, each in peaks.items()}) for k in range(len(loads.joints)))
-    cycles = _cycles(loads, motion, grid, values)
+    cycles, structure = _cycles(loads, motion, grid, values), structure_loads(mechanism, motion, grid)
     if loads.unknown_supply:
-        return MotionPeaks(joints, cycles, None, None)
-    return MotionPeaks(joints, cycles, supply, regeneration)
+        return MotionPeaks(joints, cycles, None, None, structure)
+    return MotionPeaks(joints, cycles, supply, regeneration, structure)
 
 
 def worst_peaks(each: Sequence[JointPeaks]) -> JointPeaks:

@@ -17,6 +17,7 @@ from bellcrank.files import atomic_write
 from bellcrank.messages import unknown_name
 from bellcrank.sizing.joint_sizing import JointSizing, Peak
 from bellcrank.sizing.shaft_sizing import MotorSizing, ShaftSizing
+from bellcrank.sizing.structure_loads import StructureLoad
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -59,6 +60,8 @@ class Sizing(Portable, Renamed):
         urdf_errors: Errors of the URDF that change torques.
         allowed_massless: Joints that move no mass, as `allow_massless` allowed.
         motors: The sizing of each motor of a coupled transmission that has an actuator.
+        structure: The largest force and moment in each constraint and joint without a motor of a closed linkage, such
+            as those at the ends of rods.
 
     Example:
         >>> import bellcrank as bc
@@ -85,6 +88,7 @@ class Sizing(Portable, Renamed):
     urdf_errors: tuple[str, ...] = ()
     allowed_massless: tuple[str, ...] = ()
     motors: tuple[MotorSizing, ...] = ()
+    structure: tuple[StructureLoad, ...] = ()
 
     def __repr__(self) -> str:
         inside = "inside as far as known" if self.unknown else "all inside"

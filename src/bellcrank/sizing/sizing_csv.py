@@ -1,4 +1,4 @@
-"""The file sizing.csv: one line a joint or motor, with units in the header."""
+"""The file sizing.csv: one line a joint, motor or constraint, with units in the header."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ from bellcrank.files.csv_files import guarded
 from bellcrank.sizing.joint_sizing import JointSizing
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.shaft_sizing import MotorSizing, ShaftSizing
+from bellcrank.sizing.structure_loads import StructureLoad
 
 
 def csv_text(sizing: Sizing) -> str:
-    """The text of sizing.csv: one line a joint, then one a motor of a coupled transmission, units in the header, empty
-    where there is no limit or no actuator.
+    """The text of sizing.csv: one line a joint with a motor, then one a motor of a coupled transmission, then one a
+    constraint and joint without a motor of a closed linkage; units in the header, empty where there is no limit, no
+    actuator or no such load.
     """
     rows = [_csv_row(joint) for joint in sizing.joints]
     rows += [dict.fromkeys(rows[0], "") | _csv_motor_row(motor) for motor in sizing.motors]
+    rows += [dict.fromkeys(rows[0], "") | _csv_load_row(load) for load in sizing.structure]
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(rows[0])
@@ -57,7 +60,7 @@ def _csv_row(joint: JointSizing) -> dict[str, Any]:
         "velocity margin [1]": joint.velocity_margin,
         "position margin [rad or m]": joint.position_margin,
     }
-    return _csv_cells(row | _csv_shaft(joint.shaft))
+    return _csv_cells(row | {"kind": f"{joint.kind} joint with a motor"} | _csv_shaft(joint.shaft))
 
 
 def _csv_motor_row(motor: MotorSizing) -> dict[str, Any]:
@@ -72,7 +75,18 @@ def _csv_motor_row(motor: MotorSizing) -> dict[str, Any]:
         "peak torque at [s]": motor.peak_torque.time,
         "peak torque in motion": motor.peak_torque.motion,
     }
-    return _csv_cells(row | _csv_shaft(motor.shaft))
+    return _csv_cells(row | {"kind": "motor of a coupled transmission"} | _csv_shaft(motor.shaft))
+
+
+def _csv_load_row(load: StructureLoad) -> dict[str, Any]:
+    """The cells of a line of a constraint or of a joint without a motor."""
+    row = {
+        "joint": load.name,
+        "peak bearing force [N]": load.peak_force and load.peak_force.value,
+        "peak tilting moment [N m]": load.peak_moment and load.peak_moment.value,
+        "kind": load.kind,
+    }
+    return _csv_cells(row)
 
 
 def _csv_shaft(shaft: ShaftSizing | None) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from bellcrank.sizing.joint_sizing import JointSizing, Peak, ShaftSizing
 from bellcrank.sizing.result import Sizing, sizing_inputs
 from bellcrank.sizing.shaft_sizing import MotorSizing
 from bellcrank.sizing.sizing_csv import csv_text
+from bellcrank.sizing.structure_loads import StructureLoad
 from bellcrank.text import file_name
 
 RESULTS = ("sizing.csv", "sizing.json")
@@ -174,6 +175,7 @@ def json_text(sizing: Sizing, files: Iterable[str] = RESULTS) -> str:
         "supply": _peak(sizing.supply_peak),
         "regeneration": _peak(sizing.regeneration_peak),
         "joints": [_joint_document(joint) for joint in sizing.joints],
+        **({"structure": [_load_document(load) for load in sizing.structure]} if sizing.structure else {}),
         **({"motors": [_motor_document(motor) for motor in sizing.motors]} if sizing.motors else {}),
     }
     return json.dumps(_finite(document), indent=1, allow_nan=False) + "\n"
@@ -223,6 +225,11 @@ def _motor_document(motor: MotorSizing) -> dict[str, Any]:
         "exceeded": list(motor.exceeded),
         "shaft": _shaft_document(motor.shaft),
     }
+
+
+def _load_document(load: StructureLoad) -> dict[str, Any]:
+    peaks = {"force": _peak(load.peak_force), "moment": _peak(load.peak_moment)}
+    return {"name": load.name, "kind": load.kind, "peaks": peaks}
 
 
 def _shaft_document(shaft: ShaftSizing) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from bellcrank.sizing.text_tables import TableContent, html_table, text_table
 
 NO_LIMIT = "no limit given"
 UNKNOWN = "unknown"
+STRUCTURE = "In the structure (largest force and moment of each constraint and joint without a motor)"
 
 
 def table(sizing: Sizing) -> str:
@@ -22,6 +23,8 @@ def table(sizing: Sizing) -> str:
             "At the motor shaft (margins with the safety factor on torques):",
             text_table(shaft_rows(sizing)),
         ]
+    if sizing.structure:
+        parts += ["", f"{STRUCTURE}:", text_table(force_rows(sizing), (0, 1, 5))]
     parts += ["", f"All joints at one instant: {_power(sizing)}"]
     if sizing.mass_tolerance:
         parts.append(
@@ -51,6 +54,8 @@ def sizing_html(sizing: Sizing) -> str:
     if sizing.shafts:
         tables.append(html_table("At the motor shafts, margins with the safety factor on torques", shaft_rows(sizing)))
     tables.append(html_table("Structure and energy", structure_rows(sizing)))
+    if sizing.structure:
+        tables.append(html_table(STRUCTURE, force_rows(sizing)))
     notes = "".join(f"<li>{escape(text)}</li>" for text in sizing.warnings)
     return f"<p><b>{answer}</b><br>{about}</p>{''.join(tables)}" + (f"<ul>{notes}</ul>" if notes else "")
 
@@ -197,6 +202,26 @@ def structure_rows(sizing: Sizing) -> TableContent:
                     peak.time,
                 ),
                 peak.motion,
+            ]
+        )
+    return TableContent(header, rows)
+
+
+def force_rows(sizing: Sizing) -> TableContent:
+    """The largest force and moment in each constraint and joint without a motor."""
+    header = ["constraint or joint", "kind", "force\n[N]", "moment\n[N m]", "force at\n[s]", "in motion"]
+    rows = []
+    for load in sizing.structure:
+        force, moment = load.peak_force, load.peak_moment
+        first = force or moment
+        rows.append(
+            [
+                load.name,
+                load.kind,
+                "-" if force is None else _figures(force.value)[0],
+                "-" if moment is None else _figures(moment.value)[0],
+                "-" if force is None else _figures(force.time)[0],
+                first.motion if first else "-",
             ]
         )
     return TableContent(header, rows)
