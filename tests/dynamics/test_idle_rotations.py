@@ -157,7 +157,7 @@ def test_forces_in_the_rod_are_in_the_results(tmp_path):
     document = json.loads(sizing.to_json(tmp_path / "sizing.json").read_text())
     assert document["structure"][0]["peaks"]["force"]["value"] == end.peak_force.value
     lines = sizing.to_csv(tmp_path / "sizing.csv").read_text().splitlines()
-    assert any(line.startswith(f"{end.name},") and line.endswith("point constraint") for line in lines)
+    assert any(line.startswith(f"{end.name},") and ",point constraint," in line for line in lines)
 
 
 def test_idle_rotations_are_found_whatever_else_moves():

@@ -2,9 +2,9 @@
 
 Such is the turn of a rod between two balls; all other links stay at rest.
 
-A motion n of the joints, J n = 0, with all prescribed joints at rest, is an idle rotation where all links that move have
-one twist, a rotation about a line, and at least two joints or constraints connect them to links at rest. A link with
-one connection, such as a pendulum, is none: its weight decides how it moves.
+A motion n of the joints, J n = 0, with all prescribed joints at rest, is an idle rotation where all links that move
+have one twist, a rotation about a line, and at least two joints or constraints connect them to links at rest. A link
+with one connection, such as a pendulum, is none: its weight decides how it moves.
 """
 
 from __future__ import annotations
