@@ -317,6 +317,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
             "scene": pendulum, "vary": {"simulate.rtol": "uniform(1e-7, 1e-6)"}, "n": 2, "seed": 0, "threads": 1,
             "overrides": {"simulate.duration": 0.01}, "progress": None, "workers": None, "scheduler": None,
             "folder": None}),
+        "scene_casadi": (bc.scene_casadi, {"scene": pendulum}),
         "scene_inverse_dynamics": (bc.scene_inverse_dynamics, one_motor),
         "Linkage": (bc.Linkage, {"scene": four_bar, "robot": four_bar.robot, "actuated": ["crank"]}),
         "scene_derivatives": (bc.scene_derivatives, {

@@ -74,6 +74,7 @@ _HOME = {
     "scene_derivatives": "dynamics.scene_derivatives",
     "SceneDerivatives": "dynamics.scene_derivatives",
     "Slopes": "dynamics.scene_derivatives",
+    "scene_casadi": "dynamics.scene_casadi",
     "scene_inverse_dynamics": "dynamics.scene_inverse_dynamics",
     "Linkage": "dynamics.closed_inverse_dynamics",
     "Mobility": "dynamics.mobility",
@@ -144,6 +145,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "repeated_cycle",
     "replay",
     "report",
+    "scene_casadi",
     "scene_derivatives",
     "scene_inverse_dynamics",
     "select",
@@ -175,6 +177,7 @@ if TYPE_CHECKING:
     from bellcrank.analysis.mode import Mode
     from bellcrank.dynamics.closed_inverse_dynamics import Linkage
     from bellcrank.dynamics.mobility import Mobility, mobility
+    from bellcrank.dynamics.scene_casadi import scene_casadi
     from bellcrank.dynamics.scene_derivatives import SceneDerivatives, Slopes, scene_derivatives
     from bellcrank.dynamics.scene_inverse_dynamics import scene_inverse_dynamics
     from bellcrank.errors import BellcrankError, CompileError, InputError, NotSavedError, UnreachableError

@@ -1,5 +1,8 @@
 """casadi Functions of robots against their compiled code."""
 
+import runpy
+from pathlib import Path
+
 import casadi
 import numpy as np
 import pytest
@@ -70,3 +73,9 @@ def test_wrong_names_are_told():
     ):
         with pytest.raises(bc.InputError, match=message):
             robot.casadi(**arguments)
+
+
+def test_ipopt_swings_the_arm_up_in_the_example(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(Path(__file__).parents[2] / "examples" / "planar_2r_swing_up.py"), run_name="__main__")
+    assert (tmp_path / "planar_2r_swing_up.html").stat().st_size > 100_000
