@@ -20,9 +20,9 @@ from bellcrank.robot.robot import Robot
 from bellcrank_bench.measurements.dynamics_speed import PINOCCHIO, random_states
 from bellcrank_bench.measurements.machine import best_of
 from bellcrank_bench.measurements.native_loop import loop
+from bellcrank_bench.measurements.pinocchio_derivatives import PinocchioDerivatives
 from bellcrank_bench.measurements.row import Row
 from bellcrank_bench.measurements.single_calls import COMPILED, SAMPLES, without_mimics
-from bellcrank_bench.peers.pinocchio_derivatives import PinocchioDerivatives
 
 Array = NDArray[np.float64]
 ALGORITHMS = ("inverse_dynamics", "forward_dynamics")
