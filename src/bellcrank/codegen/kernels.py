@@ -8,6 +8,8 @@
 i of lane l is at [i * width + l] of an array that begins at a multiple of 64 bytes. The result of a lane depends on the
 inputs in that lane alone, to the last bit.
 
+"directions" are "lanes" whose first input is one vector for all lanes: its entry i is at [i].
+
 In a "batch", sample i of input k begins at inputs[k] + i strides[k] (a stride of 0 repeats one sample); outputs are
 contiguous rows. There are at least as many samples as SIMD lanes, with one sample a lane; the last block of samples
 overlaps the one before it. Each block is transposed
@@ -196,8 +198,8 @@ def lanes_ir(graph: Graph, width: int, fused: bool) -> str:
     return _direct_ir(graph, Lanes(width), fused, 1)
 
 
-def _direct_ir(graph: Graph, lanes: Lanes, fused: bool, packed: int) -> str:
-    """LLVM IR whose loads and stores are those of the caller's arrays; `packed` is that of `operations`."""
+def _direct_ir(graph: Graph, lanes: Lanes, fused: bool, packed: int, load: str = "") -> str:
+    """LLVM IR whose loads and stores are those of the caller's arrays; `packed` and `load` are those of `operations`."""
     d = lanes.double
     pointers, entry = [], []
     for kind, count in (("in", len(graph.input_sizes)), ("out", len(graph.outputs))):
@@ -209,7 +211,7 @@ def _direct_ir(graph: Graph, lanes: Lanes, fused: bool, packed: int) -> str:
             ]
     code = operations(
         graph, lanes, fused,
-        "{name}.p = getelementptr " + d + ", ptr %in{k}, i64 {i}\n"
+        load or "{name}.p = getelementptr " + d + ", ptr %in{k}, i64 {i}\n"
         "  {name} = load " + d + ", ptr {name}.p, !noalias !1",
         "{at} = getelementptr " + d + ", ptr %out{k}, i64 {i}\n"
         "  store " + d + " {name}, ptr {at}, !alias.scope !1",
@@ -220,4 +222,29 @@ def _direct_ir(graph: Graph, lanes: Lanes, fused: bool, packed: int) -> str:
     return "\n".join(code.before + text) + METADATA
 
 
-KINDS = {"scalar": scalar_ir, "lanes": lanes_ir, "batch": batch_ir}
+def directions_ir(graph: Graph, width: int, fused: bool) -> str:
+    """LLVM IR like `lanes_ir`, but with the entries of the first input the same in all lanes."""
+    lanes = Lanes(width)
+    d, numbered = lanes.double, range(len(graph.input_sizes))
+    loads = [
+        f"define internal {d} @load0(ptr %from, i64 %i) alwaysinline {{",
+        "  %at = getelementptr double, ptr %from, i64 %i",
+        "  %one = load double, ptr %at, !noalias !1",
+        f"  %first = insertelement {d} poison, double %one, i64 0",
+        f"  %all = shufflevector {d} %first, {d} poison, <{width} x i32> zeroinitializer",
+        f"  ret {d} %all",
+        "}",
+    ]
+    for k in numbered[1:]:
+        loads += [
+            f"define internal {d} @load{k}(ptr %from, i64 %i) alwaysinline {{",
+            f"  %at = getelementptr {d}, ptr %from, i64 %i",
+            f"  %all = load {d}, ptr %at, !noalias !1",
+            f"  ret {d} %all",
+            "}",
+        ]
+    load = f"{{name}} = call {d} @load{{k}}(ptr %in{{k}}, i64 {{i}})"
+    return "\n".join([*loads, _direct_ir(graph, lanes, fused, 1, load)])
+
+
+KINDS = {"scalar": scalar_ir, "lanes": lanes_ir, "batch": batch_ir, "directions": directions_ir}

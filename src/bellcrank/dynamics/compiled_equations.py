@@ -67,6 +67,11 @@ class System:
         return assemble(self._scene)
 
     @property
+    def key(self) -> str:
+        """What identifies the equations."""
+        return self._key
+
+    @property
     def multiplier_names(self) -> tuple[tuple[str, str], ...]:
         """(constraint, label) of each multiplier, such as ("hook", "z [N]")."""
         return self._layout.multiplier_names

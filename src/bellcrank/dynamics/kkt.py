@@ -103,6 +103,8 @@ class ConstrainedSolution:
     plain: KktSolution
     guard: casadi.SX
     event_multipliers: casadi.SX
+    plain_factor: Factor
+    proximal_factor: Factor
 
 
 def solve_constrained(
@@ -135,6 +137,8 @@ def solve_constrained(
         plain=KktSolution(*plain.solve(force, right), *projection(plain, derivatives, 0)),
         guard=plain.slack(NEAR_SINGULAR * usual),
         event_multipliers=regular.solve(force, right)[1],
+        plain_factor=plain,
+        proximal_factor=regular,
     )
 
 

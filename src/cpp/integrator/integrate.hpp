@@ -7,6 +7,8 @@ namespace bellcrank {
 void bind_integrate(nanobind::module_& m);
 // Adds integrate_ensemble() and has_lanes().
 void bind_ensemble(nanobind::module_& m);
+// Adds propagate_sensitivities() and SensitivityResult.
+void bind_sensitivities(nanobind::module_& m);
 // Adds methods() and tableau().
 void bind_tableaus(nanobind::module_& m);
 }  // namespace bellcrank

@@ -90,6 +90,7 @@ NB_MODULE(_step, m) {
   bellcrank::bind_lazy_kernel(m);
   bellcrank::bind_integrate(m);
   bellcrank::bind_ensemble(m);
+  bellcrank::bind_sensitivities(m);
   bellcrank::bind_tableaus(m);
   bellcrank::bind_consistent_starts(m);
   bellcrank::bind_csv_rows(m);

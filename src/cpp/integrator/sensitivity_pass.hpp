@@ -1,0 +1,336 @@
+// Sensitivities S = dx/dp along a run: S' = f_x S + f_p beside x' = f, by DOP853 for both. The stages of x are the points at
+// which directional derivatives are evaluated, for all directions in blocks of SIMD lanes. Steps are those of the run where
+// it was made by DOP853; a step whose error is too large, of x or of S, is divided. This is the simultaneous method with
+// error control of both. Source: A. C. Hindmarsh et al., SUNDIALS, ACM Trans. Math. Softw. 31 (2005), sec. 2.3 (CVODES).
+#pragma once
+
+#include "right_hand_side.hpp"
+#include "runge_kutta_tableaus.hpp"
+#include "sensitivities.hpp"
+
+namespace bellcrank {
+namespace BELLCRANK_ISA {
+
+class SensitivityPass {
+ public:
+  SensitivityPass(const SensitivityProblem& problem, SensitivityRecord& record, SensitivityCounts& counts)
+      : d_(problem), p_(problem.run), record_(record), counts_(counts), rhs_(problem.run),
+        m_(p_.nq + p_.nv), width_(problem.lanes), blocks_((problem.directions + width_ - 1) / width_),
+        first_((p_.n + 7) / 8 * 8), block_(static_cast<std::size_t>(m_) * width_),
+        size_((first_ + blocks_ * block_ + 7) / 8 * 8), y_(size_), old_(size_), stage_(size_), k_(size_ * Method::rows),
+        errors_(2 * size_), dense_(7 * size_), largest_(2 * blocks_ * width_), changes_(blocks_ * lanes_of(d_.parameters)),
+        tape_(largest_tape()) {}
+
+  Status operator()() {
+    start();
+    for (std::size_t i = 0, mark = 0, stop = 0; i < d_.bound_count; ++i) {
+      const double bound = d_.bounds[i];
+      while (stop < static_cast<std::size_t>(p_.stop_count) && p_.stops[stop] <= t_) ++stop;
+      const bool last = stop == static_cast<std::size_t>(p_.stop_count);
+      if (stop != pinned_) {  // forces may jump at a stop
+        rhs_.pin(t_, last ? p_.t1 : p_.stops[stop]);
+        rhs_.latest = last ? p_.latest : std::nextafter(p_.stops[stop], p_.t0);
+        pinned_ = stop;
+        if (!slope(t_, k_ + last_ * size_)) return Status::non_finite;
+      }
+      if (d_.given_steps && next_ > 0.6 * (bound - t_)) next_ = larger(next_, bound - t_);
+      while (t_ < bound) {
+        const Status status = advance(bound);
+        if (status != Status::finished) return status;
+        rows();
+        if (!(++counts_.steps & 255) && record_.interrupted()) return Status::interrupted;
+      }
+      if (d_.marked[i]) scatter(y_ + first_, record_.mark(mark++), record_.mark_stride());
+    }
+    return Status::finished;
+  }
+
+ private:
+  using Method = Dop853;
+  static constexpr int last_ = Method::stages;  // row of the slope at a step's end
+  static constexpr double safety = 0.9, least_factor = 0.2, largest_factor = 10;
+
+  const SensitivityProblem& d_;
+  const Problem& p_;
+  SensitivityRecord& record_;
+  SensitivityCounts& counts_;
+  Rhs rhs_;
+  int m_, width_;
+  std::size_t blocks_, first_, block_, size_;
+  // x, then the blocks of S: entry i of lane l of a block is at [i * width + l]
+  Buffer y_, old_, stage_, k_, errors_, dense_, largest_, changes_, tape_;
+  double t_ = 0, t_old_ = 0, next_ = 0;
+  std::size_t next_row_ = 0, pinned_ = static_cast<std::size_t>(-1);
+  bool dense_ready_ = false;
+  std::int32_t status_ = 0;  // of the last evaluation at a point
+
+  std::size_t lanes_of(int entries) const { return static_cast<std::size_t>(entries) * width_; }
+  std::size_t largest_tape() const {
+    int most = 1;
+    for (const Directional* f : {&d_.rate, &d_.fallback, &d_.project, &d_.project_fallback})
+      most = f->point && f->tape > most ? f->tape : most;
+    return static_cast<std::size_t>(most);
+  }
+
+  void start() {
+    t_ = p_.t0, next_ = d_.first_step;
+    std::memcpy(y_, p_.x0, p_.n * sizeof(double));
+    for (int i = m_; i < p_.n; ++i) y_[i] = 0;
+    for (int j = 0; j < d_.directions; ++j) {
+      const std::size_t block = j / width_, lane = j % width_;
+      for (int i = 0; i < m_; ++i) y_[first_ + block * block_ + i * width_ + lane] = d_.seeds[j * m_ + i];
+      for (int i = 0; i < d_.parameters; ++i)
+        changes_[block * lanes_of(d_.parameters) + i * width_ + lane] = d_.changes[j * d_.parameters + i];
+    }
+    note_largest();
+    while (next_row_ < d_.time_count && d_.times[next_row_] <= t_) take_row(y_ + first_);
+  }
+
+  // ---- evaluations
+
+  // (x', S') at (time, y).
+  bool slope(double time, double* out, const double* y) {
+    time = smaller(time, rhs_.latest);
+    if (p_.signal_count) rhs_.signals(time);
+    ++counts_.evaluations;
+    const Directional& f = at_point(time, y, out);
+    std::int32_t status = status_;
+    for (std::size_t b = 0; b < blocks_; ++b)
+      status |= along(f, y + first_ + b * block_, b, out + first_ + b * block_);
+    return status == 0;
+  }
+  bool slope(double time, double* out) { return slope(time, out, y_); }
+
+  // The rate at a point and the tape of the derivative that holds there.
+  const Directional& at_point(double time, const double* x, double* rate) {
+    const double* const in[] = {&time, x, rhs_.u(), p_.p};
+    double guard = 1;
+    double* const out[] = {rate, &guard, tape_};
+    status_ = d_.rate.point(in, out);
+    if (guard > 0 || !d_.fallback.point) return d_.rate;
+    double* const other[] = {rate, tape_};
+    status_ = d_.fallback.point(in, other);
+    return d_.fallback;
+  }
+
+  std::int32_t along(const Directional& f, const double* direction, std::size_t block, double* out) {
+    const double* const in[] = {tape_, direction, changes_ + block * lanes_of(d_.parameters)};
+    double* const result[] = {out};
+    return f.along(in, result);
+  }
+
+  // Makes S satisfy the constraints' derivatives at a state that satisfies the constraints.
+  void project(double time, const double* x, double* s) {
+    for (int i = 0; i < p_.unit_count; ++i)
+      for (std::size_t b = 0; b < blocks_; ++b) make_tangent(p_.units[i], x, s + b * block_);
+    if (!d_.project.point) return;
+    time = smaller(time, rhs_.latest);
+    if (p_.signal_count) rhs_.signals(time);
+    const double* const in[] = {&time, x, rhs_.u(), p_.p};
+    double guard = 1;
+    double* const out[] = {&guard, tape_};
+    const Directional* f = &d_.project;
+    std::int32_t status = f->point(in, out);
+    if (!(guard > 0)) {
+      double* const other[] = {tape_};
+      f = &d_.project_fallback;
+      status = f->point(in, other);
+    }
+    for (std::size_t b = 0; b < blocks_; ++b) {
+      double* block = s + b * block_;
+      if ((status | along(*f, block, b, errors_)) != 0) continue;
+      for (std::size_t i = 0; i < block_; ++i) block[i] += errors_[i];
+    }
+  }
+
+  // Takes out of S what would change the length of a unit vector.
+  void make_tangent(const Unit& unit, const double* x, double* s) const {
+    for (int l = 0; l < width_; ++l) {
+      double sum = 0;
+      for (int i = unit.start; i < unit.start + unit.length; ++i) sum += x[i] * s[i * width_ + l];
+      for (int i = unit.start; i < unit.start + unit.length; ++i) s[i * width_ + l] -= sum * x[i];
+    }
+  }
+
+  // ---- steps
+
+  Status advance(double bound) {
+    t_old_ = t_;
+    dense_ready_ = false;
+    std::memcpy(old_, y_, size_ * sizeof(double));
+    std::memcpy(k_, k_ + last_ * size_, size_ * sizeof(double));
+    bool again = false;
+    for (;; ++counts_.rejected, again = true) {
+      const double left = bound - t_old_;
+      double h = smaller(next_, p_.max_step);
+      if (h >= left) h = left;
+      else if (2 * h > left) h = 0.5 * left;
+      if (!(h > 10 * spacing(t_old_)) && h < left) return Status::step_too_small;
+      if (counts_.evaluations >= p_.max_evaluations) return Status::evaluations_spent;
+      const double error = stages(h) ? error_square(h) : NAN;
+      if (error < 1) {
+        t_ = h == left ? bound : t_old_ + h;
+        rhs_.settle(t_, y_);
+        project(t_, y_, y_ + first_);
+        if (slope(t_, k_ + last_ * size_)) {
+          double factor = error == 0 ? largest_factor : smaller(largest_factor, safety * std::pow(error, -0.0625));
+          if (again) factor = smaller(1, factor);
+          const double wanted = h * factor;
+          next_ = h == left && !again ? larger(next_, wanted) : wanted;  // a bound does not limit the next step
+          note_largest();
+          return Status::finished;
+        }
+      }
+      next_ = h * (error < INFINITY ? larger(least_factor, safety * std::pow(error, -0.0625)) : least_factor);
+      if (!(next_ > 10 * spacing(t_old_))) return error < INFINITY ? Status::step_too_small : Status::non_finite;
+    }
+  }
+
+  template <int S>
+  BELLCRANK_INLINE void sum(double h, double* to) {
+    const double *y = old_, *k = k_;
+    for (std::size_t i = 0; i < size_; i += 4)
+      at(to + i) = at(y + i) + h * weighted<Weights<RowOf<Method, S>>, S - 1, false>(k + i, size_);
+  }
+  template <int S>
+  BELLCRANK_INLINE bool stage(double h) {
+    sum<S>(h, stage_);
+    return slope(t_old_ + Method::c[S] * h, k_ + S * size_, stage_);
+  }
+  template <int... S>
+  bool all(double h, std::integer_sequence<int, S...>) {
+    return (stage<S + 1>(h) && ...);
+  }
+  bool stages(double h) {
+    if (!all(h, std::make_integer_sequence<int, Method::stages - 1>{})) return false;
+    sum<last_>(h, y_);
+    return true;
+  }
+
+  // Square of the error norm: the largest of x and of the columns of S, each relative to its own tolerance.
+  double error_square(double h) {
+    double *fifth = errors_, *third = errors_ + size_;
+    const double* k = k_;
+    for (std::size_t i = 0; i < size_; i += 4) {
+      at(fifth + i) = weighted<Weights<Error5Of<Method>>, last_ - 1, false>(k + i, size_);
+      at(third + i) = weighted<Weights<Error3Of<Method>>, last_ - 1, false>(k + i, size_);
+    }
+    double a = 0, b = 0;
+    for (int i = 0; i < m_; ++i) {
+      const double scale = 1 / (p_.atol + p_.rtol * larger(std::fabs(old_[i]), std::fabs(y_[i])));
+      a += fifth[i] * fifth[i] * scale * scale, b += third[i] * third[i] * scale * scale;
+    }
+    double worst = combined(h, a, b);
+    for (int j = 0; j < d_.directions; ++j) {
+      const std::size_t at = first_ + (j / width_) * block_ + j % width_;
+      a = b = 0;
+      for (int part = 0; part < 2; ++part) {
+        const int from = part ? p_.nq : 0, to = part ? m_ : p_.nq;
+        double most = largest_[2 * j + part];
+        for (int i = from; i < to; ++i) most = larger(most, std::fabs(y_[at + i * width_]));
+        if (!(most < INFINITY)) return NAN;
+        if (!(most > 0)) continue;
+        double f = 0, g = 0;
+        for (int i = from; i < to; ++i) {
+          f += fifth[at + i * width_] * fifth[at + i * width_];
+          g += third[at + i * width_] * third[at + i * width_];
+        }
+        const double scale = 1 / (d_.tolerance * most);
+        a += f * scale * scale, b += g * scale * scale;
+      }
+      const double error = combined(h, a, b);
+      if (!(error <= worst)) worst = error;
+    }
+    return worst;
+  }
+  double combined(double h, double fifth, double third) const {
+    const double both = fifth + 0.01 * third;
+    return both == 0 ? 0 : h * h * fifth / m_ * (fifth / both);
+  }
+
+  // The largest position and velocity of each direction so far.
+  void note_largest() {
+    for (int j = 0; j < d_.directions; ++j) {
+      const double* s = y_ + first_ + (j / width_) * block_ + j % width_;
+      for (int i = 0; i < m_; ++i) {
+        double& most = largest_[2 * j + (i >= p_.nq)];
+        most = larger(most, std::fabs(s[i * width_]));
+      }
+    }
+  }
+
+  // ---- rows
+
+  void rows() {
+    const double ulp = 4 * spacing(t_);
+    while (next_row_ < d_.time_count && d_.times[next_row_] <= t_ + ulp) {
+      const double time = d_.times[next_row_];
+      if (t_ - time <= ulp) {
+        take_row(y_ + first_);
+      } else if (time - t_old_ <= ulp) {
+        take_row(old_ + first_);
+      } else {
+        if (!dense_ready_) prepare();
+        interpolate((time - t_old_) / (t_ - t_old_));
+        project(time, d_.states + next_row_ * p_.n, stage_ + first_);
+        take_row(stage_ + first_);
+      }
+    }
+  }
+
+  void take_row(const double* s) { scatter(s, record_.row(next_row_++), record_.row_stride()); }
+
+  void scatter(const double* s, double* to, std::size_t stride) const {
+    for (int j = 0; j < d_.directions; ++j) {
+      const double* from = s + (j / width_) * block_ + j % width_;
+      for (int i = 0; i < m_; ++i) to[j * stride + i] = from[i * width_];
+    }
+  }
+
+  template <int Power>
+  BELLCRANK_INLINE Lanes dense_term(std::size_t i) const {
+    const double* k = k_;
+    return weighted<Weights<DenseOf<Method, Power>>, Method::rows - 1, false>(k + i, size_);
+  }
+
+  // The dense output of order 7, by three more stages.
+  void prepare() {
+    const double h = t_ - t_old_;
+    stage<13>(h), stage<14>(h), stage<15>(h);
+    const double *k = k_, *y = y_, *old = old_;
+    double* terms = dense_;
+    for (std::size_t i = first_; i < size_; i += 4) {
+      const Lanes f = h * at(k + i), g = h * at(k + last_ * size_ + i), d = at(y + i) - at(old + i);
+      at(terms + i) = d;
+      at(terms + size_ + i) = f - d;
+      at(terms + 2 * size_ + i) = 2 * d - (g + f);
+      at(terms + 3 * size_ + i) = h * dense_term<0>(i);
+      at(terms + 4 * size_ + i) = h * dense_term<1>(i);
+      at(terms + 5 * size_ + i) = h * dense_term<2>(i);
+      at(terms + 6 * size_ + i) = h * dense_term<3>(i);
+    }
+    dense_ready_ = true;
+  }
+
+  void interpolate(double s) {
+    const double r = 1 - s;
+    const double *f = dense_, *old = old_;
+    double* to = stage_;
+    for (std::size_t i = first_; i < size_; i += 4) {
+      Lanes sum = at(f + 6 * size_ + i) * s;
+      sum = (sum + at(f + 5 * size_ + i)) * r;
+      sum = (sum + at(f + 4 * size_ + i)) * s;
+      sum = (sum + at(f + 3 * size_ + i)) * r;
+      sum = (sum + at(f + 2 * size_ + i)) * s;
+      sum = (sum + at(f + size_ + i)) * r;
+      at(to + i) = at(old + i) + (sum + at(f + i)) * s;
+    }
+  }
+};
+
+Status propagate(const SensitivityProblem& problem, SensitivityRecord& record, SensitivityCounts& counts) {
+  return SensitivityPass(problem, record, counts)();
+}
+
+}  // namespace BELLCRANK_ISA
+}  // namespace bellcrank
