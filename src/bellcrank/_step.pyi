@@ -10,6 +10,7 @@ from bellcrank.dynamics.design_parameters import RowSampling
 from bellcrank.dynamics.start_equations import StartEquations
 from bellcrank.simulation.ensemble_problem import EnsembleProblem
 from bellcrank.simulation.integration_problem import IntegrationProblem
+from bellcrank.simulation.sensitivity_problem import SensitivityProblem
 
 def evaluate(
     address: int, inputs: tuple[Any, ...], input_sizes: tuple[int, ...], output_sizes: tuple[int, ...]
@@ -245,3 +246,27 @@ def csv_rows(columns: list[NDArray[np.float64] | tuple[NDArray[np.int32], list[s
     Numbers are written as `repr` does; those that are not finite as nan, inf and -inf, or where `blank` as empty cells.
     Raises ValueError where columns differ in length or a code has no text.
     """
+
+class SensitivityResult:
+    """Sensitivities along a run: in its rows (directions, n, nq + nv) and at marks (directions, m, nq + nv).
+
+    `status` is that of StepResult; `steps`, `rejected` and `evaluations` count the work, `seconds` its time.
+    """
+
+    @property
+    def rows(self) -> NDArray[np.float64]: ...
+    @property
+    def marked(self) -> NDArray[np.float64]: ...
+    @property
+    def status(self) -> int: ...
+    @property
+    def steps(self) -> int: ...
+    @property
+    def rejected(self) -> int: ...
+    @property
+    def evaluations(self) -> int: ...
+    @property
+    def seconds(self) -> float: ...
+
+def propagate_sensitivities(run: IntegrationProblem, problem: SensitivityProblem) -> SensitivityResult:
+    """Integrate sensitivities along a run of this problem; raises where the records do not fit."""

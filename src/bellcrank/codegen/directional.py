@@ -3,8 +3,8 @@
 A function f(x, …, dx, …) that is linear in its directions dx consists of operations that depend on the point alone and
 of those that carry a direction. Separated, the first are evaluated once at a point, for one sample, and hand the
 numbers that the others need over as a vector (the tape); the second, almost all of them fused products and sums, are
-evaluated for many directions in SIMD lanes, where a number of the tape is the same in all lanes. Source: A. Griewank, A.
-Walther, Evaluating Derivatives (2008), ch. 3: vector forward mode.
+evaluated for many directions in SIMD lanes, where a number of the tape is the same in all lanes. Source: A. Griewank,
+A. Walther, Evaluating Derivatives (2008), ch. 3: vector forward mode.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ class Directional:
 
 
 def directional(name: str, key: Sequence[str], build: Callable[[], casadi.Function], directions: int) -> Directional:
-    """The derivative that `build` returns: its last inputs are `directions` vectors, its last output is linear in them.
+    """The derivative that `build` returns: its last inputs are `directions` vectors, its last output linear in them.
 
-    The outputs before the last one must not depend on the directions. `key` must contain everything that `build` depends
-    on. Where the machine code is cached, `build` is not called.
+    The outputs before the last one must not depend on the directions. `key` must contain everything that `build`
+    depends on. Where the machine code is cached, `build` is not called.
     """
     made: list[tuple[Graph, Graph]] = []
 
@@ -116,7 +116,9 @@ def separated(graph: Graph, directions: int) -> tuple[Graph, Graph]:
             mine = [on_way[a] if carries[a] else read(a) for a in used] + [-1] * (3 - len(used))
             on_way[node] = along.add(op, tuple(mine), graph.value[node].item())
     *before, last = graph.outputs
-    outputs = [(size, entries, np.array([of_point(n) for n in nodes], dtype=np.int32)) for size, entries, nodes in before]
+    outputs = [
+        (size, entries, np.array([of_point(n) for n in nodes], dtype=np.int32)) for size, entries, nodes in before
+    ]
     linear = (last[0], last[1], np.array([on_way[n] if carries[n] else read(n) for n in last[2]], dtype=np.int32))
     places = np.arange(len(tape), dtype=np.int32)
     handed = (len(tape), places, np.array(list(tape), dtype=np.int32))

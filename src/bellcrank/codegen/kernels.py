@@ -199,7 +199,7 @@ def lanes_ir(graph: Graph, width: int, fused: bool) -> str:
 
 
 def _direct_ir(graph: Graph, lanes: Lanes, fused: bool, packed: int, load: str = "") -> str:
-    """LLVM IR whose loads and stores are those of the caller's arrays; `packed` and `load` are those of `operations`."""
+    """LLVM IR whose loads and stores are those of the caller's arrays; `packed`, `load`: those of `operations`."""
     d = lanes.double
     pointers, entry = [], []
     for kind, count in (("in", len(graph.input_sizes)), ("out", len(graph.outputs))):

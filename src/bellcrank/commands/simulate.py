@@ -55,6 +55,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--frame", action="append", default=[], metavar="NAME", help="also draw the path of this frame; may be repeated"
     )
     parser.add_argument(
+        "--sensitivity", action="append", default=[], metavar="NAME",
+        help="also write the derivatives of the run by a parameter of the scene, initial.JOINT or "
+        "initial.velocity.JOINT, as sensitivities.csv and sensitivities.npz; may be repeated",
+    )  # fmt: skip
+    parser.add_argument(
         "--error-estimate",
         action="store_true",
         help="estimate the error of positions by repeated runs, even if these take more than a second",
@@ -82,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
     changes = dict(parse_assignment(text) for text in arguments.changes)
     folder = arguments.out or default_place(f"{Path(arguments.scene).stem}_run")
     target, every = folder / "run.npz", keep_every(arguments)
-    check_folder("--out", folder, [target.name, "run.csv", "run.png", "path_*.png"])
+    check_folder("--out", folder, [target.name, "run.csv", "run.png", "path_*.png", "sensitivities.*"])
     scene = load_scene(arguments.scene, trust=arguments.trust)
     if changes:
         scene = scene.with_overrides(changes)
@@ -104,7 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
         try:
             result = simulate(
                 scene, solver=arguments.solver, samples=samples, progress=progress, keep=target, keep_every=every,
-                **numbers,
+                sensitivities=arguments.sensitivity, **numbers,
             )  # fmt: skip
         except NotSavedError as error:
             print(error.run.summary())
@@ -147,6 +152,12 @@ def _others(
 
     if arguments.csv:
         yield folder / "run.csv", csv
+    if result.sensitivities:
+        from bellcrank.simulation.sensitivity_files import write_csv, write_npz
+
+        found = [result.sensitivity(name) for name in result.sensitivities]
+        yield folder / "sensitivities.csv", partial(write_csv, found)
+        yield folder / "sensitivities.npz", partial(write_npz, found)
     if not arguments.no_plots:
         from bellcrank.simulation.run_plot import plot_run
 

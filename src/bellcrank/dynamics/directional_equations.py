@@ -4,7 +4,8 @@ With the accelerations a and multipliers λ that solve the equations of motion
 
     R(q, v, a, λ, p) = M a + bias − τ − Jᵀ λ = 0,    C(q, v, a, p) = J a + γ + 2 α (φ̇, ψ) + β² (φ, 0) = 0,
 
-their change along a direction (dq, dv, dp) follows by implicit differentiation from the factorisation that gives a and λ:
+their change along a direction (dq, dv, dp) follows by implicit differentiation from the factorisation that gives a and
+λ:
 
     M da − Jᵀ dλ = −dR,    J da = −dC,    dR, dC at constant a and λ.
 
@@ -156,9 +157,7 @@ class DirectionalEquations:
             if c.rows.singular:  # M + Jᵀ W J stands in place of M, as in kkt.py
                 force = force + c.jacobian.T @ (right / c.rows.scale)
             refinements = 0 if plain else REFINEMENTS
-            change = casadi.substitute(
-                proximal(factor, force, right, refinements)[0], multipliers, solved.multipliers
-            )
+            change = casadi.substitute(proximal(factor, force, right, refinements)[0], multipliers, solved.multipliers)
             found, guard = solved.acceleration, [solution.guard] if plain else []
         change = casadi.substitute(change, accelerations, found)
         rate = casadi.vertcat(a.rate, found)

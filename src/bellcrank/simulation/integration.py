@@ -73,7 +73,8 @@ class Integration:
         signals: Its signals, until a prescribed motion ends.
         duration: s; shorter than that of the settings where a prescribed motion ends.
         x0: The state at the start.
-        stepper: The integrator's problem.
+        problem: The integrator's problem.
+        stepper: The same, read by the integrator.
     """
 
     scene: Scene
@@ -82,6 +83,7 @@ class Integration:
     signals: tuple[Signal, ...]
     duration: float
     x0: Array
+    problem: IntegrationProblem
     stepper: PreparedProblem
 
     def run(
@@ -163,6 +165,7 @@ def prepared_integration(
         signals=signals,
         duration=duration,
         x0=x0,
+        problem=problem,
         stepper=PreparedProblem(problem),
     )
 

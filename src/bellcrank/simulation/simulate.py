@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +35,7 @@ def simulate(
     progress: Callable[[float], None] | None = None,
     keep: str | Path | None = None,
     keep_every: float = KEEP_EVERY,
+    sensitivities: Sequence[str] = (),
 ) -> Trajectory:
     """Simulate a scene.
 
@@ -64,13 +65,16 @@ def simulate(
             checkpoints beside it, run.blocks for run.npz, which `load_run` reads too; the folder is removed when the
             file is complete. Checkpoints that an earlier, unfinished run left are moved to run.blocks.1, and so on.
         keep_every: Seconds of computing between two checkpoints.
+        sensitivities: What derivatives of the run are wanted by: names of the scene's parameters, "initial.JOINT" and
+            "initial.velocity.JOINT" for values of the start. `Trajectory.sensitivity` returns them.
 
     Returns:
         The run. Its `status` says why it ended; a run that ends early keeps all results until then, with the state at
         its end as one more row.
 
     Raises:
-        InputError: An argument is wrong, the accelerations at the start are not finite, or `keep` cannot be written.
+        InputError: An argument is wrong, the accelerations at the start are not finite, `keep` cannot be written, or
+            the run has no derivative that is wanted.
 
     Example:
         >>> import bellcrank as bc
@@ -90,10 +94,18 @@ def simulate(
         "first_step": first_step, "max_step": max_step, "max_evaluations": max_evaluations,
         "stabilisation": stabilisation,
     }  # fmt: skip
+    names = arguments.several("sensitivities", sensitivities, str, "names of parameters", alone=True)
     integration = prepare_integration(scene, given, times)
+    if names:
+        from bellcrank.simulation.propagation import propagated, variables_of
+
+        variables = variables_of(integration.scene, names)  # wrong names are refused before the run
     if keep is None:
-        return integration.run(progress)
-    checkpoints = CheckpointWriter(arguments.path("keep", keep, "the path of a run (.npz)"), keep_every)
-    run = integration.run(progress, checkpoints)
-    checkpoints.finish(run)
+        run = integration.run(progress)
+    else:
+        checkpoints = CheckpointWriter(arguments.path("keep", keep, "the path of a run (.npz)"), keep_every)
+        run = integration.run(progress, checkpoints)
+        checkpoints.finish(run)
+    if names:
+        run.remember_sensitivities(propagated(integration, run, variables))
     return run

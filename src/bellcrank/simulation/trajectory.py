@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from bellcrank.simulation.constraint_rank import ConstraintRank
+    from bellcrank.simulation.sensitivities import ComputedSensitivities, RunSensitivity
 
 Array = NDArray[np.float64]
 
@@ -300,6 +301,55 @@ class Trajectory(StateHistory):
         from bellcrank.simulation.run_warnings import run_warnings
 
         return run_warnings(self)
+
+    # ---- sensitivities
+
+    @property
+    def sensitivities(self) -> tuple[str, ...]:
+        """What derivatives of the run were computed by, such as ("crank_length",)."""
+        known: ComputedSensitivities | None = vars(self).get("_sensitivities")
+        return () if known is None else tuple(variable.name for variable in known.variables)
+
+    def remember_sensitivities(self, known: ComputedSensitivities) -> None:
+        """Keep derivatives of the run (simulation/propagation.py).
+
+        Args:
+            known: The derivatives.
+
+        Raises:
+            InputError: The argument is something else.
+        """
+        from bellcrank.simulation.sensitivities import ComputedSensitivities
+
+        vars(self)["_sensitivities"] = arguments.instance(
+            "known", known, ComputedSensitivities, "sensitivities of a run"
+        )
+
+    def sensitivity(self, name: str) -> RunSensitivity:
+        """Get the derivatives of the run by a parameter, or by a value of the start.
+
+        Args:
+            name: One of those that `simulate` was given as `sensitivities`.
+
+        Returns:
+            The derivatives of positions, velocities, outputs and events.
+
+        Raises:
+            InputError: The run has no such derivatives; the message lists those that it has.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> run = bc.simulate("pendulum", duration=1.0, samples=101, sensitivities=["initial.swing"])
+            >>> print(f"{run.sensitivity('initial.swing').position[-1, 0]:.4f}")
+            -1.0391
+        """
+        known: ComputedSensitivities | None = vars(self).get("_sensitivities")
+        if known is None:
+            raise InputError(
+                f"{self.scene.name}: this run has no sensitivities; name them in simulate(…, sensitivities=[…]); parts "
+                "of runs and runs from files have none"
+            )
+        return known.named(self, name)
 
     # ---- export
 

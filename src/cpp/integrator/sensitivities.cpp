@@ -47,6 +47,9 @@ struct SensitivityReading {
                 changes_.shape(0) == seeds_.shape(0),
             "sensitivities: seeds and changes of another size");
     plain.seeds = seeds_.data(), plain.changes = changes_.data();
+    floors_ = get<Vector>(record, "floors");
+    require(static_cast<int>(floors_.shape(0)) == plain.directions, "sensitivities: one floor a direction");
+    plain.floors = floors_.data();
     plain.tolerance = get<double>(record, "tolerance"), plain.first_step = get<double>(record, "first_step");
     plain.given_steps = get<bool>(record, "given_steps");
     require(plain.tolerance > 0 && plain.first_step > 0, "sensitivities: tolerance and first step must be positive");
@@ -60,7 +63,7 @@ struct SensitivityReading {
  private:
   const RunReading& run_;
   Matrix seeds_, changes_, states_;
-  Vector times_;
+  Vector times_, floors_;
   std::vector<double> bounds_;
   std::unique_ptr<bool[]> marked_;
 
@@ -103,7 +106,7 @@ class SensitivityResult final : public SensitivityRecord {
   double* mark(std::size_t index) override { return marked.data() + index * size; }
   std::size_t row_stride() const override { return row_count * size; }
   std::size_t mark_stride() const override { return mark_count * size; }
-  bool interrupted() override { return ++asked_ >= next_ && watch.look(0, &pause_) ? true : (next_ = asked_ + 1, false); }
+  bool interrupted() override { return watch.look(0, &pause_); }
 
   std::size_t directions, size, row_count, mark_count;
   std::vector<double> rows, marked;
@@ -113,7 +116,7 @@ class SensitivityResult final : public SensitivityRecord {
   double seconds = 0;
 
  private:
-  std::int64_t asked_ = 0, next_ = 0, pause_ = 1;
+  std::int64_t pause_ = 1;
 };
 
 nb::object propagate_sensitivities(nb::object run, nb::object record) {

@@ -19,7 +19,8 @@ struct SensitivityProblem {
   Directional rate, fallback, project, project_fallback;  // functions that are 0 do not exist
   int lanes, parameters, directions;
   const double *seeds, *changes;  // (directions, nq + nv) at t0; (directions, parameters): dp
-  double tolerance, first_step;   // of sensitivities, relative to the largest of a column so far
+  double tolerance, first_step;   // of sensitivities, relative to the largest of a direction so far
+  const double* floors;           // (directions): smaller errors do not count
   bool given_steps;               // a step is tried from each bound to the next
   const double* bounds;           // times (bound_count) after t0 at which steps end, ascending
   const bool* marked;             // whether the sensitivities there are wanted

@@ -18,7 +18,7 @@ class SensitivityPass {
         m_(p_.nq + p_.nv), width_(problem.lanes), blocks_((problem.directions + width_ - 1) / width_),
         first_((p_.n + 7) / 8 * 8), block_(static_cast<std::size_t>(m_) * width_),
         size_((first_ + blocks_ * block_ + 7) / 8 * 8), y_(size_), old_(size_), stage_(size_), k_(size_ * Method::rows),
-        errors_(2 * size_), dense_(7 * size_), largest_(2 * blocks_ * width_), changes_(blocks_ * lanes_of(d_.parameters)),
+        errors_(2 * size_), dense_(7 * size_), kept_(2 * size_), largest_(2 * blocks_ * width_), changes_(blocks_ * lanes_of(d_.parameters)),
         tape_(largest_tape()) {}
 
   Status operator()() {
@@ -49,6 +49,7 @@ class SensitivityPass {
   using Method = Dop853;
   static constexpr int last_ = Method::stages;  // row of the slope at a step's end
   static constexpr double safety = 0.9, least_factor = 0.2, largest_factor = 10;
+  static constexpr double most_projected = 1e4, least_projected = 1e-7;  // tolerances; more than rounding
 
   const SensitivityProblem& d_;
   const Problem& p_;
@@ -58,7 +59,7 @@ class SensitivityPass {
   int m_, width_;
   std::size_t blocks_, first_, block_, size_;
   // x, then the blocks of S: entry i of lane l of a block is at [i * width + l]
-  Buffer y_, old_, stage_, k_, errors_, dense_, largest_, changes_, tape_;
+  Buffer y_, old_, stage_, k_, errors_, dense_, kept_, largest_, changes_, tape_;
   double t_ = 0, t_old_ = 0, next_ = 0;
   std::size_t next_row_ = 0, pinned_ = static_cast<std::size_t>(-1);
   bool dense_ready_ = false;
@@ -119,11 +120,12 @@ class SensitivityPass {
     return f.along(in, result);
   }
 
-  // Makes S satisfy the constraints' derivatives at a state that satisfies the constraints.
-  void project(double time, const double* x, double* s) {
+  // Makes S satisfy the constraints' derivatives at a state that satisfies the constraints. False where that changes a
+  // direction by far more than the tolerance.
+  bool project(double time, const double* x, double* s) {
     for (int i = 0; i < p_.unit_count; ++i)
       for (std::size_t b = 0; b < blocks_; ++b) make_tangent(p_.units[i], x, s + b * block_);
-    if (!d_.project.point) return;
+    if (!d_.project.point) return true;
     time = smaller(time, rhs_.latest);
     if (p_.signal_count) rhs_.signals(time);
     const double* const in[] = {&time, x, rhs_.u(), p_.p};
@@ -136,11 +138,31 @@ class SensitivityPass {
       f = &d_.project_fallback;
       status = f->point(in, other);
     }
+    bool near = true;
     for (std::size_t b = 0; b < blocks_; ++b) {
       double* block = s + b * block_;
-      if ((status | along(*f, block, b, errors_)) != 0) continue;
+      if ((status | along(*f, block, b, errors_)) != 0) return false;
+      near &= small(b, block);
       for (std::size_t i = 0; i < block_; ++i) block[i] += errors_[i];
     }
+    return near;
+  }
+
+  // Whether a correction of a block's directions (in errors_) is small beside their largest entries.
+  bool small(std::size_t block, const double* s) const {
+    const double most = larger(most_projected * d_.tolerance, least_projected);
+    for (int l = 0; l < width_; ++l) {
+      const std::size_t j = block * width_ + l;
+      for (int part = 0; part < 2; ++part) {
+        double largest = largest_[2 * j + part], moved = 0;
+        for (int i = part ? p_.nq : 0; i < (part ? m_ : p_.nq); ++i) {
+          largest = larger(largest, std::fabs(s[i * width_ + l]));
+          moved = larger(moved, std::fabs(errors_[i * width_ + l]));
+        }
+        if (!(moved <= most * largest)) return false;
+      }
+    }
+    return true;
   }
 
   // Takes out of S what would change the length of a unit vector.
@@ -180,6 +202,7 @@ class SensitivityPass {
           note_largest();
           return Status::finished;
         }
+        t_ = t_old_;
       }
       next_ = h * (error < INFINITY ? larger(least_factor, safety * std::pow(error, -0.0625)) : least_factor);
       if (!(next_ > 10 * spacing(t_old_))) return error < INFINITY ? Status::step_too_small : Status::non_finite;
@@ -226,16 +249,15 @@ class SensitivityPass {
       a = b = 0;
       for (int part = 0; part < 2; ++part) {
         const int from = part ? p_.nq : 0, to = part ? m_ : p_.nq;
-        double most = largest_[2 * j + part];
+        double most = part ? larger(largest_[2 * j + 1], largest_[2 * j] / (p_.t1 - p_.t0)) : largest_[2 * j];
         for (int i = from; i < to; ++i) most = larger(most, std::fabs(y_[at + i * width_]));
         if (!(most < INFINITY)) return NAN;
-        if (!(most > 0)) continue;
         double f = 0, g = 0;
         for (int i = from; i < to; ++i) {
           f += fifth[at + i * width_] * fifth[at + i * width_];
           g += third[at + i * width_] * third[at + i * width_];
         }
-        const double scale = 1 / (d_.tolerance * most);
+        const double scale = 1 / larger(d_.tolerance * most, d_.floors[j]);
         a += f * scale * scale, b += g * scale * scale;
       }
       const double error = combined(h, a, b);
@@ -272,10 +294,24 @@ class SensitivityPass {
       } else {
         if (!dense_ready_) prepare();
         interpolate((time - t_old_) / (t_ - t_old_));
-        project(time, d_.states + next_row_ * p_.n, stage_ + first_);
+        if (!project(time, d_.states + next_row_ * p_.n, stage_ + first_)) repeat(time);
         take_row(stage_ + first_);
       }
     }
+  }
+
+  // S at a time within the step as the end of a shorter step, where the dense output misses the constraints: near a
+  // posture in which they lose rank, its stages may be wrong.
+  void repeat(double time) {
+    std::memcpy(kept_, y_, size_ * sizeof(double));
+    std::memcpy(kept_ + size_, k_ + last_ * size_, size_ * sizeof(double));
+    if (stages(time - t_old_)) {
+      rhs_.settle(time, y_);
+      project(time, y_, y_ + first_);
+      std::memcpy(stage_, y_, size_ * sizeof(double));
+    }
+    std::memcpy(y_, kept_, size_ * sizeof(double));
+    std::memcpy(k_ + last_ * size_, kept_ + size_, size_ * sizeof(double));
   }
 
   void take_row(const double* s) { scatter(s, record_.row(next_row_++), record_.row_stride()); }
