@@ -31,6 +31,8 @@ MADE_BY = {
     "Scene": "load_scene",
     "RobotConfig": "load_robot_config",
     "Trajectory": "simulate",
+    "RunSensitivity": "simulate",
+    "EventSensitivity": "simulate",
     "PreparedSimulation": "prepare",
     "PreparedRun": "prepare",
     "Sizing": "size",
@@ -56,6 +58,8 @@ WORDS = {
         "measure",
         "constraint",
         "output",
+        "event",
+        "sensitivity",
         "motor",
         "column",
         "gear",
@@ -198,7 +202,8 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
     actuator = bc.Actuator(100.0, 1.0, 2.0, 300.0, 400.0)
     payload = bc.Payload(1.0, "tip")
     motion = bc.waypoints(robot, [0.0, 1.0], [[0.0, 0.0], [1.0, 1.0]], samples=11)
-    run = bc.simulate(pendulum, duration=0.01, samples=3)
+    run = bc.simulate(pendulum, duration=0.01, samples=3, sensitivities=["initial.swing"])
+    locking = bc.simulate(four_bar, samples=3, sensitivities=["crank_length"]).sensitivity("crank_length")
     closed_run = bc.simulate(four_bar, duration=0.01, samples=3)
     sizing = bc.size(robot, motion, {"shoulder": actuator})
     swept = bc.sweep(pendulum, {"simulate.rtol": [1e-6, 1e-7]}, overrides={"simulate.duration": 0.01})
@@ -301,7 +306,8 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         "simulate": (bc.simulate, {
             "scene": pendulum, "duration": 0.01, "solver": "RK45", "rtol": 1e-6, "atol": 1e-6, "step": None,
             "times": [0.0, 0.01], "samples": 3, "first_step": 1e-3, "max_step": 0.01, "stabilisation": "none",
-            "progress": print, "keep": "kept.npz", "keep_every": 5.0, **simulated}),
+            "progress": print, "keep": "kept.npz", "keep_every": 5.0,
+            "sensitivities": [], **simulated}),
         "prepare": (bc.prepare, {
             "scene": pendulum, "duration": 0.01, "solver": "RK45", "rtol": 1e-6, "atol": 1e-6, "step": None,
             "samples": 3, "first_step": 1e-3, "max_step": 0.01, "stabilisation": "none", **simulated}),
@@ -395,8 +401,12 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         **of(run, constraint_residual={}, energy_drift={}, equation_residual={}, error_estimate={},
              frame={"name": "P1"}, joint={"name": "swing"}, output={"name": "energy"},
              plot={"path": None, "frame": "P1"}, part={"rows": slice(0, 1)}, parts={},
-             remember_estimate={"value": 1e-9}, remember_origin={"file": "r.npz"}, save={"path": "r.npz"}, summary={},
+             remember_estimate={"value": 1e-9}, remember_origin={"file": "r.npz"},
+             remember_sensitivities={"known": vars(run)["_sensitivities"]}, sensitivity={"name": "initial.swing"},
+             save={"path": "r.npz"}, summary={},
              to_csv={"path": "r.csv", "progress": None}, velocity_residual={}),
+        **of(locking, event={"name": "lock", "occurrence": 0}, output={"name": "energy"}, per={"unit": "m"},
+             to_csv={"path": "s.csv"}),
         **of(swept, column={"measure": "end.time"}, grid={"measure": "end.time"},
              plot={"path": None, "measures": ["end.time"]}, table={"measures": ["end.time"]}, to_csv={"path": "w.csv"},
              to_parquet={"path": "w.parquet"}, to_npz={"path": "w.npz"},

@@ -52,6 +52,8 @@ _HOME = {
     "PreparedSimulation": "simulation.prepared_simulation",
     "PreparedRun": "simulation.prepared_simulation",
     "Trajectory": "simulation.trajectory",
+    "RunSensitivity": "simulation.sensitivities",
+    "EventSensitivity": "simulation.sensitivities",
     "load_run": "simulation.load_run",
     "linearise": "analysis.linearise",
     "Linearisation": "analysis.linearisation",
@@ -92,6 +94,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "CompileError",
     "Conditions",
     "CoupledTransmission",
+    "EventSensitivity",
     "FastestMotion",
     "Gear",
     "InputError",
@@ -112,6 +115,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "RepeatedCycle",
     "Robot",
     "RobotConfig",
+    "RunSensitivity",
     "SampleStatistics",
     "Scene",
     "SceneDerivatives",
@@ -206,6 +210,7 @@ if TYPE_CHECKING:
     from bellcrank.simulation.load_run import load_run
     from bellcrank.simulation.prepared_simulation import PreparedRun, PreparedSimulation, prepare
     from bellcrank.simulation.run_plot import plot_run as plot
+    from bellcrank.simulation.sensitivities import EventSensitivity, RunSensitivity
     from bellcrank.simulation.simulate import simulate
     from bellcrank.simulation.trajectory import Trajectory
     from bellcrank.sizing.result import Sizing

@@ -75,87 +75,94 @@ def start_sensitivities(
     the constraints cannot stay satisfied when a variable changes.
     """
     robot, count = scene.robot, len(variables)
-    found, differences = np.zeros((count, robot.nq + robot.nv)), np.zeros(count, dtype=bool)
+    given = np.zeros((2, count, robot.nv))  # of positions and velocities that the scene gives
     for k, variable in enumerate(variables):
-        given = np.zeros(robot.nv)
         if variable.joint:
-            given[robot.joint(variable.joint).v] = 1.0
-        if not scene.constraints:
-            if variable.joint:
-                joint = robot.joint(variable.joint)
-                found[k, robot.nq + joint.v if variable.velocity else joint.q] = 1.0
-            continue
-        exact = _Implicit(scene, equations, variable, changes[k]).derivative(given)
-        differences[k] = exact is None
-        found[k] = _difference(scene, variable) if exact is None else exact
-    return StartSensitivities(found, differences)
+            given[int(variable.velocity), k, robot.joint(variable.joint).v] = 1.0
+    if not scene.constraints:
+        return StartSensitivities(_unconstrained(scene, given), np.zeros(count, dtype=bool))
+    found, known = _Implicit(scene, variables, equations, changes).derivatives(*given)
+    for k in np.flatnonzero(~known).tolist():
+        found[k] = _difference(scene, variables[k])
+    return StartSensitivities(found, ~known)
+
+
+def _unconstrained(scene: Scene, given: Array) -> Array:
+    """The derivatives where nothing but the given values decides on the start."""
+    robot = scene.robot
+    q = np.zeros((given.shape[1], robot.nq))
+    for joint in robot.joints:
+        if joint.nv == 1:
+            q[:, joint.q] = given[0, :, joint.v]
+    return np.hstack([q, given[1]])
 
 
 class _Implicit:
-    """Implicit differentiation of the start by one variable."""
+    """Implicit differentiation of the start by some variables."""
 
-    def __init__(self, scene: Scene, equations: DirectionalEquations, variable: Variable, dp: Array) -> None:
+    def __init__(
+        self, scene: Scene, variables: Sequence[Variable], equations: DirectionalEquations, changes: Array
+    ) -> None:
         system, robot = system_of(scene), scene.robot
-        self._scene, self._variable, self._robot, self._dp = scene, variable, robot, dp
+        self._scene, self._variables, self._robot, self._changes = scene, variables, robot, changes
         self._residual = equations.residual
         self._q, self._v = consistent_start(scene)
-        self._x = np.zeros(system.size)
-        self._x[: robot.nq + robot.nv] = np.concatenate([self._q, self._v])
-        self._t, self._p = np.zeros(1), system_parameters(scene)
-        self._u = scene.signals_at(np.zeros(1))[0]
-        phi, _, self._jacobian = system.linearised_constraints(self._t, self._x, self._u, self._p)
+        x = np.zeros(system.size)
+        x[: robot.nq + robot.nv] = np.concatenate([self._q, self._v])
+        self._point = np.zeros(1), x, scene.signals_at(np.zeros(1))[0], system_parameters(scene)
+        phi, _, self._jacobian = system.linearised_constraints(*self._point)
         self._heights = len(phi)
 
-    def derivative(self, given: Array) -> Array | None:
-        """(dq, dv); None where the start is not determined by the constraints and what is given."""
-        none = np.zeros(self._robot.nv)
-        velocity = self._variable.velocity
-        held_q, held_v = self._scene.initial.held(self._robot)
-        places, rates = self._scene.initial.axes(self._robot, self._q)
-        moved, _ = self._change(np.zeros_like(self._q), none)
-        step = self._solved(
-            self._jacobian[: self._heights], _axes(places, len(none)), held_q, none if velocity else given, moved
-        )
-        if step is None or any(
-            np.abs(step[part]).max() > 0.0 and np.abs(self._v[part]).max() > 0.0 for part, _ in rates
-        ):
-            return None
-        dq = self._robot.configuration_rate(self._q, step)
-        _, turned = self._change(dq, none)
-        if not (velocity or self._v.any() or turned.any()):
-            return np.concatenate([dq, none])  # at rest, whatever the posture
-        dv = self._solved(self._jacobian, _axes(rates, len(none)), held_v, given if velocity else none, turned)
-        return None if dv is None else np.concatenate([dq, dv])
+    def derivatives(self, given_q: Array, given_v: Array) -> tuple[Array, Mask]:
+        """(dq, dv) (variables, nq + nv), and for which variables the constraints and what is given determine it."""
+        robot, count = self._robot, len(self._variables)
+        held_q, held_v = self._scene.initial.held(robot)
+        places, rates = self._scene.initial.axes(robot, self._q)
+        moved = self._change(np.zeros((count, robot.nq)))[0]
+        step, known = self._solved(self._jacobian[: self._heights], _axes(places, robot.nv), held_q, given_q, moved)
+        dq = robot.configuration_rate(np.broadcast_to(self._q, (count, robot.nq)), step)
+        turned = self._change(dq)[1]
+        rate, settled = self._solved(self._jacobian, _axes(rates, robot.nv), held_v, given_v, turned)
+        if self._v.any():
+            settled &= self._determined
+        for part, _ in rates:  # the axes of a given velocity turn
+            settled &= ~(step[:, part].any(axis=1) & self._v[part].any())
+        return np.hstack([dq, rate]), known & settled
 
-    def _change(self, dq: Array, dv: Array) -> tuple[Array, Array]:
-        """The changes of φ and of (φ̇, ψ)."""
-        dx = np.concatenate([dq, dv])
-        position, velocity = self._residual(self._t, self._x, self._u, self._p, dx, self._dp)
-        return position, velocity
+    def _change(self, dq: Array) -> list[Array]:
+        """The changes of φ and of (φ̇, ψ) along displacements (variables, nq) and the changes of parameters."""
+        dx = np.hstack([dq, np.zeros((len(dq), self._robot.nv))])
+        return self._residual.rows(*self._point, dx, self._changes)
 
-    def _solved(self, jacobian: Array, axes: Array, held: Mask, given: Array, change: Array) -> Array | None:
-        """The displacement (nv,) with the held part of `given` that makes up for a change of the residual."""
+    def _solved(self, jacobian: Array, axes: Array, held: Mask, given: Array, change: Array) -> tuple[Array, Mask]:
+        """Displacements (variables, nv) with the held part of `given` that make up for changes of the residual.
+
+        Also for which variables there is one such displacement, or nothing that needs one.
+        """
         kept = np.where(held, given, 0.0)
-        right = -(change + jacobian @ (axes.T @ kept))
+        right = -(change + kept @ (jacobian @ axes.T).T)
         matrix = jacobian @ axes.T[:, ~held]
-        if not matrix.shape[1]:
-            return axes.T @ kept if self._closes(right, right) else None
-        left, values, vectors = svd(matrix, f"{self._scene.source}: the derivative of the constraints is")
-        firm = values > FIRM * values.max(initial=0.0)
-        if firm.sum() < matrix.shape[1]:
-            return None
-        solved = vectors[: len(values)].T @ ((left[:, : len(values)].T @ right) / values)
-        self._closes(right - matrix @ solved, right)
-        kept[~held] = solved
-        return axes.T @ kept
+        known = ~right.any(axis=1)
+        self._determined = True
+        if matrix.shape[1]:
+            what = f"{self._scene.source}: the derivative of the constraints is"
+            left, values, vectors = svd(matrix, what, full=False)
+            self._determined = len(values) == matrix.shape[1] and bool(values[-1] > FIRM * values[0])
+            if self._determined:
+                kept[:, ~held] = ((right @ left) / values) @ vectors
+        if self._determined:
+            self._check(right - kept[:, ~held] @ matrix.T, right)
+            known[:] = True
+        return kept @ axes, known
 
-    def _closes(self, remainder: Array, right: Array) -> bool:
-        if np.abs(remainder).max(initial=0.0) > CONSISTENT * max(1.0, np.abs(right).max(initial=0.0)):
+    def _check(self, remainder: Array, right: Array) -> None:
+        """Raise InputError where the constraints cannot stay satisfied."""
+        size = np.maximum(1.0, np.abs(right).max(axis=1, initial=0.0))
+        for k in np.flatnonzero(np.abs(remainder).max(axis=1, initial=0.0) > CONSISTENT * size):
             raise InputError(
-                f"{self._scene.source}: the start has no derivative by '{self._variable.name}': the constraints cannot "
-                "stay satisfied with the held values when it changes; hold fewer joints in 'initial'"
+                f"{self._scene.source}: the start has no derivative by '{self._variables[k].name}': the constraints "
+                "cannot stay satisfied with the held values when it changes; hold fewer joints in 'initial'"
             )
-        return True
 
 
 def _axes(turned: Sequence[tuple[slice, Array]], size: int) -> Array:
