@@ -142,7 +142,7 @@ class _Implicit:
         kept = np.where(held, given, 0.0)
         right = -(change + kept @ (jacobian @ axes.T).T)
         matrix = jacobian @ axes.T[:, ~held]
-        known = ~right.any(axis=1)
+        known: Mask = np.asarray(~right.any(axis=1))
         self._determined = True
         if matrix.shape[1]:
             what = f"{self._scene.source}: the derivative of the constraints is"
@@ -158,7 +158,7 @@ class _Implicit:
     def _check(self, remainder: Array, right: Array) -> None:
         """Raise InputError where the constraints cannot stay satisfied."""
         size = np.maximum(1.0, np.abs(right).max(axis=1, initial=0.0))
-        for k in np.flatnonzero(np.abs(remainder).max(axis=1, initial=0.0) > CONSISTENT * size):
+        for k in np.flatnonzero(np.abs(remainder).max(axis=1, initial=0.0) > CONSISTENT * size).tolist():
             raise InputError(
                 f"{self._scene.source}: the start has no derivative by '{self._variables[k].name}': the constraints "
                 "cannot stay satisfied with the held values when it changes; hold fewer joints in 'initial'"
