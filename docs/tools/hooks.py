@@ -1,4 +1,5 @@
-"""MkDocs calls this while it builds: it adds the reference pages, made from the sources, and files beside docs/."""
+"""MkDocs calls this while it builds: it adds reference pages made from the sources, pages that tutorials write, and files
+beside docs/."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ from typing import Any
 
 import api_pages
 import cli_page
+import tutorial_pages
 import yaml_page
 from mkdocs.structure.files import File, Files
 
@@ -23,18 +25,20 @@ def on_files(files: Files, config: Any) -> Files:
     for path, source in COPIED.items():
         text = (ROOT / source).read_text(encoding="utf-8")
         pages[path] = f"# License\n\n```text\n{text}```\n" if source == "LICENSE" else _from_docs(text)
+    tutorials = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+    pages.update({f"tutorials/{path}": text for path, text in tutorial_pages.written(tutorials).items()})
     for path, text in pages.items():
         files.append(File.generated(config, path, content=text))
     return files
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Let links to files beside docs/ lead to their pages."""
+    """Let links to files beside docs/ lead to their pages, and show the pages that tutorials write."""
     here = posixpath.dirname(page.file.src_uri)
     for path, source in COPIED.items():
         target = posixpath.relpath(f"../{source}", here or ".")
         markdown = markdown.replace(f"]({target})", f"]({posixpath.relpath(path, here or '.')})")
-    return markdown
+    return tutorial_pages.shown(markdown, Path(page.file.src_uri).stem)
 
 
 def _from_docs(text: str) -> str:

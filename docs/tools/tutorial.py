@@ -12,6 +12,7 @@ import contextlib
 import io
 import re
 import shlex
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -87,3 +88,7 @@ def _python(text: str, names: dict[str, Any], page: Path) -> str:
     with contextlib.redirect_stdout(io.StringIO()) as out:
         exec(compile(text, page.name, "exec"), names)
     return out.getvalue()
+
+
+if __name__ == "__main__":
+    run(Path(sys.argv[1]))

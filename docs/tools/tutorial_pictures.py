@@ -1,6 +1,10 @@
-"""Draw the pictures of the tutorials from what their own blocks write: run it after a change to a tutorial."""
+"""Draw the pictures of the tutorials (or of those that are named) from what their own blocks write.
+
+Run it after a change to a tutorial: `python docs/tools/tutorial_pictures.py [TUTORIAL …]`.
+"""
 
 import os
+import sys
 import tempfile
 from pathlib import Path
 
@@ -12,17 +16,19 @@ PICTURES = {  # tutorial: {file that it writes: picture of the page}
     "size-an-arm": {"arm_sizing/over_time_reach.png": "tutorial_over_time.png"},
     "choose-the-motors": {"arm_selection/motors.png": "tutorial_motors.png"},
     "simulate-and-trust": {"scene_run/run.png": "tutorial_run.png"},
+    "tolerances": {"tolerance/limits.png": "tutorial_tolerance.png"},
+    "fastest": {"arm_fastest/fastest_cycle.png": "tutorial_fastest.png"},
 }
 WIDTH, COLOURS = 1000, 64  # pixels; few colours, so that the files are small
 
 
 def main() -> None:
     """Draw them."""
-    for name, files in PICTURES.items():
+    for name in sys.argv[1:] or PICTURES:
         with tempfile.TemporaryDirectory() as folder:
             os.chdir(folder)
             tutorial.run(DOCS / "tutorials" / f"{name}.md")
-            for source, target in files.items():
+            for source, target in PICTURES[name].items():
                 drawn = Image.open(source).convert("RGB")
                 small = drawn.resize((WIDTH, round(drawn.height * WIDTH / drawn.width)), Image.Resampling.LANCZOS)
                 path = DOCS / "pictures" / target

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 import tutorial
+import tutorial_pages
 
 PAGES = sorted((Path(tutorial.__file__).parents[1] / "tutorials").glob("*.md"))
 
@@ -12,10 +13,21 @@ PAGES = sorted((Path(tutorial.__file__).parents[1] / "tutorials").glob("*.md"))
 def test_a_tutorial_prints_what_it_says(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     tutorial.run(page)
+    for name in tutorial_pages.names(page.read_text(encoding="utf-8")):
+        written = Path(name).read_text(encoding="utf-8")
+        assert written.lower().startswith("<!doctype html>") and written.rstrip().endswith("</html>")
 
 
-def test_there_are_the_two_tutorials():
-    assert {"size-an-arm", "simulate-and-trust"} <= {page.stem for page in PAGES}
+def test_the_tutorials_show_pages():
+    shown = {page.stem for page in PAGES if tutorial_pages.names(page.read_text(encoding="utf-8"))}
+    assert {"size-an-arm", "choose-the-motors", "simulate-and-trust", "close-a-loop", "tolerances", "fastest"} <= shown
+
+
+def test_a_page_is_shown_in_a_frame():
+    text = "before\n\n<!-- page: arm.html The arm's <motion> -->\n\nafter"
+    shown = tutorial_pages.shown(text, "size")
+    assert '<iframe src="size/arm.html" title="The arm&#x27;s &lt;motion&gt;"' in shown
+    assert shown.startswith("before") and shown.endswith("after") and "<!--" not in shown
 
 
 def test_numbers_of_a_page_are_compared_with_what_is_printed():
