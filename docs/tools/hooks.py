@@ -1,5 +1,7 @@
-"""MkDocs calls this while it builds: it adds reference pages made from the sources, pages that tutorials write, and files
-beside docs/."""
+"""MkDocs calls this while it builds.
+
+It adds reference pages made from the sources, pages that tutorials write, and files beside docs/.
+"""
 
 from __future__ import annotations
 

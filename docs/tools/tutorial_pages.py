@@ -1,7 +1,7 @@
 """Show in a tutorial the HTML pages that its own blocks write: replays and reports.
 
-A line `<!-- page: NAME.html CAPTION -->` of a tutorial shows the file NAME.html. The build runs the tutorial in an empty
-folder and copies the file to TUTORIAL/NAME.html beside the tutorial's page.
+A line `<!-- page: NAME.html CAPTION -->` of a tutorial shows the file NAME.html. The build runs the tutorial in an
+empty folder and copies the file to TUTORIAL/NAME.html beside the tutorial's page.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ def shown(markdown: str, stem: str) -> str:
         page, caption = f"{stem}/{found['name']}", html.escape(found["caption"])
         return (
             f'<figure class="page"><iframe src="{page}" title="{caption}" loading="lazy"></iframe>'
-            f'<figcaption>{caption} <a href="{page}" target="_blank">Open it on a page of its own.</a></figcaption></figure>'
+            f'<figcaption>{caption} <a href="{page}" target="_blank">Open it on a page of its own.</a></figcaption>'
+            "</figure>"
         )
 
     return PAGE.sub(frame, markdown)
