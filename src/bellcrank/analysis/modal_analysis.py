@@ -13,13 +13,14 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
+from scipy.linalg import eig, matrix_balance, qr
 
 from bellcrank.analysis.mode import Mode, normalised, sort_key
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-ROUNDING = 1e-12  # of the largest entry of A: eigenvalues, real and imaginary parts below this are 0
+# times machine precision, the norm of A and an eigenvalue's condition number: a real or imaginary part below this is 0
+ROUNDING = 100.0
 NEUTRAL = 1e-6  # of the largest eigenvalue: an eigenvalue nearer than this to one of Λ has no eigenvector of its own
 
 
@@ -69,18 +70,16 @@ def modes_of(matrix: Array, quotient: Quotient, embedding: Array, *, reduced: bo
     displacement of all degrees of freedom.
     """
     field, along = quotient.field(matrix), quotient.along(matrix)
-    scale = float(np.abs(matrix).max(initial=0.0))
-    values, vectors = np.linalg.eig(field) if len(field) else (np.zeros(0), np.zeros((0, 0)))
-    group = np.asarray(np.linalg.eigvals(along) if len(along) else np.zeros(0), dtype=np.complex128)
+    values, vectors, error = _eigen(field)
+    group, basis, group_error = _eigen(along)
     found = []
     largest = max(np.abs(values).max(initial=0.0), np.abs(group).max(initial=0.0))
-    for value, vector in zip(values, vectors.T, strict=True):
+    for value, vector, own in zip(values, vectors.T, error, strict=True):
         whole = _lifted(matrix, quotient, complex(value), vector, group, NEUTRAL * largest)
-        found.append((_rounded(complex(value), scale), whole, False))
+        found.append((_rounded(complex(value), own), whole, False))
     if not reduced:
-        _, basis = np.linalg.eig(along) if len(along) else (group, np.zeros((0, 0)))
-        for value, vector in zip(group, basis.T, strict=True):
-            found.append((_rounded(complex(value), scale), quotient.directions @ vector, True))
+        for value, vector, own in zip(group, basis.T, group_error, strict=True):
+            found.append((_rounded(complex(value), own), quotient.directions @ vector, True))
     found = [entry for entry in found if entry[0].imag >= 0.0]
     return tuple(
         Mode(
@@ -105,7 +104,22 @@ def _lifted(matrix: Array, quotient: Quotient, value: complex, vector: Complex, 
     return whole
 
 
-def _rounded(value: complex, scale: float) -> complex:
-    real = value.real if abs(value.real) > ROUNDING * scale else 0.0
-    imaginary = value.imag if abs(value.imag) > ROUNDING * scale else 0.0
+def _eigen(matrix: Array) -> tuple[Complex, Complex, Array]:
+    """Eigenvalues, eigenvectors and the rounding error of each eigenvalue.
+
+    The error is that of a perturbation of A by its own rounding, times the eigenvalue's condition number 1/|yᴴ x|.
+    """
+    if not len(matrix):
+        return np.zeros(0, dtype=np.complex128), np.zeros((0, 0), dtype=np.complex128), np.zeros(0)
+    balanced, scaling = matrix_balance(matrix, permute=False)
+    values, left, right = eig(balanced, left=True, right=True)
+    overlap = np.abs(np.einsum("ij,ij->j", left.conj(), right))
+    size = float(np.linalg.norm(balanced, 2))
+    error = ROUNDING * np.finfo(float).eps * size / np.maximum(overlap, np.sqrt(np.finfo(float).eps))
+    return values, scaling @ right, error
+
+
+def _rounded(value: complex, error: float) -> complex:
+    real = value.real if abs(value.real) > error else 0.0
+    imaginary = value.imag if abs(value.imag) > error else 0.0
     return complex(real, imaginary)
