@@ -17,6 +17,7 @@ from bellcrank.files.atomic_write import write_text, writing
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+MOST = 0.1  # of the largest entry of a shape: a state with less is not named
 EQUILIBRIUM, STEADY_MOTION, MOVING = "equilibrium", "relative equilibrium", "not steady"
 
 
@@ -123,6 +124,76 @@ class Linearisation:
         if not self.steady:
             return None
         return all(mode.eigenvalue.real <= 0.0 for mode in self.modes)  # rounding errors are 0 (modal_analysis.py)
+
+    # ---- to read
+
+    @property
+    def description(self) -> str:
+        """The kind of the operating point in words.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.linearise(bc.load_scene("pendulum")).description
+            'equilibrium'
+        """
+        return {
+            EQUILIBRIUM: "equilibrium",
+            STEADY_MOTION: "relative equilibrium (a steady motion, seen in the frame that moves along)",
+            MOVING: f"not steady (residual {self.residual:.2g}): neither an equilibrium nor a steady motion",
+        }[self.kind]
+
+    @property
+    def mode_header(self) -> tuple[str, ...]:
+        """The titles of the columns of `mode_rows`."""
+        return "mode", "eigenvalue [1/s]", "frequency [Hz]", "damping ratio", "time constant [s]", "kind", "moves most"
+
+    def mode_rows(self) -> list[tuple[str, ...]]:
+        """The table of modes as texts.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.linearise(bc.load_scene("pendulum")).mode_rows()[0][:4]
+            ('1', '0 ± 3.13209i', '0.498488', '0')
+        """
+        return [(str(k + 1), *self._cells(mode)) for k, mode in enumerate(self.modes)]
+
+    def _cells(self, mode: Mode) -> tuple[str, ...]:
+        value, ratio, constant = mode.eigenvalue, mode.damping_ratio, mode.time_constant
+        names = [name for name, _ in self.states]
+        largest = np.argsort(-np.abs(mode.shape), kind="stable")[:2]
+        moving = ", ".join(names[k] for k in largest if abs(mode.shape[k]) > MOST)
+        return (
+            f"{value.real:.6g} ± {value.imag:.6g}i" if mode.oscillates else f"{value.real:.6g}",
+            f"{mode.frequency:.6g}" if mode.oscillates else "",
+            "" if ratio is None else f"{ratio:.4g}",
+            "" if constant is None else f"{constant:.5g}",
+            mode.kind + (" along a symmetry" if mode.symmetry else ""),
+            moving,
+        )
+
+    def table(self) -> str:
+        """The operating point and its modes as text for a terminal.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> print(bc.linearise(bc.load_scene("pendulum")).table().splitlines()[0])
+            Simple pendulum: equilibrium, stable
+        """
+        stable = {True: ", stable", False: ", unstable: a mode grows", None: ""}[self.stable]
+        lines = [f"{self.name}: {self.description}{stable}"]
+        if self.modes:
+            rows = [self.mode_header, *self.mode_rows()]
+            widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+            lines += [
+                "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+            ]
+        else:
+            values = ", ".join(f"{x:.6g}" for x in self.frozen_eigenvalues.tolist())
+            lines.append(f"eigenvalues of A at this moment, which say nothing of stability: {values}")
+        if self.symmetries:
+            left = "left out of the states" if self.symmetries_removed else "kept among the states"
+            lines.append(f"symmetries ({left}): {'; '.join(self.symmetries)}")
+        return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
 
     # ---- other formats
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -235,12 +235,3 @@ def _notes(scene: Scene) -> tuple[str, ...]:
             "coefficient, and a joint may stay where it is although the linear equations say that it creeps",
         )
     return ()
-
-
-def describe(kind: str) -> Any:
-    """One sentence about a kind of operating point."""
-    return {
-        EQUILIBRIUM: "an equilibrium",
-        STEADY_MOTION: "a relative equilibrium: a steady motion, seen in the frame that moves along",
-        MOVING: "neither an equilibrium nor a steady motion",
-    }[kind]

@@ -1,0 +1,72 @@
+"""The picture of root loci."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bellcrank.errors import InputError
+from bellcrank.files.atomic_write import writing
+from bellcrank.messages import unknown_name
+from bellcrank.plot_style import DPI, colour, literal, new_figure, plain, save_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from bellcrank.analysis.root_loci import RootLoci
+
+UNSTABLE = "#D55E00"
+
+
+def plot_root_loci(loci: RootLoci, path: Path | None) -> Figure:
+    """Eigenvalues in the complex plane, coloured by the number, and their parts over it; unstable values are shaded."""
+    figure = new_figure(10.0, 6.5)
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.1, 1.0))
+    plane = figure.add_subplot(grid[:, 0])
+    real, imaginary = figure.add_subplot(grid[0, 1]), figure.add_subplot(grid[1, 1])
+    numbers, values = loci.numbers, loci.eigenvalues
+    there = np.isfinite(values)
+    column = np.broadcast_to(numbers[:, None], values.shape)
+    marks = plane.scatter(values.real[there], values.imag[there], c=column[there], s=12, cmap="viridis", zorder=3)
+    for k in range(values.shape[1]):
+        plane.plot(values[:, k].real, values[:, k].imag, color="0.75", linewidth=0.8, zorder=2)
+        for axes, part in ((real, values[:, k].real), (imaginary, values[:, k].imag)):
+            axes.plot(numbers, part, color=colour(k), linewidth=1.2, marker="." if len(numbers) < 60 else None)
+    plane.axvline(0.0, color="black", linewidth=0.8)
+    real.axhline(0.0, color="black", linewidth=0.8)
+    for axes in (real, imaginary):
+        _shade_unstable(axes, loci)
+    name = literal(loci.path)
+    for axes, x, y, title in (
+        (plane, "real part [1/s]", "imaginary part [1/s]", "eigenvalues"),
+        (real, "", "real part [1/s]", "growth (shaded where a mode grows)"),
+        (imaginary, name, "imaginary part [1/s]", "angular frequency"),
+    ):
+        plain(axes)
+        axes.set_xlabel(x)
+        axes.set_ylabel(y)
+        axes.set_title(title, loc="left", fontsize=10)
+    figure.colorbar(marks, ax=plane, orientation="horizontal", label=name, pad=0.12)
+    figure.suptitle(literal(loci.name), x=0.02, ha="left")
+    if path is not None:
+        kind = path.suffix.lower().removeprefix(".") or "png"
+        known = figure.canvas.get_supported_filetypes()
+        if kind not in known:
+            raise InputError(f"{path}: {unknown_name('picture format', kind, sorted(known))}")
+        with writing(path) as file:
+            save_figure(figure, file, kind, dpi=DPI)
+    return figure
+
+
+def _shade_unstable(axes: Axes, loci: RootLoci) -> None:
+    """Shade the values at which a mode grows, halfway to the neighbouring ones."""
+    numbers = loci.numbers
+    order = np.argsort(numbers)
+    edges = np.concatenate([numbers[order][:1], (numbers[order][1:] + numbers[order][:-1]) / 2, numbers[order][-1:]])
+    for place, k in enumerate(order):
+        found = loci.linearisations[int(k)]
+        if found is not None and found.stable is False:
+            axes.axvspan(edges[place], edges[place + 1], color=UNSTABLE, alpha=0.12, linewidth=0.0)

@@ -1,0 +1,85 @@
+"""The page of a scene's modes: a replay in which each mode moves, the table of modes, and root loci."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bellcrank.analysis.linearisation import Linearisation
+from bellcrank.analysis.root_loci import RootLoci
+from bellcrank.analysis.root_locus_plot import plot_root_loci
+from bellcrank.plot_style import svg_of
+from bellcrank.replays.film.mode_film import SECONDS, film_of_modes
+from bellcrank.replays.page.page import Surroundings, write_page
+from bellcrank.reports.document import Document, Facts, Picture, Still
+from bellcrank.reports.document_html import document_html
+from bellcrank.version import version
+
+if TYPE_CHECKING:
+    from bellcrank.scene.scene import Scene
+
+
+def write_modes_page(scene: Scene, linear: Linearisation, path: str | Path, loci: RootLoci | None = None) -> Path:
+    """Write one HTML page in which each mode moves; a click on a mode in the table shows it.
+
+    Args:
+        scene: The scene.
+        linear: Its linear equations, whose operating point is steady.
+        path: The file; .html is added if it has another suffix.
+        loci: Root loci to show too.
+
+    Returns:
+        The path of the page.
+
+    Raises:
+        InputError: There is no mode, or the file cannot be written.
+    """
+    document = _document(scene, linear, loci)
+    before, after = document_html(document)
+    around = Surroundings(before=before + _table(linear), after=after)
+    return write_page(film_of_modes(scene, linear), path, plots=False, around=around)
+
+
+def _document(scene: Scene, linear: Linearisation, loci: RootLoci | None) -> Document:
+    status = {True: "Stable", False: "Unstable", None: "Not steady"}[linear.stable]
+    growing = [mode for mode in linear.modes if mode.eigenvalue.real > 0.0]
+    verdict = f"{len(growing)} of {len(linear.modes)} modes grow" if growing else "no mode grows"
+    parts: list[Facts | Picture] = [Facts("Operating point", _operating_point(scene, linear))]
+    if loci is not None:
+        parts.append(Picture(f"Eigenvalues over {loci.path}", svg_of(plot_root_loci(loci, None)), screen=True))
+    return Document(
+        title=f"{linear.name}: modes",
+        status=status,
+        success=linear.stable is True,
+        verdict=(f"{linear.description}: {verdict}.",),
+        about=(linear.name, str(scene.source), f"bellcrank {version()}"),
+        warnings=(),
+        notes=linear.notes,
+        still=Still(0.0, "mode 1"),
+        parts=tuple(parts),
+    )
+
+
+def _operating_point(scene: Scene, linear: Linearisation) -> tuple[tuple[str, str], ...]:
+    rows = [("kind", linear.kind)]
+    for joint in scene.robot.joints:
+        q = ", ".join(f"{x:.6g}" for x in linear.position[joint.q : joint.q + joint.nq])
+        v = ", ".join(f"{x:.6g}" for x in linear.velocity[joint.v : joint.v + joint.nv])
+        rows.append((joint.name, f"position {q}; velocity {v}"))
+    if linear.symmetries:
+        rows.append(("symmetries", "; ".join(linear.symmetries)))
+    return tuple(rows)
+
+
+def _table(linear: Linearisation) -> str:
+    """The table of modes, each linked to its time in the replay."""
+    head = "".join(f"<th>{escape(cell)}</th>" for cell in linear.mode_header)
+    body = ""
+    for k, row in enumerate(linear.mode_rows()):
+        link = f'<a href="#t={k * SECONDS:g}&amp;play=1">{escape(row[0])}</a>'
+        body += f"<tr><th>{link}</th>" + "".join(f"<td>{escape(cell)}</td>" for cell in row[1:]) + "</tr>"
+    return (
+        '<section><h2>Modes</h2><div class="wide"><table><thead><tr>'
+        f"{head}</tr></thead><tbody>{body}</tbody></table></div><p>Click the number of a mode to show it.</p></section>"
+    )
