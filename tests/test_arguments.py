@@ -27,6 +27,8 @@ MADE_BY = {
     "Slopes": "scene_derivatives",
     "Linearisation": "linearise",
     "Mode": "linearise",
+    "RootLoci": "root_loci",
+    "FloquetModes": "floquet",
     "Robot": "load_robot",
     "Scene": "load_scene",
     "RobotConfig": "load_robot_config",
@@ -198,6 +200,8 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
     robot = bc.load_robot("planar_2r")
     pendulum, four_bar = bc.load_scene("pendulum"), bc.load_scene("four_bar")
     linkage, linear = bc.Linkage(four_bar), bc.linearise(pendulum)
+    hanging = bc.load_scene("pendulum", {"initial.swing": 0.0})
+    loci, periodic = bc.root_loci(pendulum, "initial.swing", [0.1, 0.2]), bc.floquet(hanging, 1.0)
     config = bc.load_robot_config("planar_2r")
     actuator = bc.Actuator(100.0, 1.0, 2.0, 300.0, 400.0)
     payload = bc.Payload(1.0, "tip")
@@ -330,8 +334,15 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
             "scene": pendulum, "q": [0.1], "v": [0.2], "time": 0.0, "torque": [0.3]}),
         "linearise": (bc.linearise, {
             "scene": pendulum, "at": "start", "inputs": ["swing"], "keep_symmetries": True}),
-        **of(linear, to_control={}, to_json={"path": "modes.json"}, to_mat={"path": "modes.mat"}, to_dict={}),
+        **of(linear, to_control={}, table={}, mode_rows={}),
+        **of(linear, to_json={"path": "modes.json"}, to_mat={"path": "modes.mat"}, to_dict={}),
         **of(linear.modes[0], to_dict={}),
+        "root_loci": (bc.root_loci, {
+            "scene": pendulum, "path": "initial.swing", "values": [0.1], "at": "equilibrium",
+            "progress": lambda done, of: None}),
+        **of(loci, plot={"path": "loci.png"}, to_csv={"path": "loci.csv"}, to_dict={}),
+        "floquet": (bc.floquet, {"scene": hanging, "period": 0.1, "at": 0.0}),
+        **of(periodic, table={}, to_dict={}),
         "mobility": (bc.mobility, {"scene": four_bar}),
         "plot": (bc.plot, {"run": run, "path": None, "frame": "P1"}),
         "replay": (bc.replay, {"source": motion, "path": "page.html", "robot": robot, "trace": ["tip"],

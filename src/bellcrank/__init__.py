@@ -58,6 +58,10 @@ _HOME = {
     "linearise": "analysis.linearise",
     "Linearisation": "analysis.linearisation",
     "Mode": "analysis.mode",
+    "root_loci": "analysis.root_loci",
+    "RootLoci": "analysis.root_loci",
+    "floquet": "analysis.floquet",
+    "FloquetModes": "analysis.floquet",
     "sweep": "studies.sweep",
     "Sweep": "studies.sweep_result",
     "time_optimal": "planning.time_optimal",
@@ -96,6 +100,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "CoupledTransmission",
     "EventSensitivity",
     "FastestMotion",
+    "FloquetModes",
     "Gear",
     "InputError",
     "JointPath",
@@ -115,6 +120,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "RepeatedCycle",
     "Robot",
     "RobotConfig",
+    "RootLoci",
     "RunSensitivity",
     "SampleStatistics",
     "Scene",
@@ -132,6 +138,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "check_urdf",
     "circle",
     "dwell",
+    "floquet",
     "join",
     "joint_path",
     "line",
@@ -149,6 +156,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "repeated_cycle",
     "replay",
     "report",
+    "root_loci",
     "scene_casadi",
     "scene_derivatives",
     "scene_inverse_dynamics",
@@ -176,9 +184,11 @@ if TYPE_CHECKING:
     from bellcrank.actuators.gear import Gear
     from bellcrank.actuators.motor import Motor
     from bellcrank.actuators.mount import Mount
+    from bellcrank.analysis.floquet import FloquetModes, floquet
     from bellcrank.analysis.linearisation import Linearisation
     from bellcrank.analysis.linearise import linearise
     from bellcrank.analysis.mode import Mode
+    from bellcrank.analysis.root_loci import RootLoci, root_loci
     from bellcrank.dynamics.closed_inverse_dynamics import Linkage
     from bellcrank.dynamics.mobility import Mobility, mobility
     from bellcrank.dynamics.scene_casadi import scene_casadi

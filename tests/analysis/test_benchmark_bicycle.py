@@ -6,6 +6,7 @@ import pytest
 import bellcrank as bc
 from tests.support.benchmark_bicycle import REAR_RADIUS, published_eigenvalues, write_bicycle
 
+FRAME_AND_WHEEL = ("frame", "rear_wheel")
 SPEEDS = [0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0]
 
 
@@ -39,6 +40,27 @@ def test_a_start_that_does_not_quite_roll_is_moved_to_the_steady_motion(tmp_path
     linear = bc.linearise(scene)
     assert bc.linearise(scene, at="start").kind == "not steady"
     assert linear.kind == "relative equilibrium" and linear.residual < 1e-12
+
+
+@pytest.mark.parametrize("speed", [1.0, 5.0, 9.0])
+def test_the_free_base_may_be_the_rear_wheel(speed, tmp_path):
+    """The axes of v then turn with the wheel, and the motion is along a turn of the base in its own axes combined with
+    a shift of the rear axle. The start is anywhere on the way: turned by 0.7 rad, heading to 0.4 rad.
+    """
+    path = write_bicycle(tmp_path, speed)
+    urdf = tmp_path / "bicycle.urdf"
+    before, after = (f'<parent link="{a}"/><child link="{b}"/>' for a, b in (FRAME_AND_WHEEL, FRAME_AND_WHEEL[::-1]))
+    urdf.write_text(urdf.read_text().replace(before, after))
+    rate, heading = speed / REAR_RADIUS, np.array([-np.sin(0.4), np.cos(0.4)])
+    spin = [*(rate * heading).tolist(), 0.0]
+    scene = bc.load_scene(path, {
+        "base": {"position": [0, 0, REAR_RADIUS], "rpy": [0, 0.7, 0.4], "angular_velocity": spin},
+        "initial": {"steer": 0, "rear_axle": -0.7, "front_axle": 0, "velocity": {"steer": 0, "rear_axle": -rate}},
+    })  # fmt: skip
+    linear = bc.linearise(scene, at="start")
+    assert linear.kind == "relative equilibrium" and len(linear.eigenvalues) == 5
+    assert distance(linear.eigenvalues, published_eigenvalues(speed)) < 1e-12
+    assert "rotation about y of root_joint in its own axes" in linear.symmetries
 
 
 def test_steer_torque_is_an_input_and_the_lean_follows(tmp_path):

@@ -26,6 +26,7 @@ from bellcrank.robot.joints import lengths_in_velocity
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
+    from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
 PREFERRED = 0.1  # factor by which the columns of joints of one degree of freedom are less likely to be dependent
@@ -110,3 +111,10 @@ def coordinate_names(robot: Robot) -> tuple[tuple[str, str], ...]:
             names += [(f"{joint.name} {axis}", "m") for axis in "xyz"]
         names += [(f"{joint.name} rotation {axis}", "rad") for axis in "xyz"]
     return tuple(names)
+
+
+def state_names(scene: Scene, states: IndependentStates) -> tuple[tuple[str, str], ...]:
+    """(name, unit) of each independent state: displacements, then velocities."""
+    names = coordinate_names(scene.robot)
+    rates = [(f"{names[k][0]} rate", f"{names[k][1]}/s") for k in states.velocities]
+    return (*(names[k] for k in states.positions), *rates)

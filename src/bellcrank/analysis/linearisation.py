@@ -17,6 +17,7 @@ from bellcrank.files.atomic_write import write_text, writing
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+ROUNDING = 1e-12  # m, rad, m/s or rad/s: less is shown as 0
 MOST = 0.1  # of the largest entry of a shape: a state with less is not named
 EQUILIBRIUM, STEADY_MOTION, MOVING = "equilibrium", "relative equilibrium", "not steady"
 
@@ -35,7 +36,7 @@ class Linearisation:
             stability.
         time: s.
         position: q (nq,) of the operating point.
-        velocity: v (nv,) of the operating point.
+        velocity: v (nv,) of the operating point; that of a free base in its own axes.
         states: (name, unit) of each state (n).
         inputs: (name, unit) of each input (m).
         outputs: (name, unit) of each output (p).
@@ -180,7 +181,9 @@ class Linearisation:
             Simple pendulum: equilibrium, stable
         """
         stable = {True: ", stable", False: ", unstable: a mode grows", None: ""}[self.stable]
-        lines = [f"{self.name}: {self.description}{stable}"]
+        lines = [f"{self.name}: {self.description}{stable}", f"position q: {shown(self.position)}"]
+        if self.velocity.any():
+            lines.append(f"velocity v: {shown(self.velocity)}")
         if self.modes:
             rows = [self.mode_header, *self.mode_rows()]
             widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
@@ -307,3 +310,8 @@ class Linearisation:
             self.A, self.B, self.C, self.D,
             states=plain(self.states), inputs=plain(self.inputs), outputs=plain(self.outputs), name=self.name,
         )  # fmt: skip
+
+
+def shown(values: Array) -> str:
+    """Numbers for a table; those that are rounding errors as 0."""
+    return ", ".join(f"{x if abs(x) > ROUNDING else 0.0:.6g}" for x in values.tolist())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank.analysis.independent_states import IndependentStates, coordinate_names, independent_states
+from bellcrank.analysis.independent_states import coordinate_names, independent_states, state_names
 from bellcrank.analysis.linearisation import EQUILIBRIUM, MOVING, STEADY_MOTION, Linearisation
 from bellcrank.analysis.modal_analysis import Quotient, modes_of
 from bellcrank.analysis.operating_point import OperatingPoint, operating_point, state_units, steady_point
@@ -33,6 +34,7 @@ Names = tuple[tuple[str, str], ...]
 AT = ("start", "equilibrium", "steady")
 SAME_TIME = 1e-9  # s
 STILL = 1e-9  # rad/s or characteristic lengths per second: a slower motion is none
+NEARBY = 0.05  # of the largest velocity: a steady motion that differs more from the start is said to be another one
 INVARIANT = 1e-8  # of the largest entry: an output that changes less along symmetries does not depend on them
 
 
@@ -83,7 +85,23 @@ def linearise(
     joints = _input_joints(scene, inputs)
     if keep_symmetries is not None:
         keep_symmetries = arguments.flag("keep_symmetries", keep_symmetries)
-    return linear_equations(_point(scene, run, at), joints, keep_symmetries)
+    point = _point(scene, run, at)
+    linear = linear_equations(point, joints, keep_symmetries)
+    return linear if isinstance(at, str | float | int) and at not in AT[1:] else _with_distance(linear, point, run)
+
+
+def _with_distance(linear: Linearisation, point: OperatingPoint, run: Trajectory | None) -> Linearisation:
+    """With a note where a steady motion that was searched for is not near the start."""
+    scene = point.symmetries.scene
+    if point.at_rest or not point.steady:
+        return linear
+    v = run.velocity[0] if run is not None else consistent_start(scene)[1]
+    change = np.abs(point.velocity - v) / state_units(scene)
+    if change.max(initial=0.0) <= NEARBY * np.abs(v / state_units(scene)).max(initial=0.0):
+        return linear
+    name = coordinate_names(scene.robot)[int(np.argmax(change))][0]
+    note = f"the steady motion found is not near the start: most of all, the velocity of {name} differs"
+    return replace(linear, notes=(*linear.notes, note))
 
 
 def linear_equations(point: OperatingPoint, joints: Sequence[RobotJoint], keep: bool | None) -> Linearisation:
@@ -113,7 +131,7 @@ def linear_equations(point: OperatingPoint, joints: Sequence[RobotJoint], keep: 
     reduce = removed and point.symmetries.count > 0
     modes = modes_of(a, quotient, embedding[: len(point.velocity)], reduced=reduce) if point.steady else ()
     kept = quotient.kept if reduce else list(range(len(a)))
-    names = _state_names(scene, states)
+    names = state_names(scene, states)
     return Linearisation(
         name=scene.name,
         kind=kind,
@@ -196,12 +214,6 @@ def _input_joints(scene: Scene, names: Sequence[str] | None) -> list[RobotJoint]
 
 def _effort(joint: RobotJoint) -> tuple[str, str]:
     return ("force", "N") if joint.kind == "prismatic" else ("torque", "N m")
-
-
-def _state_names(scene: Scene, states: IndependentStates) -> Names:
-    names = coordinate_names(scene.robot)
-    rates = [(f"{names[k][0]} rate", f"{names[k][1]}/s") for k in states.velocities]
-    return (*(names[k] for k in states.positions), *rates)
 
 
 def _outputs(point: OperatingPoint, joints: Sequence[RobotJoint]) -> tuple[Names, Array, Array]:

@@ -70,8 +70,8 @@ def modes_of(matrix: Array, quotient: Quotient, embedding: Array, *, reduced: bo
     displacement of all degrees of freedom.
     """
     field, along = quotient.field(matrix), quotient.along(matrix)
-    values, vectors, error = _eigen(field)
-    group, basis, group_error = _eigen(along)
+    values, vectors, error = eigen(field)
+    group, basis, group_error = eigen(along)
     found = []
     largest = max(np.abs(values).max(initial=0.0), np.abs(group).max(initial=0.0))
     for value, vector, own in zip(values, vectors.T, error, strict=True):
@@ -104,19 +104,19 @@ def _lifted(matrix: Array, quotient: Quotient, value: complex, vector: Complex, 
     return whole
 
 
-def _eigen(matrix: Array) -> tuple[Complex, Complex, Array]:
-    """Eigenvalues, eigenvectors and the rounding error of each eigenvalue.
+def eigen(matrix: Array, change: float | None = None) -> tuple[Complex, Complex, Array]:
+    """Eigenvalues, eigenvectors and the error of each eigenvalue.
 
-    The error is that of a perturbation of A by its own rounding, times the eigenvalue's condition number 1/|yᴴ x|.
+    The error is that of a perturbation of A, by `change` or by its own rounding, times its condition number 1/|yᴴ x|.
     """
     if not len(matrix):
         return np.zeros(0, dtype=np.complex128), np.zeros((0, 0), dtype=np.complex128), np.zeros(0)
     balanced, scaling = matrix_balance(matrix, permute=False)
     values, left, right = eig(balanced, left=True, right=True)
     overlap = np.abs(np.einsum("ij,ij->j", left.conj(), right))
-    size = float(np.linalg.norm(balanced, 2))
-    error = ROUNDING * np.finfo(float).eps * size / np.maximum(overlap, np.sqrt(np.finfo(float).eps))
-    return values, scaling @ right, error
+    rounding = ROUNDING * np.finfo(float).eps * float(np.linalg.norm(balanced, 2))
+    least = np.sqrt(np.finfo(float).eps if change is None else max(change, np.finfo(float).eps))
+    return values, scaling @ right, (rounding if change is None else change) / np.maximum(overlap, least)
 
 
 def _rounded(value: complex, error: float) -> complex:

@@ -36,6 +36,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="also draw root loci over a parameter or another number of the scene: PATH=FIRST:LAST:COUNT or PATH=A,B,C",
     )  # fmt: skip
     parser.add_argument(
+        "--period", metavar="S",
+        help="of a periodic motion, s: its Floquet multipliers instead of modes, from the start or the time of --at",
+    )  # fmt: skip
+    parser.add_argument(
         "--input", action="append", default=None, metavar="JOINT", dest="inputs",
         help="a joint whose torque or force is an input of B and D; may be repeated (default: the joints with motors, "
         "or all)",
@@ -50,17 +54,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Linearise a scene. Exit code 0: no mode grows; 1: a mode grows, or the operating point is not steady, so that its
-    eigenvalues say nothing. Raises BellcrankError for invalid input.
+    eigenvalues say nothing of stability. Raises BellcrankError for invalid input.
     """
     from bellcrank.analysis.linearise import linearise
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
 
     at = _operating_point(arguments.at)
+    period = number_option("--period", arguments.period, "s", above=0.0)
+    if period is not None and (arguments.vary is not None or (isinstance(at, str) and at != "start")):
+        raise InputError("--period: a periodic motion begins at the start or at a time (--at), without --vary")
     folder = arguments.out or default_place(f"{Path(arguments.scene).stem}_modes")
     check_folder("--out", folder, NAMES)
     changes = dict(parse_assignment(text) for text in arguments.changes)
     scene = load_scene(arguments.scene, changes, trust=arguments.trust)
+    if period is not None:
+        return _floquet(scene, period, at if isinstance(at, float) else 0.0, folder)
     linear = linearise(scene, at, inputs=arguments.inputs)
     print(linear.table())
     loci = None if arguments.vary is None else _loci(scene, arguments.vary, at)
@@ -77,6 +86,20 @@ def run(arguments: argparse.Namespace) -> int:
             files.append(write_modes_page(scene, linear, folder / "modes.html", loci))
     print(f"\nwrote {', '.join(path.name for path in files)} in {folder}")
     return 0 if linear.stable else 1
+
+
+def _floquet(scene: Scene, period: float, at: float, folder: Path) -> int:
+    """Print and write the Floquet multipliers of a periodic motion; returns the exit code."""
+    import json
+
+    from bellcrank.analysis.floquet import floquet
+    from bellcrank.files.atomic_write import write_text
+
+    found = floquet(scene, period, at)
+    print(found.table())
+    write_text(folder / "modes.json", json.dumps(found.to_dict(), indent=1, allow_nan=False) + "\n")
+    print(f"\nwrote modes.json in {folder}")
+    return 0 if found.stable else 1
 
 
 def _operating_point(text: str | None) -> str | float | None:

@@ -6,7 +6,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank.analysis.linearisation import Linearisation
+from bellcrank.analysis.linearisation import Linearisation, shown
 from bellcrank.analysis.root_loci import RootLoci
 from bellcrank.analysis.root_locus_plot import plot_root_loci
 from bellcrank.plot_style import svg_of
@@ -64,8 +64,8 @@ def _document(scene: Scene, linear: Linearisation, loci: RootLoci | None) -> Doc
 def _operating_point(scene: Scene, linear: Linearisation) -> tuple[tuple[str, str], ...]:
     rows = [("kind", linear.kind)]
     for joint in scene.robot.joints:
-        q = ", ".join(f"{x:.6g}" for x in linear.position[joint.q : joint.q + joint.nq])
-        v = ", ".join(f"{x:.6g}" for x in linear.velocity[joint.v : joint.v + joint.nv])
+        q = shown(linear.position[joint.q : joint.q + joint.nq])
+        v = shown(linear.velocity[joint.v : joint.v + joint.nv])
         rows.append((joint.name, f"position {q}; velocity {v}"))
     if linear.symmetries:
         rows.append(("symmetries", "; ".join(linear.symmetries)))
