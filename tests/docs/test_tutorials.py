@@ -1,4 +1,4 @@
-"""The tutorials run, and print what they say."""
+"""The tutorials and the pages on the theory run, and print what they say."""
 
 from pathlib import Path
 
@@ -6,7 +6,9 @@ import pytest
 import tutorial
 import tutorial_pages
 
-PAGES = sorted((Path(tutorial.__file__).parents[1] / "tutorials").glob("*.md"))
+DOCS = Path(tutorial.__file__).parents[1]
+PAGES = sorted((DOCS / "tutorials").glob("*.md"))
+THEORY = [page for page in sorted((DOCS / "theory").glob("*.md")) if "```python" in page.read_text(encoding="utf-8")]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
@@ -16,6 +18,12 @@ def test_a_tutorial_prints_what_it_says(page, tmp_path, monkeypatch):
     for name in tutorial_pages.names(page.read_text(encoding="utf-8")):
         written = Path(name).read_text(encoding="utf-8")
         assert written.lower().startswith("<!doctype html>") and written.rstrip().endswith("</html>")
+
+
+@pytest.mark.parametrize("page", THEORY, ids=lambda page: page.stem)
+def test_a_page_on_the_theory_prints_what_it_says(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    tutorial.run(page)
 
 
 def test_the_tutorials_show_pages():
