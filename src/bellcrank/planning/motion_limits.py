@@ -22,6 +22,13 @@ TOOL_UNITS = {
     "tool_angular_speed": "rad/s",
     "tool_angular_acceleration": "rad/s²",
 }
+Key = Literal["speed", "acceleration", "jerk", "torque"]
+UNITS = {
+    "speed": "rad/s or m/s",
+    "acceleration": "rad/s² or m/s²",
+    "jerk": "rad/s³ or m/s³",
+    "torque": "N m or N",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +40,7 @@ class MotionLimits:
     Args:
         speed: Largest speed of joints, rad/s or m/s.
         acceleration: Largest acceleration of joints, rad/s² or m/s².
+        jerk: Largest jerk of joints, rad/s³ or m/s³.
         torque: Largest torque or force of joints, without what the rotor of an actuator takes, N m or N.
         actuators: Whether the limits of the actuators count: torque over speed, largest speed, and the gear's.
         tool: The frame of which `tool_speed` and the others are limits; "" for none.
@@ -52,6 +60,7 @@ class MotionLimits:
 
     speed: Limit = "urdf"
     acceleration: Limit = "none"
+    jerk: Limit = "none"
     torque: Limit = "urdf"
     actuators: bool = True
     tool: str = ""
@@ -61,10 +70,10 @@ class MotionLimits:
     tool_angular_acceleration: float | None = None
 
     def __post_init__(self) -> None:
-        for key, unit in (("speed", "rad/s or m/s"), ("acceleration", "rad/s² or m/s²"), ("torque", "N m or N")):
+        for key, unit in UNITS.items():
             given = getattr(self, key)
             if isinstance(given, str):
-                options = ("none",) if key == "acceleration" else ("urdf", "none")
+                options = ("none",) if key in ("acceleration", "jerk") else ("urdf", "none")
                 arguments.one_of(key, given, options, where="limits")
                 continue
             checked = arguments.mapping(key, given, "'urdf', 'none' or a mapping of joints to limits", where="limits")
@@ -82,11 +91,11 @@ class MotionLimits:
         if (self.tool == "") != all(getattr(self, key) is None for key in TOOL_UNITS):
             arguments.refuse("tool", "a frame together with a limit of it, such as tool_speed", self.tool, "limits")
 
-    def of_joints(self, key: Literal["speed", "acceleration", "torque"], robot: Robot) -> Array:
+    def of_joints(self, key: Key, robot: Robot) -> Array:
         """The limits of all joints of a robot.
 
         Args:
-            key: "speed", "acceleration" or "torque".
+            key: "speed", "acceleration", "jerk" or "torque".
             robot: The robot.
 
         Returns:
@@ -100,7 +109,7 @@ class MotionLimits:
             >>> bc.MotionLimits(speed={"elbow": 2.0}).of_joints("speed", bc.load_robot("planar_2r"))
             array([inf,  2.])
         """
-        arguments.one_of("key", key, ("speed", "acceleration", "torque"))
+        arguments.one_of("key", key, tuple(UNITS))
         arguments.robot(robot)
         given = getattr(self, key)
         limits = np.full(robot.nv, np.inf)

@@ -311,6 +311,21 @@ class PathLimits:
         along, bend, across = (np.ascontiguousarray(x[:, kept]) for x in (found.along, found.bend, found.across))
         return NormCoefficients(along, bend, across, found.limit[kept] * np.array(factors))
 
+    @property
+    def linearised_rows(self) -> NDArray[np.intp]:
+        """Those of the two entries that `linearised` has for each row that are not always left out: the second one is
+        for what a load gives back.
+        """
+        rows = self._rows[0]
+        return np.array([2 * k + one for k, row in enumerate(rows) for one in (0, 1) if one == 0 or row[1] >= 0], int)
+
+    @property
+    def jerk_groups(self) -> list[str]:
+        """The names of the limits of jerk, in the order of the joints' coordinates."""
+        most = self.limits.of_joints("jerk", self.mechanism.robot)
+        joints = sorted(self.mechanism.robot.joints, key=lambda joint: joint.v)
+        return [f"jerk of {joint.name}" for joint in joints if np.isfinite(most[joint.v])]
+
     def _arrays(
         self,
         terms: tuple[Array, ...],

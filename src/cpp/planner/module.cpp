@@ -139,6 +139,19 @@ nb::object excess(const LimitArrays& given, In<1> y, In<1> u) {
   return found.array(true);
 }
 
+// Shares by which limits are exceeded at speeds y and accelerations u, a place each, and their derivatives by u and y,
+// and the limits over the largest ones: four arrays of two entries for each row, place by place.
+nb::tuple linearised(const LimitArrays& given, In<1> y, In<1> u) {
+  const std::size_t n = given.limits.places, width = 2 * given.limits.rows.size();
+  if (y.shape(0) != n || u.shape(0) != n) throw nb::value_error("the states do not fit the limits");
+  Column<double> share(n * width), by_u(n * width), by_y(n * width), limited(n * width);
+  if (n * width > 0)
+    for (std::size_t i = 0; i < n; ++i)
+      LimitsAtPlace(given.limits, i)
+          .linearised(y.data()[i], u.data()[i], share[i * width], by_u[i * width], by_y[i * width], limited[i * width]);
+  return nb::make_tuple(share.array(true), by_u.array(true), by_y.array(true), limited.array(true));
+}
+
 // The largest factor of the speed in [1, to] up to which all limits are kept everywhere with u = 0; where 1 is too much,
 // the largest one below. The place and the row that limit it: -1 for a limit of speed, or for none.
 nb::tuple largest_factor(const LimitArrays& given, double to) {
@@ -186,6 +199,7 @@ NB_MODULE(_planner, m) {
   m.def("fastest_refined", &refined, nb::arg("limits"), nb::arg("r"), nb::arg("s"), nb::arg("ds"), nb::arg("narrow"), nb::arg("begin"), nb::arg("end"),
         nb::arg("speed_tolerance"), nb::arg("excess_tolerance"));
   m.def("excess", &excess, nb::arg("limits"), nb::arg("speed"), nb::arg("acceleration"));
+  m.def("linearised", &linearised, nb::arg("limits"), nb::arg("speed"), nb::arg("acceleration"));
   m.def("largest_factor", &largest_factor, nb::arg("limits"), nb::arg("to"));
   m.def("bounds_at", &bounds_at, nb::arg("limits"), nb::arg("place"), nb::arg("speed"));
 }

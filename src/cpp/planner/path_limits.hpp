@@ -56,6 +56,7 @@ constexpr double unlimited = std::numeric_limits<double>::infinity();
 struct Parabola {
   double p2, p1, p0;  // not set by default: arrays of them are made for each speed
   double operator()(double y) const { return (p2 * y + p1) * y + p0; }
+  double slope(double y) const { return 2 * p2 * y + p1; }
 
   // The smallest root above y at which the value becomes negative; infinite without one.
   double next_root(double y) const {
@@ -147,6 +148,41 @@ class LimitsAtPlace {
       worst = std::max(worst, std::hypot(along, across) / limits_.norm[k] - 1.0);
     }
     return worst;
+  }
+
+  // The shares by which u at a speed y > 0 exceeds the limits, with their derivatives by u and y, and the limits at y over
+  // the largest ones: two entries a row, the
+  // second one for what the load gives back where both have to be kept; where it is not needed its share is -1. Of two
+  // of which one has to be kept the looser one is taken.
+  void linearised(double y, double u, double* share, double* by_u, double* by_y, double* limited) const {
+    Bounds ignored;
+    const std::size_t count = limits_.quantities;
+    const double* a = limits_.a + place_ * count;
+    Parabola values[most_quantities];
+    for (std::size_t k = 0; k < count; ++k) values[k] = value(k, y, ignored);
+    for (std::size_t r = 0; r < limits_.rows.size(); ++r) {
+      const LimitRow& row = limits_.rows[r];
+      const Parabola limit = limit_at(row, y, ignored);
+      const auto write = [&](std::size_t at, int k) {
+        share[at] = (row.sense * (a[k] * u + values[k](y)) - limit(y)) / row.limit;
+        by_u[at] = row.sense * a[k] / row.limit;
+        by_y[at] = (row.sense * values[k].slope(y) - limit.slope(y)) / row.limit;
+        limited[at] = limit(y) / row.limit;
+      };
+      const std::size_t first = 2 * r, second = first + 1;
+      const double turning = row.motor < 0 ? 0.0 : limits_.motor_rate[place_ * limits_.motors + row.motor];
+      write(first, row.drive);
+      share[second] = -1, by_u[second] = by_y[second] = limited[second] = 0;
+      if (row.back < 0 || turning == 0.0) continue;
+      if (row.sense * turning > 0.0) {
+        write(second, row.back);
+      } else if (y > limits_.creep) {
+        write(second, row.back);
+        const std::size_t looser = share[second] < share[first] ? second : first;
+        share[first] = share[looser], by_u[first] = by_u[looser], by_y[first] = by_y[looser];
+        share[second] = -1, by_u[second] = by_y[second] = 0;
+      }
+    }
   }
 
   // The smallest y in (from, to] beyond which a limit is exceeded with u = 0, and its row; `to` and -1 without one.
