@@ -19,7 +19,12 @@ if TYPE_CHECKING:
     from bellcrank.planning.motion_limits import MotionLimits
     from bellcrank.scene.robot_config import RobotConfig
 
-UNITS = {"speed": "rad/s or m/s", "acceleration": "rad/s^2 or m/s^2", "torque": "N m or N"}
+UNITS = {
+    "speed": "rad/s or m/s",
+    "acceleration": "rad/s^2 or m/s^2",
+    "jerk": "rad/s^3 or m/s^3",
+    "torque": "N m or N",
+}
 TOOL_UNITS = {
     "tool_speed": "m/s",
     "tool_acceleration": "m/s^2",
@@ -47,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a point mass fixed to a frame, such as 2.5@tool0 (kg) or '500 g@tool0'; may be repeated",
     )  # fmt: skip
     for key, unit in UNITS.items():
-        default = "the URDF's" if key != "acceleration" else "none"
+        default = "the URDF's" if key in ("speed", "torque") else "none"
         parser.add_argument(
             f"--{key}", action="append", default=[], metavar="JOINT=VALUE",
             help=f"the largest {key} of a joint, {unit}; may be repeated; 'none' for no limits (default: {default})",

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.planning.jerk_limits import JerkLimits, Violation
-from bellcrank.planning.squared_speed import LOCAL, SHARES, SquaredSpeedSpline
+from bellcrank.planning.squared_speed import LOCAL, PLACES, SHARES, SquaredSpeedSpline
 
 Array = NDArray[np.float64]
 GAP = 1e-9  # of the time: the duality gap at the end
@@ -33,7 +33,7 @@ class OptimalSpeed:
 
     Attributes:
         unknowns: Of the spline.
-        multipliers: Of the constraints (cells, 3, m), s: derivatives of the time.
+        multipliers: Of the constraints (cells, PLACES, m), s: derivatives of the time.
         time: T, s.
         gap: The duality gap over the time, of the convex problem that the last step solved.
         steps: Number of Newton steps.
@@ -94,13 +94,17 @@ class InteriorPoint:
             new = (barrier + multipliers * towards) / slack
             moved = self._search(here, step, barrier, decrement)
             if moved is None or decrement < CENTRED * barrier * count:
-                if moved is None and decrement >= CENTRED * barrier * count and barrier * count < 1e-6 * self._time(here):
+                if (
+                    moved is None
+                    and decrement >= CENTRED * barrier * count
+                    and barrier * count < 1e-6 * self._time(here)
+                ):
                     break
                 if barrier * count <= GAP * self._time(here):
                     break
                 barrier *= FALL
             if moved is not None:
-                here, share = moved
+                here = moved
                 ahead = new - multipliers
                 falling = ahead < 0.0
                 most = np.min(np.where(falling, -TO_BOUNDARY * multipliers / np.where(falling, ahead, -1.0), 1.0))
@@ -113,7 +117,7 @@ class InteriorPoint:
         cells = self._spline.cells
         return OptimalSpeed(
             unknowns=here.unknowns,
-            multipliers=multipliers.reshape(cells, 3, -1),
+            multipliers=multipliers.reshape(cells, PLACES, -1),
             time=float(np.sum(self._spline.durations(here.unknowns))),
             gap=gap,
             steps=steps,
@@ -152,7 +156,7 @@ class InteriorPoint:
         step = np.asarray(solveh_banded(banded, -whole, check_finite=False))
         return step, float(-whole @ step)
 
-    def _search(self, here: _State, step: Array, barrier: float, decrement: float) -> tuple[_State, float] | None:
+    def _search(self, here: _State, step: Array, barrier: float, decrement: float) -> _State | None:
         """The state after a share of the step that lowers the barrier function; None where none does."""
 
         def value(state: _State) -> float:
@@ -161,8 +165,8 @@ class InteriorPoint:
         before, share = value(here), 1.0
         for _ in range(40):
             ahead = self.state(here.unknowns + share * step)
-            if ahead is not None and np.all(ahead.found.value < (1.0 - TO_BOUNDARY) * here.found.value):
-                if value(ahead) <= before - 1e-4 * share * decrement:
-                    return ahead, share
+            inside = ahead is not None and np.all(ahead.found.value < (1.0 - TO_BOUNDARY) * here.found.value)
+            if ahead is not None and inside and value(ahead) <= before - 1e-4 * share * decrement:
+                return ahead
             share *= 0.6
         return None

@@ -49,12 +49,14 @@ class JerkLimits:
         fastest: The largest path speeds (p,) that limits of speeds allow.
         jerk: Derivatives of the limited joints' positions over their jerk (p, j, 3): q''', 3/2 q'', 1/2 q', each
             divided by the largest jerk.
+        width: Number of entries of a place in `arrays`.
         kept: Those of the two entries of each row of `arrays` that may be reached.
     """
 
     arrays: LimitArrays
     fastest: Array
     jerk: Array
+    width: int
     kept: NDArray[np.intp]
 
     @property
@@ -63,20 +65,29 @@ class JerkLimits:
         return len(self.kept) + 1
 
     @classmethod
-    def of(cls, path: JointPath, limits: PathLimits, places: Array) -> JerkLimits:
-        """The limits at places (p,) of a path."""
+    def of(cls, path: JointPath, limits: PathLimits, places: Array, middles: Array) -> JerkLimits:
+        """The limits at places (p,) of a path. Coulomb friction is that of the joints' directions in the middles (p,)
+        of their cells: where a joint turns, it has its full size on either side.
+        """
         first, second, third = (path.spline(places, order) for order in (1, 2, 3))
-        most = limits.limits.of_joints("jerk", limits.mechanism.robot)
+        most = limits.largest_jerk
         columns = np.flatnonzero(np.isfinite(most))
         jerk = np.stack([third, 1.5 * second, 0.5 * first], axis=-1)[:, columns] / most[columns, None]
         fastest = np.minimum(limits.fastest(path, places), 1e12)
-        return cls(arrays=limits.at(path, places), fastest=fastest, jerk=jerk, kept=limits.linearised_rows)
+        return cls(
+            arrays=limits.at(path, places, middles),
+            fastest=fastest,
+            jerk=jerk,
+            width=2 * len(limits.names),
+            kept=limits.linearised_rows,
+        )
 
     def violation(self, z: Array) -> Violation:
         """The constraints at z, z' and z'' (3, p): two for each row, one of speed, two for each limited jerk."""
         root = np.sqrt(z[0])
         share, by_u, by_y, limited = (
-            one.reshape(len(root), -1)[:, self.kept] for one in linearised(self.arrays, root, np.ascontiguousarray(0.5 * z[1]))
+            one.reshape(len(root), self.width)[:, self.kept]
+            for one in linearised(self.arrays, root, np.ascontiguousarray(0.5 * z[1]))
         )
         second = np.stack([0.5 * by_y / root[:, None], 0.5 * by_u, np.zeros_like(share)], axis=-1)
         speed = (z[0] / self.fastest**2)[:, None]

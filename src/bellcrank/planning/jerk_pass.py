@@ -1,8 +1,8 @@
 """The fastest motion along a path with limits of jerk, on cells that adapt themselves.
 
-The path parameter s is written as s(r) = S (10 r³ - 15 r⁴ + 6 r⁵): where ṙ does not vanish, speed and acceleration do at
-both ends, as a finite jerk demands, and z = ṙ² is smooth there. Cells are halved where a limit is exceeded between the
-places at which it is kept, and where no limit is reached, which is where the motion changes from one limit to another.
+The path parameter s is written as s(r) = S (10 r³ - 15 r⁴ + 6 r⁵): where ṙ does not vanish, speed and acceleration
+do at both ends, as a finite jerk demands, and z = ṙ² is smooth there. Cells are halved where a limit is exceeded
+between the places at which it is kept, and where no limit is reached: there the motion changes from one to another.
 """
 
 from __future__ import annotations
@@ -15,18 +15,22 @@ from numpy.typing import NDArray
 
 from bellcrank.errors import BellcrankError
 from bellcrank.motion.motion import Motion
+from bellcrank.planning.fastest_pass import fastest_on_grid
 from bellcrank.planning.interior_point import InteriorPoint, OptimalSpeed
 from bellcrank.planning.jerk_limits import JerkLimits
 from bellcrank.planning.joint_path import JointPath
 from bellcrank.planning.path_limits import PathLimits
-from bellcrank.planning.squared_speed import SquaredSpeedSpline
+from bellcrank.planning.squared_speed import PLACES, SquaredSpeedSpline
 
 Array = NDArray[np.float64]
 FIRST_CELLS = 100
+GRID_CELLS = 500  # of the first-order method, which finds where limits cannot be kept
 NARROW = 4e-4  # of the parameter r: cells are not halved further, because rounding would spoil the jerk
+WIDE = 2.5e-3  # of the parameter r: wider cells become several rows of the motion
+PARTS = 5
 MOST_PASSES = 14
 MOST_CELLS = 6000
-CHECKED = (0.12, 0.3, 0.7, 0.88)  # shares of a cell between the places at which limits are kept
+CHECKED = (0.1, 0.4, 0.6, 0.9)  # shares of a cell between the places at which limits are kept
 EXCESS = 1e-4  # share by which a limit may be exceeded there
 IDLE = 1e-3  # share of a limit: a cell in which all limits are missed by more somewhere is idle
 COSTLY = 1e-3  # r-width of idle cells that are halved at least
@@ -42,6 +46,7 @@ class JerkTiming:
         path: The path over r.
         s: Path parameters (n,) of the path that was given.
         speed: ds/dt (n,).
+        fastest: The largest ds/dt (n,) from which the end can be reached within all limits but those of jerk.
         durations: Of the cells (n - 1,), s.
         active: The limit that costs most time in each cell (n - 1,); "" for none.
         derivatives: dT over the relative change of each limit, s, by its group.
@@ -52,6 +57,7 @@ class JerkTiming:
     path: JointPath
     s: Array
     speed: Array
+    fastest: Array
     durations: Array
     active: tuple[str, ...]
     derivatives: dict[str, float]
@@ -64,11 +70,24 @@ class JerkTiming:
         return float(np.sum(self.durations))
 
     def motion(self, name: str) -> Motion:
-        """The motion of the joints, with rows at the ends of cells."""
-        values = self.spline.values(self.found.unknowns, (0.0, 1.0))
-        z, slope = (np.append(values[k, :, 0], values[k, -1, 1]) for k in (0, 1))
-        q, first, second = (self.path.spline(self.spline.r, order) for order in (0, 1, 2))
-        time = np.concatenate([[0.0], np.cumsum(self.durations)])
+        """The motion of the joints, with rows at the ends of cells, and within cells that are wide."""
+        starts = np.concatenate([[0.0], np.cumsum(self.durations)])
+        rows = [
+            np.column_stack(
+                [starts[:-1], self.spline.r[:-1], self.spline.values(self.found.unknowns, (0.0,))[:2, :, 0].T]
+            )
+        ]
+        width = np.diff(self.spline.r)
+        wide = width > WIDE
+        for part in range(1, PARTS):
+            share = part / PARTS
+            z = self.spline.values(self.found.unknowns, (share,))[:2, :, 0].T
+            time = starts[:-1] + self.spline.durations(self.found.unknowns, share)
+            rows.append(np.column_stack([time, self.spline.r[:-1] + share * width, z])[wide])
+        last = self.spline.values(self.found.unknowns, (1.0,))[:2, -1, 0]
+        rows.append(np.concatenate([starts[-1:], self.spline.r[-1:], last])[None])
+        time, r, z, slope = np.concatenate(rows)[np.argsort(np.concatenate(rows)[:, 1], kind="stable")].T
+        q, first, second = (self.path.spline(r, order) for order in (0, 1, 2))
         v = first * np.sqrt(z)[:, None]
         a = second * z[:, None] + 0.5 * first * slope[:, None]
         v[[0, -1]] = a[[0, -1]] = 0.0
@@ -82,11 +101,12 @@ def jerk_limited(
 
     Raises BellcrankError where no slow motion keeps the limits.
     """
+    coarse = fastest_on_grid(path, limits, GRID_CELLS) if limits.names else None
     smooth = _from_rest(path)
     r = _first_cells(path, smooth)
     for _ in range(MOST_PASSES):
         spline = SquaredSpeedSpline(r)
-        problem = InteriorPoint(spline, JerkLimits.of(smooth, limits, spline.points.ravel()))
+        problem = InteriorPoint(spline, JerkLimits.of(smooth, limits, spline.points.ravel(), spline.middles(PLACES)))
         found = problem.run(_slow_start(problem, spline))
         if progress is not None:
             progress(spline.cells, found.time)
@@ -97,10 +117,13 @@ def jerk_limited(
     z = found.unknowns[::2]
     groups, derivatives = _costs(problem, limits, smooth, found)
     s = path.length * _share(r)
+    fastest = limits.fastest(path, s) if coarse is None else np.interp(s, coarse.s, coarse.fastest)
+    speed = path.length * _share(r, 1) * np.sqrt(z)
     return JerkTiming(
         path=smooth,
         s=s,
-        speed=path.length * _share(r, 1) * np.sqrt(z),
+        speed=speed,
+        fastest=np.maximum(speed, fastest),
         durations=spline.durations(found.unknowns),
         active=groups,
         derivatives=derivatives,
@@ -203,7 +226,7 @@ def _halved(path: JointPath, limits: PathLimits, spline: SquaredSpeedSpline, fou
     positive = np.all(z[0] > 0.0, axis=1)
     z[0] = np.maximum(z[0], 1e-12 * float(np.max(z[0])))
     places = (spline.r[:-1, None] + np.array(CHECKED) * width[:, None]).ravel()
-    between = JerkLimits.of(path, limits, places).violation(z.reshape(3, -1)).share
+    between = JerkLimits.of(path, limits, places, spline.middles(len(CHECKED))).violation(z.reshape(3, -1)).share
     most = between.max(axis=1).reshape(spline.cells, -1)
     over = most.max(axis=1) > EXCESS
     idle = most.min(axis=1) < -IDLE
@@ -219,11 +242,11 @@ def _costs(
     cells = found.multipliers.shape[0]
     names = [name.group for name in limits.names]
     columns = [names[k // 2] for k in limits.linearised_rows] + [""] + 2 * limits.jerk_groups
-    cost = (found.multipliers.reshape(cells * 3, -1) * state.found.by_limit)
+    cost = found.multipliers.reshape(cells * PLACES, -1) * state.found.by_limit
     groups = list(dict.fromkeys(group for group in columns if group))
     speeds = limits.speed_limits(path.spline(problem.places, 0), path.spline(problem.places, 1))
     groups += [name.group for name, _ in speeds if name.group not in groups]
-    table = np.zeros((len(groups), cells * 3))
+    table = np.zeros((len(groups), cells * PLACES))
     for column, group in enumerate(columns):
         if group:
             table[groups.index(group)] += cost[:, column]
@@ -232,8 +255,8 @@ def _costs(
         speed_column = columns.index("")
         for k, (name, _) in enumerate(speeds):
             table[groups.index(name.group)] += np.where(tightest == k, cost[:, speed_column], 0.0)
-    per_cell = table.reshape(len(groups), cells, 3).sum(axis=2)
-    weight = problem.times_at(state).reshape(cells, 3).sum(axis=1)
+    per_cell = table.reshape(len(groups), cells, PLACES).sum(axis=2)
+    weight = problem.times_at(state).reshape(cells, PLACES).sum(axis=1)
     first = np.argmax(per_cell, axis=0)
     active = tuple(
         groups[k] if per_cell[k, cell] > 1e-4 * weight[cell] else "" for cell, k in enumerate(first.tolist())

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 Spline = Callable[[Array, int], Array]
 POINTS = 401  # of a path that is taken from a motion, to begin with
 MOST_POINTS = 6401
+THIRD = 1e-6  # of a path with blends: step of the differences that give its third derivative
 DEVIATION = 1e-8  # rad or m: by which a path may differ from the motion that it is taken from
 
 
@@ -34,7 +35,7 @@ class JointPath:
     Attributes:
         joints: The robot's joints, each with one degree of freedom.
         length: The end of the path parameter.
-        spline: Called with s (n,) and the order 0, 1 or 2: positions (n, nq) or their derivatives with respect to s.
+        spline: Called with s (n,) and the order 0 to 3: positions (n, nq) or their derivatives with respect to s.
         knots: Values of s at which the third derivative may jump, the ends included.
         deviation: By how much the path differs from the motion that it is taken from, rad or m.
 
@@ -165,7 +166,16 @@ def joint_path(
 def _with_blends(joints: tuple[JointLike, ...], points: Array, blend: float) -> JointPath:
     lines = [straight(a, b) for a, b in pairwise(points)]
     path = blended(lines, [blend] * (len(lines) - 1), "path of joints", "rad or m", 2)
-    return JointPath(joints, path.length, lambda s, order: path(np.asarray(s))[order], path.knots)
+    step = THIRD * path.length
+
+    def spline(s: Array, order: int) -> Array:
+        s = np.asarray(s)
+        if order < 3:
+            return path(s)[order]
+        low, high = np.clip(s - step, 0.0, path.length), np.clip(s + step, 0.0, path.length)
+        return (path(high)[2] - path(low)[2]) / (high - low)[:, None]
+
+    return JointPath(joints, path.length, spline, path.knots)
 
 
 def one_degree_joints(robot: Robot) -> tuple[JointLike, ...]:

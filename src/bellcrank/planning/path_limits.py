@@ -130,11 +130,14 @@ class PathLimits:
         given = self.mechanism.robot.rotor_inertia
         return np.array([given[j.v] if j.name in self.actuators else 0.0 for j in self.mechanism.motors])
 
-    def at(self, path: JointPath, s: Array) -> LimitArrays:
-        """The limits at places s (n,) of a path."""
+    def at(self, path: JointPath, s: Array, directions: Array | None = None) -> LimitArrays:
+        """The limits at places s (n,) of a path; Coulomb friction is that of the joints' directions at other places
+        (n,) where these are given.
+        """
         q, first, second = (path.spline(s, order) for order in (0, 1, 2))
-        norms = self._norms(q, first, second, first)
-        return self._arrays(self._terms(q, first, second), first, second, self._fastest(q, first, norms), norms)
+        terms, norms = self._terms(q, first, second), self._norms(q, first, second, first)
+        found = None if directions is None else path.spline(directions, 1)
+        return self._arrays(terms, first, second, self._fastest(q, first, norms), norms, directions=found)
 
     def fastest(self, path: JointPath, s: Array) -> Array:
         """The largest path speed (n,) that the limits of speeds allow at places s (n,) of a path."""
@@ -319,12 +322,19 @@ class PathLimits:
         rows = self._rows[0]
         return np.array([2 * k + one for k, row in enumerate(rows) for one in (0, 1) if one == 0 or row[1] >= 0], int)
 
+    @cached_property
+    def largest_jerk(self) -> Array:
+        """The largest jerk of all joints (nv,), infinite where it is not limited."""
+        found = self.limits.of_joints("jerk", self.mechanism.robot)
+        for joint in self.mechanism.robot.joints:
+            found[joint.v] *= self.factors.get(f"jerk of {joint.name}", 1.0)
+        return found
+
     @property
     def jerk_groups(self) -> list[str]:
         """The names of the limits of jerk, in the order of the joints' coordinates."""
-        most = self.limits.of_joints("jerk", self.mechanism.robot)
         joints = sorted(self.mechanism.robot.joints, key=lambda joint: joint.v)
-        return [f"jerk of {joint.name}" for joint in joints if np.isfinite(most[joint.v])]
+        return [f"jerk of {joint.name}" for joint in joints if np.isfinite(self.largest_jerk[joint.v])]
 
     def _arrays(
         self,
@@ -333,7 +343,9 @@ class PathLimits:
         second: Array,
         fastest: Array,
         norms: NormCoefficients,
+        *,
         slope: Array | None = None,
+        directions: Array | None = None,
     ) -> LimitArrays:
         a, b, d, c, w = terms
         motors, n = self.mechanism.motors, len(first)
@@ -364,7 +376,7 @@ class PathLimits:
             d=d,
             c=c,
             w=w,
-            rate=np.ascontiguousarray(first[:, self._columns]),
+            rate=np.ascontiguousarray((first if directions is None else directions)[:, self._columns]),
             motor_rate=np.ascontiguousarray(rate),
             fastest=fastest,
             width=self._widths,

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-SHARES = (0.0, 0.5, 1.0)  # of a cell, at which limits are kept
-SIMPSON = (1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0)
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a cell, at which limits are kept
+PLACES = len(SHARES)
+SIMPSON = (1.0 / 12.0, 4.0 / 12.0, 2.0 / 12.0, 4.0 / 12.0, 1.0 / 12.0)
 INSIDE = 1e-9  # of a cell, by which its ends are moved inside: derivatives of the path may jump between cells
 GAUSS, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(8)
 LOCAL = 4  # unknowns of a cell
@@ -55,16 +56,20 @@ class SquaredSpeedSpline:
 
     @cached_property
     def points(self) -> Array:
-        """The places (cells, 3) at which limits are kept."""
+        """The places (cells, PLACES) at which limits are kept."""
         width = np.diff(self.r)[:, None]
-        places = self.r[:-1, None] + np.array([INSIDE, 0.5, 1.0 - INSIDE]) * width
+        places = self.r[:-1, None] + np.clip(SHARES, INSIDE, 1.0 - INSIDE) * width
         places[0, 0], places[-1, -1] = self.r[0], self.r[-1]
         return places
 
+    def middles(self, times: int) -> Array:
+        """The middle of each cell, as often as it has places (cells * times,)."""
+        return np.repeat((self.r[1:] + self.r[:-1]) / 2.0, times)
+
     @property
     def weights(self) -> Array:
-        """Simpson's weights (cells, 3) at `points`."""
-        return np.diff(self.r)[:, None] * np.array(SIMPSON)
+        """Simpson's weights (cells, PLACES) at `points`."""
+        return np.asarray(np.diff(self.r)[:, None] * np.array(SIMPSON))
 
     def values(self, unknowns: Array, shares: Array | tuple[float, ...]) -> Array:
         """z and its two derivatives at shares of each cell (3, cells, shares)."""
@@ -74,4 +79,4 @@ class SquaredSpeedSpline:
         """The times (cells,) of the first share of each cell: ∫ dr / √z."""
         z = self.values(unknowns, share * (GAUSS + 1.0) / 2.0)[0]
         with np.errstate(invalid="ignore"):
-            return np.asarray(share * np.diff(self.r) / 2.0 * (z**-0.5 @ GAUSS_WEIGHTS))
+            return np.asarray(share * np.diff(self.r) / 2.0 * (z**-0.5 @ GAUSS_WEIGHTS), dtype=np.float64)

@@ -19,6 +19,7 @@ from bellcrank.motion.limit_notes import limit_notes
 from bellcrank.motion.motion import Motion, join
 from bellcrank.planning.fastest_motion import FastestMotion, LimitCost, shares
 from bellcrank.planning.fastest_pass import SPEED_LIMIT, PathTiming, fastest_on_grid, fastest_refined
+from bellcrank.planning.jerk_pass import JerkTiming, jerk_excess, jerk_limited
 from bellcrank.planning.joint_path import JointPath, one_degree_joints, paths_of_motion
 from bellcrank.planning.motion_limits import MotionLimits
 from bellcrank.planning.motion_rows import motion_rows
@@ -38,6 +39,8 @@ COARSE_CELLS = 100
 CREEP = 1e-3  # of the largest path speed
 COST_CELLS = 500  # of the grid on which the costs of limits are computed
 COST_STEP = 1e-3  # relative change of a limit
+NO_COST = 1e-6  # relative: a limit of smaller derivative that is nowhere the most costly one is left out
+TOLD_OF_JERK = 1e-3
 
 
 def time_optimal(
@@ -56,7 +59,9 @@ def time_optimal(
 
     The path speed is the largest at every place (J. Bobrow, S. Dubowsky, J. Gibson, Int. J. Robotics Research 4, 1985),
     by reachability analysis (H. Pham, Q.-C. Pham, IEEE Trans. Robotics 34, 2018). Friction of joints, efficiency by the
-    direction of power, and torque over speed are part of the limits.
+    direction of power, and torque over speed are part of the limits. With limits of jerk the squared path speed is a
+    spline whose time an interior-point method makes least (the problem: F. Debrouwere et al., IEEE Trans. Robotics 29,
+    2013): a local optimum, which also begins and ends without acceleration.
 
     Args:
         robot: As in `bellcrank.size`: a Robot or Linkage, a RobotConfig, a Scene, or the path or name of one.
@@ -91,9 +96,14 @@ def time_optimal(
         grid = arguments.whole("grid", grid, least=2, most=1_000_000)
     arguments.flag("costs", costs)
     name, original, paths, bounds = _subject(robot, path, limits, (payloads, trust, overrides))
-    timings = []
+    if grid and bounds.jerk_groups:
+        raise InputError("argument 'grid': limits of jerk need cells that adapt themselves; leave the grid out")
+    timings: list[PathTiming | JerkTiming] = []
     for one in paths:
         _check_limited(bounds, one)
+        if bounds.jerk_groups:
+            timings.append(jerk_limited(one, bounds, progress))
+            continue
         coarse = fastest_on_grid(one, bounds, grid or COARSE_CELLS)
         if grid:
             timings.append(coarse)
@@ -117,10 +127,10 @@ def time_optimal(
         largest_speed=_joined([t.fastest for t in timings]),
         time=_chained([np.concatenate([[0.0], np.cumsum(own)]) for own in durations]),
         active=active,
-        costs=_costs(bounds, paths, active, np.concatenate(durations), costs),
+        costs=_all_costs(bounds, paths, timings, active, costs),
         excess=excess,
         refined=grid is None,
-        warnings=(*_warnings(bounds, original, paths, timings, motion), *_excess_warning(excess, grid is None)),
+        warnings=(*_warnings(bounds, original, paths, timings, motion), *_excess_warning(excess, bounds, grid is None)),
     )
 
 
@@ -176,27 +186,37 @@ def _check_limited(bounds: PathLimits, path: JointPath) -> None:
     s = np.linspace(0.0, path.length, 41)
     q, first, second = (path.spline(s, order) for order in (0, 1, 2))
     bounds.check_states(q, first, second)
-    if not bounds.names and not bounds.speed_limits(q, first):
+    if not bounds.names and not bounds.speed_limits(q, first) and not bounds.jerk_groups:
         raise InputError(
             "nothing limits the motion: the URDF gives neither speeds nor torques, and there is no actuator; give "
             "limits"
         )
-    if not bounds.names:
+    jerky = np.isfinite(bounds.largest_jerk)
+    if bounds.jerk_groups and not bounds.names and np.any(np.all(first[:, jerky] == 0.0, axis=1)):
+        raise InputError(
+            "nothing limits the motion where no joint with a limit of jerk moves: give limits of torque or "
+            "acceleration, or of the jerk of all joints"
+        )
+    if not bounds.names and not bounds.jerk_groups:
         raise InputError(
             "nothing limits the acceleration of the motion: give limits of torque or acceleration, or actuators"
         )
 
 
-def _motion(path: JointPath, timing: PathTiming, name: str) -> Motion:
+def _motion(path: JointPath, timing: PathTiming | JerkTiming, name: str) -> Motion:
     """The motion of the joints."""
+    if isinstance(timing, JerkTiming):
+        return timing.motion(name)
     rows = np.array(motion_rows(timing))
     q, first, second = path.at(np.clip(rows[:, 1], 0.0, path.length))
     y, u = rows[:, 2:3], rows[:, 3:4]
     return Motion(path.joints, rows[:, 0], q, first * y, first * u + second * y * y, name)
 
 
-def _labels(bounds: PathLimits, path: JointPath, timing: PathTiming) -> list[str]:
+def _labels(bounds: PathLimits, path: JointPath, timing: PathTiming | JerkTiming) -> Sequence[str]:
     """The active limit of each cell."""
+    if isinstance(timing, JerkTiming):
+        return timing.active
     middle = (timing.s[1:] + timing.s[:-1]) / 2.0
     speeds = bounds.speed_limits(*(path.spline(middle, order) for order in (0, 1, 2)))
     tightest = np.argmin(np.stack([value for _, value in speeds]), axis=0) if speeds else np.zeros(len(middle), int)
@@ -208,6 +228,28 @@ def _labels(bounds: PathLimits, path: JointPath, timing: PathTiming) -> list[str
         else ""
         for k, row in enumerate(timing.active.tolist())
     ]
+
+
+def _all_costs(
+    bounds: PathLimits,
+    paths: Sequence[JointPath],
+    timings: Sequence[PathTiming | JerkTiming],
+    active: tuple[str, ...],
+    derivatives: bool,
+) -> tuple[LimitCost, ...]:
+    durations = np.concatenate([np.where(np.diff(t.s) > 0.0, t.durations, 0.0) for t in timings])
+    smooth = [timing for timing in timings if isinstance(timing, JerkTiming)]
+    if not smooth:
+        return _costs(bounds, paths, active, durations, derivatives)
+    share, whole = shares(active, durations), float(np.sum(durations))
+    groups = {group: sum(timing.derivatives.get(group, 0.0) for timing in smooth) / whole
+              for timing in smooth for group in timing.derivatives}  # fmt: skip
+    listed = sorted(groups, key=lambda group: -share.get(group, 0.0))
+    return tuple(
+        LimitCost(group, share.get(group, 0.0), groups[group] if derivatives else np.nan)
+        for group in listed
+        if group in share or abs(groups[group]) > NO_COST
+    )
 
 
 def _costs(
@@ -234,7 +276,7 @@ def _warnings(
     bounds: PathLimits,
     original: Motion | None,
     paths: Sequence[JointPath],
-    timings: Sequence[PathTiming],
+    timings: Sequence[PathTiming | JerkTiming],
     motion: Motion,
 ) -> tuple[str, ...]:
     found = list(dict.fromkeys(bounds.notes))
@@ -250,8 +292,11 @@ def _warnings(
         worst = max(path.deviation for path in paths)
         if worst > 1e-6:
             found.append(f"the path deviates from motion '{original.name}' by up to {worst:.2g} rad or m")
+    if bounds.jerk_groups:
+        found.append("limits of jerk make the problem non-convex: the motion is a local optimum, and a faster one may "
+                     "exist")  # fmt: skip
     for path, timing in zip(paths, timings, strict=True):
-        if timing.unproved.any():
+        if isinstance(timing, PathTiming) and timing.unproved.any():
             place = 100.0 * float(timing.s[int(np.argmax(timing.unproved))]) / path.length
             found.append(
                 f"at {place:.4g} % of the path friction or efficiency splits the allowed accelerations in two; a "
@@ -273,12 +318,16 @@ def _excess(bounds: PathLimits, motion: Motion) -> float:
         worst = max(worst, float(np.max(over)))
         for _, speeds in bounds.speed_limits(q, v):
             worst = max(worst, float(np.max(1.0 / speeds)) - 1.0)
+    if bounds.jerk_groups:
+        worst = max(worst, jerk_excess(motion, bounds.largest_jerk))
     return worst
 
 
-def _excess_warning(excess: float, refined: bool) -> tuple[str, ...]:
-    if excess <= (TOLD if refined else TOLD_ON_GRID):
+def _excess_warning(excess: float, bounds: PathLimits, refined: bool) -> tuple[str, ...]:
+    if excess <= (TOLD_OF_JERK if bounds.jerk_groups else TOLD if refined else TOLD_ON_GRID):
         return ()
+    if bounds.jerk_groups:
+        return (f"the motion exceeds a limit by up to {100.0 * excess:.2g} % between its rows",)
     return (
         f"the motion exceeds a limit by up to {100.0 * excess:.2g} % "
         + ("for a few microseconds, where the acceleration changes" if refined else "between the cells of the grid"),
