@@ -158,3 +158,22 @@ def test_the_command_takes_limits_of_jerk(tmp_path: Path, capsys: pytest.Capture
     arguments = ["--jerk", "shoulder=2000 rad/s^3", "--no-plots", "--out", str(tmp_path)]
     assert main(["fastest", "geared_pendulum", *arguments]) == 0
     assert "jerk of shoulder" in capsys.readouterr().out
+
+
+def test_the_acceleration_of_the_tool_is_kept_with_limits_of_jerk() -> None:
+    arm = bc.load_robot("planar_2r", friction="none")
+    path = bc.joint_path(arm, [{}, {"shoulder": 0.6, "elbow": -0.8}, {"shoulder": 1.3, "elbow": 0.3}])
+    limits = bc.MotionLimits(
+        torque="none", jerk=dict.fromkeys(arm.joint_names, 300.0), tool="tip", tool_acceleration=4.0, tool_speed=1.2
+    )
+    found = bc.time_optimal(arm, path, limits)
+    motion = found.motion
+    velocity = np.stack([arm.frame_velocity("tip", q[None], v[None])[0][0] for q, v in zip(
+        *motion.at(np.linspace(0.0, motion.duration, 4001))[:2], strict=True)])  # fmt: skip
+    assert np.linalg.norm(velocity, axis=1).max() == pytest.approx(1.2, rel=1e-3)
+    acceleration = np.linalg.norm(np.diff(velocity, axis=0), axis=1) * 4000.0 / motion.duration
+    assert acceleration.max() == pytest.approx(4.0, rel=2e-3)
+    assert {"speed of frame tip", "acceleration of frame tip"} <= {cost.limit for cost in found.costs}
+    powers = {"speed": 1.0, "acceleration": 2.0, "jerk": 3.0}
+    total = sum(powers[cost.limit.split(" of ")[0]] * cost.derivative for cost in found.costs)
+    assert total == pytest.approx(-1.0, abs=1e-4)

@@ -49,15 +49,15 @@ class JerkLimits:
         fastest: The largest path speeds (p,) that limits of speeds allow.
         jerk: Derivatives of the limited joints' positions over their jerk (p, j, 3): q''', 3/2 q'', 1/2 q', each
             divided by the largest jerk.
-        width: Number of entries of a place in `arrays`.
-        kept: Those of the two entries of each row of `arrays` that may be reached.
+        kept: Those entries of `linearised` that may be reached.
+        squares: Number of the last of them that are squares of norms.
     """
 
     arrays: LimitArrays
     fastest: Array
     jerk: Array
-    width: int
     kept: NDArray[np.intp]
+    squares: int
 
     @property
     def first_jerk(self) -> int:
@@ -73,22 +73,22 @@ class JerkLimits:
         most = limits.largest_jerk
         columns = np.flatnonzero(np.isfinite(most))
         jerk = np.stack([third, 1.5 * second, 0.5 * first], axis=-1)[:, columns] / most[columns, None]
-        fastest = np.minimum(limits.fastest(path, places), 1e12)
+        tops = [value for _, value in limits.speed_limits(path.spline(places, 0), first)]
+        kept = np.array([entry for entry, _ in limits.linearised], dtype=np.intp)
         return cls(
             arrays=limits.at(path, places, middles),
-            fastest=fastest,
+            fastest=np.min(tops, axis=0, initial=1e12) if tops else np.full(len(places), 1e12),
             jerk=jerk,
-            width=2 * len(limits.names),
-            kept=limits.linearised_rows,
+            kept=kept,
+            squares=limits.norm_count,
         )
 
     def violation(self, z: Array) -> Violation:
         """The constraints at z, z' and z'' (3, p): two for each row, one of speed, two for each limited jerk."""
         root = np.sqrt(z[0])
-        share, by_u, by_y, limited = (
-            one.reshape(len(root), self.width)[:, self.kept]
-            for one in linearised(self.arrays, root, np.ascontiguousarray(0.5 * z[1]))
-        )
+        found = linearised(self.arrays, root, np.ascontiguousarray(0.5 * z[1]))
+        places = len(root)
+        share, by_u, by_y, limited = (one.reshape(places, one.size // places)[:, self.kept] for one in found)
         second = np.stack([0.5 * by_y / root[:, None], 0.5 * by_u, np.zeros_like(share)], axis=-1)
         speed = (z[0] / self.fastest**2)[:, None]
         fast = np.zeros((len(root), 1, 3))
@@ -98,9 +98,12 @@ class JerkLimits:
         away = np.zeros_like(self.jerk)
         away[..., 0] = 0.5 * (z[0] ** -1.5)[:, None]
         scaled = moved * root[:, None]
+        exceeded = share.copy()
+        if self.squares:
+            exceeded[:, -self.squares :] = np.sqrt(1.0 + share[:, -self.squares :]) - 1.0
         return Violation(
             np.concatenate([share, speed - 1.0, moved - slow, -moved - slow], axis=1),
             np.concatenate([second, fast, self.jerk + away, away - self.jerk], axis=1),
             np.concatenate([limited, 2.0 * speed, moved, -moved], axis=1),
-            np.concatenate([share, np.sqrt(speed) - 1.0, scaled - 1.0, -scaled - 1.0], axis=1),
+            np.concatenate([exceeded, np.sqrt(speed) - 1.0, scaled - 1.0, -scaled - 1.0], axis=1),
         )

@@ -240,8 +240,7 @@ def _costs(
     state = problem.state(found.unknowns)
     assert state is not None
     cells = found.multipliers.shape[0]
-    names = [name.group for name in limits.names]
-    columns = [names[k // 2] for k in limits.linearised_rows] + [""] + 2 * limits.jerk_groups
+    columns = [group for _, group in limits.linearised] + [""] + 2 * limits.jerk_groups
     cost = found.multipliers.reshape(cells * PLACES, -1) * state.found.by_limit
     groups = list(dict.fromkeys(group for group in columns if group))
     speeds = limits.speed_limits(path.spline(problem.places, 0), path.spline(problem.places, 1))

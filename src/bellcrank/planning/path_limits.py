@@ -315,12 +315,19 @@ class PathLimits:
         return NormCoefficients(along, bend, across, found.limit[kept] * np.array(factors))
 
     @property
-    def linearised_rows(self) -> NDArray[np.intp]:
-        """Those of the two entries that `linearised` has for each row that are not always left out: the second one is
-        for what a load gives back.
+    def linearised(self) -> list[tuple[int, str]]:
+        """Those of the entries that the extension's `linearised` has for each place that are not always left out, with
+        the groups of their names: two for each row, the second one for what a load gives back, and the norms.
         """
-        rows = self._rows[0]
-        return np.array([2 * k + one for k, row in enumerate(rows) for one in (0, 1) if one == 0 or row[1] >= 0], int)
+        rows, names, _ = self._rows
+        found = [(2 * k, name.group) for k, name in enumerate(names)]
+        found += [(2 * k + 1, name.group) for k, (name, row) in enumerate(zip(names, rows, strict=True)) if row[1] >= 0]
+        return found + [(2 * len(rows) + k, name.group) for k, name in enumerate(self.names[len(rows) :])]
+
+    @property
+    def norm_count(self) -> int:
+        """Number of norms that are limited."""
+        return len(self._norm_names)
 
     @cached_property
     def largest_jerk(self) -> Array:

@@ -140,9 +140,9 @@ nb::object excess(const LimitArrays& given, In<1> y, In<1> u) {
 }
 
 // Shares by which limits are exceeded at speeds y and accelerations u, a place each, and their derivatives by u and y,
-// and the limits over the largest ones: four arrays of two entries for each row, place by place.
+// and the limits over the largest ones: four arrays, place by place.
 nb::tuple linearised(const LimitArrays& given, In<1> y, In<1> u) {
-  const std::size_t n = given.limits.places, width = 2 * given.limits.rows.size();
+  const std::size_t n = given.limits.places, width = 2 * given.limits.rows.size() + given.limits.norms;
   if (y.shape(0) != n || u.shape(0) != n) throw nb::value_error("the states do not fit the limits");
   Column<double> share(n * width), by_u(n * width), by_y(n * width), limited(n * width);
   if (n * width > 0)

@@ -153,7 +153,7 @@ class LimitsAtPlace {
   // The shares by which u at a speed y > 0 exceeds the limits, with their derivatives by u and y, and the limits at y over
   // the largest ones: two entries a row, the
   // second one for what the load gives back where both have to be kept; where it is not needed its share is -1. Of two
-  // of which one has to be kept the looser one is taken.
+  // of which one has to be kept the looser one is taken. The entries of norms follow: the square over that of the limit.
   void linearised(double y, double u, double* share, double* by_u, double* by_y, double* limited) const {
     Bounds ignored;
     const std::size_t count = limits_.quantities;
@@ -182,6 +182,16 @@ class LimitsAtPlace {
         share[first] = share[looser], by_u[first] = by_u[looser], by_y[first] = by_y[looser];
         share[second] = -1, by_u[second] = by_y[second] = 0;
       }
+    }
+    for (std::size_t k = 0; k < limits_.norms; ++k) {
+      const std::size_t from = place_ * limits_.norms + k, at = 2 * limits_.rows.size() + k;
+      const double scale = 1.0 / (limits_.norm[k] * limits_.norm[k]), x = y * y, bend = limits_.bend[from];
+      const double along = limits_.along[from] * limits_.along[from] * (u + bend * x);
+      const double across = limits_.across[from] * limits_.across[from] * x;
+      limited[at] = scale * (along * (u + bend * x) + across * x);
+      share[at] = limited[at] - 1.0;
+      by_u[at] = 2.0 * scale * along, by_y[at] = 4.0 * scale * y * (along * bend + across);
+      limited[at] *= 2.0;
     }
   }
 
