@@ -150,6 +150,8 @@ def test_limits_of_jerk_that_cannot_be_used_are_refused(tmp_path: Path) -> None:
         bc.MotionLimits(jerk={"shoulder": 0.0})
     with pytest.raises(bc.InputError, match="urdf"):
         bc.MotionLimits(jerk="urdf")
+    with pytest.raises(bc.InputError, match="leave jerk out"):
+        bc.speed_factor("planar_2r", "elbow_up", bc.MotionLimits(jerk={"elbow": 10.0}))
 
 
 def test_the_command_takes_limits_of_jerk(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

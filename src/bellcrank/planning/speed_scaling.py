@@ -181,6 +181,8 @@ def speed_factor(
         raise InputError(f"{subject.config.source}: transmissions: motors that move several joints are not supported")
     given = subject.motions[0]
     bounds = PathLimits(subject.mechanism, subject.actuators, limits)
+    if bounds.jerk_groups:
+        raise InputError("limits: the speed factor does not take limits of jerk; leave jerk out")
     time = _samples(given)
     q, v, a = given.at(time)
     bounds.check_states(q, v, a)
