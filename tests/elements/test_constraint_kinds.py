@@ -420,9 +420,12 @@ MJCF = """<mujoco><worldbody><body name="ground">
 SDF = """<sdf version="1.6"><model name="four_bar"><link name="ground"/><link name="crank_link"/>
 <link name="coupler_link"><pose>1.241 0 0 0 0 0</pose></link>
 <link name="rocker_link"><pose>1.241 0 0 0 0 0</pose></link>
-<joint name="crank" type="revolute"><parent>ground</parent><child>crank_link</child></joint>
-<joint name="coupler" type="revolute"><parent>crank_link</parent><child>coupler_link</child></joint>
-<joint name="rocker" type="revolute"><parent>ground</parent><child>rocker_link</child></joint>
+<joint name="crank" type="revolute"><parent>ground</parent><child>crank_link</child>
+<axis><xyz>0 0 1</xyz></axis></joint>
+<joint name="coupler" type="revolute"><parent>crank_link</parent><child>coupler_link</child>
+<axis><xyz>0 0 1</xyz></axis></joint>
+<joint name="rocker" type="revolute"><parent>ground</parent><child>rocker_link</child>
+<axis><xyz>0 0 1</xyz></axis></joint>
 <joint name="apex" type="revolute"><pose>1.2 0 0 0 0 0</pose><parent>rocker_link</parent><child>coupler_link</child>
 <axis><xyz>0 0 1</xyz></axis></joint></model></sdf>"""
 GEPETTO = "closed_loop: [[coupler_tip, rocker_tip]]\ntype: ['3d']\nname_mot: [crank]\n"
@@ -493,15 +496,26 @@ def test_a_coupling_of_joints_in_mjcf_is_read_with_its_sign(beside):
             'pos="1 0 0"><joint name="rocker"',
             "differs from four_bar.urdf",
         ),
-        ("mjcf", "<mujoco>", "<mujoco", "not valid XML"),
+        ("mjcf", "<mujoco>", "<mujoco", "not well-formed"),
+        ("mjcf", "<mujoco>", "<sdf><mujoco>", "expected a file with the root element <mujoco>, found <sdf>"),
         ("mjcf", "<mujoco>", "<!DOCTYPE m [<!ENTITY a 'b'>]><mujoco>", "declares an XML entity"),
         ("mjcf", "<mujoco>", "<?xml version='1.0' encoding='rot13'?><mujoco>", "is not text in the encoding rot13"),
         ("sdf", "<sdf ", "<?xml version='1.0' encoding='utf-32'?><sdf ", "is not text in the encoding utf-32"),
         ("mjcf", 'joint name="rocker"', 'joint name="swing"', "unknown joint 'swing'"),
-        ("mjcf", "</equality>", "<tendon/></equality>", "unknown <tendon> under <equality>"),
-        ("sdf", 'name="apex" type="revolute"', 'name="apex" type="screw"', "closes a loop: unknown type 'screw'"),
-        ("sdf", "<pose>1.2 ", "<pose>one ", "expected a number"),
-        ("sdf", "<child>coupler_link</child>\n<axis>", "<child>tip_link</child>\n<axis>", "no closed loops found"),
+        (
+            "mjcf",
+            "</equality>",
+            "<tendon/></equality>",
+            "the constraint <tendon> under <equality> is not modelled",
+        ),
+        ("sdf", 'name="apex" type="revolute"', 'name="apex" type="screw"', "joint 'apex' has no <screw_thread_pitch>"),
+        ("sdf", "<pose>1.2 ", "<pose>one ", "line 10: joint 'apex', <pose>: expected numbers"),
+        (
+            "sdf",
+            '<joint name="apex" type="revolute"><pose>1.2 0 0 0 0 0</pose><parent>rocker_link</parent><child>coupler_',
+            '<link name="tip_link"/><joint name="apex" type="revolute"><parent>rocker_link</parent><child>tip_',
+            "no closed loops found",
+        ),
     ],
 )
 def test_a_broken_file_of_loops_is_named(beside, kind, old, new, message):

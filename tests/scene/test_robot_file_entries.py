@@ -113,8 +113,8 @@ def test_a_coupling_of_urdf_plus_holds_a_ratio(tmp_path) -> None:
     [
         (ISAAC.replace("rocker", "rokker"), "unknown link 'rokker'; did you mean 'rocker'"),
         (ISAAC.replace("0.35", "nan"), "finite number"),
-        (ISAAC.replace("spherical", "planar"), "unknown type of loop 'planar'"),
-        (ISAAC.replace("spherical", "revolute"), "without an axis"),
+        (ISAAC.replace("spherical", "screw"), "unknown type of loop 'screw'"),
+        (ISAAC.replace("spherical", "revolute"), "has no axis"),
         (ISAAC.replace("rocker", "coupler"), "to itself"),
         (ISAAC + ISAAC, "two loops have the name 'tip'"),
         (PLUS.replace("successor", "follower"), "has no <successor"),

@@ -18,6 +18,7 @@ from bellcrank.elements.element import named_entries
 from bellcrank.elements.expression_constraint import ExpressionConstraint
 from bellcrank.elements.joint_constraints import Coupling, PrescribedMotion
 from bellcrank.elements.loop_constraints import Distance, Hinge, Point, Weld
+from bellcrank.elements.loop_joints import Planar, Prismatic, Universal
 from bellcrank.elements.rolling_constraint import RollingDisk
 
 Reader = Callable[[str, Fields, ReadContext], Sequence[Constraint]]  # called with a name, an entry and its context
@@ -30,7 +31,19 @@ def _reader(kind: type[Constraint]) -> Reader:
 KINDS: Final[dict[str, Reader]] = {
     **{
         cls.kind: _reader(cls)
-        for cls in (Point, Hinge, Weld, Distance, Coupling, PrescribedMotion, RollingDisk, ExpressionConstraint)
+        for cls in (
+            Point,
+            Hinge,
+            Weld,
+            Distance,
+            Universal,
+            Prismatic,
+            Planar,
+            Coupling,
+            PrescribedMotion,
+            RollingDisk,
+            ExpressionConstraint,
+        )
     },
     **{kind: partial(import_constraints, kind) for kind in IMPORTERS},
 }

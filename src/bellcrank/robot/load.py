@@ -108,6 +108,13 @@ def load_options(
     )
 
 
+def default_options() -> LoadOptions:
+    """The options of a robot that stands on a fixed base, with nothing added to its file."""
+    return load_options(
+        gravity=STANDARD_GRAVITY, floating_base=False, friction="urdf", payloads=(), rotor_inertia={}, frames=None
+    )
+
+
 def robot_of(file: RobotFile, options: LoadOptions, access: FileAccess) -> Robot:
     """The robot of a robot file, whose meshes are read where `access` allows. Raises InputError."""
     robot = Robot(file, robot_data(file.urdf, file.source, options), options)

@@ -22,6 +22,7 @@ from bellcrank.robot.robot_file import FrameLoop, FramePlace, JointCoupling, Joi
 
 Tendon = tuple[tuple[str, float], ...]  # (joint, coefficient) of a fixed tendon
 READ = ("connect", "weld", "joint", "tendon")
+UNMODELLED = "under <equality> is not modelled"
 SIDES = ("body1", "site1", "joint1", "body2", "site2", "joint2", "tendon1", "tendon2")
 
 
@@ -48,7 +49,7 @@ class EqualityReader:
             ends = [element.attributes[key] for key in SIDES if key in element.attributes]
             name = element.name or names.new("_".join([element.tag, *ends]))
             if element.tag not in READ or not self._is_linear(element):
-                notes.append(f"line {element.line}: the constraint <{element.tag}> under <equality> is not modelled.")
+                notes.append(f"line {element.line}: the constraint <{element.tag}> {UNMODELLED}.")
             elif not element.flag("active", True):
                 notes.append(f"line {element.line}: the <{element.tag}> '{name}' is inactive and left out.")
             elif element.tag == "joint":

@@ -19,7 +19,7 @@ from bellcrank.robot.urdf_elements import Vector3
 from bellcrank.robot.xml_tree import read_text
 
 WORLD: Final = "world"  # the frame of the world, where no link has this name
-LoopKind = Literal["point", "hinge", "weld", "distance"]
+LoopKind = Literal["point", "hinge", "weld", "distance", "universal", "prismatic", "planar"]
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,9 @@ class FrameLoop:
     """A closed loop between the frames a and b.
 
     point: the origins coincide. weld: the frames coincide. hinge: the origins and the axes `axis` (unit vector in each
-    frame) coincide. distance: the origins are `length` (m) apart.
+    frame) coincide. distance: the origins are `length` (m) apart. universal: the origins coincide, and `axis` of a is
+    perpendicular to `axis_2` of b. prismatic: the frames coincide but for a translation along `axis`. planar: they
+    coincide but for translations perpendicular to `axis` and a turn about it.
     """
 
     name: str
@@ -45,6 +47,7 @@ class FrameLoop:
     b: FramePlace
     axis: Vector3 = (0.0, 0.0, 1.0)
     length: float | None = None
+    axis_2: Vector3 = (0.0, 1.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)

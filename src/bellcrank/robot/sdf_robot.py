@@ -29,7 +29,10 @@ from bellcrank.robot.sdf_urdf import fixed_xml, floating_xml, joint_xml
 from bellcrank.robot.xml_tree import parse_xml
 
 NEAR = 1e-13  # m, and for entries of rotation matrices: equal placements
-LOOPS: dict[str, LoopKind] = {"revolute": "hinge", "continuous": "hinge", "spherical": "point", "fixed": "weld"}
+LOOPS: dict[str, LoopKind] = {
+    "revolute": "hinge", "continuous": "hinge", "spherical": "point", "fixed": "weld", "universal": "universal",
+    "prismatic": "prismatic",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -192,7 +195,7 @@ class _Builder:
         if joint.type not in LOOPS:
             raise self._fail(
                 f"line {joint.line}: joint '{joint.name}' closes a loop and is {joint.type}; expected: revolute, "
-                "continuous, ball or fixed; write another joint of the loop later in the file"
+                "continuous, ball, universal, prismatic or fixed; write another joint of the loop later in the file"
             )
         unused = [
             word
@@ -206,8 +209,11 @@ class _Builder:
         if unused:
             self.notes.append(f"joint '{joint.name}' closes a loop; its {', '.join(unused)} are not modelled.")
         a, b = (self._side(link, joint) for link in (edge.second, edge.first))
-        axis = self._direction(joint, 0) if joint.axes else (0.0, 0.0, 1.0)
-        return FrameLoop(name=joint.name.replace(".", "_"), kind=LOOPS[joint.type], a=a, b=b, axis=axis)
+        first, *second = [self._direction(joint, k) for k in range(len(joint.axes))] or [(0.0, 0.0, 1.0)]
+        name, kind = joint.name.replace(".", "_"), LOOPS[joint.type]
+        if second:  # the first axis is fixed in the parent, which is b
+            return FrameLoop(name=name, kind=kind, a=a, b=b, axis=second[0], axis_2=first)
+        return FrameLoop(name=name, kind=kind, a=a, b=b, axis=first)
 
     def _side(self, link: str, joint: SdfJoint) -> FramePlace:
         place = self._place(joint.name, link)

@@ -2,12 +2,13 @@
 
 - `<loop_joint name type><link1 link xyz rpy/><link2 …/><axis xyz/></loop_joint>`: NVIDIA's URDF importer of Isaac Sim
   (its documentation writes link1 for both links), types spherical, fixed, revolute and continuous, and older versions
-  of Drake, which write no type and mean a hinge.
+  of Drake, which write no type and mean a hinge. Types prismatic, planar and universal (with <axis2>, fixed in link2)
+  are read too.
 - URDF+ (M. Chignoli et al., "URDF+: An Enhanced URDF for Robots with Kinematic Loops", 2024, arXiv:2411.19753, and its
   parser): `<loop name type><predecessor link><origin/></predecessor><successor …/><axis xyz/></loop>`, types fixed,
-  revolute and continuous, and `<coupling name><predecessor link/><successor link/><ratio value/></coupling>`: ratio
-  times the sum of the joint positions from the nearest common ancestor to the predecessor equals the sum of those to
-  the successor.
+  revolute and continuous, here also those above, and
+  `<coupling name><predecessor link/><successor link/><ratio value/></coupling>`: ratio times the sum of the joint
+  positions from the nearest common ancestor to the predecessor equals the sum of those to the successor.
 """
 
 from __future__ import annotations
@@ -17,12 +18,15 @@ from collections.abc import Callable, Mapping
 
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.robot.robot_file import FrameLoop, FramePlace, JointRelation, Loop
+from bellcrank.robot.robot_file import FrameLoop, FramePlace, JointRelation, Loop, LoopKind
 from bellcrank.robot.urdf_elements import Vector3, attribute_number, attribute_vector, origin_from
 from bellcrank.robot.xml_tree import Element
 
 TAGS = ("loop_joint", "loop", "coupling")
-KINDS = {"spherical": "point", "ball": "point", "fixed": "weld", "revolute": "hinge", "continuous": "hinge"}
+KINDS: dict[str, LoopKind] = {
+    "spherical": "point", "ball": "point", "fixed": "weld", "revolute": "hinge", "continuous": "hinge",
+    "prismatic": "prismatic", "planar": "planar", "universal": "universal",
+}  # fmt: skip
 
 Fail = Callable[[str], InputError]
 
@@ -60,22 +64,27 @@ def _loop(element: Element, name: str, where: str, links: list[str], fail: Fail)
     if given not in KINDS:
         raise fail(f"line {element.line}: {where}: {unknown_name('type of loop', given, KINDS)}")
     kind = KINDS[given]
-    if kind == "hinge":
-        return FrameLoop(name=name, kind="hinge", a=a, b=b, axis=_axis(element, where, fail))
-    return FrameLoop(name=name, kind="point" if kind == "point" else "weld", a=a, b=b)
+    if kind in ("point", "weld"):
+        return FrameLoop(name=name, kind=kind, a=a, b=b)
+    axis = _axis(element, "axis", where, fail)
+    if kind == "universal":
+        return FrameLoop(name=name, kind=kind, a=a, b=b, axis=axis, axis_2=_axis(element, "axis2", where, fail))
+    return FrameLoop(name=name, kind=kind, a=a, b=b, axis=axis)
 
 
-def _axis(element: Element, where: str, fail: Fail) -> Vector3:
+def _axis(element: Element, tag: str, where: str, fail: Fail) -> Vector3:
     """The unit axis in both frames. URDF+ and Drake say 1 0 0 where there is none; Isaac's tag has no axis."""
-    found = element.find("axis")
+    found = element.find(tag)
     if found is None:
+        if tag == "axis2":
+            raise fail(f'line {element.line}: {where} is universal without a second axis; add <axis2 xyz="…"/>')
         if element.tag == "loop_joint" and "type" in element.attributes:
-            raise fail(f'line {element.line}: {where} is a hinge without an axis; add <axis xyz="…"/>')
+            raise fail(f'line {element.line}: {where} has no axis; add <axis xyz="…"/>')
         return (1.0, 0.0, 0.0)
-    x, y, z = attribute_vector(found, "xyz", f"{where}, <axis>", fail)
+    x, y, z = attribute_vector(found, "xyz", f"{where}, <{tag}>", fail)
     length = math.hypot(x, y, z)
     if length < 1e-9:
-        raise fail(f"line {found.line}: {where}, <axis>: expected a direction, found a vector of length zero")
+        raise fail(f"line {found.line}: {where}, <{tag}>: expected a direction, found a vector of length zero")
     return (x / length, y / length, z / length)
 
 

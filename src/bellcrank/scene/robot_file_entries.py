@@ -7,7 +7,7 @@ precedence; `robot_file: tree` uses none of the file's but its notes. Merging tw
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -17,6 +17,7 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
 from bellcrank.robot.gepetto_file import read_gepetto
 from bellcrank.robot.joint_types import with_joint_types
+from bellcrank.robot.loop_expressions import relation_text
 from bellcrank.robot.robot_file import (
     WORLD,
     FramePlace,
@@ -131,8 +132,14 @@ def _importers(fields: Fields) -> list[Mapping[str, Any]]:
 
 
 def _with_imported_types(file: RobotFile, fields: Fields) -> RobotFile:
-    """The robot file with the types of joints that Gepetto's YAML files under `constraints` give. Raises InputError."""
+    """The robot file with the types of joints that Gepetto's YAML files under `constraints` give, and what of other
+    files there is not used. Raises InputError.
+    """
     for entry in _importers(fields):
+        if entry.get("kind") in ("mjcf", "sdf"):
+            name = Path(str(entry["file"])).name
+            note = f"{name}: of this file only closed loops and couplings of joints are used"
+            file = replace(file, notes=tuple(dict.fromkeys((*file.notes, note))))
         if entry.get("kind") == "gepetto":
             path = fields.access.folder / str(entry["file"])
             if fields.access.allows(path) and path.is_file():  # otherwise refused where the constraints are read
@@ -145,11 +152,10 @@ def _with_imported_types(file: RobotFile, fields: Fields) -> RobotFile:
 
 
 def _constraint(loop: Loop, file: RobotFile, frames: dict[str, Any]) -> dict[str, Any]:
-    if isinstance(loop, JointRelation):
-        return _expression(loop.name, [(c, _position(joint)) for joint, c in loop.terms], -loop.constant)
-    if isinstance(loop, JointCoupling):
-        return _coupling(loop)
-    a, b = (loop.b, loop.a) if loop.a.frame == WORLD else (loop.a, loop.b)
+    if isinstance(loop, JointCoupling | JointRelation):
+        return _relation(loop)
+    swapped = loop.a.frame == WORLD
+    a, b = (loop.b, loop.a) if swapped else (loop.a, loop.b)
     entry: dict[str, Any] = {"kind": loop.kind, "name": loop.name}
     entry["frame_a"] = _frame(f"{loop.name}_a", a, file, frames)
     if b.frame == WORLD and (loop.kind in ("point", "distance") or not any(b.rpy)):
@@ -157,13 +163,16 @@ def _constraint(loop: Loop, file: RobotFile, frames: dict[str, Any]) -> dict[str
     else:
         entry["frame_b"] = _frame(f"{loop.name}_b", b, file, frames)
     if loop.kind in AXIAL:
-        entry["axis"] = list(loop.axis)
+        axes = [list(loop.axis), list(loop.axis_2)]
+        entry["axis"] = axes.pop(1 if swapped and loop.kind == "universal" else 0)
+        if loop.kind == "universal":
+            entry["axis_2"] = axes.pop()
     if loop.length is not None:
         entry["length"] = loop.length
     return entry
 
 
-AXIAL: Final = ("hinge",)  # kinds with the key `axis`
+AXIAL: Final = ("hinge", "universal", "prismatic", "planar")  # kinds with the key `axis`
 
 
 def _frame(name: str, place: FramePlace, file: RobotFile, frames: dict[str, Any]) -> str:
@@ -176,31 +185,19 @@ def _frame(name: str, place: FramePlace, file: RobotFile, frames: dict[str, Any]
     return name
 
 
-def _coupling(loop: JointCoupling) -> dict[str, Any]:
-    """A linear coupling, or an expression where it is not linear or holds one joint."""
-    constant, *powers = loop.coefficients
-    if loop.leader is not None and len(powers) == 1:
+def _relation(loop: JointCoupling | JointRelation) -> dict[str, Any]:
+    """A linear coupling, or an expression where it is not linear, holds one joint or relates several."""
+    if isinstance(loop, JointCoupling) and loop.leader is not None and len(loop.coefficients) == 2:
+        offset, ratio = loop.coefficients
         return {
             "kind": "coupling",
             "name": loop.name,
             "joint_a": loop.leader,
             "joint_b": loop.joint,
-            "ratio": powers[0],
-            "offset": constant,
+            "ratio": ratio,
+            "offset": offset,
         }
-    terms = [(1.0, _position(loop.joint))]
-    if loop.leader is not None:
-        terms += [(-c, f"{_position(loop.leader)}**{k}") for k, c in enumerate(powers, 1) if c]
-    return _expression(loop.name, terms, -constant)
-
-
-def _position(joint: str) -> str:
-    return f"joint({joint!r}).position"
-
-
-def _expression(name: str, terms: Iterable[tuple[float, str]], constant: float) -> dict[str, Any]:
-    text = " + ".join(f"({c!r})*{term}" for c, term in terms)
-    return {"kind": "expression", "name": name, "expression": f"{text} + ({constant!r})"}
+    return {"kind": "expression", "name": loop.name, "expression": relation_text(loop)}
 
 
 # ---- start

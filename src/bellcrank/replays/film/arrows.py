@@ -17,6 +17,7 @@ from bellcrank.elements.element import Element
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import JointSpring
 from bellcrank.elements.loop_constraints import WORLD, Distance, Hinge, Loop, Point, Weld, perpendicular
+from bellcrank.elements.loop_joints import Planar, Prismatic, Universal
 from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.elements.signals import values_at
 from bellcrank.motion.quaternions import from_matrices, multiply, rotate
@@ -211,16 +212,23 @@ def _loop_arrows(frames: RunFrames, loop: Loop) -> Iterator[Arrow]:
         direction = (a - b) / np.maximum(np.linalg.norm(a - b, axis=1, keepdims=True), 1e-12)
         yield Arrow(name=f"{loop.name} on {body}", unit="N", points=a, vectors=value * direction)
         return
-    if isinstance(loop, (Point, Hinge, Weld)):
-        yield Arrow(name=f"{loop.name} on {body}", unit="N", points=a, vectors=value[:, :3])
+    own, other = _side_orientation(loop.at_a, quaternions_a), _side_orientation(loop.at_b, quaternions_b)
+    force: Any = value[:, :3]
     moment: Any = None
     if isinstance(loop, Hinge):
-        axis = rotate(_side_orientation(loop.at_a, quaternions_a), np.array(loop.axis))
-        other = _side_orientation(loop.at_b, quaternions_b)
-        across = [rotate(other, np.array(n)) for n in perpendicular(loop.axis)]
-        moment = sum(value[:, 3 + k, None] * np.cross(axis, n) for k, n in enumerate(across))
+        axis, across = rotate(own, np.array(loop.axis)), [rotate(other, np.array(n)) for n in perpendicular(loop.axis)]
+        moment = sum(value[:, k - 2, None] * np.cross(axis, n) for k, n in enumerate(across))
+        if isinstance(loop, Planar):
+            force = value[:, :1] * rotate(other, np.array(loop.axis))
     elif isinstance(loop, Weld):
-        moment = rotate(_side_orientation(loop.at_b, quaternions_b), value[:, 3:])
+        moment = rotate(other, value[:, -3:])
+        if isinstance(loop, Prismatic):
+            across = [rotate(other, np.array(n)) for n in perpendicular(loop.axis)]
+            force = sum(value[:, k, None] * n for k, n in enumerate(across))
+    elif isinstance(loop, Universal):
+        moment = value[:, 3:] * np.cross(rotate(own, np.array(loop.axis)), rotate(other, np.array(loop.axis_2)))
+    if isinstance(loop, (Point, Hinge, Weld, Universal)):
+        yield Arrow(name=f"{loop.name} on {body}", unit="N", points=a, vectors=np.asarray(force))
     if moment is not None:
         name = f"{loop.name} moment on {body}"
         yield Arrow(name=name, unit="N m", points=a, vectors=np.asarray(moment), is_torque=True)
