@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from extended_robots import joint, link
+from extended_robots import diagonal, joint, link
 
 import bellcrank as bc
 from bellcrank.errors import InputError
@@ -47,7 +47,8 @@ def written(folder, text, loop="", **keys):
 
 
 PRISMATIC = (
-    '<loop name="guide" type="prismatic"><predecessor link="slider"/><successor link="base"/><axis xyz="1 0 0"/></loop>',
+    '<loop name="guide" type="prismatic"><predecessor link="slider"/><successor link="base"/>'
+    '<axis xyz="1 0 0"/></loop>',
     '<loop_joint name="guide" type="prismatic"><link1 link="slider" xyz="0 0 0" rpy="0 0 0"/>'
     '<link2 link="base" xyz="0.1 0 0" rpy="0 0 0"/><axis xyz="1 0 0"/></loop_joint>',
 )
@@ -112,7 +113,7 @@ def test_a_body_slides_on_a_planar_loop(tmp_path):
     slope = np.pi / 6
     normal = [float(-np.sin(slope)), 0.0, float(np.cos(slope))]
     (tmp_path / "body.urdf").write_text(
-        '<robot name="body">' + link("puck", "0 0 0", 2.0, '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.03"/>')
+        '<robot name="body">' + link("puck", "0 0 0", 2.0, diagonal(0.02, 0.02, 0.03))
         + "</robot>"
     )  # fmt: skip
     scene = bc.load_scene(

@@ -90,15 +90,16 @@ def _robot_file(path: Path, name: str, read: Fields, robot: Robot) -> list[Const
     kind = read.text("kind")
     text = read_text(path)
     if (tag := root_tag(text)) not in ("", ROOTS[kind]):
-        raise InputError(f"{path}: expected a file with the root element <{ROOTS[kind]}>, found <{tag}>")
+        other = f"<{tag}>" if tag in READERS else "another"  # nothing of a file that is no robot's is shown
+        raise InputError(f"{path}: expected a file with the root element <{ROOTS[kind]}>, found {other}")
     access = read.access.by(path)
     file = READERS[ROOTS[kind]](text, path, access)
-    other = robot_of(file, default_options(), access)
+    own = robot_of(file, default_options(), access)
     if unmodelled := [note for note in file.notes if UNMODELLED in note]:
         raise InputError(f"{path}: {unmodelled[0]}")
     found: list[Constraint] = []
     for k, loop in enumerate(file.loops, 1):
-        found.append(_constraint(f"{name}_{k}", loop, read, (path, robot, other)))
+        found.append(_constraint(f"{name}_{k}", loop, read, (path, robot, own)))
     return found
 
 
