@@ -17,6 +17,7 @@ from bellcrank.errors import BellcrankError
 from bellcrank_bench.c_baseline.baseline import NAME as C_BASELINE
 from bellcrank_bench.c_baseline.baseline import CBaseline
 from bellcrank_bench.measurements import bellcrank_runs, scene_benchmark
+from bellcrank_bench.measurements.derivative_speed import ALGORITHMS
 from bellcrank_bench.measurements.dynamics_speed import GENERATED
 from bellcrank_bench.measurements.row import Row
 from bellcrank_bench.measurements.work_precision import (
@@ -499,11 +500,22 @@ def test_bench_writes_rows_ratios_and_a_plot(tmp_path, monkeypatch, capsys):
         (["planar_2r_swing", "--dynamics", "ur5"], "separate benchmarks"),
         (["planar_2r_swing", "--repeats", "0"], "--repeats"),
         (["--hard", "--markdown", "tables.md"], "--markdown is for scenes and --dynamics"),
+        (["--derivatives"], "--derivatives goes with --dynamics"),
+        (["--dynamics", "--derivatives", "--markdown", "tables.md"], "--markdown is not for it"),
     ],
 )
 def test_bench_refuses_in_one_sentence(arguments, told, capsys):
     assert main(["bench", *arguments]) == 2
     assert told in capsys.readouterr().err
+
+
+@pytest.mark.slow  # compiles Pinocchio's C++ for half a minute
+def test_derivatives_agree_with_pinocchios_cpp(tmp_path, capsys):
+    assert main(["bench", "--dynamics", "planar_2r", "--derivatives", "--out", str(tmp_path)]) == 0
+    rows = json.loads((tmp_path / "derivatives.json").read_text())["rows"]
+    assert [row["algorithm"] for row in rows] == [f"{name}, derivatives" for name in ALGORITHMS for _ in range(3)]
+    assert all(row["ns"] > 0.0 and row["error"] < 1e-10 for row in rows)
+    assert "one sample per call" in capsys.readouterr().out
 
 
 def test_rows_that_failed_are_null_in_json_and_marked_on_screen():

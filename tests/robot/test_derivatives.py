@@ -1,7 +1,10 @@
 """Derivatives of inverse and forward dynamics against complex steps of the undifferentiated algorithms."""
 
+import subprocess
+import sys
 from itertools import pairwise
 
+import casadi
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -9,7 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bellcrank as bc
+from bellcrank.robot.derivative_equations import DerivativeEquations
 from tests.support.complex_step import directional_derivatives
+from tests.support.example_robots import SOUND
 from tests.support.extended_robots import MIXED
 
 FRICTION_2R = {"shoulder": (0.7, 0.3), "elbow": (0.2, 0.0)}
@@ -83,6 +88,31 @@ def test_derivatives_of_a_ball_a_universal_joint_and_a_screw(mixed):
     assert_close(mixed.inverse_dynamics_derivatives(q, v, a), expected(mixed, "inverse_dynamics", q, v, a))
     tau = mixed.inverse_dynamics(q, v, a)
     assert_close(mixed.forward_dynamics_derivatives(q, v, tau), expected(mixed, "forward_dynamics", q, v, tau))
+
+
+# Their mass matrices are singular: links without mass. Forward dynamics and its derivatives are refused.
+SINGULAR = [("bricard", True), ("romeo", False), ("romeo", True)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("floating_base", [False, True])
+@pytest.mark.parametrize("name", SOUND)
+def test_every_example_robot(name, floating_base):
+    """The expressions themselves, which are compiled as they are: to 1e-10 of the largest entry of each matrix."""
+    robot = bc.load_robot(name, floating_base=floating_base)
+    if not robot.nv:
+        return
+    equations = DerivativeEquations(robot.equations)
+    q, v, a = state(robot)
+    for algorithm in ("inverse_dynamics", "forward_dynamics"):
+        third = robot.inverse_dynamics(q, v, a) if algorithm == "forward_dynamics" else a
+        found = getattr(equations, algorithm)()(q, v, third)
+        if algorithm == "forward_dynamics" and (name, floating_base) in SINGULAR:
+            largest = [float(casadi.mmax(casadi.fabs(x))) for x in found]
+            assert not np.isfinite(largest).all() or max(largest) > 1e10
+        else:
+            matrices = [np.array(x).reshape(robot.nv, robot.nv) for x in found]
+            assert_close(matrices, expected(robot, algorithm, q, v, third))
 
 
 def test_the_convention_of_a_free_base_is_pinocchios():
@@ -271,3 +301,15 @@ def test_batches_and_names_of_parameters():
     }.items():
         with pytest.raises(bc.InputError, match=message):
             robot.inverse_dynamics_parameter_derivatives(q, v, a, [name])
+
+
+def test_cached_derivatives_import_neither_casadi_nor_the_tracer():
+    program = (
+        "import sys, bellcrank as bc\n"
+        "robot, q = bc.load_robot('planar_2r'), [0.1, 0.2]\n"
+        "robot.inverse_dynamics_derivatives(q, q, q), robot.forward_dynamics_derivatives(q, q, q)\n"
+        "robot.inverse_dynamics_parameter_derivatives(q, q, q, ['link.link_1.mass', 'gravity.y'])\n"
+        "print('casadi' in sys.modules or 'bellcrank._trace' in sys.modules)"
+    )
+    runs = [subprocess.run([sys.executable, "-c", program], capture_output=True, text=True) for _ in range(2)]
+    assert runs[1].stdout.strip() == "False", runs[1].stderr

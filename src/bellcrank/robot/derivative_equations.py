@@ -53,7 +53,7 @@ class DerivativeEquations:
         by_q, by_v, _ = derivatives(q, v, solver.solve(tau - bias))
         by_v += casadi.jacobian(friction, v)
         inverse = solver.inverse()
-        found = [-solver.solve(by_q), -solver.solve(by_v), inverse]
+        found = [solver.solve(by_q, -1.0), solver.solve(by_v, -1.0), inverse]
         return casadi.Function("forward_dynamics_derivatives", [q, v, tau], [_rows(x) for x in found])
 
     def _newton_euler(self) -> casadi.Function:

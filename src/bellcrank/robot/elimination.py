@@ -37,8 +37,8 @@ class Factorisation:
                 rows[i] = rows[i] - lower[k][i] * rows[k] * _up_to(i, len(rows))
         return cls(lower, reciprocal)
 
-    def solve(self, right: casadi.SX) -> casadi.SX:
-        """A⁻¹ B, sparse where it is zero."""
+    def solve(self, right: casadi.SX, sign: float = 1.0) -> casadi.SX:
+        """A⁻¹ B, or −A⁻¹ B for a sign of −1; sparse where it is zero."""
         import casadi
 
         rows = casadi.vertsplit(right)
@@ -46,7 +46,7 @@ class Factorisation:
             for i, factor in self.lower[k].items():
                 rows[i] = rows[i] - factor * rows[k]
         for k, factors in enumerate(self.lower):
-            rows[k] = rows[k] * self.reciprocal[k]
+            rows[k] = rows[k] * (sign * self.reciprocal[k])
             for i, factor in factors.items():
                 rows[k] = rows[k] - factor * rows[i]
         return casadi.vertcat(*rows)
