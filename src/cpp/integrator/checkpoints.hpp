@@ -16,7 +16,7 @@ class Checkpoints {
 
   // Calls Python with a block, with the GIL held; it returns the seconds until the next. False where it raised.
   bool hand_over(const nanobind::object& block) {
-    PyObject* answer = PyObject_CallOneArg(take_.ptr(), block.ptr());
+    PyObject* answer = PyObject_CallFunctionObjArgs(take_.ptr(), block.ptr(), nullptr);
     if (!answer) return false;
     const double seconds = PyFloat_AsDouble(answer);
     Py_DECREF(answer);

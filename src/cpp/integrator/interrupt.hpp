@@ -35,7 +35,7 @@ class Watch {
     const auto now = Clock::now();
     if (progress_.is_none() || seconds(now - last_progress_) < 0.1) return false;
     last_progress_ = now;
-    PyObject* answer = PyObject_CallOneArg(progress_.ptr(), nanobind::cast(reached).ptr());
+    PyObject* answer = PyObject_CallFunctionObjArgs(progress_.ptr(), nanobind::cast(reached).ptr(), nullptr);
     if (!answer) return failed();
     Py_DECREF(answer);
     return false;

@@ -24,13 +24,15 @@ void* make_code(PyObject* maker) {
     Py_XDECREF(made);
     PyGILState_Release(state);
   };
-  PyThreadState* held = PyGILState_Check() ? PyEval_SaveThread() : nullptr;
+  const PyGILState_STATE state = PyGILState_Ensure();  // held from here on, whether it was or not
+  PyThreadState* const held = PyEval_SaveThread();     // so that the other thread can take it
   try {
     std::thread(call).join();
   } catch (const std::system_error&) {  // there is no room for another thread
     call();
   }
-  if (held) PyEval_RestoreThread(held);
+  PyEval_RestoreThread(held);
+  PyGILState_Release(state);
   return address;
 }
 

@@ -79,7 +79,7 @@ class SampleCall {
     }
     if (sum != 0) return nb::none();
     PyObject* shape = shape_.ptr();
-    nb::object made = nb::steal(PyObject_CallOneArg(empty_.ptr(), shape));
+    nb::object made = nb::steal(PyObject_Vectorcall(empty_.ptr(), &shape, 1, nullptr));
     if (!made) throw nb::python_error();
     if (!answer.get(made.ptr(), size_, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT | PyBUF_WRITABLE)) return nb::none();
     double* out[] = {answer.data()};
