@@ -24,6 +24,7 @@ from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.mechanism import Mechanism, coulomb_widths
 from bellcrank.errors import InputError
+from bellcrank.planning.gear_efficiency import gear_efficiencies
 from bellcrank.planning.motion_limits import MotionLimits
 from bellcrank.planning.tool_limits import NormCoefficients, ToolLimits
 from bellcrank.planning.torque_speed_limits import Polyline, torque_speed_polylines
@@ -96,12 +97,6 @@ class PathLimits:
                     f"{', '.join(actuator.unknown_of_torque)} is unknown"
                 )
                 continue
-            if actuator.efficiency is None:
-                self.notes.append(
-                    f"the torque of the motor at joint '{joint.name}' is not limited: the efficiency of its gear is a "
-                    "curve over the load, which the fastest motion does not use"
-                )
-                continue
             curves = torque_speed_polylines(actuator)
             if curves is None:
                 self.notes.append(
@@ -111,6 +106,13 @@ class PathLimits:
             if actuator.unknown_limits:
                 self.notes.append(f"of the motor at joint '{joint.name}' {' and '.join(actuator.unknown_limits)} is "
                                   "unknown and does not limit the motion")  # fmt: skip
+            efficiency = gear_efficiencies(actuator)
+            if efficiency.varies:
+                self.notes.append(
+                    f"the efficiency of the gear at joint '{joint.name}' is a curve over the load: its lowest value, "
+                    f"{100.0 * efficiency.driving:.3g} %, limits the motion where the motor drives, and its highest, "
+                    f"{100.0 * efficiency.driven:.3g} %, where the load gives power back; a faster motion may exist"
+                )
             found[k] = (actuator, *curves)
         return found
 
@@ -153,6 +155,23 @@ class PathLimits:
         terms = (np.zeros_like(terms[0]), *terms[1:])
         norms = self._norms(q, v, a, still)
         return self._arrays(terms, v, a, self._fastest(q, v, norms), norms, slope=still)
+
+    def excess_of_curves(self, q: Array, v: Array, a: Array) -> float:
+        """The largest share by which a motion of positions q, velocities v and accelerations a (n, nv) exceeds the
+        limits of motors whose gears have a curve of efficiency, which the rows do not hold exactly; negative within.
+        """
+        worst = -np.inf
+        varying = {k: one for k, (one, _, _) in self._driven.items() if gear_efficiencies(one).varies}
+        if not varying:
+            return worst
+        columns = [joint.v for joint in self.mechanism.motors]
+        torque = self.mechanism.torques(np.zeros(len(q)), q, v, a)[0] - self._rotor * a[:, columns]
+        for k, actuator in varying.items():
+            speed = v[:, columns[k]]
+            shaft = actuator.shaft_torque(torque[:, k], speed, a[:, columns[k]])
+            use = actuator.curve_use(actuator.safety_factor * shaft, actuator.ratio * speed)
+            worst = max(worst, float(np.max(use)) - 1.0)
+        return worst
 
     def check_states(self, q: Array, first: Array, second: Array) -> None:
         """Raise InputError where the torques at places of a path, with derivatives of the positions with respect to the
@@ -282,7 +301,8 @@ class PathLimits:
             for points in (drive, brake):
                 curves.append(tuple((speed, torque / factor) for speed, torque in points))
                 places.append(len(curves) - 1)
-            pair = (first, first + 1 if actuator.efficiency != 1.0 else -1)
+            efficiency = gear_efficiencies(actuator)
+            pair = (first, first + 1 if efficiency.driving * efficiency.driven != 1.0 else -1)
             top = max(torque for _, torque in drive) / actuator.safety_factor
             add(pair, (k, places[0], places[1]), top, "motor torque", motors[k].name)
         return rows, names, curves
@@ -367,8 +387,8 @@ class PathLimits:
         for k, (actuator, _, _) in self._driven.items():
             ratio, inertia = actuator.ratio, actuator.shaft_inertia or 0.0
             rate[:, k] *= ratio
-            assert actuator.efficiency is not None
-            for share in (1.0 / (ratio * actuator.efficiency), actuator.efficiency / ratio):
+            efficiency = gear_efficiencies(actuator)
+            for share in (1.0 / (ratio * efficiency.driving), efficiency.driven / ratio):
                 own = [a[:, k] * share + inertia * ratio * slope[:, columns[k]]]
                 own += [b[:, k] * share + inertia * ratio * second[:, columns[k]], d[:, k] * share, c[:, k] * share]
                 for part, value in zip(parts, [*own, w[:, k] * share], strict=True):

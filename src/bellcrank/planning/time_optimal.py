@@ -315,7 +315,7 @@ def _excess(bounds: PathLimits, motion: Motion) -> float:
         time = motion.time[wide] + share * step[wide]
         q, v, a = motion.at(time, side="after" if share < 1.0 else "before")
         over = exceeded(bounds.of_motion(q, v, a), np.ones(len(q)), np.zeros(len(q)))
-        worst = max(worst, float(np.max(over)))
+        worst = max(worst, float(np.max(over)), bounds.excess_of_curves(q, v, a))
         for _, speeds in bounds.speed_limits(q, v):
             worst = max(worst, float(np.max(1.0 / speeds)) - 1.0)
     if bounds.jerk_groups:
