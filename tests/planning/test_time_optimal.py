@@ -351,3 +351,24 @@ def test_a_path_with_blends_is_passed_without_a_stop() -> None:
         bc.joint_path(robot, postures, blend=2.0)
     with pytest.raises(bc.InputError, match="no 'parameters'"):
         bc.joint_path(robot, postures, [0.0, 1.0, 2.0], blend=0.1)
+
+
+def test_the_derivatives_of_the_time_are_those_of_extrapolated_differences() -> None:
+    robot = bc.load_robot("planar_2r", friction={"shoulder": (6.0, 1.0), "elbow": (4.0, 0.5)})
+    path = bc.joint_path(robot, [{}, {"shoulder": 0.7, "elbow": -0.9}, {"shoulder": 1.5, "elbow": 0.2}])
+
+    def found(limit: str = "", factor: float = 1.0, costs: bool = False) -> bc.FastestMotion:
+        given = {"speed": {"elbow": 2.0}, "torque": {"shoulder": 80.0, "elbow": 30.0}}
+        if limit:
+            what, joint = limit.split(" of ")
+            given[what][joint] *= factor
+        return bc.time_optimal(robot, path, bc.MotionLimits(**given), costs=costs)
+
+    whole = found(costs=True)
+    assert len(whole.costs) >= 2
+    for cost in whole.costs:
+        wide, narrow = (
+            (found(cost.limit, 1.0 + h).duration - found(cost.limit, 1.0 - h).duration) / (2.0 * h * whole.duration)
+            for h in (0.04, 0.02)
+        )
+        assert cost.derivative == pytest.approx((4.0 * narrow - wide) / 3.0, abs=3e-3)
