@@ -150,11 +150,46 @@ def test_a_moment_of_a_motion_has_no_eigenvalues():
     assert len(linear.frozen_eigenvalues) == 2
 
 
-def test_no_equilibrium_is_an_error():
+def test_no_equilibrium_is_an_error(tmp_path):
+    (tmp_path / "falling.urdf").write_text(CART.replace('<axis xyz="1 0 0"/>', '<axis xyz="0 0 1"/>'))
     with pytest.raises(InputError, match="no equilibrium was found"):
-        bc.linearise("four_bar", at="equilibrium")
+        bc.linearise(tmp_path / "falling.urdf", at="equilibrium")
     with pytest.raises(InputError, match="'at': unknown choice 'steadily'"):
         bc.linearise("pendulum", at="steadily")
+
+
+def test_an_equilibrium_far_away_is_found_by_a_descent():
+    """The UR5 without torque hangs: gravity has no moment about any axis, and its energy is least of all nearby."""
+    scene = bc.load_scene("ur5")
+    linear = bc.linearise(scene, at="equilibrium")
+    assert linear.stable and not linear.velocity.any()
+    assert np.abs(scene.robot.inverse_dynamics(linear.position, np.zeros(6), np.zeros(6))).max() < 1e-9
+    heights = [scene.robot.frame_pose("tool0", q)[0][2] for q in (linear.position, linear.position + 0.3)]
+    assert heights[0] < heights[1]
+
+
+def test_a_singular_posture_is_refused(tmp_path):
+    """A parallelogram that lies flat: the loop's conditions depend on each other there."""
+    (tmp_path / "parallelogram.urdf").write_text(PARALLELOGRAM)
+    flat = (
+        SPRUNG.replace("STIFFNESS", "60")
+        .replace("55 deg", "0")
+        .replace("-0", "0")
+        .replace("[0, -9.81, 0]", "[0, 0, 0]")
+    )
+    (tmp_path / "flat.yaml").write_text(flat)
+    with pytest.raises(InputError, match="singular posture: 1 conditions of the constraints are independent there, 2"):
+        bc.linearise(tmp_path / "flat.yaml", at="start")
+
+
+def test_redundant_conditions_and_idle_symmetries_do_no_harm():
+    """Bricard: 5 conditions of rank 4, one freedom. The delta's platform cannot turn: moved in its own axes and back in
+    the world's, nothing moves, which is no symmetry.
+    """
+    bricard = bc.linearise("bricard", at="start")
+    assert len(bricard.states) == 2
+    delta = bc.linearise("delta", at="equilibrium")
+    assert delta.symmetries == () and len(delta.states) == 6 and delta.stable
 
 
 def test_a_row_of_a_run_is_linearised_where_it_is():

@@ -14,8 +14,8 @@ from bellcrank import arguments
 from bellcrank.analysis.independent_states import coordinate_names, independent_states, state_names
 from bellcrank.analysis.linearisation import EQUILIBRIUM, MOVING, STEADY_MOTION, Linearisation
 from bellcrank.analysis.modal_analysis import Quotient, modes_of
-from bellcrank.analysis.operating_point import OperatingPoint, operating_point, state_units, steady_point
-from bellcrank.analysis.symmetries import symmetries_of
+from bellcrank.analysis.operating_point import OperatingPoint, operating_point, relaxed_point, state_units, steady_point
+from bellcrank.analysis.symmetries import states_nearby, symmetries_of
 from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.dynamics.linear_equations import equation_code
 from bellcrank.dynamics.start_stages import motors_of
@@ -86,8 +86,20 @@ def linearise(
     if keep_symmetries is not None:
         keep_symmetries = arguments.flag("keep_symmetries", keep_symmetries)
     point = _point(scene, run, at)
+    _check_regular(point)
     linear = linear_equations(point, joints, keep_symmetries)
     return linear if isinstance(at, str | float | int) and at not in AT[1:] else _with_distance(linear, point, run)
+
+
+def _check_regular(point: OperatingPoint) -> None:
+    """Raise InputError where the constraints lose rank at the operating point, where linear equations do not hold."""
+    scene, rank = point.symmetries.scene, point.equations.solver.rank
+    nearby = max(state.solver.rank for state in states_nearby(scene, point.time, point.position, point.velocity))
+    if rank < nearby:
+        raise InputError(
+            f"{scene.source}: the operating point is a singular posture: {rank} conditions of the constraints are "
+            f"independent there, {nearby} nearby; linear equations do not describe the motion; start elsewhere"
+        )
 
 
 def _with_distance(linear: Linearisation, point: OperatingPoint, run: Trajectory | None) -> Linearisation:
@@ -174,7 +186,10 @@ def _point(scene: Scene, run: Trajectory | None, at: str | float | None) -> Oper
             return found
     if wanted == "equilibrium" or at is None:
         q, v = (q if found is None or not found.steady else found.position), np.zeros_like(v)
-        found = steady_point(operating_point(scene, 0.0, q, v, symmetries_of(scene, 0.0, q, v)))
+        rest = operating_point(scene, 0.0, q, v, symmetries_of(scene, 0.0, q, v))
+        found = steady_point(rest)
+        if not found.steady:  # Newton's method needs a start that is near; a descent leads to a stable equilibrium
+            found = steady_point(relaxed_point(rest))
         if found.steady:
             return found
     what = {None: "equilibrium or steady motion", "steady": "steady motion"}.get(at, "equilibrium")

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 # times machine precision, the norm of A and an eigenvalue's condition number: a real or imaginary part below this is 0
 ROUNDING = 100.0
+DEPENDENT = 1e-9  # of the largest singular value: symmetries that do the same at the operating point
 NEUTRAL = 1e-6  # of the largest eigenvalue: an eigenvalue nearer than this to one of Λ has no eigenvector of its own
 
 
@@ -43,6 +44,10 @@ class Quotient:
     @classmethod
     def of(cls, directions: Array, positions: int, units: Array) -> Self:
         """From directions G (n, k); positions, the first of the states, are dropped before velocities."""
+        left, values, _ = np.linalg.svd(directions, full_matrices=False)
+        directions = left[
+            :, values > DEPENDENT * values.max(initial=1.0)
+        ]  # at a fixed point of a symmetry there are fewer
         n, k = directions.shape
         weights = np.where(np.arange(n) < positions, 1.0, 1e-3) / units
         _, _, order = qr((directions * weights[:, None]).T, mode="economic", pivoting=True)

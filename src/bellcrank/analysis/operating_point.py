@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.analysis.symmetries import Fields, Symmetries
+from bellcrank.analysis.symmetries import Fields, Symmetries, project
 from bellcrank.dynamics.consistent_start import displaced
 from bellcrank.dynamics.constraint_rows import velocity_units
 from bellcrank.dynamics.linear_equations import LinearEquations, equation_code
@@ -27,9 +27,13 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 STEADY = 1e-9  # of the terms of the equations: a smaller residual is that of a steady state
+CLOSED = 1e-7  # characteristic lengths or rad: constraints that are violated by more are not satisfied
 PASSES = 60
 LARGEST_STEP = 0.5  # rad or characteristic lengths
 HALVINGS = 12
+DESCENT = 0.1  # rad or characteristic lengths: the first step of a descent
+DESCENTS = 400
+SMALLEST = 1e-4  # of it: a shorter step is left to Newton's method
 RANK = 1e-9  # of the largest singular value: a direction that changes less is neutral
 
 
@@ -116,6 +120,27 @@ def steady_point(start: OperatingPoint) -> OperatingPoint:
     return best
 
 
+def relaxed_point(start: OperatingPoint) -> OperatingPoint:
+    """A state at rest nearer to a stable equilibrium: short steps along the accelerations from rest.
+
+    They are steps of steepest descent of the potential energy in the metric of the mass matrix, as far as the forces
+    have one. A step is halved where the direction turns back. The constraints are kept.
+    """
+    scene, point, length, last = start.symmetries.scene, start, DESCENT, None
+    unit = state_units(scene)
+    for _ in range(DESCENTS):
+        direction = point.equations.acceleration / unit
+        size = float(np.abs(direction).max(initial=0.0))
+        if size == 0.0 or length < DESCENT * SMALLEST:
+            break
+        if last is not None and float(direction @ last) < 0.0:
+            length *= 0.5
+        there = displaced(scene, point.position, length / size * direction * unit)
+        q, v, at = project(scene, point.time, there, point.velocity)
+        point, last = _point(point.symmetries, point.time, q, v, at, point.coefficients), direction
+    return point
+
+
 def state_units(scene: Scene) -> Array:
     """The unit of each velocity (nv,): the characteristic length of a closed mechanism, m, or 1."""
     return velocity_units(scene) if scene.constraints else np.ones(scene.robot.nv)
@@ -132,6 +157,7 @@ def _point(symmetries: Symmetries, time: float, q: Array, v: Array, at: LinearEq
         _ratio(push / unit, terms / unit),
         _ratio(drift / unit, np.abs(v) / unit),
         _ratio(explicit / unit, terms / unit),
+        float(np.abs(at.position_residual).max(initial=0.0)) / unit.max(initial=1.0) * STEADY / CLOSED,
     )
     return OperatingPoint(
         time=time, position=q, velocity=v, equations=at, symmetries=symmetries, coefficients=y, residual=share

@@ -123,10 +123,11 @@ def symmetries_of(scene: Scene, time: float, q: Array, v: Array) -> Symmetries:
     robot = scene.robot
     unit = velocity_units(scene) if scene.constraints else np.ones(robot.nv)
     random = np.random.default_rng(0)
-    conditions = []
+    conditions, values_of = [], []
     for _ in range(STATES):
         there_q, there_v, at = _state_nearby(scene, time, q, v, random)
         fields = candidate_fields(scene, there_q, there_v)
+        values_of.append(np.concatenate([fields.displacement, fields.change]) / np.tile(unit, 2)[:, None])
         by_q, by_v = at.solved_by("position")[0], at.solved_by("velocity")[0]
         carried = adjoint(robot, at.acceleration) @ fields.right
         h = len(at.position_residual)
@@ -139,9 +140,12 @@ def symmetries_of(scene: Scene, time: float, q: Array, v: Array) -> Symmetries:
             size = sum(np.abs(m) @ np.abs(x).max(axis=1, initial=0.0) + np.abs(m) @ unit for m, x in terms)
             rows = sum(m @ x for m, x in terms)
             conditions.append(np.asarray(rows) / np.where(size > 0.0, size, 1.0)[:, None])
-    names = candidate_names(robot)
     _, values, vectors = svd(np.concatenate(conditions), "the conditions of symmetry are")
-    return Symmetries(scene, np.asarray(vectors[np.count_nonzero(values > ZERO) :].T), names)
+    kept = vectors[np.count_nonzero(values > ZERO) :].T
+    # combinations that move nothing, such as a platform that cannot turn, moved in its own axes and back in the world's
+    _, values, vectors = svd(np.concatenate(values_of) @ kept, "the fields of the symmetries are", full=False)
+    basis = kept @ vectors[: np.count_nonzero(values > ZERO * values.max(initial=1.0))].T
+    return Symmetries(scene, np.asarray(basis), candidate_names(robot))
 
 
 def project(scene: Scene, time: float, q: Array, v: Array) -> tuple[Array, Array, LinearEquations]:
@@ -163,6 +167,12 @@ def project(scene: Scene, time: float, q: Array, v: Array) -> tuple[Array, Array
         v = v - np.linalg.lstsq(at.jacobian * unit, at.velocity_residual, rcond=1e-8)[0] * unit
         at = code.at(time, q, v)
     return q, v, at
+
+
+def states_nearby(scene: Scene, time: float, q: Array, v: Array) -> list[LinearEquations]:
+    """The equations at some random states near (q, v) that satisfy the constraints."""
+    random = np.random.default_rng(1)
+    return [_state_nearby(scene, time, q, v, random)[2] for _ in range(STATES if scene.constraints else 1)]
 
 
 def _state_nearby(
