@@ -89,6 +89,8 @@ def run(arguments: argparse.Namespace) -> int:
             "bench: scenes, --hard, --gains, --dynamics, --ensembles and --fastest are separate benchmarks; name "
             "robots after --dynamics or --fastest and scenes after --ensembles"
         )
+    if arguments.derivatives and (arguments.dynamics is None or arguments.markdown):
+        raise InputError("bench: --derivatives goes with --dynamics, and --markdown is not for it")
     if arguments.markdown and (
         arguments.hard or arguments.gains or arguments.ensembles is not None or arguments.fastest is not None
     ):
