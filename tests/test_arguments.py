@@ -35,6 +35,8 @@ MADE_BY = {
     "Trajectory": "simulate",
     "RunSensitivity": "simulate",
     "EventSensitivity": "simulate",
+    "SizingSensitivity": "size",
+    "JointSensitivity": "size",
     "PreparedSimulation": "prepare",
     "PreparedRun": "prepare",
     "Sizing": "size",
@@ -210,6 +212,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
     locking = bc.simulate(four_bar, samples=3, sensitivities=["crank_length"]).sensitivity("crank_length")
     closed_run = bc.simulate(four_bar, duration=0.01, samples=3)
     sizing = bc.size(robot, motion, {"shoulder": actuator})
+    sized = bc.size("four_bar", "unfold")
     swept = bc.sweep(pendulum, {"simulate.rtol": [1e-6, 1e-7]}, overrides={"simulate.duration": 0.01})
     found = bc.sobol_indices(pendulum, {"simulate.rtol": "uniform(1e-7, 1e-6)"}, n=2,
                              overrides={"simulate.duration": 0.01})  # fmt: skip
@@ -403,6 +406,8 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         **of(selection, axis={"name": "shoulder"}, plot={"path": None, "what": None},
              stated={"candidate": selection.axes[0].chosen}, to_csv={"path": "c.csv"}, to_json={"path": "c.json"},
              write_config={"path": "c.yaml"}),
+        **of(sized, sensitivities={"names": ["crank_length"]}),
+        **of(sized.sensitivities(["crank_length"])[0], joint={"name": "crank"}),
         **of(sizing, joint={"name": "elbow"}, plot={"path": None, "what": "time", "motion": "waypoints"},
              to_csv={"path": "s.csv"}, to_json={"path": "s.json"}),
         **of(four_bar, motion={"name": "unfold"}, physics_key={}, signals_at={"times": np.array([0.1, 0.2])},

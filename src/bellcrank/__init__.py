@@ -42,6 +42,8 @@ _HOME = {
     "write_catalogue": "actuators.catalogue_writer",
     "Sizing": "sizing.result",
     "size": "sizing.size",
+    "SizingSensitivity": "sizing.sensitivities",
+    "JointSensitivity": "sizing.sensitivities",
     "Selection": "sizing.selection.selection",
     "select": "sizing.selection.select",
     "Scene": "scene.scene",
@@ -104,6 +106,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "Gear",
     "InputError",
     "JointPath",
+    "JointSensitivity",
     "LimitCost",
     "Linearisation",
     "Linkage",
@@ -129,6 +132,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "Sensitivity",
     "Settings",
     "Sizing",
+    "SizingSensitivity",
     "Slopes",
     "SpeedFactor",
     "Sweep",
@@ -226,6 +230,7 @@ if TYPE_CHECKING:
     from bellcrank.sizing.result import Sizing
     from bellcrank.sizing.selection.select import select
     from bellcrank.sizing.selection.selection import Selection
+    from bellcrank.sizing.sensitivities import JointSensitivity, SizingSensitivity
     from bellcrank.sizing.size import size
     from bellcrank.studies.sample_statistics import SampleStatistics
     from bellcrank.studies.sensitivity import Sensitivity

@@ -76,13 +76,18 @@ class MotorTorques:
 
         scene = self.scene
         s, a = Symbols(scene.robot, scene.parameters, scene.frames), casadi.SX.sym("a", scene.robot.nv)
+        torque = self.expression(s, a)
+        return casadi.Function("motor_torques", [s.t, s.q, s.v, a, s.u, s.p], [casadi.densify(torque)])
+
+    def expression(self, s: Symbols, a: casadi.SX) -> casadi.SX:
+        """The torques (k) as an expression of symbols of the scene and accelerations a (nv)."""
+        scene = self.scene
         for source in scene.signal_sources:  # all of them, in the order of the scene's signals
             s.signal(source)
         need = s.inverse_dynamics(s.q, s.v, a) + scene.robot.equations.friction(s.v)
         for force in scene.forces:
             need -= force.generalised_force(s).force
-        torque = self._shared(s, need) if scene.constraints else need[self._columns]
-        return casadi.Function("motor_torques", [s.t, s.q, s.v, a, s.u, s.p], [casadi.densify(torque)])
+        return self._shared(s, need) if scene.constraints else need[self._columns]
 
     def _shared(self, s: Symbols, need: casadi.SX) -> casadi.SX:
         """The motors' least torques for joint forces `need` of a closed linkage."""

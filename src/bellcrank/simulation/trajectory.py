@@ -310,6 +310,17 @@ class Trajectory(StateHistory):
         known: ComputedSensitivities | None = vars(self).get("_sensitivities")
         return () if known is None else tuple(variable.name for variable in known.variables)
 
+    @property
+    def computed_sensitivities(self) -> ComputedSensitivities:
+        """The derivatives of the run in all rows, and what they cost. Raises InputError where there are none."""
+        known: ComputedSensitivities | None = vars(self).get("_sensitivities")
+        if known is None:
+            raise InputError(
+                f"{self.scene.name}: this run has no sensitivities; name them in simulate(…, sensitivities=[…]); parts "
+                "of runs and runs from files have none"
+            )
+        return known
+
     def remember_sensitivities(self, known: ComputedSensitivities) -> None:
         """Keep derivatives of the run (simulation/propagation.py).
 
@@ -343,13 +354,7 @@ class Trajectory(StateHistory):
             >>> print(f"{run.sensitivity('initial.swing').position[-1, 0]:.4f}")
             -1.0391
         """
-        known: ComputedSensitivities | None = vars(self).get("_sensitivities")
-        if known is None:
-            raise InputError(
-                f"{self.scene.name}: this run has no sensitivities; name them in simulate(…, sensitivities=[…]); parts "
-                "of runs and runs from files have none"
-            )
-        return known.named(self, name)
+        return self.computed_sensitivities.named(self, name)
 
     # ---- export
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from bellcrank.dynamics.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
     from bellcrank.sizing.joint_histories import MotionHistory
+    from bellcrank.sizing.sensitivities import SizingSensitivity
 
 
 class SizingInputs(NamedTuple):
@@ -106,6 +107,32 @@ class Sizing(Portable, Renamed):
         from bellcrank.sizing.tables import sizing_html
 
         return sizing_html(self)
+
+    def sensitivities(self, names: Sequence[str]) -> tuple[SizingSensitivity, ...]:
+        """Compute derivatives of peaks, RMS torques and energies by parameters of the scene.
+
+        A peak changes as the load at its own time does; where two times tie, the derivative is that of the one found.
+        In a closed linkage the independent joints keep their motion, and the others follow the constraints.
+
+        Args:
+            names: Parameters of the scene, as under its key `parameters`.
+
+        Returns:
+            The derivatives by each parameter, in the order of `names`.
+
+        Raises:
+            InputError: There is no such parameter, the sizing has a mass tolerance, or the linkage is too large.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> [by_length] = bc.size("four_bar").sensitivities(["crank_length"])
+            >>> print(f"{by_length.joint('crank').peak_torque:.3f} N m per m")
+            30.072 N m per m
+        """
+        from bellcrank.sizing.sensitivities import sizing_sensitivities
+
+        wanted = arguments.several("names", names, str, "names of parameters", alone=True)
+        return sizing_sensitivities(self, wanted)
 
     def to_csv(self, path: str | Path) -> Path:
         """Write sizing.csv: one line a joint, with units in the header.

@@ -50,6 +50,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "they are installed (default: ur5 panda planar_2r)",
     )  # fmt: skip
     parser.add_argument(
+        "--sensitivities", nargs="*", metavar="SCENE",
+        help="instead of scenes: the time of a gradient of a run by 20 parameters, in runs",
+    )  # fmt: skip
+    parser.add_argument(
         "--designs", metavar="N", default="10000", help="designs of each ensemble of --ensembles (default 10000)"
     )
     parser.add_argument(
@@ -82,12 +86,12 @@ def run(arguments: argparse.Namespace) -> int:
     arguments.samples = whole_option("--samples", arguments.samples, 64, 10**8)
     arguments.designs = whole_option("--designs", arguments.designs, 1, 10**6)
     arguments.sweep_designs = whole_option("--sweep-designs", arguments.sweep_designs, 1, 10**6)
-    lists = (arguments.dynamics, arguments.ensembles, arguments.fastest)
+    lists = (arguments.dynamics, arguments.ensembles, arguments.fastest, arguments.sensitivities)
     others = (arguments.hard, arguments.gains, *(names is not None for names in lists))
     if sum([bool(arguments.scenes), *others]) > 1:
         raise InputError(
-            "bench: scenes, --hard, --gains, --dynamics, --ensembles and --fastest are separate benchmarks; name "
-            "robots after --dynamics or --fastest and scenes after --ensembles"
+            "bench: scenes, --hard, --gains, --dynamics, --ensembles, --fastest and --sensitivities are separate "
+            "benchmarks; name robots after --dynamics or --fastest and scenes after --ensembles or --sensitivities"
         )
     if arguments.derivatives and (arguments.dynamics is None or arguments.markdown):
         raise InputError("bench: --derivatives goes with --dynamics, and --markdown is not for it")
@@ -110,7 +114,19 @@ def run(arguments: argparse.Namespace) -> int:
             return _ensembles(arguments)
         if arguments.fastest is not None:
             return _fastest(arguments)
+        if arguments.sensitivities is not None:
+            return _sensitivities(arguments)
         return _scenes(arguments) if arguments.dynamics is None else _dynamics(arguments)
+
+
+def _sensitivities(arguments: argparse.Namespace) -> int:
+    from bellcrank_bench.measurements import sensitivity_speed as speed
+
+    rows = list(speed.sensitivity_rows(arguments.sensitivities or speed.SCENES, arguments.repeats))
+    print("\n".join(speed.table(rows)))
+    if arguments.out:
+        atomic_write.write_text(arguments.out / "bench.json", json.dumps(speed.as_json(rows), indent=1) + "\n")
+    return 0
 
 
 def _scenes(arguments: argparse.Namespace) -> int:

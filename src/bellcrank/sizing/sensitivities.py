@@ -1,0 +1,236 @@
+"""Derivatives of the results of a sizing by parameters of its scene.
+
+A peak is a maximum over the time, so that its derivative is that of the load at its own time and posture. Those of RMS
+torques and energies are integrals over the same grid as the results. Source: of peaks, J. M. Danskin, The Theory of
+Max-Min (1967): the derivative of a maximum where it is attained at one point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank import arguments
+from bellcrank.dynamics.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.force_table_breakpoints import force_breaks
+from bellcrank.dynamics.mechanism import coulomb_widths
+from bellcrank.dynamics.motor_torque_derivatives import Loads, MotorTorqueDerivatives
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
+from bellcrank.sizing.joint_loads import JointLoads
+from bellcrank.sizing.motion_grid import Grid, grid_along, reversal_times
+
+if TYPE_CHECKING:
+    from bellcrank.motion.motion import Motion
+    from bellcrank.robot.robot import RobotJoint
+    from bellcrank.scene.scene import Scene
+    from bellcrank.sizing.joint_sizing import Peak
+    from bellcrank.sizing.result import Sizing
+
+Array = NDArray[np.float64]
+SAME_TIME = 1e-9  # s per s: rows this near a peak are candidates for its side of a jump
+PEAKS = ("max_torque", "min_torque", "peak_torque", "peak_speed", "peak_motoring_power", "peak_regenerating_power")
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointSensitivity:
+    """How the results of one joint of a sizing change with a parameter; each per unit of the parameter.
+
+    Attributes:
+        name: Name of the joint.
+        max_torque: Of the largest signed torque, N m or N.
+        min_torque: Of the smallest signed torque.
+        peak_torque: Of the largest magnitude of the torque.
+        peak_speed: Of the largest |speed|, rad/s or m/s; 0 but in closed linkages.
+        peak_motoring_power: Of the largest power into the joint, W.
+        peak_regenerating_power: Of the largest power out of the joint, W.
+        rms_torque: Of the RMS torque of the motion in which it is largest.
+        motoring_energy: Of the energy into the joint in one cycle, J, of the motion in which it is largest.
+        regenerated_energy: Of the energy out of the joint in one cycle, J, of the motion in which it is largest.
+    """
+
+    name: str
+    max_torque: float
+    min_torque: float
+    peak_torque: float
+    peak_speed: float
+    peak_motoring_power: float
+    peak_regenerating_power: float
+    rms_torque: float
+    motoring_energy: float
+    regenerated_energy: float
+
+
+@dataclass(frozen=True)
+class SizingSensitivity:
+    """The derivatives of a sizing by one parameter.
+
+    Attributes:
+        name: The parameter.
+        unit: Its unit.
+        joints: The derivatives of each joint's results.
+    """
+
+    name: str
+    unit: str
+    joints: tuple[JointSensitivity, ...]
+
+    def joint(self, name: str) -> JointSensitivity:
+        """Get the derivatives of one joint's results.
+
+        Args:
+            name: The name of a joint with a motor.
+
+        Returns:
+            The derivatives, per unit of the parameter.
+
+        Raises:
+            InputError: No motor has this name.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> [found] = bc.size("four_bar").sensitivities(["crank_length"])
+            >>> found.joint("crank").name
+            'crank'
+        """
+        arguments.text("name", name, "the name of a joint with a motor")
+        found = next((joint for joint in self.joints if joint.name == name), None)
+        if found is None:
+            raise InputError(
+                f"sensitivity by {self.name}: {unknown_name('joint', name, [j.name for j in self.joints])}"
+            )
+        return found
+
+
+def sizing_sensitivities(sizing: Sizing, names: Sequence[str]) -> tuple[SizingSensitivity, ...]:
+    """The derivatives of a sizing by parameters of its scene (`Sizing.sensitivities`)."""
+    scene, inputs = _scene(sizing), sizing.inputs
+    assert inputs is not None
+    places = []
+    for name in names:
+        if name not in scene.parameters:
+            raise InputError(f"{scene.source}: sensitivities: {unknown_name('parameter', name, scene.parameters)}")
+        places.append(list(scene.parameters).index(name))
+    mechanism = inputs.mechanism
+    derivatives = MotorTorqueDerivatives(scene, mechanism.motors, _independent(sizing), tuple(places))
+    if not derivatives.solvable:
+        raise InputError(
+            f"{scene.source}: sensitivities: the constraints of the linkage have redundant rows, or more than can be "
+            "solved as one expression; use differences of sizings"
+        )
+    along = [_MotionLoads(sizing, motion, derivatives) for motion in inputs.motions]
+    found = []
+    for j, name in enumerate(names):
+        joints = tuple(_joint(sizing, k, j, along) for k in range(len(sizing.joints)))
+        found.append(SizingSensitivity(name, scene.parameters[name].unit, joints))
+    return tuple(found)
+
+
+def _scene(sizing: Sizing) -> Scene:
+    """The scene of a sizing with its robot. Raises InputError where its derivatives are not known."""
+    from dataclasses import replace
+
+    inputs = sizing.inputs
+    scene = None if inputs is None else inputs.mechanism.scene
+    if inputs is None or scene is None or not scene.parameters:
+        raise InputError(
+            f"{sizing.robot}: sensitivities are taken by parameters of a scene; this sizing has none; write them under "
+            "'parameters' in the robot configuration"
+        )
+    if sizing.mass_tolerance:
+        raise InputError(f"{sizing.robot}: sensitivities are those of the nominal masses; size with mass_tolerance=0")
+    return replace(scene, robot=inputs.mechanism.robot)
+
+
+def _independent(sizing: Sizing) -> tuple[RobotJoint, ...]:
+    """Of a closed linkage the joints that determine the others, motors first."""
+    assert sizing.inputs is not None
+    mechanism = sizing.inputs.mechanism
+    if not isinstance(mechanism, Linkage):
+        return ()
+    candidates = [joint for joint in mechanism.robot.joints if joint.nv == 1]
+    candidates.sort(key=lambda joint: joint not in mechanism.motors)
+    return mechanism.kinematics.independent(candidates, sizing.motions[0])
+
+
+class _MotionLoads:
+    """The loads along one motion and their derivatives, on the grid of its sizing."""
+
+    def __init__(self, sizing: Sizing, motion: Motion, derivatives: MotorTorqueDerivatives) -> None:
+        assert sizing.inputs is not None
+        mechanism = sizing.inputs.mechanism
+        self.motion, self._derivatives = motion, derivatives
+        loads = JointLoads(mechanism, sizing.inputs.actuators, 0.0)
+        self._rotor, self._columns = loads.rotor_inertia, loads.columns
+        probes = reversal_times(motion, coulomb_widths(mechanism))
+        self.grid: Grid = grid_along(motion, probes, force_breaks(mechanism), loads.nominal_torque)
+        g = self.grid
+        self.loads, self.speed = self._at(g.force_time, g.position, g.velocity, g.acceleration)
+
+    def _at(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Loads, Array]:
+        """Torques at the gears' outputs, with derivatives, and speeds."""
+        found = self._derivatives.loads(t, q, v, a)
+        torque = found.torque - self._rotor * a[:, self._columns]
+        slope = found.torque_slope - self._rotor * found.acceleration_slope
+        return found._replace(torque=torque, torque_slope=slope), v[:, self._columns]
+
+    def at_peak(self, peak: Peak, name: str, k: int, j: int) -> float:
+        """The derivative of the load that is largest at a peak, for motor k and parameter j."""
+        grid = self.grid
+        near = np.flatnonzero(np.abs(grid.time - peak.time) <= SAME_TIME * max(1.0, abs(peak.time)))
+        time = np.array([peak.time])
+        q, v, a = self.motion.at(time)
+        own = self._at(np.minimum(time, grid.force_time[-1]), q, v, a)
+        sides = [(own, 0), *(((self.loads, self.speed), int(row)) for row in near)]
+        values = [_value(name, x.torque[row, k], speed[row, k]) for (x, speed), row in sides]
+        (loads, speed), row = sides[int(np.argmin(np.abs(np.array(values) - peak.value)))]
+        torque, rate = float(loads.torque[row, k]), float(speed[row, k])
+        change, faster = float(loads.torque_slope[row, j, k]), float(loads.speed_slope[row, j, k])
+        if name == "peak_speed":
+            return float(np.sign(rate)) * faster
+        if name in ("peak_motoring_power", "peak_regenerating_power"):
+            if peak.value <= 0.0:
+                return 0.0
+            return (1.0 if name == "peak_motoring_power" else -1.0) * (change * rate + torque * faster)
+        return change * (float(np.sign(peak.value)) if name == "peak_torque" else 1.0)
+
+    def rms(self, k: int, j: int) -> float:
+        """The derivative of the RMS torque."""
+        w, torque = self.grid.weight, self.loads.torque[:, k]
+        rms = float(np.sqrt(w @ torque**2 / self.motion.duration))
+        if rms == 0.0:
+            return 0.0
+        return float(w @ (torque * self.loads.torque_slope[:, j, k])) / (self.motion.duration * rms)
+
+    def energy(self, k: int, j: int, sign: float) -> float:
+        """The derivative of the energy into (sign 1) or out of (−1) a joint."""
+        torque, speed = self.loads.torque[:, k], self.speed[:, k]
+        change = self.loads.torque_slope[:, j, k] * speed + torque * self.loads.speed_slope[:, j, k]
+        return float(self.grid.weight @ np.where(sign * torque * speed > 0.0, sign * change, 0.0))
+
+
+def _value(name: str, torque: float, speed: float) -> float:
+    """The load whose largest value is a peak of this name, as the peak has it."""
+    powers = {"peak_motoring_power": torque * speed, "peak_regenerating_power": -torque * speed}
+    return powers.get(name, abs(speed) if name == "peak_speed" else torque)
+
+
+def _joint(sizing: Sizing, k: int, j: int, along: Sequence[_MotionLoads]) -> JointSensitivity:
+    joint = sizing.joints[k]
+    of = {one.motion.name: one for one in along}
+    largest = {
+        what: of[max(joint.cycles, key=lambda cycle: float(getattr(cycle, what))).motion]
+        for what in ("rms_torque", "motoring_energy", "regenerated_energy")
+    }
+    peaks = {name: of[joint.peaks[name].motion].at_peak(joint.peaks[name], name, k, j) for name in PEAKS}
+    return JointSensitivity(
+        name=joint.name,
+        **peaks,
+        rms_torque=largest["rms_torque"].rms(k, j),
+        motoring_energy=largest["motoring_energy"].energy(k, j, 1.0),
+        regenerated_energy=largest["regenerated_energy"].energy(k, j, -1.0),
+    )
