@@ -130,6 +130,9 @@ def run(arguments: argparse.Namespace) -> int:
             result.save(target)  # with the estimate, which the summary made
         for note in scene_notes(scene, result.settings.duration):
             print(f"  note: {note}")
+        for name in result.sensitivities:
+            for text in result.sensitivity(name).notes:
+                print(f"  note: sensitivity by {name}: {text}")
         if len(files) == 1:
             write_each(files, _others(result, folder, arguments))
     print(f"\nwrote {', '.join(path.name for path in files)} in {folder}")

@@ -21,6 +21,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from bellcrank.codegen.directional import Directional, directional
+from bellcrank.codegen.expression_graph import graph_of
 from bellcrank.codegen.locks import making
 from bellcrank.dynamics.base_frame_elimination import mass_matrix
 from bellcrank.dynamics.kkt import PROJECTING, REFINEMENTS, Factor, proximal
@@ -33,6 +34,9 @@ if TYPE_CHECKING:
     from bellcrank.codegen.compile import Compiled
     from bellcrank.dynamics.assembly import Assembly
     from bellcrank.scene.scene import Scene
+
+
+JUMPS = frozenset({"sign", "floor", "ceil", "lt", "le", "eq", "ne", "and", "or", "not", "fmod", "if_else_zero"})
 
 
 class DirectionalEquations:
@@ -67,6 +71,14 @@ class DirectionalEquations:
     def project_fallback(self) -> Directional:
         """The same correction by the proximal solution."""
         return self._directional("fallback project", lambda: self._project(plain=False), 2)
+
+    @cached_property
+    def switches(self) -> tuple[str, ...]:
+        """The operations of the right-hand side that jump, such as "sign"."""
+        a = self._system.assembly
+        rate = a.state_rate if a.solution is None else a.plain_state_rate
+        graph = graph_of(Direction.of(a, ()).function("rate", [rate]).serialize().encode("latin-1"))
+        return tuple(sorted({node.op for node in graph.nodes} & JUMPS))
 
     # ---- results: functions of (t, x, u, p, …) for batches
 

@@ -125,6 +125,29 @@ class RunSensitivity:
         unit = arguments.text("unit", unit, "a unit", empty=True) or "1"
         return f"{unit} per {self.unit}" if self.unit else unit
 
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What to know about these derivatives, a clause each; empty where they are exact but for tolerances.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> run = bc.simulate("four_bar", samples=3, sensitivities=["crank_length"])
+            >>> run.sensitivity("crank_length").notes
+            ()
+        """
+        found = []
+        if self._of.by_differences[self._index]:
+            found.append(
+                "the constraints do not determine the start: its derivative is that of the nearest start, by extrapolated "
+                "differences of the search for it; give more values under 'initial' to determine it"
+            )
+        if switches := self._of.equations.switches:
+            found.append(
+                f"the equations contain conditions ({', '.join(switches)}): where the motion crosses one at which a "
+                "force jumps, the derivative lacks the part of that jump"
+            )
+        return tuple(found)
+
     # ---- rows
 
     @property

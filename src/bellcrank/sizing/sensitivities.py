@@ -98,12 +98,10 @@ class SizingSensitivity:
             'crank'
         """
         arguments.text("name", name, "the name of a joint with a motor")
-        found = next((joint for joint in self.joints if joint.name == name), None)
-        if found is None:
-            raise InputError(
-                f"sensitivity by {self.name}: {unknown_name('joint', name, [j.name for j in self.joints])}"
-            )
-        return found
+        joints = {joint.name: joint for joint in self.joints}
+        if name not in joints:
+            raise InputError(f"sensitivity by {self.name}: {unknown_name('joint', name, joints)}")
+        return joints[name]
 
 
 def sizing_sensitivities(sizing: Sizing, names: Sequence[str]) -> tuple[SizingSensitivity, ...]:
