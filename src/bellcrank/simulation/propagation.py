@@ -18,7 +18,7 @@ from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import make_ready
 from bellcrank.codegen.machine_code import raise_failure
 from bellcrank.dynamics.directional_equations import DirectionalEquations
-from bellcrank.dynamics.start_sensitivities import Variable, start_sensitivities
+from bellcrank.dynamics.start_sensitivities import StartSensitivities, Variable, start_sensitivities
 from bellcrank.elements.element import joint_unit
 from bellcrank.errors import InputError
 from bellcrank.memory import check_memory
@@ -80,7 +80,7 @@ def propagated(integration: Integration, run: Trajectory, variables: Sequence[Va
         if variable.place is not None:
             changes[k, places.index(variable.place)] = 1.0
     equations = _equations(scene, places)
-    start = start_sensitivities(scene, variables, equations, changes)
+    start = _start(scene, tuple(variables), equations, changes)
     events = np.array(sorted({event.time for event in run.events}))
     width = scene.robot.nq + scene.robot.nv
     check_memory(len(run) * len(variables), 8.0 * width, "rows of sensitivities")
@@ -142,6 +142,16 @@ def propagated(integration: Integration, run: Trajectory, variables: Sequence[Va
         kernel_time=found.seconds,
         evaluations=found.evaluations,
     )
+
+
+def _start(
+    scene: Scene, variables: tuple[Variable, ...], equations: DirectionalEquations, changes: Array
+) -> StartSensitivities:
+    """The derivatives of a scene's start, which are kept for the next run."""
+    kept: dict[tuple[Variable, ...], StartSensitivities] = vars(scene).setdefault("_start_sensitivities", {})
+    if variables not in kept:
+        kept[variables] = start_sensitivities(scene, variables, equations, changes)
+    return kept[variables]
 
 
 def _equations(scene: Scene, places: tuple[int, ...]) -> DirectionalEquations:

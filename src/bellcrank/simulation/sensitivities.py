@@ -138,8 +138,8 @@ class RunSensitivity:
         found = []
         if self._of.by_differences[self._index]:
             found.append(
-                "the constraints do not determine the start: its derivative is that of the nearest start, by extrapolated "
-                "differences of the search for it; give more values under 'initial' to determine it"
+                "the constraints do not determine the start: its derivative is that of the nearest start, by "
+                "extrapolated differences of the search for it; give more values under 'initial' to determine it"
             )
         if switches := self._of.equations.switches:
             found.append(

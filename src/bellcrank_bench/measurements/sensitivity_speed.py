@@ -16,7 +16,7 @@ from bellcrank.simulation.simulate import simulate
 
 SCENES = ("four_bar", "planar_2r_swing", "ur5_falling", "panda_falling")
 COUNT = 20
-SETTLING = 8.0  # s, until optimised code of long functions is in use
+SETTLING = 20.0  # s, until optimised code of long functions is in use
 CALLS = 5  # of a measurement of CPU time
 LENGTHS = {
     "four_bar": ("joint.coupler.origin.x", "joint.rocker.origin.x", "joint.coupler.origin.y", "joint.rocker.origin.y"),
