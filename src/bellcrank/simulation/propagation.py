@@ -148,14 +148,14 @@ def _start(
     scene: Scene, variables: tuple[Variable, ...], equations: DirectionalEquations, changes: Array
 ) -> StartSensitivities:
     """The derivatives of a scene's start, which are kept for the next run."""
-    kept: dict[tuple[Variable, ...], StartSensitivities] = vars(scene).setdefault("_start_sensitivities", {})
+    kept: dict[tuple[Variable, ...], StartSensitivities] = vars(scene).setdefault("sensitivities.start", {})
     if variables not in kept:
         kept[variables] = start_sensitivities(scene, variables, equations, changes)
     return kept[variables]
 
 
 def _equations(scene: Scene, places: tuple[int, ...]) -> DirectionalEquations:
-    kept: dict[tuple[int, ...], DirectionalEquations] = vars(scene).setdefault("_directional_equations", {})
+    kept: dict[tuple[int, ...], DirectionalEquations] = vars(scene).setdefault("sensitivities.equations", {})
     if places not in kept:
         kept[places] = DirectionalEquations(scene, places)
     return kept[places]

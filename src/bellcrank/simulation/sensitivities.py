@@ -263,7 +263,7 @@ class RunSensitivity:
             >>> import bellcrank as bc
             >>> run = bc.simulate("four_bar", sensitivities=["crank_length"])
             >>> print(f"{run.sensitivity('crank_length').event('lock').time:.2f} s/m")
-            -421.54 s/m
+            340.53 s/m
         """
         arguments.text("name", name, "the name of an event")
         mine = [event for event in self.run.events if event.name == name]

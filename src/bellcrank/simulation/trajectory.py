@@ -307,13 +307,16 @@ class Trajectory(StateHistory):
     @property
     def sensitivities(self) -> tuple[str, ...]:
         """What derivatives of the run were computed by, such as ("crank_length",)."""
-        known: ComputedSensitivities | None = vars(self).get("_sensitivities")
+        known: ComputedSensitivities | None = vars(self).get("sensitivities.computed")
         return () if known is None else tuple(variable.name for variable in known.variables)
 
     @property
     def computed_sensitivities(self) -> ComputedSensitivities:
-        """The derivatives of the run in all rows, and what they cost. Raises InputError where there are none."""
-        known: ComputedSensitivities | None = vars(self).get("_sensitivities")
+        """The derivatives of the run in all rows, and what they cost. Raises InputError where there are none.
+
+        They are not part of a pickled run.
+        """
+        known: ComputedSensitivities | None = vars(self).get("sensitivities.computed")
         if known is None:
             raise InputError(
                 f"{self.scene.name}: this run has no sensitivities; name them in simulate(…, sensitivities=[…]); parts "
@@ -332,7 +335,7 @@ class Trajectory(StateHistory):
         """
         from bellcrank.simulation.sensitivities import ComputedSensitivities
 
-        vars(self)["_sensitivities"] = arguments.instance(
+        vars(self)["sensitivities.computed"] = arguments.instance(
             "known", known, ComputedSensitivities, "sensitivities of a run"
         )
 
@@ -352,7 +355,7 @@ class Trajectory(StateHistory):
             >>> import bellcrank as bc
             >>> run = bc.simulate("pendulum", duration=1.0, samples=101, sensitivities=["initial.swing"])
             >>> print(f"{run.sensitivity('initial.swing').position[-1, 0]:.4f}")
-            -1.0391
+            -0.5087
         """
         return self.computed_sensitivities.named(self, name)
 
