@@ -252,7 +252,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
             "path": "planar_2r", "gravity": (0, -9.81, 0), "floating_base": False, "friction": "urdf",
             "payloads": [payload], "rotor_inertia": {"elbow": 0.1},
             "frames": {"mine": ("link_1", (0.1, 0, 0), (0, 0, 0))}, "clean": True, "friction_width": 1e-3,
-            "trust": ["."]}),
+            "xacro_args": {}, "trust": ["."]}),
         "Payload": (bc.Payload, {"mass": 1.0, "frame": "tip", "cg": (0, 0, 0), "inertia": (1, 0, 1, 0, 0, 1)}),
         "Motion": (bc.Motion, {
             "joints": robot.joints, "time": motion.time, "position": motion.position, "velocity": motion.velocity,

@@ -403,6 +403,10 @@ def test_output_of_a_constraint_and_its_parameter(folder):
     run, longer = simulate(scene, 0.5), simulate(scene, 0.5, overrides={"reach": 1.7})
     np.testing.assert_allclose(run.output("push"), run.multipliers[:, 0], atol=1e-10)
     assert run.scene.outputs["push"].labels == ("push push [N]",)
+    again = {"constraints": [rod], "outputs": {"rod": {"constraint": "rod"}}, "initial": {"elbow": {"guess": 1.0}}}
+    same = simulate(folder / "crane.urdf", 0.1, overrides=again)
+    header = same.to_csv(folder / "crane.csv").read_text().splitlines()[0].split(",")
+    assert len(set(header)) == len(header) and {"rod push [N]", "rod: rod push [N]"} <= set(header)
     for each, length in ((run, 1.6), (longer, 1.7)):
         assert np.abs(np.linalg.norm(each.frame("tip").position, axis=1) - length).max() < 1e-12
 

@@ -73,3 +73,43 @@ def test_included_files(tmp_path, filename, message) -> None:
 def test_macros_without_an_end(tmp_path) -> None:
     with pytest.raises(InputError, match=r"without an end|arm\.urdf\.xacro"):
         bc.load_robot(written(tmp_path, parts=PARTS.replace("<inertial>", '<xacro:body name="x" mass="1"/><inertial>')))
+
+
+ARGUED = ARM.replace(
+    '<xacro:property name="l" value="VALUE"/>',
+    '<xacro:arg name="length" default="0.4"/><xacro:property name="l" value="$(arg length)"/>',
+)
+
+
+def argued(tmp_path):
+    path = written(tmp_path)
+    path.write_text(ARGUED)
+    return path
+
+
+def test_arguments_of_a_xacro_file_are_given_by_argument_by_key_and_on_the_command_line(tmp_path, capsys) -> None:
+    from bellcrank.cli import main
+
+    path = argued(tmp_path)
+
+    def moment(robot) -> float:
+        return robot.urdf.links["one"].inertial.inertia[0]
+
+    assert moment(bc.load_robot(path)) == pytest.approx(2.0 * 0.4**2 / 12.0)
+    assert moment(bc.load_robot(path, xacro_args={"length": 0.6})) == pytest.approx(2.0 * 0.6**2 / 12.0)
+    assert moment(bc.load_scene(path, {"xacro_args": {"length": 0.8}}).robot) == pytest.approx(2.0 * 0.8**2 / 12.0)
+    (tmp_path / "arm.yaml").write_text("urdf: arm.urdf.xacro\nxacro_args: {length: 1.0}\n")
+    assert moment(bc.load_robot_config(tmp_path / "arm.yaml").robot()) == pytest.approx(2.0 / 12.0)
+    command = ["simulate", str(path), "--duration", "0.1", "--no-plots", "--out", str(tmp_path / "run")]
+    assert main([*command, "--set", "xacro_args={length: 0.5}"]) == 0
+    run = bc.load_run(tmp_path / "run" / "run.npz")
+    assert moment(run.scene.robot) == pytest.approx(2.0 * 0.5**2 / 12.0)
+    assert main([*command, "--set", "xacro_args={lenght: 0.5}"]) == 2
+    assert "unknown argument 'lenght'; did you mean 'length'?" in capsys.readouterr().err
+
+
+def test_arguments_of_a_file_that_has_none_are_refused(tmp_path) -> None:
+    with pytest.raises(InputError, match="xacro_args: only a xacro file"):
+        bc.load_robot("planar_2r", xacro_args={"length": 1})
+    with pytest.raises(InputError, match="xacro_args: unknown argument 'length'"):
+        bc.load_robot(written(tmp_path), xacro_args={"length": 1})

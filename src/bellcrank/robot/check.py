@@ -12,10 +12,10 @@ from bellcrank.robot.element_checks import joint_findings, link_findings
 from bellcrank.robot.finding import ORDER, SHOWN, Finding, format_findings, listed, without_source
 from bellcrank.robot.mass_checks import articulated_findings, massless_findings, moving_without_mass
 from bellcrank.robot.mesh_path import find_mesh, looked_for
-from bellcrank.robot.robot_file import read_robot_file
+from bellcrank.robot.robot_file import read_robot_file, root_tag
 from bellcrank.robot.urdf_elements import JOINT_TYPES, MIMICKED, origin_from
 from bellcrank.robot.urdf_file import Joint, Link, Urdf, reading_of
-from bellcrank.robot.xml_tree import Element, parse_xml
+from bellcrank.robot.xml_tree import Element, parse_xml, read_text
 
 __all__ = ["Finding", "check_urdf", "format_findings"]
 
@@ -23,7 +23,8 @@ __all__ = ["Finding", "check_urdf", "format_findings"]
 def check_urdf(path: str | Path, *, trust: Trust = ()) -> list[Finding]:
     """Check a robot file: its elements, its tree, its masses and its meshes; compare a URDF with what yourdfpy reads.
 
-    Other formats are checked as the URDF that they become; lines in messages are those of that URDF.
+    Other formats are checked as the URDF that they become; lines in messages are those of that URDF. What only a URDF
+    can say, such as the velocity limits that MJCF does not have, is not asked of them.
 
     An error makes dynamics wrong or impossible, a warning is about something that is probably not intended, and a note
     about something that is easily missed. A file that cannot be read gives one finding and no exception.
@@ -55,8 +56,13 @@ def check_urdf(path: str | Path, *, trust: Trust = ()) -> list[Finding]:
     findings = [Finding("error", "file", without_source(source, str(problem))) for problem in reading.problems]
     for link in reading.links.values():
         findings.extend(link_findings(link))
+    own_text = file.urdf == read_text(source) or source.suffix == ".xacro"  # a URDF, whose numbers a person wrote
+    motors = {motor.joint for motor in file.motors}
     for joint in reading.joints.values():
-        findings.extend(joint_findings(joint))
+        if own_text or not is_mjcf(source):
+            findings.extend(joint_findings(joint, typed=own_text))
+        else:  # MJCF has no velocity limits, ranges where a joint has them, and efforts where it has motors
+            findings.extend(joint_findings(joint, ("effort",) if joint.name in motors else (), typed=False))
     findings.extend(_mesh_findings(reading.links, source, access))
     findings.extend(massless_findings(reading.links))
     if reading.urdf is not None:
@@ -68,6 +74,11 @@ def check_urdf(path: str | Path, *, trust: Trust = ()) -> list[Finding]:
         findings.extend(articulated_findings(reading.urdf, any(found.severity == "error" for found in findings)))
         findings.extend(_yourdfpy_findings(reading.urdf))
     return sorted(findings, key=lambda found: ORDER.index(found.severity))
+
+
+def is_mjcf(source: Path) -> bool:
+    """Whether a robot file is in MuJoCo's format. Raises InputError where it cannot be read."""
+    return root_tag(read_text(source)) == "mujoco"
 
 
 def _mesh_findings(links: Mapping[str, Link], source: Path, access: FileAccess) -> Iterator[Finding]:

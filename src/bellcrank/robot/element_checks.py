@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 from bellcrank.robot.finding import Finding
 from bellcrank.robot.urdf_file import Inertial, Joint, Link, Urdf
@@ -14,6 +14,7 @@ ALMOST = 2e-3  # rad: 1.57 and 3.14 are this near a right angle, and nothing del
 CLEANED = 1e-11  # rad: what load_robot makes exact
 UNIT = 1e-6  # an axis this near length 1 is a unit vector
 FRICTION_SHARE = 0.2  # of the effort limit
+LIMITS = ("lower", "upper", "effort", "velocity")
 LIKE_DEGREES = 25.0  # rad: a joint limit beyond this, four turns, was meant in degrees
 
 
@@ -75,8 +76,14 @@ def _gyration(inertial: Inertial) -> float:
     return math.sqrt(max(principal_moments(inertial.inertia)[2], 0.0) / inertial.mass)
 
 
-def joint_findings(joint: Joint) -> Iterator[Finding]:
-    """What is wrong, or easily missed, with a joint's axis, origin, limits, friction and mimic."""
+def joint_findings(joint: Joint, limits: Collection[str] = LIMITS, typed: bool = True) -> Iterator[Finding]:
+    """What is wrong, or easily missed, with a joint's axis, origin, limits, friction and mimic.
+
+    Args:
+        joint: The joint.
+        limits: The limits whose absence is reported.
+        typed: Whether a person wrote the angles, which may then be right angles with few digits.
+    """
     where = f"joint '{joint.name}'"
     moving = joint.type in ("revolute", "continuous", "prismatic")
     unit, turning = ("m", "m/s") if joint.type == "prismatic" else ("rad", "rad/s")
@@ -94,7 +101,7 @@ def joint_findings(joint: Joint) -> Iterator[Finding]:
         )
     for name, angle in zip(("roll", "pitch", "yaw"), joint.rpy, strict=True):
         off = angle - round(angle / (math.pi / 2)) * (math.pi / 2)
-        if CLEANED < abs(off) <= ALMOST:
+        if typed and CLEANED < abs(off) <= ALMOST:
             yield Finding(
                 "warning",
                 where,
@@ -102,7 +109,7 @@ def joint_findings(joint: Joint) -> Iterator[Finding]:
                 f"write {round(angle / (math.pi / 2)) * (math.pi / 2)!r} if the right angle is meant",
             )
     if moving and joint.mimic is None:
-        yield from _limit_findings(joint, where, unit, turning)
+        yield from _limit_findings(joint, where, (unit, turning), limits)
     if moving and joint.mimic is not None:
         mimic = joint.mimic
         yield Finding(
@@ -115,9 +122,10 @@ def joint_findings(joint: Joint) -> Iterator[Finding]:
             yield Finding("warning", where, "mimics with multiplier 0, so it never moves; make it a fixed joint")
 
 
-def _limit_findings(joint: Joint, where: str, unit: str, turning: str) -> Iterator[Finding]:
-    wanted = ("effort", "velocity") if joint.type == "continuous" else ("lower", "upper", "effort", "velocity")
-    missing = [key for key in wanted if getattr(joint, key) is None]
+def _limit_findings(joint: Joint, where: str, units: tuple[str, str], limits: Collection[str]) -> Iterator[Finding]:
+    unit, turning = units
+    endless = ("lower", "upper") if joint.type == "continuous" else ()
+    missing = [key for key in LIMITS if key in limits and key not in endless and getattr(joint, key) is None]
     if missing:
         yield Finding("warning", where, f"has no {' and no '.join(missing)} limit; no margin can be computed")
     for key in ("effort", "velocity"):

@@ -15,6 +15,7 @@ from bellcrank.robot.robot import Robot
 from bellcrank.robot.robot_cache import robot_data
 from bellcrank.robot.robot_file import RobotFile, read_robot_file
 
+XACRO = "a mapping of arguments to values"
 ROTORS = "a mapping of joints to numbers (kg m²)"
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)  # m/s²
 
@@ -30,6 +31,7 @@ def load_robot(
     frames: FrameTable | None = None,
     clean: bool = True,
     friction_width: float = FRICTION_WIDTH,
+    xacro_args: Mapping[str, str] | None = None,
     trust: Trust = (),
 ) -> Robot:
     """Load a robot from a robot file: URDF, xacro, MJCF or SDFormat.
@@ -51,6 +53,7 @@ def load_robot(
         frames: Frames to add, by name: (link, xyz in m, rpy in rad).
         clean: Whether to make rotations that were written with few digits, such as 1.5708, exact.
         friction_width: Speed (rad/s or m/s) over which Coulomb friction is smoothed.
+        xacro_args: Values of the arguments (<xacro:arg>) of a xacro file, by name.
         trust: Folders outside the URDF's surroundings from which mesh files may be read.
 
     Returns:
@@ -67,7 +70,8 @@ def load_robot(
     arguments.path("path", path, "the path of a robot file, or the name of a robot")
     source = find_urdf(path)
     access = FileAccess.of(source.resolve(), trust)
-    file = read_robot_file(source, access)
+    given = None if xacro_args is None else arguments.mapping("xacro_args", xacro_args, XACRO)
+    file = read_robot_file(source, access, None if given is None else {str(k): xacro_text(v) for k, v in given.items()})
     rotors = {} if rotor_inertia is None else arguments.mapping("rotor_inertia", rotor_inertia, ROTORS)
     options = load_options(
         gravity=(file.gravity or STANDARD_GRAVITY) if gravity is None else gravity,
@@ -80,6 +84,11 @@ def load_robot(
         friction_width=friction_width,
     )
     return robot_of(file, options, access)
+
+
+def xacro_text(value: object) -> str:
+    """The value of a xacro argument as xacro reads it, such as true for True."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def load_options(

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Final, Literal
 from xml.parsers import expat
 
+from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
 from bellcrank.robot.urdf_elements import Vector3
 from bellcrank.robot.xml_tree import read_text
@@ -137,12 +138,15 @@ class RobotFile:
 Reader = Callable[[str, Path, FileAccess], RobotFile]  # of the file's text, its path, and which files it may name
 
 
-def read_robot_file(path: str | Path, access: FileAccess | None = None) -> RobotFile:
+def read_robot_file(
+    path: str | Path, access: FileAccess | None = None, xacro_args: Mapping[str, str] | None = None
+) -> RobotFile:
     """Read a robot file; its root element decides which reader reads it.
 
     Args:
         path: Path of the file.
         access: Which files it may name, such as included ones; by default those in its surroundings.
+        xacro_args: Values of the arguments (<xacro:arg>) of a xacro file, by name.
 
     Returns:
         The contents. A URDF is not checked here but by `Urdf.from_text`.
@@ -158,8 +162,14 @@ def read_robot_file(path: str | Path, access: FileAccess | None = None) -> Robot
     """
     source = Path(path)
     text = read_text(source)
-    reader = READERS.get(root_tag(text), _urdf)
-    return reader(text, source, access or FileAccess.of(source.resolve()))
+    allowed = access or FileAccess.of(source.resolve())
+    if source.suffix == ".xacro":
+        from bellcrank.robot.urdf_robot import read_urdf_robot  # which needs the records of this module
+
+        return read_urdf_robot(text, source, allowed, xacro_args)
+    if xacro_args:
+        raise InputError(f"{source}: xacro_args: only a xacro file, robot.urdf.xacro, has arguments; remove them")
+    return READERS.get(root_tag(text), _urdf)(text, source, allowed)
 
 
 def root_tag(text: str) -> str:

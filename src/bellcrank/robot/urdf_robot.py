@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from bellcrank.errors import InputError
@@ -18,13 +19,17 @@ from bellcrank.robot.xml_tree import Element, parse_xml
 _LOOP = re.compile(rf"<(?:{'|'.join(TAGS)})[\s>]")
 
 
-def read_urdf_robot(text: str, source: Path, access: FileAccess) -> RobotFile:
+def read_urdf_robot(
+    text: str, source: Path, access: FileAccess, xacro_args: Mapping[str, str] | None = None
+) -> RobotFile:
     """The contents of a URDF, given as text, and of a Gepetto YAML beside it; the tree itself is not checked here.
+
+    `xacro_args` are values of the arguments of a xacro file.
 
     Raises InputError, one sentence, where a loop is wrong.
     """
     if source.suffix == ".xacro":
-        text = expanded(text, source, access)
+        text = expanded(text, source, access, xacro_args or {})
     beside = gepetto_beside(source, access)
     if beside is None and not _LOOP.search(text):
         return RobotFile(source=source, urdf=text)

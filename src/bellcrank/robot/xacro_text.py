@@ -11,8 +11,9 @@ from __future__ import annotations
 import ast
 import contextlib
 import io
+import re
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
@@ -20,6 +21,7 @@ from unittest import mock
 
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
+from bellcrank.messages import unknown_name
 from bellcrank.robot.xml_tree import parse_xml, read_text
 
 MOST_EVALUATIONS: Final = 200_000
@@ -47,11 +49,12 @@ _REFUSED: Final = frozenset(
         "perm",
     )
 )
+_ARG = re.compile(r"""<xacro:arg\b[^>]*?\bname\s*=\s*["']([^"']+)["']""")
 _LOCK = threading.Lock()  # the package keeps its state in module variables
 
 
-def expanded(text: str, source: Path, access: FileAccess) -> str:
-    """The text of a URDF that a xacro text stands for. Raises InputError, one sentence."""
+def expanded(text: str, source: Path, access: FileAccess, args: Mapping[str, str]) -> str:
+    """The text of a URDF that a xacro text stands for, with values of its <xacro:arg>. Raises InputError."""
     if find_spec("xacro") is None:
         raise InputError(
             f"{source}: contains xacro elements; install the extra (pip install 'bellcrank[xacro]'), or expand the "
@@ -63,10 +66,14 @@ def expanded(text: str, source: Path, access: FileAccess) -> str:
     import xacro
 
     document = xml.dom.minidom.parseString(text.encode("utf-8"))
-    with _LOCK, _restricted(source, access), contextlib.redirect_stderr(io.StringIO()):
+    declared = set(_ARG.findall(text))
+    with _LOCK, _restricted(source, access, declared), contextlib.redirect_stderr(io.StringIO()):
         try:
             xacro.init_stacks(str(source.resolve()))
-            xacro.process_doc(document, mappings={})
+            xacro.process_doc(document, mappings=dict(args))
+            for name in args:
+                if name not in declared:
+                    raise InputError(f"xacro_args: {unknown_name('argument', name, sorted(declared))}")
             return str(document.toxml())
         except RecursionError:
             raise InputError(f"{source}: xacro: macros or files refer to each other without an end") from None
@@ -80,8 +87,8 @@ def expanded(text: str, source: Path, access: FileAccess) -> str:
 
 
 @contextlib.contextmanager
-def _restricted(source: Path, access: FileAccess) -> Iterator[None]:
-    """The package with the restrictions of this module."""
+def _restricted(source: Path, access: FileAccess, declared: set[str]) -> Iterator[None]:
+    """The package with the restrictions of this module; the arguments of included files are added to `declared`."""
     import xml.dom.minidom
 
     import xacro
@@ -111,6 +118,7 @@ def _restricted(source: Path, access: FileAccess) -> Iterator[None]:
             raise InputError(f"{source}: xacro: {path} is not allowed")
         content = read_text(path)
         parse_xml(content, path)
+        declared.update(_ARG.findall(content))
         return xml.dom.minidom.parseString(content.encode("utf-8"))
 
     def refuse(*arguments: object, **others: object) -> str:

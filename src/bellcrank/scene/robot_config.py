@@ -37,7 +37,7 @@ from bellcrank.motion.motion_entry import MotionEntry
 from bellcrank.robot import catalog
 from bellcrank.robot.payload import Payload
 from bellcrank.scene.renamed_keys import read_scene_data
-from bellcrank.scene.robot_file_entries import CHOICES, with_robot_file
+from bellcrank.scene.robot_file_entries import CHOICES, with_robot_file, xacro_values
 from bellcrank.scene.robot_path import robot_access, robot_path
 from bellcrank.scene.source_mapping import SourceMapping, source_mapping
 from bellcrank.text import readable
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 CONFIG_KEYS = (
     "name", "urdf", "gravity", "floating_base", "friction", "payloads", "frames", "motions", "actuators", "actuated",
-    "catalogue", "transmissions", "mounts", "duty", "rotor_inertia", "robot_file", "notes",
+    "catalogue", "transmissions", "mounts", "duty", "rotor_inertia", "robot_file", "xacro_args", "notes",
 )  # fmt: skip
 SCENE_KEYS = (
     "constraints", "forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate", "study",
@@ -303,6 +303,7 @@ def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
     name = fields.text("name", readable(path.stem))
     urdf = robot_path(fields)
     fields.choice("robot_file", CHOICES, "all")
+    xacro_values(fields)
     notes = fields.raw("notes", ())
     if not isinstance(notes, (list, tuple)) or not all(isinstance(note, str) for note in notes):
         raise fields.error("notes", "expected a list of sentences")

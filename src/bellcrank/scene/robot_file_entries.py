@@ -17,6 +17,7 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
 from bellcrank.robot.gepetto_file import read_gepetto
 from bellcrank.robot.joint_types import with_joint_types
+from bellcrank.robot.load import xacro_text
 from bellcrank.robot.loop_expressions import relation_text
 from bellcrank.robot.robot_file import (
     WORLD,
@@ -45,7 +46,7 @@ def with_robot_file(data: Mapping[str, Any], source: Path, access: FileAccess) -
     fields = Fields(data, str(source), access=access)
     path = robot_path(fields)
     try:
-        file = read_robot_file(path, access.by(path))
+        file = read_robot_file(path, access.by(path), xacro_values(fields))
     except InputError as error:
         # The message already names the robot file where the scene was made from it.
         if source == path or str(error).startswith(str(path)):
@@ -58,6 +59,12 @@ def with_robot_file(data: Mapping[str, Any], source: Path, access: FileAccess) -
         entries = {key: value for key, value in entries.items() if key == "notes"}
     _merge(merged, entries)
     return merged, file
+
+
+def xacro_values(fields: Fields) -> dict[str, str]:
+    """The values of a xacro file's arguments, under the key xacro_args. Raises InputError."""
+    given = fields.mapping("xacro_args", {})
+    return {name: xacro_text(given.raw(name)) for name in given}
 
 
 def without_robot_file(data: Mapping[str, Any], file: RobotFile) -> SourceMapping:

@@ -56,7 +56,9 @@ def columns(run: Trajectory) -> tuple[list[tuple[str, str]], Array]:
         labels.append((f"{constraint.name} residual", "m or rad"))
         parts += [history.multipliers, history.residual]
     for name, values in run.outputs.items():
-        labels += output_labels(run, name)
+        taken = {title for title, _ in labels}
+        own = output_labels(run, name)
+        labels += [(f"{name}: {title}" if title in taken else title, unit) for title, unit in own]
         parts.append(values)
     return labels, np.column_stack(parts)
 

@@ -138,6 +138,7 @@ def _scene_files(scene: Scene) -> tuple[str, dict[str, str]]:
     if scene.initial.saved is not None:
         data |= explicit_start(scene)  # the state itself: the run that it came from may be gone
     data |= _without_catalogue(scene, data)
+    data.pop("xacro_args", None)  # the URDF is the expanded one
     data |= {"name": readable(scene.name), "urdf": _add(files, scene.robot.source, scene.robot.urdf.text)}
     text = yaml.safe_dump(data, allow_unicode=True, sort_keys=False)
     return _add(files, scene.source.with_suffix(".yaml"), text), files

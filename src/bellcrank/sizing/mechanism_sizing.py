@@ -86,6 +86,7 @@ def size_mechanism(
         warnings += [f"actuator of {what}: {text}" for text in one.doubts]
         if one.not_compared:
             warnings.append(f"{what}: {' and '.join(one.not_compared)} are not compared here; `bellcrank select` does")
+    warnings += gear_notes(mechanism, joints, at_axes)
     warnings += [f"the power of all joints together is unknown; {text}" for text in _unknown_supply(supplied, coupled)]
     warnings += interpolation_warnings(joints)
     warnings += holding.notes
@@ -110,6 +111,23 @@ def size_mechanism(
         motors=motors,
         structure=worst_loads([peaks.structure for peaks in each]),
     )
+
+
+def gear_notes(mechanism: Mechanism, joints: Sequence[JointSizing], actuators: Container[str]) -> list[str]:
+    """A sentence on motors whose gear the robot file gives, where no actuator replaces them: what they must deliver."""
+    file, each = mechanism.robot.file, {joint.name: joint for joint in joints}
+    found = [
+        f"{motor.name} {each[motor.joint].peak_torque / abs(motor.gear):.4g} {each[motor.joint].torque_unit} and "
+        f"{each[motor.joint].peak_speed * abs(motor.gear):.4g} {each[motor.joint].speed_unit} (gear {motor.gear:g})"
+        for motor in (() if file is None else file.motors)
+        if motor.gear not in (0.0, 1.0) and motor.joint in each and motor.joint not in actuators
+    ]
+    if not found:
+        return []
+    return [
+        "torques and speeds are those of the joints; the robot file gives gears, behind which the motors' peaks are, "
+        f"without losses: {', '.join(found)}"
+    ]
 
 
 def motion_warnings(mechanism: Mechanism, motions: Sequence[Motion]) -> list[str]:
