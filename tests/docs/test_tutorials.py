@@ -18,6 +18,7 @@ def test_a_tutorial_prints_what_it_says(page, tmp_path, monkeypatch):
     for name in tutorial_pages.names(page.read_text(encoding="utf-8")):
         written = Path(name).read_text(encoding="utf-8")
         assert written.lower().startswith("<!doctype html>") and written.rstrip().endswith("</html>")
+        assert str(DOCS.parent) not in written and str(tmp_path) not in written  # no folders of this machine
 
 
 @pytest.mark.parametrize("page", THEORY, ids=lambda page: page.stem)

@@ -53,7 +53,7 @@ def _document(scene: Scene, linear: Linearisation, loci: RootLoci | None) -> Doc
         status=status,
         success=linear.stable is True,
         verdict=(f"{linear.description}: {verdict}.",),
-        about=(linear.name, str(scene.source), f"bellcrank {version()}"),
+        about=(linear.name, scene.source.name, f"bellcrank {version()}"),
         warnings=(),
         notes=linear.notes,
         still=Still(0.0, "mode 1"),
