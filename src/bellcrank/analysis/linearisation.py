@@ -17,8 +17,6 @@ from bellcrank.files.atomic_write import write_text, writing
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-ROUNDING = 1e-12  # m, rad, m/s or rad/s: less is shown as 0
-MOST = 0.1  # of the largest entry of a shape: a state with less is not named
 EQUILIBRIUM, STEADY_MOTION, MOVING = "equilibrium", "relative equilibrium", "not steady"
 
 
@@ -156,21 +154,9 @@ class Linearisation:
             >>> bc.linearise(bc.load_scene("pendulum")).mode_rows()[0][:4]
             ('1', '0 ± 3.13209i', '0.498488', '0')
         """
-        return [(str(k + 1), *self._cells(mode)) for k, mode in enumerate(self.modes)]
+        from bellcrank.analysis.mode_table import mode_cells
 
-    def _cells(self, mode: Mode) -> tuple[str, ...]:
-        value, ratio, constant = mode.eigenvalue, mode.damping_ratio, mode.time_constant
-        names = [name for name, _ in self.states]
-        largest = np.argsort(-np.abs(mode.shape), kind="stable")[:2]
-        moving = ", ".join(names[k] for k in largest if abs(mode.shape[k]) > MOST)
-        return (
-            f"{value.real:.6g} ± {value.imag:.6g}i" if mode.oscillates else f"{value.real:.6g}",
-            f"{mode.frequency:.6g}" if mode.oscillates else "",
-            "" if ratio is None else f"{ratio:.4g}",
-            "" if constant is None else f"{constant:.5g}",
-            mode.kind + (" along a symmetry" if mode.symmetry else ""),
-            moving,
-        )
+        return [(str(k + 1), *mode_cells(self, mode)) for k, mode in enumerate(self.modes)]
 
     def table(self) -> str:
         """The operating point and its modes as text for a terminal.
@@ -180,23 +166,9 @@ class Linearisation:
             >>> print(bc.linearise(bc.load_scene("pendulum")).table().splitlines()[0])
             Simple pendulum: equilibrium, stable
         """
-        stable = {True: ", stable", False: ", unstable: a mode grows", None: ""}[self.stable]
-        lines = [f"{self.name}: {self.description}{stable}", f"position q: {shown(self.position)}"]
-        if self.velocity.any():
-            lines.append(f"velocity v: {shown(self.velocity)}")
-        if self.modes:
-            rows = [self.mode_header, *self.mode_rows()]
-            widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-            lines += [
-                "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
-            ]
-        else:
-            values = ", ".join(f"{x:.6g}" for x in self.frozen_eigenvalues.tolist())
-            lines.append(f"eigenvalues of A at this moment, which say nothing of stability: {values}")
-        if self.symmetries:
-            left = "left out of the states" if self.symmetries_removed else "kept among the states"
-            lines.append(f"symmetries ({left}): {'; '.join(self.symmetries)}")
-        return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
+        from bellcrank.analysis.mode_table import mode_table
+
+        return mode_table(self)
 
     # ---- other formats
 
@@ -310,8 +282,3 @@ class Linearisation:
             self.A, self.B, self.C, self.D,
             states=plain(self.states), inputs=plain(self.inputs), outputs=plain(self.outputs), name=self.name,
         )  # fmt: skip
-
-
-def shown(values: Array) -> str:
-    """Numbers for a table; those that are rounding errors as 0."""
-    return ", ".join(f"{x if abs(x) > ROUNDING else 0.0:.6g}" for x in values.tolist())

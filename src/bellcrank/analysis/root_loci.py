@@ -174,7 +174,8 @@ def root_loci(
     """
     if not isinstance(scene, Scene):
         scene = load_scene(arguments.subject("scene", scene, "a scene"))
-    arguments.text("path", path, "the path of a number of the scene")
+    if not arguments.text("path", path, "the path of a number of the scene").isprintable():
+        arguments.refuse("path", "the path of a number of the scene", path)
     listed = arguments.several("values", values, object, "values")
     if not 1 <= len(listed) <= MOST_VALUES:
         raise InputError(f"argument 'values': expected 1 to {MOST_VALUES} values, found {len(listed)}")
@@ -185,7 +186,10 @@ def root_loci(
     found: list[Linearisation | None] = []
     failures: list[tuple[Any, str]] = []
     for k, value in enumerate(listed):
-        changed = scene.with_overrides({path: value})
+        try:
+            changed = scene.with_overrides({path: value})
+        except InputError as error:
+            raise InputError(f"arguments 'path' and 'values': {error}") from None
         try:
             linear = linearise(changed, at, keep_symmetries=False)
             if not linear.steady:

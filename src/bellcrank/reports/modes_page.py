@@ -6,7 +6,8 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank.analysis.linearisation import Linearisation, shown
+from bellcrank.analysis.linearisation import Linearisation
+from bellcrank.analysis.mode_table import shown
 from bellcrank.analysis.root_loci import RootLoci
 from bellcrank.analysis.root_locus_plot import plot_root_loci
 from bellcrank.plot_style import svg_of
