@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.errors import BellcrankError
 from bellcrank.planning.jerk_limits import JerkLimits, Violation
 from bellcrank.planning.squared_speed import LOCAL, PLACES, SHARES, SquaredSpeedSpline
 
@@ -25,6 +26,7 @@ FALL = 0.15  # factor by which the barrier parameter falls
 TO_BOUNDARY = 0.99
 CONVEX = 0.02  # share of the objective's curvature that jerk limits leave at least
 MOST_STEPS = 400
+LEAST_RIDGE = 1e-14  # of the diagonal
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -135,8 +137,6 @@ class InteriorPoint:
 
     def _newton(self, here: _State, multipliers: Array, barrier: float) -> tuple[Array, float]:
         """The step of the unknowns, and the squared Newton decrement."""
-        from scipy.linalg import solveh_banded
-
         z, slack, slope = here.z[0], -here.found.value, here.found.slope
         gradient = ((barrier / slack)[:, None] @ slope)[:, 0]
         gradient[:, 0] -= 0.5 * self._weights * z**-1.5
@@ -153,7 +153,7 @@ class InteriorPoint:
             whole[k : k + 2 * cells : 2] += local[:, k]
             for m in range(k, LOCAL):
                 banded[LOCAL - 1 - (m - k), m : m + 2 * cells : 2] += blocks[:, k, m]
-        step = np.asarray(solveh_banded(banded, -whole, check_finite=False))
+        step = _solved(banded, -whole)
         return step, float(-whole @ step)
 
     def _search(self, here: _State, step: Array, barrier: float, decrement: float) -> _State | None:
@@ -170,3 +170,22 @@ class InteriorPoint:
                 return ahead
             share *= 0.6
         return None
+
+
+def _solved(banded: Array, right: Array) -> Array:
+    """The solution of a positive definite banded system, whose diagonal grows where rounding has made it indefinite."""
+    from scipy.linalg import LinAlgError, solveh_banded
+
+    ridge = 0.0
+    while True:
+        stiff = banded.copy()
+        stiff[-1] *= 1.0 + ridge
+        try:
+            return np.asarray(solveh_banded(stiff, right, check_finite=False))
+        except LinAlgError:
+            ridge = max(LEAST_RIDGE, 100.0 * ridge)
+            if ridge > 1.0:
+                raise BellcrankError(
+                    "the method for limits of jerk failed: its equations are singular to rounding; choose limits of "
+                    "jerk that are closer to each other"
+                ) from None

@@ -23,17 +23,19 @@ from bellcrank.planning.path_limits import PathLimits
 from bellcrank.planning.squared_speed import PLACES, SquaredSpeedSpline
 
 Array = NDArray[np.float64]
-FIRST_CELLS = 100
+FIRST_CELLS, FIRST_CELLS_A_KNOT = 100, 12
+CLOSE = 1e-6  # of the parameter r: closer knots count as one
 GRID_CELLS = 500  # of the first-order method, which finds where limits cannot be kept
-NARROW = 4e-4  # of the parameter r: cells are not halved further, because rounding would spoil the jerk
-WIDE = 2.5e-3  # of the parameter r: wider cells become several rows of the motion
+NARROW = 1e-9  # of the parameter r
+NOISE = 1e-9  # of a position over a limit of jerk: the third power of the shortest time of a cell, for rounding
+WIDE = 20.0  # times the shortest time: longer cells become several rows of the motion
 PARTS = 5
-MOST_PASSES = 14
+MOST_PASSES = 20
 MOST_CELLS = 6000
 CHECKED = (0.1, 0.4, 0.6, 0.9)  # shares of a cell between the places at which limits are kept
 EXCESS = 1e-4  # share by which a limit may be exceeded there
 IDLE = 1e-3  # share of a limit: a cell in which all limits are missed by more somewhere is idle
-COSTLY = 1e-3  # r-width of idle cells that are halved at least
+COSTLY = 5e-4  # of the whole time: idle cells that are longer are halved
 SLOWER = 0.25  # factor between the squared speeds that are tried for a start
 TRIALS = 60
 
@@ -52,6 +54,7 @@ class JerkTiming:
         derivatives: dT over the relative change of each limit, s, by its group.
         spline: The cells.
         found: The squared speeds.
+        shortest: The shortest time, s, that a cell may be halved to.
     """
 
     path: JointPath
@@ -63,6 +66,7 @@ class JerkTiming:
     derivatives: dict[str, float]
     spline: SquaredSpeedSpline
     found: OptimalSpeed
+    shortest: float
 
     @property
     def duration(self) -> float:
@@ -78,7 +82,7 @@ class JerkTiming:
             )
         ]
         width = np.diff(self.spline.r)
-        wide = width > WIDE
+        wide = self.durations > WIDE * self.shortest
         for part in range(1, PARTS):
             share = part / PARTS
             z = self.spline.values(self.found.unknowns, (share,))[:2, :, 0].T
@@ -103,6 +107,7 @@ def jerk_limited(
     """
     coarse = fastest_on_grid(path, limits, GRID_CELLS) if limits.names else None
     smooth = _from_rest(path)
+    shortest = _shortest(path, limits)
     r = _first_cells(path, smooth)
     for _ in range(MOST_PASSES):
         spline = SquaredSpeedSpline(r)
@@ -110,11 +115,11 @@ def jerk_limited(
         found = problem.run(_slow_start(problem, spline))
         if progress is not None:
             progress(spline.cells, found.time)
-        halved = _halved(smooth, limits, spline, found)
+        halved = _halved(smooth, limits, (spline, found), shortest)
         if not halved.any() or spline.cells > MOST_CELLS:
             break
         r = np.sort(np.concatenate([r, ((r[1:] + r[:-1]) / 2.0)[halved]]))
-    z = found.unknowns[::2]
+    r, z = spline.r, found.unknowns[::2]
     groups, derivatives = _costs(problem, limits, smooth, found)
     s = path.length * _share(r)
     fastest = limits.fastest(path, s) if coarse is None else np.interp(s, coarse.s, coarse.fastest)
@@ -129,6 +134,7 @@ def jerk_limited(
         derivatives=derivatives,
         spline=spline,
         found=found,
+        shortest=shortest,
     )
 
 
@@ -193,11 +199,12 @@ def _place(share: float) -> float:
 def _first_cells(path: JointPath, smooth: JointPath) -> Array:
     turning = np.array([_place(s / path.length) for s in path.turning_points()])
     own = np.unique(np.concatenate([smooth.knots, turning]))
-    own = own[np.concatenate([[True], np.diff(own) > NARROW])]
+    own = own[np.concatenate([[True], np.diff(own) > CLOSE])]
     own[0], own[-1] = 0.0, 1.0
-    even = np.linspace(0.0, 1.0, FIRST_CELLS + 1)
+    count = max(FIRST_CELLS, FIRST_CELLS_A_KNOT * len(own))
+    even = np.linspace(0.0, 1.0, count + 1)
     near = np.min(np.abs(even[:, None] - own[None, :]), axis=1)
-    return np.unique(np.concatenate([own, even[near > 0.3 / FIRST_CELLS]]))
+    return np.unique(np.concatenate([own, even[near > 0.3 / count]]))
 
 
 def _slow_start(problem: InteriorPoint, spline: SquaredSpeedSpline) -> Array:
@@ -219,9 +226,18 @@ def _slow_start(problem: InteriorPoint, spline: SquaredSpeedSpline) -> Array:
     )
 
 
-def _halved(path: JointPath, limits: PathLimits, spline: SquaredSpeedSpline, found: OptimalSpeed) -> NDArray[np.bool_]:
+def _shortest(path: JointPath, limits: PathLimits) -> float:
+    """The time of a cell, s, below which rounding of positions spoils the jerk of a quintic in time: by 1e-4."""
+    size = np.max(np.abs(path.spline(np.linspace(0.0, path.length, 101), 0)), axis=0)
+    return float(np.max(np.cbrt(NOISE * size / limits.largest_jerk)))
+
+
+def _halved(
+    path: JointPath, limits: PathLimits, solved: tuple[SquaredSpeedSpline, OptimalSpeed], shortest: float
+) -> NDArray[np.bool_]:
     """The cells that are too wide."""
-    width = np.diff(spline.r)
+    spline, found = solved
+    width, time = np.diff(spline.r), np.nan_to_num(spline.durations(found.unknowns), nan=np.inf)
     z = spline.values(found.unknowns, CHECKED)
     positive = np.all(z[0] > 0.0, axis=1)
     z[0] = np.maximum(z[0], 1e-12 * float(np.max(z[0])))
@@ -230,7 +246,8 @@ def _halved(path: JointPath, limits: PathLimits, spline: SquaredSpeedSpline, fou
     most = between.max(axis=1).reshape(spline.cells, -1)
     over = most.max(axis=1) > EXCESS
     idle = most.min(axis=1) < -IDLE
-    return np.asarray((over | ~positive | (idle & (width > COSTLY))) & (width > NARROW))
+    costly = idle & (time > COSTLY * found.time)
+    return np.asarray((over | ~positive | costly) & (time > 2.0 * shortest) & (width > NARROW))
 
 
 def _costs(

@@ -327,7 +327,10 @@ def _excess_warning(excess: float, bounds: PathLimits, refined: bool) -> tuple[s
     if excess <= (TOLD_OF_JERK if bounds.jerk_groups else TOLD if refined else TOLD_ON_GRID):
         return ()
     if bounds.jerk_groups:
-        return (f"the motion exceeds a limit by up to {100.0 * excess:.2g} % between its rows",)
+        return (
+            f"the motion exceeds a limit by up to {100.0 * excess:.2g} % between its rows; limits of jerk that are "
+            "reached for an instant only are better left out",
+        )
     return (
         f"the motion exceeds a limit by up to {100.0 * excess:.2g} % "
         + ("for a few microseconds, where the acceleration changes" if refined else "between the cells of the grid"),
